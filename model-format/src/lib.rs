@@ -1,0 +1,32 @@
+//! What the host and the stylus must agree on: physical units with the scales of the converters, and the texture
+//! library, the file that `stylus fit` writes, that is flashed, and that the synthesis kernel plays from.
+//!
+//! Decoding allocates nothing and borrows everything from the bytes it is given. [`Library::decode`] is the one
+//! validator, on both sides: what it accepts, the kernel can play without a further check.
+#![no_std]
+
+#[cfg(feature = "alloc")]
+extern crate alloc;
+
+#[cfg(feature = "alloc")]
+mod encode;
+mod error;
+mod library;
+pub mod limits;
+mod units;
+mod wire;
+
+#[cfg(feature = "alloc")]
+pub use encode::{CodeSpec, NodeSpec, TextureSpec, encode};
+pub use error::{DecodeError, Place, Problem};
+pub use library::{Axis, Coefficients, Library, Node, NodeFlags, Texture};
+pub use units::{
+    AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample, Volt,
+};
+pub use wire::{FORMAT_VERSION, Provenance, Structure};
+
+/// The angle that one step of a stored lattice code stands for, rad: codes of ±2¹⁵ are ±π/2.
+///
+/// A node of a normalised lattice stores θ = arcsin k, not the reflection coefficient k itself: near |k| = 0.9999, where
+/// resonances live, a step of θ is worth 7e-7 in k, forty times finer than a 16-bit k.
+pub const THETA_STEP_RAD: f64 = core::f64::consts::PI / 65_536.0;

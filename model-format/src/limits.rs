@@ -1,0 +1,35 @@
+//! Bounds that every library keeps, so that a validator's work and a player's memory are known beforehand.
+
+/// Largest order of a model: taps of the direct form, stages of the lattice.
+pub const MAX_ORDER: usize = 400;
+
+/// One library slot in the stylus's flash, bytes (four 128 KiB sectors; `memory.x` holds the same figure).
+pub const SLOT_BYTES: usize = 512 * 1024;
+
+/// What a slot keeps for its own header, bytes: a few flash words, written last.
+pub const SLOT_HEADER_BYTES: usize = 256;
+
+/// Largest library, bytes: what fits in a slot.
+pub const MAX_LIBRARY_BYTES: usize = SLOT_BYTES - SLOT_HEADER_BYTES;
+
+/// Most textures in a library.
+pub const MAX_TEXTURES: usize = 32;
+
+/// Longest name of a texture, bytes of UTF-8.
+pub const MAX_NAME_BYTES: usize = 48;
+
+/// Most values on one axis of a grid.
+pub const MAX_AXIS_LEN: usize = 64;
+
+/// Highest sample rate a texture may ask for, Hz.
+pub const MAX_SAMPLE_RATE_HZ: u32 = 48_000;
+
+/// Largest output power of a node, (m/s²)²: RMS of 256 m/s², an eighth of the output's full scale.
+pub const MAX_OUTPUT_POWER: f32 = 65_536.0;
+
+/// Largest sum of magnitudes of a direct-form node's coefficients, so that the kernel's 64-bit sums cannot overflow
+/// whatever the history holds.
+pub const MAX_COEFFICIENT_SUM: u64 = 1024;
+
+/// Largest binary exponent of a direct-form node: coefficients of up to 2¹⁰ in magnitude.
+pub const MAX_EXPONENT: u8 = 10;

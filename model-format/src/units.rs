@@ -1,0 +1,109 @@
+//! Newtypes for physical quantities and converter codes, with their scales beside them.
+
+/// A voltage, V.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct Volt(pub f32);
+
+/// An acceleration, m/s².
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct MetresPerSecondSquared(pub f32);
+
+/// A force, N. As a normal force it is positive when the tool presses on the surface.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct Newton(pub f32);
+
+/// A speed, mm/s. As a tangential speed it is the magnitude of the tool's velocity along the surface.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct MillimetresPerSecond(pub f32);
+
+/// Supply and reference of the board's analogue side, V.
+const REFERENCE_VOLT: f32 = 3.3;
+
+/// A sample of a 16-bit analogue-to-digital converter: code 0 is 0 V, 65 536 would be 3.3 V.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct AdcCode(pub u16);
+
+impl AdcCode {
+    /// What one code stands for.
+    pub const STEP: Volt = Volt(REFERENCE_VOLT / 65_536.0);
+
+    /// The voltage on the pin.
+    pub fn volt(self) -> Volt {
+        Volt(f32::from(self.0) * Self::STEP.0)
+    }
+}
+
+/// A code of a 12-bit digital-to-analogue converter: code 0 is 0 V, 4096 would be 3.3 V.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct DacCode(u16);
+
+impl DacCode {
+    /// What one code stands for.
+    pub const STEP: Volt = Volt(REFERENCE_VOLT / 4096.0);
+
+    /// Mid-scale, at which the coil carries no current.
+    pub const MID_SCALE: Self = Self(2048);
+
+    /// The highest code.
+    pub const MAX: Self = Self(4095);
+
+    /// The code itself, at most [`DacCode::MAX`].
+    pub const fn get(self) -> u16 {
+        self.0
+    }
+
+    /// The code `offset` steps from mid-scale, saturated to the converter's range.
+    pub fn from_mid_scale(offset: i32) -> Self {
+        let code = i32::from(Self::MID_SCALE.0).saturating_add(offset);
+        Self(code.clamp(0, i32::from(Self::MAX.0)) as u16)
+    }
+
+    /// The voltage on the pin.
+    pub fn volt(self) -> Volt {
+        Volt(f32::from(self.0) * Self::STEP.0)
+    }
+}
+
+/// A sample as the kernel gives it: acceleration in fixed point, 2⁻²⁰ m/s² a step, full scale ±2048 m/s².
+///
+/// A step is about 1 µm/s²: far below what can be felt, so one scale serves every texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub struct OutputSample(pub i32);
+
+impl OutputSample {
+    /// Binary digits after the point.
+    pub const FRACTION_BITS: u32 = 20;
+
+    /// Exact silence.
+    pub const SILENCE: Self = Self(0);
+
+    /// The acceleration, rounded to `f32`.
+    pub fn metres_per_second_squared(self) -> MetresPerSecondSquared {
+        MetresPerSecondSquared(self.0 as f32 / (1u32 << Self::FRACTION_BITS) as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dac_codes_saturate_and_centre_on_mid_scale() {
+        assert_eq!(DacCode::from_mid_scale(0), DacCode::MID_SCALE);
+        assert_eq!(DacCode::from_mid_scale(i32::MAX), DacCode::MAX);
+        assert_eq!(DacCode::from_mid_scale(i32::MIN).get(), 0);
+        assert!((DacCode::MID_SCALE.volt().0 - REFERENCE_VOLT / 2.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn converter_steps_span_the_reference() {
+        assert!((AdcCode(u16::MAX).volt().0 - (REFERENCE_VOLT - AdcCode::STEP.0)).abs() < 1e-6);
+        assert_eq!(AdcCode(0).volt(), Volt(0.0));
+    }
+
+    #[test]
+    fn an_output_step_is_a_2_pow_20th_of_a_metre_per_second_squared() {
+        let one = OutputSample(1 << OutputSample::FRACTION_BITS);
+        assert_eq!(one.metres_per_second_squared(), MetresPerSecondSquared(1.0));
+    }
+}

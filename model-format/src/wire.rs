@@ -1,0 +1,156 @@
+//! The bytes of a library, layer by layer.
+//!
+//! ```text
+//! prefix    16 bytes   postcard, all fields of fixed width: magic, version, total length, CRC-32
+//! count      1 byte    number of textures
+//! texture    postcard  name, rate, structure, provenance, and four byte strings:
+//!                        speed axis   f32 each, mm/s
+//!                        force axis   f32 each, N
+//!                        nodes        16 bytes each, speed-major: [`NodeRecord`]
+//!                        coefficients i16 or i32 each, the nodes' one after the other
+//! ```
+//! Multi-byte numbers in byte strings are little-endian and not aligned. The CRC covers every byte before and after
+//! itself, the version and the length included.
+
+use serde::{Deserialize, Serialize};
+
+/// The format's version. It changes when an older reader could misread newer bytes.
+pub const FORMAT_VERSION: u16 = 1;
+
+/// First bytes of every library.
+pub(crate) const MAGIC: [u8; 4] = *b"HTXL";
+
+/// Length of [`Prefix`], bytes.
+#[cfg(feature = "alloc")]
+pub(crate) const PREFIX_BYTES: usize = 16;
+
+/// Where [`Prefix::crc32`] stands.
+pub(crate) const CRC_RANGE: core::ops::Range<usize> = 12..16;
+
+pub(crate) const CRC32: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
+/// CRC-32 (ISO-HDLC, that of zlib) of a library but for the field that holds it.
+///
+/// `bytes` must be at least as long as a [`Prefix`].
+pub(crate) fn checksum(bytes: &[u8]) -> u32 {
+    let mut digest = CRC32.digest();
+    digest.update(&bytes[..CRC_RANGE.start]);
+    digest.update(&bytes[CRC_RANGE.end..]);
+    digest.finalize()
+}
+
+/// The part that every version shares, at the same place and of the same size.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Prefix {
+    pub magic: [u8; 4],
+    #[serde(with = "postcard::fixint::le")]
+    pub version: u16,
+    #[serde(with = "postcard::fixint::le")]
+    pub reserved: u16,
+    #[serde(with = "postcard::fixint::le")]
+    pub total_bytes: u32,
+    #[serde(with = "postcard::fixint::le")]
+    pub crc32: u32,
+}
+
+/// How a texture's coefficients are to be used, and stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Structure {
+    /// Normalised (four-multiplier) all-pole lattice; θ = arcsin k of each stage in 16 bits.
+    NormalisedLattice,
+    /// Direct form, the paper's own; predictor coefficients h in 16 bits, with one exponent a node.
+    DirectForm16,
+    /// Direct form; predictor coefficients h in 32 bits, with one exponent a node.
+    DirectForm32,
+}
+
+impl Structure {
+    /// Width of one stored coefficient, bytes.
+    pub const fn coefficient_bytes(self) -> usize {
+        match self {
+            Self::NormalisedLattice | Self::DirectForm16 => 2,
+            Self::DirectForm32 => 4,
+        }
+    }
+}
+
+impl core::fmt::Display for Structure {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::NormalisedLattice => "normalised lattice",
+            Self::DirectForm16 => "direct form, 16 bits",
+            Self::DirectForm32 => "direct form, 32 bits",
+        })
+    }
+}
+
+/// Where the recordings behind a texture came from. It goes with the texture wherever that goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Provenance {
+    /// Recorded from a real tool on a real surface.
+    Recorded,
+    /// Computed by the rig simulator.
+    Simulated,
+}
+
+impl core::fmt::Display for Provenance {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Recorded => "recorded",
+            Self::Simulated => "SIMULATED",
+        })
+    }
+}
+
+/// A texture as postcard carries it.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct TextureRecord<'a> {
+    pub name: &'a str,
+    pub sample_rate_hz: u32,
+    pub structure: Structure,
+    pub provenance: Provenance,
+    pub speed_axis: &'a [u8],
+    pub force_axis: &'a [u8],
+    pub nodes: &'a [u8],
+    pub coefficients: &'a [u8],
+}
+
+/// A node of the grid in its fixed-width form, so that any node is found without reading those before it.
+#[derive(Clone, Copy)]
+pub(crate) struct NodeRecord {
+    pub order: u16,
+    pub flags: u8,
+    pub exponent: u8,
+    pub output_power: f32,
+    pub prediction_error_power: f32,
+    /// Where the node's coefficients begin, counted in bytes of the coefficient string.
+    pub offset: u32,
+}
+
+impl NodeRecord {
+    pub const BYTES: usize = 16;
+
+    pub fn read(bytes: &[u8; Self::BYTES]) -> Self {
+        let word = |at: usize| [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]];
+        Self {
+            order: u16::from_le_bytes([bytes[0], bytes[1]]),
+            flags: bytes[2],
+            exponent: bytes[3],
+            output_power: f32::from_le_bytes(word(4)),
+            prediction_error_power: f32::from_le_bytes(word(8)),
+            offset: u32::from_le_bytes(word(12)),
+        }
+    }
+
+    #[cfg(feature = "alloc")]
+    pub fn bytes(self) -> [u8; Self::BYTES] {
+        let mut bytes = [0; Self::BYTES];
+        bytes[0..2].copy_from_slice(&self.order.to_le_bytes());
+        bytes[2] = self.flags;
+        bytes[3] = self.exponent;
+        bytes[4..8].copy_from_slice(&self.output_power.to_le_bytes());
+        bytes[8..12].copy_from_slice(&self.prediction_error_power.to_le_bytes());
+        bytes[12..16].copy_from_slice(&self.offset.to_le_bytes());
+        bytes
+    }
+}

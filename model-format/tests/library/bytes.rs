@@ -1,0 +1,223 @@
+//! A second writer of the format that checks nothing, and the checksum by its definition.
+
+use model_format::{FORMAT_VERSION, NodeFlags};
+
+/// Length of the prefix, bytes.
+pub const PREFIX_BYTES: usize = 16;
+
+/// A library to be written, right or wrong. `None` is what the rest implies.
+#[derive(Clone, Debug)]
+pub struct RawLibrary {
+    pub magic: [u8; 4],
+    pub version: u16,
+    pub reserved: u16,
+    pub total_bytes: Option<u32>,
+    pub crc32: Option<u32>,
+    pub count: Option<u8>,
+    pub textures: Vec<RawTexture>,
+    pub tail: Vec<u8>,
+}
+
+/// A texture; axes, nodes and coefficients as they are to stand in its byte strings.
+#[derive(Clone, Debug)]
+pub struct RawTexture {
+    pub name: Vec<u8>,
+    pub sample_rate_hz: u32,
+    pub structure: u32,
+    pub provenance: u32,
+    pub speed_axis: Vec<f32>,
+    pub force_axis: Vec<f32>,
+    pub nodes: Vec<RawNode>,
+    pub coefficients: Vec<u8>,
+    /// Bytes that follow the records of a string and make it ragged.
+    pub ragged: Ragged,
+}
+
+/// How many bytes too many each byte string has.
+#[derive(Clone, Debug, Default)]
+pub struct Ragged {
+    pub speed_axis: usize,
+    pub force_axis: usize,
+    pub nodes: usize,
+    pub coefficients: usize,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct RawNode {
+    pub order: u16,
+    pub flags: u8,
+    pub exponent: u8,
+    pub output_power: f32,
+    pub prediction_error_power: f32,
+    pub offset: u32,
+}
+
+impl RawLibrary {
+    /// A valid library of one small texture of each structure: lattice, direct form of 16 bits, of 32 bits.
+    ///
+    /// Each has the speeds 0, 50 and 100 mm/s and the forces 0.5 and 1 N; the nodes at speed 0 are silent and of order 0,
+    /// the others of order 2.
+    pub fn sound() -> Self {
+        Self {
+            magic: *b"HTXL",
+            version: FORMAT_VERSION,
+            reserved: 0,
+            total_bytes: None,
+            crc32: None,
+            count: None,
+            textures: vec![
+                RawTexture::sound(
+                    "wool",
+                    0,
+                    &[-20_000i16, 5000].map(i16::to_le_bytes).concat(),
+                ),
+                RawTexture::sound("oak", 1, &[20_000i16, -5000].map(i16::to_le_bytes).concat()),
+                RawTexture::sound(
+                    "tile",
+                    2,
+                    &[1i32 << 30, -(1 << 28)].map(i32::to_le_bytes).concat(),
+                ),
+            ],
+            tail: Vec::new(),
+        }
+    }
+
+    pub fn bytes(&self) -> Vec<u8> {
+        let mut bytes = self.magic.to_vec();
+        bytes.extend(self.version.to_le_bytes());
+        bytes.extend(self.reserved.to_le_bytes());
+        bytes.extend([0; 8]);
+        bytes.push(self.count.unwrap_or(self.textures.len() as u8));
+        for texture in &self.textures {
+            texture.append_to(&mut bytes);
+        }
+        bytes.extend(&self.tail);
+        repair(&mut bytes);
+        if let Some(total_bytes) = self.total_bytes {
+            bytes[8..12].copy_from_slice(&total_bytes.to_le_bytes());
+            repair_checksum(&mut bytes);
+        }
+        if let Some(crc32) = self.crc32 {
+            bytes[12..16].copy_from_slice(&crc32.to_le_bytes());
+        }
+        bytes
+    }
+}
+
+impl RawTexture {
+    fn sound(name: &str, structure: u32, coefficients: &[u8]) -> Self {
+        let silent = RawNode {
+            order: 0,
+            flags: NodeFlags::SILENT.bits(),
+            exponent: 0,
+            output_power: 0.0,
+            prediction_error_power: 0.0,
+            offset: 0,
+        };
+        let moving = |index: usize| RawNode {
+            order: 2,
+            flags: NodeFlags::NONE.bits(),
+            exponent: 0,
+            output_power: 4.0,
+            prediction_error_power: 1.0,
+            offset: (index * coefficients.len()) as u32,
+        };
+        let mut nodes = vec![silent; 2];
+        nodes.extend((0..4).map(moving));
+        Self {
+            name: name.as_bytes().to_vec(),
+            sample_rate_hz: 5000,
+            structure,
+            provenance: 1,
+            speed_axis: vec![0.0, 50.0, 100.0],
+            force_axis: vec![0.5, 1.0],
+            nodes,
+            coefficients: coefficients.repeat(4),
+            ragged: Ragged::default(),
+        }
+    }
+
+    fn append_to(&self, bytes: &mut Vec<u8>) {
+        append_string(&self.name, bytes);
+        append_varint(self.sample_rate_hz, bytes);
+        append_varint(self.structure, bytes);
+        append_varint(self.provenance, bytes);
+        for (axis, ragged) in [
+            (&self.speed_axis, self.ragged.speed_axis),
+            (&self.force_axis, self.ragged.force_axis),
+        ] {
+            let mut string: Vec<u8> = axis.iter().flat_map(|value| value.to_le_bytes()).collect();
+            string.resize(string.len() + ragged, 0);
+            append_string(&string, bytes);
+        }
+        let mut nodes: Vec<u8> = self.nodes.iter().flat_map(RawNode::bytes).collect();
+        nodes.resize(nodes.len() + self.ragged.nodes, 0);
+        append_string(&nodes, bytes);
+        let mut coefficients = self.coefficients.clone();
+        coefficients.resize(coefficients.len() + self.ragged.coefficients, 0);
+        append_string(&coefficients, bytes);
+    }
+}
+
+impl RawNode {
+    fn bytes(&self) -> Vec<u8> {
+        let mut bytes = self.order.to_le_bytes().to_vec();
+        bytes.extend([self.flags, self.exponent]);
+        bytes.extend(self.output_power.to_le_bytes());
+        bytes.extend(self.prediction_error_power.to_le_bytes());
+        bytes.extend(self.offset.to_le_bytes());
+        bytes
+    }
+}
+
+/// Seven bits a byte, the lowest first; the top bit tells that more follow.
+fn append_varint(mut value: u32, bytes: &mut Vec<u8>) {
+    while value >= 0x80 {
+        bytes.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    bytes.push(value as u8);
+}
+
+fn append_string(string: &[u8], bytes: &mut Vec<u8>) {
+    append_varint(string.len() as u32, bytes);
+    bytes.extend(string);
+}
+
+/// Makes length and checksum of `bytes` right; bytes too few for a prefix stay as they are.
+pub fn repair(bytes: &mut [u8]) {
+    if bytes.len() >= PREFIX_BYTES {
+        let total_bytes = bytes.len() as u32;
+        bytes[8..12].copy_from_slice(&total_bytes.to_le_bytes());
+        repair_checksum(bytes);
+    }
+}
+
+fn repair_checksum(bytes: &mut [u8]) {
+    let crc32 = checksum(bytes);
+    bytes[12..16].copy_from_slice(&crc32.to_le_bytes());
+}
+
+/// The checksum that `bytes` should hold: all of them but the checksum itself.
+pub fn checksum(bytes: &[u8]) -> u32 {
+    crc32(bytes[..12].iter().chain(&bytes[16..]).copied())
+}
+
+/// CRC-32 by its definition: polynomial 0x04c11db7 reflected, ones at the start, inverted at the end.
+fn crc32(bytes: impl Iterator<Item = u8>) -> u32 {
+    let mut register = u32::MAX;
+    for byte in bytes {
+        register ^= u32::from(byte);
+        for _ in 0..8 {
+            let carry = register & 1;
+            register = (register >> 1) ^ (0xedb8_8320 * carry);
+        }
+    }
+    !register
+}
+
+#[test]
+fn the_checksum_is_that_of_the_catalogue() {
+    // Check value of CRC-32/ISO-HDLC in the RevEng catalogue of parametrised CRC algorithms.
+    assert_eq!(crc32(b"123456789".iter().copied()), 0xcbf4_3926);
+}

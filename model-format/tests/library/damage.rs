@@ -1,0 +1,179 @@
+//! Bytes that were damaged, cut, or never a library: each gives a typed error or a library that holds all promises.
+
+use model_format::{DecodeError, Library, Place, Problem, encode};
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::sample::Index;
+
+use crate::bytes::{PREFIX_BYTES, RawLibrary, repair};
+use crate::walk::content;
+
+#[test]
+fn every_single_flipped_bit_is_an_error() {
+    let mut bytes = RawLibrary::sound().bytes();
+    for at in 0..bytes.len() {
+        for bit in 0..8 {
+            bytes[at] ^= 1 << bit;
+            assert!(Library::decode(&bytes).is_err(), "byte {at}, bit {bit}");
+            bytes[at] ^= 1 << bit;
+        }
+    }
+    assert!(Library::decode(&bytes).is_ok());
+}
+
+#[test]
+fn every_truncation_is_an_error() {
+    let bytes = RawLibrary::sound().bytes();
+    for length in 0..bytes.len() {
+        let error = Library::decode(&bytes[..length]).expect_err("a truncated library");
+        let declared = bytes.len() as u32;
+        let expected = match length {
+            0..4 => Problem::NotALibrary,
+            4..PREFIX_BYTES => Problem::TooShort { found: length },
+            _ => Problem::Length {
+                declared,
+                found: length,
+            },
+        };
+        assert_eq!((error.place, error.problem), (Place::Library, expected));
+    }
+}
+
+/// Behind a repaired prefix, it is the structure itself that must notice.
+#[test]
+fn every_truncation_with_repaired_prefix_is_an_error() {
+    let bytes = RawLibrary::sound().bytes();
+    for length in PREFIX_BYTES..bytes.len() {
+        let mut cut = bytes[..length].to_vec();
+        repair(&mut cut);
+        let error = Library::decode(&cut).expect_err("a truncated library");
+        match error.problem {
+            Problem::TooShort { found } => assert_eq!((length, found), (PREFIX_BYTES, length)),
+            Problem::Malformed => assert!(matches!(error.place, Place::Texture(_))),
+            other => panic!("{length} bytes: {other}"),
+        }
+    }
+}
+
+/// What any bytes must come to.
+fn sound_or_refused(bytes: &[u8]) -> Result<(), TestCaseError> {
+    match Library::decode(bytes) {
+        Ok(library) => {
+            let read = content(&library);
+            let again = encode(&read).map_err(|error| TestCaseError::fail(error.to_string()))?;
+            let library = Library::decode(&again).expect("encode checks what it gives");
+            prop_assert_eq!(content(&library), read);
+        }
+        Err(error @ DecodeError { place, problem }) => {
+            prop_assert_eq!(error.to_string(), format!("{place}: {problem}"));
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4096))]
+
+    #[test]
+    fn appended_bytes_are_an_error(tail in vec(any::<u8>(), 1..64)) {
+        let mut bytes = RawLibrary::sound().bytes();
+        let declared = bytes.len() as u32;
+        bytes.extend(&tail);
+        let found = bytes.len();
+        let error = Library::decode(&bytes).expect_err("something follows");
+        prop_assert_eq!(error.problem, Problem::Length { declared, found });
+        repair(&mut bytes);
+        let error = Library::decode(&bytes).expect_err("something follows");
+        prop_assert_eq!(error.problem, Problem::LeftOver(tail.len()));
+    }
+
+    #[test]
+    fn mutations_behind_a_repaired_checksum_give_a_sound_library_or_an_error(
+        changes in vec((any::<Index>(), mutation()), 1..6),
+    ) {
+        let mut bytes = RawLibrary::sound().bytes();
+        for (at, mutation) in changes {
+            mutation.apply(at, &mut bytes);
+        }
+        repair(&mut bytes);
+        sound_or_refused(&bytes)?;
+    }
+
+    #[test]
+    fn arbitrary_bytes_are_no_library(bytes in vec(any::<u8>(), 0..300)) {
+        sound_or_refused(&bytes)?;
+    }
+
+    #[test]
+    fn arbitrary_bytes_behind_a_valid_prefix_give_a_sound_library_or_an_error(
+        count in 1u8..4, body in vec(prop_oneof![0u8..8, any::<u8>()], 0..300),
+    ) {
+        let mut bytes = RawLibrary::sound().bytes();
+        bytes.truncate(PREFIX_BYTES);
+        bytes.push(count);
+        bytes.extend(body);
+        repair(&mut bytes);
+        sound_or_refused(&bytes)?;
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Mutation {
+    Set(u8),
+    Flip(u8),
+    Insert(u8),
+    Remove,
+    /// Copies up to so many bytes from here to the end of the library.
+    Repeat(usize),
+}
+
+impl Mutation {
+    fn apply(self, at: Index, bytes: &mut Vec<u8>) {
+        // Magic and version stay, so that the body is reached.
+        let at = 6 + at.index(bytes.len() - 6);
+        match self {
+            Self::Set(byte) => bytes[at] = byte,
+            Self::Flip(bit) => bytes[at] ^= 1 << bit,
+            Self::Insert(byte) => bytes.insert(at, byte),
+            Self::Remove if bytes.len() > 32 => drop(bytes.remove(at)),
+            Self::Remove => {}
+            Self::Repeat(count) => {
+                let end = (at + count).min(bytes.len());
+                bytes.extend_from_within(at..end);
+            }
+        }
+    }
+}
+
+fn mutation() -> impl Strategy<Value = Mutation> {
+    prop_oneof![
+        3 => any::<u8>().prop_map(Mutation::Set),
+        6 => (0u8..8).prop_map(Mutation::Flip),
+        1 => any::<u8>().prop_map(Mutation::Insert),
+        1 => Just(Mutation::Remove),
+        1 => (1usize..64).prop_map(Mutation::Repeat),
+    ]
+}
+
+/// The mutations above would prove nothing if all of them were refused.
+#[test]
+fn some_mutations_are_other_valid_libraries() {
+    let sound = RawLibrary::sound().bytes();
+    let mut kept = 0;
+    for at in PREFIX_BYTES..sound.len() {
+        for bit in 0..8 {
+            let mut bytes = sound.clone();
+            bytes[at] ^= 1 << bit;
+            repair(&mut bytes);
+            if let Ok(library) = Library::decode(&bytes) {
+                assert_ne!(
+                    encode(&content(&library)).as_ref(),
+                    Ok(&sound),
+                    "byte {at}, bit {bit}"
+                );
+                kept += 1;
+            }
+        }
+    }
+    assert!(kept > 500, "{kept}");
+}

@@ -1,0 +1,688 @@
+//! Bytes with exactly one fault, for each fault there is: what it is, where it is, and what a person reads.
+
+use model_format::limits::{MAX_LIBRARY_BYTES, MAX_OUTPUT_POWER};
+use model_format::{
+    CodeSpec, DecodeError, FORMAT_VERSION, Library, NodeFlags, NodeSpec, Place, Problem,
+    Provenance, Structure, TextureSpec, encode,
+};
+
+use crate::bytes::{RawLibrary, RawTexture, checksum, repair};
+
+/// Places in [`RawLibrary::sound`]: texture 1 and its first node that is not silent.
+const TEXTURE: Place = Place::Texture(1);
+const NODE: Place = node(1, 0);
+
+const fn node(speed: usize, force: usize) -> Place {
+    Place::Node {
+        texture: 1,
+        speed,
+        force,
+    }
+}
+
+fn refused(bytes: &[u8]) -> DecodeError {
+    Library::decode(bytes).expect_err("a library with a fault")
+}
+
+/// What decoding says to the sound library after `spoil` has put a fault into it.
+fn fault(spoil: impl FnOnce(&mut RawLibrary)) -> DecodeError {
+    let mut library = RawLibrary::sound();
+    assert!(Library::decode(&library.bytes()).is_ok());
+    spoil(&mut library);
+    refused(&library.bytes())
+}
+
+/// The same, with the fault in texture 1, the direct form of 16 bits.
+fn texture_fault(spoil: impl FnOnce(&mut RawTexture)) -> DecodeError {
+    fault(|library| spoil(&mut library.textures[1]))
+}
+
+/// Checks what, where, and that the message names the place and says `told`.
+fn check(error: DecodeError, place: Place, problem: Problem, told: &str) {
+    assert_eq!((error.place, error.problem), (place, problem));
+    check_message(error, place, told);
+}
+
+fn check_message(error: DecodeError, place: Place, told: &str) {
+    let message = error.to_string();
+    assert!(message.starts_with(&place.to_string()), "{message}");
+    assert!(message.contains(told), "{message}");
+}
+
+#[test]
+fn places_read_as_a_person_would_point() {
+    for (place, text) in [
+        (Place::Library, "library"),
+        (Place::Texture(3), "texture 3"),
+        (Place::SpeedAxis(3), "texture 3, speed axis"),
+        (Place::ForceAxis(3), "texture 3, force axis"),
+        (node(4, 5), "texture 1, node (speed 4, force 5)"),
+    ] {
+        assert_eq!(place.to_string(), text);
+    }
+}
+
+#[test]
+fn other_first_bytes_are_not_a_library() {
+    let error = fault(|library| library.magic = *b"RIFF");
+    check(
+        error,
+        Place::Library,
+        Problem::NotALibrary,
+        "not a texture library",
+    );
+    assert_eq!(refused(b"").problem, Problem::NotALibrary);
+}
+
+#[test]
+fn a_newer_version_asks_for_a_newer_program_and_an_older_one_for_a_new_fit() {
+    for (found, remedy) in [
+        (FORMAT_VERSION + 1, "update the program"),
+        (u16::MAX, "update the program"),
+        (FORMAT_VERSION - 1, "fit it again"),
+    ] {
+        let error = fault(|library| library.version = found);
+        check(error, Place::Library, Problem::Version { found }, remedy);
+    }
+}
+
+/// A version is told even where nothing else of a foreign library is understood.
+#[test]
+fn the_version_is_judged_before_all_else() {
+    let error = fault(|library| {
+        library.version = FORMAT_VERSION + 1;
+        library.reserved = 7;
+        library.total_bytes = Some(0);
+        library.crc32 = Some(0);
+        library.tail = vec![0; 600_000];
+    });
+    assert!(matches!(error.problem, Problem::Version { .. }));
+}
+
+#[test]
+fn fewer_or_more_bytes_than_declared_are_told_with_both_lengths() {
+    let actual = RawLibrary::sound().bytes().len();
+    for declared in [0, actual as u32 - 1, actual as u32 + 1, u32::MAX] {
+        let error = fault(|library| library.total_bytes = Some(declared));
+        let problem = Problem::Length {
+            declared,
+            found: actual,
+        };
+        check(
+            error,
+            Place::Library,
+            problem,
+            "truncated, or followed by something else",
+        );
+    }
+}
+
+#[test]
+fn less_than_a_prefix_and_a_count_is_too_short() {
+    let mut bytes = RawLibrary::sound().bytes();
+    bytes.truncate(16);
+    repair(&mut bytes);
+    check(
+        refused(&bytes),
+        Place::Library,
+        Problem::TooShort { found: 16 },
+        "16 bytes are too few",
+    );
+    check(
+        refused(&bytes[..15]),
+        Place::Library,
+        Problem::TooShort { found: 15 },
+        "15 bytes are too few",
+    );
+}
+
+#[test]
+fn more_than_a_slot_holds_is_too_large() {
+    let mut library = RawLibrary::sound();
+    library.tail = vec![0; MAX_LIBRARY_BYTES - library.bytes().len()];
+    assert!(matches!(
+        refused(&library.bytes()).problem,
+        Problem::LeftOver(_)
+    ));
+    library.tail.push(0);
+    let found = MAX_LIBRARY_BYTES + 1;
+    check(
+        refused(&library.bytes()),
+        Place::Library,
+        Problem::TooLarge { found },
+        "than the 524032 that a slot holds",
+    );
+}
+
+#[test]
+fn damage_is_told_with_both_checksums() {
+    let mut bytes = RawLibrary::sound().bytes();
+    let stored = checksum(&bytes);
+    *bytes.last_mut().expect("a library") ^= 1;
+    let computed = checksum(&bytes);
+    let problem = Problem::Checksum { stored, computed };
+    check(
+        refused(&bytes),
+        Place::Library,
+        problem,
+        "the bytes were damaged",
+    );
+    check_message(
+        refused(&bytes),
+        Place::Library,
+        &format!("{computed:08x} where {stored:08x}"),
+    );
+}
+
+#[test]
+fn reserved_fields_must_be_zero() {
+    let error = fault(|library| library.reserved = 1);
+    check(error, Place::Library, Problem::Reserved, "reserved");
+}
+
+#[test]
+fn headers_that_do_not_parse_are_told_with_their_texture() {
+    let spoilt: [fn(&mut RawTexture); 3] = [
+        |texture| texture.structure = 3,
+        |texture| texture.provenance = 2,
+        |texture| texture.name = vec![0xff],
+    ];
+    for spoil in spoilt {
+        check(
+            texture_fault(spoil),
+            TEXTURE,
+            Problem::Malformed,
+            "does not parse",
+        );
+    }
+    let error = fault(|library| library.count = Some(4));
+    check(
+        error,
+        Place::Texture(3),
+        Problem::Malformed,
+        "does not parse",
+    );
+}
+
+#[test]
+fn nothing_may_follow_the_last_texture() {
+    let error = fault(|library| library.tail = vec![1, 2, 3]);
+    check(
+        error,
+        Place::Library,
+        Problem::LeftOver(3),
+        "3 bytes are left over",
+    );
+    let last = RawLibrary {
+        textures: RawLibrary::sound().textures.split_off(2),
+        ..RawLibrary::sound()
+    };
+    let left = last.bytes().len() - 17;
+    let error = fault(|library| library.count = Some(2));
+    check(error, Place::Library, Problem::LeftOver(left), "left over");
+}
+
+#[test]
+fn the_number_of_textures_has_bounds() {
+    for count in [0, 33, 255] {
+        let error = fault(|library| library.count = Some(count));
+        check(
+            error,
+            Place::Library,
+            Problem::TextureCount(usize::from(count)),
+            "there must be 1 to 32",
+        );
+    }
+}
+
+#[test]
+fn names_are_neither_empty_nor_long() {
+    for length in [0, 49, 300] {
+        let error = texture_fault(|texture| texture.name = vec![b'x'; length]);
+        check(
+            error,
+            TEXTURE,
+            Problem::NameLength(length),
+            "there must be 1 to 48",
+        );
+    }
+    let mut library = RawLibrary::sound();
+    library.textures[1].name = vec![b'x'; 48];
+    assert!(Library::decode(&library.bytes()).is_ok());
+}
+
+#[test]
+fn names_have_no_control_characters() {
+    for name in ["a\nb", "\0", "tab\t", "\u{7f}", "\u{85}"] {
+        let error = texture_fault(|texture| texture.name = name.as_bytes().to_vec());
+        check(error, TEXTURE, Problem::NameCharacter, "control character");
+    }
+}
+
+#[test]
+fn names_are_unique() {
+    let error = fault(|library| library.textures[2].name = b"oak".to_vec());
+    check(
+        error,
+        Place::Texture(2),
+        Problem::NameTaken(1),
+        "the same name as texture 1",
+    );
+}
+
+#[test]
+fn sample_rates_have_bounds() {
+    for rate in [0, 48_001, u32::MAX] {
+        let error = texture_fault(|texture| texture.sample_rate_hz = rate);
+        check(
+            error,
+            TEXTURE,
+            Problem::SampleRate(rate),
+            "there must be 1 to 48000",
+        );
+    }
+}
+
+/// Each of the two axes with one of `values` in it, and what must be said of that.
+fn axis_faults(values: &[f32], problem: impl Fn(&DecodeError) -> bool, told: &str) {
+    let error = texture_fault(|texture| texture.speed_axis = values.to_vec());
+    assert!(problem(&error), "{error}");
+    check_message(error, Place::SpeedAxis(1), told);
+    let error = texture_fault(|texture| texture.force_axis = values.to_vec());
+    assert!(problem(&error), "{error}");
+    check_message(error, Place::ForceAxis(1), told);
+}
+
+#[test]
+fn axes_are_neither_empty_nor_long() {
+    axis_faults(
+        &[],
+        |error| error.problem == Problem::AxisLength(0),
+        "there must be 1 to 64",
+    );
+    let long: Vec<f32> = (0..65u8).map(f32::from).collect();
+    axis_faults(
+        &long,
+        |error| error.problem == Problem::AxisLength(65),
+        "there must be 1 to 64",
+    );
+}
+
+#[test]
+fn values_on_axes_are_finite_and_not_negative() {
+    for bad in [
+        -1.0,
+        -0.0,
+        -f32::MIN_POSITIVE,
+        f32::INFINITY,
+        f32::NEG_INFINITY,
+        f32::NAN,
+    ] {
+        let same = |error: &DecodeError| matches!(error.problem, Problem::AxisValue { index: 1, value } if value.to_bits() == bad.to_bits());
+        axis_faults(&[0.5, bad, 2.0], same, "value 1 is");
+        axis_faults(&[0.5, bad, 2.0], same, "finite and not negative");
+    }
+}
+
+#[test]
+fn values_on_axes_ascend() {
+    for second in [0.5, 0.25] {
+        let same = |error: &DecodeError| error.problem == Problem::AxisOrder { index: 1 };
+        axis_faults(
+            &[0.5, second, 2.0],
+            same,
+            "value 1 is not greater than the one before",
+        );
+    }
+}
+
+#[test]
+fn byte_strings_hold_whole_records() {
+    type Case = (Place, usize, usize, fn(&mut RawTexture));
+    let cases: [Case; 4] = [
+        (Place::SpeedAxis(1), 13, 4, |texture| {
+            texture.ragged.speed_axis = 1;
+        }),
+        (Place::ForceAxis(1), 11, 4, |texture| {
+            texture.ragged.force_axis = 3;
+        }),
+        (TEXTURE, 111, 16, |texture| texture.ragged.nodes = 15),
+        (TEXTURE, 17, 2, |texture| texture.ragged.coefficients = 1),
+    ];
+    for (place, found, record, spoil) in cases {
+        check(
+            texture_fault(spoil),
+            place,
+            Problem::Ragged { found, record },
+            "no whole number of records",
+        );
+    }
+    let error = fault(|library| library.textures[2].ragged.coefficients = 2);
+    let problem = Problem::Ragged {
+        found: 34,
+        record: 4,
+    };
+    check(error, Place::Texture(2), problem, "records of 4 bytes");
+}
+
+#[test]
+fn there_are_as_many_nodes_as_the_axes_span() {
+    for found in [0, 5, 7] {
+        let error = texture_fault(|texture| texture.nodes.resize(found, texture.nodes[5]));
+        let problem = Problem::NodeCount { found, expected: 6 };
+        check(
+            error,
+            TEXTURE,
+            problem,
+            &format!("{found} nodes where the axes span 6"),
+        );
+    }
+}
+
+#[test]
+fn orders_above_the_limit_are_refused() {
+    for order in [401, u16::MAX] {
+        let error = texture_fault(|texture| texture.nodes[2].order = order);
+        check(error, NODE, Problem::Order(order), "the highest is 400");
+    }
+}
+
+#[test]
+fn unknown_flags_are_refused() {
+    for flags in [0x10, 0x80, 0xf0] {
+        let error = texture_fault(|texture| texture.nodes[2].flags = flags);
+        check(
+            error,
+            NODE,
+            Problem::Flags(flags),
+            &format!("unknown flags {flags:#04x}"),
+        );
+    }
+}
+
+#[test]
+fn powers_are_finite_not_negative_and_bounded() {
+    let above = MAX_OUTPUT_POWER.next_up();
+    for bad in [
+        -1.0,
+        -0.0,
+        f32::INFINITY,
+        f32::NEG_INFINITY,
+        f32::NAN,
+        f32::MAX,
+        above,
+    ] {
+        for name in ["output", "prediction error"] {
+            let error = texture_fault(|texture| match name {
+                "output" => texture.nodes[2].output_power = bad,
+                _ => texture.nodes[2].prediction_error_power = bad,
+            });
+            let Problem::Power { what, value } = error.problem else {
+                panic!("{error}");
+            };
+            assert_eq!(
+                (what, value.to_bits(), error.place),
+                (name, bad.to_bits(), NODE)
+            );
+            check_message(error, NODE, &format!("{name} power is"));
+            check_message(error, NODE, "at most 65536");
+        }
+    }
+}
+
+#[test]
+fn a_prediction_error_is_not_stronger_than_the_output() {
+    let error = texture_fault(|texture| texture.nodes[2].prediction_error_power = 4.0f32.next_up());
+    check(error, NODE, Problem::PowerOrder, "above the output's");
+}
+
+#[test]
+fn the_silent_flag_says_what_the_power_says() {
+    let error = texture_fault(|texture| texture.nodes[2].flags = NodeFlags::SILENT.bits());
+    check(error, NODE, Problem::SilentFlag, "silent flag");
+    let error = texture_fault(|texture| {
+        texture.nodes[2].output_power = 0.0;
+        texture.nodes[2].prediction_error_power = 0.0;
+    });
+    check(error, NODE, Problem::SilentFlag, "silent flag");
+    let error = texture_fault(|texture| texture.nodes[0].flags = NodeFlags::NONE.bits());
+    check(error, node(0, 0), Problem::SilentFlag, "silent flag");
+}
+
+#[test]
+fn nodes_at_rest_or_without_contact_are_silent() {
+    let error = texture_fault(|texture| {
+        texture.nodes[1].flags = NodeFlags::NONE.bits();
+        texture.nodes[1].output_power = f32::from_bits(1);
+    });
+    check(
+        error,
+        node(0, 1),
+        Problem::NotSilentAtZero,
+        "must be silent",
+    );
+    let error = texture_fault(|texture| texture.force_axis[0] = 0.0);
+    check(error, NODE, Problem::NotSilentAtZero, "must be silent");
+}
+
+#[test]
+fn coefficients_neither_overlap_nor_leave_gaps() {
+    for found in [0, 3, 5, 8, u32::MAX] {
+        let error = texture_fault(|texture| texture.nodes[3].offset = found);
+        let problem = Problem::Offset { found, expected: 4 };
+        check(error, node(1, 1), problem, "where 4 is due");
+    }
+}
+
+#[test]
+fn coefficients_are_as_many_as_the_nodes_use() {
+    let error = texture_fault(|texture| texture.coefficients.truncate(14));
+    let problem = Problem::CoefficientLength {
+        found: 14,
+        expected: 16,
+    };
+    check(error, node(2, 1), problem, "14 bytes of coefficients");
+    let error = texture_fault(|texture| texture.coefficients.extend([0; 2]));
+    let problem = Problem::CoefficientLength {
+        found: 18,
+        expected: 16,
+    };
+    check(error, TEXTURE, problem, "where the nodes use 16");
+}
+
+#[test]
+fn exponents_are_those_that_the_structure_has() {
+    for (texture, structure, highest) in [
+        (0, Structure::NormalisedLattice, 0),
+        (1, Structure::DirectForm16, 10),
+        (2, Structure::DirectForm32, 10),
+    ] {
+        for exponent in [highest + 1, u8::MAX] {
+            let error = fault(|library| library.textures[texture].nodes[2].exponent = exponent);
+            let place = Place::Node {
+                texture,
+                speed: 1,
+                force: 0,
+            };
+            let problem = Problem::Exponent {
+                exponent,
+                structure,
+                highest,
+            };
+            check(
+                error,
+                place,
+                problem,
+                &format!("in a {structure}; the highest is {highest}"),
+            );
+        }
+    }
+}
+
+#[test]
+fn no_stage_has_a_reflection_coefficient_of_magnitude_one() {
+    for (at, speed, force, stage) in [(0, 1, 0, 1), (2, 1, 0, 2), (6, 1, 1, 2)] {
+        let error = fault(|library| {
+            library.textures[0].coefficients[at..at + 2].copy_from_slice(&i16::MIN.to_le_bytes());
+        });
+        let place = Place::Node {
+            texture: 0,
+            speed,
+            force,
+        };
+        let problem = Problem::ReflectionCoefficient { stage };
+        check(error, place, problem, &format!("stage {stage}"));
+    }
+}
+
+/// A library whose texture 1 is one node of direct form with these coefficients.
+fn with_coefficients(structure: u32, exponent: u8, codes: &[i32]) -> RawLibrary {
+    let mut library = RawLibrary::sound();
+    let texture = &mut library.textures[1];
+    texture.structure = structure;
+    texture.speed_axis = vec![1.0];
+    texture.force_axis = vec![1.0];
+    texture.nodes = vec![texture.nodes[2]];
+    texture.nodes[0].order = codes.len() as u16;
+    texture.nodes[0].exponent = exponent;
+    texture.coefficients = match structure {
+        1 => codes
+            .iter()
+            .flat_map(|&code| (code as i16).to_le_bytes())
+            .collect(),
+        _ => codes.iter().flat_map(|code| code.to_le_bytes()).collect(),
+    };
+    library
+}
+
+#[test]
+fn sums_of_coefficients_are_bounded_exactly() {
+    type Case = (u32, u8, Vec<i32>, Vec<i32>);
+    let cases: [Case; 4] = [
+        // Σ|code| · 2^(10 - 15) ≤ 1024
+        (1, 10, vec![-16_384, 16_384], vec![-16_384, 16_384, 1]),
+        (1, 10, vec![-32_768], vec![-32_768, -1]),
+        // Σ|code| · 2^(10 - 31) ≤ 1024
+        (2, 10, vec![i32::MIN], vec![i32::MIN, 1]),
+        // Σ|code| < 2³², so that 64 bits hold the sum of products with any history
+        (2, 0, vec![i32::MIN, i32::MAX], vec![i32::MIN, i32::MIN]),
+    ];
+    for (structure, exponent, largest, beyond) in cases {
+        assert!(Library::decode(&with_coefficients(structure, exponent, &largest).bytes()).is_ok());
+        let error = refused(&with_coefficients(structure, exponent, &beyond).bytes());
+        check(
+            error,
+            node(0, 0),
+            Problem::CoefficientSum,
+            "add up to more than 1024",
+        );
+    }
+}
+
+fn spec() -> TextureSpec {
+    TextureSpec {
+        name: "felt".to_owned(),
+        sample_rate_hz: 5000,
+        structure: Structure::NormalisedLattice,
+        provenance: Provenance::Recorded,
+        speed_axis_mm_s: vec![50.0],
+        force_axis_n: vec![0.5, 1.0],
+        nodes: vec![
+            NodeSpec {
+                output_power: 1.0,
+                prediction_error_power: 0.5,
+                flags: NodeFlags::NONE,
+                codes: CodeSpec::Lattice(vec![100]),
+            };
+            2
+        ],
+    }
+}
+
+/// What the decoder refuses, the encoder does not write, and says so in the same words.
+#[test]
+fn the_encoder_refuses_what_the_decoder_would() {
+    type Case = (fn(&mut TextureSpec), Place, Problem);
+    let last = Place::Node {
+        texture: 0,
+        speed: 0,
+        force: 1,
+    };
+    let cases: [Case; 8] = [
+        (
+            |spec| spec.name.clear(),
+            Place::Texture(0),
+            Problem::NameLength(0),
+        ),
+        (
+            |spec| spec.sample_rate_hz = 0,
+            Place::Texture(0),
+            Problem::SampleRate(0),
+        ),
+        (
+            |spec| spec.force_axis_n[1] = 0.5,
+            Place::ForceAxis(0),
+            Problem::AxisOrder { index: 1 },
+        ),
+        (
+            |spec| spec.speed_axis_mm_s.clear(),
+            Place::SpeedAxis(0),
+            Problem::AxisLength(0),
+        ),
+        (
+            |spec| drop(spec.nodes.pop()),
+            Place::Texture(0),
+            Problem::NodeCount {
+                found: 1,
+                expected: 2,
+            },
+        ),
+        (
+            |spec| spec.nodes[1].codes = CodeSpec::Lattice(vec![0; 401]),
+            last,
+            Problem::Order(401),
+        ),
+        (
+            |spec| spec.nodes[1].codes = CodeSpec::Lattice(vec![1, i16::MIN]),
+            last,
+            Problem::ReflectionCoefficient { stage: 2 },
+        ),
+        (
+            |spec| spec.nodes[1].prediction_error_power = 2.0,
+            last,
+            Problem::PowerOrder,
+        ),
+    ];
+    assert!(encode(&[spec()]).is_ok());
+    for (spoil, place, problem) in cases {
+        let mut spec = spec();
+        spoil(&mut spec);
+        assert_eq!(encode(&[spec]), Err(DecodeError { place, problem }));
+    }
+    let error = encode(&vec![spec(); 33]).expect_err("too many");
+    assert_eq!(
+        (error.place, error.problem),
+        (Place::Library, Problem::TextureCount(33))
+    );
+    let error = encode(&[]).expect_err("none");
+    assert_eq!(
+        (error.place, error.problem),
+        (Place::Library, Problem::TextureCount(0))
+    );
+}
+
+#[test]
+fn the_encoder_refuses_coefficients_of_another_structure() {
+    let mut spec = spec();
+    spec.nodes[1].codes = CodeSpec::Direct16 {
+        exponent: 0,
+        codes: vec![100],
+    };
+    let error = encode(&[spec]).expect_err("a direct form in a lattice");
+    let place = Place::Node {
+        texture: 0,
+        speed: 0,
+        force: 1,
+    };
+    assert_eq!(error.place, place);
+}

@@ -1,0 +1,128 @@
+//! The work on any bytes is bounded: limits are enforced on what is declared, before anything is walked.
+
+use model_format::limits::{
+    MAX_AXIS_LEN, MAX_LIBRARY_BYTES, MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES,
+};
+use model_format::{Library, Place, Problem, encode};
+
+use crate::bytes::{PREFIX_BYTES, RawLibrary, RawNode, RawTexture, repair};
+use crate::walk::content;
+
+fn problem(library: &RawLibrary) -> Problem {
+    Library::decode(&library.bytes())
+        .expect_err("beyond a limit")
+        .problem
+}
+
+/// Not one of the textures is there: reading the first would tell so.
+#[test]
+fn the_texture_count_is_judged_before_any_texture_is_read() {
+    for count in [0, MAX_TEXTURES as u8 + 1, u8::MAX] {
+        let mut library = RawLibrary::sound();
+        library.textures.clear();
+        library.count = Some(count);
+        assert_eq!(problem(&library), Problem::TextureCount(usize::from(count)));
+    }
+}
+
+/// The very first value is a fault, and is not reached.
+#[test]
+fn the_length_of_an_axis_is_judged_before_its_values() {
+    for length in [MAX_AXIS_LEN + 1, 50_000] {
+        let mut library = RawLibrary::sound();
+        library.textures[0].force_axis = vec![f32::NAN; length];
+        assert_eq!(problem(&library), Problem::AxisLength(length));
+    }
+}
+
+#[test]
+fn the_number_of_nodes_is_judged_before_the_nodes() {
+    let mut library = RawLibrary::sound();
+    let texture = &mut library.textures[0];
+    texture.nodes[0].order = u16::MAX;
+    texture.nodes = texture.nodes.repeat(1000);
+    let (found, expected) = (6000, 6);
+    assert_eq!(problem(&library), Problem::NodeCount { found, expected });
+}
+
+#[test]
+fn the_size_of_the_whole_is_judged_before_its_checksum() {
+    let mut library = RawLibrary::sound();
+    library.crc32 = Some(0);
+    library.tail = vec![0; MAX_LIBRARY_BYTES];
+    let found = library.bytes().len();
+    assert_eq!(problem(&library), Problem::TooLarge { found });
+}
+
+/// A declared length beyond the end, up to the largest that its encoding can hold, is an error and nothing is reserved.
+#[test]
+fn declared_lengths_beyond_the_end_are_errors() {
+    for length in [
+        &[0x7f_u8][..],
+        &[0xff, 0xff, 0x7f],
+        &[0xff, 0xff, 0xff, 0xff, 0x0f],
+        &[0xff; 12],
+    ] {
+        let mut bytes = RawLibrary::sound().bytes();
+        bytes.truncate(PREFIX_BYTES);
+        bytes.push(1);
+        bytes.extend(length);
+        bytes.extend(b"short");
+        repair(&mut bytes);
+        let error = Library::decode(&bytes).expect_err("a name beyond the end");
+        assert_eq!(
+            (error.place, error.problem),
+            (Place::Texture(0), Problem::Malformed)
+        );
+    }
+}
+
+/// Every limit reached at once, as far as a slot's size allows: all of it is read and written again.
+#[test]
+fn a_library_at_its_limits_is_valid() {
+    let mut library = RawLibrary::sound();
+    let axis = || {
+        (1..=MAX_AXIS_LEN)
+            .map(|step| step as f32)
+            .collect::<Vec<_>>()
+    };
+    let mut large = library.textures[0].clone();
+    large.name = vec![b'n'; MAX_NAME_BYTES];
+    large.sample_rate_hz = 48_000;
+    (large.speed_axis, large.force_axis) = (axis(), axis());
+    large.coefficients = vec![0xff; 2 * MAX_ORDER * 500];
+    large.nodes = (0..MAX_AXIS_LEN * MAX_AXIS_LEN)
+        .map(|index| RawNode {
+            order: if index < 500 { MAX_ORDER as u16 } else { 0 },
+            offset: (index.min(500) * 2 * MAX_ORDER) as u32,
+            output_power: 65_536.0,
+            prediction_error_power: 65_536.0,
+            ..large.nodes[2]
+        })
+        .collect();
+    let small = |index: usize| RawTexture {
+        name: index.to_string().into_bytes(),
+        speed_axis: vec![1.0],
+        force_axis: vec![1.0],
+        nodes: vec![library.textures[0].nodes[2]],
+        coefficients: library.textures[0].coefficients[..4].to_vec(),
+        ..library.textures[0].clone()
+    };
+    let textures = (1..MAX_TEXTURES).map(small).collect::<Vec<_>>();
+    library.textures = textures;
+    library.textures.push(large);
+    // What is missing to the full size goes into one more node's coefficients.
+    let missing = MAX_LIBRARY_BYTES - library.bytes().len();
+    let last = library.textures.last_mut().expect("one was pushed");
+    let more = missing / (2 * MAX_ORDER);
+    for (number, node) in last.nodes[500..].iter_mut().enumerate() {
+        node.order = if number < more { MAX_ORDER as u16 } else { 0 };
+        node.offset = ((500 + number.min(more)) * 2 * MAX_ORDER) as u32;
+    }
+    last.coefficients = vec![0xff; 2 * MAX_ORDER * (500 + more)];
+    let bytes = library.bytes();
+    assert!(bytes.len() > MAX_LIBRARY_BYTES - 2 * MAX_ORDER && bytes.len() <= MAX_LIBRARY_BYTES);
+    let read = content(&Library::decode(&bytes).expect("nothing is beyond its limit"));
+    assert_eq!(read.len(), MAX_TEXTURES);
+    assert_eq!(encode(&read).expect("it was read from a library"), bytes);
+}

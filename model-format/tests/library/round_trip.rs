@@ -1,0 +1,163 @@
+//! Content survives the way into bytes and back, and bytes the way into content and back.
+
+use model_format::{
+    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode, limits,
+};
+use proptest::collection::{btree_set, vec};
+use proptest::prelude::*;
+
+use crate::bytes::RawLibrary;
+use crate::walk::content;
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    #[test]
+    fn what_is_encoded_decodes_to_the_same_and_encodes_to_the_same_bytes(textures in library()) {
+        let bytes = encode(&textures).expect("the strategy makes valid libraries");
+        let read = content(&Library::decode(&bytes).expect("encode checks what it gives"));
+        prop_assert_eq!(&read, &textures);
+        prop_assert_eq!(encode(&read).expect("it was read from a library"), bytes);
+    }
+}
+
+/// The encoder and the tests' own writer, which share no code, agree on every byte.
+#[test]
+fn two_independent_writers_give_the_same_bytes() {
+    let bytes = RawLibrary::sound().bytes();
+    let library = Library::decode(&bytes).expect("a valid library");
+    assert_eq!(encode(&content(&library)).expect("valid content"), bytes);
+}
+
+fn library() -> impl Strategy<Value = Vec<TextureSpec>> {
+    vec(texture(), 1..=3).prop_map(|mut textures| {
+        for (index, texture) in textures.iter_mut().enumerate() {
+            // Random names are rarely equal, but they may be.
+            texture.name.insert_str(0, &index.to_string());
+        }
+        textures
+    })
+}
+
+fn texture() -> impl Strategy<Value = TextureSpec> {
+    let structures = prop_oneof![
+        Just(Structure::NormalisedLattice),
+        Just(Structure::DirectForm16),
+        Just(Structure::DirectForm32),
+    ];
+    (structures, axis(), axis()).prop_flat_map(|(structure, speeds, forces)| {
+        let at_zero = |index: usize| {
+            let (speed, force) = (index / forces.len(), index % forces.len());
+            speeds[speed] <= 0.0 || forces[force] <= 0.0
+        };
+        let nodes: Vec<_> = (0..speeds.len() * forces.len())
+            .map(|index| node(structure, at_zero(index)))
+            .collect();
+        (
+            name(),
+            1..=limits::MAX_SAMPLE_RATE_HZ,
+            prop_oneof![Just(Provenance::Recorded), Just(Provenance::Simulated)],
+            nodes,
+        )
+            .prop_map(
+                move |(name, sample_rate_hz, provenance, nodes)| TextureSpec {
+                    name,
+                    sample_rate_hz,
+                    structure,
+                    provenance,
+                    speed_axis_mm_s: speeds.clone(),
+                    force_axis_n: forces.clone(),
+                    nodes,
+                },
+            )
+    })
+}
+
+/// Up to 40 bytes, so that an index fits before.
+fn name() -> impl Strategy<Value = String> {
+    "\\PC{1,10}".prop_filter("no control character", |name| {
+        !name.chars().any(char::is_control)
+    })
+}
+
+/// Any finite values that are not negative, zero, the smallest and the largest among them: their bits ascend as they do.
+fn axis() -> impl Strategy<Value = Vec<f32>> {
+    let bits = prop_oneof![
+        4 => 0..=f32::MAX.to_bits(),
+        1 => Just(0),
+        1 => Just(1),
+        1 => Just(f32::MAX.to_bits()),
+    ];
+    btree_set(bits, 1..=4).prop_map(|bits| bits.into_iter().map(f32::from_bits).collect())
+}
+
+fn node(structure: Structure, at_zero: bool) -> impl Strategy<Value = NodeSpec> {
+    let orders = prop_oneof![2 => Just(0), 6 => 1usize..20, 1 => Just(limits::MAX_ORDER)];
+    let codes = orders.prop_flat_map(move |order| codes(structure, order));
+    let powers = (
+        0..=limits::MAX_OUTPUT_POWER.to_bits(),
+        0.0f32..=1.0,
+        prop::bool::weighted(0.2),
+    );
+    (codes, powers, 0u8..8).prop_map(move |(codes, (output, share, silent), origin)| {
+        let output_power = if silent || at_zero {
+            0.0
+        } else {
+            f32::from_bits(output)
+        };
+        let mut flags = NodeFlags::NONE;
+        for (bit, flag) in [
+            NodeFlags::INTERPOLATED,
+            NodeFlags::EXTRAPOLATED,
+            NodeFlags::DOUBTFUL,
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            if origin >> bit & 1 == 1 {
+                flags = flags.with(flag);
+            }
+        }
+        if output_power.to_bits() == 0 {
+            flags = flags.with(NodeFlags::SILENT);
+        }
+        NodeSpec {
+            output_power,
+            prediction_error_power: output_power * share,
+            flags,
+            codes,
+        }
+    })
+}
+
+/// Codes up to the largest that the bound on their sum lets all of them have.
+fn codes(structure: Structure, order: usize) -> impl Strategy<Value = CodeSpec> {
+    let any = vec(any::<i16>(), order);
+    (any, 0..=limits::MAX_EXPONENT).prop_map(move |(any, exponent)| {
+        let scaled = |fraction_bits: u32, widest: i64| -> Vec<i64> {
+            let sum = (limits::MAX_COEFFICIENT_SUM << fraction_bits) >> exponent;
+            let largest = (sum.min(u64::from(u32::MAX)) / any.len().max(1) as u64) as i64;
+            let scale = |&code: &i16| (i64::from(code) * largest.min(widest)) >> 15;
+            any.iter().map(scale).collect()
+        };
+        match structure {
+            Structure::NormalisedLattice => {
+                CodeSpec::Lattice(any.iter().map(|&code| code.max(-i16::MAX)).collect())
+            }
+            Structure::DirectForm16 => {
+                let codes = scaled(15, i64::from(i16::MAX));
+                CodeSpec::Direct16 {
+                    exponent,
+                    codes: codes.iter().map(|&code| code as i16).collect(),
+                }
+            }
+            Structure::DirectForm32 => {
+                let codes = scaled(31, i64::from(i32::MAX));
+                CodeSpec::Direct32 {
+                    exponent,
+                    codes: codes.iter().map(|&code| code as i32).collect(),
+                }
+            }
+        }
+    })
+}

@@ -1,0 +1,51 @@
+//! Libraries stay as small as the flash and the download expect.
+
+use model_format::limits::{MAX_LIBRARY_BYTES, MAX_ORDER};
+use model_format::{
+    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode,
+};
+
+/// A dense grid of 15 speeds and 8 forces, every node of the highest order.
+fn dense(name: &str) -> TextureSpec {
+    let node = NodeSpec {
+        output_power: 1.0,
+        prediction_error_power: 0.5,
+        flags: NodeFlags::NONE,
+        codes: CodeSpec::Lattice(
+            (0..MAX_ORDER)
+                .map(|stage| stage as i16 * 81 - 16_000)
+                .collect(),
+        ),
+    };
+    TextureSpec {
+        name: name.to_owned(),
+        sample_rate_hz: 5000,
+        structure: Structure::NormalisedLattice,
+        provenance: Provenance::Recorded,
+        speed_axis_mm_s: (1..=15).map(|step| 20.0 * step as f32).collect(),
+        force_axis_n: (1..=8).map(|step| 0.25 * step as f32).collect(),
+        nodes: vec![node; 15 * 8],
+    }
+}
+
+#[test]
+fn a_dense_texture_takes_at_most_100_kilobytes() {
+    let bytes = encode(&[dense("dense")]).expect("a valid library");
+    assert!(bytes.len() <= 100_000, "{} bytes", bytes.len());
+}
+
+#[test]
+fn four_dense_textures_fit_in_a_slot() {
+    let textures = ["one", "two", "three", "four"].map(dense);
+    let bytes = encode(&textures).expect("a valid library");
+    assert!(bytes.len() <= 400_000, "{} bytes", bytes.len());
+    assert!(bytes.len() <= MAX_LIBRARY_BYTES);
+    let library = Library::decode(&bytes).expect("what was encoded");
+    assert_eq!(
+        library
+            .textures()
+            .map(|texture| texture.nodes().count())
+            .sum::<usize>(),
+        480
+    );
+}

@@ -1,0 +1,94 @@
+//! Reads everything that a valid library offers. The fuzz target includes this file too.
+
+use model_format::{CodeSpec, Coefficients, Library, NodeFlags, NodeSpec, TextureSpec, limits};
+
+/// The content of `library`, through its public interface.
+///
+/// # Panics
+/// Where it breaks what a valid library promises to the kernel.
+pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
+    let mut textures = Vec::new();
+    for texture in library.textures() {
+        assert_eq!(
+            library.texture(texture.name()).map(|found| found.name()),
+            Some(texture.name())
+        );
+        let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
+        for axis in [speeds, forces] {
+            assert!((1..=limits::MAX_AXIS_LEN).contains(&axis.len()));
+            let values: Vec<f32> = (0..axis.len()).map(|index| axis.value(index)).collect();
+            assert!(axis.values().eq(values.iter().copied()));
+            assert!(
+                values
+                    .iter()
+                    .all(|value| value.is_finite() && *value >= 0.0)
+            );
+            assert!(values.is_sorted_by(|before, after| before < after));
+        }
+        let mut nodes = Vec::new();
+        for speed in 0..speeds.len() {
+            for force in 0..forces.len() {
+                let node = texture.node(speed, force);
+                let silent = node.output_power.to_bits() == 0;
+                assert_eq!(silent, node.flags.contains(NodeFlags::SILENT));
+                assert!(silent || speeds.value(speed) > 0.0 && forces.value(force) > 0.0);
+                assert!((0.0..=limits::MAX_OUTPUT_POWER).contains(&node.output_power));
+                assert!((0.0..=node.output_power).contains(&node.prediction_error_power));
+                assert!(node.coefficients.order() <= texture.max_order());
+                nodes.push(NodeSpec {
+                    output_power: node.output_power,
+                    prediction_error_power: node.prediction_error_power,
+                    flags: node.flags,
+                    codes: codes(node.coefficients),
+                });
+            }
+        }
+        assert!(texture.max_order() <= limits::MAX_ORDER);
+        assert_eq!(texture.nodes().count(), nodes.len());
+        textures.push(TextureSpec {
+            name: texture.name().to_owned(),
+            sample_rate_hz: texture.sample_rate_hz(),
+            structure: texture.structure(),
+            provenance: texture.provenance(),
+            speed_axis_mm_s: speeds.values().collect(),
+            force_axis_n: forces.values().collect(),
+            nodes,
+        });
+    }
+    assert_eq!(textures.len(), library.len());
+    textures
+}
+
+fn codes(coefficients: Coefficients<'_>) -> CodeSpec {
+    let sixteen = |codes: &[[u8; 2]]| codes.iter().map(|&c| i16::from_le_bytes(c)).collect();
+    match coefficients {
+        Coefficients::Lattice(codes) => {
+            let codes: Vec<i16> = sixteen(codes);
+            assert!(!codes.contains(&i16::MIN));
+            CodeSpec::Lattice(codes)
+        }
+        Coefficients::Direct16 { exponent, codes } => {
+            let codes: Vec<i16> = sixteen(codes);
+            check_sum(codes.iter().map(|&code| f64::from(code)), exponent, 15);
+            CodeSpec::Direct16 { exponent, codes }
+        }
+        Coefficients::Direct32 { exponent, codes } => {
+            let codes: Vec<i32> = codes.iter().map(|&c| i32::from_le_bytes(c)).collect();
+            // What the kernel's 64-bit sums need beside the bound on the coefficients themselves.
+            let sum: u64 = codes
+                .iter()
+                .map(|code| u64::from(code.unsigned_abs()))
+                .sum();
+            assert!(sum < 1 << 32);
+            check_sum(codes.iter().map(|&code| f64::from(code)), exponent, 31);
+            CodeSpec::Direct32 { exponent, codes }
+        }
+    }
+}
+
+fn check_sum(codes: impl Iterator<Item = f64>, exponent: u8, fraction_bits: i32) {
+    assert!(exponent <= limits::MAX_EXPONENT);
+    let scale = 2f64.powi(i32::from(exponent) - fraction_bits);
+    let sum: f64 = codes.map(|code| code.abs() * scale).sum();
+    assert!(sum <= limits::MAX_COEFFICIENT_SUM as f64);
+}
