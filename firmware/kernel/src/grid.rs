@@ -1,0 +1,149 @@
+//! Where a (speed, force) lies on a texture's grid.
+
+use model_format::{Axis, MillimetresPerSecond, Newton, Texture};
+
+/// What the hand does at a moment: a tangential speed and a normal force, both finite and not negative.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    speed_mm_s: f32,
+    force_n: f32,
+}
+
+/// A motion that no sensor should give.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MotionError {
+    /// The speed is NaN or infinite.
+    Speed,
+    /// The force is NaN or infinite.
+    Force,
+}
+
+impl core::fmt::Display for MotionError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Speed => "the speed is not finite",
+            Self::Force => "the force is not finite",
+        })
+    }
+}
+
+impl core::error::Error for MotionError {}
+
+impl Motion {
+    /// No motion and no contact.
+    pub const REST: Self = Self {
+        speed_mm_s: 0.0,
+        force_n: 0.0,
+    };
+
+    /// A motion of either direction along the surface; a force below zero is no contact.
+    ///
+    /// # Errors
+    /// A speed or force that is not finite.
+    pub fn new(speed: MillimetresPerSecond, force: Newton) -> Result<Self, MotionError> {
+        if !speed.0.is_finite() {
+            return Err(MotionError::Speed);
+        }
+        if !force.0.is_finite() {
+            return Err(MotionError::Force);
+        }
+        Ok(Self {
+            speed_mm_s: speed.0.abs(),
+            force_n: force.0.max(0.0),
+        })
+    }
+}
+
+/// A one in weights and fades: 2¹⁶.
+pub const ONE: u32 = 1 << 16;
+
+/// A place on a grid: the four nodes around it with their bilinear weights, and how far the level has faded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GridPoint {
+    /// (speed index, force index) of the nodes; some may be the same node, then with weight zero.
+    pub nodes: [(usize, usize); 4],
+    /// Their weights in steps of 2⁻¹⁶, which add up to exactly [`ONE`].
+    pub weights: [u32; 4],
+    /// What to multiply the amplitude by, in steps of 2⁻¹⁶: [`ONE`] on the grid and above it, less below the lowest
+    /// speed or force, and exactly zero at rest or without contact.
+    pub fade: u32,
+}
+
+impl GridPoint {
+    /// Finds `motion` on the grid of `texture`; above the grid its edge counts.
+    pub fn locate(texture: &Texture<'_>, motion: Motion) -> Self {
+        let speed = Position::on(texture.speed_axis(), motion.speed_mm_s);
+        let force = Position::on(texture.force_axis(), motion.force_n);
+        // Rounding one product and taking the others as differences keeps the sum exact, and none is negative.
+        let both = ((u64::from(speed.fraction) * u64::from(force.fraction)) >> 16) as u32;
+        Self {
+            nodes: [
+                (speed.below, force.below),
+                (speed.below, force.above),
+                (speed.above, force.below),
+                (speed.above, force.above),
+            ],
+            weights: [
+                ONE - speed.fraction - (force.fraction - both),
+                force.fraction - both,
+                speed.fraction - both,
+                both,
+            ],
+            fade: ((u64::from(speed.fade) * u64::from(force.fade)) >> 16) as u32,
+        }
+    }
+
+    /// The bilinear mean of a node's quantity.
+    pub fn mean(&self, quantity: impl Fn(usize, usize) -> f32) -> f32 {
+        let mut sum = 0.0;
+        for (&(speed, force), &weight) in self.nodes.iter().zip(&self.weights) {
+            sum += quantity(speed, force) * (weight as f32 / ONE as f32);
+        }
+        sum
+    }
+}
+
+/// A value's place on one axis.
+struct Position {
+    below: usize,
+    above: usize,
+    /// Weight of `above`, 2⁻¹⁶.
+    fraction: u32,
+    fade: u32,
+}
+
+impl Position {
+    fn on(axis: Axis<'_>, value: f32) -> Self {
+        let last = axis.len() - 1;
+        let mut below = 0;
+        while below < last && axis.value(below + 1) <= value {
+            below += 1;
+        }
+        let above = (below + 1).min(last);
+        let (low, high) = (axis.value(below), axis.value(above));
+        let fraction = if value <= low || above == below {
+            0
+        } else {
+            steps((value - low) / (high - low))
+        };
+        let lowest = axis.value(0);
+        let fade = if value <= 0.0 {
+            0
+        } else if value >= lowest {
+            ONE
+        } else {
+            steps(value / lowest)
+        };
+        Self {
+            below,
+            above,
+            fraction,
+            fade,
+        }
+    }
+}
+
+/// A fraction in steps of 2⁻¹⁶, rounded to nearest, at most one.
+fn steps(fraction: f32) -> u32 {
+    ((fraction * ONE as f32 + 0.5) as u32).min(ONE)
+}

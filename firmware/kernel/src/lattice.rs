@@ -1,0 +1,160 @@
+//! The normalised (four-multiplier) all-pole lattice.
+//!
+//! ```text
+//! f[m-1] = cos θ[m] · f[m] - sin θ[m] · g[m-1]      for m = M .. 1, with g the backward signals of the sample before,
+//! g[m]   = sin θ[m] · f[m] + cos θ[m] · g[m-1]      f[M] the excitation, f[0] = g[0] the output, k = sin θ
+//! ```
+//! Every stage is a rotation, so that the norm of `(f[M], g)` is that of `(f[0], g)`: neither changing all θ at every sample
+//! nor any history lets the state grow (Laroche, J. Audio Eng. Soc. 55(6), 2007). In integers the same holds because
+//! cos² + sin² ≤ 1 holds in them and products are truncated toward zero: f² + g² never grows in any stage, and shrinks
+//! by at least one step in every stage that holds anything, so that silence comes and is exact. Saturation can only
+//! shrink it too. All signals have the variance of the excitation, whatever the texture, so that one scale fits all:
+//! one standard deviation is 2²⁸, full scale is eight of them.
+
+use core::cell::Cell;
+use core::sync::atomic::{Ordering, compiler_fence};
+
+use model_format::limits::MAX_ORDER;
+use model_format::{Coefficients, OutputSample, Texture};
+
+use crate::fixed::{high_word_toward_zero, shift_toward_zero};
+use crate::grid::{GridPoint, ONE};
+use crate::level::{Ramp, rms_in_steps};
+use crate::rotation::{Rotation, THETA_FRACTION_BITS};
+
+/// Digits after the point of the gain in m/s²: full scale of the lattice times full gain is that of the output.
+const GAIN_FRACTION_BITS: u32 = 23;
+
+/// What a (speed, force) calls for: rotations of all stages and the level.
+#[derive(Clone, Debug)]
+pub struct LatticeFrame {
+    rotations: [Rotation; MAX_ORDER],
+    stages: usize,
+    gain: Ramp,
+}
+
+/// What was played: the backward signals.
+#[derive(Clone, Debug)]
+pub struct LatticeState {
+    /// g[0] to g[M]; the last is written and never read.
+    backward: [i32; MAX_ORDER + 1],
+}
+
+impl LatticeFrame {
+    /// A frame of `stages` stages, at most [`MAX_ORDER`], that is silent.
+    pub const fn silent(stages: usize) -> Self {
+        assert!(stages <= MAX_ORDER);
+        Self {
+            rotations: [Rotation::NONE; MAX_ORDER],
+            stages,
+            gain: Ramp::new(),
+        }
+    }
+
+    /// Makes this frame that of `point` on the grid of `texture`, a lattice of at most as many stages; the level goes
+    /// there from the level of the frame before, in `samples` samples.
+    pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, samples: u32) {
+        self.interpolate_rotations(texture, point);
+        let power = point.mean(|speed, force| texture.node(speed, force).output_power);
+        let rms = rms_in_steps(power, GAIN_FRACTION_BITS);
+        let gain = (u64::from(rms) * u64::from(point.fade)) / u64::from(ONE);
+        self.gain = self.gain.toward(gain as u32, samples);
+    }
+
+    /// θ is interpolated, bilinearly; stages that a node's model lacks have θ = 0.
+    fn interpolate_rotations(&mut self, texture: &Texture<'_>, point: &GridPoint) {
+        const DROPPED_BITS: u32 = 16 - THETA_FRACTION_BITS;
+        let mut thetas = [0i32; MAX_ORDER];
+        for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {
+            let Coefficients::Lattice(codes) = texture.node(speed, force).coefficients else {
+                continue;
+            };
+            for (theta, &code) in thetas.iter_mut().zip(codes) {
+                *theta += i32::from(i16::from_le_bytes(code)) * weight as i32;
+            }
+        }
+        let rotations = &mut self.rotations[..self.stages];
+        for (rotation, theta) in rotations.iter_mut().zip(thetas) {
+            *rotation = Rotation::from_theta((theta + (1 << (DROPPED_BITS - 1))) >> DROPPED_BITS);
+        }
+    }
+
+    /// The rotations of the stages, the first stage first.
+    pub fn rotations(&self) -> &[Rotation] {
+        &self.rotations[..self.stages]
+    }
+}
+
+impl LatticeState {
+    /// A lattice at rest.
+    pub const fn new() -> Self {
+        Self {
+            backward: [0; MAX_ORDER + 1],
+        }
+    }
+
+    /// A lattice whose backward signals are `backward`, `g[0]` first.
+    pub fn from_backward(backward: [i32; MAX_ORDER]) -> Self {
+        let mut state = Self::new();
+        state.backward[..MAX_ORDER].copy_from_slice(&backward);
+        state
+    }
+
+    /// The backward signals that `stages` stages remember, `g[0]` first.
+    pub fn backward(&self, stages: usize) -> &[i32] {
+        &self.backward[..stages]
+    }
+
+    /// Whether nothing is left that `stages` stages could ever put out.
+    pub fn is_silent(&self, stages: usize) -> bool {
+        self.backward(stages).iter().all(|&g| g == 0)
+    }
+
+    /// Puts one sample of excitation through the lattice, both in steps of 2⁻²⁸ of a standard deviation.
+    #[inline]
+    pub fn filter(&mut self, rotations: &[Rotation], excitation: i32) -> i32 {
+        let stages = rotations.len().min(MAX_ORDER);
+        let backward = Cell::from_mut(&mut self.backward[..=stages]).as_slice_of_cells();
+        let mut forward = excitation;
+        for (rotation, pair) in rotations[..stages].iter().zip(backward.windows(2)).rev() {
+            let (cos, f, g) = (i64::from(rotation.cos), forward, pair[0].get());
+            let (f, g) = (i64::from(f), i64::from(g));
+            // One 64-bit sum and one truncation each: two separate products would break the bound by a step.
+            let down = high_word_toward_zero(cos * f + i64::from(rotation.neg_sin) * g);
+            let up = high_word_toward_zero(i64::from(rotation.sin) * f + cos * g);
+            pair[1].set(up.saturating_add(up));
+            forward = down.saturating_add(down);
+            // No instruction; it keeps the compiler from running ahead along the forward path, which costs it more
+            // registers than there are and doubles the time of a stage on a Cortex-M4.
+            compiler_fence(Ordering::SeqCst);
+        }
+        backward[0].set(forward);
+        forward
+    }
+
+    /// The next sample of a texture: `excitation` through the lattice of `frame`, at its level with `left` samples of
+    /// its ramp to come; and whether the lattice is at full scale.
+    #[inline]
+    pub fn next_sample(
+        &mut self,
+        frame: &LatticeFrame,
+        excitation: i32,
+        left: u32,
+    ) -> (OutputSample, bool) {
+        let filtered = self.filter(frame.rotations(), excitation);
+        let gain = frame.gain.value(left);
+        let output = shift_toward_zero(i64::from(filtered) * i64::from(gain), 31);
+        #[expect(
+            clippy::needless_bitwise_bool,
+            reason = "a lazy operator may become a branch, whose path would depend on the data"
+        )]
+        let at_full_scale = (filtered == i32::MAX) | (filtered == i32::MIN);
+        (OutputSample(output as i32), at_full_scale)
+    }
+}
+
+impl Default for LatticeState {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,67 @@
+//! Levels: from a power in (m/s²)² to a gain in fixed point, and a ramp from one gain to the next.
+
+/// √(power · 4^bits), truncated: the RMS of `power` in steps of 2^-`bits`.
+///
+/// `power` · 4^`bits` must be below 2⁶⁴, as every valid node's is for the bits that this crate asks for.
+pub fn rms_in_steps(power: f32, bits: u32) -> u32 {
+    // A power of two scales a float exactly; the integer root is exact too.
+    let scaled = (power * (1u64 << bits) as f32 * (1u64 << bits) as f32) as u64;
+    scaled.isqrt().min(i32::MAX as u64) as u32
+}
+
+/// A quantity that goes in equal steps from its value in one frame to that in the next, so that no change clicks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ramp {
+    target: i32,
+    step: i32,
+}
+
+impl Ramp {
+    /// A ramp that rests at zero.
+    pub const fn new() -> Self {
+        Self { target: 0, step: 0 }
+    }
+
+    /// The ramp that follows this one: from its end to `target` (at most 2³¹ - 1) in `samples` steps.
+    #[must_use]
+    pub fn toward(self, target: u32, samples: u32) -> Self {
+        let target = target.min(i32::MAX as u32) as i32;
+        Self {
+            target,
+            step: (target - self.target) / samples.max(1) as i32,
+        }
+    }
+
+    /// The value when `left` samples of the ramp are still to come; exactly the target at the end.
+    #[inline(always)]
+    pub fn value(self, left: u32) -> i32 {
+        self.target - self.step * left as i32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_ramp_stays_between_its_ends_and_reaches_its_target(
+            from in 0u32..=i32::MAX as u32, to in 0u32..=i32::MAX as u32, samples in 1u32..64,
+        ) {
+            let ramp = Ramp::default().toward(from, samples).toward(to, samples);
+            prop_assert_eq!(ramp.value(0), to as i32);
+            for left in 0..samples {
+                let value = ramp.value(left) as u32;
+                prop_assert!((from.min(to)..=from.max(to)).contains(&value));
+            }
+        }
+
+        #[test]
+        fn rms_is_the_root_of_the_power(power in 0.0f32..65_536.0) {
+            let rms = f64::from(rms_in_steps(power, 23)) / libm::exp2(23.0);
+            let exact = libm::sqrt(f64::from(power)).min(f64::from(i32::MAX) / libm::exp2(23.0));
+            prop_assert!((rms - exact).abs() <= 1.0 / libm::exp2(23.0));
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! The normalised lattice: energy, level and accuracy.
+
+use model_format::limits::MAX_ORDER;
+use proptest::collection::vec;
+use proptest::prelude::*;
+use stylus_kernel::excitation::{Excitation, FRACTION_BITS};
+use stylus_kernel::lattice::LatticeState;
+use stylus_kernel::rotation::Rotation;
+
+use crate::models::{fixtures, rotation};
+use crate::reference::{Deviation, FloatLattice};
+
+fn energy(signals: &[i32]) -> u128 {
+    signals
+        .iter()
+        .map(|&signal| u128::from(signal.unsigned_abs()).pow(2))
+        .sum()
+}
+
+/// A sample of any size, the extremes more often than chance has them.
+pub fn sample() -> impl Strategy<Value = i32> {
+    prop_oneof![6 => any::<i32>(), 2 => -100..100i32, 1 => Just(i32::MIN), 1 => Just(i32::MAX)]
+}
+
+/// A θ code that a valid library may have.
+pub fn theta_code() -> impl Strategy<Value = i16> {
+    prop_oneof![6 => -i16::MAX..=i16::MAX, 1 => Just(-i16::MAX), 1 => Just(i16::MAX), 1 => -3..=3i16]
+}
+
+pub fn state(backward: &[i32]) -> LatticeState {
+    let mut all = [0; MAX_ORDER];
+    all[..backward.len()].copy_from_slice(backward);
+    LatticeState::from_backward(all)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    /// All that comes out, f[0] = g[0] to g[M], holds no more than excitation and state did, in the integers, with other
+    /// coefficients at every sample.
+    #[test]
+    fn energy_never_grows_whatever_the_coefficients_do(
+        order in prop_oneof![0usize..40, Just(MAX_ORDER), 0..=MAX_ORDER],
+        pool in vec(theta_code(), 997),
+        backward in vec(sample(), MAX_ORDER),
+        excitation in vec(sample(), 1..40),
+    ) {
+        let mut state = state(&backward);
+        let mut codes = pool.iter().cycle();
+        for &excitation in &excitation {
+            let rotations: Vec<Rotation> = codes.by_ref().take(order).map(|&code| rotation(code)).collect();
+            let before = energy(state.backward(order)) + energy(&[excitation]);
+            let output = state.filter(&rotations, excitation);
+            prop_assert_eq!(state.backward(1)[0], output);
+            prop_assert!(energy(state.backward(order + 1)) <= before);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+    /// In a long lattice the truncation of one stage hides what another might add, so one stage has to hold by itself.
+    #[test]
+    fn one_stage_is_its_rotation_never_longer_truncated_and_saturated(
+        code in theta_code(), f in sample(), g in sample(),
+    ) {
+        let rotation = rotation(code);
+        let mut state = state(&[g]);
+        state.filter(&[rotation], f);
+        let turned = state.backward(2);
+        prop_assert!(energy(turned) <= energy(&[f, g]));
+        let (cos, sin) = (i128::from(rotation.cos), i128::from(rotation.sin));
+        let (f, g) = (i128::from(f), i128::from(g));
+        for (&actual, exact) in turned.iter().zip([cos * f - sin * g, sin * f + cos * g]) {
+            let (actual, full_scale) = (i128::from(actual), 1i128 << 31);
+            let saturated = exact.clamp(-full_scale << 31, (full_scale - 1) << 31);
+            // Toward zero, by two steps at most: halves are truncated before they are doubled.
+            prop_assert!((actual << 31).abs() <= saturated.abs());
+            prop_assert!(((actual << 31) - saturated).abs() <= 2 << 31);
+        }
+    }
+}
+
+const DEVIATION: f64 = (1u32 << FRACTION_BITS) as f64;
+
+/// The standard deviation of a power estimated over 60 s is up to 0.08 dB for the narrowest of these lines.
+#[test]
+fn output_and_backward_signals_have_the_power_of_the_excitation() {
+    const SAMPLES: u32 = 60 * 5000;
+    for model in fixtures() {
+        let rotations = model.rotations();
+        let (mut state, mut noise) = (LatticeState::new(), Excitation::new(1));
+        let mut output_power = 0.0;
+        let mut powers = vec![0.0; MAX_ORDER];
+        for n in 0..SAMPLES {
+            let output = f64::from(state.filter(&rotations, noise.next_sample())) / DEVIATION;
+            output_power += output * output;
+            if n % 10 == 0 {
+                for (power, &g) in powers.iter_mut().zip(state.backward(MAX_ORDER)) {
+                    *power += (f64::from(g) / DEVIATION).powi(2);
+                }
+            }
+        }
+        let level_db = 10.0 * (output_power / f64::from(SAMPLES)).log10();
+        println!("{}: level {level_db:+.3} dB", model.name);
+        assert!(level_db.abs() < 0.2, "{}: level {level_db} dB", model.name);
+        for (stage, power) in powers.iter().enumerate() {
+            let level_db = 10.0 * (power / f64::from(SAMPLES / 10)).log10();
+            assert!(
+                level_db.abs() < 0.4,
+                "{}, g[{stage}]: level {level_db} dB",
+                model.name
+            );
+        }
+    }
+}
+
+/// 12 s at the level that the kernel always has, an RMS of an eighth of full scale.
+#[test]
+fn noise_of_the_arithmetic_is_108_db_below_the_signal_and_nothing_saturates() {
+    for model in fixtures() {
+        let rotations = model.rotations();
+        let (mut state, mut reference) = (LatticeState::new(), FloatLattice::new(&rotations));
+        let mut noise = Excitation::new(2);
+        let mut deviation = Deviation::default();
+        for _ in 0..60_000 {
+            let excitation = noise.next_sample();
+            let output = state.filter(&rotations, excitation);
+            deviation.add(reference.filter(f64::from(excitation)), f64::from(output));
+            let full = |&g: &i32| g == i32::MAX || g == i32::MIN;
+            assert!(
+                !state.backward(MAX_ORDER).iter().any(full),
+                "{}",
+                model.name
+            );
+        }
+        println!("{}: SNR {:.1} dB", model.name, deviation.snr_db());
+        assert!(
+            deviation.snr_db() >= 108.0,
+            "{}: SNR {} dB",
+            model.name,
+            deviation.snr_db()
+        );
+    }
+}

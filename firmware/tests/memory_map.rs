@@ -1,0 +1,101 @@
+//! `memory.x` against the processor's manual and against what the code counts on.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::ops::Range;
+use std::path::Path;
+
+use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
+
+/// Sector of the STM32H743's flash, the least that can be erased, bytes.
+const SECTOR_BYTES: u64 = 128 * 1024;
+const BANK_1: Range<u64> = 0x0800_0000..0x0810_0000;
+const BANK_2: Range<u64> = 0x0810_0000..0x0820_0000;
+
+/// The regions of `memory.x` by name, as ranges of addresses.
+fn regions() -> BTreeMap<String, Range<u64>> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../memory.x");
+    let text = fs::read_to_string(path).expect("memory.x is there");
+    let regions: BTreeMap<_, _> = text.lines().filter_map(region).collect();
+    assert_eq!(
+        regions.len(),
+        text.matches("ORIGIN = ").count(),
+        "each region is on a line of its own, with a name of its own"
+    );
+    regions
+}
+
+/// `NAME (attributes) : ORIGIN = number, LENGTH = number`
+fn region(line: &str) -> Option<(String, Range<u64>)> {
+    let (head, rest) = line.split_once(": ORIGIN = ")?;
+    let (origin, rest) = rest.split_once(", LENGTH = ")?;
+    let name = head.split_whitespace().next()?;
+    let (origin, length) = (number(origin)?, number(rest.split_whitespace().next()?)?);
+    Some((name.to_owned(), origin..origin + length))
+}
+
+fn number(text: &str) -> Option<u64> {
+    if let Some(digits) = text.strip_prefix("0x") {
+        u64::from_str_radix(digits, 16).ok()
+    } else if let Some(kilobytes) = text.strip_suffix('K') {
+        Some(kilobytes.parse::<u64>().ok()? * 1024)
+    } else {
+        text.parse().ok()
+    }
+}
+
+fn contains(outer: &Range<u64>, inner: &Range<u64>) -> bool {
+    outer.start <= inner.start && inner.end <= outer.end
+}
+
+#[test]
+fn regions_do_not_overlap() {
+    let mut regions: Vec<_> = regions().into_iter().collect();
+    regions.sort_by_key(|(_, range)| range.start);
+    for pair in regions.windows(2) {
+        assert!(pair[0].1.end <= pair[1].1.start, "{pair:x?}");
+    }
+}
+
+#[test]
+fn each_region_is_memory_that_the_stm32h743zi_has() {
+    let memories = [
+        0x0000_0000..0x0001_0000,
+        BANK_1,
+        BANK_2,
+        0x2000_0000..0x2002_0000,
+        0x2400_0000..0x2408_0000,
+        0x3000_0000..0x3004_8000,
+        0x3800_0000..0x3801_0000,
+        0x3880_0000..0x3880_1000,
+    ];
+    for (name, region) in regions() {
+        let inside = memories.iter().any(|memory| contains(memory, &region));
+        assert!(inside && !region.is_empty(), "{name}: {region:x?}");
+    }
+}
+
+#[test]
+fn a_slot_is_what_the_format_calls_one() {
+    let regions = regions();
+    for slot in ["SLOT_A", "SLOT_B"] {
+        let slot = &regions[slot];
+        assert_eq!(slot.end - slot.start, SLOT_BYTES as u64);
+        assert!(slot.start.is_multiple_of(SECTOR_BYTES) && slot.end.is_multiple_of(SECTOR_BYTES));
+    }
+}
+
+#[test]
+fn slots_lie_in_the_bank_that_holds_no_code() {
+    let regions = regions();
+    for slot in ["SLOT_A", "SLOT_B"] {
+        assert!(contains(&BANK_2, &regions[slot]));
+    }
+    assert!(contains(&BANK_1, &regions["FLASH"]));
+}
+
+#[test]
+fn a_library_that_is_played_fits_the_axi_sram() {
+    let memory = &regions()["AXISRAM"];
+    assert!(memory.end - memory.start >= MAX_LIBRARY_BYTES as u64);
+}
