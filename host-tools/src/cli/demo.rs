@@ -1,0 +1,114 @@
+//! `stylus demo`: the whole way on simulated recordings.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use host_tools::error::{Error, Result};
+use host_tools::evaluate;
+use host_tools::motion::MotionPath;
+use host_tools::recording::RecordingSet;
+use host_tools::render::{WavFormat, render_wav};
+use host_tools::rig::{self, Scene};
+use host_tools::{atomic_file, fit, report};
+use model_format::{Library, MillimetresPerSecond, Newton};
+
+use super::inspect::{Summary, summary_table};
+
+/// The motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
+const STROKE: &str = "\
+time_s,speed_mm_s,force_n
+0,0,0
+0.5,60,0.4
+2,280,0.4
+3,120,1.2
+4.5,120,0.2
+5,0,0
+5.5,0,0
+";
+
+/// Full scale of the renders for listening, m/s².
+const LISTENING_FULL_SCALE_M_S2: f64 = 60.0;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Folder for everything that the demonstration makes
+    #[arg(long, value_name = "DIR", default_value = "demo-out")]
+    out: PathBuf,
+    /// Seed of the simulated recordings and of the syntheses
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let begin = Instant::now();
+    let out = arguments.out.as_path();
+    std::fs::create_dir_all(out).map_err(Error::io("create", out))?;
+    let step = |number: u32, what: &str| {
+        super::print(&format!(
+            "\n[{number}/4, {:.1} s] {what}",
+            begin.elapsed().as_secs_f64()
+        ))
+    };
+
+    let recordings = out.join("recordings");
+    step(1, "stylus simulate-rig: the paper's protocol, SIMULATED")?;
+    let simulated = rig::simulate_to_folder(&Scene::paper(), arguments.seed, &recordings)?;
+    super::print(simulated.to_string().trim_end())?;
+
+    step(2, "stylus fit: a model a node, its order chosen by BIC")?;
+    let set = RecordingSet::open(&[recordings])?;
+    let (fit, bytes) = super::fit::fit_library(&set, &fit::Options::default())?;
+    let path = out.join("textures.lib");
+    atomic_file::write(&path, &bytes)?;
+    let library = super::decode_library(&path, &bytes)?;
+    let textures: Vec<Summary> = library.textures().map(|t| Summary::of(&t, false)).collect();
+    super::print(&summary_table(&textures))?;
+    for warning in &fit.warnings {
+        super::print(&format!("warning: {warning}"))?;
+    }
+
+    step(
+        3,
+        "stylus evaluate: the device's kernel against every recording",
+    )?;
+    let options = evaluate::Options {
+        seed: arguments.seed,
+        ..evaluate::Options::default()
+    };
+    let evaluation = super::evaluate::evaluate_set(&set, &library, &options)?;
+    super::print(&super::evaluate::summary(&evaluation))?;
+    let page = report::write(&set, &library, &evaluation, &options, &out.join("report"))?;
+
+    step(4, "stylus render: each texture along one stroke")?;
+    render_all(&library, arguments.seed, out)?;
+    super::print(&format!(
+        "\nDone in {:.1} s. Look at {}, listen to {}",
+        begin.elapsed().as_secs_f64(),
+        page.display(),
+        out.join("render").display()
+    ))
+}
+
+fn render_all(library: &Library<'_>, seed: u64, out: &Path) -> Result<()> {
+    let folder = out.join("render");
+    std::fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
+    let stroke = folder.join("stroke.csv");
+    atomic_file::write(&stroke, STROKE.as_bytes())?;
+    let along = MotionPath::from_csv(&stroke)?;
+    let steady = MotionPath::constant(MillimetresPerSecond(120.0), Newton(1.0))?;
+    for texture in library.textures() {
+        let name = texture.name();
+        let listening = WavFormat::Pcm16 {
+            full_scale_m_s2: LISTENING_FULL_SCALE_M_S2,
+        };
+        for (suffix, motion, seconds, format) in [
+            ("stroke", &along, along.duration_s(), listening),
+            ("120mm_s_1N", &steady, 3.0, WavFormat::Float32),
+        ] {
+            let path = folder.join(format!("{name}_{suffix}_simulated.wav"));
+            render_wav(texture, motion, seconds, seed, &path, format)?;
+            super::print(&path.display().to_string())?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,119 @@
+//! `stylus evaluate`
+
+use std::path::PathBuf;
+
+use host_tools::error::Result;
+use host_tools::evaluate::{self, Evaluation};
+use host_tools::recording::RecordingSet;
+use host_tools::reduction::Reduction;
+use host_tools::spectrum::{AMPLITUDE_JND_DB, DEFAULT_SMOOTHING_WIDTH_HZ};
+use host_tools::{atomic_file, progress, report};
+use model_format::Library;
+
+use super::input::{Recordings, not_negative, positive};
+use super::table::table;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    recordings: Recordings,
+    /// The library to judge
+    #[arg(long, value_name = "LIB")]
+    library: PathBuf,
+    /// Folder for a report with pictures
+    #[arg(long, value_name = "OUT_DIR")]
+    report: Option<PathBuf>,
+    /// File for all figures of all trials, as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// From three axes to one; as for the fit
+    #[arg(long, value_enum, default_value = "pca")]
+    reduce: Reduction,
+    /// Full width of the Hann kernel that smooths amplitudes for the cost C, in hertz
+    #[arg(long, value_name = "HZ", value_parser = not_negative, default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ)]
+    smoothing: f64,
+    /// How long each synthesis is at least, in seconds
+    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 10.0)]
+    synthesis: f64,
+    /// Seed of the syntheses' noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let set = arguments.recordings.open()?;
+    let bytes = super::read_library(&arguments.library)?;
+    let library = super::decode_library(&arguments.library, &bytes)?;
+    let options = evaluate::Options {
+        reduction: arguments.reduce,
+        smoothing_hz: arguments.smoothing,
+        synthesis_s: arguments.synthesis,
+        seed: arguments.seed,
+    };
+    let evaluation = evaluate_set(&set, &library, &options)?;
+    if let Some(path) = &arguments.json {
+        atomic_file::write(path, super::to_json(&evaluation).as_bytes())?;
+    }
+    super::print(&summary(&evaluation))?;
+    if let Some(folder) = &arguments.report {
+        let page = report::write(&set, &library, &evaluation, &options, folder)?;
+        super::print(&format!("\nreport: {}", page.display()))?;
+    }
+    Ok(())
+}
+
+/// Evaluates with a progress bar.
+pub fn evaluate_set(
+    set: &RecordingSet,
+    library: &Library<'_>,
+    options: &evaluate::Options,
+) -> Result<Evaluation> {
+    let bar = progress::bar(set.trials.len() as u64, "evaluating");
+    let evaluation = evaluate::evaluate(set, library, options, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(evaluation)
+}
+
+/// A line a texture, and what the columns mean.
+pub fn summary(evaluation: &Evaluation) -> String {
+    let bands = format!("within {AMPLITUDE_JND_DB} dB");
+    let header = [
+        "texture",
+        "trials",
+        "silent",
+        "C",
+        "± sd",
+        "C floor",
+        "|band| dB",
+        &bands,
+        "LSD dB",
+    ];
+    let rows: Vec<Vec<String>> = evaluation
+        .textures
+        .iter()
+        .map(|texture| {
+            vec![
+                texture.texture.clone(),
+                texture.trials.to_string(),
+                texture.silent.to_string(),
+                format!("{:.3}", texture.mean_cost),
+                format!("{:.3}", texture.cost_deviation),
+                format!("{:.3}", texture.mean_cost_floor),
+                format!("{:.2}", texture.mean_band_error_db),
+                format!("{:.0} %", texture.bands_within_jnd * 100.0),
+                format!("{:.2}", texture.mean_log_spectral_distance_db),
+            ]
+        })
+        .collect();
+    let origin = if evaluation.simulated {
+        "\nThe recordings are SIMULATED."
+    } else {
+        ""
+    };
+    format!(
+        "{}\n\nC: equation (6), amplitudes smoothed by a {}; floor: what a perfect model of broadband noise scores\n\
+         |band|: mean error of third-octave bands, 20 to 1000 Hz; LSD: log-spectral distance, 30 to 1000 Hz{origin}",
+        table(&header, &rows),
+        evaluation.smoothing
+    )
+}

@@ -1,0 +1,162 @@
+//! `stylus fit`
+
+use std::path::PathBuf;
+
+use host_tools::error::{Error, Result};
+use host_tools::fit::{self, Fit, Order, StructureChoice, TrialReport};
+use host_tools::recording::RecordingSet;
+use host_tools::reduction::Reduction;
+use host_tools::triage::SILENCE_FLOOR_M_S2;
+use host_tools::{atomic_file, progress};
+
+use super::input::{Recordings, not_negative};
+use super::inspect::Summary;
+use super::table::table;
+
+/// Verdicts that `--drop` takes.
+const DROPPABLE: [&str; 7] = [
+    "silent",
+    "too-short",
+    "clipped",
+    "drifting",
+    "hum",
+    "duplicate",
+    "wrong-rate",
+];
+
+/// How many trials with a verdict are shown one by one.
+const SHOWN_VERDICTS: usize = 20;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    recordings: Recordings,
+    /// Library to write
+    #[arg(long, value_name = "LIB")]
+    out: PathBuf,
+    /// Order of the models: 0 to 400, or 'auto' to choose it for each node (BIC)
+    #[arg(long, default_value = "auto")]
+    order: Order,
+    /// Structure that the stylus plays
+    #[arg(long, value_enum, default_value = "lattice")]
+    structure: StructureChoice,
+    /// From three axes to one
+    #[arg(long, value_enum, default_value = "pca")]
+    reduce: Reduction,
+    /// RMS below which a trial counts as silent, in m/s²
+    #[arg(long, value_name = "M_S2", value_parser = not_negative, default_value_t = SILENCE_FLOOR_M_S2)]
+    silence_floor: f64,
+    /// Leave out trials with these verdicts; their nodes are filled from neighbours
+    #[arg(long, value_delimiter = ',', value_parser = clap::builder::PossibleValuesParser::new(DROPPABLE))]
+    drop: Vec<String>,
+    /// Refuse a set in which triage finds anything
+    #[arg(long)]
+    strict: bool,
+    /// Print the report as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(serde::Serialize)]
+struct Report<'a> {
+    library: String,
+    bytes: usize,
+    warnings: &'a [String],
+    textures: Vec<Summary>,
+    trials: &'a [TrialReport],
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let set = arguments.recordings.open()?;
+    let options = fit::Options {
+        order: arguments.order,
+        structure: arguments.structure,
+        reduction: arguments.reduce,
+        silence_floor_m_s2: arguments.silence_floor,
+        drop: arguments.drop.clone(),
+        strict: arguments.strict,
+    };
+    let (fit, bytes) = fit_library(&set, &options)?;
+    atomic_file::write(&arguments.out, &bytes)?;
+    let library = super::decode_library(&arguments.out, &bytes)?;
+    let textures: Vec<Summary> = library
+        .textures()
+        .map(|t| Summary::of(&t, arguments.json))
+        .collect();
+    if arguments.json {
+        return super::print_json(&Report {
+            library: arguments.out.display().to_string(),
+            bytes: bytes.len(),
+            warnings: &fit.warnings,
+            textures,
+            trials: &fit.trials,
+        });
+    }
+    show_verdicts(&fit);
+    super::print(&super::inspect::summary_table(&textures))?;
+    super::print(&format!(
+        "\n{} trials -> {} ({} bytes); the axes' energy kept: {}",
+        fit.trials.len(),
+        arguments.out.display(),
+        bytes.len(),
+        energy_kept(&fit.trials)
+    ))
+}
+
+/// Fits `set` with a progress bar, and encodes the library.
+pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, Vec<u8>)> {
+    let bar = progress::bar(set.trials.len() as u64, "fitting");
+    let fit = fit::fit(set, options, || bar.inc(1))?;
+    bar.finish_and_clear();
+    let bytes = model_format::encode(&fit.specs).map_err(|failure| {
+        Error::Model(format!("the textures do not make a library: {failure}"))
+    })?;
+    Ok((fit, bytes))
+}
+
+/// Mean and deviation of the share of energy that the reduction kept, over trials that have any.
+fn energy_kept(trials: &[TrialReport]) -> String {
+    let shares: Vec<f64> = trials
+        .iter()
+        .filter(|trial| trial.rms_m_s2 > 0.0)
+        .map(|trial| trial.energy_share * 100.0)
+        .collect();
+    let mean = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
+    let square: f64 = shares.iter().map(|share| (share - mean).powi(2)).sum();
+    let deviation = (square / shares.len().max(1) as f64).sqrt();
+    format!("{mean:.0} % ± {deviation:.0} %")
+}
+
+/// Triage's findings and the fit's warnings, on standard error.
+fn show_verdicts(fit: &Fit) {
+    let doubtful: Vec<&TrialReport> = fit
+        .trials
+        .iter()
+        .filter(|trial| !trial.verdicts.is_empty())
+        .collect();
+    let rows: Vec<Vec<String>> = doubtful
+        .iter()
+        .take(SHOWN_VERDICTS)
+        .map(|trial| {
+            let verdicts: Vec<String> = trial.verdicts.iter().map(ToString::to_string).collect();
+            vec![
+                trial.file.clone(),
+                verdicts.join("; "),
+                (if trial.used { "used" } else { "dropped" }).to_owned(),
+            ]
+        })
+        .collect();
+    if !rows.is_empty() {
+        eprintln!("{}", table(&["trial", "triage", "and so"], &rows));
+        if doubtful.len() > rows.len() {
+            eprintln!(
+                "... and {} more (all are in --json)",
+                doubtful.len() - rows.len()
+            );
+        }
+        eprintln!();
+    }
+    for warning in &fit.warnings {
+        eprintln!("warning: {warning}");
+    }
+}

@@ -1,0 +1,100 @@
+//! The command line: one module a command, thin over the library.
+
+mod demo;
+mod evaluate;
+mod fit;
+mod input;
+mod inspect;
+mod render;
+mod simulate_rig;
+mod table;
+
+use std::io::{self, Write};
+use std::path::Path;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use host_tools::error::{Error, Result};
+use model_format::Library;
+
+/// What a failure that the user can mend ends with: a file, a value or a request that cannot be used.
+const EXIT_UNUSABLE: u8 = 2;
+
+/// Data-driven haptic textures: fit models to recordings of a tool on a surface, judge them, and render exactly what the
+/// stylus plays.
+#[derive(Parser)]
+#[command(name = "stylus", version, arg_required_else_help = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Simulate a drum rig's recordings from a scene
+    SimulateRig(simulate_rig::Arguments),
+    /// Fit a texture library to recordings
+    Fit(fit::Arguments),
+    /// Compare what the stylus plays with recordings
+    Evaluate(evaluate::Arguments),
+    /// Render what the stylus plays to a WAV file, sample for sample
+    Render(render::Arguments),
+    /// Show what is in a library
+    Inspect(inspect::Arguments),
+    /// Do all of it on simulated recordings, with a report
+    Demo(demo::Arguments),
+}
+
+/// Runs the command that the process was started with.
+pub fn run() -> ExitCode {
+    let outcome = match Arguments::parse().command {
+        Command::SimulateRig(arguments) => simulate_rig::run(&arguments),
+        Command::Fit(arguments) => fit::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Render(arguments) => render::run(&arguments),
+        Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Demo(arguments) => demo::run(&arguments),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever reads our output has seen enough, as `head` has.
+        Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::BrokenPipe => {
+            ExitCode::SUCCESS
+        }
+        Err(failure) => {
+            eprintln!("stylus: {failure}");
+            ExitCode::from(EXIT_UNUSABLE)
+        }
+    }
+}
+
+/// Prints to standard output; `println!` would panic when the reader has gone.
+fn print(text: &str) -> Result<()> {
+    let mut output = io::stdout().lock();
+    output
+        .write_all(text.as_bytes())
+        .and_then(|()| output.write_all(b"\n"))
+        .map_err(Error::io("write to", Path::new("standard output")))
+}
+
+/// Prints a value as JSON.
+fn print_json(value: &impl serde::Serialize) -> Result<()> {
+    print(&to_json(value))
+}
+
+fn to_json(value: &impl serde::Serialize) -> String {
+    serde_json::to_string_pretty(value).expect("reports have text keys only")
+}
+
+/// Reads a library's bytes.
+fn read_library(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(Error::io("read", path))
+}
+
+/// Decodes a library, with its file's name in the error.
+fn decode_library<'a>(path: &Path, bytes: &'a [u8]) -> Result<Library<'a>> {
+    Library::decode(bytes).map_err(|source| Error::Library {
+        path: path.to_owned(),
+        source,
+    })
+}

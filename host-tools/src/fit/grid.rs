@@ -1,0 +1,405 @@
+//! A texture's grid of models: one for each (speed, force) that was recorded, and the holes filled.
+
+use model_format::{NodeFlags, limits};
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::linear_prediction::{Prediction, corrected};
+use crate::recording::Trial;
+
+use super::trial::Analysis;
+use super::{Options, Order, TrialReport};
+
+/// An order needs this many samples of data for each of its coefficients.
+const SAMPLES_A_COEFFICIENT: usize = 4;
+
+/// The model at one node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// Reflection coefficients, as many as the order.
+    pub reflection: Vec<f64>,
+    /// Variance of the signal, (m/s²)².
+    pub output_power: f64,
+    /// What is to be known about it.
+    pub flags: NodeFlags,
+}
+
+/// Models over ascending speeds and forces, all forces of the first speed first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Tangential speeds, mm/s.
+    pub speeds_mm_s: Vec<f32>,
+    /// Normal forces, N.
+    pub forces_n: Vec<f32>,
+    /// One model a node.
+    pub models: Vec<Model>,
+}
+
+impl Grid {
+    /// Index of the node at these indices of the axes.
+    pub fn index(&self, speed: usize, force: usize) -> usize {
+        speed * self.forces_n.len() + force
+    }
+
+    /// Each node's speed, mm/s, force, N, and model.
+    pub fn nodes(&self) -> impl Iterator<Item = (f32, f32, &Model)> {
+        let forces = self.forces_n.len();
+        self.models.iter().enumerate().map(move |(index, model)| {
+            let (speed, force) = (index / forces, index % forces);
+            (self.speeds_mm_s[speed], self.forces_n[force], model)
+        })
+    }
+}
+
+type Member<'a> = (&'a Trial, &'a Analysis, &'a TrialReport);
+
+/// Builds the grid of texture `name` from its trials, at least one, and tells what the user should know.
+pub(super) fn assemble(
+    name: &str,
+    members: &[Member<'_>],
+    options: &Options,
+) -> Result<(Grid, Vec<String>)> {
+    let speeds_mm_s = axis(name, "speeds", members.iter().map(|m| m.0.speed_mm_s))?;
+    let forces_n = axis(name, "forces", members.iter().map(|m| m.0.force_n))?;
+    let mut cells: Vec<Vec<Member<'_>>> = vec![Vec::new(); speeds_mm_s.len() * forces_n.len()];
+    let place = |axis: &[f32], value: f64| axis.partition_point(|&v| v < value as f32);
+    for &member in members {
+        let speed = place(&speeds_mm_s, member.0.speed_mm_s);
+        let force = place(&forces_n, member.0.force_n);
+        cells[speed * forces_n.len() + force].push(member);
+    }
+    let measured: Vec<Option<Model>> = cells
+        .par_iter()
+        .map(|cell| measured_model(cell, options))
+        .collect();
+    let mut filler = Filler {
+        speeds: speeds_mm_s.len(),
+        forces: forces_n.len(),
+        known: measured,
+    };
+    let warnings = silence_at_zero(name, &speeds_mm_s, &forces_n, &mut filler.known);
+    let models = (0..filler.known.len())
+        .map(|index| filler.model(index))
+        .collect();
+    let grid = Grid {
+        speeds_mm_s,
+        forces_n,
+        models,
+    };
+    Ok((grid, warnings))
+}
+
+fn axis(name: &str, what: &str, values: impl Iterator<Item = f64>) -> Result<Vec<f32>> {
+    let mut axis: Vec<f32> = values.map(|value| value as f32).collect();
+    axis.sort_by(f32::total_cmp);
+    axis.dedup();
+    if axis.len() > limits::MAX_AXIS_LEN {
+        return Err(Error::Model(format!(
+            "texture '{name}' has {} different {what}; a grid holds {}: give nominal values, not measured ones",
+            axis.len(),
+            limits::MAX_AXIS_LEN
+        )));
+    }
+    Ok(axis)
+}
+
+/// The model of a node's trials taken together; `None` where there is no trial.
+fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Model> {
+    let doubtful =
+        |(_, analysis, report): &Member<'_>| !analysis.is_silent() && !report.verdicts.is_empty();
+    let mut flags = NodeFlags::NONE;
+    if cell.iter().any(doubtful) {
+        flags = flags.with(NodeFlags::DOUBTFUL);
+    }
+    let loud: Vec<&Analysis> = cell
+        .iter()
+        .map(|&(_, analysis, _)| analysis)
+        .filter(|analysis| !analysis.is_silent())
+        .collect();
+    if cell.is_empty() {
+        return None;
+    }
+    if loud.is_empty() {
+        return Some(Model::silent());
+    }
+    let samples: usize = loud.iter().map(|analysis| analysis.samples).sum();
+    let lags = pooled_lags(&loud, samples);
+    let output_power = lags[0];
+    let order_cap = samples / SAMPLES_A_COEFFICIENT;
+    let max_order = match options.order {
+        Order::Auto => limits::MAX_ORDER,
+        Order::Fixed(order) => order,
+    };
+    let prediction = Prediction::levinson_durbin(&corrected(lags), max_order.min(order_cap));
+    let order = match options.order {
+        Order::Auto => prediction.bayesian_order(samples),
+        Order::Fixed(order) => order.min(prediction.max_order()),
+    };
+    Some(Model {
+        reflection: prediction.reflection[..order].to_vec(),
+        output_power,
+        flags,
+    })
+}
+
+/// The autocorrelation of several trials of one node: the mean of theirs, each weighed by its length.
+fn pooled_lags(trials: &[&Analysis], samples: usize) -> Vec<f64> {
+    if let [only] = trials {
+        return only.lags.clone();
+    }
+    let longest = trials.iter().map(|trial| trial.lags.len()).max();
+    let mut pooled = vec![0.0; longest.unwrap_or(0)];
+    for trial in trials {
+        let weight = trial.samples as f64 / samples as f64;
+        for (sum, lag) in pooled.iter_mut().zip(&trial.lags) {
+            *sum += weight * lag;
+        }
+    }
+    pooled
+}
+
+/// The stylus is silent at rest and without contact, whatever was recorded there.
+fn silence_at_zero(
+    name: &str,
+    speeds_mm_s: &[f32],
+    forces_n: &[f32],
+    models: &mut [Option<Model>],
+) -> Vec<String> {
+    let mut overruled = 0;
+    for (index, model) in models.iter_mut().enumerate() {
+        let (speed, force) = (index / forces_n.len(), index % forces_n.len());
+        if speeds_mm_s[speed] <= 0.0 || forces_n[force] <= 0.0 {
+            overruled += usize::from(model.as_ref().is_some_and(|m| m.output_power > 0.0));
+            *model = Some(Model::silent());
+        }
+    }
+    if overruled == 0 {
+        return Vec::new();
+    }
+    vec![format!(
+        "texture '{name}': {overruled} trial(s) at speed 0 or force 0 are not silent; the stylus plays silence there \
+         (label light contact with its force, such as 0.05 N, to keep it)"
+    )]
+}
+
+impl Model {
+    fn silent() -> Self {
+        Self {
+            reflection: Vec::new(),
+            output_power: 0.0,
+            flags: NodeFlags::SILENT,
+        }
+    }
+
+    fn is_silent(&self) -> bool {
+        self.flags.contains(NodeFlags::SILENT)
+    }
+
+    /// A weighted mean of models where every mixture is stable and every level right: of θ = arcsin k, and of the power's
+    /// logarithm (of the power itself where one is silent). Weights add up to one.
+    fn mean(models: &[(f64, &Self)]) -> Self {
+        let order = models.iter().map(|(_, model)| model.reflection.len()).max();
+        let mut thetas = vec![0.0; order.unwrap_or(0)];
+        for (weight, model) in models {
+            for (theta, k) in thetas.iter_mut().zip(&model.reflection) {
+                *theta += weight * k.asin();
+            }
+        }
+        let any_silent = models.iter().any(|(_, model)| model.is_silent());
+        let power = |of: fn(f64) -> f64| -> f64 {
+            let terms = models.iter().map(|(w, model)| w * of(model.output_power));
+            terms.sum()
+        };
+        let output_power = if any_silent {
+            power(|p| p)
+        } else {
+            power(f64::ln).exp()
+        };
+        let flags = if output_power > 0.0 {
+            NodeFlags::NONE
+        } else {
+            NodeFlags::SILENT
+        };
+        Self {
+            reflection: thetas.into_iter().map(f64::sin).collect(),
+            output_power,
+            flags,
+        }
+    }
+}
+
+/// Fills holes from the nodes that were measured, and from those only, so that the order of filling does not matter.
+struct Filler {
+    speeds: usize,
+    forces: usize,
+    known: Vec<Option<Model>>,
+}
+
+impl Filler {
+    fn model(&self, index: usize) -> Model {
+        let at = (index / self.forces, index % self.forces);
+        match &self.known[index] {
+            Some(model) if model.is_silent() => Model {
+                // The way to silence keeps the timbre of its surroundings: only the level goes to zero.
+                reflection: self.nearest(at, |m| !m.is_silent()).reflection,
+                ..model.clone()
+            },
+            Some(model) => model.clone(),
+            None => self.filled(at),
+        }
+    }
+
+    fn filled(&self, at: (usize, usize)) -> Model {
+        let lines = [self.along_speed(at), self.along_force(at)];
+        let pairs: Vec<_> = lines.into_iter().flatten().collect();
+        if pairs.is_empty() {
+            let nearest = self.nearest(at, |_| true);
+            let flags = nearest.flags.with(NodeFlags::EXTRAPOLATED);
+            return Model { flags, ..nearest };
+        }
+        // The error of a straight line between two points goes with the product of the distances to them.
+        let weight = |pair: &Bracket<'_>| 1.0 / (pair.before.0 * pair.after.0) as f64;
+        let total: f64 = pairs.iter().map(weight).sum();
+        let mut terms = Vec::new();
+        for pair in &pairs {
+            let share = weight(pair) / total;
+            let (before, after) = (pair.before.0 as f64, pair.after.0 as f64);
+            terms.push((share * after / (before + after), pair.before.1));
+            terms.push((share * before / (before + after), pair.after.1));
+        }
+        let mean = Model::mean(&terms);
+        let flags = mean.flags.with(NodeFlags::INTERPOLATED);
+        Model { flags, ..mean }
+    }
+
+    fn along_speed(&self, (speed, force): (usize, usize)) -> Option<Bracket<'_>> {
+        self.bracket(speed, self.speeds, |s| s * self.forces + force)
+    }
+
+    fn along_force(&self, (speed, force): (usize, usize)) -> Option<Bracket<'_>> {
+        self.bracket(force, self.forces, |f| speed * self.forces + f)
+    }
+
+    /// The nearest measured nodes on both sides of `at` on a line of `length` nodes.
+    fn bracket(
+        &self,
+        at: usize,
+        length: usize,
+        index: impl Fn(usize) -> usize,
+    ) -> Option<Bracket<'_>> {
+        let known = |position: usize| self.known[index(position)].as_ref();
+        let before = (0..at).rev().find_map(|p| Some((at - p, known(p)?)))?;
+        let after = (at + 1..length).find_map(|p| Some((p - at, known(p)?)))?;
+        Some(Bracket { before, after })
+    }
+
+    /// The mean of the measured nodes, of those that are `wanted`, that are least steps away; silence if there is none.
+    fn nearest(&self, (speed, force): (usize, usize), wanted: impl Fn(&Model) -> bool) -> Model {
+        let distance = |index: usize| {
+            let (s, f) = (index / self.forces, index % self.forces);
+            s.abs_diff(speed).pow(2) + f.abs_diff(force).pow(2)
+        };
+        let candidates: Vec<(usize, &Model)> = self
+            .known
+            .iter()
+            .enumerate()
+            .filter_map(|(index, model)| Some((distance(index), model.as_ref()?)))
+            .filter(|(_, model)| wanted(model))
+            .collect();
+        let Some(least) = candidates.iter().map(|(distance, _)| *distance).min() else {
+            return Model::silent();
+        };
+        let nearest: Vec<&Model> = candidates
+            .into_iter()
+            .filter(|&(distance, _)| distance == least)
+            .map(|(_, model)| model)
+            .collect();
+        let weight = 1.0 / nearest.len() as f64;
+        let terms: Vec<_> = nearest.into_iter().map(|model| (weight, model)).collect();
+        Model::mean(&terms)
+    }
+}
+
+/// Measured nodes on both sides of a hole, each with its distance in nodes.
+struct Bracket<'a> {
+    before: (usize, &'a Model),
+    after: (usize, &'a Model),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn model(k: f64, power: f64) -> Model {
+        Model {
+            reflection: vec![k, -k / 2.0],
+            output_power: power,
+            flags: NodeFlags::NONE,
+        }
+    }
+
+    fn filler(speeds: usize, forces: usize, known: Vec<Option<Model>>) -> Filler {
+        Filler {
+            speeds,
+            forces,
+            known,
+        }
+    }
+
+    #[test]
+    fn a_hole_between_two_nodes_is_their_mean_and_says_so() {
+        let filler = filler(
+            3,
+            1,
+            vec![Some(model(0.1, 1.0)), None, Some(model(0.5, 4.0))],
+        );
+        let filled = filler.model(1);
+        let expected = f64::midpoint(0.1f64.asin(), 0.5f64.asin()).sin();
+        assert!((filled.reflection[0] - expected).abs() < 1e-12);
+        assert!((filled.output_power - 2.0).abs() < 1e-12);
+        assert_eq!(filled.flags, NodeFlags::INTERPOLATED);
+    }
+
+    #[test]
+    fn beyond_the_last_node_the_nearest_is_taken_over_and_says_so() {
+        let filler = filler(
+            1,
+            3,
+            vec![Some(model(0.1, 1.0)), Some(model(0.5, 4.0)), None],
+        );
+        let filled = filler.model(2);
+        assert!((filled.reflection[0] - 0.5).abs() < 1e-12);
+        assert_eq!(filled.flags, NodeFlags::EXTRAPOLATED);
+    }
+
+    #[test]
+    fn a_silent_node_keeps_its_neighbours_timbre() {
+        let filler = filler(1, 2, vec![Some(Model::silent()), Some(model(0.5, 4.0))]);
+        let silent = filler.model(0);
+        assert!(silent.output_power.abs() <= 0.0 && silent.flags == NodeFlags::SILENT);
+        assert!((silent.reflection[0] - 0.5).abs() < 1e-12);
+    }
+
+    proptest! {
+        #[test]
+        fn every_filled_grid_is_whole_and_stable(
+            known in prop::collection::vec(prop::option::of((-0.999f64..0.999, 0.0f64..10.0)), 24),
+        ) {
+            prop_assume!(known.iter().any(Option::is_some));
+            let known: Vec<_> = known.into_iter().map(|node| node.map(|(k, power)| {
+                if power < 1.0 { Model::silent() } else { model(k, power) }
+            })).collect();
+            let filler = filler(6, 4, known.clone());
+            for (index, known) in known.iter().enumerate() {
+                let filled = filler.model(index);
+                prop_assert!(filled.reflection.iter().all(|k| k.abs() < 1.0));
+                prop_assert!(filled.output_power >= 0.0);
+                prop_assert_eq!(filled.is_silent(), filled.output_power <= 0.0);
+                if let Some(known) = known && !known.is_silent() {
+                    prop_assert_eq!(&filled, known);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! One trial: from its file to the statistics that a model is fitted to.
+
+use crate::autocorrelation::Autocorrelation;
+use crate::error::{Error, Result};
+use crate::recording::{self, Trial};
+use crate::reduction::{Reduction, reduce};
+use crate::triage::{self, Verdict};
+
+use super::Options;
+
+/// What a fit keeps of a trial.
+#[derive(Clone, Debug)]
+pub struct Analysis {
+    /// Biased autocorrelation of the reduced signal from lag 0 on, (m/s²)².
+    pub lags: Vec<f64>,
+    /// How many samples it is of.
+    pub samples: usize,
+    /// Variance of the reduced signal, (m/s²)².
+    pub power: f64,
+    /// Share of the axes' energy that the reduced signal keeps.
+    pub energy_share: f64,
+    /// What the trial by itself tells triage.
+    pub verdicts: Vec<Verdict>,
+    /// A line at a mains frequency, Hz; whether it is hum, the other trials tell.
+    pub mains_line_hz: Option<f64>,
+    /// Equal for equal recordings.
+    pub fingerprint: u64,
+}
+
+impl Analysis {
+    /// Whether triage found it silent.
+    pub fn is_silent(&self) -> bool {
+        self.verdicts.contains(&Verdict::Silent)
+    }
+}
+
+/// The reduced signal of `trial`, m/s², with a mean of zero, at the models' rate; and its share of the axes' energy.
+///
+/// # Errors
+/// A file that cannot be used, or without the axis that was asked for.
+pub fn signal(trial: &Trial, reduction: Reduction) -> Result<(Vec<f64>, f64)> {
+    let mut samples = recording::read(trial)?;
+    let reduced = reduce(&mut samples.axes, reduction)
+        .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
+    Ok((reduced.signal, reduced.energy_share))
+}
+
+/// Reads and analyses `trial` for models of up to `max_order`.
+///
+/// # Errors
+/// A file that cannot be used, or without the axis that was asked for.
+pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Analysis> {
+    let mut samples = recording::read(trial)?;
+    let mut verdicts = triage::samples(&samples);
+    let fingerprint = triage::fingerprint(&samples.axes);
+    let reduced = reduce(&mut samples.axes, options.reduction)
+        .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
+    let autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
+    let power = autocorrelation.lags[0];
+    if !power.is_finite() {
+        let problem = "its samples are too large to be squared; check scale_m_s2";
+        return Err(Error::file(&trial.file, problem));
+    }
+    let silent = power.sqrt() < options.silence_floor_m_s2 || power <= 0.0;
+    if silent {
+        verdicts.insert(0, Verdict::Silent);
+    }
+    let mains_line_hz = if silent {
+        None
+    } else {
+        triage::mains_line(&autocorrelation)
+    };
+    Ok(Analysis {
+        samples: reduced.signal.len(),
+        power,
+        energy_share: reduced.energy_share,
+        verdicts,
+        mains_line_hz,
+        fingerprint,
+        lags: autocorrelation.lags,
+    })
+}

@@ -1,0 +1,21 @@
+//! From recordings of a surface to a library of texture models, and from a library to the very samples that the stylus
+//! plays. The command `stylus` is a thin layer over this library.
+
+pub mod atomic_file;
+pub mod autocorrelation;
+pub mod error;
+pub mod evaluate;
+pub mod fit;
+pub mod html;
+pub mod linear_prediction;
+pub mod motion;
+pub mod plot;
+pub mod progress;
+pub mod recording;
+pub mod reduction;
+pub mod render;
+pub mod report;
+pub mod rig;
+pub mod spectrum;
+mod transform;
+pub mod triage;

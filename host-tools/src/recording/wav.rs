@@ -1,0 +1,80 @@
+//! WAV files, integer or float samples of any width.
+
+use std::fs::File;
+use std::path::Path;
+
+use symphonia::core::codecs::audio::{AudioDecoder, AudioDecoderOptions};
+use symphonia::core::errors::Error as WavError;
+use symphonia::core::formats::{FormatOptions, FormatReader, TrackType};
+use symphonia::core::io::{MediaSourceStream, MediaSourceStreamOptions};
+use symphonia::default::codecs::PcmDecoder;
+use symphonia::default::formats::WavReader;
+
+use super::load::Source;
+use super::{Cut, MAX_CHANNELS};
+use crate::error::{Error, Result};
+
+/// Reads the part of a WAV file that `cut` asks for, every sample exactly: float samples as they are, integer ones
+/// divided by their full scale.
+pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
+    let unusable = |failure: &WavError| {
+        Error::file(path, format!("not a WAV file that can be read: {failure}"))
+    };
+    let file = File::open(path).map_err(Error::io("open", path))?;
+    let stream = MediaSourceStream::new(Box::new(file), MediaSourceStreamOptions::default());
+    let mut format =
+        WavReader::try_new(stream, FormatOptions::default()).map_err(|e| unusable(&e))?;
+    let track = format.default_track(TrackType::Audio);
+    let Some((track, parameters)) = track.and_then(|track| {
+        let parameters = track.codec_params.as_ref()?.audio()?;
+        Some((track, parameters))
+    }) else {
+        return Err(Error::file(path, "holds no samples"));
+    };
+    let declared_frames = track.num_frames;
+    let Some(rate_hz) = parameters.sample_rate.filter(|&rate| rate > 0) else {
+        return Err(Error::file(path, "does not tell its sample rate"));
+    };
+    let mut decoder = PcmDecoder::try_new(parameters, &AudioDecoderOptions::default())
+        .map_err(|e| unusable(&e))?;
+
+    let (first, end) = cut.frames(f64::from(rate_hz));
+    let mut channels: Vec<Vec<f64>> = Vec::new();
+    let (mut packet_channels, mut position) = (Vec::new(), 0usize);
+    while position < end {
+        let packet = match format.next_packet() {
+            Ok(Some(packet)) => packet,
+            Ok(None) => break,
+            Err(WavError::IoError(e)) if e.kind() == std::io::ErrorKind::UnexpectedEof => break,
+            Err(e) => return Err(unusable(&e)),
+        };
+        let decoded = decoder.decode(&packet).map_err(|e| unusable(&e))?;
+        let frames = decoded.frames();
+        if decoded.num_planes() > MAX_CHANNELS {
+            let problem = format!(
+                "{} channels; there may be 1 to {MAX_CHANNELS}, one an axis",
+                decoded.num_planes()
+            );
+            return Err(Error::file(path, problem));
+        }
+        decoded.copy_to_vecs_planar(&mut packet_channels);
+        channels.resize(packet_channels.len(), Vec::new());
+        let from = first.saturating_sub(position).min(frames);
+        let to = (end - position).min(frames);
+        for (channel, samples) in channels.iter_mut().zip(&packet_channels) {
+            channel.extend_from_slice(&samples[from..to.max(from)]);
+        }
+        position += frames;
+    }
+    if let Some(declared) = declared_frames
+        && (position as u64) < declared.min(end as u64)
+    {
+        let problem = format!("is truncated: {position} of {declared} samples are there");
+        return Err(Error::file(path, problem));
+    }
+    Ok(Source {
+        rate_hz: f64::from(rate_hz),
+        first_frame: first,
+        channels,
+    })
+}

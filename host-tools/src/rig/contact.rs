@@ -1,0 +1,99 @@
+//! Hertz contact of a spherical tip with a surface.
+
+/// A tip pressed on a surface by a static force.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    radius_mm: f64,
+    stiffness_n_per_um: f64,
+}
+
+impl Contact {
+    /// The contact of a tip of `tip_radius_mm` on a surface of effective modulus `effective_modulus_mpa`, pressed by
+    /// `force_n`; none when the force is not above zero.
+    ///
+    /// a = (3FR / 4E*)^{1/3}, k = 2E*a (Johnson 1985, eq. 4.22 and the derivative of 4.23).
+    pub fn hertz(tip_radius_mm: f64, effective_modulus_mpa: f64, force_n: f64) -> Option<Self> {
+        (force_n > 0.0).then(|| {
+            // 1 MPa is 1 N/mm².
+            let radius_mm = (0.75 * force_n * tip_radius_mm / effective_modulus_mpa).cbrt();
+            let stiffness_n_per_mm = 2.0 * effective_modulus_mpa * radius_mm;
+            Self {
+                radius_mm,
+                stiffness_n_per_um: stiffness_n_per_mm * 1e-3,
+            }
+        })
+    }
+
+    /// Radius of the circle of contact, mm.
+    pub fn radius_mm(&self) -> f64 {
+        self.radius_mm
+    }
+
+    /// Normal stiffness, N/µm.
+    pub fn stiffness_n_per_um(&self) -> f64 {
+        self.stiffness_n_per_um
+    }
+
+    /// How much of a profile of `wavenumber_rad_per_mm` is left in the mean height under the contact, weighted by the
+    /// pressure: 3(sin u - u cos u)/u³, the Fourier transform of the parabola that the Hertz pressure leaves when it
+    /// is summed across the track. 1 for long waves, ±3/u² for short ones.
+    pub fn patch_response(&self, wavenumber_rad_per_mm: f64) -> f64 {
+        let u = wavenumber_rad_per_mm * self.radius_mm;
+        if u < 0.05 {
+            // The quotient loses its digits here; the next term of the series is u⁶/15120 < 2e-12.
+            let square = u * u;
+            return 1.0 - square / 10.0 + square * square / 280.0;
+        }
+        let (sine, cosine) = u.sin_cos();
+        3.0 * (sine - u * cosine) / (u * u * u)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_patch_response_is_the_mean_over_the_pressure() {
+        let contact = Contact::hertz(1.5, 300.0, 1.0).unwrap();
+        let a = contact.radius_mm();
+        for wavenumber in [1e-3, 0.2, 0.04 / a, 0.06 / a, 1.0 / a, 4.0 / a, 20.0 / a] {
+            // Midpoint rule over the square that holds the contact, on the pressure itself.
+            let cells = 800;
+            let (mut weighted, mut total) = (0.0, 0.0);
+            for row in 0..cells {
+                for column in 0..cells {
+                    let x = (2.0 * (f64::from(row) + 0.5) / f64::from(cells) - 1.0) * a;
+                    let y = (2.0 * (f64::from(column) + 0.5) / f64::from(cells) - 1.0) * a;
+                    let pressure = (1.0 - (x * x + y * y) / (a * a)).max(0.0).sqrt();
+                    weighted += pressure * (wavenumber * x).cos();
+                    total += pressure;
+                }
+            }
+            let response = contact.patch_response(wavenumber);
+            assert!(
+                (response - weighted / total).abs() < 2e-5,
+                "{wavenumber}: {response} against {}",
+                weighted / total
+            );
+        }
+    }
+
+    #[test]
+    fn stiffness_is_the_slope_of_the_hertz_law() {
+        // δ = (9F² / 16 R E*²)^{1/3}, Johnson 1985, eq. 4.23.
+        let indentation_um = |force_n: f64| {
+            1e3 * (9.0 * force_n * force_n / (16.0 * 1.5 * 300.0_f64.powi(2))).cbrt()
+        };
+        for force_n in [0.2, 0.7, 1.4] {
+            let slope = 2e-4 / (indentation_um(force_n + 1e-4) - indentation_um(force_n - 1e-4));
+            let contact = Contact::hertz(1.5, 300.0, force_n).unwrap();
+            assert!((contact.stiffness_n_per_um() / slope - 1.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn without_force_there_is_no_contact() {
+        assert_eq!(Contact::hertz(1.5, 300.0, 0.0), None);
+    }
+}

@@ -1,0 +1,217 @@
+//! The folder that a simulated set is written to: empty, new, or an earlier simulated set and nothing else.
+
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+
+/// Says that the set is simulated; written before any recording.
+pub(super) const MARKER: &str = "SIMULATED.txt";
+/// How the marker begins, so that a file of that name from elsewhere is not taken for it.
+pub(super) const MARKER_START: &str = "SIMULATED. Nothing in this folder was measured.";
+/// The table of trials; written after everything else.
+pub(super) const TRIALS: &str = "trials.csv";
+/// The scene's text.
+pub(super) const SCENE: &str = "scene.toml";
+/// How the name of every recording begins.
+pub(super) const RECORDING_PREFIX: &str = "simulated_";
+
+/// Makes `out` ready for a new set, with the table of trials gone first, so that a run that is cut short has none.
+///
+/// # Errors
+/// That `out` holds anything but an earlier simulated set; nothing is touched then.
+pub(super) fn claim(out: &Path) -> Result<()> {
+    fs::create_dir_all(out).map_err(Error::io("create", out))?;
+    let Contents { recordings, others } = list(out)?;
+    if recordings.is_empty() && others.is_empty() {
+        return Ok(());
+    }
+    let marker = out.join(MARKER);
+    let marked = others.contains(&marker)
+        && fs::read(&marker)
+            .map_err(Error::io("read", &marker))?
+            .starts_with(MARKER_START.as_bytes());
+    if !marked {
+        return Err(Error::file(
+            out,
+            format!(
+                "the folder is not empty and is no simulated set (its {MARKER} is missing or not ours); name a new or \
+                 empty folder"
+            ),
+        ));
+    }
+    // The table first and the marker never: at every moment the folder is known for what it is.
+    let table = out.join(TRIALS);
+    let table = others.contains(&table).then_some(table);
+    let rest = others
+        .into_iter()
+        .filter(|path| *path != marker && !path.ends_with(TRIALS));
+    for path in table.into_iter().chain(recordings).chain(rest) {
+        fs::remove_file(&path).map_err(Error::io("remove", &path))?;
+    }
+    // Folders of textures that the new set may not have; one that is not empty by now is not ours to remove.
+    for entry in entries(out)? {
+        if entry.is_dir() {
+            let _ = fs::remove_dir(&entry);
+        }
+    }
+    Ok(())
+}
+
+/// The files of a simulated set.
+struct Contents {
+    recordings: Vec<PathBuf>,
+    others: Vec<PathBuf>,
+}
+
+/// Lists a folder's files, and refuses any that a simulated set does not have.
+fn list(out: &Path) -> Result<Contents> {
+    let mut contents = Contents {
+        recordings: Vec::new(),
+        others: Vec::new(),
+    };
+    for path in entries(out)? {
+        let name = path.file_name().and_then(OsStr::to_str).unwrap_or("");
+        if is_plain(&path, fs::FileType::is_dir)? {
+            for inner in entries(&path)? {
+                if !is_recording(&inner)? {
+                    return Err(foreign(out, &inner));
+                }
+                contents.recordings.push(inner);
+            }
+        } else if is_plain(&path, fs::FileType::is_file)?
+            && ([MARKER, TRIALS, SCENE].contains(&name) || name.starts_with(TEMPORARY_PREFIX))
+        {
+            contents.others.push(path);
+        } else {
+            return Err(foreign(out, &path));
+        }
+    }
+    Ok(contents)
+}
+
+/// What [`crate::atomic_file`] leaves behind when the machine stops in the middle.
+const TEMPORARY_PREFIX: &str = ".stylus-";
+
+fn is_recording(path: &Path) -> Result<bool> {
+    let name = path.file_name().and_then(OsStr::to_str).unwrap_or("");
+    Ok(name.starts_with(RECORDING_PREFIX)
+        && path.extension() == Some(OsStr::new("wav"))
+        && is_plain(path, fs::FileType::is_file)?)
+}
+
+/// Links are not followed: what they lead to is not ours.
+fn is_plain(path: &Path, kind: impl Fn(&fs::FileType) -> bool) -> Result<bool> {
+    let metadata = fs::symlink_metadata(path).map_err(Error::io("read", path))?;
+    Ok(kind(&metadata.file_type()))
+}
+
+fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
+    let read = |source| Error::io("list", folder)(source);
+    let mut paths = fs::read_dir(folder)
+        .map_err(read)?
+        .map(|entry| entry.map(|entry| entry.path()).map_err(read))
+        .collect::<Result<Vec<_>>>()?;
+    paths.sort();
+    Ok(paths)
+}
+
+fn foreign(out: &Path, path: &Path) -> Error {
+    let name = path.strip_prefix(out).unwrap_or(path);
+    Error::file(
+        out,
+        format!(
+            "the folder holds `{}`, which is not of a simulated set; simulated and other files are not mixed: name a \
+             new or empty folder",
+            name.display()
+        ),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn put(folder: &Path, name: &str, content: &str) {
+        let path = folder.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, content).unwrap();
+    }
+
+    fn files(folder: &Path) -> Vec<PathBuf> {
+        let mut all = Vec::new();
+        for path in entries(folder).unwrap() {
+            if path.is_dir() {
+                all.extend(files(&path));
+            } else {
+                all.push(path);
+            }
+        }
+        all
+    }
+
+    fn simulated_set() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        put(folder.path(), MARKER, MARKER_START);
+        put(folder.path(), TRIALS, "");
+        put(folder.path(), SCENE, "");
+        put(folder.path(), "denim/simulated_20mm_s_0.0N.wav", "");
+        folder
+    }
+
+    #[test]
+    fn an_earlier_simulated_set_is_cleared_but_for_its_marker() {
+        let folder = simulated_set();
+        claim(folder.path()).unwrap();
+        assert_eq!(files(folder.path()), [folder.path().join(MARKER)]);
+        assert!(!folder.path().join("denim").exists());
+    }
+
+    #[test]
+    fn a_folder_with_anything_else_is_refused_and_left_alone() {
+        for stray in [
+            "notes.txt",
+            "denim/measured.wav",
+            "denim/deeper/simulated_1.wav",
+            "denim/simulated_1.txt",
+        ] {
+            let folder = simulated_set();
+            put(folder.path(), stray, "mine");
+            let before = files(folder.path());
+            let message = claim(folder.path()).unwrap_err().to_string();
+            let named = stray.split("/simulated_1.wav").next().unwrap();
+            assert!(message.contains(named), "{message}");
+            assert_eq!(files(folder.path()), before);
+        }
+    }
+
+    #[test]
+    fn without_its_marker_a_set_is_not_taken_for_a_simulated_one() {
+        let folder = simulated_set();
+        fs::remove_file(folder.path().join(MARKER)).unwrap();
+        assert!(
+            claim(folder.path())
+                .unwrap_err()
+                .to_string()
+                .contains(MARKER)
+        );
+        put(folder.path(), MARKER, "I wrote this");
+        assert!(claim(folder.path()).is_err());
+        assert_eq!(files(folder.path()).len(), 4);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_not_followed() {
+        let elsewhere = simulated_set();
+        let folder = simulated_set();
+        std::os::unix::fs::symlink(
+            elsewhere.path().join("denim"),
+            folder.path().join("organza"),
+        )
+        .unwrap();
+        assert!(claim(folder.path()).is_err());
+        assert_eq!(files(elsewhere.path()).len(), 4);
+    }
+}

@@ -1,0 +1,106 @@
+//! What measuring adds to the tool's acceleration.
+
+use std::f64::consts::TAU;
+
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use realfft::num_complex::Complex;
+
+use super::random::StreamKey;
+use super::scene::{Hum, Measurement, Noise, Tremor};
+
+/// Sines that a tremor is made of; enough that their sum is Gaussian.
+const TREMOR_SINES: usize = 24;
+
+/// Adds the effects that `measurement` names to `samples` (axis by axis, m/s²), in the order tremor, hum, offset,
+/// noise, clipping. Returns how many samples were clipped.
+pub(super) fn apply(
+    measurement: &Measurement,
+    sample_rate_hz: f64,
+    key: StreamKey,
+    samples: &mut [Vec<f64>; 3],
+) -> u64 {
+    if let Some(tremor) = &measurement.tremor {
+        let movement = tremor_movement(tremor, sample_rate_hz, key, samples[0].len());
+        add_along(samples, &movement, tremor.rms_m_s2);
+    }
+    if let Some(hum) = &measurement.hum {
+        let sine = hum_sine(hum, sample_rate_hz, key, samples[0].len());
+        add_along(samples, &sine, hum.amplitude_m_s2);
+    }
+    if let Some(offset) = &measurement.offset {
+        for (axis, value) in samples.iter_mut().zip(offset.value_m_s2) {
+            for sample in axis {
+                *sample += value;
+            }
+        }
+    }
+    if let Some(noise) = &measurement.noise {
+        add_noise(noise, key, samples);
+    }
+    let mut clipped = 0;
+    if let Some(clipping) = &measurement.clipping {
+        let range = clipping.range_m_s2();
+        for sample in samples.iter_mut().flatten() {
+            if sample.abs() > range {
+                *sample = range.copysign(*sample);
+                clipped += 1;
+            }
+        }
+    }
+    clipped
+}
+
+fn add_along(samples: &mut [Vec<f64>; 3], movement: &[f64], direction: [f64; 3]) {
+    for (axis, scale) in samples.iter_mut().zip(direction) {
+        for (sample, value) in axis.iter_mut().zip(movement) {
+            *sample += scale * value;
+        }
+    }
+}
+
+/// A Gaussian movement of expected RMS 1 whose power is spread evenly over the band: sines of random frequency in it.
+fn tremor_movement(
+    tremor: &Tremor,
+    sample_rate_hz: f64,
+    key: StreamKey,
+    samples: usize,
+) -> Vec<f64> {
+    let mut random = key.stream("tremor");
+    let mut movement = vec![0.0; samples];
+    let scale = (TREMOR_SINES as f64).sqrt().recip();
+    for _ in 0..TREMOR_SINES {
+        let position: f64 = random.random();
+        let frequency_hz = tremor.lowest_hz + position * (tremor.highest_hz - tremor.lowest_hz);
+        let (cosine, sine): (f64, f64) =
+            (random.sample(StandardNormal), random.sample(StandardNormal));
+        // A rotating phasor costs a multiplication a sample, and is off by 1e-12 after 10⁴.
+        let mut phasor = Complex::new(cosine, sine) * scale;
+        let step = Complex::cis(TAU * frequency_hz / sample_rate_hz);
+        for value in &mut movement {
+            *value += phasor.re;
+            phasor *= step;
+        }
+    }
+    movement
+}
+
+fn hum_sine(hum: &Hum, sample_rate_hz: f64, key: StreamKey, samples: usize) -> Vec<f64> {
+    let start_cycles: f64 = key.stream("hum").random();
+    (0..samples)
+        .map(|i| {
+            let cycles = start_cycles + hum.frequency_hz * i as f64 / sample_rate_hz;
+            (TAU * cycles.fract()).sin()
+        })
+        .collect()
+}
+
+fn add_noise(noise: &Noise, key: StreamKey, samples: &mut [Vec<f64>; 3]) {
+    for (index, (axis, rms)) in samples.iter_mut().zip(noise.rms_m_s2).enumerate() {
+        let mut random = key.index(index).stream("noise");
+        for sample in axis {
+            let value: f64 = random.sample(StandardNormal);
+            *sample += rms * value;
+        }
+    }
+}

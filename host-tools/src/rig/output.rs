@@ -1,0 +1,280 @@
+//! A simulated set on disk: one WAV file a trial, and the table of trials, each of which says that it is simulated.
+
+use std::fmt;
+use std::fs;
+use std::io::{Cursor, Write};
+use std::path::Path;
+
+use hound::{SampleFormat, WavSpec, WavWriter};
+use rayon::prelude::*;
+
+use super::folder::{self, MARKER, MARKER_START, RECORDING_PREFIX, SCENE, TRIALS};
+use super::scene::{Description, Scene};
+use super::trial::{Strip, Trial};
+use crate::error::{Error, Result};
+use crate::{atomic_file, progress};
+
+/// What a run wrote.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Summary {
+    /// Trials, each in a file of its own.
+    pub trials: usize,
+    /// Samples of a trial on each axis.
+    pub samples_per_trial: usize,
+    /// Size of all files together.
+    pub bytes: u64,
+    /// The textures, in the scene's order.
+    pub textures: Vec<TextureSummary>,
+}
+
+/// What a run wrote of one texture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TextureSummary {
+    /// Its name.
+    pub name: String,
+    /// Lowest and highest RMS of the trials in contact (force over zero), the three axes together, m/s²; none without
+    /// such a trial.
+    pub rms_range_m_s2: Option<(f64, f64)>,
+    /// Samples that the sensor's range cut off.
+    pub clipped_samples: u64,
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "SIMULATED, not measured: {} trials of {} samples on 3 axes, {:.1} MB",
+            self.trials,
+            self.samples_per_trial,
+            self.bytes as f64 * 1e-6
+        )?;
+        for texture in &self.textures {
+            write!(f, "  {}:", texture.name)?;
+            match texture.rms_range_m_s2 {
+                Some((low, high)) => write!(f, " RMS {low:.2} to {high:.2} m/s² in contact")?,
+                None => write!(f, " never in contact")?,
+            }
+            match texture.clipped_samples {
+                0 => writeln!(f)?,
+                count => writeln!(f, ", {count} samples clipped")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Runs every trial of `scene` with `seed` and writes them to the folder `out`.
+///
+/// A WAV file a trial, `TEXTURE/simulated_SPEEDmm_s_FORCEN.wav`: 3 channels (x, y, z), 32-bit float, m/s². Beside them
+/// `SIMULATED.txt`, a copy of the scene (`scene.toml`), and last `trials.csv`, so that a run that was cut short has
+/// none. Same scene, same seed: same bytes, whatever the number of threads.
+///
+/// # Errors
+/// `out` holds anything that is not of an earlier simulated set (which is replaced), or cannot be written.
+pub fn simulate_to_folder(scene: &Scene, seed: u64, out: &Path) -> Result<Summary> {
+    folder::claim(out)?;
+    let description = scene.description();
+    let notice = notice(scene, seed);
+    atomic_file::write(&out.join(MARKER), notice.as_bytes())?;
+    for texture in &description.textures {
+        let folder = out.join(&texture.name);
+        fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
+    }
+
+    let recording = &description.recording;
+    let (speeds, forces) = (recording.speeds_mm_s.len(), recording.forces_n.len());
+    let trials = description.textures.len() * speeds * forces;
+    let bar = progress::bar(trials as u64, "simulating trials");
+    let mut rows = Vec::with_capacity(trials);
+    for (position, texture) in description.textures.iter().enumerate() {
+        let strip = Strip::new(scene, position, seed);
+        let of_texture = (0..speeds * forces)
+            .into_par_iter()
+            .map(|i| {
+                let trial = strip.trial(i / forces, i % forces);
+                let row = Row::write(description, &texture.name, &trial, seed, out)?;
+                bar.inc(1);
+                Ok(row)
+            })
+            .collect::<Result<Vec<_>>>()?;
+        rows.extend(of_texture);
+    }
+    bar.finish_and_clear();
+
+    atomic_file::write(&out.join(SCENE), scene.text().as_bytes())?;
+    let table = table(description, seed, &rows).map_err(Error::io("write", &out.join(TRIALS)))?;
+    atomic_file::write(&out.join(TRIALS), &table)?;
+    let recordings: u64 = rows.iter().map(|row| row.bytes).sum();
+    Ok(Summary {
+        trials: rows.len(),
+        samples_per_trial: description.recording.samples(),
+        bytes: recordings + (notice.len() + scene.text().len() + table.len()) as u64,
+        textures: summarise(description, &rows),
+    })
+}
+
+/// What is kept of a trial once its samples are written.
+struct Row {
+    texture: String,
+    /// Relative to the set's folder, with `/` between the parts.
+    file: String,
+    speed_mm_s: f64,
+    force_n: f64,
+    rms_m_s2: f64,
+    clipped: u64,
+    bytes: u64,
+}
+
+impl Row {
+    fn write(
+        description: &Description,
+        texture: &str,
+        trial: &Trial,
+        seed: u64,
+        out: &Path,
+    ) -> Result<Self> {
+        let file = format!(
+            "{texture}/{RECORDING_PREFIX}{}mm_s_{}N.wav",
+            trial.speed_mm_s,
+            with_a_decimal(trial.force_n)
+        );
+        let path = out.join(&file);
+        let comment = format!(
+            "{}; texture {texture}, {} mm/s, {} N; channels x, y, z in m/s2",
+            provenance(description, seed),
+            trial.speed_mm_s,
+            trial.force_n
+        );
+        let wav = wav_bytes(trial, description.recording.sample_rate_hz, &comment)
+            .map_err(|failure| Error::file(&path, failure.to_string()))?;
+        fs::write(&path, &wav).map_err(Error::io("write", &path))?;
+        Ok(Self {
+            texture: texture.to_owned(),
+            file,
+            speed_mm_s: trial.speed_mm_s,
+            force_n: trial.force_n,
+            rms_m_s2: trial.rms_m_s2(),
+            clipped: trial.clipped,
+            bytes: wav.len() as u64,
+        })
+    }
+}
+
+/// Who made this and from what, for the head of every output.
+fn provenance(description: &Description, seed: u64) -> String {
+    format!(
+        "SIMULATED by the rig simulator, nothing here was measured; scene {:?}, seed {seed}",
+        description.name
+    )
+}
+
+fn notice(scene: &Scene, seed: u64) -> String {
+    let description = scene.description();
+    let recording = &description.recording;
+    format!(
+        "{MARKER_START}\n\
+         \n\
+         Every recording here was computed by the rig simulator (stylus simulate-rig) from a model of\n\
+         a tool dragged over a surface. No tool, no drum and no accelerometer was involved, and no result\n\
+         obtained from these files is a result about a real surface.\n\
+         \n\
+         Scene: {} (its text is in {SCENE})\n\
+         Seed: {seed}\n\
+         Trials: {} textures at {} speeds and {} forces, {} samples at {} Hz each, in {TRIALS}\n\
+         Samples: WAV, 32-bit float, channels x (along the motion), y (across), z (normal), in m/s²\n",
+        description.name,
+        description.textures.len(),
+        recording.speeds_mm_s.len(),
+        recording.forces_n.len(),
+        recording.samples(),
+        recording.sample_rate_hz,
+    )
+}
+
+fn table(description: &Description, seed: u64, rows: &[Row]) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    writeln!(bytes, "# {}", provenance(description, seed))?;
+    let mut writer = csv::Writer::from_writer(bytes);
+    writer.write_record(["file", "texture", "speed_mm_s", "force_n", "simulated"])?;
+    for row in rows {
+        writer.write_record([
+            row.file.as_str(),
+            &row.texture,
+            &row.speed_mm_s.to_string(),
+            &row.force_n.to_string(),
+            "true",
+        ])?;
+    }
+    writer.into_inner().map_err(csv::IntoInnerError::into_error)
+}
+
+fn summarise(description: &Description, rows: &[Row]) -> Vec<TextureSummary> {
+    description
+        .textures
+        .iter()
+        .map(|texture| {
+            let own = || rows.iter().filter(|row| row.texture == texture.name);
+            let rms_range_m_s2 = own()
+                .filter(|row| row.force_n > 0.0)
+                .map(|row| (row.rms_m_s2, row.rms_m_s2))
+                .reduce(|range, rms| (range.0.min(rms.0), range.1.max(rms.1)));
+            TextureSummary {
+                name: texture.name.clone(),
+                rms_range_m_s2,
+                clipped_samples: own().map(|row| row.clipped).sum(),
+            }
+        })
+        .collect()
+}
+
+/// `1.0`, `0.2`, `0.25`: a force with at least one decimal.
+fn with_a_decimal(value: f64) -> String {
+    let text = value.to_string();
+    if text.contains('.') {
+        text
+    } else {
+        text + ".0"
+    }
+}
+
+/// A trial as a WAV file, with `comment` in its own chunk, so that a file that has left its folder still tells what
+/// it is.
+fn wav_bytes(trial: &Trial, sample_rate_hz: u32, comment: &str) -> hound::Result<Vec<u8>> {
+    let spec = WavSpec {
+        channels: 3,
+        sample_rate: sample_rate_hz,
+        bits_per_sample: 32,
+        sample_format: SampleFormat::Float,
+    };
+    let [x, y, z] = &trial.samples_m_s2;
+    let mut file = Cursor::new(Vec::with_capacity(12 * x.len() + 512));
+    let mut writer = WavWriter::new(&mut file, spec)?;
+    for frame in x.iter().zip(y).zip(z) {
+        let ((x, y), z) = frame;
+        for sample in [x, y, z] {
+            writer.write_sample(*sample as f32)?;
+        }
+    }
+    writer.finalize()?;
+    let mut bytes = file.into_inner();
+    append_comment(&mut bytes, comment);
+    Ok(bytes)
+}
+
+/// Appends a LIST chunk of type INFO with an ICMT entry (RIFF MCI, 1991), and counts it in the RIFF header's length.
+fn append_comment(wav: &mut Vec<u8>, comment: &str) {
+    // Texts are zero-terminated, and chunks start at even offsets.
+    let mut text = comment.as_bytes().to_vec();
+    text.push(0);
+    let text_length = text.len() as u32;
+    if text.len() % 2 == 1 {
+        text.push(0);
+    }
+    wav.extend_from_slice(b"LIST");
+    wav.extend_from_slice(&(12 + text.len() as u32).to_le_bytes());
+    wav.extend_from_slice(b"INFOICMT");
+    wav.extend_from_slice(&text_length.to_le_bytes());
+    wav.extend_from_slice(&text);
+    let riff_length = wav.len() as u32 - 8;
+    wav[4..8].copy_from_slice(&riff_length.to_le_bytes());
+}

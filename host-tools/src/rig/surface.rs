@@ -1,0 +1,331 @@
+//! The profile of a strip on the drum.
+
+use std::f64::consts::TAU;
+
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use realfft::RealFftPlanner;
+use realfft::num_complex::Complex;
+
+use super::random::StreamKey;
+use super::scene::{Drum, Jitter, Roughness, Texture, Weave};
+
+/// A profile along the track, as the terms of a Fourier series over the drum's circumference.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Surface {
+    circumference_mm: f64,
+    /// `coefficients[n]` is cₙ of h(x) = Re Σ cₙ e^{2πi n x / L}, µm; empty for a surface without any height.
+    coefficients: Vec<Complex<f64>>,
+}
+
+impl Surface {
+    /// The surface of `texture` on `drum`; the same for the same seed and texture, whatever else the scene holds.
+    pub fn new(drum: &Drum, texture: &Texture, seed: u64) -> Self {
+        let circumference_mm = drum.circumference_mm;
+        let key = StreamKey::new(seed).text(&texture.name);
+        let mut coefficients = Vec::new();
+        for (index, weave) in texture.weaves.iter().enumerate() {
+            let terms = weave_terms(weave, circumference_mm, key.index(index));
+            add(&mut coefficients, &terms);
+        }
+        if let Some(roughness) = &texture.roughness {
+            let terms = roughness_terms(roughness, circumference_mm, key);
+            add(&mut coefficients, &terms);
+        }
+        Self {
+            circumference_mm,
+            coefficients,
+        }
+    }
+
+    /// Whether there is no height anywhere.
+    pub fn is_flat(&self) -> bool {
+        self.coefficients.is_empty()
+    }
+
+    /// Terms of the series, µm; the n-th has n periods on the drum, the 0-th is zero.
+    pub fn coefficients_um(&self) -> &[Complex<f64>] {
+        &self.coefficients
+    }
+
+    /// Height at `x_mm` along the track, µm, by summing every term.
+    pub fn height_um(&self, x_mm: f64) -> f64 {
+        let cycles = x_mm / self.circumference_mm;
+        self.coefficients
+            .iter()
+            .enumerate()
+            .map(|(n, term)| (term * Complex::cis(TAU * (n as f64 * cycles).fract())).re)
+            .sum()
+    }
+
+    /// RMS height over the drum, µm.
+    pub fn rms_um(&self) -> f64 {
+        let power: f64 = self.coefficients.iter().map(Complex::norm_sqr).sum();
+        (0.5 * power).sqrt()
+    }
+}
+
+/// Periods of a wavelength on the drum: the nearest whole number, at least one.
+pub(super) fn periods(circumference_mm: f64, wavelength_mm: f64) -> f64 {
+    (circumference_mm / wavelength_mm).round().max(1.0)
+}
+
+/// Highest term that a weave takes, sidebands of its jitter included.
+pub(super) fn highest_weave_term(weave: &Weave, circumference_mm: f64) -> f64 {
+    let harmonics = (weave.harmonics.len() + 1) as f64;
+    let line = harmonics * periods(circumference_mm, weave.wavelength_mm);
+    match &weave.jitter {
+        // Carson's bandwidth of a phase modulation, twice over: (1 + peak phase) times its highest frequency.
+        Some(jitter) => {
+            let peak_rad = 4.0 * harmonics * jitter.rms_rad;
+            (line + 2.0 * (1.0 + peak_rad) * jitter_terms(jitter, circumference_mm)).ceil()
+        }
+        None => line,
+    }
+}
+
+/// Highest term of a roughness.
+pub(super) fn highest_roughness_term(roughness: &Roughness, circumference_mm: f64) -> f64 {
+    (circumference_mm / roughness.shortest_mm).floor()
+}
+
+/// Terms of a jitter's phase: its Gaussian spectrum exp(-q²ℓ²/2) is 4e-6 of its top at qℓ = 5.
+fn jitter_terms(jitter: &Jitter, circumference_mm: f64) -> f64 {
+    (5.0 * circumference_mm / (TAU * jitter.correlation_mm)).ceil()
+}
+
+fn add(total: &mut Vec<Complex<f64>>, terms: &[Complex<f64>]) {
+    if total.len() < terms.len() {
+        total.resize(terms.len(), Complex::default());
+    }
+    for (sum, term) in total.iter_mut().zip(terms) {
+        *sum += term;
+    }
+}
+
+fn weave_terms(weave: &Weave, circumference_mm: f64, key: StreamKey) -> Vec<Complex<f64>> {
+    let periods = periods(circumference_mm, weave.wavelength_mm);
+    let phase_rad = TAU * key.stream("weave position").random::<f64>();
+    let amplitudes_um: Vec<f64> = std::iter::once(1.0)
+        .chain(weave.harmonics.iter().copied())
+        .map(|fraction| weave.amplitude_um * fraction)
+        .collect();
+    let highest = highest_weave_term(weave, circumference_mm) as usize;
+    let mut terms = vec![Complex::default(); highest + 1];
+    let Some(jitter) = &weave.jitter else {
+        for (index, amplitude_um) in amplitudes_um.iter().enumerate() {
+            let harmonic = (index + 1) as f64;
+            terms[(harmonic * periods) as usize] =
+                Complex::from_polar(*amplitude_um, harmonic * phase_rad);
+        }
+        return terms;
+    };
+    // The phase wanders with the place, so the profile is written out along the drum and transformed, on a grid twice
+    // as fine as the highest sideband needs.
+    let length = (4 * (highest + 1)).next_power_of_two();
+    let mut planner = RealFftPlanner::<f64>::new();
+    let mut phase_spectrum = vec![Complex::default(); length / 2 + 1];
+    let wander = jitter_spectrum(jitter, circumference_mm, key);
+    phase_spectrum[..wander.len()].copy_from_slice(&wander);
+    let inverse = planner.plan_fft_inverse(length);
+    let mut profile = inverse.make_output_vec();
+    inverse
+        .process(&mut phase_spectrum, &mut profile)
+        .expect("the lengths are the plan's own");
+    for (i, value) in profile.iter_mut().enumerate() {
+        let line_rad = TAU * (periods * i as f64 / length as f64).fract();
+        let angle = line_rad + phase_rad + *value;
+        *value = amplitudes_um
+            .iter()
+            .enumerate()
+            .map(|(index, amplitude_um)| amplitude_um * ((index + 1) as f64 * angle).cos())
+            .sum();
+    }
+    let forward = planner.plan_fft_forward(length);
+    let mut spectrum = forward.make_output_vec();
+    forward
+        .process(&mut profile, &mut spectrum)
+        .expect("the lengths are the plan's own");
+    for (term, bin) in terms.iter_mut().zip(&spectrum).skip(1) {
+        *term = bin * (2.0 / length as f64);
+    }
+    terms
+}
+
+/// Bins of the wandering phase, for an inverse transform without a factor.
+fn jitter_spectrum(jitter: &Jitter, circumference_mm: f64, key: StreamKey) -> Vec<Complex<f64>> {
+    let terms = jitter_terms(jitter, circumference_mm) as usize;
+    gaussian_terms(terms, jitter.rms_rad, key, "weave jitter", |n| {
+        let q_l = TAU * n * jitter.correlation_mm / circumference_mm;
+        (-0.5 * q_l * q_l).exp()
+    })
+    .into_iter()
+    // A bin and its mirror image share the term's amplitude.
+    .map(|term| term * 0.5)
+    .collect()
+}
+
+fn roughness_terms(
+    roughness: &Roughness,
+    circumference_mm: f64,
+    key: StreamKey,
+) -> Vec<Complex<f64>> {
+    let highest = highest_roughness_term(roughness, circumference_mm) as usize;
+    let roll_off = circumference_mm / roughness.roll_off_mm;
+    gaussian_terms(highest, roughness.rms_um, key, "roughness", |n| {
+        (n / roll_off).max(1.0).powf(-1.0 - 2.0 * roughness.hurst)
+    })
+}
+
+/// Terms 0 to `highest` of a Gaussian field whose expected RMS is `rms` and whose power goes with `power(n)`.
+fn gaussian_terms(
+    highest: usize,
+    rms: f64,
+    key: StreamKey,
+    effect: &str,
+    power: impl Fn(f64) -> f64,
+) -> Vec<Complex<f64>> {
+    let powers: Vec<f64> = (1..=highest).map(|n| power(n as f64)).collect();
+    let total: f64 = powers.iter().sum();
+    let mut random = key.stream(effect);
+    std::iter::once(Complex::default())
+        .chain(powers.iter().map(|power| {
+            let scale = rms * (power / total).sqrt();
+            let (cosine, sine): (f64, f64) =
+                (random.sample(StandardNormal), random.sample(StandardNormal));
+            Complex::new(scale * cosine, -scale * sine)
+        }))
+        .collect()
+}
+
+#[cfg(test)]
+#[expect(clippy::float_cmp, reason = "zeros and sums must be exact")]
+mod tests {
+    use super::*;
+
+    const DRUM: Drum = Drum {
+        circumference_mm: 300.0,
+    };
+
+    fn texture(weaves: Vec<Weave>, roughness: Option<Roughness>) -> Texture {
+        Texture {
+            name: "strip".into(),
+            effective_modulus_mpa: 500.0,
+            loss_factor: None,
+            weaves,
+            roughness,
+        }
+    }
+
+    fn weave(jitter: Option<Jitter>) -> Weave {
+        Weave {
+            wavelength_mm: 0.75,
+            amplitude_um: 4.0,
+            harmonics: vec![0.5, -0.25],
+            jitter,
+        }
+    }
+
+    const ROUGH: Roughness = Roughness {
+        rms_um: 2.0,
+        hurst: 0.7,
+        roll_off_mm: 2.0,
+        shortest_mm: 0.02,
+    };
+
+    #[test]
+    fn nothing_named_is_nothing_there() {
+        let surface = Surface::new(&DRUM, &texture(vec![], None), 1);
+        assert!(surface.is_flat());
+        assert_eq!(surface.height_um(12.0), 0.0);
+    }
+
+    #[test]
+    fn an_exact_weave_has_its_lines_and_no_others() {
+        let surface = Surface::new(&DRUM, &texture(vec![weave(None)], None), 1);
+        for (n, term) in surface.coefficients_um().iter().enumerate() {
+            let expected = match n {
+                400 => 4.0,
+                800 => 2.0,
+                1200 => 1.0,
+                _ => 0.0,
+            };
+            assert!((term.norm() - expected).abs() < 1e-12, "term {n}");
+        }
+        let (here, one_period_on) = (surface.height_um(10.0), surface.height_um(10.75));
+        assert!((here - one_period_on).abs() < 1e-9);
+    }
+
+    #[test]
+    fn jitter_widens_the_lines_and_keeps_their_power() {
+        let exact = Surface::new(&DRUM, &texture(vec![weave(None)], None), 1);
+        let jitter = Jitter {
+            rms_rad: 0.5,
+            correlation_mm: 3.0,
+        };
+        let wandering = Surface::new(&DRUM, &texture(vec![weave(Some(jitter))], None), 1);
+        assert!((wandering.rms_um() / exact.rms_um() - 1.0).abs() < 0.01);
+        let terms = wandering.coefficients_um();
+        // A Gaussian phase of 0.5 rad leaves exp(-σ²/2) = 0.88 of the carrier.
+        assert!((terms[400].norm() / 4.0 - 0.88).abs() < 0.05);
+        let sidebands: f64 = terms[300..500].iter().map(Complex::norm_sqr).sum();
+        assert!((sidebands / 16.0 - 1.0).abs() < 1e-3);
+        assert!(terms.last().unwrap().norm() < 1e-6);
+    }
+
+    #[test]
+    fn a_wandering_phase_has_the_stated_rms_and_correlation() {
+        let jitter = Jitter {
+            rms_rad: 0.4,
+            correlation_mm: 2.0,
+        };
+        let key = StreamKey::new(5).text("strip");
+        let (mut variance, mut covariance) = (0.0, 0.0);
+        let surfaces = 60;
+        for index in 0..surfaces {
+            let bins = jitter_spectrum(&jitter, 300.0, key.index(index));
+            for (n, bin) in bins.iter().enumerate() {
+                let power = 2.0 * bin.norm_sqr();
+                variance += power;
+                covariance += power * (TAU * n as f64 * jitter.correlation_mm / 300.0).cos();
+            }
+        }
+        assert!((variance / f64::from(surfaces as u32) / 0.16 - 1.0).abs() < 0.05);
+        assert!((covariance / variance - (-0.5_f64).exp()).abs() < 0.05);
+    }
+
+    #[test]
+    fn roughness_has_the_stated_rms_and_slope() {
+        let surface = Surface::new(&DRUM, &texture(vec![], Some(ROUGH)), 3);
+        assert!((surface.rms_um() / ROUGH.rms_um - 1.0).abs() < 0.15);
+        let terms = surface.coefficients_um();
+        assert_eq!(terms.len(), 15_001);
+        let mean_power = |from: usize| {
+            terms[from..2 * from]
+                .iter()
+                .map(Complex::norm_sqr)
+                .sum::<f64>()
+                / from as f64
+        };
+        // From one octave to another three octaves up: 8^{-(1+2H)}.
+        let slope = (mean_power(6400) / mean_power(800)).log(8.0);
+        assert!((slope + 2.4).abs() < 0.1, "{slope}");
+        let plateau =
+            mean_power(64) / (terms[5..64].iter().map(Complex::norm_sqr).sum::<f64>() / 59.0);
+        assert!((plateau - 1.0).abs() < 0.6, "{plateau}");
+    }
+
+    #[test]
+    fn a_part_more_leaves_the_others_as_they_were() {
+        let both = Surface::new(&DRUM, &texture(vec![weave(None)], Some(ROUGH)), 3);
+        let rough = Surface::new(&DRUM, &texture(vec![], Some(ROUGH)), 3);
+        let woven = Surface::new(&DRUM, &texture(vec![weave(None)], None), 3);
+        for (n, term) in both.coefficients_um().iter().enumerate() {
+            let sum = woven.coefficients_um().get(n).copied().unwrap_or_default()
+                + rough.coefficients_um()[n];
+            assert_eq!(*term, sum);
+        }
+        let other = Surface::new(&DRUM, &texture(vec![], Some(ROUGH)), 4);
+        assert_ne!(other, rough);
+    }
+}

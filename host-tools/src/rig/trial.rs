@@ -1,0 +1,201 @@
+//! One trial: a tip on a surface that passes at one speed under one force.
+
+use std::f64::consts::TAU;
+
+use rand::RngExt;
+use rayon::prelude::*;
+use realfft::RealFftPlanner;
+use realfft::num_complex::Complex;
+
+use super::contact::Contact;
+use super::measurement;
+use super::random::StreamKey;
+use super::resonance::ToolResponse;
+use super::scene::{Description, Scene, Texture, Tool};
+use super::series::UniformSampler;
+use super::surface::Surface;
+
+/// One texture of a scene on the drum, with one seed: its surface, and for each speed the way from that to samples.
+///
+/// Its trials do not depend on what other textures the scene has.
+pub struct Strip<'a> {
+    description: &'a Description,
+    texture: &'a Texture,
+    key: StreamKey,
+    surface: Surface,
+    /// One for each speed; none where the surface is flat.
+    passes: Vec<Pass>,
+}
+
+/// What a trial records.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trial {
+    /// Surface speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Normal force, N.
+    pub force_n: f64,
+    /// Acceleration on x (along the motion), y (across) and z (normal), m/s²; each [`Recording::samples`] long.
+    ///
+    /// [`Recording::samples`]: super::Recording::samples
+    pub samples_m_s2: [Vec<f64>; 3],
+    /// How many of them the sensor's range cut off.
+    pub clipped: u64,
+}
+
+impl Trial {
+    /// RMS about the mean, over the three axes together, m/s².
+    pub fn rms_m_s2(&self) -> f64 {
+        let power: f64 = self
+            .samples_m_s2
+            .iter()
+            .map(|axis| {
+                let count = axis.len() as f64;
+                let mean = axis.iter().sum::<f64>() / count;
+                axis.iter()
+                    .map(|sample| (sample - mean).powi(2))
+                    .sum::<f64>()
+                    / count
+            })
+            .sum();
+        power.sqrt()
+    }
+}
+
+/// How a profile is turned into samples at one speed.
+struct Pass {
+    sampler: UniformSampler,
+    /// For each term of a profile, how the tool answers at its frequency, and its wavenumber.
+    tool: Vec<TermResponse>,
+}
+
+struct TermResponse {
+    wavenumber_rad_per_mm: f64,
+    response: super::Response,
+}
+
+impl<'a> Strip<'a> {
+    /// Makes the surface of the texture at position `texture` of [`Description::textures`], and what its trials share.
+    ///
+    /// # Panics
+    /// If the scene has no such texture.
+    pub fn new(scene: &'a Scene, texture: usize, seed: u64) -> Self {
+        let description = scene.description();
+        let texture = &description.textures[texture];
+        let surface = Surface::new(&description.drum, texture, seed);
+        let passes = match &description.tool {
+            Some(tool) if !surface.is_flat() => description
+                .recording
+                .speeds_mm_s
+                .par_iter()
+                .map(|speed_mm_s| Pass::new(description, tool, *speed_mm_s, &surface))
+                .collect(),
+            _ => Vec::new(),
+        };
+        Self {
+            description,
+            texture,
+            key: StreamKey::new(seed).text(&texture.name),
+            surface,
+            passes,
+        }
+    }
+
+    /// The surface.
+    pub fn surface(&self) -> &Surface {
+        &self.surface
+    }
+
+    /// Runs the trial at positions `speed` and `force` of the scene's [`Recording`](super::Recording); the same for the
+    /// same scene and seed, whatever ran before.
+    ///
+    /// # Panics
+    /// If the scene has no such speed or force.
+    pub fn trial(&self, speed: usize, force: usize) -> Trial {
+        let recording = &self.description.recording;
+        let speed_mm_s = recording.speeds_mm_s[speed];
+        let force_n = recording.forces_n[force];
+        let key = self.key.number(speed_mm_s).number(force_n);
+        let contact = self.description.tool.as_ref().and_then(|tool| {
+            Contact::hertz(
+                tool.tip_radius_mm,
+                self.texture.effective_modulus_mpa,
+                force_n,
+            )
+        });
+        let mut samples_m_s2 = match (contact, self.passes.get(speed)) {
+            (Some(contact), Some(pass)) => {
+                pass.vibration(&self.surface, self.texture.loss_factor, &contact, key)
+            }
+            _ => std::array::from_fn(|_| vec![0.0; recording.samples()]),
+        };
+        let clipped = measurement::apply(
+            &self.description.measurement,
+            f64::from(recording.sample_rate_hz),
+            key,
+            &mut samples_m_s2,
+        );
+        Trial {
+            speed_mm_s,
+            force_n,
+            samples_m_s2,
+            clipped,
+        }
+    }
+}
+
+impl Pass {
+    fn new(description: &Description, tool: &Tool, speed_mm_s: f64, surface: &Surface) -> Self {
+        let recording = &description.recording;
+        let circumference_mm = description.drum.circumference_mm;
+        let sample_rate_hz = f64::from(recording.sample_rate_hz);
+        let step_cycles = speed_mm_s / (sample_rate_hz * circumference_mm);
+        // Below half the sample rate, strictly: a term there would be half sampled.
+        let below_nyquist = ((0.5 / step_cycles).ceil() as usize).saturating_sub(1);
+        let terms = (surface.coefficients_um().len() - 1).min(below_nyquist);
+        let tool = ToolResponse::new(&tool.modes);
+        let tool = (1..=terms)
+            .map(|n| TermResponse {
+                wavenumber_rad_per_mm: TAU * n as f64 / circumference_mm,
+                response: tool.at(n as f64 * speed_mm_s / circumference_mm),
+            })
+            .collect();
+        Self {
+            sampler: UniformSampler::new(
+                &mut RealFftPlanner::new(),
+                terms,
+                recording.samples(),
+                step_cycles,
+            ),
+            tool,
+        }
+    }
+
+    /// Steady-state acceleration of the tool on each axis, m/s².
+    fn vibration(
+        &self,
+        surface: &Surface,
+        loss_factor: Option<f64>,
+        contact: &Contact,
+        key: StreamKey,
+    ) -> [Vec<f64>; 3] {
+        let start_cycles: f64 = key.stream("start").random();
+        let mut axes: [Vec<Complex<f64>>; 3] = std::array::from_fn(|_| vec![Complex::default()]);
+        for (n, (height_um, term)) in surface
+            .coefficients_um()
+            .iter()
+            .skip(1)
+            .zip(&self.tool)
+            .enumerate()
+        {
+            let turn = Complex::cis(TAU * ((n + 1) as f64 * start_cycles).fract());
+            let force_n = height_um
+                * turn
+                * contact.patch_response(term.wavenumber_rad_per_mm)
+                * term.response.force_per_height(contact, loss_factor);
+            for (axis, response) in axes.iter_mut().zip(term.response.acceleration_per_force) {
+                axis.push(force_n * response);
+            }
+        }
+        axes.map(|coefficients| self.sampler.real_part(&coefficients))
+    }
+}

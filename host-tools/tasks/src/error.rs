@@ -1,0 +1,102 @@
+//! What can go wrong, with what to do about it.
+
+use std::path::PathBuf;
+
+use crate::toolchain::TARGET;
+
+/// A task that failed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// No toolchain builds for the target.
+    #[error(
+        "no Rust toolchain here builds for {TARGET}; install it: `rustup target add {TARGET}`, or, where rustup has no such \
+         target, on Debian 12 as root: `apt-get install {}`",
+        crate::toolchain::DEBIAN_PACKAGES.join(" ")
+    )]
+    NoToolchain,
+    /// A program that a task needs is missing.
+    #[error(
+        "{program} is not installed; install it, on Debian as root: `apt-get install {package}`"
+    )]
+    NoProgram {
+        /// The program.
+        program: &'static str,
+        /// The Debian package that has it.
+        package: &'static str,
+    },
+    /// A program could not be started or waited for.
+    #[error("cannot run {program}: {source}")]
+    Run {
+        /// The program.
+        program: String,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// A program ended with a failure; what it printed is on the screen already.
+    #[error("{program} failed ({status}); see above")]
+    Failed {
+        /// The program with its arguments.
+        program: String,
+        /// How it ended.
+        status: std::process::ExitStatus,
+    },
+    /// A build ended well and left no image.
+    #[error("{path}: the build left no image here", path = .0.display())]
+    NoImage(PathBuf),
+    /// The image in the emulator failed.
+    #[error("the image on {machine} failed ({status}); its last lines:\n{tail}")]
+    Guest {
+        /// The emulated machine.
+        machine: &'static str,
+        /// How the emulator ended.
+        status: std::process::ExitStatus,
+        /// What was printed last.
+        tail: String,
+    },
+    /// The image in the emulator did not end.
+    #[error(
+        "the image on {machine} did not end within {seconds} s and was stopped; its last lines:\n{tail}"
+    )]
+    Timeout {
+        /// The emulated machine.
+        machine: &'static str,
+        /// How long it was given.
+        seconds: u64,
+        /// What was printed last.
+        tail: String,
+    },
+    /// The image printed something else than a report.
+    #[error("line {line} of the image's report: {problem}")]
+    Report {
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// The emulated processor and the host played different samples.
+    #[error("{processor}, {multiplication}, {what}: {problem}")]
+    Bits {
+        /// The processor.
+        processor: &'static str,
+        /// How pairs of 16-bit numbers were multiplied.
+        multiplication: String,
+        /// The texture, or what else was played.
+        what: String,
+        /// The first difference.
+        problem: String,
+    },
+    /// A sample cost too much, or its cost depends on the data.
+    #[error("{processor}, {texture}: {problem}")]
+    Cost {
+        /// The processor.
+        processor: &'static str,
+        /// The texture.
+        texture: String,
+        /// What is wrong.
+        problem: String,
+    },
+}
+
+/// What tasks return.
+pub type Result<T> = std::result::Result<T, Error>;

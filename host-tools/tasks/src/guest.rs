@@ -1,0 +1,71 @@
+//! The image that plays the test vectors: `tests/qemu/guest`.
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::toolchain::{TARGET, Toolchain};
+use crate::{process, workspace};
+
+/// A processor that the kernel is built for, and the board of Arm's on which QEMU has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[value(rename_all = "kebab-case")]
+pub enum Processor {
+    /// What a small stylus would use.
+    #[value(name = "cortex-m4")]
+    CortexM4,
+    /// The board's.
+    #[value(name = "cortex-m7")]
+    CortexM7,
+}
+
+impl Processor {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::CortexM4, Self::CortexM7];
+
+    /// Its name, as the compiler knows it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::CortexM4 => "cortex-m4",
+            Self::CortexM7 => "cortex-m7",
+        }
+    }
+
+    /// QEMU's name of the board.
+    pub const fn machine(self) -> &'static str {
+        match self {
+            Self::CortexM4 => "mps2-an386",
+            Self::CortexM7 => "mps2-an500",
+        }
+    }
+}
+
+/// The folder of the guest's workspace.
+pub fn folder() -> PathBuf {
+    workspace::root().join("tests/qemu/guest")
+}
+
+/// Flags for the compiler: the processor, cortex-m-rt's linker script, and segments that are not padded to pages.
+pub fn compiler_flags(processor: Processor) -> String {
+    let name = processor.name();
+    format!("-C target-cpu={name} -C link-arg=-Tlink.x -C link-arg=--nmagic")
+}
+
+/// Builds the guest, and tells where its image is.
+///
+/// # Errors
+/// There is no toolchain, or the build fails.
+pub fn build(toolchain: &Toolchain, processor: Processor) -> Result<PathBuf> {
+    let target_folder = workspace::target_folder(processor.name());
+    let mut cargo = toolchain.cargo("build", &folder(), &target_folder);
+    cargo.arg("--release").arg("--quiet");
+    cargo.env("RUSTFLAGS", compiler_flags(processor));
+    process::run(&mut cargo)?;
+    let image = target_folder
+        .join(Path::new(TARGET))
+        .join("release/kernel-guest");
+    if image.is_file() {
+        Ok(image)
+    } else {
+        Err(Error::NoImage(image))
+    }
+}

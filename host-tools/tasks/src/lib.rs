@@ -1,0 +1,14 @@
+//! Tasks around the microcontroller's core that take more than one cargo call: finding a toolchain that has the target,
+//! building for it, and running what was built on emulated processors.
+//!
+//! The tests in `tests/qemu` use this library; the command `cargo tasks` is a thin layer over it.
+
+pub mod compare;
+pub mod error;
+pub mod guest;
+pub mod lint;
+pub mod process;
+pub mod qemu;
+pub mod report;
+pub mod toolchain;
+pub mod workspace;

@@ -1,0 +1,111 @@
+//! `cargo tasks`: builds for the microcontroller's core, and runs on emulated ones.
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use tasks::error::{Error, Result};
+use tasks::guest::{self, Processor};
+use tasks::toolchain::{Toolchain, check_clippy};
+use tasks::{compare, lint, qemu};
+
+/// Tasks around the microcontroller's core.
+#[derive(Parser)]
+#[command(name = "cargo tasks", bin_name = "cargo tasks")]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Say what is installed, and how to install what is missing
+    Setup,
+    /// Build the image that plays the test vectors
+    BuildGuest {
+        /// Build for this processor only
+        #[arg(long)]
+        cpu: Option<Processor>,
+    },
+    /// Play the test vectors on emulated processors, compare with the host, and count instructions
+    Qemu,
+    /// Lint all that runs on the target; every warning fails
+    CheckTarget,
+}
+
+fn main() -> ExitCode {
+    let done = match Arguments::parse().task {
+        Task::Setup => setup(),
+        Task::BuildGuest { cpu } => build_guest(cpu),
+        Task::Qemu => play_all(),
+        Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Tells about everything, and fails with the first that is missing.
+fn setup() -> Result<()> {
+    let mut failures = Vec::new();
+    let mut tell = |what: &str, found: Result<String>| match found {
+        Ok(found) => println!("{what}: {found}"),
+        Err(error) => {
+            println!("{what}: missing");
+            failures.push(error);
+        }
+    };
+    let toolchain = Toolchain::find();
+    if let Ok(toolchain) = &toolchain {
+        tell(
+            "lints for the target",
+            check_clippy(toolchain).map(|()| "found".to_owned()),
+        );
+    }
+    tell(
+        "toolchain for the target",
+        toolchain.map(|toolchain| toolchain.to_string()),
+    );
+    tell("emulator", qemu::check().map(|()| "found".to_owned()));
+    let mut failures = failures.into_iter();
+    let Some(first) = failures.next() else {
+        return Ok(());
+    };
+    failures.for_each(|error| eprintln!("error: {error}"));
+    Err(first)
+}
+
+fn build_guest(processor: Option<Processor>) -> Result<()> {
+    let toolchain = Toolchain::find()?;
+    let processors = processor.map_or(Processor::ALL.to_vec(), |processor| vec![processor]);
+    for processor in processors {
+        println!("{}", guest::build(&toolchain, processor)?.display());
+    }
+    Ok(())
+}
+
+/// Shows the costs of every processor before failing for any.
+fn play_all() -> Result<()> {
+    let host = compare::on_host();
+    let mut checked: Vec<Result<()>> = Vec::new();
+    for processor in Processor::ALL {
+        let report = compare::play(processor)?;
+        println!("{}", compare::table(processor, &report));
+        checked.extend([
+            compare::same_bits(processor, &report.played, &host),
+            compare::same_cost_always(processor, &report.samples),
+            compare::within_budget(processor, &report.samples),
+        ]);
+    }
+    let mut failures = checked.into_iter().filter_map(Result::err);
+    let Some(first) = failures.next() else {
+        let count = host.iter().map(|played| played.words.len()).sum::<usize>();
+        println!("every processor played the host's {count} words, bit for bit");
+        return Ok(());
+    };
+    failures.for_each(|error: Error| eprintln!("error: {error}"));
+    Err(first)
+}

@@ -1,0 +1,45 @@
+//! Running programs.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use crate::error::{Error, Result};
+
+/// Runs `command` to its end; it prints to the screen.
+///
+/// # Errors
+/// It cannot be started, or ends with a failure.
+pub fn run(command: &mut Command) -> Result<()> {
+    let status = command.status().map_err(|source| Error::Run {
+        program: name(command),
+        source,
+    })?;
+    if status.success() {
+        Ok(())
+    } else {
+        let arguments = command
+            .get_args()
+            .map(|argument| argument.to_string_lossy());
+        Err(Error::Failed {
+            program: [name(command).into()]
+                .into_iter()
+                .chain(arguments)
+                .collect::<Vec<_>>()
+                .join(" "),
+            status,
+        })
+    }
+}
+
+/// The program of `command`, as it was asked for.
+pub fn name(command: &Command) -> String {
+    command.get_program().to_string_lossy().into_owned()
+}
+
+/// Where `program` is found on the search path.
+pub fn find(program: &str) -> Option<PathBuf> {
+    let path = std::env::var_os("PATH")?;
+    std::env::split_paths(&path)
+        .map(|folder| folder.join(program))
+        .find(|file| file.is_file())
+}

@@ -1,0 +1,143 @@
+//! A Rust toolchain that builds for the microcontroller's core.
+//!
+//! On most machines that is rustup's, with the target that `rust-toolchain.toml` asks for. Where rustup cannot get it,
+//! Debian's own toolchain does: it has no such target either, and builds `core` from the library's source.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::error::{Error, Result};
+use crate::{process, workspace};
+
+/// Cortex-M4 and M7 with a floating-point unit.
+pub const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Debian 12's packages that build for the target.
+pub const DEBIAN_PACKAGES: [&str; 6] = [
+    "rustc-web",
+    "cargo-web",
+    "rust-web-src",
+    "rust-web-llvm",
+    "rust-web-clippy",
+    "lld-22",
+];
+
+/// Where Debian puts its programs.
+const DEBIAN_FOLDER: &str = "/usr/bin";
+
+/// A toolchain that builds for [`TARGET`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Toolchain {
+    /// The toolchain in use, which has the target.
+    Installed {
+        /// Its folder.
+        sysroot: PathBuf,
+    },
+    /// Debian's, which builds `core` itself.
+    Debian,
+}
+
+impl Toolchain {
+    /// The first toolchain found that builds for the target.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn find() -> Result<Self> {
+        if let Some(sysroot) = sysroot(Path::new("rustc"))
+            && sysroot
+                .join("lib/rustlib")
+                .join(TARGET)
+                .join("lib")
+                .is_dir()
+        {
+            return Ok(Self::Installed { sysroot });
+        }
+        let debian = |program: &str| Path::new(DEBIAN_FOLDER).join(program);
+        let source = sysroot(&debian("rustc"))
+            .is_some_and(|sysroot| sysroot.join("lib/rustlib/src/rust/library/core").is_dir());
+        if source && debian("cargo").is_file() && debian("rust-lld").is_file() {
+            Ok(Self::Debian)
+        } else {
+            Err(Error::NoToolchain)
+        }
+    }
+
+    /// `cargo <subcommand> --target <the target>`, to be run in `folder`, with what it builds in `target_folder`.
+    pub fn cargo(&self, subcommand: &str, folder: &Path, target_folder: &Path) -> Command {
+        let mut command = match self {
+            Self::Installed { .. } => Command::new("cargo"),
+            Self::Debian => Command::new(Path::new(DEBIAN_FOLDER).join("cargo")),
+        };
+        command.current_dir(folder);
+        // Cargo hands these to what it runs, such as this task or a test; here they would make the other build differ.
+        for inherited in [
+            "CARGO_BUILD_TARGET",
+            "CARGO_ENCODED_RUSTFLAGS",
+            "RUSTC",
+            "RUSTC_WORKSPACE_WRAPPER",
+            "RUSTDOC",
+            "RUSTFLAGS",
+        ] {
+            command.env_remove(inherited);
+        }
+        command.env("CARGO_TARGET_DIR", target_folder);
+        command.args([subcommand, "--target", TARGET]);
+        if *self == Self::Debian {
+            command.env("PATH", debian_first());
+            // Building `core` is a nightly's feature; nothing else of a nightly is used.
+            command
+                .env("RUSTC_BOOTSTRAP", "1")
+                .args(["-Z", "build-std=core"]);
+        }
+        command
+    }
+}
+
+impl std::fmt::Display for Toolchain {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Installed { sysroot } => write!(f, "{}", sysroot.display()),
+            Self::Debian => write!(f, "Debian's, in {DEBIAN_FOLDER}, with core from its source"),
+        }
+    }
+}
+
+fn sysroot(rustc: &Path) -> Option<PathBuf> {
+    let output = Command::new(rustc)
+        .args(["--print", "sysroot"])
+        .current_dir(workspace::root())
+        .output()
+        .ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    (output.status.success()).then(|| PathBuf::from(text.trim()))
+}
+
+/// The search path with Debian's programs before all others.
+fn debian_first() -> OsString {
+    let mut path = OsString::from(DEBIAN_FOLDER);
+    if let Some(rest) = std::env::var_os("PATH") {
+        path.push(":");
+        path.push(rest);
+    }
+    path
+}
+
+/// Whether this toolchain can lint, as `setup` asks.
+///
+/// # Errors
+/// Clippy is missing.
+pub fn check_clippy(toolchain: &Toolchain) -> Result<()> {
+    let found = match toolchain {
+        Toolchain::Installed { .. } => process::find("cargo-clippy").is_some(),
+        Toolchain::Debian => Path::new(DEBIAN_FOLDER).join("cargo-clippy").is_file(),
+    };
+    if found {
+        Ok(())
+    } else {
+        Err(Error::NoProgram {
+            program: "cargo-clippy",
+            package: "rust-web-clippy",
+        })
+    }
+}

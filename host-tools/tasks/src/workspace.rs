@@ -1,0 +1,19 @@
+//! Where things are.
+
+use std::env;
+use std::path::{Path, PathBuf};
+
+/// The folder of the workspace's `Cargo.toml`.
+pub fn root() -> &'static Path {
+    // This package lies two folders below it.
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    package.ancestors().nth(2).unwrap_or(package)
+}
+
+/// The folder for what a build of `name` leaves: inside that of the host's builds, and never the same, since cargo locks
+/// the one it uses and other flags would make it build everything anew.
+pub fn target_folder(name: &str) -> PathBuf {
+    let host =
+        env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
+    root().join(host).join("tasks").join(name)
+}
