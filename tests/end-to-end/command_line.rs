@@ -1,0 +1,432 @@
+//! The command from outside: what it does with good input, and what it says of bad.
+
+mod support;
+
+use support::{Bench, RATE_HZ, all_pole, noise, text, wav};
+
+/// Two textures at two speeds and forces.
+fn small_set() -> Bench {
+    let bench = Bench::new();
+    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
+    for (texture, pole) in [("silk", 0.5), ("felt", -0.6)] {
+        for (speed, force) in [(50, 0.5), (50, 1.0), (150, 0.5), (150, 1.0)] {
+            let seed = speed * 10 + (force * 10.0) as u64;
+            let signal = all_pole(&[-pole * 1.2, 0.7], &noise(seed, 10_000));
+            let small: Vec<f64> = signal.iter().map(|x| 0.1 * x).collect();
+            let name = format!("{texture}-{speed}-{force}.wav");
+            bench.write(&format!("set/{name}"), wav(&[&signal, &small], RATE_HZ));
+            list.push_str(&format!("{name},{texture},{speed},{force}\n"));
+        }
+    }
+    bench.write("set/trials.csv", list);
+    bench
+}
+
+#[test]
+fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
+    let bench = small_set();
+    let fitted = bench.succeed("fit set --out textures.lib");
+    assert!(fitted.contains("8 trials -> textures.lib"), "{fitted}");
+    let inspected = bench.succeed("inspect textures.lib");
+    assert!(
+        inspected.contains("silk") && inspected.contains("2 x 2"),
+        "{inspected}"
+    );
+    let judged = bench.succeed(
+        "evaluate set --library textures.lib --json figures.json --report report --synthesis 2",
+    );
+    assert!(
+        judged.contains("felt") && judged.contains("report/index.html"),
+        "{judged}"
+    );
+    let figures: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(bench.path("figures.json")).unwrap()).unwrap();
+    assert_eq!(figures["trials"].as_array().unwrap().len(), 8);
+    assert_eq!(figures["simulated"], false);
+    for texture in figures["textures"].as_array().unwrap() {
+        let cost = texture["mean_cost"].as_f64().unwrap();
+        let floor = texture["mean_cost_floor"].as_f64().unwrap();
+        // Autoregressive recordings are what the models are: the cost is what the synthesis' own noise makes it.
+        assert!(cost < 1.2 * floor, "{texture}");
+    }
+    bench.succeed(
+        "render textures.lib --texture silk --speed 100 --force 0.7 --seconds 2 --out a.wav",
+    );
+    let rendered = hound::WavReader::open(bench.path("a.wav")).unwrap();
+    assert_eq!(
+        (rendered.spec().sample_rate, rendered.duration()),
+        (RATE_HZ, 10_000)
+    );
+}
+
+#[test]
+fn reports_for_scripts_are_json() {
+    let bench = small_set();
+    let fitted = bench.succeed("fit set --out textures.lib --json");
+    let report: serde_json::Value = serde_json::from_str(&fitted).unwrap();
+    assert_eq!(report["trials"].as_array().unwrap().len(), 8);
+    assert!(report["trials"][0]["energy_share"].as_f64().unwrap() > 0.98);
+    let inspected = bench.succeed("inspect textures.lib --json");
+    let textures: serde_json::Value = serde_json::from_str(&inspected).unwrap();
+    assert_eq!(textures[0]["nodes"].as_array().unwrap().len(), 4);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes() {
+    let bench = small_set();
+    bench.succeed("fit set --out a.lib");
+    bench.succeed("fit set --out b.lib");
+    let read = |name: &str| std::fs::read(bench.path(name)).unwrap();
+    assert_eq!(read("a.lib"), read("b.lib"));
+    bench.write(
+        "m.csv",
+        "time_s,speed_mm_s,force_n\n0,0,0\n1,200,1\n2,20,0.2\n",
+    );
+    for (out, seed) in [("a.wav", 5), ("b.wav", 5), ("c.wav", 6)] {
+        bench.succeed(&format!(
+            "render a.lib --texture felt --motion m.csv --out {out} --seed {seed}"
+        ));
+    }
+    assert_eq!(read("a.wav"), read("b.wav"));
+    assert_ne!(read("a.wav"), read("c.wav"));
+}
+
+#[test]
+fn a_simulated_set_is_simulated_wherever_it_goes() {
+    let bench = Bench::new();
+    let scene = bench.succeed("simulate-rig --print-scene");
+    let scene = scene
+        .lines()
+        .map(|line| match line.split('=').next().unwrap_or("").trim() {
+            "speeds_mm_s" => "speeds_mm_s = [60, 180]",
+            "forces_n" => "forces_n = [0.0, 1.0]",
+            _ => line,
+        })
+        .collect::<Vec<_>>()
+        .join("\n");
+    bench.write("scene.toml", scene);
+    let said = bench.succeed("simulate-rig --scene scene.toml --out rig --seed 3");
+    assert!(said.contains("SIMULATED"), "{said}");
+    let fitted = bench.succeed("fit rig --out rig.lib");
+    assert!(fitted.contains("SIMULATED"), "{fitted}");
+    let judged = bench.succeed("evaluate rig --library rig.lib --report out --synthesis 2");
+    assert!(judged.contains("SIMULATED"), "{judged}");
+    let page = std::fs::read_to_string(bench.path("out/index.html")).unwrap();
+    assert!(page.contains("SIMULATED"));
+    let rendered = bench
+        .succeed("render rig.lib --texture denim --speed 60 --force 1 --seconds 1 --out d.wav");
+    assert!(rendered.contains("SIMULATED"), "{rendered}");
+}
+
+#[test]
+fn rest_and_no_contact_are_exact_silence() {
+    let bench = small_set();
+    bench.succeed("fit set --out a.lib");
+    for (speed, force) in [("0", "1"), ("100", "0")] {
+        bench.succeed(&format!(
+            "render a.lib --texture silk --speed {speed} --force {force} --seconds 1 --out s.wav"
+        ));
+        let mut wav = hound::WavReader::open(bench.path("s.wav")).unwrap();
+        assert!(
+            wav.samples::<f32>()
+                .all(|sample| sample.unwrap().to_bits() == 0)
+        );
+    }
+}
+
+#[test]
+fn what_cannot_be_used_is_refused_in_one_line_and_nothing_is_written() {
+    let bench = small_set();
+    bench.succeed("fit set --out good.lib");
+    bench.write("empty/readme.txt", "no trials here");
+    bench.write(
+        "bad/trials.csv",
+        "file,texture,speed_mm_s,force_n\na.wav,silk,100,1\na.wav,silk,x,1\n",
+    );
+    bench.write(
+        "gone/trials.csv",
+        "file,texture,speed_mm_s,force_n\nnot-there.wav,silk,100,1\n",
+    );
+    bench.write("nan.csv", "time_s,x\n0,1\n0.0002,NaN\n0.0004,1\n");
+    bench.write("ragged.csv", "0,1\n1\n");
+    bench.write("words.csv", "1\ntwo\n3\n");
+    bench.write("not.wav", "RIFF but not really");
+    let mut nan = noise(1, 10_000);
+    nan[77] = f64::INFINITY;
+    bench.write("infinite.wav", wav(&[&nan], RATE_HZ));
+    bench.write("noise.wav", wav(&[&noise(1, 10_000)], RATE_HZ));
+    let whole = wav(&[&noise(1, 10_000)], RATE_HZ);
+    bench.write("cut.wav", &whole[..20_000]);
+    bench.write("back.csv", "time_s,speed_mm_s,force_n\n0,1,1\n0,2,1\n");
+    let before = bench.names();
+    for (arguments, words) in [
+        ("fit nowhere --out o.lib", &["nowhere"][..]),
+        ("fit empty --out o.lib", &["empty", "trials.csv"]),
+        ("fit bad --out o.lib", &["line 3", "speed_mm_s", "'x'"]),
+        ("fit gone --out o.lib", &["not-there.wav"]),
+        (
+            "fit nan.csv --out o.lib",
+            &["nan.csv", "sample 1", "not a finite number"],
+        ),
+        (
+            "fit infinite.wav --out o.lib",
+            &["infinite.wav", "sample 77"],
+        ),
+        (
+            "fit ragged.csv --sample-rate 5000 --out o.lib",
+            &["line 2", "1 fields"],
+        ),
+        (
+            "fit words.csv --sample-rate 5000 --out o.lib",
+            &["line 2", "'two'"],
+        ),
+        ("fit not.wav --out o.lib", &["not.wav", "WAV"]),
+        ("fit cut.wav --out o.lib", &["cut.wav", "truncated"]),
+        (
+            "fit noise.wav --reduce z --out o.lib",
+            &["axis 3", "1 channel"],
+        ),
+        ("fit noise.wav --out nowhere/o.lib", &["nowhere"]),
+        ("evaluate set --library nowhere.lib", &["nowhere.lib"]),
+        (
+            "evaluate noise.wav --library good.lib",
+            &["'noise'", "silk"],
+        ),
+        (
+            "render good.lib --texture wool --speed 1 --force 1 --seconds 1 --out o.wav",
+            &["'wool'", "felt"],
+        ),
+        (
+            "render good.lib --texture silk --motion back.csv --out o.wav",
+            &["line 3"],
+        ),
+        (
+            "render good.lib --texture silk --motion nowhere.csv --out o.wav",
+            &["nowhere.csv"],
+        ),
+        ("inspect noise.wav", &["noise.wav", "not a texture library"]),
+        (
+            "simulate-rig --scene nowhere.toml --out rig",
+            &["nowhere.toml"],
+        ),
+    ] {
+        let message = bench.refuse(arguments);
+        for word in words {
+            assert!(message.contains(word), "stylus {arguments}\n{message}");
+        }
+        assert_eq!(
+            bench.names(),
+            before,
+            "stylus {arguments} left something behind"
+        );
+    }
+}
+
+#[test]
+fn a_failed_fit_leaves_the_library_that_was_there() {
+    let bench = small_set();
+    bench.succeed("fit set --out a.lib");
+    let before = std::fs::read(bench.path("a.lib")).unwrap();
+    bench.write("bad.csv", "1\nx\n");
+    bench.refuse("fit bad.csv --sample-rate 5000 --out a.lib");
+    assert_eq!(std::fs::read(bench.path("a.lib")).unwrap(), before);
+}
+
+#[test]
+fn damaged_libraries_are_refused_by_every_command_with_the_place() {
+    let bench = small_set();
+    bench.succeed("fit set --out good.lib");
+    let good = std::fs::read(bench.path("good.lib")).unwrap();
+    bench.write("short.lib", &good[..good.len() - 1]);
+    let mut flipped = good.clone();
+    flipped[good.len() / 2] ^= 4;
+    bench.write("flipped.lib", flipped);
+    let mut newer = good.clone();
+    newer[4] += 1;
+    bench.write("newer.lib", newer);
+    for (name, word) in [
+        ("short", "truncated"),
+        ("flipped", "damaged"),
+        ("newer", "version"),
+    ] {
+        for command in [
+            format!("inspect {name}.lib"),
+            format!("evaluate set --library {name}.lib"),
+            format!("render {name}.lib --texture silk --speed 1 --force 1 --seconds 1 --out o.wav"),
+        ] {
+            let message = bench.refuse(&command);
+            assert!(
+                message.contains(name) && message.contains(word),
+                "{message}"
+            );
+        }
+    }
+}
+
+#[test]
+fn arguments_out_of_range_are_refused() {
+    let bench = small_set();
+    for arguments in [
+        "fit set --out o.lib --order 401",
+        "fit set --out o.lib --order -1",
+        "fit set --out o.lib --structure ladder",
+        "fit set --out o.lib --drop nonsense",
+        "fit set",
+        "render a.lib --texture silk --speed NaN --force 1 --seconds 1 --out o.wav",
+        "render a.lib --texture silk --speed 100 --seconds 1 --out o.wav",
+        "render a.lib --texture silk --speed 100 --force 1 --out o.wav",
+        "evaluate set --library a.lib --smoothing -1",
+    ] {
+        let output = bench.run(arguments);
+        assert_eq!(output.status.code(), Some(2), "stylus {arguments}");
+        assert!(!output.stderr.is_empty());
+    }
+    assert_eq!(bench.names(), ["set"]);
+}
+
+#[test]
+fn triage_names_what_is_wrong_and_the_fit_goes_on() {
+    let bench = Bench::new();
+    let clean = noise(1, 10_000);
+    let clipped: Vec<f64> = noise(2, 10_000)
+        .iter()
+        .map(|x| x.clamp(-0.8, 0.8))
+        .collect();
+    let drift: Vec<f64> = noise(3, 10_000)
+        .iter()
+        .zip(0..)
+        .map(|(x, n)| x + 1e-3 * f64::from(n))
+        .collect();
+    let step = core::f64::consts::TAU * 50.0 / f64::from(RATE_HZ);
+    let hum: Vec<f64> = noise(4, 10_000)
+        .iter()
+        .zip(0..)
+        .map(|(x, n)| x + 0.7 * (step * f64::from(n)).sin())
+        .collect();
+    let silent = vec![0.25; 10_000];
+    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
+    for (name, signal) in [
+        ("clean", clean.as_slice()),
+        ("clipped", &clipped),
+        ("drifting", &drift),
+        ("hum", &hum),
+        ("silent", &silent),
+        ("short", &clean[..100]),
+        ("again", &clean),
+    ] {
+        bench.write(&format!("set/{name}.wav"), wav(&[signal], RATE_HZ));
+        list.push_str(&format!("{name}.wav,{name},100,1\n"));
+    }
+    bench.write("set/slow.wav", wav(&[&noise(9, 5600)], 2800));
+    list.push_str("slow.wav,slow,100,1\n");
+    bench.write("set/trials.csv", &list);
+    let report = bench.succeed("fit set --out a.lib --json");
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    let verdict = |name: &str| {
+        let trials = report["trials"].as_array().unwrap();
+        let trial = trials
+            .iter()
+            .find(|trial| trial["texture"] == name)
+            .unwrap();
+        trial["verdicts"].to_string()
+    };
+    assert_eq!(verdict("clean"), "[]");
+    for (name, word) in [
+        ("clipped", "clipped"),
+        ("drifting", "drifting"),
+        ("hum", "hum at 50"),
+        ("silent", "silent"),
+        ("short", "too short: 100 samples"),
+        ("again", "duplicate of trial 1"),
+        ("slow", "wrong rate: 2800 Hz"),
+    ] {
+        assert!(verdict(name).contains(word), "{name}: {}", verdict(name));
+    }
+    let strict = bench.run("fit set --out b.lib --strict");
+    assert_eq!(strict.status.code(), Some(2));
+    assert!(text(&strict.stderr).contains("--strict"));
+    assert!(!bench.path("b.lib").exists());
+}
+
+#[test]
+fn holes_are_filled_and_flagged_and_dropped_trials_are_holes() {
+    let bench = small_set();
+    let list = std::fs::read_to_string(bench.path("set/trials.csv")).unwrap();
+    let without: Vec<&str> = list
+        .lines()
+        .filter(|line| !line.starts_with("silk-50-1.wav"))
+        .collect();
+    bench.write("set/trials.csv", without.join("\n"));
+    let said = bench.succeed("fit set --out a.lib --json");
+    let report: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(report["textures"][0]["filled_nodes"], 1);
+    assert_eq!(report["textures"][1]["filled_nodes"], 0);
+}
+
+#[test]
+fn any_pcm_or_float_wav_and_csv_give_the_same_model() {
+    let bench = Bench::new();
+    let signal: Vec<f64> = all_pole(&[-1.2, 0.7], &noise(5, 10_000))
+        .iter()
+        .map(|x| 0.1 * x)
+        .collect();
+    bench.write("float.wav", wav(&[&signal], RATE_HZ));
+    for bits in [16u16, 24, 32] {
+        let spec = hound::WavSpec {
+            channels: 1,
+            sample_rate: RATE_HZ,
+            bits_per_sample: bits,
+            sample_format: hound::SampleFormat::Int,
+        };
+        let path = bench.path(&format!("pcm{bits}.wav"));
+        let mut writer = hound::WavWriter::create(path, spec).unwrap();
+        for x in &signal {
+            let code = (x * 2f64.powi(i32::from(bits) - 1)).round() as i32;
+            writer.write_sample(code).unwrap();
+        }
+        writer.finalize().unwrap();
+    }
+    bench.write("double.wav", double_wav(&signal));
+    let lines: Vec<String> = signal
+        .iter()
+        .enumerate()
+        .map(|(n, x)| format!("{},{x}", n as f64 / f64::from(RATE_HZ)))
+        .collect();
+    bench.write(
+        "table.csv",
+        format!("time_s,x_m_s2\n{}\n", lines.join("\n")),
+    );
+    bench.succeed(
+        "fit float.wav pcm16.wav pcm24.wav pcm32.wav double.wav table.csv --out a.lib --order 10",
+    );
+    let bytes = std::fs::read(bench.path("a.lib")).unwrap();
+    let library = model_format::Library::decode(&bytes).unwrap();
+    let powers: Vec<f32> = library
+        .textures()
+        .map(|t| t.node(0, 0).output_power)
+        .collect();
+    assert_eq!(powers.len(), 6);
+    for power in &powers {
+        assert!((power / powers[0] - 1.0).abs() < 1e-3, "{powers:?}");
+    }
+}
+
+/// What NumPy users write: IEEE float samples of 64 bits.
+fn double_wav(signal: &[f64]) -> Vec<u8> {
+    let data = signal.len() as u32 * 8;
+    let mut bytes = Vec::new();
+    bytes.extend(b"RIFF");
+    bytes.extend((36 + data).to_le_bytes());
+    bytes.extend(b"WAVEfmt ");
+    bytes.extend(16u32.to_le_bytes());
+    bytes.extend(3u16.to_le_bytes());
+    bytes.extend(1u16.to_le_bytes());
+    bytes.extend(RATE_HZ.to_le_bytes());
+    bytes.extend((RATE_HZ * 8).to_le_bytes());
+    bytes.extend(8u16.to_le_bytes());
+    bytes.extend(64u16.to_le_bytes());
+    bytes.extend(b"data");
+    bytes.extend(data.to_le_bytes());
+    bytes.extend(signal.iter().flat_map(|x| x.to_le_bytes()));
+    bytes
+}

@@ -1,0 +1,137 @@
+//! What the end-to-end tests share: the built command, folders, and recordings made on the spot.
+
+#![allow(dead_code, reason = "each test uses a part of it")]
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use tempfile::TempDir;
+
+/// Sample rate of the recordings made here, Hz.
+pub const RATE_HZ: u32 = 5000;
+
+/// A folder of a test's own, and the command run in it.
+pub struct Bench(TempDir);
+
+impl Bench {
+    /// An empty folder.
+    pub fn new() -> Self {
+        Self(TempDir::new().expect("there is room for a folder"))
+    }
+
+    /// A path in the folder.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Writes a file, and the folders above it.
+    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        let path = self.path(name);
+        std::fs::create_dir_all(path.parent().expect("it is in the folder")).expect("made");
+        std::fs::write(path, content).expect("there is room for a file");
+    }
+
+    /// Runs `stylus` with words split at spaces, in the folder.
+    pub fn run(&self, arguments: &str) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_stylus"))
+            .args(arguments.split_whitespace())
+            .current_dir(self.0.path())
+            .output()
+            .expect("the command runs")
+    }
+
+    /// Runs `stylus`, which must succeed, and gives what it printed.
+    pub fn succeed(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        let (out, err) = (text(&output.stdout), text(&output.stderr));
+        assert!(output.status.success(), "stylus {arguments}\n{out}\n{err}");
+        out
+    }
+
+    /// Runs `stylus`, which must end with code 2 and one line on standard error; gives that line.
+    pub fn refuse(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        let message = text(&output.stderr);
+        assert_eq!(
+            output.status.code(),
+            Some(2),
+            "stylus {arguments}\n{message}"
+        );
+        assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+        message
+    }
+
+    /// The names in the folder.
+    pub fn names(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.0.path()).expect("the folder is there");
+        let mut names: Vec<String> = entries
+            .map(|entry| {
+                entry
+                    .expect("it can be read")
+                    .file_name()
+                    .to_string_lossy()
+                    .into_owned()
+            })
+            .collect();
+        names.sort();
+        names
+    }
+}
+
+impl Default for Bench {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Output as text.
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// White Gaussian noise of unit variance.
+pub fn noise(seed: u64, samples: usize) -> Vec<f64> {
+    let generator = rand_pcg::Pcg64::seed_from_u64(seed);
+    StandardNormal
+        .sample_iter(generator)
+        .take(samples)
+        .collect()
+}
+
+/// Noise through the all-pole filter y(n) = e(n) - Σ a(i) y(n-i).
+pub fn all_pole(a: &[f64], excitation: &[f64]) -> Vec<f64> {
+    let mut output: Vec<f64> = Vec::with_capacity(excitation.len());
+    for (n, e) in excitation.iter().enumerate() {
+        let past = a
+            .iter()
+            .enumerate()
+            .take(n)
+            .map(|(i, a)| a * output[n - 1 - i]);
+        let next = e - past.sum::<f64>();
+        output.push(next);
+    }
+    output
+}
+
+/// A WAV file's bytes, 32-bit float, one channel an axis.
+pub fn wav(axes: &[&[f64]], rate_hz: u32) -> Vec<u8> {
+    let spec = hound::WavSpec {
+        channels: axes.len() as u16,
+        sample_rate: rate_hz,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let mut writer = hound::WavWriter::new(&mut bytes, spec).expect("the spec is sound");
+    for index in 0..axes[0].len() {
+        for axis in axes {
+            writer
+                .write_sample(axis[index] as f32)
+                .expect("there is room in memory");
+        }
+    }
+    writer.finalize().expect("there is room in memory");
+    bytes.into_inner()
+}

@@ -1,0 +1,73 @@
+//! Any bytes are refused with a typed error, or are a library that can be read from end to end, written again, and played.
+//!
+//! Each input is tried as it is, and with a prefix that fits it: no fuzzer guesses a checksum.
+#![no_main]
+
+use crc::{CRC_32_ISO_HDLC, Crc};
+use libfuzzer_sys::fuzz_target;
+use model_format::{FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Texture, encode};
+use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
+
+#[path = "../../../model-format/tests/library/walk.rs"]
+mod walk;
+
+fuzz_target!(|input: &[u8]| {
+    judge(input);
+    if let Some(library) = with_fitting_prefix(input) {
+        judge(&library);
+    }
+});
+
+/// `input` with magic, version, reserved field, length and checksum as they must be.
+fn with_fitting_prefix(input: &[u8]) -> Option<Vec<u8>> {
+    const PREFIX_BYTES: usize = 16;
+    let mut bytes = b"HTXL".to_vec();
+    bytes.extend(FORMAT_VERSION.to_le_bytes());
+    bytes.extend([0; 2]);
+    bytes.extend((input.len() as u32).to_le_bytes());
+    let body = input.get(PREFIX_BYTES..)?;
+    let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+    let mut digest = crc.digest();
+    digest.update(&bytes);
+    digest.update(body);
+    bytes.extend(digest.finalize().to_le_bytes());
+    bytes.extend(body);
+    Some(bytes)
+}
+
+fn judge(bytes: &[u8]) {
+    match Library::decode(bytes) {
+        Ok(library) => {
+            let content = walk::content(&library);
+            let again = encode(&content).expect("what was read from a library makes one");
+            let library = Library::decode(&again).expect("what was encoded is a library");
+            assert_eq!(walk::content(&library), content);
+            library.textures().for_each(play);
+        }
+        Err(error) => assert!(error.to_string().starts_with(&error.place.to_string())),
+    }
+}
+
+/// Moves over the grid, beyond it, and to rest; there must be silence then.
+fn play(texture: Texture<'_>) {
+    let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
+    let last = (
+        speeds.value(speeds.len() - 1),
+        forces.value(forces.len() - 1),
+    );
+    let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 1);
+    for (speed, force) in [
+        (speeds.value(0) / 2.0, forces.value(0)),
+        (last.0 / 2.0, last.1 / 2.0),
+        last,
+        (-f32::MAX, f32::MAX),
+    ] {
+        let motion = Motion::new(MillimetresPerSecond(speed), Newton(force));
+        synthesis.follow(motion.expect("axes are finite"), UPDATE_INTERVAL_SAMPLES);
+        for _ in 0..UPDATE_INTERVAL_SAMPLES {
+            synthesis.next_sample();
+        }
+    }
+    synthesis.follow(Motion::REST, 1);
+    assert_eq!(synthesis.next_sample().0, 0);
+}

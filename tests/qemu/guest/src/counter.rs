@@ -1,0 +1,78 @@
+//! Counts instructions.
+//!
+//! With `-icount shift=8` QEMU lets 256 ns of virtual time pass with every instruction. SysTick runs at 25 MHz on the MPS2
+//! board, 6.4 ticks an instruction, so that a count is exact in spite of the tick that either end may lose.
+
+use core::fmt;
+use core::hint::black_box;
+
+use cortex_m::peripheral::SYST;
+use cortex_m::peripheral::syst::SystClkSource;
+
+/// SysTick counts down in 24 bits.
+const MASK: u32 = 0x00ff_ffff;
+
+/// Counts the instructions of calls.
+pub struct Counter {
+    /// What reading the timer and an empty call take, ticks.
+    empty_ticks: u32,
+}
+
+impl Counter {
+    /// Takes the timer, and finds out what counting itself costs.
+    pub fn new(mut systick: SYST) -> Self {
+        systick.set_clock_source(SystClkSource::Core);
+        systick.set_reload(MASK);
+        systick.clear_current();
+        systick.enable_counter();
+        Self {
+            empty_ticks: ticks(&mut || ()),
+        }
+    }
+
+    /// How many instructions `call` takes more than an empty one; below 2.6 million.
+    pub fn instructions(&self, call: &mut dyn FnMut()) -> u32 {
+        let ticks = ticks(call) - self.empty_ticks;
+        // 32 ticks are 5 instructions.
+        (ticks * 5 + 16) / 32
+    }
+}
+
+/// How many ticks `call` takes, with what counting takes. One function for all, so that what it adds is the same for all.
+#[inline(never)]
+fn ticks(call: &mut dyn FnMut()) -> u32 {
+    let before = SYST::get_current();
+    black_box(call)();
+    before.wrapping_sub(SYST::get_current()) & MASK
+}
+
+/// The fewest and the most of some counts.
+pub struct Range {
+    fewest: u32,
+    most: u32,
+    count: u32,
+}
+
+impl Default for Range {
+    fn default() -> Self {
+        Self {
+            fewest: u32::MAX,
+            most: 0,
+            count: 0,
+        }
+    }
+}
+
+impl Range {
+    pub fn add(&mut self, value: u32) {
+        self.fewest = self.fewest.min(value);
+        self.most = self.most.max(value);
+        self.count += 1;
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {} {}", self.fewest, self.most, self.count)
+    }
+}

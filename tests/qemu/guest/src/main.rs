@@ -1,0 +1,86 @@
+//! The kernel on an emulated Cortex-M: plays the test vectors, prints every sample, and counts instructions.
+//!
+//! All output goes to the host by semihosting, in the lines of [`kernel_vectors::report`]. Whatever goes wrong is printed
+//! and ends the emulator with a code other than zero, so that no failure hangs.
+#![no_std]
+#![no_main]
+
+mod counter;
+mod failure;
+mod output;
+
+use cortex_m_rt::entry;
+use cortex_m_semihosting::{debug, hio};
+use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, edges, motion, report, run};
+use model_format::Library;
+use stylus_firmware::CortexM;
+use stylus_kernel::multiply::{DualMultiply, Portable};
+use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
+
+use crate::counter::{Counter, Range};
+use crate::output::{Output, Words};
+
+static LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/library.bin"));
+
+#[entry]
+fn main() -> ! {
+    let mut output = Output::new(hio::hstdout().expect("the emulator opens its output"));
+    play::<Portable>(report::PORTABLE, &mut output);
+    play::<CortexM>(report::SMLALD, &mut output);
+    let peripherals = cortex_m::Peripherals::take().expect("nobody else takes them");
+    measure(&Counter::new(peripherals.SYST), &mut output);
+    output.line(format_args!("{}", report::END));
+    loop {
+        debug::exit(debug::EXIT_SUCCESS);
+    }
+}
+
+/// Prints what the kernel puts out with the multiplication `M`, called `name`.
+fn play<M: DualMultiply + Copy>(name: &str, output: &mut Output) {
+    for vector in &VECTORS {
+        output.line(format_args!("{} {name} {}", report::VECTOR, vector.texture));
+        let mut words = Words::new(output);
+        let sink = |sample: model_format::OutputSample| words.push(sample.0.cast_unsigned());
+        let played = run::<M>(LIBRARY, vector.texture, vector.seed, vector.samples, sink);
+        words.finish();
+        let full_scale = played.expect("the library holds every vector");
+        output.line(format_args!("{} {full_scale}", report::FULL_SCALE));
+    }
+    output.line(format_args!("{} {name}", report::EDGES));
+    let mut words = Words::new(output);
+    edges::<M>(|word| words.push(word));
+    words.finish();
+}
+
+/// Prints what a sample and an update cost, over the whole path.
+fn measure(counter: &Counter, output: &mut Output) {
+    let library = Library::decode(LIBRARY).expect("the library is valid");
+    for measured in &MEASURED {
+        let texture = library
+            .texture(measured.texture)
+            .expect("it is in the library");
+        let mut synthesis = Synthesis::<CortexM>::new(texture, 0);
+        let (mut sample, mut follow) = (Range::default(), Range::default());
+        for update in 0..PATH_UPDATES {
+            let motion = motion(update);
+            follow.add(
+                counter.instructions(&mut || synthesis.follow(motion, UPDATE_INTERVAL_SAMPLES)),
+            );
+            for _ in 0..UPDATE_INTERVAL_SAMPLES {
+                let mut played = model_format::OutputSample::SILENCE;
+                sample.add(counter.instructions(&mut || played = synthesis.next_sample()));
+                core::hint::black_box(played);
+            }
+        }
+        output.line(format_args!(
+            "{} {sample} {}",
+            report::SAMPLE_COST,
+            measured.texture
+        ));
+        output.line(format_args!(
+            "{} {follow} {}",
+            report::FOLLOW_COST,
+            measured.texture
+        ));
+    }
+}

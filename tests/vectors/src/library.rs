@@ -1,0 +1,246 @@
+//! The library of test textures, from a seed.
+//!
+//! Models are made as reflection coefficients, whose magnitudes below one are all that stability takes; the direct
+//! forms follow from them by the step-up recursion.
+
+use alloc::string::ToString;
+use alloc::vec::Vec;
+
+use model_format::limits::MAX_ORDER;
+use model_format::{
+    CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, THETA_STEP_RAD, TextureSpec, encode,
+};
+use rand_core::Rng;
+use rand_pcg::Pcg32;
+
+/// The grid that the path is made for.
+const SPEEDS_MM_S: [f32; 3] = [40.0, 120.0, 240.0];
+const FORCES_N: [f32; 2] = [0.5, 2.0];
+
+/// Orders of neighbouring nodes that differ, odd ones and none at all among them.
+const UNEQUAL_ORDERS: [usize; 6] = [MAX_ORDER, 37, 1, 250, 399, 0];
+
+/// The bytes of a library that holds every texture of [`crate::VECTORS`].
+///
+/// # Panics
+/// Never, but for an error in this crate: what it encodes is valid.
+pub fn library() -> Vec<u8> {
+    encode(&textures()).expect("the test textures are valid")
+}
+
+fn textures() -> [TextureSpec; 10] {
+    use Structure::{DirectForm16, DirectForm32, NormalisedLattice};
+    let resonant = |index| Model::resonant(MAX_ORDER, index);
+    let one = Grid::one(Model::resonant(MAX_ORDER, 1), 9.0);
+    let gentle = |index| Model::gentle(UNEQUAL_ORDERS[index], 20 + index as u64);
+    [
+        one.texture("lattice, one node", NormalisedLattice),
+        Grid::new(|index| resonant(index as u64)).texture("lattice", NormalisedLattice),
+        Grid::new(|index| Model::resonant(UNEQUAL_ORDERS[index], 10 + index as u64))
+            .with_rest()
+            .texture("lattice of unequal orders", NormalisedLattice),
+        Grid::new(Model::extreme).texture("lattice of largest angles", NormalisedLattice),
+        one.texture("direct 32, one node", DirectForm32),
+        Grid::new(gentle).texture("direct 32", DirectForm32),
+        Grid::new(Model::opposed).texture("direct 32, unstable", DirectForm32),
+        one.texture("direct 16, one node", DirectForm16),
+        Grid::new(gentle).texture("direct 16", DirectForm16),
+        Grid::new(Model::opposed).texture("direct 16, unstable", DirectForm16),
+    ]
+}
+
+/// An all-pole model, as the arcsines of its reflection coefficients in stored steps.
+#[derive(Clone)]
+struct Model {
+    theta_codes: Vec<i16>,
+}
+
+impl Model {
+    fn from_reflection(coefficients: impl Iterator<Item = f64>) -> Self {
+        let code = |k: f64| libm::round(libm::asin(k) / THETA_STEP_RAD) as i16;
+        Self {
+            theta_codes: coefficients.map(code).collect(),
+        }
+    }
+
+    /// Reflection coefficients that fall as 1/m, uniform in ±`first`/m, the first ones replaced by `head`.
+    fn decaying(order: usize, first: f64, head: &[f64], seed: u64) -> Self {
+        let mut uniform = uniform(seed);
+        Self::from_reflection((1..=order).map(|stage| {
+            let drawn = first / stage as f64 * uniform();
+            head.get(stage - 1).copied().unwrap_or(drawn)
+        }))
+    }
+
+    /// Σ ln(1 + |k|) < ln 2 and so Σ|h| ≤ Π(1 + |k|) - 1 < 1: in direct form, between any such models lie stable ones only,
+    /// since Σ|h| < 1 holds for their weighted means too.
+    fn gentle(order: usize, seed: u64) -> Self {
+        // 1 + 1/2 + ... + 1/400 = 6.57, and 0.1 times that is below ln 2.
+        Self::decaying(order, 0.1, &[], seed)
+    }
+
+    /// A resonance of pole radius about 0.99, at a frequency of the seed's own, and a long tail.
+    fn resonant(order: usize, seed: u64) -> Self {
+        let frequency_rad = 0.2 + (0.3 * seed as f64) % 2.8;
+        let head = [-libm::cos(frequency_rad) * 0.999, 0.98];
+        Self::decaying(order, 0.4, &head, seed)
+    }
+
+    /// The largest reflection coefficients that can be stored, of one sign here and of both there.
+    fn extreme(index: usize) -> Self {
+        let code = |stage: usize| match index % 3 {
+            0 => i16::MAX,
+            1 => -i16::MAX,
+            _ if stage.is_multiple_of(2) => i16::MAX,
+            _ => -i16::MAX,
+        };
+        Self {
+            theta_codes: (0..MAX_ORDER).map(code).collect(),
+        }
+    }
+
+    /// (1 - 0.9 z⁻¹)³ and (1 + 0.9 z⁻¹)³ at neighbouring speeds: halfway between them lies 1 + 2.43 z⁻², of pole radius 1.56.
+    fn opposed(index: usize) -> Self {
+        let speed = index / FORCES_N.len();
+        let sign = if speed.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let head = [-0.998_136 * sign, 0.985_359, -0.729 * sign];
+        let order = if index.is_multiple_of(2) {
+            3
+        } else {
+            MAX_ORDER
+        };
+        Self::decaying(order, 0.01, &head, index as u64)
+    }
+
+    fn reflection(&self) -> impl Iterator<Item = f64> {
+        self.theta_codes
+            .iter()
+            .map(|&code| libm::sin(f64::from(code) * THETA_STEP_RAD))
+    }
+
+    /// h₁ to h of the order: the predictor with these reflection coefficients, by the step-up recursion
+    /// a⁽ᵐ⁾[i] = a⁽ᵐ⁻¹⁾[i] + k a⁽ᵐ⁻¹⁾[m - i] with a⁽ᵐ⁾[m] = k and h = -a (Makhoul, Proc. IEEE 63(4), 1975).
+    fn predictor(&self) -> Vec<f64> {
+        let mut h: Vec<f64> = Vec::new();
+        for k in self.reflection() {
+            let before = h.clone();
+            for (next, mirrored) in h.iter_mut().zip(before.iter().rev()) {
+                *next += k * mirrored;
+            }
+            h.push(-k);
+        }
+        h
+    }
+
+    /// Power of the prediction error over that of the output, Π(1 - k²).
+    fn error_ratio(&self) -> f64 {
+        self.reflection().map(|k| 1.0 - k * k).product()
+    }
+
+    fn codes(&self, structure: Structure) -> CodeSpec {
+        match structure {
+            Structure::NormalisedLattice => CodeSpec::Lattice(self.theta_codes.clone()),
+            Structure::DirectForm16 => {
+                let (exponent, codes) = quantise(&self.predictor(), 15);
+                let codes = codes.into_iter().map(|code| code as i16).collect();
+                CodeSpec::Direct16 { exponent, codes }
+            }
+            Structure::DirectForm32 => {
+                let (exponent, codes) = quantise(&self.predictor(), 31);
+                let codes = codes.into_iter().map(|code| code as i32).collect();
+                CodeSpec::Direct32 { exponent, codes }
+            }
+        }
+    }
+}
+
+/// `coefficients` in steps of 2^(exponent - `bits`), with the lowest exponent that has room for them.
+fn quantise(coefficients: &[f64], bits: i32) -> (u8, Vec<i64>) {
+    let largest = coefficients
+        .iter()
+        .fold(0.0, |largest, h| h.abs().max(largest));
+    let sum: f64 = coefficients.iter().map(|h| h.abs()).sum();
+    let mut exponent: u8 = 0;
+    // The largest code must fit its word, and all together must keep the format's bound on 64-bit sums.
+    while f64::max(largest, sum / 2.0) > 0.999 * libm::exp2(f64::from(exponent)) {
+        exponent += 1;
+    }
+    let steps = libm::exp2(f64::from(bits - i32::from(exponent)));
+    let code = |h: &f64| libm::round(h * steps) as i64;
+    (exponent, coefficients.iter().map(code).collect())
+}
+
+/// Models over (speed, force), speed-major, with their output powers, (m/s²)².
+struct Grid {
+    speeds_mm_s: Vec<f32>,
+    forces_n: Vec<f32>,
+    models: Vec<(Model, f32)>,
+}
+
+impl Grid {
+    /// The whole grid, louder with the index.
+    fn new(model: impl Fn(usize) -> Model) -> Self {
+        let count = SPEEDS_MM_S.len() * FORCES_N.len();
+        Self {
+            speeds_mm_s: SPEEDS_MM_S.to_vec(),
+            forces_n: FORCES_N.to_vec(),
+            models: (0..count)
+                .map(|index| (model(index), 0.5 + 2.5 * index as f32))
+                .collect(),
+        }
+    }
+
+    /// A grid of one node.
+    fn one(model: Model, output_power: f32) -> Self {
+        Self {
+            speeds_mm_s: SPEEDS_MM_S[..1].to_vec(),
+            forces_n: FORCES_N[..1].to_vec(),
+            models: [(model, output_power)].to_vec(),
+        }
+    }
+
+    /// The same with silent nodes at speed zero.
+    fn with_rest(mut self) -> Self {
+        self.speeds_mm_s.insert(0, 0.0);
+        let silent = FORCES_N.map(|_| (Model::gentle(5, 99), 0.0));
+        self.models.splice(0..0, silent);
+        self
+    }
+
+    fn texture(&self, name: &str, structure: Structure) -> TextureSpec {
+        TextureSpec {
+            name: name.to_string(),
+            sample_rate_hz: 5000,
+            structure,
+            provenance: Provenance::Simulated,
+            speed_axis_mm_s: self.speeds_mm_s.clone(),
+            force_axis_n: self.forces_n.clone(),
+            nodes: self
+                .models
+                .iter()
+                .map(|(model, power)| node(model, *power, structure))
+                .collect(),
+        }
+    }
+}
+
+fn node(model: &Model, output_power: f32, structure: Structure) -> NodeSpec {
+    let silent = output_power <= 0.0;
+    NodeSpec {
+        output_power,
+        prediction_error_power: output_power * model.error_ratio() as f32,
+        flags: if silent {
+            NodeFlags::SILENT
+        } else {
+            NodeFlags::NONE
+        },
+        codes: model.codes(structure),
+    }
+}
+
+/// Numbers uniform in ±1.
+fn uniform(seed: u64) -> impl FnMut() -> f64 {
+    const STREAM: u64 = 0x5eed;
+    let mut generator = Pcg32::new(seed, STREAM);
+    move || f64::from(generator.next_u32() as i32) / libm::exp2(31.0)
+}

@@ -1,0 +1,41 @@
+//! The lines by which the image tells the host what it played and measured.
+//!
+//! ```text
+//! vector portable lattice of unequal orders      then words, the samples in order, then
+//! full-scale 0                                   how many of them were at full scale
+//! edges portable                                 then words
+//! words 0000002a fffffffe ...                    two's complement, hexadecimal
+//! sample-cost 5600 5600 1600 lattice             fewest and most instructions, of how many calls
+//! follow-cost 11000 30000 160 lattice
+//! end                                            nothing is missing
+//! ```
+
+/// Begins the samples of a texture: multiplication, name.
+pub const VECTOR: &str = "vector";
+
+/// Begins the words of [`crate::edges`]: multiplication.
+pub const EDGES: &str = "edges";
+
+/// Up to [`WORDS_A_LINE`] words.
+pub const WORDS: &str = "words";
+
+/// Most words on a line.
+pub const WORDS_A_LINE: usize = 16;
+
+/// How many samples of the vector were at full scale.
+pub const FULL_SCALE: &str = "full-scale";
+
+/// Instructions of a sample: fewest, most, calls, name.
+pub const SAMPLE_COST: &str = "sample-cost";
+
+/// Instructions of an update of coefficients: fewest, most, calls, name.
+pub const FOLLOW_COST: &str = "follow-cost";
+
+/// The last line.
+pub const END: &str = "end";
+
+/// The multiplication of [`stylus_kernel::multiply::Portable`].
+pub const PORTABLE: &str = "portable";
+
+/// The multiplication by the processor's own instruction.
+pub const SMLALD: &str = "smlald";

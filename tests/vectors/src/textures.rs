@@ -1,0 +1,74 @@
+//! What is played, and what is measured.
+
+use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+
+use crate::path::PATH_UPDATES;
+
+/// A texture to be played for a comparison of bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Vector {
+    /// Its name in the library.
+    pub texture: &'static str,
+    /// Seed of the excitation.
+    pub seed: u64,
+    /// How many samples: once along the path, and on.
+    pub samples: u32,
+}
+
+impl Vector {
+    const fn new(texture: &'static str, seed: u64) -> Self {
+        let samples = (PATH_UPDATES + PATH_UPDATES / 4) * UPDATE_INTERVAL_SAMPLES;
+        Self {
+            texture,
+            seed,
+            samples,
+        }
+    }
+}
+
+/// All textures of the library.
+pub const VECTORS: [Vector; 10] = [
+    Vector::new("lattice, one node", 10),
+    Vector::new("lattice", 1),
+    Vector::new("lattice of unequal orders", 2),
+    Vector::new("lattice of largest angles", 3),
+    Vector::new("direct 32, one node", 4),
+    Vector::new("direct 32", 5),
+    Vector::new("direct 32, unstable", 6),
+    Vector::new("direct 16, one node", 7),
+    Vector::new("direct 16", 8),
+    Vector::new("direct 16, unstable", 9),
+];
+
+/// A texture whose cost is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Measured {
+    /// Its name in the library; its highest order is the limit, 400.
+    pub texture: &'static str,
+    /// Most instructions that one sample may take.
+    pub budget_instructions: u32,
+}
+
+/// One texture for each way through the kernel, with what a sample may cost a Cortex-M4 or M7.
+pub const MEASURED: [Measured; 5] = [
+    Measured {
+        texture: "lattice",
+        budget_instructions: 6000,
+    },
+    Measured {
+        texture: "direct 32, one node",
+        budget_instructions: 1500,
+    },
+    Measured {
+        texture: "direct 32",
+        budget_instructions: 5600,
+    },
+    Measured {
+        texture: "direct 16, one node",
+        budget_instructions: 1500,
+    },
+    Measured {
+        texture: "direct 16",
+        budget_instructions: 2200,
+    },
+];
