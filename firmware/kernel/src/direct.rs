@@ -16,7 +16,7 @@ use model_format::{Coefficients, OutputSample, Texture};
 use crate::excitation;
 use crate::fixed::{saturate, shift_toward_zero};
 use crate::grid::{GridPoint, ONE};
-use crate::level::{Ramp, rms_in_steps};
+use crate::level::{Levels, Ramp, rms_in_steps};
 use crate::multiply::{DualMultiply, pack};
 
 /// Digits after the point of a node's prediction, in steps of the 32-bit history.
@@ -68,6 +68,9 @@ pub trait Word: Copy {
 pub struct Word32;
 
 /// Coefficients and history in 16 bits, multiplied two by two.
+///
+/// The history's steps are those of the loudest node, and truncation takes from what is quieter: 0.2 dB from a node 20 dB
+/// below the loudest, some 15 dB from one 60 dB below. The other structures do not have this.
 #[derive(Clone, Copy, Debug)]
 pub struct Word16<M>(core::marker::PhantomData<M>);
 
@@ -237,8 +240,8 @@ impl<W: Word, const LANES: usize, const PASSES: usize> DirectFrame<W, LANES, PAS
     }
 
     /// Makes this frame that of `point` on the grid of `texture`, the one that it was made for; levels go there from
-    /// those of the frame before, in `samples` samples.
-    pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, samples: u32) {
+    /// `from`, those of the frame before, in `samples` samples.
+    pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
         if self.nodes != Some(point.nodes) {
             self.nodes = Some(point.nodes);
             self.unpack(texture, point);
@@ -255,8 +258,16 @@ impl<W: Word, const LANES: usize, const PASSES: usize> DirectFrame<W, LANES, PAS
         }
         let power = point.mean(|speed, force| texture.node(speed, force).prediction_error_power);
         let deviation = rms_in_steps(power, OutputSample::FRACTION_BITS + self.scale_bits);
-        self.deviation = self.deviation.toward(deviation, samples);
-        self.fade = self.fade.toward(point.fade, samples);
+        self.deviation = Ramp::between(from.amplitude, deviation, samples);
+        self.fade = Ramp::between(from.fade, point.fade, samples);
+    }
+
+    /// The levels with `left` samples of their ramps to come.
+    pub fn levels(&self, left: u32) -> Levels {
+        Levels {
+            amplitude: self.deviation.value(left),
+            fade: self.fade.value(left),
+        }
     }
 
     fn unpack(&mut self, texture: &Texture<'_>, point: &GridPoint) {

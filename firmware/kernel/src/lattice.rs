@@ -19,7 +19,7 @@ use model_format::{Coefficients, OutputSample, Texture};
 
 use crate::fixed::{high_word_toward_zero, shift_toward_zero};
 use crate::grid::{GridPoint, ONE};
-use crate::level::{Ramp, rms_in_steps};
+use crate::level::{Levels, Ramp, rms_in_steps};
 use crate::rotation::{Rotation, THETA_FRACTION_BITS};
 
 /// Digits after the point of the gain in m/s²: full scale of the lattice times full gain is that of the output.
@@ -52,13 +52,13 @@ impl LatticeFrame {
     }
 
     /// Makes this frame that of `point` on the grid of `texture`, a lattice of at most as many stages; the level goes
-    /// there from the level of the frame before, in `samples` samples.
-    pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, samples: u32) {
+    /// there from `from`, that of the frame before, in `samples` samples.
+    pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
         self.interpolate_rotations(texture, point);
         let power = point.mean(|speed, force| texture.node(speed, force).output_power);
         let rms = rms_in_steps(power, GAIN_FRACTION_BITS);
         let gain = (u64::from(rms) * u64::from(point.fade)) / u64::from(ONE);
-        self.gain = self.gain.toward(gain as u32, samples);
+        self.gain = Ramp::between(from.amplitude, gain as u32, samples);
     }
 
     /// θ is interpolated, bilinearly; stages that a node's model lacks have θ = 0.
@@ -76,6 +76,14 @@ impl LatticeFrame {
         let rotations = &mut self.rotations[..self.stages];
         for (rotation, theta) in rotations.iter_mut().zip(thetas) {
             *rotation = Rotation::from_theta((theta + (1 << (DROPPED_BITS - 1))) >> DROPPED_BITS);
+        }
+    }
+
+    /// The level with `left` samples of the ramp to come. It includes the fade.
+    pub fn levels(&self, left: u32) -> Levels {
+        Levels {
+            amplitude: self.gain.value(left),
+            fade: 0,
         }
     }
 

@@ -9,7 +9,7 @@ pub fn rms_in_steps(power: f32, bits: u32) -> u32 {
     scaled.isqrt().min(i32::MAX as u64) as u32
 }
 
-/// A quantity that goes in equal steps from its value in one frame to that in the next, so that no change clicks.
+/// A quantity that goes in equal steps from what it was to what a frame calls for, so that no change clicks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ramp {
     target: i32,
@@ -22,13 +22,12 @@ impl Ramp {
         Self { target: 0, step: 0 }
     }
 
-    /// The ramp that follows this one: from its end to `target` (at most 2³¹ - 1) in `samples` steps.
-    #[must_use]
-    pub fn toward(self, target: u32, samples: u32) -> Self {
+    /// A ramp from `from`, which is not negative, to `target` (at most 2³¹ - 1) in `samples` steps.
+    pub fn between(from: i32, target: u32, samples: u32) -> Self {
         let target = target.min(i32::MAX as u32) as i32;
         Self {
             target,
-            step: (target - self.target) / samples.max(1) as i32,
+            step: (target - from) / samples.max(1) as i32,
         }
     }
 
@@ -37,6 +36,23 @@ impl Ramp {
     pub fn value(self, left: u32) -> i32 {
         self.target - self.step * left as i32
     }
+}
+
+/// What a frame's ramps stand at, for the next frame to go on from.
+///
+/// The units are those of the texture's frames; between frames of one texture they are the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Levels {
+    pub(crate) amplitude: i32,
+    pub(crate) fade: i32,
+}
+
+impl Levels {
+    /// Nothing sounds.
+    pub const SILENT: Self = Self {
+        amplitude: 0,
+        fade: 0,
+    };
 }
 
 #[cfg(test)]
@@ -49,7 +65,7 @@ mod tests {
         fn a_ramp_stays_between_its_ends_and_reaches_its_target(
             from in 0u32..=i32::MAX as u32, to in 0u32..=i32::MAX as u32, samples in 1u32..64,
         ) {
-            let ramp = Ramp::default().toward(from, samples).toward(to, samples);
+            let ramp = Ramp::between(from as i32, to, samples);
             prop_assert_eq!(ramp.value(0), to as i32);
             for left in 0..samples {
                 let value = ramp.value(left) as u32;

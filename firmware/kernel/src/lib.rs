@@ -25,4 +25,5 @@ pub mod rotation;
 mod synthesis;
 
 pub use grid::{Motion, MotionError};
-pub use synthesis::{Synthesis, UPDATE_INTERVAL_SAMPLES};
+pub use level::Levels;
+pub use synthesis::{Frame, Playback, Synthesis, UPDATE_INTERVAL_SAMPLES};

@@ -2,11 +2,11 @@
 
 use model_format::limits::MAX_ORDER;
 use model_format::{CodeSpec, Coefficients, OutputSample, Structure, Texture};
-use stylus_kernel::Synthesis;
 use stylus_kernel::direct::{DirectFrame, DirectState, Word32};
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::{self, GridPoint};
 use stylus_kernel::level::rms_in_steps;
+use stylus_kernel::{Levels, Synthesis};
 
 use crate::models::{fixture, library, motion, single, texture};
 use crate::reference::{Deviation, FloatDirect};
@@ -36,6 +36,7 @@ fn thirty_two_bits_are_90_db_from_float64_with_the_same_coefficients() {
         frame.update(
             &texture,
             &GridPoint::locate(&texture, motion(100.0, 1.0)),
+            Levels::SILENT,
             1,
         );
         let (mut state, mut noise) = (DirectState::<Word32>::new(), Excitation::new(3));

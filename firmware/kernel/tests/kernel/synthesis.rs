@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::LatticeFrame;
 use stylus_kernel::rotation::Rotation;
-use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
+use stylus_kernel::{Levels, Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::lattice::theta_code;
 use crate::models::{STRUCTURES, fixture, library, motion, single, texture};
@@ -79,6 +79,40 @@ proptest! {
             let first = play(&mut ramped, moving, UPDATE_INTERVAL_SAMPLES).next().expect("one sample");
             let (full, first) = (i64::from(full.0).abs(), i64::from(first.0).abs());
             prop_assert!(10 * first <= full + 100, "{}: {} of {}", structure, first, full);
+        }
+    }
+}
+
+proptest! {
+    /// Beside the same noise at full level; a model of order 0 puts out its excitation times the level.
+    #[test]
+    fn a_motion_that_comes_before_the_level_is_there_goes_on_from_the_level_of_the_moment(
+        seed: u64, played in 1u32..UPDATE_INTERVAL_SAMPLES,
+    ) {
+        let node = NodeSpec {
+            output_power: MAX_OUTPUT_POWER,
+            prediction_error_power: MAX_OUTPUT_POWER,
+            flags: NodeFlags::NONE,
+            codes: CodeSpec::Lattice(Vec::new()),
+        };
+        let bytes = single(Structure::NormalisedLattice, node);
+        let moving = motion(75.0, 0.75);
+        let mut full: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
+        full.follow(moving, 1);
+        let mut interrupted: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
+        let mut shares = Vec::new();
+        for samples in [played, UPDATE_INTERVAL_SAMPLES] {
+            interrupted.follow(moving, UPDATE_INTERVAL_SAMPLES);
+            for _ in 0..samples {
+                let (full, output) = (full.next_sample().0, interrupted.next_sample().0);
+                // Where the noise is near zero a share says nothing.
+                if full.abs() > 1 << 20 {
+                    shares.push(f64::from(output) / f64::from(full));
+                }
+            }
+        }
+        for pair in shares.windows(2) {
+            prop_assert!(pair[1] >= pair[0] - 1e-5, "the level falls from {} to {}", pair[0], pair[1]);
         }
     }
 }
@@ -242,7 +276,7 @@ proptest! {
         let texture = texture(&bytes);
         let rotations = |speed, force| -> Vec<Rotation> {
             let mut frame = LatticeFrame::silent(texture.max_order());
-            frame.update(&texture, &GridPoint::locate(&texture, motion(speed, force)), 1);
+            frame.update(&texture, &GridPoint::locate(&texture, motion(speed, force)), Levels::SILENT, 1);
             frame.rotations().to_vec()
         };
         let here = rotations(speed, force);
