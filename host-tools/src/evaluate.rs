@@ -100,6 +100,23 @@ pub struct TextureEvaluation {
     pub mean_log_spectral_distance_db: f64,
 }
 
+impl TextureEvaluation {
+    /// The fields as a table's row, in their order.
+    pub fn cells(&self) -> [String; 9] {
+        [
+            self.texture.clone(),
+            self.trials.to_string(),
+            self.silent.to_string(),
+            format!("{:.3}", self.mean_cost),
+            format!("{:.3}", self.cost_deviation),
+            format!("{:.3}", self.mean_cost_floor),
+            format!("{:.2}", self.mean_band_error_db),
+            format!("{:.0} %", 100.0 * self.bands_within_jnd),
+            format!("{:.2}", self.mean_log_spectral_distance_db),
+        ]
+    }
+}
+
 /// What an evaluation gives, with what is needed to read it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Evaluation {

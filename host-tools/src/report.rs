@@ -100,19 +100,7 @@ impl Report<'_> {
             .evaluation
             .textures
             .iter()
-            .map(|texture| {
-                vec![
-                    texture.texture.clone(),
-                    texture.trials.to_string(),
-                    texture.silent.to_string(),
-                    format!("{:.3}", texture.mean_cost),
-                    format!("{:.3}", texture.cost_deviation),
-                    format!("{:.3}", texture.mean_cost_floor),
-                    format!("{:.2}", texture.mean_band_error_db),
-                    format!("{:.0} %", 100.0 * texture.bands_within_jnd),
-                    format!("{:.2}", texture.mean_log_spectral_distance_db),
-                ]
-            })
+            .map(|texture| texture.cells().to_vec())
             .collect();
         self.page.table("Textures", &columns, &rows);
     }

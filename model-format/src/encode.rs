@@ -130,12 +130,17 @@ fn append_texture(
             speed: number / forces,
             force: number % forces,
         };
-        let order = u16::try_from(node.codes.order()).unwrap_or(u16::MAX);
-        if node.codes.structure() != texture.structure {
-            return Err(Problem::Malformed.at(place));
+        let (order, structure) = (node.codes.order(), node.codes.structure());
+        if structure != texture.structure {
+            let texture = texture.structure;
+            let node = structure;
+            return Err(Problem::StructureMismatch { node, texture }.at(place));
+        }
+        if order > limits::MAX_ORDER {
+            return Err(Problem::Order(order).at(place));
         }
         let record = NodeRecord {
-            order,
+            order: order as u16,
             flags: node.flags.bits(),
             exponent: node.codes.exponent(),
             output_power: node.output_power,

@@ -106,6 +106,16 @@ pub enum Problem {
     /// A field that must be zero is not.
     #[error("a reserved field is not zero")]
     Reserved,
+    /// A node whose coefficients are for another structure than its texture's. Only writers can come upon it.
+    #[error(
+        "coefficients for the structure \"{node}\" in a texture of the structure \"{texture}\""
+    )]
+    StructureMismatch {
+        /// What the node's coefficients are for.
+        node: Structure,
+        /// The texture's structure.
+        texture: Structure,
+    },
     /// The texture's header does not parse.
     #[error("the header does not parse")]
     Malformed,
@@ -162,7 +172,7 @@ pub enum Problem {
     },
     /// An order above the limit.
     #[error("order {0}; the highest is {max}", max = limits::MAX_ORDER)]
-    Order(u16),
+    Order(usize),
     /// Flags that this version does not know.
     #[error("unknown flags {0:#04x}")]
     Flags(u8),

@@ -260,8 +260,9 @@ impl<'a> Texture<'a> {
     /// Checks one node whose coefficients are due at byte `begin`, and tells where they end.
     fn validate_node(&self, speed: usize, force: usize, begin: usize) -> Result<usize, Problem> {
         let record = self.record(speed, force);
-        if usize::from(record.order) > limits::MAX_ORDER {
-            return Err(Problem::Order(record.order));
+        let order = usize::from(record.order);
+        if order > limits::MAX_ORDER {
+            return Err(Problem::Order(order));
         }
         let Some(flags) = NodeFlags::from_bits(record.flags) else {
             return Err(Problem::Flags(record.flags));
@@ -292,7 +293,7 @@ impl<'a> Texture<'a> {
                 expected: begin,
             });
         }
-        let end = begin + usize::from(record.order) * self.structure.coefficient_bytes();
+        let end = begin + order * self.structure.coefficient_bytes();
         if end > self.coefficients.len() {
             return Err(Problem::CoefficientLength {
                 found: self.coefficients.len(),

@@ -91,19 +91,7 @@ pub fn summary(evaluation: &Evaluation) -> String {
     let rows: Vec<Vec<String>> = evaluation
         .textures
         .iter()
-        .map(|texture| {
-            vec![
-                texture.texture.clone(),
-                texture.trials.to_string(),
-                texture.silent.to_string(),
-                format!("{:.3}", texture.mean_cost),
-                format!("{:.3}", texture.cost_deviation),
-                format!("{:.3}", texture.mean_cost_floor),
-                format!("{:.2}", texture.mean_band_error_db),
-                format!("{:.0} %", texture.bands_within_jnd * 100.0),
-                format!("{:.2}", texture.mean_log_spectral_distance_db),
-            ]
-        })
+        .map(|texture| texture.cells().to_vec())
         .collect();
     let origin = if evaluation.simulated {
         "\nThe recordings are SIMULATED."

@@ -383,7 +383,8 @@ fn there_are_as_many_nodes_as_the_axes_span() {
 fn orders_above_the_limit_are_refused() {
     for order in [401, u16::MAX] {
         let error = texture_fault(|texture| texture.nodes[2].order = order);
-        check(error, NODE, Problem::Order(order), "the highest is 400");
+        let problem = Problem::Order(usize::from(order));
+        check(error, NODE, problem, "the highest is 400");
     }
 }
 
@@ -643,6 +644,11 @@ fn the_encoder_refuses_what_the_decoder_would() {
             Problem::Order(401),
         ),
         (
+            |spec| spec.nodes[1].codes = CodeSpec::Lattice(vec![0; 70_000]),
+            last,
+            Problem::Order(70_000),
+        ),
+        (
             |spec| spec.nodes[1].codes = CodeSpec::Lattice(vec![1, i16::MIN]),
             last,
             Problem::ReflectionCoefficient { stage: 2 },
@@ -684,5 +690,9 @@ fn the_encoder_refuses_coefficients_of_another_structure() {
         speed: 0,
         force: 1,
     };
-    assert_eq!(error.place, place);
+    let problem = Problem::StructureMismatch {
+        node: Structure::DirectForm16,
+        texture: Structure::NormalisedLattice,
+    };
+    assert_eq!(error, DecodeError { place, problem });
 }
