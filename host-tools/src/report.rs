@@ -81,20 +81,21 @@ impl Report<'_> {
              device's own kernel. C is the paper's equation (6) (Romano, Yoshioka, Kuchenbecker, ICRA 2010), with DFT \
              amplitudes smoothed by a {}. A synthesis is noise of its own, so that a perfect model of broadband noise \
              does not score 0 but the floor shown. Bands are third octaves from 20 to 1000 Hz; errors below {} dB \
-             (amplitude JND, Israr 2006) are not felt.",
+             (amplitude JND, Israr 2006) are not felt; the table has their mean magnitude and the share that is not \
+             felt. LSD is the log-spectral distance from 30 to 1000 Hz.",
             self.options.synthesis_s, self.evaluation.smoothing, AMPLITUDE_JND_DB
         ));
-        let within = format!("bands within {AMPLITUDE_JND_DB} dB");
+        let within = format!("within {AMPLITUDE_JND_DB} dB");
         let columns = [
             Column::Text("texture"),
             Column::Number("trials"),
             Column::Number("silent"),
             Column::Number("mean C"),
-            Column::Number("standard deviation"),
+            Column::Number("sd of C"),
             Column::Number("floor of C"),
-            Column::Number("mean band error (dB)"),
+            Column::Number("band error (dB)"),
             Column::Number(&within),
-            Column::Number("log-spectral distance (dB)"),
+            Column::Number("LSD (dB)"),
         ];
         let rows: Vec<Vec<String>> = self
             .evaluation

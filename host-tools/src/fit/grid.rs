@@ -177,8 +177,8 @@ fn silence_at_zero(
         return Vec::new();
     }
     vec![format!(
-        "texture '{name}': {overruled} trial(s) at speed 0 or force 0 are not silent; the stylus plays silence there \
-         (label light contact with its force, such as 0.05 N, to keep it)"
+        "texture '{name}': {overruled} trial(s) at speed 0 or force 0 will play as silence (give light contact its \
+         force, such as 0.05 N, to keep it)"
     )]
 }
 
