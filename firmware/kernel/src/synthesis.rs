@@ -21,10 +21,6 @@ pub struct Frame<M: DualMultiply + Copy = Portable>(FrameOf<M>);
 
 /// One for each structure. A texture of a single node needs no weighing of four.
 #[derive(Clone, Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "one frame is reserved once, for the largest"
-)]
 enum FrameOf<M: DualMultiply + Copy> {
     Lattice(LatticeFrame),
     Direct16One(DirectFrame<Word16<M>, 1, 1>),
