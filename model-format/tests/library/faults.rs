@@ -609,7 +609,7 @@ fn the_encoder_refuses_what_the_decoder_would() {
         speed: 0,
         force: 1,
     };
-    let cases: [Case; 8] = [
+    let cases: [Case; 9] = [
         (
             |spec| spec.name.clear(),
             Place::Texture(0),
