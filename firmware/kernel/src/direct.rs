@@ -13,11 +13,11 @@ use core::sync::atomic::{Ordering, compiler_fence};
 use model_format::limits::{MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{Coefficients, OutputSample, Texture};
 
+use crate::arithmetic::{Arithmetic, pack};
 use crate::excitation;
 use crate::fixed::{saturate, shift_toward_zero};
 use crate::grid::{GridPoint, ONE};
 use crate::level::{Levels, Ramp, rms_in_steps};
-use crate::multiply::{DualMultiply, pack};
 
 /// Digits after the point of a node's prediction, in steps of the 32-bit history.
 const PREDICTION_FRACTION_BITS: u32 = 4;
@@ -126,7 +126,7 @@ impl Word for Word32 {
     }
 }
 
-impl<M: DualMultiply + Copy> Word for Word16<M> {
+impl<M: Arithmetic> Word for Word16<M> {
     type Sample = i16;
     type Step = u32;
     const SAMPLES_A_STEP: usize = 2;

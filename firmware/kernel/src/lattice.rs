@@ -11,13 +11,11 @@
 //! shrink it too. All signals have the variance of the excitation, whatever the texture, so that one scale fits all:
 //! one standard deviation is 2²⁸, full scale is eight of them.
 
-use core::cell::Cell;
-use core::sync::atomic::{Ordering, compiler_fence};
-
 use model_format::limits::MAX_ORDER;
 use model_format::{Coefficients, OutputSample, Texture};
 
-use crate::fixed::{high_word_toward_zero, shift_toward_zero};
+use crate::arithmetic::Arithmetic;
+use crate::fixed::shift_toward_zero;
 use crate::grid::{GridPoint, ONE};
 use crate::level::{Levels, Ramp, rms_in_steps};
 use crate::rotation::{Rotation, THETA_FRACTION_BITS};
@@ -120,36 +118,24 @@ impl LatticeState {
 
     /// Puts one sample of excitation through the lattice, both in steps of 2⁻²⁸ of a standard deviation.
     #[inline]
-    pub fn filter(&mut self, rotations: &[Rotation], excitation: i32) -> i32 {
-        let stages = rotations.len().min(MAX_ORDER);
-        let backward = Cell::from_mut(&mut self.backward[..=stages]).as_slice_of_cells();
-        let mut forward = excitation;
-        for (rotation, pair) in rotations[..stages].iter().zip(backward.windows(2)).rev() {
-            let (cos, f, g) = (i64::from(rotation.cos), forward, pair[0].get());
-            let (f, g) = (i64::from(f), i64::from(g));
-            // One 64-bit sum and one truncation each: two separate products would break the bound by a step.
-            let down = high_word_toward_zero(cos * f + i64::from(rotation.neg_sin) * g);
-            let up = high_word_toward_zero(i64::from(rotation.sin) * f + cos * g);
-            pair[1].set(up.saturating_add(up));
-            forward = down.saturating_add(down);
-            // No instruction; it keeps the compiler from running ahead along the forward path, which costs it more
-            // registers than there are and doubles the time of a stage on a Cortex-M4.
-            compiler_fence(Ordering::SeqCst);
-        }
-        backward[0].set(forward);
-        forward
+    pub fn filter<A: Arithmetic>(&mut self, rotations: &[Rotation], excitation: i32) -> i32 {
+        let rotations = &rotations[..rotations.len().min(MAX_ORDER)];
+        let backward = &mut self.backward[..=rotations.len()];
+        let output = A::rotate(rotations, backward, excitation);
+        backward[0] = output;
+        output
     }
 
     /// The next sample of a texture: `excitation` through the lattice of `frame`, at its level with `left` samples of
     /// its ramp to come; and whether the lattice is at full scale.
     #[inline]
-    pub fn next_sample(
+    pub fn next_sample<A: Arithmetic>(
         &mut self,
         frame: &LatticeFrame,
         excitation: i32,
         left: u32,
     ) -> (OutputSample, bool) {
-        let filtered = self.filter(frame.rotations(), excitation);
+        let filtered = self.filter::<A>(frame.rotations(), excitation);
         let gain = frame.gain.value(left);
         let output = shift_toward_zero(i64::from(filtered) * i64::from(gain), 31);
         #[expect(

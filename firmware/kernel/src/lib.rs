@@ -14,13 +14,13 @@
 //! (its structure and highest order), never on the data.
 #![no_std]
 
+pub mod arithmetic;
 pub mod direct;
 pub mod excitation;
 mod fixed;
 pub mod grid;
 pub mod lattice;
 pub mod level;
-pub mod multiply;
 pub mod rotation;
 mod synthesis;
 

@@ -22,8 +22,10 @@ static SINES: [i32; COARSE_COUNT + 1] = sines();
 
 /// A rotation by θ = arcsin k, in steps of 2⁻³¹. cos² + sin² ≤ 2⁶² holds in the integers.
 ///
-/// The negative of the sine is kept as well, so that the lattice needs no instruction to make it.
+/// The negative of the sine is kept as well, so that the lattice needs no instruction to make it. Three words in this order:
+/// a processor's own [`crate::arithmetic::Arithmetic`] may load them as such.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(C)]
 pub struct Rotation {
     /// cos θ, not negative.
     pub cos: i32,

@@ -5,23 +5,24 @@
 
 use model_format::{OutputSample, Structure, Texture};
 
+use crate::arithmetic::{Arithmetic, Portable};
 use crate::direct::{DirectFrame, DirectState, Word16, Word32};
 use crate::excitation::Excitation;
 use crate::grid::{GridPoint, Motion};
 use crate::lattice::{LatticeFrame, LatticeState};
 use crate::level::Levels;
-use crate::multiply::{DualMultiply, Portable};
 
 /// How often coefficients follow the motion, samples: every 2 ms at 5 kHz.
 pub const UPDATE_INTERVAL_SAMPLES: u32 = 10;
 
-/// Coefficients and levels that a motion calls for. `M` is how a processor multiplies 16-bit pairs; all give the same bits.
+/// Coefficients and levels that a motion calls for. `M` is the processor's
+/// arithmetic; all give the same bits.
 #[derive(Clone, Debug)]
-pub struct Frame<M: DualMultiply + Copy = Portable>(FrameOf<M>);
+pub struct Frame<M: Arithmetic = Portable>(FrameOf<M>);
 
 /// One for each structure. A texture of a single node needs no weighing of four.
 #[derive(Clone, Debug)]
-enum FrameOf<M: DualMultiply + Copy> {
+enum FrameOf<M: Arithmetic> {
     Lattice(LatticeFrame),
     Direct16One(DirectFrame<Word16<M>, 1, 1>),
     Direct16(DirectFrame<Word16<M>, 2, 2>),
@@ -42,7 +43,7 @@ macro_rules! each_frame {
     };
 }
 
-impl<M: DualMultiply + Copy> Frame<M> {
+impl<M: Arithmetic> Frame<M> {
     /// A silent frame for `texture`.
     pub fn silent(texture: &Texture<'_>) -> Self {
         let single = texture.speed_axis().len() * texture.force_axis().len() == 1;
@@ -75,7 +76,7 @@ impl<M: DualMultiply + Copy> Frame<M> {
 
 /// What was played of a texture, and the noise to come.
 #[derive(Clone, Debug)]
-pub struct Playback<M: DualMultiply + Copy = Portable> {
+pub struct Playback<M: Arithmetic = Portable> {
     excitation: Excitation,
     state: State<M>,
     /// Samples of the current frame's ramps that are still to come.
@@ -88,13 +89,13 @@ pub struct Playback<M: DualMultiply + Copy = Portable> {
     clippy::large_enum_variant,
     reason = "one state is reserved once, for the largest"
 )]
-enum State<M: DualMultiply + Copy> {
+enum State<M: Arithmetic> {
     Lattice(LatticeState),
     Direct16(DirectState<Word16<M>>),
     Direct32(DirectState<Word32>),
 }
 
-impl<M: DualMultiply + Copy> Playback<M> {
+impl<M: Arithmetic> Playback<M> {
     /// `texture` at rest; the same `seed` gives the same samples, always and everywhere.
     pub fn new(texture: &Texture<'_>, seed: u64) -> Self {
         Self {
@@ -122,7 +123,7 @@ impl<M: DualMultiply + Copy> Playback<M> {
         let (left, excitation) = (self.left, self.excitation.next_sample());
         let (output, saturated) = match (&frame.0, &mut self.state) {
             (FrameOf::Lattice(frame), State::Lattice(state)) => {
-                state.next_sample(frame, excitation, left)
+                state.next_sample::<M>(frame, excitation, left)
             }
             (FrameOf::Direct16One(frame), State::Direct16(state)) => {
                 state.next_sample(frame, excitation, left)
@@ -156,13 +157,13 @@ impl<M: DualMultiply + Copy> Playback<M> {
 
 /// A texture being played, frame and playback in one.
 #[derive(Clone, Debug)]
-pub struct Synthesis<'a, M: DualMultiply + Copy = Portable> {
+pub struct Synthesis<'a, M: Arithmetic = Portable> {
     texture: Texture<'a>,
     frame: Frame<M>,
     playback: Playback<M>,
 }
 
-impl<'a, M: DualMultiply + Copy> Synthesis<'a, M> {
+impl<'a, M: Arithmetic> Synthesis<'a, M> {
     /// `texture` at rest, silent until it is moved; the same `seed` gives the same samples, always and everywhere.
     pub fn new(texture: Texture<'a>, seed: u64) -> Self {
         Self {

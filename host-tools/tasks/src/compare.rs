@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use kernel_vectors::report::{PORTABLE, SMLALD};
+use kernel_vectors::report::{CORTEX_M, PORTABLE};
 use kernel_vectors::{MEASURED, Measured, VECTORS, edges, library, run};
-use stylus_kernel::multiply::Portable;
+use stylus_kernel::arithmetic::Portable;
 
 use crate::error::{Error, Result};
 use crate::guest::{self, Processor};
@@ -29,15 +29,15 @@ pub fn play(processor: Processor) -> Result<Report> {
 pub fn on_host() -> Vec<Played> {
     let library = library();
     let mut played = Vec::new();
-    // The host has one multiplication, and the target's own must give the same bits.
-    for multiplication in [PORTABLE, SMLALD] {
+    // The host has one arithmetic, and the target's own must give the same bits.
+    for arithmetic in [PORTABLE, CORTEX_M] {
         for vector in &VECTORS {
             let mut words = Vec::new();
             let sink = |sample: model_format::OutputSample| words.push(sample.0.cast_unsigned());
             let full_scale =
                 run::<Portable>(&library, vector.texture, vector.seed, vector.samples, sink);
             played.push(Played {
-                multiplication: multiplication.to_owned(),
+                arithmetic: arithmetic.to_owned(),
                 texture: Some(vector.texture.to_owned()),
                 words,
                 full_scale: Some(full_scale.expect("the library holds every vector")),
@@ -46,7 +46,7 @@ pub fn on_host() -> Vec<Played> {
         let mut words = Vec::new();
         edges::<Portable>(|word| words.push(word));
         played.push(Played {
-            multiplication: multiplication.to_owned(),
+            arithmetic: arithmetic.to_owned(),
             texture: None,
             words,
             full_scale: None,
@@ -65,7 +65,7 @@ pub fn same_bits(processor: Processor, played: &[Played], host: &[Played]) -> Re
             let what = expected.texture.as_deref().unwrap_or("edges of arithmetic");
             return Err(Error::Bits {
                 processor: processor.name(),
-                multiplication: expected.multiplication.clone(),
+                arithmetic: expected.arithmetic.clone(),
                 what: what.to_owned(),
                 problem,
             });
@@ -75,7 +75,7 @@ pub fn same_bits(processor: Processor, played: &[Played], host: &[Played]) -> Re
         None => Ok(()),
         Some(more) => Err(Error::Bits {
             processor: processor.name(),
-            multiplication: more.multiplication.clone(),
+            arithmetic: more.arithmetic.clone(),
             what: more.texture.clone().unwrap_or_default(),
             problem: "played beyond what was asked for".to_owned(),
         }),
@@ -84,7 +84,7 @@ pub fn same_bits(processor: Processor, played: &[Played], host: &[Played]) -> Re
 
 fn same(played: Option<&Played>, host: &Played) -> std::result::Result<(), String> {
     let played = played.ok_or("not played")?;
-    if (&played.multiplication, &played.texture) != (&host.multiplication, &host.texture) {
+    if (&played.arithmetic, &played.texture) != (&host.arithmetic, &host.texture) {
         return Err(format!("{played:.0?} was played in its place"));
     }
     let pairs = || played.words.iter().zip(&host.words);

@@ -75,12 +75,12 @@ pub enum Error {
         problem: String,
     },
     /// The emulated processor and the host played different samples.
-    #[error("{processor}, {multiplication}, {what}: {problem}")]
+    #[error("{processor}, {arithmetic}, {what}: {problem}")]
     Bits {
         /// The processor.
         processor: &'static str,
         /// How pairs of 16-bit numbers were multiplied.
-        multiplication: String,
+        arithmetic: String,
         /// The texture, or what else was played.
         what: String,
         /// The first difference.

@@ -19,7 +19,7 @@ pub struct Report {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Played {
     /// How pairs of 16-bit numbers were multiplied: a keyword.
-    pub multiplication: String,
+    pub arithmetic: String,
     /// The texture's name; none for the edges.
     pub texture: Option<String>,
     /// The samples, in two's complement.
@@ -82,9 +82,9 @@ impl Report {
         let (first, rest) = line.split_once(' ').unwrap_or((line, ""));
         match first {
             keyword::VECTOR => {
-                let (multiplication, texture) =
+                let (arithmetic, texture) =
                     rest.split_once(' ').ok_or("a vector without a texture")?;
-                self.begin(multiplication, Some(texture));
+                self.begin(arithmetic, Some(texture));
             }
             keyword::EDGES => self.begin(rest, None),
             keyword::WORDS => {
@@ -106,9 +106,9 @@ impl Report {
         Ok(())
     }
 
-    fn begin(&mut self, multiplication: &str, texture: Option<&str>) {
+    fn begin(&mut self, arithmetic: &str, texture: Option<&str>) {
         self.played.push(Played {
-            multiplication: multiplication.to_owned(),
+            arithmetic: arithmetic.to_owned(),
             texture: texture.map(str::to_owned),
             words: Vec::new(),
             full_scale: None,
@@ -139,7 +139,7 @@ fn cost(text: &str) -> std::result::Result<Cost, String> {
 mod tests {
     use super::*;
 
-    const TEXT: &str = "vector smlald direct 16, one node\n\
+    const TEXT: &str = "vector cortex-m direct 16, one node\n\
                         words 0000002a ffffffff\n\
                         words 80000000\n\
                         full-scale 3\n\
@@ -155,7 +155,7 @@ mod tests {
         let [vector, edges] = &report.played[..] else {
             panic!("two were played: {report:?}");
         };
-        assert_eq!(vector.multiplication, "smlald");
+        assert_eq!(vector.arithmetic, "cortex-m");
         assert_eq!(vector.texture.as_deref(), Some("direct 16, one node"));
         assert_eq!(vector.words, [0x2a, u32::MAX, 1 << 31]);
         assert_eq!(vector.full_scale, Some(3));

@@ -1,7 +1,7 @@
 //! Playing a texture along the path.
 
 use model_format::{DecodeError, Library, OutputSample};
-use stylus_kernel::multiply::DualMultiply;
+use stylus_kernel::arithmetic::Arithmetic;
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::path::motion;
@@ -21,7 +21,7 @@ pub enum PlayError {
 ///
 /// # Errors
 /// Bytes that are no library, or one without the texture.
-pub fn run<M: DualMultiply + Copy>(
+pub fn run<M: Arithmetic>(
     library: &[u8],
     texture: &str,
     seed: u64,

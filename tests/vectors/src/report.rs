@@ -10,10 +10,10 @@
 //! end                                            nothing is missing
 //! ```
 
-/// Begins the samples of a texture: multiplication, name.
+/// Begins the samples of a texture: arithmetic, name.
 pub const VECTOR: &str = "vector";
 
-/// Begins the words of [`crate::edges`]: multiplication.
+/// Begins the words of [`crate::edges`]: arithmetic.
 pub const EDGES: &str = "edges";
 
 /// Up to [`WORDS_A_LINE`] words.
@@ -34,8 +34,8 @@ pub const FOLLOW_COST: &str = "follow-cost";
 /// The last line.
 pub const END: &str = "end";
 
-/// The multiplication of [`stylus_kernel::multiply::Portable`].
+/// The arithmetic of [`stylus_kernel::arithmetic::Portable`].
 pub const PORTABLE: &str = "portable";
 
-/// The multiplication by the processor's own instruction.
-pub const SMLALD: &str = "smlald";
+/// The arithmetic of the processor's own instructions.
+pub const CORTEX_M: &str = "cortex-m";

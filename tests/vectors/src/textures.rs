@@ -53,7 +53,7 @@ pub struct Measured {
 pub const MEASURED: [Measured; 5] = [
     Measured {
         texture: "lattice",
-        budget_instructions: 6000,
+        budget_instructions: 5100,
     },
     Measured {
         texture: "direct 32, one node",

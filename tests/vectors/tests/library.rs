@@ -3,8 +3,8 @@
 use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, Vector, edges, library, motion, run};
 use model_format::limits::MAX_ORDER;
 use model_format::{Library, MillimetresPerSecond, Newton, OutputSample};
+use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::grid::{GridPoint, ONE};
-use stylus_kernel::multiply::Portable;
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 fn play(library: &[u8], vector: &Vector) -> (Vec<i32>, u32) {

@@ -3,6 +3,7 @@
 use model_format::limits::MAX_ORDER;
 use proptest::collection::vec;
 use proptest::prelude::*;
+use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::excitation::{Excitation, FRACTION_BITS};
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::Rotation;
@@ -50,7 +51,7 @@ proptest! {
         for &excitation in &excitation {
             let rotations: Vec<Rotation> = codes.by_ref().take(order).map(|&code| rotation(code)).collect();
             let before = energy(state.backward(order)) + energy(&[excitation]);
-            let output = state.filter(&rotations, excitation);
+            let output = state.filter::<Portable>(&rotations, excitation);
             prop_assert_eq!(state.backward(1)[0], output);
             prop_assert!(energy(state.backward(order + 1)) <= before);
         }
@@ -67,7 +68,7 @@ proptest! {
     ) {
         let rotation = rotation(code);
         let mut state = state(&[g]);
-        state.filter(&[rotation], f);
+        state.filter::<Portable>(&[rotation], f);
         let turned = state.backward(2);
         prop_assert!(energy(turned) <= energy(&[f, g]));
         let (cos, sin) = (i128::from(rotation.cos), i128::from(rotation.sin));
@@ -94,7 +95,8 @@ fn output_and_backward_signals_have_the_power_of_the_excitation() {
         let mut output_power = 0.0;
         let mut powers = vec![0.0; MAX_ORDER];
         for n in 0..SAMPLES {
-            let output = f64::from(state.filter(&rotations, noise.next_sample())) / DEVIATION;
+            let output =
+                f64::from(state.filter::<Portable>(&rotations, noise.next_sample())) / DEVIATION;
             output_power += output * output;
             if n % 10 == 0 {
                 for (power, &g) in powers.iter_mut().zip(state.backward(MAX_ORDER)) {
@@ -126,7 +128,7 @@ fn noise_of_the_arithmetic_is_108_db_below_the_signal_and_nothing_saturates() {
         let mut deviation = Deviation::default();
         for _ in 0..60_000 {
             let excitation = noise.next_sample();
-            let output = state.filter(&rotations, excitation);
+            let output = state.filter::<Portable>(&rotations, excitation);
             deviation.add(reference.filter(f64::from(excitation)), f64::from(output));
             let full = |&g: &i32| g == i32::MAX || g == i32::MIN;
             assert!(

@@ -1,10 +1,10 @@
 //! What the kernel promises whatever the texture and the motion, tested through its public interface only.
 
+mod arithmetic;
 mod direct;
 mod grid;
 mod lattice;
 mod models;
-mod multiply;
 mod reference;
 mod silence;
 mod synthesis;

@@ -14,6 +14,7 @@
 use model_format::limits::MAX_ORDER;
 use proptest::collection::vec;
 use proptest::prelude::*;
+use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::Rotation;
@@ -32,7 +33,7 @@ fn samples_to_silence(
 ) -> Option<usize> {
     (0..limit).find(|_| {
         let silent = state.is_silent(rotations.len());
-        state.filter(rotations, 0);
+        state.filter::<Portable>(rotations, 0);
         silent
     })
 }
@@ -50,11 +51,11 @@ proptest! {
             state.backward(order).iter().map(|&g| u128::from(g.unsigned_abs()).pow(2)).sum()
         };
         let mut state = state(&backward);
-        state.filter(&rotations, 0);
+        state.filter::<Portable>(&rotations, 0);
         for _ in 0..40 {
             let before = energy(&state);
             let sounding = state.backward(order).iter().filter(|&&g| g != 0 && g != i32::MAX).count();
-            state.filter(&rotations, 0);
+            state.filter::<Portable>(&rotations, 0);
             prop_assert!(energy(&state) + 4 * sounding as u128 <= before);
         }
     }
@@ -64,7 +65,7 @@ proptest! {
         let rotations: Vec<Rotation> = codes.into_iter().map(rotation).collect();
         let mut state = LatticeState::new();
         for _ in 0..10 {
-            prop_assert_eq!(state.filter(&rotations, 0), 0);
+            prop_assert_eq!(state.filter::<Portable>(&rotations, 0), 0);
             prop_assert!(state.is_silent(rotations.len()));
         }
     }

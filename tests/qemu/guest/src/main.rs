@@ -14,7 +14,7 @@ use cortex_m_semihosting::{debug, hio};
 use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, edges, motion, report, run};
 use model_format::Library;
 use stylus_firmware::CortexM;
-use stylus_kernel::multiply::{DualMultiply, Portable};
+use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::counter::{Counter, Range};
@@ -26,7 +26,7 @@ static LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/library.bin"))
 fn main() -> ! {
     let mut output = Output::new(hio::hstdout().expect("the emulator opens its output"));
     play::<Portable>(report::PORTABLE, &mut output);
-    play::<CortexM>(report::SMLALD, &mut output);
+    play::<CortexM>(report::CORTEX_M, &mut output);
     let peripherals = cortex_m::Peripherals::take().expect("nobody else takes them");
     measure(&Counter::new(peripherals.SYST), &mut output);
     output.line(format_args!("{}", report::END));
@@ -35,8 +35,8 @@ fn main() -> ! {
     }
 }
 
-/// Prints what the kernel puts out with the multiplication `M`, called `name`.
-fn play<M: DualMultiply + Copy>(name: &str, output: &mut Output) {
+/// Prints what the kernel puts out with the arithmetic `M`, called `name`.
+fn play<M: Arithmetic>(name: &str, output: &mut Output) {
     for vector in &VECTORS {
         output.line(format_args!("{} {name} {}", report::VECTOR, vector.texture));
         let mut words = Words::new(output);

@@ -1,7 +1,7 @@
 //! The dual multiplication against plain 64-bit arithmetic.
 
 use proptest::prelude::*;
-use stylus_kernel::multiply::{DualMultiply, Portable, pack};
+use stylus_kernel::arithmetic::{Arithmetic, Portable, pack};
 
 fn exact(sum: i64, a: [i16; 2], b: [i16; 2]) -> i64 {
     let product = |lane: usize| i64::from(a[lane]) * i64::from(b[lane]);

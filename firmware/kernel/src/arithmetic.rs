@@ -1,0 +1,64 @@
+//! The arithmetic of the inner loops, as a trait: a processor with better instructions than a compiler finds brings its own.
+//! [`Portable`] is the reference, and every other gives the same bits.
+
+use core::cell::Cell;
+use core::sync::atomic::{Ordering, compiler_fence};
+
+use crate::fixed::high_word_toward_zero;
+use crate::rotation::Rotation;
+
+/// What the inner loops do most.
+pub trait Arithmetic: Copy {
+    /// `sum` + low(a)·low(b) + high(a)·high(b), where low and high are the signed halves of a word.
+    ///
+    /// Exact; wraps only where the 64-bit sum itself overflows, which no valid library's coefficients can bring about.
+    fn multiply_accumulate(sum: i64, a: u32, b: u32) -> i64;
+
+    /// Puts `forward` through the stages of a lattice, the last of `rotations` first, and gives what comes out; see
+    /// [`crate::lattice`].
+    ///
+    /// `backward` holds one word more than there are stages. Word m - 1 is the backward signal that stage m reads and
+    /// word m the one that it writes; word 0 is for the caller to write.
+    fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32;
+}
+
+/// The reference, in plain Rust.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Portable;
+
+impl Arithmetic for Portable {
+    #[inline(always)]
+    fn multiply_accumulate(sum: i64, a: u32, b: u32) -> i64 {
+        let low = i32::from(a as i16) * i32::from(b as i16);
+        let high = i32::from((a >> 16) as i16) * i32::from((b >> 16) as i16);
+        sum.wrapping_add(i64::from(low))
+            .wrapping_add(i64::from(high))
+    }
+
+    #[inline]
+    fn rotate(rotations: &[Rotation], backward: &mut [i32], mut forward: i32) -> i32 {
+        let backward = Cell::from_mut(backward).as_slice_of_cells();
+        for (rotation, pair) in rotations.iter().zip(backward.windows(2)).rev() {
+            let (cos, f, g) = (
+                i64::from(rotation.cos),
+                i64::from(forward),
+                i64::from(pair[0].get()),
+            );
+            // One 64-bit sum and one truncation each: two separate products would break the bound by a step.
+            let down = high_word_toward_zero(cos * f + i64::from(rotation.neg_sin) * g);
+            let up = high_word_toward_zero(i64::from(rotation.sin) * f + cos * g);
+            pair[1].set(up.saturating_add(up));
+            forward = down.saturating_add(down);
+            // No instruction; it keeps the compiler from running ahead along the forward path, which costs it more
+            // registers than there are and doubles the time of a stage on a Cortex-M4.
+            compiler_fence(Ordering::SeqCst);
+        }
+        forward
+    }
+}
+
+/// Two 16-bit numbers as one word, the first in the low half.
+#[inline(always)]
+pub fn pack(pair: [i16; 2]) -> u32 {
+    u32::from(pair[0] as u16) | u32::from(pair[1] as u16) << 16
+}
