@@ -3,6 +3,9 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+
 use crate::atomic_file;
 use crate::error::Result;
 use crate::plot::Svg;
@@ -26,6 +29,7 @@ th.number, td.number { text-align: right; }
 td.number, td:first-child { white-space: nowrap; }
 figure { margin: 1.5rem 0; }
 figure svg { display: block; max-width: 100%; height: auto; }
+.sound { display: inline-block; margin: 0.3rem 1.5rem 0.3rem 0; font-size: 0.9rem; }
 figcaption { font-size: 0.9rem; color: #444; }
 @media print { body { margin: 0; max-width: none; } figure, tr { break-inside: avoid; } }
 ";
@@ -135,6 +139,16 @@ impl Page {
         self.push(&format!(
             "<figure role=\"group\" aria-label=\"{caption}\">\n{}<figcaption>{caption}</figcaption></figure>",
             picture.as_str()
+        ))
+    }
+
+    /// A player for a sound, with what it is before it; `wav` are the bytes of a WAV file, which the page then holds.
+    pub fn sound(&mut self, label: &str, wav: &[u8]) -> &mut Self {
+        let label = escaped(label);
+        let data = STANDARD.encode(wav);
+        self.push(&format!(
+            "<p class=\"sound\">{label}<br><audio controls preload=\"none\" aria-label=\"{label}\" \
+             src=\"data:audio/wav;base64,{data}\"></audio></p>"
         ))
     }
 

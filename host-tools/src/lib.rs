@@ -3,11 +3,17 @@
 
 pub mod atomic_file;
 pub mod autocorrelation;
+pub mod densify;
 pub mod error;
 pub mod evaluate;
 pub mod fit;
+pub mod freehand;
+pub mod hatt;
 pub mod html;
+pub mod leave_one_out;
+pub mod line_spectrum;
 pub mod linear_prediction;
+pub mod log_spectrum;
 pub mod motion;
 pub mod plot;
 pub mod progress;
@@ -17,5 +23,7 @@ pub mod render;
 pub mod report;
 pub mod rig;
 pub mod spectrum;
+pub mod takes;
 mod transform;
 pub mod triage;
+pub mod whole_report;

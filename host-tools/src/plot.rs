@@ -7,7 +7,9 @@ mod bands;
 mod canvas;
 mod grid;
 mod orders;
+mod paper;
 mod spectra;
+mod spectrogram;
 
 use std::path::Path;
 
@@ -17,7 +19,9 @@ use crate::error::Result;
 pub use bands::band_error_chart;
 pub use grid::{GridCell, GridMap, grid_map};
 pub use orders::{OrderSeries, order_against_cost};
+pub use paper::{forward_prediction, grid_and_motion};
 pub use spectra::{SpectraView, time_and_frequency};
+pub use spectrogram::spectrograms;
 
 /// What is written above a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

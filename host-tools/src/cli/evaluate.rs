@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use host_tools::error::Result;
 use host_tools::evaluate::{self, Evaluation};
+use host_tools::fit::Order;
+use host_tools::leave_one_out::{self, Around};
 use host_tools::recording::RecordingSet;
 use host_tools::reduction::Reduction;
 use host_tools::spectrum::{AMPLITUDE_JND_DB, DEFAULT_SMOOTHING_WIDTH_HZ};
@@ -18,8 +20,20 @@ pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,
     /// The library to judge
-    #[arg(long, value_name = "LIB")]
-    library: PathBuf,
+    #[arg(long, value_name = "LIB", required_unless_present = "leave_one_out")]
+    library: Option<PathBuf>,
+    /// Remove each inner node instead, predict it from its neighbours in every domain, and judge that
+    #[arg(long, conflicts_with_all = ["library", "report"])]
+    leave_one_out: bool,
+    /// Other takes of the same trials, a folder or a list: how far they are from these is shown beside the synthesis
+    #[arg(long, value_name = "DIR", conflicts_with = "leave_one_out")]
+    takes: Option<PathBuf>,
+    /// With --leave-one-out: order of the models, 0 to 400, or 'auto'
+    #[arg(long, requires = "leave_one_out", default_value = "400")]
+    order: Order,
+    /// With --leave-one-out: which neighbours predict
+    #[arg(long, value_enum, requires = "leave_one_out", default_value = "both")]
+    neighbours: Around,
     /// Folder for a report with pictures
     #[arg(long, value_name = "OUT_DIR")]
     report: Option<PathBuf>,
@@ -32,9 +46,9 @@ pub struct Arguments {
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, in hertz
     #[arg(long, value_name = "HZ", value_parser = not_negative, default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ)]
     smoothing: f64,
-    /// How long each synthesis is at least, in seconds
-    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 10.0)]
-    synthesis: f64,
+    /// How long each synthesis is at least, in seconds [default: 10; 5 with --leave-one-out]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    synthesis: Option<f64>,
     /// Seed of the syntheses' noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -42,12 +56,25 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let set = arguments.recordings.open()?;
-    let bytes = super::read_library(&arguments.library)?;
-    let library = super::decode_library(&arguments.library, &bytes)?;
+    let Some(path) = &arguments.library else {
+        let default = leave_one_out::Options::default();
+        let options = leave_one_out::Options {
+            reduction: arguments.reduce,
+            order: arguments.order,
+            around: arguments.neighbours,
+            smoothing_hz: arguments.smoothing,
+            synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
+            seed: arguments.seed,
+        };
+        return super::leave_one_out::run(&set, &options, arguments.json.as_deref());
+    };
+    let bytes = super::read_library(path)?;
+    let library = super::decode_library(path, &bytes)?;
+    let default = evaluate::Options::default();
     let options = evaluate::Options {
         reduction: arguments.reduce,
         smoothing_hz: arguments.smoothing,
-        synthesis_s: arguments.synthesis,
+        synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
         seed: arguments.seed,
     };
     let evaluation = evaluate_set(&set, &library, &options)?;
@@ -55,6 +82,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         atomic_file::write(path, super::to_json(&evaluation).as_bytes())?;
     }
     super::print(&summary(&evaluation))?;
+    if let Some(others) = &arguments.takes {
+        let table = super::takes::compare(&set, others, &evaluation, arguments.reduce)?;
+        super::print(&format!("\n{table}"))?;
+    }
     if let Some(folder) = &arguments.report {
         let page = report::write(&set, &library, &evaluation, &options, folder)?;
         super::print(&format!("\nreport: {}", page.display()))?;

@@ -2,12 +2,15 @@
 
 use std::path::PathBuf;
 
+use host_tools::densify::AddedLine;
 use host_tools::error::{Error, Result};
-use host_tools::fit::{self, Fit, Order, StructureChoice, TrialReport};
+use host_tools::fit::{self, Estimator, Fit, Order, StructureChoice, TrialReport};
+use host_tools::leave_one_out::LeaveOneOut;
 use host_tools::recording::RecordingSet;
 use host_tools::reduction::Reduction;
 use host_tools::triage::SILENCE_FLOOR_M_S2;
 use host_tools::{atomic_file, progress};
+use model_format::TextureSpec;
 
 use super::input::{Recordings, not_negative};
 use super::inspect::Summary;
@@ -37,6 +40,9 @@ pub struct Arguments {
     /// Order of the models: 0 to 400, or 'auto' to choose it for each node (BIC)
     #[arg(long, default_value = "auto")]
     order: Order,
+    /// Estimate of the autocorrelation
+    #[arg(long, value_enum, default_value = "rectangular")]
+    estimator: Estimator,
     /// Structure that the stylus plays
     #[arg(long, value_enum, default_value = "lattice")]
     structure: StructureChoice,
@@ -52,6 +58,9 @@ pub struct Arguments {
     /// Refuse a set in which triage finds anything
     #[arg(long)]
     strict: bool,
+    /// Fill the grid between recorded nodes as densely as the slot allows, and show what it gains
+    #[arg(long)]
+    densify: bool,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
@@ -64,19 +73,30 @@ struct Report<'a> {
     warnings: &'a [String],
     textures: Vec<Summary>,
     trials: &'a [TrialReport],
+    added_lines: Option<&'a [AddedLine]>,
+    removed_nodes: Option<&'a LeaveOneOut>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let set = arguments.recordings.open()?;
     let options = fit::Options {
         order: arguments.order,
+        estimator: arguments.estimator,
         structure: arguments.structure,
         reduction: arguments.reduce,
         silence_floor_m_s2: arguments.silence_floor,
         drop: arguments.drop.clone(),
         strict: arguments.strict,
     };
-    let (fit, bytes) = fit_library(&set, &options)?;
+    let (fit, mut bytes) = fit_library(&set, &options)?;
+    let denser = if arguments.densify {
+        Some(super::densify::densify(&set, &fit, &options)?)
+    } else {
+        None
+    };
+    if let Some(denser) = &denser {
+        bytes = encoded(&denser.densified.specs)?;
+    }
     atomic_file::write(&arguments.out, &bytes)?;
     let library = super::decode_library(&arguments.out, &bytes)?;
     let textures: Vec<Summary> = library
@@ -90,10 +110,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             warnings: &fit.warnings,
             textures,
             trials: &fit.trials,
+            added_lines: denser.as_ref().map(|d| d.densified.lines.as_slice()),
+            removed_nodes: denser.as_ref().and_then(|d| d.test.as_ref()),
         });
     }
     show_verdicts(&fit);
     super::print(&super::inspect::summary_table(&textures))?;
+    if let Some(denser) = &denser {
+        super::print(&format!("\n{}", super::densify::summary(denser)))?;
+    }
     super::print(&format!(
         "\n{} trials -> {} ({} bytes); the axes' energy kept: {}",
         fit.trials.len(),
@@ -108,10 +133,13 @@ pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, V
     let bar = progress::bar(set.trials.len() as u64, "fitting");
     let fit = fit::fit(set, options, || bar.inc(1))?;
     bar.finish_and_clear();
-    let bytes = model_format::encode(&fit.specs).map_err(|failure| {
-        Error::Model(format!("the textures do not make a library: {failure}"))
-    })?;
+    let bytes = encoded(&fit.specs)?;
     Ok((fit, bytes))
+}
+
+fn encoded(specs: &[TextureSpec]) -> Result<Vec<u8>> {
+    model_format::encode(specs)
+        .map_err(|failure| Error::Model(format!("the textures do not make a library: {failure}")))
 }
 
 /// Mean and deviation of the share of energy that the reduction kept, over trials that have any.

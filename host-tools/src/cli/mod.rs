@@ -1,13 +1,19 @@
 //! The command line: one module a command, thin over the library.
 
 mod demo;
+mod densify;
 mod evaluate;
 mod fit;
+mod import_hatt;
 mod input;
 mod inspect;
+mod leave_one_out;
 mod render;
+mod report;
+mod segment;
 mod simulate_rig;
 mod table;
+mod takes;
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -41,6 +47,12 @@ enum Command {
     Render(render::Arguments),
     /// Show what is in a library
     Inspect(inspect::Arguments),
+    /// Write one page with everything: tables, the paper's figures, maps, spectrograms, sounds
+    Report(report::Arguments),
+    /// Cut a free hand's recordings where they are steady, for fit
+    Segment(segment::Arguments),
+    /// Make HaTT's model files a library
+    ImportHatt(import_hatt::Arguments),
     /// Do all of it on simulated recordings, with a report
     Demo(demo::Arguments),
 }
@@ -53,6 +65,9 @@ pub fn run() -> ExitCode {
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
+        Command::Segment(arguments) => segment::run(&arguments),
+        Command::ImportHatt(arguments) => import_hatt::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
     };
     match outcome {

@@ -40,11 +40,23 @@ impl std::str::FromStr for Order {
     }
 }
 
+/// How a recording's autocorrelation is estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Estimator {
+    /// Biased, of the recording as it was cut out, as in the paper: the finest lines, and leakage from strong ones.
+    #[default]
+    Rectangular,
+    /// From seven sine tapers: lines are 4 Hz wide, and next to nothing leaks into weak parts of the spectrum.
+    Multitaper,
+}
+
 /// How to fit.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Orders of the models.
     pub order: Order,
+    /// Estimate of the autocorrelation.
+    pub estimator: Estimator,
     /// Structure of the models in the library.
     pub structure: StructureChoice,
     /// From three axes to one.
@@ -61,6 +73,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             order: Order::Auto,
+            estimator: Estimator::Rectangular,
             structure: StructureChoice::Lattice,
             reduction: Reduction::Pca,
             silence_floor_m_s2: SILENCE_FLOOR_M_S2,

@@ -6,7 +6,8 @@ use crate::recording::{self, Trial};
 use crate::reduction::{Reduction, reduce};
 use crate::triage::{self, Verdict};
 
-use super::Options;
+use super::{Estimator, Options};
+use crate::log_spectrum::LogSpectrum;
 
 /// What a fit keeps of a trial.
 #[derive(Clone, Debug)]
@@ -70,6 +71,10 @@ pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Ana
     } else {
         triage::mains_line(&autocorrelation)
     };
+    let lags = match options.estimator {
+        Estimator::Rectangular => autocorrelation.lags,
+        Estimator::Multitaper => multitaper_lags(&reduced.signal, autocorrelation.lags),
+    };
     Ok(Analysis {
         samples: reduced.signal.len(),
         power,
@@ -77,6 +82,17 @@ pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Ana
         verdicts,
         mains_line_hz,
         fingerprint,
-        lags: autocorrelation.lags,
+        lags,
     })
+}
+
+/// As many lags as `plain`, from tapered spectra, with the power of `plain`.
+fn multitaper_lags(signal: &[f64], plain: Vec<f64>) -> Vec<f64> {
+    let Some(spectrum) = LogSpectrum::estimate(&[signal]) else {
+        return plain;
+    };
+    let mut lags = spectrum.autocorrelation(plain.len() - 1);
+    let scale = plain[0] / lags[0];
+    lags.iter_mut().for_each(|lag| *lag *= scale);
+    lags
 }

@@ -8,6 +8,7 @@ mod wav;
 
 pub use load::{Cut, Samples, Source, read};
 pub use resample::resample;
+pub(crate) use set::csv_error;
 pub use set::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, TRIALS_FILE, Trial};
 
 /// Sample rate of the models and of the stylus, Hz.

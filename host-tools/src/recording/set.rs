@@ -222,7 +222,7 @@ impl Columns {
 }
 
 /// A failure of the CSV reader as one of ours, with its line.
-pub(super) fn csv_error(path: &Path, failure: csv::Error) -> Error {
+pub(crate) fn csv_error(path: &Path, failure: csv::Error) -> Error {
     let line = failure.position().map_or(0, csv::Position::line);
     match failure.into_kind() {
         csv::ErrorKind::Io(source) => Error::io("read", path)(source),

@@ -1,0 +1,109 @@
+//! `stylus report`
+
+use std::path::PathBuf;
+
+use host_tools::error::Result;
+use host_tools::fit::{self, Order};
+use host_tools::leave_one_out::{self, Prepared, Row};
+use host_tools::recording::RecordingSet;
+use host_tools::reduction::Reduction;
+use host_tools::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
+use host_tools::whole_report::{self, Inputs};
+use host_tools::{evaluate, progress, takes};
+
+use super::input::{Recordings, not_negative};
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    recordings: Recordings,
+    /// Page to write
+    #[arg(long, value_name = "HTML")]
+    out: PathBuf,
+    /// The library to report on [default: fitted to the recordings]
+    #[arg(long, value_name = "LIB")]
+    library: Option<PathBuf>,
+    /// Other takes of the same trials, a folder or a list, to compare with
+    #[arg(long, value_name = "DIR")]
+    takes: Option<PathBuf>,
+    /// Order of the models that are fitted here: 0 to 400, or 'auto'
+    #[arg(long, default_value = "400")]
+    order: Order,
+    /// From three axes to one; as for the fit
+    #[arg(long, value_enum, default_value = "pca")]
+    reduce: Reduction,
+    /// Full width of the Hann kernel that smooths amplitudes for the cost C, in hertz
+    #[arg(long, value_name = "HZ", value_parser = not_negative, default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ)]
+    smoothing: f64,
+    /// Seed of the syntheses' noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let set = arguments.recordings.open()?;
+    let bytes = if let Some(path) = &arguments.library {
+        super::read_library(path)?
+    } else {
+        let options = fit::Options {
+            order: arguments.order,
+            reduction: arguments.reduce,
+            ..fit::Options::default()
+        };
+        super::fit::fit_library(&set, &options)?.1
+    };
+    let path = arguments.library.clone().unwrap_or_default();
+    let library = super::decode_library(&path, &bytes)?;
+    let options = evaluate::Options {
+        reduction: arguments.reduce,
+        smoothing_hz: arguments.smoothing,
+        seed: arguments.seed,
+        ..evaluate::Options::default()
+    };
+    let evaluation = super::evaluate::evaluate_set(&set, &library, &options)?;
+    let distances = match &arguments.takes {
+        Some(others) => {
+            let others = RecordingSet::open(std::slice::from_ref(others))?;
+            takes::distances(&set, &others, &evaluation, arguments.reduce)?
+        }
+        None => Vec::new(),
+    };
+    let removal = leave_one_out::Options {
+        reduction: arguments.reduce,
+        order: arguments.order,
+        smoothing_hz: arguments.smoothing,
+        seed: arguments.seed,
+        ..leave_one_out::Options::default()
+    };
+    // Sets without a node between others have no such test; the rest of the page stands without it.
+    let prepared = Prepared::new(&set, &removal).ok();
+    let test = match &prepared {
+        Some(prepared) => {
+            let bar = progress::bar(prepared.count(removal.around) as u64, "removing nodes");
+            let test = prepared.run(&Row::all(), &removal, || bar.inc(1))?;
+            bar.finish_and_clear();
+            Some(test)
+        }
+        None => None,
+    };
+    let inputs = Inputs {
+        set: &set,
+        library: &library,
+        evaluation: &evaluation,
+        options: &options,
+        test: test
+            .as_ref()
+            .zip(prepared.as_ref())
+            .map(|(t, p)| (t, p, removal)),
+        takes: &distances,
+    };
+    let bar = progress::bar(evaluation.textures.len() as u64, "reporting");
+    whole_report::write(&inputs, &arguments.out, || bar.inc(1))?;
+    bar.finish_and_clear();
+    let origin = if evaluation.simulated {
+        ", of SIMULATED recordings"
+    } else {
+        ""
+    };
+    super::print(&format!("{}{origin}", arguments.out.display()))
+}

@@ -1,0 +1,130 @@
+//! `stylus segment`
+
+use std::path::PathBuf;
+
+use host_tools::error::{Error, Result};
+use host_tools::freehand::{self, GridAxis, Options, Segmentation, Tolerance};
+
+use super::input::positive;
+
+/// How many pieces that are off the grid are shown one by one.
+const SHOWN: usize = 10;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// CSV recordings of a free hand: speed_mm_s, force_n, one to three accelerations, and time_s
+    #[arg(required = true, value_name = "CSV")]
+    files: Vec<PathBuf>,
+    /// Name of the texture
+    #[arg(long, value_name = "NAME")]
+    texture: String,
+    /// Folder for the pieces and their list, to be given to fit
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// The grid's speeds, in mm/s
+    #[arg(long, value_name = "LOW:HIGH:STEP", default_value = "20:300:20")]
+    speeds: GridAxis,
+    /// The grid's forces, in newtons
+    #[arg(long, value_name = "LOW:HIGH:STEP", default_value = "0.2:1.4:0.2")]
+    forces: GridAxis,
+    /// How far speed and force may be from the middle of a piece, as a share
+    #[arg(long, value_parser = positive, default_value_t = 0.12)]
+    tolerance: f64,
+    /// Shortest piece, in seconds
+    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.2)]
+    least: f64,
+    /// Least data of a node in all, in seconds
+    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.5)]
+    enough: f64,
+    /// Sample rate of files without a column time_s, in hertz
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    sample_rate: Option<f64>,
+    /// Acceleration that a sample of 1 stands for, in m/s²
+    #[arg(long, value_name = "M_S2", value_parser = positive, default_value_t = 1.0)]
+    scale: f64,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    // What counts as steady at the lowest speeds and forces: a quarter of a step.
+    let tolerance = |axis: &GridAxis| Tolerance {
+        share: arguments.tolerance,
+        least: 0.25 * axis.step,
+    };
+    let options = Options {
+        speed: tolerance(&arguments.speeds),
+        force: tolerance(&arguments.forces),
+        least_s: arguments.least,
+        enough_s: arguments.enough,
+        speeds: arguments.speeds,
+        forces: arguments.forces,
+    };
+    let recordings = arguments
+        .files
+        .iter()
+        .map(|path| freehand::read(path, arguments.sample_rate, arguments.scale))
+        .collect::<Result<Vec<_>>>()?;
+    for (path, recording) in arguments.files.iter().zip(&recordings) {
+        for outlier in &recording.outliers {
+            eprintln!(
+                "warning: {}, line {}: {} is {}, which cannot be; cut out",
+                path.display(),
+                outlier.line,
+                outlier.column,
+                outlier.value
+            );
+        }
+        let more = recording.is_outlier.iter().filter(|bad| **bad).count();
+        if more > recording.outliers.len() {
+            eprintln!(
+                "warning: {}: {more} samples cannot be, in all",
+                path.display()
+            );
+        }
+    }
+    let cut = freehand::segment(&recordings, &options);
+    show_what_is_left_out(&cut);
+    if cut.placed.is_empty() {
+        return Err(Error::Request(
+            "nothing is steady for long enough on this grid: record longer strokes, or give a wider --tolerance, \
+             a shorter --least or --enough, or another grid"
+                .into(),
+        ));
+    }
+    freehand::write(&arguments.out, &arguments.texture, &recordings, &cut)?;
+    let mut nodes: Vec<(f64, f64)> = cut
+        .placed
+        .iter()
+        .map(|p| (p.speed_mm_s, p.force_n))
+        .collect();
+    nodes.dedup();
+    let origin = if recordings.iter().any(|recording| recording.is_simulated) {
+        "; SIMULATED"
+    } else {
+        ""
+    };
+    super::print(&format!(
+        "{:.0} % of the motion in contact is steady: {} pieces at {} nodes -> {}{origin}",
+        100.0 * cut.steady_share,
+        cut.placed.len(),
+        nodes.len(),
+        arguments.out.display()
+    ))
+}
+
+fn show_what_is_left_out(cut: &Segmentation) {
+    for (speed, force, seconds) in &cut.too_little {
+        eprintln!("warning: {speed} mm/s, {force} N: only {seconds:.2} s of data; left out");
+    }
+    for segment in cut.off_grid.iter().take(SHOWN) {
+        eprintln!(
+            "warning: a steady piece at {:.1} mm/s, {:.2} N is off the grid; left out",
+            segment.median_speed_mm_s, segment.median_force_n
+        );
+    }
+    if cut.off_grid.len() > SHOWN {
+        eprintln!(
+            "warning: {} pieces are off the grid, in all",
+            cut.off_grid.len()
+        );
+    }
+}

@@ -1,0 +1,369 @@
+//! Where a free hand's motion is nearly steady.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::read::Freehand;
+
+/// Length of a block, s.
+const BLOCK_S: f64 = 0.02;
+
+/// How far a quantity may be from the middle of a piece.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerance {
+    /// As a share of the middle.
+    pub share: f64,
+    /// At least so much, in the quantity's unit.
+    pub least: f64,
+}
+
+impl Tolerance {
+    fn holds(self, low: f64, high: f64) -> bool {
+        0.5 * (high - low) <= self.least.max(self.share * 0.5 * (high + low))
+    }
+}
+
+/// Evenly spaced values of a grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridAxis {
+    /// The lowest, above zero.
+    pub lowest: f64,
+    /// The highest.
+    pub highest: f64,
+    /// From one to the next.
+    pub step: f64,
+}
+
+impl GridAxis {
+    /// The value nearest to `value`, if it is within half a step.
+    fn nearest(&self, value: f64) -> Option<f64> {
+        let last = ((self.highest - self.lowest) / self.step + 1e-9).floor();
+        let index = ((value - self.lowest) / self.step).round().clamp(0.0, last);
+        let there = self.lowest + index * self.step;
+        // Decimals as they were written: 0.6, not 0.6000000000000001.
+        let there = (there * 1e6).round() / 1e6;
+        ((value - there).abs() <= 0.5 * self.step * (1.0 + 1e-9)).then_some(there)
+    }
+}
+
+impl std::str::FromStr for GridAxis {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Option<Vec<f64>> = text.split(':').map(|word| word.parse().ok()).collect();
+        match numbers.as_deref() {
+            Some(&[lowest, highest, step])
+                if lowest > 0.0 && highest >= lowest && step > 0.0 && highest.is_finite() =>
+            {
+                Ok(Self {
+                    lowest,
+                    highest,
+                    step,
+                })
+            }
+            _ => Err("must be LOWEST:HIGHEST:STEP, all above zero, such as 20:300:20".into()),
+        }
+    }
+}
+
+/// How to cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Of the speed, mm/s.
+    pub speed: Tolerance,
+    /// Of the force, N.
+    pub force: Tolerance,
+    /// Shortest piece, s.
+    pub least_s: f64,
+    /// Least data of a node in all, s.
+    pub enough_s: f64,
+    /// The grid's speeds, mm/s.
+    pub speeds: GridAxis,
+    /// The grid's forces, N.
+    pub forces: GridAxis,
+}
+
+/// A piece in which the motion is nearly steady.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Segment {
+    /// Which recording it is of.
+    pub recording: usize,
+    /// Its first sample.
+    pub first: usize,
+    /// The sample after its last.
+    pub end: usize,
+    /// Median of its speed, mm/s.
+    pub median_speed_mm_s: f64,
+    /// Median of its force, N.
+    pub median_force_n: f64,
+}
+
+/// A piece on its node.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Placed {
+    /// The piece.
+    pub segment: Segment,
+    /// The node's speed, mm/s.
+    pub speed_mm_s: f64,
+    /// The node's force, N.
+    pub force_n: f64,
+}
+
+/// What cutting gives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Segmentation {
+    /// The pieces that can be used, by node.
+    pub placed: Vec<Placed>,
+    /// Steady pieces in motion and contact that are off the grid.
+    pub off_grid: Vec<Segment>,
+    /// Nodes with some data, but too little: speed, mm/s, force, N, and how much, s.
+    pub too_little: Vec<(f64, f64, f64)>,
+    /// Share of the time in motion and contact that is steady enough.
+    pub steady_share: f64,
+}
+
+/// Cuts `recordings` and puts the pieces on the grid.
+pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
+    let (mut steady, mut moving) = (0.0, 0.0);
+    let mut nodes: BTreeMap<(u64, u64), Vec<Placed>> = BTreeMap::new();
+    let mut off_grid = Vec::new();
+    let mut seconds = BTreeMap::new();
+    for (index, recording) in recordings.iter().enumerate() {
+        moving += moving_s(recording, options);
+        for segment in pieces(recording, index, options) {
+            let length_s = (segment.end - segment.first) as f64 / recording.rate_hz;
+            if !is_moving(segment.median_speed_mm_s, segment.median_force_n, options) {
+                continue;
+            }
+            steady += length_s;
+            let speed = options.speeds.nearest(segment.median_speed_mm_s);
+            let force = options.forces.nearest(segment.median_force_n);
+            let (Some(speed_mm_s), Some(force_n)) = (speed, force) else {
+                off_grid.push(segment);
+                continue;
+            };
+            // Bits of positive numbers are ordered as the numbers are.
+            let node = (speed_mm_s.to_bits(), force_n.to_bits());
+            *seconds.entry(node).or_insert(0.0) += length_s;
+            nodes.entry(node).or_default().push(Placed {
+                segment,
+                speed_mm_s,
+                force_n,
+            });
+        }
+    }
+    let scarce = |node: &(u64, u64)| seconds[node] < options.enough_s;
+    let too_little = nodes
+        .keys()
+        .filter(|node| scarce(node))
+        .map(|node| {
+            (
+                f64::from_bits(node.0),
+                f64::from_bits(node.1),
+                seconds[node],
+            )
+        })
+        .collect();
+    let enough = nodes.into_iter().filter(|(node, _)| !scarce(node));
+    Segmentation {
+        placed: enough.flat_map(|(_, placed)| placed).collect(),
+        off_grid,
+        too_little,
+        steady_share: if moving > 0.0 {
+            (steady / moving).min(1.0)
+        } else {
+            0.0
+        },
+    }
+}
+
+/// Whether a speed and force are of a tool that moves on the surface: at least half of the grid's lowest.
+fn is_moving(speed_mm_s: f64, force_n: f64, options: &Options) -> bool {
+    speed_mm_s >= 0.5 * options.speeds.lowest && force_n >= 0.5 * options.forces.lowest
+}
+
+fn moving_s(recording: &Freehand, options: &Options) -> f64 {
+    let pairs = recording.speed_mm_s.iter().zip(&recording.force_n);
+    let count = pairs
+        .filter(|(speed, force)| is_moving(**speed, **force, options))
+        .count();
+    count as f64 / recording.rate_hz
+}
+
+/// The mean speed and force of each whole block; none of a block with an outlier.
+fn blocks(recording: &Freehand, length: usize) -> Vec<Option<(f64, f64)>> {
+    let count = recording.speed_mm_s.len() / length;
+    (0..count)
+        .map(|block| {
+            let range = block * length..(block + 1) * length;
+            if recording.is_outlier[range.clone()].contains(&true) {
+                return None;
+            }
+            let mean = |values: &[f64]| values.iter().sum::<f64>() / length as f64;
+            Some((
+                mean(&recording.speed_mm_s[range.clone()]),
+                mean(&recording.force_n[range]),
+            ))
+        })
+        .collect()
+}
+
+fn pieces(recording: &Freehand, index: usize, options: &Options) -> Vec<Segment> {
+    let length = ((BLOCK_S * recording.rate_hz).round() as usize).max(1);
+    let blocks = blocks(recording, length);
+    let least = (options.least_s / BLOCK_S).ceil().max(1.0) as usize;
+    let mut pieces = Vec::new();
+    let mut begin = 0;
+    while begin < blocks.len() {
+        let end = steady_end(&blocks, begin, options);
+        if end - begin < least {
+            begin += 1;
+            continue;
+        }
+        let (first, end_sample) = (begin * length, end * length);
+        pieces.push(Segment {
+            recording: index,
+            first,
+            end: end_sample,
+            median_speed_mm_s: median(&recording.speed_mm_s[first..end_sample]),
+            median_force_n: median(&recording.force_n[first..end_sample]),
+        });
+        begin = end;
+    }
+    pieces
+}
+
+/// The block after the last that belongs to a steady piece from `begin` on.
+fn steady_end(blocks: &[Option<(f64, f64)>], begin: usize, options: &Options) -> usize {
+    let (mut speeds, mut forces) = ((f64::MAX, f64::MIN), (f64::MAX, f64::MIN));
+    for (index, block) in blocks.iter().enumerate().skip(begin) {
+        let Some((speed, force)) = block else {
+            return index;
+        };
+        speeds = (speeds.0.min(*speed), speeds.1.max(*speed));
+        forces = (forces.0.min(*force), forces.1.max(*force));
+        if !options.speed.holds(speeds.0, speeds.1) || !options.force.holds(forces.0, forces.1) {
+            return index;
+        }
+    }
+    blocks.len()
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    let middle = sorted.len() / 2;
+    *sorted.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OPTIONS: Options = Options {
+        speed: Tolerance {
+            share: 0.1,
+            least: 4.0,
+        },
+        force: Tolerance {
+            share: 0.1,
+            least: 0.05,
+        },
+        least_s: 0.2,
+        enough_s: 0.5,
+        speeds: GridAxis {
+            lowest: 20.0,
+            highest: 300.0,
+            step: 20.0,
+        },
+        forces: GridAxis {
+            lowest: 0.2,
+            highest: 1.4,
+            step: 0.2,
+        },
+    };
+
+    /// A recording that holds each (speed, force) for so many seconds.
+    fn recording(parts: &[(f64, f64, f64)]) -> Freehand {
+        let mut speed_mm_s = Vec::new();
+        let mut force_n = Vec::new();
+        for &(speed, force, seconds) in parts {
+            let samples = (seconds * 1000.0) as usize;
+            speed_mm_s.extend(vec![speed; samples]);
+            force_n.extend(vec![force; samples]);
+        }
+        Freehand {
+            rate_hz: 1000.0,
+            axes: vec![vec![0.1; speed_mm_s.len()]],
+            is_outlier: vec![false; speed_mm_s.len()],
+            speed_mm_s,
+            force_n,
+            outliers: Vec::new(),
+            is_simulated: false,
+        }
+    }
+
+    #[test]
+    fn steady_parts_become_pieces_at_their_medians_nodes() {
+        let hand = recording(&[(103.0, 0.63, 1.0), (0.0, 0.0, 0.5), (216.0, 1.18, 0.8)]);
+        let cut = segment(&[hand], &OPTIONS);
+        let nodes: Vec<_> = cut
+            .placed
+            .iter()
+            .map(|p| (p.speed_mm_s, p.force_n))
+            .collect();
+        assert_eq!(nodes, [(100.0, 0.6), (220.0, 1.2)]);
+        assert_eq!(cut.placed[0].segment.median_force_n, 0.63);
+        assert!(cut.steady_share > 0.99);
+        assert!(cut.off_grid.is_empty() && cut.too_little.is_empty());
+    }
+
+    #[test]
+    fn a_ramp_is_cut_into_pieces_that_keep_the_tolerance() {
+        let mut hand = recording(&[(100.0, 0.6, 4.0)]);
+        for (n, speed) in hand.speed_mm_s.iter_mut().enumerate() {
+            *speed = 60.0 + 0.04 * n as f64;
+        }
+        let cut = segment(std::slice::from_ref(&hand), &OPTIONS);
+        assert!(cut.placed.len() > 3);
+        for placed in &cut.placed {
+            let part = &hand.speed_mm_s[placed.segment.first..placed.segment.end];
+            let middle = f64::midpoint(part[0], part[part.len() - 1]);
+            assert!(part[part.len() - 1] - middle <= 0.1 * middle + 1.0);
+        }
+    }
+
+    #[test]
+    fn nothing_goes_across_an_outlier() {
+        let mut hand = recording(&[(100.0, 0.6, 2.0)]);
+        hand.is_outlier[1010] = true;
+        let cut = segment(&[hand], &OPTIONS);
+        let ends: Vec<_> = cut
+            .placed
+            .iter()
+            .map(|p| (p.segment.first, p.segment.end))
+            .collect();
+        assert_eq!(ends, [(0, 1000), (1020, 2000)]);
+    }
+
+    #[test]
+    fn what_is_too_little_or_off_the_grid_is_said() {
+        let hand = recording(&[(100.0, 0.6, 0.3), (600.0, 0.6, 1.0), (200.0, 0.6, 1.0)]);
+        let cut = segment(&[hand], &OPTIONS);
+        assert_eq!(cut.placed.len(), 1);
+        assert_eq!(cut.off_grid.len(), 1);
+        assert_eq!((cut.too_little[0].0, cut.too_little[0].1), (100.0, 0.6));
+        assert!((cut.too_little[0].2 - 0.3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn axes_are_read_as_they_are_written() {
+        let axis: GridAxis = "0.2:1.4:0.2".parse().unwrap();
+        assert_eq!(axis.nearest(0.58), Some(0.6));
+        assert_eq!(axis.nearest(1.51), None);
+        assert_eq!(axis.nearest(0.05), None);
+        for bad in ["", "1:2", "0:3:1", "3:2:1", "1:2:0", "a:b:c"] {
+            assert!(bad.parse::<GridAxis>().is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,349 @@
+//! The removed-node test, denser grids, free hands, HaTT's models and the whole report, from the command line.
+
+mod support;
+
+use std::process::Command;
+
+use host_tools::leave_one_out::{self, Method, Prepared, Row};
+use host_tools::recording::RecordingSet;
+use host_tools::rig::{self, Scene};
+use support::{Bench, RATE_HZ, all_pole, noise, text};
+
+/// A simulated set of five speeds and three forces, of denim alone.
+fn simulated() -> Bench {
+    let bench = Bench::new();
+    let scene = bench.succeed("simulate-rig --print-scene");
+    let (head, textures) = scene.split_once("[[texture]]").unwrap();
+    let denim = textures.split("[[texture]]").last().unwrap();
+    let scene = format!("{head}[[texture]]{denim}");
+    let scene: Vec<&str> = scene
+        .lines()
+        .map(|line| match line.split('=').next().unwrap_or("").trim() {
+            "speeds_mm_s" => "speeds_mm_s = [80, 100, 120, 140, 160, 180]",
+            "forces_n" => "forces_n = [0.4, 0.8, 1.2]",
+            _ => line,
+        })
+        .collect();
+    bench.write("scene.toml", scene.join("\n"));
+    bench.succeed("simulate-rig --scene scene.toml --out rig --seed 5");
+    bench
+}
+
+fn json(bench: &Bench, name: &str) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(bench.path(name)).unwrap()).unwrap()
+}
+
+fn mean_cost(test: &serde_json::Value, row: &str) -> f64 {
+    let rows = test["rows"].as_array().unwrap();
+    let at = rows
+        .iter()
+        .position(|name| name.as_str().unwrap().contains(row))
+        .unwrap();
+    let removed = test["removed"].as_array().unwrap();
+    let costs = removed
+        .iter()
+        .map(|node| node["outcomes"][at]["cost"].as_f64().unwrap());
+    costs.sum::<f64>() / removed.len() as f64
+}
+
+#[test]
+fn removed_nodes_are_predicted_alike_by_any_number_of_threads_and_better_by_the_dense_grid() {
+    let bench = simulated();
+    let run = |threads: &str, out: &str| {
+        let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
+            .args([
+                "evaluate",
+                "rig",
+                "--leave-one-out",
+                "--synthesis",
+                "2",
+                "--order",
+                "150",
+            ])
+            .args(["--json", out])
+            .env("RAYON_NUM_THREADS", threads)
+            .current_dir(bench.path(""))
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    let (one, three) = (run("1", "one.json"), run("3", "three.json"));
+    assert_eq!(one, three);
+    assert_eq!(
+        std::fs::read(bench.path("one.json")).unwrap(),
+        std::fs::read(bench.path("three.json")).unwrap()
+    );
+    assert!(
+        one.contains("SIMULATED") && one.contains("36.0 ± 9.0"),
+        "{one}"
+    );
+    let test = json(&bench, "one.json");
+    // Four inner speeds, one inner force.
+    assert_eq!(test["removed"].as_array().unwrap().len(), 4);
+    let paper = mean_cost(&test, "(the paper)");
+    let dense = mean_cost(&test, "densified");
+    assert!(dense < 0.7 * paper, "{dense} against {paper}");
+    let own = mean_cost(&test, "not removed");
+    assert!(own < dense, "{own} against {dense}");
+}
+
+/// A part of the default scene, for time: the figures over all of it are the README's.
+#[test]
+fn on_the_simulated_textures_the_dense_grid_halves_the_papers_error_and_keeps_nine_bands_in_ten() {
+    let bench = Bench::new();
+    let scene: Vec<String> = Scene::paper()
+        .text()
+        .lines()
+        .map(|line| match line.split('=').next().unwrap_or("").trim() {
+            "speeds_mm_s" => "speeds_mm_s = [60, 80, 100, 120, 140, 160, 180]".into(),
+            "forces_n" => "forces_n = [0.4, 0.6, 0.8, 1.0]".into(),
+            _ => line.to_owned(),
+        })
+        .collect();
+    let scene = Scene::from_toml(&bench.path("scene.toml"), &scene.join("\n")).unwrap();
+    rig::simulate_to_folder(&scene, 1, &bench.path("rig")).unwrap();
+    let set = RecordingSet::open(&[bench.path("rig")]).unwrap();
+    let options = leave_one_out::Options::default();
+    let (paper, dense) = (Row::Interpolated(Method::PAPER), Row::Densified);
+    let test = Prepared::new(&set, &options)
+        .unwrap()
+        .run(&[paper, dense], &options, || ())
+        .unwrap();
+    let summary = |row| leave_one_out::summarise(&test, row, None).unwrap();
+    let (paper, dense) = (summary(paper), summary(dense));
+    assert_eq!(dense.nodes, 4 * 5 * 2);
+    assert!(
+        dense.mean_cost <= 0.5 * paper.mean_cost,
+        "{dense:?} {paper:?}"
+    );
+    assert!(dense.bands_within_jnd >= 0.9, "{dense:?}");
+}
+
+#[test]
+fn a_denser_grid_says_what_it_gains_and_is_a_library_like_any() {
+    let bench = simulated();
+    bench.succeed("fit rig --out plain.lib");
+    let said = bench.succeed("fit rig --out dense.lib --densify");
+    assert!(
+        said.contains("speeds added") && said.contains("SIMULATED"),
+        "{said}"
+    );
+    assert!(said.contains("->") && said.contains("mm/s"), "{said}");
+    let nodes = |name: &str| {
+        let text = bench.succeed(&format!("inspect {name} --json"));
+        let library: serde_json::Value = serde_json::from_str(&text).unwrap();
+        library[0]["nodes"].as_array().unwrap().len()
+    };
+    assert!(nodes("dense.lib") > nodes("plain.lib"));
+    let bytes = std::fs::metadata(bench.path("dense.lib")).unwrap().len();
+    assert!(bytes <= model_format::limits::MAX_LIBRARY_BYTES as u64);
+    let judged = bench.succeed("evaluate rig --library dense.lib --synthesis 2");
+    assert!(judged.contains("denim"), "{judged}");
+}
+
+#[test]
+fn a_set_without_inner_nodes_is_told_what_it_lacks() {
+    let bench = Bench::new();
+    let signal = noise(1, 10_000);
+    bench.write("a.wav", support::wav(&[&signal], RATE_HZ));
+    let message = bench.refuse("evaluate a.wav --leave-one-out");
+    assert!(message.contains("three speeds"), "{message}");
+}
+
+#[test]
+fn a_report_is_one_page_that_holds_everything_it_shows() {
+    let bench = simulated();
+    let said = bench.succeed("report rig --out page.html --order 60 --takes rig");
+    assert!(
+        said.contains("page.html") && said.contains("SIMULATED"),
+        "{said}"
+    );
+    let page = std::fs::read_to_string(bench.path("page.html")).unwrap();
+    for part in [
+        "SIMULATED",
+        "Table I, and the same test here",
+        "the paper&#39;s figures, real recordings",
+        "Domains",
+        "C by the width of its kernel",
+        "figure 5",
+        "figure 7",
+        "figure 8",
+        "figure 9",
+        "figure 10",
+        "data:audio/wav;base64,",
+        "data:image/png;base64,",
+        "Takes",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    let references = page
+        .replace("http://www.w3.org/2000/svg", "")
+        .replace("src=\"data:", "")
+        .replace("href=\"data:", "");
+    for reference in ["http", "src=", "href=", "<script", "@import"] {
+        assert!(!references.contains(reference), "{reference}");
+    }
+}
+
+#[test]
+fn takes_without_a_partner_are_named() {
+    let bench = simulated();
+    bench.succeed("fit rig --out plain.lib");
+    bench.write("other.wav", support::wav(&[&noise(1, 10_000)], RATE_HZ));
+    bench.write(
+        "others/trials.csv",
+        "file,texture,speed_mm_s,force_n\n../other.wav,denim,7,1\n",
+    );
+    let message = bench.refuse("evaluate rig --library plain.lib --takes others --synthesis 2");
+    assert!(message.contains("no other take"), "{message}");
+}
+
+/// A stroke: speeds and forces held for a second each, with an outlier of 10⁵ N and rest between.
+fn stroke() -> String {
+    let signal = all_pole(&[-0.6, 0.4], &noise(9, 5 * RATE_HZ as usize));
+    let mut csv = String::from("# SIMULATED\ntime_s,a,speed_mm_s,force_n\n");
+    for (n, a) in signal.iter().enumerate() {
+        let (speed, force) = match n / RATE_HZ as usize {
+            0 | 3 => (103.0, 0.63),
+            1 => (0.0, 0.0),
+            2 => (158.0, 0.37),
+            _ => (40.0 + 0.04 * (n as f64 - 20_000.0), 0.6),
+        };
+        let force = if n == 2_500 { 1e5 } else { force };
+        csv.push_str(&format!(
+            "{:.4},{a:.6},{speed},{force}\n",
+            n as f64 / f64::from(RATE_HZ)
+        ));
+    }
+    csv
+}
+
+#[test]
+fn a_free_hand_is_cut_where_it_is_steady_and_fitted() {
+    let bench = Bench::new();
+    bench.write("stroke.csv", stroke());
+    let output = bench.run("segment stroke.csv --texture felt --out pieces --enough 0.9");
+    let (said, warned) = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{warned}");
+    assert!(warned.contains("line 2503: force_n is 100000"), "{warned}");
+    assert!(warned.contains("s of data; left out"), "{warned}");
+    assert!(
+        said.contains("at 2 nodes") && said.contains("SIMULATED"),
+        "{said}"
+    );
+    let list = std::fs::read_to_string(bench.path("pieces/trials.csv")).unwrap();
+    assert!(
+        list.contains(",felt,100,0.6,") && list.contains(",felt,160,0.4,"),
+        "{list}"
+    );
+    let fitted = bench.succeed("fit pieces --out felt.lib");
+    assert!(
+        fitted.contains("felt") && fitted.contains("SIMULATED"),
+        "{fitted}"
+    );
+    let again = bench.run("segment stroke.csv --texture felt --out pieces --enough 0.9");
+    assert_eq!(again.status.code(), Some(2));
+    assert!(text(&again.stderr).contains("is there already"));
+}
+
+#[test]
+fn a_free_hands_file_that_cannot_be_used_is_named() {
+    let bench = Bench::new();
+    for (content, word) in [
+        ("time_s,a,speed_mm_s\n0,1,2\n", "force_n"),
+        (
+            "time_s,speed_mm_s,force_n\n0,1,2\n",
+            "columns of accelerations",
+        ),
+        ("a,speed_mm_s,force_n\n0,1,2\n", "sample rate"),
+        ("time_s,a,speed_mm_s,force_n\n0,x,1,1\n", "line 2"),
+        ("time_s,a,speed_mm_s,force_n\n", "time_s"),
+        (
+            "time_s,a,speed_mm_s,force_n\n0,0,1,1e5\n1,0,1,1e5\n",
+            "cannot be",
+        ),
+        ("time_s,a,speed_mm_s,force_n\n0,0,1,1\n1,0,1,1\n", "steady"),
+    ] {
+        bench.write("bad.csv", content);
+        let message = bench.refuse("segment bad.csv --texture felt --out pieces");
+        assert!(message.contains(word), "{message}");
+        assert!(!bench.path("pieces").exists());
+    }
+}
+
+/// A model file of our own making, in HaTT's form.
+fn hatt(ar: &str, var: &str) -> String {
+    let model = |ar: &str, var: &str, speed: u32, force: f64| {
+        format!(
+            "<model><ARcoeff>{ar}</ARcoeff><var>{var}</var><gain>1</gain><speedMod>{speed}</speedMod>\
+             <forceMod>{force}</forceMod></model>"
+        )
+    };
+    format!(
+        "<?xml version=\"1.0\"?><set><header><SampleRate>1000</SampleRate><maxSpeed>200</maxSpeed>\
+         <maxForce>2</maxForce><tri>0 1 2 1 2 3</tri></header>{}{}{}{}</set>",
+        model("1 -0.4 0.1", "0", 0, 0.0),
+        model(ar, var, 200, 0.2),
+        model("1 -1.1 0.6", "0.02", 20, 2.0),
+        model("1 -0.8 0.5", "0.03", 200, 2.0),
+    )
+}
+
+#[test]
+fn model_files_become_a_library_that_plays() {
+    let bench = Bench::new();
+    bench.write("cork.xml", hatt("1 -0.9 0.4", "0.01"));
+    bench.write("bark.xml", hatt("1 -1.9 0.95", "0.01"));
+    let said = bench.succeed("import-hatt cork.xml bark.xml --out hatt.lib --speeds 5 --forces 3");
+    assert!(
+        said.contains("cork") && said.contains("worst band dB"),
+        "{said}"
+    );
+    let inspected = bench.succeed("inspect hatt.lib");
+    assert!(
+        inspected.contains("bark") && inspected.contains("5 x 3"),
+        "{inspected}"
+    );
+    bench
+        .succeed("render hatt.lib --texture cork --speed 120 --force 1 --seconds 1 --out cork.wav");
+    let report = bench.succeed("import-hatt cork.xml --out hatt.lib --json");
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    for node in report[0]["nodes"].as_array().unwrap() {
+        if let Some(worst) = node["worst_band_db"].as_f64() {
+            assert!(worst < 1.0, "{node}");
+        }
+    }
+}
+
+#[test]
+fn model_files_that_cannot_be_used_are_named_and_nothing_is_written() {
+    let bench = Bench::new();
+    let good = hatt("1 -0.9 0.4", "0.01");
+    for (content, word) in [
+        (good.replace("</set>", ""), "well-formed"),
+        (good.replace("0 1 2 1 2 3", "0 1 7"), "names model 7"),
+        (good.replace("ARcoeff", "AR"), "no model"),
+    ] {
+        bench.write("bad.xml", content);
+        let message = bench.refuse("import-hatt bad.xml --out bad.lib");
+        assert!(
+            message.contains("bad.xml") && message.contains(word),
+            "{message}"
+        );
+        assert!(!bench.path("bad.lib").exists());
+    }
+    for (ar, var, word) in [
+        ("1 -2.5 1", "0.01", "unstable"),
+        ("1 -0.9 0.4", "-1", "var is -1"),
+    ] {
+        bench.write("odd.xml", hatt(ar, var));
+        let output = bench.run("import-hatt odd.xml --out odd.lib");
+        assert!(output.status.success());
+        let warned = text(&output.stderr);
+        assert!(
+            warned.contains("model 2") && warned.contains(word),
+            "{warned}"
+        );
+    }
+}
