@@ -8,6 +8,7 @@ pub mod evaluate;
 pub mod fit;
 pub mod html;
 pub mod linear_prediction;
+pub mod link;
 pub mod motion;
 pub mod plot;
 pub mod progress;

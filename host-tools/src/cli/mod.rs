@@ -1,6 +1,7 @@
 //! The command line: one module a command, thin over the library.
 
 mod demo;
+mod device;
 mod evaluate;
 mod fit;
 mod input;
@@ -43,6 +44,8 @@ enum Command {
     Inspect(inspect::Arguments),
     /// Do all of it on simulated recordings, with a report
     Demo(demo::Arguments),
+    #[command(flatten)]
+    Device(device::Command),
 }
 
 /// Runs the command that the process was started with.
@@ -54,6 +57,7 @@ pub fn run() -> ExitCode {
         Command::Render(arguments) => render::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Device(command) => device::run(&command),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
