@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
+use stylus_app::settings::SETTINGS_RANGE;
 
 /// Sector of the STM32H743's flash, the least that can be erased, bytes.
 const SECTOR_BYTES: u64 = 128 * 1024;
@@ -92,6 +93,29 @@ fn slots_lie_in_the_bank_that_holds_no_code() {
         assert!(contains(&BANK_2, &regions[slot]));
     }
     assert!(contains(&BANK_1, &regions["FLASH"]));
+}
+
+#[test]
+fn settings_lie_where_the_store_looks_for_them_in_whole_sectors_behind_the_code() {
+    let regions = regions();
+    let (settings, code) = (&regions["SETTINGS"], &regions["FLASH"]);
+    let offsets = settings.start - BANK_1.start..settings.end - BANK_1.start;
+    assert_eq!(
+        offsets,
+        u64::from(SETTINGS_RANGE.start)..u64::from(SETTINGS_RANGE.end)
+    );
+    assert!(contains(&BANK_1, settings) && code.end <= settings.start);
+    assert!(settings.start.is_multiple_of(SECTOR_BYTES));
+    // A map in flash needs a sector to move to.
+    assert!((settings.end - settings.start) / SECTOR_BYTES >= 2);
+}
+
+#[test]
+fn nothing_lies_below_the_stack() {
+    const DTCM_START: u64 = 0x2000_0000;
+    let regions = regions();
+    assert_eq!(regions["STACK"].start, DTCM_START);
+    assert_eq!(regions["STACK"].end, regions["RAM"].start);
 }
 
 #[test]

@@ -13,6 +13,7 @@ pub mod html;
 pub mod leave_one_out;
 pub mod line_spectrum;
 pub mod linear_prediction;
+pub mod link;
 pub mod log_spectrum;
 pub mod motion;
 pub mod plot;

@@ -106,6 +106,12 @@ impl MotionPath {
     ///
     /// A speed that changes its sign passes through rest, as a hand does that turns round.
     pub fn at(&self, time_s: f64) -> Motion {
+        let (speed, force) = self.values_at(time_s);
+        Motion::new(speed, force).expect("what lies between finite values is finite")
+    }
+
+    /// Speed, of either sign, and force at `time_s`, as [`MotionPath::at`] interpolates them; both finite.
+    pub fn values_at(&self, time_s: f64) -> (MillimetresPerSecond, Newton) {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
         let (speed_mm_s, force_n) = match (after.checked_sub(1), self.points.get(after)) {
             (Some(before), Some(next)) => {
@@ -122,8 +128,7 @@ impl MotionPath {
                 (last.speed_mm_s, last.force_n)
             }
         };
-        Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n))
-            .expect("what lies between finite values is finite")
+        (MillimetresPerSecond(speed_mm_s), Newton(force_n))
     }
 
     /// When the last row is, s; zero for a constant motion.

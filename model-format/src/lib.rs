@@ -13,6 +13,8 @@ mod encode;
 mod error;
 mod library;
 pub mod limits;
+#[cfg(feature = "link")]
+pub mod link;
 mod units;
 mod wire;
 

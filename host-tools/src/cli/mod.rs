@@ -2,6 +2,7 @@
 
 mod demo;
 mod densify;
+mod device;
 mod evaluate;
 mod fit;
 mod import_hatt;
@@ -55,6 +56,8 @@ enum Command {
     ImportHatt(import_hatt::Arguments),
     /// Do all of it on simulated recordings, with a report
     Demo(demo::Arguments),
+    #[command(flatten)]
+    Device(device::Command),
 }
 
 /// Runs the command that the process was started with.
@@ -69,6 +72,7 @@ pub fn run() -> ExitCode {
         Command::Segment(arguments) => segment::run(&arguments),
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Device(command) => device::run(&command),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

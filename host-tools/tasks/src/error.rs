@@ -86,6 +86,17 @@ pub enum Error {
         /// The first difference.
         problem: String,
     },
+    /// A file that is no image of a program.
+    #[error("the image cannot be read: {0}")]
+    Elf(String),
+    /// Something that the tick reaches is not where it must be.
+    #[error("{0}: what the tick reaches must be in ITCM and DTCM, name it in firmware/tick.x")]
+    Placement(String),
+    /// The program that flashes is missing.
+    #[error(
+        "probe-rs is not installed; install it: https://probe.rs/docs/getting-started/installation"
+    )]
+    NoProbeRs,
     /// A sample cost too much, or its cost depends on the data.
     #[error("{processor}, {texture}: {problem}")]
     Cost {

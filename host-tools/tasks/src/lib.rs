@@ -5,10 +5,12 @@
 
 pub mod compare;
 pub mod error;
+pub mod firmware;
 pub mod guest;
 pub mod lint;
 pub mod process;
 pub mod qemu;
 pub mod report;
 pub mod toolchain;
+pub mod virtual_stylus;
 pub mod workspace;

@@ -6,9 +6,10 @@ use crate::toolchain::{Toolchain, check_clippy};
 use crate::{process, workspace};
 
 /// The packages of the workspace that run on the target.
-const PACKAGES: [&str; 4] = [
+const PACKAGES: [&str; 5] = [
     "model-format",
     "stylus-kernel",
+    "stylus-app",
     "stylus-firmware",
     "kernel-vectors",
 ];
@@ -23,11 +24,19 @@ pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     let target_folder = workspace::target_folder("lint");
     let mut packages = toolchain.cargo("clippy", workspace::root(), &target_folder);
     packages.args(PACKAGES.iter().flat_map(|package| ["--package", package]));
+    // The image, with what only its tests have.
+    let mut image = toolchain.cargo("clippy", workspace::root(), &target_folder);
+    image.args([
+        "--package",
+        "stylus-firmware",
+        "--features",
+        "fault-injection",
+    ]);
     // In the folder and profile of its build, so that most of that serves here too.
     let target_folder = workspace::target_folder(PROCESSOR.name());
     let mut guest = toolchain.cargo("clippy", &guest::folder(), &target_folder);
     guest.arg("--release");
-    for command in [&mut packages, &mut guest] {
+    for command in [&mut packages, &mut image, &mut guest] {
         command.arg("--quiet");
         command.env("RUSTFLAGS", guest::compiler_flags(PROCESSOR));
         process::run(command.args(["--", "--deny", "warnings"]))?;

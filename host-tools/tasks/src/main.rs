@@ -1,12 +1,15 @@
 //! `cargo tasks`: builds for the microcontroller's core, and runs on emulated ones.
 
+use std::ffi::OsString;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use tasks::error::{Error, Result};
+use tasks::firmware::Image;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::{Toolchain, check_clippy};
-use tasks::{compare, lint, qemu};
+use tasks::{compare, firmware, lint, qemu, virtual_stylus};
 
 /// Tasks around the microcontroller's core.
 #[derive(Parser)]
@@ -28,8 +31,33 @@ enum Task {
     },
     /// Play the test vectors on emulated processors, compare with the host, and count instructions
     Qemu,
+    /// Build the image for the STM32H743, check where the tick's code is, and show what it takes of each memory
+    Firmware {
+        /// With faults on request, for tests
+        #[arg(long)]
+        fault_injection: bool,
+    },
+    /// Build the image, flash it with probe-rs, and show its log
+    Flash,
+    /// Build the image and run it on an emulated STM32H743, with a socket for `stylus --link tcp:`
+    VirtualStylus {
+        /// Of the virtual stylus: `-- --help` tells them
+        #[arg(last = true)]
+        arguments: Vec<OsString>,
+    },
+    /// Build the images and run the tests of them on the virtual stylus
+    TestVirtualStylus {
+        /// A minute of recording instead of seconds, a million frames instead of thousands
+        #[arg(long)]
+        long: bool,
+        /// Of the tests, such as a name
+        #[arg(last = true)]
+        arguments: Vec<OsString>,
+    },
     /// Lint all that runs on the target; every warning fails
     CheckTarget,
+    /// Lint the virtual stylus; every warning fails
+    CheckVirtualStylus,
 }
 
 fn main() -> ExitCode {
@@ -37,6 +65,19 @@ fn main() -> ExitCode {
         Task::Setup => setup(),
         Task::BuildGuest { cpu } => build_guest(cpu),
         Task::Qemu => play_all(),
+        Task::Firmware {
+            fault_injection: false,
+        } => build_firmware(Image::Product).map(drop),
+        Task::Firmware {
+            fault_injection: true,
+        } => build_firmware(Image::FaultInjection).map(drop),
+        Task::Flash => build_firmware(Image::Product).and_then(|file| firmware::flash(&file)),
+        Task::VirtualStylus { arguments } => {
+            Toolchain::find().and_then(|toolchain| virtual_stylus::run(&toolchain, &arguments))
+        }
+        Task::TestVirtualStylus { long, arguments } => Toolchain::find()
+            .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
+        Task::CheckVirtualStylus => virtual_stylus::lint(),
         Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),
     };
     match done {
@@ -85,6 +126,14 @@ fn build_guest(processor: Option<Processor>) -> Result<()> {
         println!("{}", guest::build(&toolchain, processor)?.display());
     }
     Ok(())
+}
+
+/// Builds, shows what is taken of each memory, and tells where the file is.
+fn build_firmware(image: Image) -> Result<PathBuf> {
+    let file = firmware::build(&Toolchain::find()?, image)?;
+    print!("{}", firmware::memory(&file)?);
+    println!("{}", file.display());
+    Ok(file)
 }
 
 /// Shows the costs of every processor before failing for any.

@@ -1,0 +1,368 @@
+//! Requests that are answered at once: everything but what erases or writes flash, for which see [`crate::storage`].
+//!
+//! One [`Control`] serves all links. Each method is one endpoint or topic and takes and gives the types of
+//! [`model_format::link`], so that a dispatcher only has to call it.
+
+use model_format::Texture;
+use model_format::link::{
+    ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, MotionRefused,
+    MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, RecordCounters,
+    RecordError, RecordStarted, RecordStopped, ResetReason, Settings, SlotId, SlotInfo, Status,
+    StopError, TickCounters, TickHistogram, UploadState,
+};
+use model_format::link::{Fault, MuteReason, MuteReasons};
+
+use crate::inputs::Timed;
+use crate::player::{Action, Observed, Player};
+use crate::safety::{Config, Counters};
+use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
+
+/// What the hardware's side tells and does. Nothing here waits.
+pub trait Device {
+    /// What this device is.
+    fn info(&self) -> DeviceInfo;
+
+    /// Ticks since the start.
+    fn now(&self) -> u64;
+
+    /// What the tick has counted.
+    fn tick_report(&self) -> TickReport;
+
+    /// What the links have counted: USB, serial.
+    fn link_counters(&self) -> [LinkCounters; 2];
+
+    /// How the last reset came about.
+    fn reset_report(&self) -> ResetReport;
+
+    /// The texture called `name` of the library in RAM, if one is there.
+    fn texture(&self, name: &str) -> Option<Texture<'_>>;
+
+    /// Whether the tick has the output at rest, having seen the mute of the last [`Device::set_mute`].
+    fn is_at_rest(&self) -> bool;
+
+    /// Whether the motion that is followed is too old, as the last update saw it.
+    fn is_motion_stale(&self) -> bool;
+
+    /// Tells the tick to be mute or not.
+    fn set_mute(&mut self, muted: bool);
+
+    /// At rest: play the texture of `request`, which is there, from silence, with `config`.
+    fn start(&mut self, request: &PlayRequest, config: Config);
+
+    /// At rest: play nothing.
+    fn clear(&mut self);
+
+    /// Where the motion is to come from.
+    fn set_motion_source(&mut self, source: MotionSource);
+
+    /// The host's motion.
+    fn set_host_motion(&mut self, motion: Timed);
+
+    /// New settings hold, at rest: for the inputs and the safety stages.
+    fn set_settings(&mut self, settings: &Settings);
+
+    /// Begins a recording.
+    ///
+    /// # Errors
+    /// As `Recorder::start`.
+    fn start_recording(&mut self) -> Result<RecordStarted, RecordError>;
+
+    /// Ends it.
+    ///
+    /// # Errors
+    /// As `Recorder::stop`.
+    fn stop_recording(&mut self) -> Result<RecordStopped, RecordError>;
+
+    /// What the recorder has counted.
+    fn record_counters(&self) -> RecordCounters;
+}
+
+/// What the tick tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TickReport {
+    /// The tick's own counters.
+    pub counters: TickCounters,
+    /// How long ticks took.
+    pub histogram: TickHistogram,
+    /// The kernel's saturations.
+    pub saturations: u32,
+    /// The safety stages' counters.
+    pub safety: Counters,
+    /// `safety::State::thermal_load_permille`.
+    pub thermal_load_permille: u16,
+    /// `safety::State::thermal_gain_permille`.
+    pub thermal_gain_permille: u16,
+}
+
+/// How the last reset came about.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ResetReport {
+    /// Why.
+    pub reason: ResetReason,
+    /// How many there were since power came.
+    pub resets: u32,
+    /// The last fault since power came.
+    pub fault: Option<Fault>,
+}
+
+/// Ticks without a frame after which the link is lost.
+const LINK_LOST_TICKS: u64 = (LINK_LOST_AFTER_MS * TICKS_PER_MS) as u64;
+
+/// The device as its requests see it.
+pub struct Control<D> {
+    device: D,
+    player: Player,
+    settings: Settings,
+    settings_faulty: bool,
+    active: Option<(SlotId, SlotInfo)>,
+    upload: UploadState,
+    heard_at: Option<u64>,
+}
+
+impl<D: Device> Control<D> {
+    /// Nothing is played, and no library is there.
+    pub fn new(mut device: D, settings: Settings, settings_faulty: bool) -> Self {
+        device.set_settings(&settings);
+        device.set_mute(true);
+        Self {
+            device,
+            player: Player::new(),
+            settings,
+            settings_faulty,
+            active: None,
+            upload: UploadState::Idle,
+            heard_at: None,
+        }
+    }
+
+    /// To be called for every frame that was understood, of whatever link.
+    pub fn heard(&mut self) {
+        self.heard_at = Some(self.device.now());
+    }
+
+    /// To be called every millisecond: follows what the tick and the links do, and moves the player on.
+    pub fn poll(&mut self) {
+        let observed = Observed {
+            at_rest: self.device.is_at_rest(),
+            stale: self.device.is_motion_stale(),
+            link_lost: self.is_link_lost(),
+        };
+        let action = self.player.poll(observed);
+        match action {
+            Some(Action::Start(request)) => {
+                let config = Config::new(&self.settings, request.gain);
+                self.device.start(&request, config);
+            }
+            Some(Action::Clear) => self.device.clear(),
+            None => {}
+        }
+        self.tell_mute();
+    }
+
+    fn is_link_lost(&self) -> bool {
+        let now = self.device.now();
+        self.heard_at
+            .is_none_or(|at| now.saturating_sub(at) > LINK_LOST_TICKS)
+    }
+
+    fn tell_mute(&mut self) {
+        self.device.set_mute(!self.player.mute().is_empty());
+    }
+
+    /// `InfoEndpoint`.
+    pub fn info(&self) -> DeviceInfo {
+        self.device.info()
+    }
+
+    /// `StatusEndpoint`.
+    pub fn status(&self) -> Status {
+        let tick = self.device.tick_report();
+        let [usb, serial] = self.device.link_counters();
+        let ResetReport {
+            reason,
+            resets,
+            fault,
+        } = self.device.reset_report();
+        Status {
+            uptime_ms: tick.counters.ticks / u64::from(TICKS_PER_MS),
+            output: self.output(&tick),
+            tick: tick.counters,
+            tick_histogram: tick.histogram,
+            record: self.device.record_counters(),
+            usb,
+            serial,
+            active: self.active.map(|(slot, _)| slot),
+            library_crc32: self.active.map_or(0, |(_, library)| library.crc32),
+            upload: self.upload,
+            reset: reason,
+            resets,
+            fault,
+            settings_faulty: self.settings_faulty,
+        }
+    }
+
+    fn output(&self, tick: &TickReport) -> OutputStatus {
+        OutputStatus {
+            activity: self.player.activity(),
+            mute: self.player.mute(),
+            mute_counts: self.player.mute_counts(),
+            saturations: tick.saturations,
+            hard_limited: tick.safety.hard_limited,
+            slew_limited: tick.safety.slew_limited,
+            thermally_limited: tick.safety.thermally_limited,
+            thermal_load_permille: tick.thermal_load_permille,
+            thermal_gain_permille: tick.thermal_gain_permille,
+        }
+    }
+
+    /// `PlayEndpoint`.
+    ///
+    /// # Errors
+    /// What keeps the texture from being played; what was played before goes on.
+    pub fn play(&mut self, request: PlayRequest) -> Result<Playing, PlayError> {
+        self.check_play(&request)?;
+        self.player
+            .play(request.clone())
+            .map_err(|_| PlayError::Busy)?;
+        self.device.set_motion_source(request.motion);
+        self.tell_mute();
+        Ok(Playing {
+            mute: self.player.mute(),
+            request,
+        })
+    }
+
+    fn check_play(&self, request: &PlayRequest) -> Result<(), PlayError> {
+        // A comparison with NaN is false.
+        if !(0.0..=MAX_PLAY_GAIN).contains(&request.gain) {
+            return Err(PlayError::Gain { gain: request.gain });
+        }
+        if self.player.mute().contains(MuteReason::Fault) {
+            return Err(PlayError::Fault);
+        }
+        if self.active.is_none() {
+            return Err(PlayError::NoLibrary);
+        }
+        let texture =
+            self.device
+                .texture(&request.texture)
+                .ok_or_else(|| PlayError::NoSuchTexture {
+                    name: request.texture.clone(),
+                })?;
+        let texture_hz = texture.sample_rate_hz();
+        if texture_hz != SAMPLE_RATE_HZ {
+            let device_hz = SAMPLE_RATE_HZ;
+            return Err(PlayError::SampleRate {
+                texture_hz,
+                device_hz,
+            });
+        }
+        Ok(())
+    }
+
+    /// `StopEndpoint`.
+    ///
+    /// # Errors
+    /// Nothing is played.
+    pub fn stop(&mut self) -> Result<OutputStatus, StopError> {
+        self.player.stop()?;
+        self.tell_mute();
+        Ok(self.output(&self.device.tick_report()))
+    }
+
+    /// `MotionEndpoint` and `MotionTopic`; tells where motion is taken from.
+    ///
+    /// # Errors
+    /// A motion that is not finite; the one before holds.
+    pub fn motion(&mut self, sample: MotionSample) -> Result<MotionSource, MotionRefused> {
+        let motion = Timed::from_host(sample, self.device.now())?;
+        self.device.set_host_motion(motion);
+        Ok(self.player.motion_source())
+    }
+
+    /// `RecordStartEndpoint`.
+    ///
+    /// # Errors
+    /// One is under way.
+    pub fn record_start(&mut self) -> Result<RecordStarted, RecordError> {
+        self.device.start_recording()
+    }
+
+    /// `RecordStopEndpoint`.
+    ///
+    /// # Errors
+    /// None is under way.
+    pub fn record_stop(&mut self) -> Result<RecordStopped, RecordError> {
+        self.device.stop_recording()
+    }
+
+    /// `SettingsGetEndpoint`.
+    pub fn settings(&self) -> Settings {
+        self.settings
+    }
+
+    /// `UploadProgressEndpoint`.
+    pub fn upload(&self) -> UploadState {
+        self.upload
+    }
+
+    /// Whether settings may change: nothing is played and no library is being activated.
+    pub fn is_idle(&self) -> bool {
+        !self.player.is_playing() && !self.player.may_exchange()
+    }
+
+    /// New settings hold, as the store has them. They change nothing of what is played, see [`Control::is_idle`].
+    pub fn set_settings(&mut self, settings: Settings, faulty: bool) {
+        self.settings = settings;
+        self.settings_faulty = faulty;
+        self.device.set_settings(&settings);
+    }
+
+    /// How far an upload has come, for the status.
+    pub fn set_upload(&mut self, upload: UploadState) {
+        self.upload = upload;
+    }
+
+    /// Fades out and stops, so that the library can be exchanged when [`Control::may_exchange`] says so.
+    ///
+    /// # Errors
+    /// Another activation is under way.
+    pub fn begin_activation(&mut self) -> Result<(), ActivateError> {
+        self.player.begin_activation()?;
+        self.tell_mute();
+        Ok(())
+    }
+
+    /// Whether the library in RAM may be exchanged.
+    pub fn may_exchange(&self) -> bool {
+        self.player.may_exchange()
+    }
+
+    /// The exchange is over: with another library, or none, or given up with the one before.
+    pub fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
+        self.active = active;
+        self.player.end_activation();
+        self.tell_mute();
+    }
+
+    /// The library in RAM.
+    pub fn active(&self) -> Option<(SlotId, SlotInfo)> {
+        self.active
+    }
+
+    /// A fault was found: mute until the device is restarted.
+    pub fn fault(&mut self) {
+        self.player.fault();
+        self.tell_mute();
+    }
+
+    /// Why the output is mute.
+    pub fn mute(&self) -> MuteReasons {
+        self.player.mute()
+    }
+
+    /// The hardware's side.
+    pub fn device(&mut self) -> &mut D {
+        &mut self.device
+    }
+}

@@ -1,0 +1,190 @@
+//! Speed and force: from the encoder and the force sensor, or from the host, with their age.
+//!
+//! **Force** is (code - zero) times a constant. **Speed** is the change of the encoder's count over the last
+//! [`WINDOW_TICKS`] ticks, 20 ms, times the path of a count, over that time: the mean speed of 10 ms ago. One count is
+//! path-per-count / 20 ms of it, 0.5 mm/s for counts of 0.01 mm. The direction does not matter.
+//!
+//! An input that is older than [`STALE_TICKS`] is no longer believed.
+
+use model_format::link::{
+    MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings,
+};
+use model_format::{AdcCode, MillimetresPerSecond, Newton};
+use stylus_kernel::{Motion, MotionError, UPDATE_INTERVAL_SAMPLES};
+
+use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
+
+/// Age from which an input is not believed, ticks.
+pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;
+
+/// Blocks of ticks over which the speed is taken.
+const WINDOW_BLOCKS: usize = 10;
+
+/// Ticks over which the speed is taken.
+pub const WINDOW_TICKS: u32 = WINDOW_BLOCKS as u32 * UPDATE_INTERVAL_SAMPLES;
+
+/// What turns counts and codes into speed and force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InputConfig {
+    /// mm/s for a count in the window.
+    speed_per_count: f32,
+    force_zero: AdcCode,
+    /// N for a code.
+    force_per_code: f32,
+}
+
+impl InputConfig {
+    /// For `settings`.
+    pub fn new(settings: &Settings) -> Self {
+        let windows_per_second = SAMPLE_RATE_HZ as f32 / WINDOW_TICKS as f32;
+        Self {
+            speed_per_count: settings.get(Setting::PathPerCount) * windows_per_second,
+            force_zero: settings.force_zero(),
+            force_per_code: settings.get(Setting::ForcePerVolt) * AdcCode::STEP.0,
+        }
+    }
+
+    /// The force that `code` stands for.
+    pub fn force(&self, code: AdcCode) -> Newton {
+        let codes = i32::from(code.0) - i32::from(self.force_zero.0);
+        Newton(codes as f32 * self.force_per_code)
+    }
+
+    /// The speed of `counts` in a window.
+    fn speed(&self, counts: i32) -> MillimetresPerSecond {
+        MillimetresPerSecond((counts as f32 * self.speed_per_count).abs())
+    }
+}
+
+/// Follows the count of a 16-bit quadrature counter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Encoder {
+    count: u16,
+}
+
+impl Encoder {
+    /// A counter that stands at `count`.
+    pub const fn new(count: u16) -> Self {
+        Self { count }
+    }
+
+    /// By how much the counter has changed to `count`, the short way round: right up to 32 767 counts a tick.
+    #[inline(always)]
+    pub fn delta(&mut self, count: u16) -> i16 {
+        let delta = count.wrapping_sub(self.count) as i16;
+        self.count = count;
+        delta
+    }
+}
+
+/// The sensors' last values, gathered by the tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Sensors {
+    /// Counts of the block that is under way.
+    block_counts: i32,
+    /// Counts of the blocks before, round about.
+    blocks: [i32; WINDOW_BLOCKS],
+    oldest: usize,
+    force: AdcCode,
+    /// The tick at which the last good conversion was read.
+    updated_at: Option<u64>,
+}
+
+impl Default for Sensors {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Sensors {
+    /// Nothing has been read.
+    pub const fn new() -> Self {
+        Self {
+            block_counts: 0,
+            blocks: [0; WINDOW_BLOCKS],
+            oldest: 0,
+            force: AdcCode(0),
+            updated_at: None,
+        }
+    }
+
+    /// What was read at `tick`. `fresh` tells whether the conversion was there in time; if not, `force` is left out.
+    #[inline(always)]
+    pub fn read(&mut self, tick: u64, encoder_delta: i16, force: AdcCode, fresh: bool) {
+        self.block_counts = self.block_counts.saturating_add(i32::from(encoder_delta));
+        if fresh {
+            self.force = force;
+            self.updated_at = Some(tick);
+        }
+    }
+
+    /// Ends a block of [`UPDATE_INTERVAL_SAMPLES`] ticks. Called at each block's boundary, whoever gives the motion.
+    #[inline(always)]
+    pub fn end_block(&mut self) {
+        self.blocks[self.oldest] = self.block_counts;
+        self.oldest = (self.oldest + 1) % WINDOW_BLOCKS;
+        self.block_counts = 0;
+    }
+
+    /// The motion of the last window, and the tick at which it was good.
+    pub fn motion(&self, config: &InputConfig) -> Timed {
+        let counts = self
+            .blocks
+            .iter()
+            .fold(0i32, |sum, &block| sum.saturating_add(block));
+        // Both are products of finite numbers in range, so this is a motion.
+        let motion = Motion::new(config.speed(counts), config.force(self.force));
+        Timed {
+            motion: motion.unwrap_or(Motion::REST),
+            at: self.updated_at,
+        }
+    }
+}
+
+/// A motion and when it was good.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timed {
+    /// The motion.
+    pub motion: Motion,
+    /// The tick, none if there was no input yet.
+    pub at: Option<u64>,
+}
+
+impl Timed {
+    /// No input yet.
+    pub const NEVER: Self = Self {
+        motion: Motion::REST,
+        at: None,
+    };
+
+    /// What the host says at `tick`.
+    ///
+    /// # Errors
+    /// A speed or force that is not finite.
+    pub fn from_host(sample: MotionSample, tick: u64) -> Result<Self, MotionRefused> {
+        let motion = Motion::new(sample.speed, sample.force).map_err(|error| match error {
+            MotionError::Speed => MotionRefused::Speed,
+            MotionError::Force => MotionRefused::Force,
+        })?;
+        Ok(Self {
+            motion,
+            at: Some(tick),
+        })
+    }
+
+    /// Whether the motion is too old to be believed at `tick`.
+    pub fn is_stale(&self, tick: u64) -> bool {
+        // An input noted a moment after the tick was read has no age.
+        self.at
+            .is_none_or(|at| tick.saturating_sub(at) > STALE_TICKS)
+    }
+}
+
+/// The motion of `source` at `tick`, and whether it is stale. A stale motion is what it was: the mute fades it out.
+pub fn choose(source: MotionSource, sensors: Timed, host: Timed, tick: u64) -> (Motion, bool) {
+    let chosen = match source {
+        MotionSource::Sensors => sensors,
+        MotionSource::Host => host,
+    };
+    (chosen.motion, chosen.is_stale(tick))
+}

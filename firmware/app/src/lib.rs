@@ -1,0 +1,38 @@
+//! What the stylus does, but for its hardware: the same code in the image, in tests on the host, and where the host
+//! computes what the device will put out.
+//!
+//! Nothing here allocates, waits for hardware, or knows a register. What needs hardware stands behind small traits:
+//! [`control::Device`], [`slots::MappedFlash`], [`storage::Stage`].
+//!
+//! | module | runs in |
+//! |---|---|
+//! | [`safety`] | the tick |
+//! | [`inputs`] | the tick (encoder, conversions) and below it (motion) |
+//! | [`recorder`] | the tick (one sample in a queue) and thread mode (blocks) |
+//! | [`player`], [`control`] | thread mode, never waits |
+//! | [`slots`], [`upload`], [`settings`], [`storage`] | thread mode, asynchronous |
+#![no_std]
+#![expect(
+    clippy::result_large_err,
+    reason = "an error that tells a person its reason carries the words: there is no heap to put them on"
+)]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod control;
+pub mod inputs;
+pub mod player;
+pub mod recorder;
+pub mod safety;
+pub mod settings;
+pub mod slots;
+pub mod status;
+pub mod storage;
+pub mod upload;
+
+/// Ticks a second: samples are read, computed and put out at this rate.
+pub const SAMPLE_RATE_HZ: u32 = 5_000;
+
+/// Ticks in a millisecond.
+pub const TICKS_PER_MS: u32 = SAMPLE_RATE_HZ / 1_000;

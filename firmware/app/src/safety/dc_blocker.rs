@@ -1,0 +1,83 @@
+//! A high pass of first order, so that no steady current warms the coil or pushes the hand.
+//!
+//! y = x - m, where the mean m follows x: m += α (x - m). Corner frequency α f / 2π to first order: 1.99 Hz at 5 kHz.
+
+use super::fixed::{STEP_BITS, shift_toward_zero};
+
+/// α = 82 / 2^15.
+const ALPHA: i64 = 82;
+const ALPHA_BITS: u32 = 15;
+
+/// Binary digits of the mean beyond the input's: what rounding leaves of it is below 2^-7 of the input's last digit.
+const EXTRA_BITS: u32 = 16;
+
+/// The mean that is taken off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DcBlocker {
+    /// In converter steps of 2^-32.
+    mean: i64,
+}
+
+impl DcBlocker {
+    pub const fn new() -> Self {
+        Self { mean: 0 }
+    }
+
+    /// `input` without its mean; at most twice as large as the largest input.
+    #[inline(always)]
+    pub fn next(&mut self, input: i64) -> i64 {
+        // Inputs are below 2^28 and means below 2^44, so the product stays below 2^52.
+        let difference = (input << EXTRA_BITS) - self.mean;
+        self.mean += shift_toward_zero(difference * ALPHA, ALPHA_BITS);
+        shift_toward_zero((input << EXTRA_BITS) - self.mean, EXTRA_BITS)
+    }
+}
+
+const _: () = assert!(STEP_BITS == 16, "the bounds above are for 16 digits");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FULL: i64 = 2048 << STEP_BITS;
+
+    proptest! {
+        #[test]
+        fn a_constant_input_leaves_exactly_nothing(level in -FULL..=FULL) {
+            let mut blocker = DcBlocker::new();
+            // 4 s are 50 time constants.
+            for _ in 0..20_000 {
+                blocker.next(level);
+            }
+            prop_assert_eq!(blocker.next(level), 0);
+        }
+
+        #[test]
+        fn an_output_is_at_most_twice_the_largest_input(inputs in prop::collection::vec(-FULL..=FULL, 1..2000)) {
+            let mut blocker = DcBlocker::new();
+            for input in inputs {
+                prop_assert!(blocker.next(input).abs() <= 2 * FULL);
+            }
+        }
+    }
+
+    #[test]
+    fn the_corner_is_at_two_hertz() {
+        // A sine of 2 Hz passes with 1/√2 of its amplitude, one of 40 Hz with all of it.
+        let amplitude = |hertz: f64| {
+            let mut blocker = DcBlocker::new();
+            let mut highest = 0.0f64;
+            for n in 0..50_000 {
+                let phase = core::f64::consts::TAU * hertz * f64::from(n) / 5_000.0;
+                let out = blocker.next((phase.sin() * FULL as f64) as i64) as f64 / FULL as f64;
+                if n > 25_000 {
+                    highest = highest.max(out.abs());
+                }
+            }
+            highest
+        };
+        assert!((amplitude(2.0) - 0.5f64.sqrt()).abs() < 0.01);
+        assert!(amplitude(40.0) > 0.995);
+    }
+}

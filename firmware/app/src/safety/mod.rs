@@ -1,0 +1,183 @@
+//! From a sample of the kernel to a code for the converter, so that no sample can harm the coil or the hand.
+//!
+//! ```text
+//! OutputSample -> gain -> DC blocker -> mute ramp -> thermal limiter -> hard limit -> slew limit -> DacCode
+//!                                                         ^                                          |
+//!                                                         +--------------- coil model <--------------+
+//! ```
+//! The ramp comes after the DC blocker, so that a muted output is at exactly mid-scale when the ramp has ended, without the
+//! blocker's tail. The coil's model is fed with what is put out, not with what was wished for.
+//!
+//! A sample takes integer arithmetic and the same path whatever the data. [`Config`] is computed from settings, in
+//! floating-point operations that IEEE 754 defines to the last bit, so that host and device put out the same codes.
+
+mod dc_blocker;
+mod fixed;
+mod ramp;
+mod thermal;
+
+use model_format::link::{Setting, Settings};
+use model_format::{DacCode, OutputSample};
+
+use crate::SAMPLE_RATE_HZ;
+use dc_blocker::DcBlocker;
+use fixed::{STEP_BITS, round_to_step, within};
+use ramp::{Ramp, RampConfig};
+use thermal::{CoilConfig, CoilState};
+
+pub use thermal::PEAK_POWER_RATIO;
+
+/// Binary digits after the point of the gain.
+const GAIN_BITS: u32 = 20;
+
+/// Largest input of the stages after the gain, steps of the converter in 2^-16: its whole range, to either side.
+const FULL_SCALE: i64 = 2048 << STEP_BITS;
+
+/// What the safety stages do, computed when settings or a texture change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// Converter steps in 2^-16 for a step of the kernel's output, 2^-20.
+    gain: i32,
+    ramp: RampConfig,
+    coil: CoilConfig,
+    /// Largest offset from mid-scale, converter steps.
+    limit: i32,
+    /// Largest change from sample to sample, converter steps.
+    slew: i32,
+}
+
+impl Config {
+    /// For `settings` and a texture that is played at `play_gain`, which must be finite and not negative.
+    pub fn new(settings: &Settings, play_gain: f32) -> Self {
+        let per_step = 1.0 / DacCode::STEP.0;
+        let steps_per_acceleration = settings.get(Setting::OutputGain) * play_gain * per_step;
+        // From 2^-20 m/s² to 2^-16 steps is a division by 2^4.
+        let scale = (1u32 << (GAIN_BITS - OutputSample::FRACTION_BITS + STEP_BITS)) as f32;
+        let coil = CoilConfig::new(settings);
+        let limit = (settings.hard_limit().0 * per_step) as i32;
+        let slew_per_sample = settings.get(Setting::SlewLimit) * 1e3 / SAMPLE_RATE_HZ as f32;
+        Self {
+            // A conversion of a float saturates.
+            gain: (steps_per_acceleration * scale) as i32,
+            ramp: RampConfig::new(settings),
+            coil,
+            limit: limit.min(coil.peak_limit()),
+            slew: ((slew_per_sample * per_step) as i32).max(1),
+        }
+    }
+
+    /// Largest offset from mid-scale that can be put out, converter steps: the hard limit, or what [`PEAK_POWER_RATIO`] allows.
+    pub fn limit_steps(&self) -> i32 {
+        self.limit
+    }
+
+    /// Largest change from one sample to the next, converter steps.
+    pub fn slew_steps(&self) -> i32 {
+        self.slew
+    }
+
+    /// How many samples it takes at most from any output to exactly mid-scale once it is muted.
+    pub fn mute_samples(&self) -> u32 {
+        // The slew limit may lag behind the ramp's end, but by no more than it takes from one limit to mid-scale.
+        self.ramp.down_samples() + (self.limit / self.slew) as u32 + 1
+    }
+}
+
+/// What the safety stages remember and count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct State {
+    dc_blocker: DcBlocker,
+    ramp: Ramp,
+    coil: CoilState,
+    /// What was put out last, converter steps from mid-scale.
+    offset: i32,
+    counters: Counters,
+}
+
+/// How often the safety stages changed a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Samples that the hard limit cut.
+    pub hard_limited: u32,
+    /// Samples that the slew limit held back.
+    pub slew_limited: u32,
+    /// Samples that the thermal limiter attenuated.
+    pub thermally_limited: u32,
+}
+
+impl Default for State {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl State {
+    /// At mid-scale and muted. The coil counts as warm as it may be without attenuation: nobody knows how it was before.
+    pub const fn new() -> Self {
+        Self {
+            dc_blocker: DcBlocker::new(),
+            ramp: Ramp::new(),
+            coil: CoilState::new(),
+            offset: 0,
+            counters: Counters {
+                hard_limited: 0,
+                slew_limited: 0,
+                thermally_limited: 0,
+            },
+        }
+    }
+
+    /// The next code for the converter.
+    ///
+    /// While `muted` the output goes to mid-scale along the mute ramp and stays there; afterwards it comes back along the
+    /// soft start.
+    #[inline(always)]
+    pub fn process(&mut self, config: &Config, sample: OutputSample, muted: bool) -> DacCode {
+        let product = i64::from(sample.0) * i64::from(config.gain);
+        let amplified = fixed::shift_toward_zero(product, GAIN_BITS).clamp(-FULL_SCALE, FULL_SCALE);
+        let without_dc = self.dc_blocker.next(amplified);
+        let ramped = self.ramp.next(config.ramp, without_dc, muted);
+        let (cooled, attenuated) = self.coil.attenuate(ramped);
+        let wished = round_to_step(cooled);
+        let limited = within(wished, -config.limit, config.limit);
+        let offset = within(
+            limited,
+            self.offset - config.slew,
+            self.offset + config.slew,
+        );
+        self.coil.follow(config.coil, offset);
+        self.offset = offset;
+        self.counters
+            .count(wished != limited, limited != offset, attenuated);
+        DacCode::from_mid_scale(offset)
+    }
+
+    /// Whether the output is at mid-scale and the ramp at its lower end, so that what is played can be exchanged.
+    pub fn is_at_rest(&self) -> bool {
+        self.offset == 0 && self.ramp.is_down()
+    }
+
+    /// How often samples were changed.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// The coil's modelled warmth, per mille of what the power limit leads to in the end.
+    pub fn thermal_load_permille(&self) -> u16 {
+        self.coil.load_permille()
+    }
+
+    /// The thermal limiter's gain, per mille.
+    pub fn thermal_gain_permille(&self) -> u16 {
+        self.coil.gain_permille()
+    }
+}
+
+impl Counters {
+    #[inline(always)]
+    fn count(&mut self, hard: bool, slew: bool, thermal: bool) {
+        self.hard_limited = self.hard_limited.saturating_add(u32::from(hard));
+        self.slew_limited = self.slew_limited.saturating_add(u32::from(slew));
+        self.thermally_limited = self.thermally_limited.saturating_add(u32::from(thermal));
+    }
+}

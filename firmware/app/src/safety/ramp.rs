@@ -1,0 +1,59 @@
+//! Soft start and mute: a gain that goes in equal steps between exactly nothing and exactly one.
+
+use model_format::link::{Setting, Settings};
+
+use super::fixed::shift_toward_zero;
+use crate::SAMPLE_RATE_HZ;
+
+/// A gain of one.
+const ONE: i32 = 1 << 30;
+const ONE_BITS: u32 = 30;
+
+/// How fast the gain goes up and down, a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RampConfig {
+    up: i32,
+    down: i32,
+}
+
+impl RampConfig {
+    pub fn new(settings: &Settings) -> Self {
+        let step = |setting| {
+            let samples = settings.get(setting) * SAMPLE_RATE_HZ as f32 / 1e3;
+            (ONE as f32 / samples) as i32 + 1
+        };
+        Self {
+            up: step(Setting::SoftStart),
+            down: step(Setting::MuteRamp),
+        }
+    }
+
+    /// How many samples the way down takes.
+    pub fn down_samples(self) -> u32 {
+        (ONE as u32).div_ceil(self.down as u32)
+    }
+}
+
+/// The gain of the moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ramp {
+    gain: i32,
+}
+
+impl Ramp {
+    pub const fn new() -> Self {
+        Self { gain: 0 }
+    }
+
+    #[inline(always)]
+    pub fn next(&mut self, config: RampConfig, input: i64, muted: bool) -> i64 {
+        let step = if muted { -config.down } else { config.up };
+        // Steps are at most a fifth of one, so the sum does not overflow.
+        self.gain = (self.gain + step).clamp(0, ONE);
+        shift_toward_zero(input * i64::from(self.gain), ONE_BITS)
+    }
+
+    pub fn is_down(self) -> bool {
+        self.gain == 0
+    }
+}

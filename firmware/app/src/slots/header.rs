@@ -1,0 +1,122 @@
+//! A slot's header: one flash word, so that it is written whole or not at all.
+
+use crc::{CRC_32_ISO_HDLC, Crc};
+use serde::{Deserialize, Serialize};
+
+use super::WORD_BYTES;
+
+/// The header's version. It changes when an older firmware could misread a newer slot.
+pub const HEADER_VERSION: u16 = 1;
+
+const MAGIC: [u8; 4] = *b"HTXS";
+static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
+/// What makes bytes in a slot a library.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Header {
+    pub sequence: u32,
+    pub length: u32,
+    pub crc32: u32,
+}
+
+/// What a word turned out to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Read {
+    Header(Header),
+    Blank,
+    Version(u16),
+    Damaged,
+}
+
+/// The word but for its checksum, every field of fixed width.
+#[derive(Serialize, Deserialize)]
+struct Fields {
+    magic: [u8; 4],
+    #[serde(with = "postcard::fixint::le")]
+    version: u16,
+    #[serde(with = "postcard::fixint::le")]
+    reserved: u16,
+    #[serde(with = "postcard::fixint::le")]
+    sequence: u32,
+    #[serde(with = "postcard::fixint::le")]
+    length: u32,
+    #[serde(with = "postcard::fixint::le")]
+    crc32: u32,
+}
+
+/// Length of [`Fields`].
+const FIELD_BYTES: usize = 20;
+
+impl Header {
+    pub fn word(self) -> [u8; WORD_BYTES] {
+        let fields = Fields {
+            magic: MAGIC,
+            version: HEADER_VERSION,
+            reserved: 0,
+            sequence: self.sequence,
+            length: self.length,
+            crc32: self.crc32,
+        };
+        let mut word = [0; WORD_BYTES];
+        postcard::to_slice(&fields, &mut word[..FIELD_BYTES])
+            .expect("fields of fixed width fit their length");
+        let crc = CRC.checksum(&word[..FIELD_BYTES]);
+        word[FIELD_BYTES..][..4].copy_from_slice(&crc.to_le_bytes());
+        word
+    }
+
+    pub fn read(word: &[u8; WORD_BYTES]) -> Read {
+        if *word == [0xff; WORD_BYTES] {
+            return Read::Blank;
+        }
+        let crc = CRC.checksum(&word[..FIELD_BYTES]);
+        let Ok(fields) = postcard::from_bytes::<Fields>(&word[..FIELD_BYTES]) else {
+            return Read::Damaged;
+        };
+        if fields.magic != MAGIC || word[FIELD_BYTES..][..4] != crc.to_le_bytes() {
+            return Read::Damaged;
+        }
+        if fields.version != HEADER_VERSION {
+            return Read::Version(fields.version);
+        }
+        Read::Header(Self {
+            sequence: fields.sequence,
+            length: fields.length,
+            crc32: fields.crc32,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_header_comes_back_and_a_changed_bit_is_seen(
+            sequence: u32, length: u32, crc32: u32, bit in 0..(FIELD_BYTES + 4) * 8,
+        ) {
+            let header = Header { sequence, length, crc32 };
+            let mut word = header.word();
+            prop_assert_eq!(Header::read(&word), Read::Header(header));
+            word[bit / 8] ^= 1 << (bit % 8);
+            prop_assert_eq!(Header::read(&word), Read::Damaged);
+        }
+    }
+
+    #[test]
+    fn a_header_of_another_version_is_told_from_damage() {
+        let mut word = Header {
+            sequence: 1,
+            length: 2,
+            crc32: 3,
+        }
+        .word();
+        word[4] += 1;
+        let crc = CRC.checksum(&word[..FIELD_BYTES]);
+        word[FIELD_BYTES..][..4].copy_from_slice(&crc.to_le_bytes());
+        assert_eq!(Header::read(&word), Read::Version(HEADER_VERSION + 1));
+        assert_eq!(Header::read(&[0xff; WORD_BYTES]), Read::Blank);
+    }
+}

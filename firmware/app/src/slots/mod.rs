@@ -1,0 +1,470 @@
+//! Two places for a library in flash, one of which is always left alone.
+//!
+//! A slot is the library's bytes from its start and, in its last [`SLOT_HEADER_BYTES`], a header of one flash word that is
+//! written last, when the bytes have been read back and found valid. The sector with the header is the first to be erased.
+//! So whenever power is lost, a slot is what it was, or it has no valid header.
+//!
+//! At boot the newest slot that is valid is taken. A flash word that was being programmed when power was lost may fault
+//! when it is read (RM0433 section 4.3.16, double ECC error); such a slot counts as faulty. Each word is therefore read by
+//! [`ReadNorFlash::read`], which tells of a fault, before the bytes are looked at where they lie.
+
+mod header;
+
+use core::ops::Range;
+
+use embassy_futures::yield_now;
+use embedded_storage_async::nor_flash::NorFlash;
+use heapless::Vec;
+use model_format::limits::{MAX_LIBRARY_BYTES, MAX_TEXTURES, SLOT_BYTES, SLOT_HEADER_BYTES};
+use model_format::link::{
+    FlashOperation, LIBRARY_CRC, ListError, Reason, SlotFault, SlotId, SlotInfo, SlotState, Slots,
+    TextureInfo,
+};
+use model_format::{Library, NodeFlags, Texture};
+
+pub use header::HEADER_VERSION;
+use header::{Header, Read};
+
+#[cfg(doc)]
+use embedded_storage_async::nor_flash::ReadNorFlash;
+
+/// Flash word of the STM32H743, bytes: what is programmed at once and shares one ECC (RM0433 section 4.3.9).
+pub const WORD_BYTES: usize = 32;
+
+/// Bytes between two chances for others to run, while a slot is read.
+const STRIDE_BYTES: usize = 4096;
+
+/// Flash that can also be read where it lies.
+///
+/// Offset 0 is the start of slot A, [`SLOT_BYTES`] that of slot B. `read` must report a word that faults as an error, and
+/// not as a bus fault.
+pub trait MappedFlash: NorFlash {
+    /// The bytes of `range`, each word of which has been read without error since it was last written.
+    ///
+    /// # Errors
+    /// A range outside the flash.
+    fn bytes(&self, range: Range<u32>) -> Result<&[u8], Self::Error>;
+}
+
+impl<F: MappedFlash> MappedFlash for &mut F {
+    fn bytes(&self, range: Range<u32>) -> Result<&[u8], Self::Error> {
+        F::bytes(self, range)
+    }
+}
+
+/// Textures of a slot, so that a listing does not read flash.
+type Index = Vec<TextureInfo, MAX_TEXTURES>;
+
+/// The two slots.
+pub struct SlotStore<F> {
+    flash: F,
+    states: [SlotState; 2],
+    index: [Index; 2],
+    active: Option<SlotId>,
+}
+
+/// A fault of the flash, with its place in a slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FlashFault {
+    /// The slot.
+    pub slot: SlotId,
+    /// What was done.
+    pub operation: FlashOperation,
+    /// Where in the slot.
+    pub offset: u32,
+}
+
+/// Why bytes did not get into flash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WriteFault {
+    /// The flash reported a fault.
+    Flash(FlashFault),
+    /// It did not, but something else is there now.
+    ReadBack {
+        /// The slot.
+        slot: SlotId,
+        /// The word, as an offset in the slot.
+        offset: u32,
+    },
+}
+
+impl<F: MappedFlash> SlotStore<F> {
+    const FITS: () = {
+        assert!(F::WRITE_SIZE == WORD_BYTES, "words of this length");
+        assert!(
+            WORD_BYTES.is_multiple_of(F::READ_SIZE),
+            "a word can be read"
+        );
+        assert!(
+            SLOT_BYTES.is_multiple_of(F::ERASE_SIZE),
+            "a slot is whole sectors"
+        );
+        assert!(
+            F::ERASE_SIZE >= SLOT_HEADER_BYTES,
+            "the header is in one sector"
+        );
+    };
+
+    /// Reads and validates both slots of `flash`; none is active yet.
+    pub async fn open(flash: F) -> Self {
+        const { Self::FITS };
+        let mut store = Self {
+            flash,
+            states: [SlotState::Empty, SlotState::Empty],
+            index: [Vec::new(), Vec::new()],
+            active: None,
+        };
+        for slot in SlotId::ALL {
+            store.scan(slot).await;
+        }
+        store
+    }
+
+    /// What is in the slots.
+    pub fn slots(&self) -> Slots {
+        Slots {
+            slots: self.states.clone(),
+            active: self.active,
+        }
+    }
+
+    /// What is in `slot`.
+    pub fn state(&self, slot: SlotId) -> &SlotState {
+        &self.states[slot.index()]
+    }
+
+    /// The library in `slot`, if there is a valid one.
+    pub fn library(&self, slot: SlotId) -> Option<SlotInfo> {
+        match self.states[slot.index()] {
+            SlotState::Valid(info) => Some(info),
+            _ => None,
+        }
+    }
+
+    /// The slot with the library that was uploaded last.
+    pub fn newest(&self) -> Option<SlotId> {
+        let sequence = |slot: SlotId| self.library(slot).map(|library| library.sequence);
+        let valid = SlotId::ALL
+            .into_iter()
+            .filter(|&slot| sequence(slot).is_some());
+        valid.max_by_key(|&slot| sequence(slot))
+    }
+
+    /// The slot whose library is played.
+    pub fn active(&self) -> Option<SlotId> {
+        self.active
+    }
+
+    /// Notes which slot's library is played; an upload goes to the other.
+    pub fn set_active(&mut self, slot: Option<SlotId>) {
+        self.active = slot;
+    }
+
+    /// The slot that an upload may overwrite.
+    pub fn spare(&self) -> SlotId {
+        match self.active.or(self.newest()) {
+            Some(kept) => kept.other(),
+            None => SlotId::A,
+        }
+    }
+
+    /// Texture `index` of `slot`.
+    ///
+    /// # Errors
+    /// No library in the slot, or not so many textures.
+    pub fn texture(&self, slot: SlotId, index: u8) -> Result<TextureInfo, ListError> {
+        match &self.states[slot.index()] {
+            SlotState::Valid(_) => {}
+            SlotState::Faulty(fault) => {
+                let fault = fault.clone();
+                return Err(ListError::Faulty { slot, fault });
+            }
+            SlotState::Empty | SlotState::Receiving => return Err(ListError::NoLibrary { slot }),
+        }
+        let textures = &self.index[slot.index()];
+        textures
+            .get(usize::from(index))
+            .cloned()
+            .ok_or(ListError::Index {
+                slot,
+                index,
+                textures: textures.len() as u8,
+            })
+    }
+
+    /// The bytes of the library in `slot`, read once more for faults, checked against its checksum.
+    ///
+    /// # Errors
+    /// What is wrong with the slot, which counts as faulty from then on.
+    pub async fn library_bytes(&mut self, slot: SlotId) -> Result<&[u8], SlotFault> {
+        let Some(info) = self.library(slot) else {
+            return Err(SlotFault::Unfinished);
+        };
+        if let Err(fault) = self.check_bytes(slot, info.length, info.crc32).await {
+            self.set_state(slot, SlotState::Faulty(fault.clone()));
+            return Err(fault);
+        }
+        self.mapped(slot, info.length)
+    }
+
+    /// Forgets what is in `slot`, which is about to be overwritten.
+    pub(crate) fn set_receiving(&mut self, slot: SlotId) {
+        self.set_state(slot, SlotState::Receiving);
+    }
+
+    /// Notes that an upload to `slot` was given up.
+    pub(crate) fn set_unfinished(&mut self, slot: SlotId) {
+        self.set_state(slot, SlotState::Faulty(SlotFault::Unfinished));
+    }
+
+    fn set_state(&mut self, slot: SlotId, state: SlotState) {
+        self.states[slot.index()] = state;
+        self.index[slot.index()].clear();
+    }
+
+    /// Erases the sector of `slot` that holds `offset`.
+    pub(crate) async fn erase_sector(
+        &mut self,
+        slot: SlotId,
+        offset: u32,
+    ) -> Result<(), WriteFault> {
+        let length = F::ERASE_SIZE as u32;
+        let from = offset / length * length;
+        let at = address(slot, from);
+        self.flash
+            .erase(at, at + length)
+            .await
+            .map_err(|_| flash_fault(slot, FlashOperation::Erase, from))
+    }
+
+    /// Where the sector with the header of a slot begins.
+    pub(crate) const fn header_sector() -> u32 {
+        (SLOT_BYTES - F::ERASE_SIZE) as u32
+    }
+
+    /// Length of a sector, bytes.
+    pub(crate) const fn sector_bytes() -> u32 {
+        F::ERASE_SIZE as u32
+    }
+
+    /// Programs `bytes` at `offset` of `slot`, word by word, the last one filled up with ones, and reads them back.
+    pub(crate) async fn write(
+        &mut self,
+        slot: SlotId,
+        offset: u32,
+        bytes: &[u8],
+    ) -> Result<(), WriteFault> {
+        for (index, piece) in bytes.chunks(WORD_BYTES).enumerate() {
+            let mut word = [0xff; WORD_BYTES];
+            word[..piece.len()].copy_from_slice(piece);
+            let offset = offset + (index * WORD_BYTES) as u32;
+            let at = address(slot, offset);
+            self.flash
+                .write(at, &word)
+                .await
+                .map_err(|_| flash_fault(slot, FlashOperation::Write, offset))?;
+            let back = self.read_word(slot, offset).await;
+            let back = back.ok_or(flash_fault(slot, FlashOperation::Read, offset))?;
+            if back != word {
+                return Err(WriteFault::ReadBack { slot, offset });
+            }
+        }
+        Ok(())
+    }
+
+    /// Validates `length` bytes in `slot` and makes them a library: its header is the last word that is written.
+    pub(crate) async fn seal(
+        &mut self,
+        slot: SlotId,
+        length: u32,
+        crc32: u32,
+    ) -> Result<SlotInfo, SealFault> {
+        self.check_bytes(slot, length, crc32)
+            .await
+            .map_err(SealFault::Bytes)?;
+        self.check_library(slot, length).map_err(SealFault::Bytes)?;
+        let newest = self.newest().and_then(|slot| self.library(slot));
+        let header = Header {
+            sequence: newest
+                .map_or(0, |library| library.sequence)
+                .saturating_add(1),
+            length,
+            crc32,
+        };
+        self.write(slot, HEADER_OFFSET, &header.word())
+            .await
+            .map_err(SealFault::Write)?;
+        self.scan(slot).await;
+        match &self.states[slot.index()] {
+            SlotState::Valid(info) => Ok(*info),
+            SlotState::Faulty(fault) => Err(SealFault::Bytes(fault.clone())),
+            SlotState::Empty | SlotState::Receiving => Err(SealFault::Bytes(SlotFault::Unfinished)),
+        }
+    }
+
+    /// Finds out what is in `slot`.
+    async fn scan(&mut self, slot: SlotId) {
+        self.index[slot.index()].clear();
+        self.states[slot.index()] = match self.read_slot(slot).await {
+            Ok(state) => state,
+            Err(fault) => SlotState::Faulty(fault),
+        };
+    }
+
+    async fn read_slot(&mut self, slot: SlotId) -> Result<SlotState, SlotFault> {
+        let word = self.read_word(slot, HEADER_OFFSET).await;
+        let word = word.ok_or(SlotFault::Unreadable {
+            offset: HEADER_OFFSET,
+        })?;
+        let header = match Header::read(&word) {
+            Read::Header(header) => header,
+            Read::Blank if self.is_blank(slot).await? => return Ok(SlotState::Empty),
+            Read::Blank | Read::Damaged => return Err(SlotFault::Unfinished),
+            Read::Version(found) => return Err(SlotFault::HeaderVersion { found }),
+        };
+        let Header {
+            sequence,
+            length,
+            crc32,
+        } = header;
+        if length == 0 || length as usize > MAX_LIBRARY_BYTES {
+            return Err(SlotFault::Length { length });
+        }
+        self.check_bytes(slot, length, crc32).await?;
+        self.index[slot.index()] = self.check_library(slot, length)?;
+        Ok(SlotState::Valid(SlotInfo {
+            sequence,
+            length,
+            crc32,
+            textures: self.index[slot.index()].len() as u8,
+        }))
+    }
+
+    /// Whether a slot without header was never begun: a library would begin in its first word.
+    async fn is_blank(&mut self, slot: SlotId) -> Result<bool, SlotFault> {
+        let word = self
+            .read_word(slot, 0)
+            .await
+            .ok_or(SlotFault::Unreadable { offset: 0 })?;
+        Ok(word == [0xff; WORD_BYTES])
+    }
+
+    /// Reads every word of the first `length` bytes of `slot`, and compares their checksum.
+    async fn check_bytes(
+        &mut self,
+        slot: SlotId,
+        length: u32,
+        expected: u32,
+    ) -> Result<(), SlotFault> {
+        let mut digest = LIBRARY_CRC.digest();
+        for offset in (0..length).step_by(WORD_BYTES) {
+            let word = self
+                .read_word(slot, offset)
+                .await
+                .ok_or(SlotFault::Unreadable { offset })?;
+            let left = (length - offset) as usize;
+            digest.update(&word[..left.min(WORD_BYTES)]);
+            if (offset as usize).is_multiple_of(STRIDE_BYTES) {
+                yield_now().await;
+            }
+        }
+        let found = digest.finalize();
+        if found == expected {
+            Ok(())
+        } else {
+            Err(SlotFault::Checksum { expected, found })
+        }
+    }
+
+    /// The textures of the library in the first `length` bytes of `slot`, each word of which has been read.
+    fn check_library(&self, slot: SlotId, length: u32) -> Result<Index, SlotFault> {
+        let library = Library::decode(self.mapped(slot, length)?).map_err(|error| {
+            let reason = in_words(&error);
+            SlotFault::Invalid { reason }
+        })?;
+        // A valid library has no more textures than fit.
+        Ok(library
+            .textures()
+            .map(|texture| texture_info(&texture))
+            .collect())
+    }
+
+    fn mapped(&self, slot: SlotId, length: u32) -> Result<&[u8], SlotFault> {
+        let from = address(slot, 0);
+        let bytes = self.flash.bytes(from..from + length);
+        bytes.map_err(|_| SlotFault::Unreadable { offset: 0 })
+    }
+
+    async fn read_word(&mut self, slot: SlotId, offset: u32) -> Option<[u8; WORD_BYTES]> {
+        let mut word = [0; WORD_BYTES];
+        let at = address(slot, offset);
+        self.flash.read(at, &mut word).await.ok()?;
+        Some(word)
+    }
+}
+
+/// Why bytes did not become a library.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum SealFault {
+    Bytes(SlotFault),
+    Write(WriteFault),
+}
+
+const HEADER_OFFSET: u32 = MAX_LIBRARY_BYTES as u32;
+
+fn address(slot: SlotId, offset: u32) -> u32 {
+    (slot.index() * SLOT_BYTES) as u32 + offset
+}
+
+fn flash_fault(slot: SlotId, operation: FlashOperation, offset: u32) -> WriteFault {
+    WriteFault::Flash(FlashFault {
+        slot,
+        operation,
+        offset,
+    })
+}
+
+/// `error` as far as it fits.
+fn in_words(error: &impl core::fmt::Display) -> Reason {
+    /// Takes what fits and drops the rest, character by character.
+    struct Fitting(Reason);
+    impl core::fmt::Write for Fitting {
+        fn write_str(&mut self, text: &str) -> core::fmt::Result {
+            for character in text.chars() {
+                if self.0.push(character).is_err() {
+                    break;
+                }
+            }
+            Ok(())
+        }
+    }
+    let mut words = Fitting(Reason::new());
+    // Writing to it never fails, and an error's own Display does not.
+    let _ = core::fmt::write(&mut words, format_args!("{error}"));
+    words.0
+}
+
+fn texture_info(texture: &Texture<'_>) -> TextureInfo {
+    let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
+    let count = |flag: NodeFlags| {
+        texture
+            .nodes()
+            .filter(|node| node.flags.contains(flag))
+            .count() as u16
+    };
+    TextureInfo {
+        // A valid name fits.
+        name: texture.name().try_into().unwrap_or_default(),
+        structure: texture.structure(),
+        provenance: texture.provenance(),
+        sample_rate_hz: texture.sample_rate_hz(),
+        max_order: texture.max_order() as u16,
+        speeds: speeds.len() as u8,
+        forces: forces.len() as u8,
+        speed_range: [texture.speed(0), texture.speed(speeds.len() - 1)],
+        force_range: [texture.force(0), texture.force(forces.len() - 1)],
+        silent_nodes: count(NodeFlags::SILENT),
+        filled_nodes: count(NodeFlags::INTERPOLATED) + count(NodeFlags::EXTRAPOLATED),
+        doubtful_nodes: count(NodeFlags::DOUBTFUL),
+    }
+}

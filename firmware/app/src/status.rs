@@ -1,0 +1,79 @@
+//! What the tick counts about itself.
+
+use model_format::link::{TICK_BIN_COUNT, TICK_BIN_CYCLES, TickHistogram};
+
+/// How long ticks took, in bins of fixed width.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Histogram {
+    shortest: u32,
+    longest: u32,
+    bins: [u32; TICK_BIN_COUNT],
+}
+
+const BIN_BITS: u32 = TICK_BIN_CYCLES.ilog2();
+const _: () = assert!(TICK_BIN_CYCLES.is_power_of_two());
+
+impl Default for Histogram {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Histogram {
+    /// Empty.
+    pub const fn new() -> Self {
+        Self {
+            shortest: u32::MAX,
+            longest: 0,
+            bins: [0; TICK_BIN_COUNT],
+        }
+    }
+
+    /// Counts a tick of `cycles`.
+    #[inline(always)]
+    pub fn count(&mut self, cycles: u32) {
+        let bin = ((cycles >> BIN_BITS) as usize).min(TICK_BIN_COUNT - 1);
+        self.bins[bin] = self.bins[bin].saturating_add(1);
+        self.shortest = self.shortest.min(cycles);
+        self.longest = self.longest.max(cycles);
+    }
+
+    /// As it is sent, of a processor with a clock of `core_hz`.
+    pub fn report(&self, core_hz: u32) -> TickHistogram {
+        TickHistogram {
+            core_hz,
+            shortest: self.shortest,
+            longest: self.longest,
+            bins: self.bins,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn each_tick_is_counted_once_in_the_bin_of_its_length(ticks in prop::collection::vec(any::<u32>(), 1..200)) {
+            let mut histogram = Histogram::new();
+            let mut expected = [0u32; TICK_BIN_COUNT];
+            for &cycles in &ticks {
+                histogram.count(cycles);
+                expected[((cycles / TICK_BIN_CYCLES) as usize).min(TICK_BIN_COUNT - 1)] += 1;
+            }
+            let report = histogram.report(400_000_000);
+            prop_assert_eq!(report.bins, expected);
+            prop_assert_eq!(Some(report.shortest), ticks.iter().copied().min());
+            prop_assert_eq!(Some(report.longest), ticks.iter().copied().max());
+        }
+    }
+
+    #[test]
+    fn the_last_bin_begins_within_the_period() {
+        let period = 400_000_000 / crate::SAMPLE_RATE_HZ;
+        assert!((TICK_BIN_COUNT as u32 - 1) * TICK_BIN_CYCLES < period);
+        assert!(TICK_BIN_COUNT as u32 * TICK_BIN_CYCLES >= period);
+    }
+}

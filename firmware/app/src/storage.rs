@@ -1,0 +1,248 @@
+//! Requests that read, erase or write flash, one after the other, and may take seconds.
+//!
+//! They belong in a task of their own, so that motion and status are served meanwhile. [`Stage`] is what they need of the
+//! rest of the device; the image makes it of its [`crate::control::Control`] behind a lock that is never held across a wait.
+
+use embedded_storage_async::nor_flash::NorFlash;
+use model_format::link::{
+    ActivateError, Activated, ListError, ListRequest, SettingChange, Settings, SettingsError,
+    SlotId, SlotInfo, SlotState, Slots, UploadBegin, UploadChunk, UploadCommitted, UploadError,
+    UploadProgress, UploadState,
+};
+
+use crate::settings::SettingsStore;
+use crate::slots::{MappedFlash, SlotStore};
+use crate::upload::Uploader;
+
+/// What storage needs of the rest of the device. Nothing here waits but [`Stage::pause`].
+pub trait Stage {
+    /// As `Control::begin_activation`.
+    ///
+    /// # Errors
+    /// Another activation is under way.
+    fn begin_activation(&mut self) -> Result<(), ActivateError>;
+
+    /// As `Control::may_exchange`.
+    fn may_exchange(&self) -> bool;
+
+    /// Copies `library`, which is valid, to the RAM that is played from, and decodes it there. Called only while
+    /// [`Stage::may_exchange`] says so.
+    ///
+    /// # Errors
+    /// What was copied is not what was validated: the RAM holds no library now.
+    fn load(&mut self, library: &[u8]) -> Result<(), LoadFault>;
+
+    /// As `Control::end_activation`.
+    fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>);
+
+    /// As `Control::is_idle`.
+    fn is_idle(&self) -> bool;
+
+    /// As `Control::set_settings`.
+    fn set_settings(&mut self, settings: Settings, faulty: bool);
+
+    /// As `Control::set_upload`.
+    fn set_upload(&mut self, upload: UploadState);
+
+    /// Waits for a millisecond.
+    fn pause(&mut self) -> impl Future<Output = ()>;
+}
+
+/// A library that did not get into RAM as it was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LoadFault;
+
+/// How long the output may take to come to rest, ms: the longest mute ramp, many times over.
+const REST_TIMEOUT_MS: u32 = 500;
+
+/// Flash: the two slots and the settings.
+pub struct Storage<F, S: NorFlash> {
+    slots: SlotStore<F>,
+    settings: SettingsStore<S>,
+    uploader: Uploader,
+    /// The library in RAM.
+    loaded: Option<(SlotId, SlotInfo)>,
+}
+
+impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
+    /// On opened stores.
+    pub const fn new(slots: SlotStore<F>, settings: SettingsStore<S>) -> Self {
+        Self {
+            slots,
+            settings,
+            uploader: Uploader::new(),
+            loaded: None,
+        }
+    }
+
+    /// At boot: makes the newest library that is valid and readable the active one. None is no fault of the boot's.
+    pub async fn activate_newest(&mut self, stage: &mut impl Stage) -> Option<Activated> {
+        // A slot that turns out faulty is no longer the newest, so this ends.
+        while let Some(slot) = self.slots.newest() {
+            match self.activate(stage, slot).await {
+                Ok(activated) => return Some(activated),
+                Err(ActivateError::Faulty { .. }) => {}
+                Err(_) => return None,
+            }
+        }
+        None
+    }
+
+    /// `SlotsEndpoint`.
+    pub fn slots(&self) -> Slots {
+        self.slots.slots()
+    }
+
+    /// `ListEndpoint`.
+    ///
+    /// # Errors
+    /// No library in the slot, or not so many textures.
+    pub fn list(&self, request: ListRequest) -> Result<model_format::link::TextureInfo, ListError> {
+        self.slots.texture(request.slot, request.index)
+    }
+
+    /// `ActivateEndpoint`: fades out, copies the library to RAM, and makes its slot the active one.
+    ///
+    /// # Errors
+    /// What keeps it from being activated. The library in RAM stays unless the copy itself failed.
+    pub async fn activate(
+        &mut self,
+        stage: &mut impl Stage,
+        slot: SlotId,
+    ) -> Result<Activated, ActivateError> {
+        let library = self.playable(slot)?;
+        stage.begin_activation()?;
+        let result = self.exchange(stage, slot, library).await;
+        stage.end_activation(self.loaded);
+        self.slots.set_active(self.loaded.map(|(slot, _)| slot));
+        result
+    }
+
+    fn playable(&self, slot: SlotId) -> Result<SlotInfo, ActivateError> {
+        match self.slots.state(slot) {
+            SlotState::Valid(library) => Ok(*library),
+            SlotState::Faulty(fault) => Err(ActivateError::Faulty {
+                slot,
+                fault: fault.clone(),
+            }),
+            SlotState::Empty | SlotState::Receiving => Err(ActivateError::NoLibrary { slot }),
+        }
+    }
+
+    async fn exchange(
+        &mut self,
+        stage: &mut impl Stage,
+        slot: SlotId,
+        library: SlotInfo,
+    ) -> Result<Activated, ActivateError> {
+        // Everything that can fail for the flash's sake comes before the RAM is touched.
+        let faulty = |fault| ActivateError::Faulty { slot, fault };
+        let bytes = self.slots.library_bytes(slot).await.map_err(faulty)?;
+        let mut waited_ms = 0;
+        while !stage.may_exchange() {
+            if waited_ms == REST_TIMEOUT_MS {
+                return Err(ActivateError::NotAtRest);
+            }
+            stage.pause().await;
+            waited_ms += 1;
+        }
+        self.loaded = None;
+        stage
+            .load(bytes)
+            .map_err(|LoadFault| ActivateError::NotCopied { slot })?;
+        self.loaded = Some((slot, library));
+        Ok(Activated { slot, library })
+    }
+
+    /// `UploadBeginEndpoint`.
+    ///
+    /// # Errors
+    /// As [`Uploader::begin`].
+    pub async fn upload_begin(
+        &mut self,
+        stage: &mut impl Stage,
+        begin: UploadBegin,
+    ) -> Result<UploadProgress, UploadError> {
+        let result = self.uploader.begin(&mut self.slots, begin).await;
+        stage.set_upload(self.uploader.state());
+        result
+    }
+
+    /// `UploadChunkEndpoint`.
+    ///
+    /// # Errors
+    /// As [`Uploader::chunk`].
+    pub async fn upload_chunk(
+        &mut self,
+        stage: &mut impl Stage,
+        chunk: UploadChunk<'_>,
+    ) -> Result<UploadProgress, UploadError> {
+        let result = self.uploader.chunk(&mut self.slots, chunk).await;
+        stage.set_upload(self.uploader.state());
+        result
+    }
+
+    /// `UploadCommitEndpoint`.
+    ///
+    /// # Errors
+    /// As [`Uploader::commit`].
+    pub async fn upload_commit(
+        &mut self,
+        stage: &mut impl Stage,
+    ) -> Result<UploadCommitted, UploadError> {
+        let result = self.uploader.commit(&mut self.slots).await;
+        stage.set_upload(self.uploader.state());
+        result
+    }
+
+    /// `UploadAbortEndpoint`.
+    ///
+    /// # Errors
+    /// None so far; the answer leaves room for one.
+    pub fn upload_abort(&mut self, stage: &mut impl Stage) -> Result<UploadState, UploadError> {
+        self.uploader.abort(&mut self.slots);
+        stage.set_upload(self.uploader.state());
+        Ok(self.uploader.state())
+    }
+
+    /// `SettingsSetEndpoint`.
+    ///
+    /// # Errors
+    /// A value that the setting may not have; a texture is played; a fault of the flash.
+    pub async fn settings_set(
+        &mut self,
+        stage: &mut impl Stage,
+        change: SettingChange,
+    ) -> Result<Settings, SettingsError> {
+        change.setting.check(change.value)?;
+        self.settings_change(stage, Some(change)).await
+    }
+
+    /// `SettingsResetEndpoint`.
+    ///
+    /// # Errors
+    /// A texture is played; a fault of the flash.
+    pub async fn settings_reset(
+        &mut self,
+        stage: &mut impl Stage,
+    ) -> Result<Settings, SettingsError> {
+        self.settings_change(stage, None).await
+    }
+
+    async fn settings_change(
+        &mut self,
+        stage: &mut impl Stage,
+        change: Option<SettingChange>,
+    ) -> Result<Settings, SettingsError> {
+        if !stage.is_idle() {
+            return Err(SettingsError::Playing);
+        }
+        let result = match change {
+            Some(change) => self.settings.set(change).await,
+            None => self.settings.reset().await,
+        };
+        // A reset that failed half way has changed some.
+        stage.set_settings(self.settings.settings(), self.settings.is_faulty());
+        result
+    }
+}

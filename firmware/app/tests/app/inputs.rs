@@ -1,0 +1,165 @@
+//! Speed, force and their age.
+
+use model_format::link::{
+    MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, SettingChange, Settings,
+};
+use model_format::{AdcCode, MillimetresPerSecond, Newton};
+use proptest::prelude::*;
+use stylus_app::inputs::{Encoder, InputConfig, STALE_TICKS, Sensors, Timed, WINDOW_TICKS, choose};
+use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
+use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
+
+fn settings(changes: &[(Setting, f32)]) -> Settings {
+    changes
+        .iter()
+        .fold(Settings::default(), |settings, &(setting, value)| {
+            settings
+                .with(SettingChange { setting, value })
+                .expect("in range")
+        })
+}
+
+fn motion(speed: f32, force: f32) -> Motion {
+    Motion::new(MillimetresPerSecond(speed), Newton(force)).expect("finite")
+}
+
+/// Sensors after `ticks` ticks of `count_of(tick)` on a 16-bit counter.
+fn sensors(ticks: u32, count_of: impl Fn(u32) -> i64) -> Sensors {
+    let mut encoder = Encoder::new(count_of(0) as u16);
+    let mut sensors = Sensors::new();
+    for tick in 1..=ticks {
+        let delta = encoder.delta(count_of(tick) as u16);
+        sensors.read(u64::from(tick), delta, AdcCode(1000), true);
+        if tick.is_multiple_of(UPDATE_INTERVAL_SAMPLES) {
+            sensors.end_block();
+        }
+    }
+    sensors
+}
+
+proptest! {
+    #[test]
+    fn force_is_linear_in_the_code(code: u16, zero: u16, per_volt in -100.0f32..100.0) {
+        let settings = settings(&[(Setting::ForceZero, f32::from(zero)), (Setting::ForcePerVolt, per_volt)]);
+        let force = InputConfig::new(&settings).force(AdcCode(code));
+        let volt = f64::from(AdcCode(code).volt().0) - f64::from(AdcCode(zero).volt().0);
+        prop_assert!((f64::from(force.0) - volt * f64::from(per_volt)).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_steady_speed_is_measured_to_a_count_in_the_window(
+        counts_per_second in -2e6f64..2e6, start: u16, per_count in 0.001f32..0.1,
+    ) {
+        let config = InputConfig::new(&settings(&[(Setting::PathPerCount, per_count)]));
+        let count = |tick| (f64::from(tick) * counts_per_second / f64::from(SAMPLE_RATE_HZ)).floor() as i64 + i64::from(start);
+        let sensors = sensors(3 * WINDOW_TICKS, count);
+        let expected = counts_per_second.abs() * f64::from(per_count);
+        let one_count = f64::from(per_count) * f64::from(SAMPLE_RATE_HZ) / f64::from(WINDOW_TICKS);
+        let found = sensors.motion(&config);
+        let near = |offset: f64| motion((expected + offset).max(0.0) as f32, 0.0);
+        // A motion cannot be looked into, but it can be compared on a grid; here its Debug is as good.
+        let speed = |motion: Motion| {
+            let text = format!("{motion:?}");
+            let number = text.split(&[' ', ','][..]).nth(3).expect("it has a speed").to_owned();
+            number.parse::<f64>().expect("a number")
+        };
+        let (low, high) = (speed(near(-1.01 * one_count)), speed(near(1.01 * one_count)));
+        prop_assert!((low..=high).contains(&speed(found.motion)), "{found:?}, {expected}");
+    }
+}
+
+#[test]
+fn a_hand_that_stops_is_at_rest_a_window_later() {
+    let config = InputConfig::new(&Settings::default());
+    let stop = 500;
+    let count = |tick: u32| i64::from(tick.min(stop)) * 3;
+    let moving = sensors(stop, count).motion(&config).motion;
+    assert_ne!(
+        moving,
+        sensors(stop + WINDOW_TICKS, count).motion(&config).motion
+    );
+    let at_rest = sensors(stop + WINDOW_TICKS, count).motion(&config).motion;
+    assert_eq!(
+        at_rest,
+        Motion::new(MillimetresPerSecond(0.0), config.force(AdcCode(1000))).expect("finite")
+    );
+}
+
+#[test]
+fn the_largest_counts_overflow_nothing() {
+    let config = InputConfig::new(&settings(&[(Setting::PathPerCount, 10.0)]));
+    let mut sensors = Sensors::new();
+    for tick in 0..100_000 {
+        sensors.read(tick, i16::MIN, AdcCode(u16::MAX), true);
+        if tick % 1000 == 0 {
+            sensors.end_block();
+        }
+    }
+    assert!(!sensors.motion(&config).is_stale(99_999));
+}
+
+#[test]
+fn an_input_is_stale_after_its_time_and_not_before() {
+    assert_eq!(STALE_TICKS, u64::from(STALE_AFTER_MS * TICKS_PER_MS));
+    let sample = MotionSample {
+        speed: MillimetresPerSecond(-5.0),
+        force: Newton(-1.0),
+    };
+    let host = Timed::from_host(sample, 1_000).expect("finite");
+    assert_eq!(host.motion, motion(5.0, 0.0));
+    for (tick, stale) in [
+        (990, false),
+        (1_000, false),
+        (1_000 + STALE_TICKS, false),
+        (1_001 + STALE_TICKS, true),
+    ] {
+        assert_eq!(
+            choose(MotionSource::Host, Timed::NEVER, host, tick),
+            (host.motion, stale)
+        );
+        assert_eq!(
+            choose(MotionSource::Sensors, host, Timed::NEVER, tick),
+            (host.motion, stale)
+        );
+    }
+    assert_eq!(
+        choose(MotionSource::Host, host, Timed::NEVER, 1_000),
+        (Motion::REST, true)
+    );
+}
+
+#[test]
+fn conversions_that_do_not_come_make_the_sensors_stale() {
+    let config = InputConfig::new(&Settings::default());
+    let mut sensors = Sensors::new();
+    assert!(sensors.motion(&config).is_stale(0), "nothing was ever read");
+    sensors.read(10, 0, AdcCode(7), true);
+    for tick in 11..1_000 {
+        sensors.read(tick, 0, AdcCode(9), false);
+    }
+    let timed = sensors.motion(&config);
+    assert_eq!(timed.at, Some(10));
+    assert_eq!(
+        timed.motion,
+        Motion::new(MillimetresPerSecond(0.0), config.force(AdcCode(7))).expect("finite")
+    );
+    assert!(timed.is_stale(11 + STALE_TICKS));
+}
+
+#[test]
+fn a_motion_that_is_not_finite_is_refused() {
+    let sample = |speed, force| MotionSample {
+        speed: MillimetresPerSecond(speed),
+        force: Newton(force),
+    };
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        assert_eq!(
+            Timed::from_host(sample(bad, 1.0), 0),
+            Err(MotionRefused::Speed)
+        );
+        assert_eq!(
+            Timed::from_host(sample(1.0, bad), 0),
+            Err(MotionRefused::Force)
+        );
+    }
+}

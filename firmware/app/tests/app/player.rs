@@ -1,0 +1,181 @@
+//! The player against a model of the output: what is exchanged is exchanged in silence.
+
+use model_format::link::{
+    ActivateError, Activity, MotionSource, MuteReason, PlayRequest, StopError,
+};
+use proptest::prelude::*;
+use stylus_app::player::{Action, Observed, Player};
+
+fn request(name: &str) -> PlayRequest {
+    PlayRequest {
+        texture: name.try_into().expect("it is short"),
+        gain: 1.0,
+        motion: MotionSource::Host,
+        seed: 1,
+    }
+}
+
+const QUIET: Observed = Observed {
+    at_rest: true,
+    stale: false,
+    link_lost: false,
+};
+const SOUNDING: Observed = Observed {
+    at_rest: false,
+    ..QUIET
+};
+
+fn playing(name: &str) -> Player {
+    let mut player = Player::new();
+    player.play(request(name)).expect("nothing is activated");
+    assert_eq!(player.poll(QUIET), Some(Action::Start(request(name))));
+    assert!(player.mute().is_empty());
+    player
+}
+
+#[test]
+fn a_player_is_mute_until_it_plays() {
+    let mut player = Player::new();
+    assert_eq!(player.poll(QUIET), None);
+    assert_eq!(
+        player.mute().iter().collect::<Vec<_>>(),
+        [MuteReason::NotPlaying]
+    );
+    assert_eq!(
+        (player.activity(), player.stop()),
+        (Activity::Idle, Err(StopError::NotPlaying))
+    );
+}
+
+#[test]
+fn another_texture_begins_when_the_first_has_faded() {
+    let mut player = playing("one");
+    player.play(request("two")).expect("nothing is activated");
+    assert!(player.mute().contains(MuteReason::Changing));
+    assert_eq!(player.poll(SOUNDING), None);
+    assert_eq!(player.activity(), Activity::FadingOut);
+    assert_eq!(player.poll(QUIET), Some(Action::Start(request("two"))));
+    assert!(player.mute().is_empty());
+}
+
+#[test]
+fn a_stop_fades_first_and_then_clears() {
+    let mut player = playing("one");
+    assert_eq!(player.stop(), Ok(()));
+    assert!(player.mute().contains(MuteReason::NotPlaying));
+    assert_eq!(player.poll(SOUNDING), None);
+    assert_eq!(player.poll(QUIET), Some(Action::Clear));
+    assert_eq!(player.activity(), Activity::Idle);
+}
+
+#[test]
+fn a_library_is_exchanged_at_rest_and_nothing_else_happens_meanwhile() {
+    let mut player = playing("one");
+    assert_eq!(player.begin_activation(), Ok(()));
+    assert!(!player.may_exchange());
+    assert_eq!(player.poll(SOUNDING), None);
+    assert!(!player.may_exchange());
+    assert_eq!(player.poll(QUIET), Some(Action::Clear));
+    assert!(player.may_exchange());
+    assert_eq!(player.begin_activation(), Err(ActivateError::Busy));
+    assert!(player.play(request("two")).is_err());
+    assert_eq!(player.stop(), Err(StopError::NotPlaying));
+    player.end_activation();
+    assert_eq!(
+        (player.may_exchange(), player.activity()),
+        (false, Activity::Idle)
+    );
+    assert!(player.play(request("two")).is_ok());
+}
+
+#[test]
+fn stale_motion_and_a_lost_link_mute_until_they_are_over() {
+    let mut player = playing("one");
+    for (observed, reason) in [
+        (
+            Observed {
+                stale: true,
+                ..SOUNDING
+            },
+            MuteReason::Stale,
+        ),
+        (
+            Observed {
+                link_lost: true,
+                ..SOUNDING
+            },
+            MuteReason::LinkLost,
+        ),
+    ] {
+        for _ in 0..3 {
+            player.poll(observed);
+            assert_eq!(player.mute().iter().collect::<Vec<_>>(), [reason]);
+        }
+        player.poll(SOUNDING);
+        assert!(player.mute().is_empty());
+        assert_eq!(player.mute_counts()[reason as usize], 1, "it began once");
+    }
+}
+
+#[test]
+fn after_a_fault_it_is_mute_for_good() {
+    let mut player = playing("one");
+    player.fault();
+    for observed in [SOUNDING, QUIET] {
+        player.poll(observed);
+        assert!(player.mute().contains(MuteReason::Fault));
+    }
+    let _ = player.stop();
+    player.poll(QUIET);
+    let _ = player.play(request("two"));
+    player.poll(QUIET);
+    assert!(player.mute().contains(MuteReason::Fault));
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Play,
+    Stop,
+    Begin,
+    End,
+    Poll { stale: bool, link_lost: bool },
+}
+
+proptest! {
+    /// The output is modelled by a level that rises while it is not mute and falls while it is.
+    #[test]
+    fn nothing_is_exchanged_while_the_output_sounds(steps in prop::collection::vec(prop_oneof![
+        1 => Just(Step::Play), 1 => Just(Step::Stop), 1 => Just(Step::Begin), 1 => Just(Step::End),
+        6 => (prop::bool::weighted(0.2), prop::bool::weighted(0.2))
+            .prop_map(|(stale, link_lost)| Step::Poll { stale, link_lost }),
+    ], 1..200)) {
+        let (mut player, mut level) = (Player::new(), 0u32);
+        let mut texture_there = false;
+        for step in steps {
+            match step {
+                Step::Play => { let _ = player.play(request("one")); }
+                Step::Stop => { let _ = player.stop(); }
+                Step::Begin => { let _ = player.begin_activation(); }
+                Step::End => {
+                    if player.may_exchange() {
+                        prop_assert_eq!(level, 0);
+                        player.end_activation();
+                    }
+                }
+                Step::Poll { stale, link_lost } => {
+                    let action = player.poll(Observed { at_rest: level == 0, stale, link_lost });
+                    if let Some(action) = action {
+                        prop_assert_eq!(level, 0, "{:?}", action);
+                        texture_there = matches!(action, Action::Start(_));
+                    }
+                }
+            }
+            if player.may_exchange() {
+                prop_assert!(!player.mute().is_empty() && level == 0);
+            }
+            // The tick.
+            level = if player.mute().is_empty() { (level + 1).min(5) } else { level.saturating_sub(1) };
+            prop_assert!(level == 0 || texture_there, "something sounds, so something is played");
+        }
+    }
+}

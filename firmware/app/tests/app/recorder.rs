@@ -1,0 +1,128 @@
+//! Blocks against what was put in, with and without loss.
+
+use model_format::AdcCode;
+use model_format::link::{BLOCK_SAMPLES, RecordBlock, RecordError, RecordSample};
+use proptest::prelude::*;
+use stylus_app::recorder::{QUEUE_SAMPLES, Recorder, SampleQueue, Tap};
+
+/// A sample that tells its tick.
+fn sample(tick: u64) -> RecordSample {
+    RecordSample {
+        acceleration: [tick, tick >> 16, tick >> 32].map(|part| AdcCode(part as u16)),
+        force: AdcCode(!tick as u16),
+        encoder_delta: (tick * 3) as i16,
+    }
+}
+
+fn check_block(block: &RecordBlock, start: u64) {
+    assert_eq!(
+        block.first_tick,
+        start + u64::from(block.sequence) * BLOCK_SAMPLES as u64
+    );
+    for (index, &packed) in block.samples.iter().enumerate() {
+        assert_eq!(
+            RecordSample::from(packed),
+            sample(block.first_tick + index as u64)
+        );
+    }
+}
+
+#[test]
+fn nothing_is_lost_when_blocks_are_fetched_in_time() {
+    for start in [0, 17, u64::from(u32::MAX) - 100, u64::from(u32::MAX) + 5] {
+        let mut queue = SampleQueue::new();
+        let (producer, consumer) = queue.split();
+        let (mut tap, mut recorder) = (Tap::new(producer), Recorder::new(consumer));
+        recorder.start().expect("none is under way");
+        let mut sequence = 0;
+        for tick in start..start + 10_000 {
+            tap.put(tick, sample(tick));
+            if tick % 101 == 0 {
+                while let Some(block) = recorder.next_block(tick) {
+                    check_block(&block, start);
+                    assert_eq!((block.sequence, block.lost_blocks), (sequence, 0));
+                    sequence += 1;
+                }
+            }
+        }
+        assert!(sequence > 300);
+        let stopped = recorder.stop().expect("one is under way");
+        assert_eq!((stopped.blocks, stopped.lost_blocks), (sequence, 0));
+    }
+}
+
+#[test]
+fn a_recording_holds_nothing_from_before_it_began() {
+    let mut queue = SampleQueue::new();
+    let (producer, consumer) = queue.split();
+    let (mut tap, mut recorder) = (Tap::new(producer), Recorder::new(consumer));
+    for tick in 0..100 {
+        tap.put(tick, sample(tick));
+    }
+    assert_eq!(recorder.next_block(100), None, "none is under way");
+    for tick in 100..200 {
+        tap.put(tick, sample(tick));
+    }
+    recorder.start().expect("none is under way");
+    for tick in 200..300 {
+        tap.put(tick, sample(tick));
+    }
+    let block = recorder
+        .next_block(300)
+        .expect("three whole ones are there");
+    assert_eq!((block.first_tick, block.sequence), (200, 0));
+}
+
+#[test]
+fn starting_twice_and_stopping_twice_are_refused() {
+    let mut queue = SampleQueue::new();
+    let (_, consumer) = queue.split();
+    let mut recorder = Recorder::new(consumer);
+    assert_eq!(recorder.stop(), Err(RecordError::NotRecording));
+    assert!(recorder.start().is_ok());
+    assert_eq!(recorder.start(), Err(RecordError::Recording));
+    assert!(recorder.counters().recording);
+    assert!(recorder.stop().is_ok());
+    assert_eq!(recorder.stop(), Err(RecordError::NotRecording));
+}
+
+proptest! {
+    /// However long the reader stays away, what comes is right, and numbers tell exactly what did not come.
+    #[test]
+    fn loss_is_counted_block_by_block(start in 0u64..1 << 34, pauses in prop::collection::vec(1u64..1500, 1..40)) {
+        let mut queue = SampleQueue::new();
+        let (producer, consumer) = queue.split();
+        let (mut tap, mut recorder) = (Tap::new(producer), Recorder::new(consumer));
+        recorder.start().expect("none is under way");
+        let (mut tick, mut came, mut whole) = (start, Vec::new(), Vec::new());
+        let mut in_queue = 0u64;
+        // The oracle: a sample is lost if the queue, of one place less than its length, is full.
+        let mut lost_ticks = std::collections::BTreeSet::new();
+        for pause in pauses {
+            for _ in 0..pause {
+                tap.put(tick, sample(tick));
+                if in_queue == QUEUE_SAMPLES as u64 - 1 {
+                    lost_ticks.insert(tick);
+                } else {
+                    in_queue += 1;
+                }
+                tick += 1;
+            }
+            while let Some(block) = recorder.next_block(tick) {
+                check_block(&block, start);
+                came.push(block.sequence);
+            }
+            in_queue = 0;
+        }
+        let block_of = |tick: u64| (tick - start) / BLOCK_SAMPLES as u64;
+        let lost: std::collections::BTreeSet<_> = lost_ticks.iter().map(|&tick| block_of(tick)).collect();
+        let last_seen = (start..tick).rev().find(|tick| !lost_ticks.contains(tick)).expect("the first comes");
+        // Blocks that are over as far as the reader can know.
+        let over = (last_seen + 1 - start) / BLOCK_SAMPLES as u64;
+        whole.extend((0..over).filter(|block| !lost.contains(block)).map(|block| block as u32));
+        prop_assert_eq!(&came, &whole);
+        let stopped = recorder.stop().expect("one is under way");
+        prop_assert_eq!(u64::from(stopped.blocks), over);
+        prop_assert_eq!(stopped.lost_blocks as usize, over as usize - whole.len());
+    }
+}

@@ -1,0 +1,604 @@
+//! Requests end to end on a device in memory: what a host sees, and what the tick is told.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use embassy_futures::block_on;
+use model_format::limits::SLOT_BYTES;
+use model_format::link::{
+    ActivateError, Activity, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, ListRequest,
+    MotionSample, MotionSource, MuteReason, PROTOCOL_VERSION, PlayError, PlayRequest,
+    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Setting,
+    SettingChange, Settings, SettingsError, SlotId, SlotInfo, StopError, TickCounters, UploadChunk,
+    UploadState,
+};
+use model_format::{
+    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, OutputSample, Texture, encode,
+};
+use stylus_app::control::{Control, Device, ResetReport, TickReport};
+use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
+use stylus_app::safety::{Config, State};
+use stylus_app::settings::SettingsStore;
+use stylus_app::slots::SlotStore;
+use stylus_app::status::Histogram;
+use stylus_app::storage::{LoadFault, Stage, Storage};
+use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
+
+use crate::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
+use crate::library::{announcement, library, texture};
+
+/// A device whose tick is run by the test; the library is kept as bytes.
+struct Bench {
+    ram: Vec<u8>,
+    loads_badly: bool,
+    now: u64,
+    muted: bool,
+    safety: State,
+    config: Config,
+    playing: Option<PlayRequest>,
+    source: MotionSource,
+    host: Timed,
+    sensors: Sensors,
+    inputs: InputConfig,
+    settings: Settings,
+    recording: bool,
+    /// How often the library in RAM was exchanged.
+    exchanges: usize,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let settings = Settings::default();
+        Self {
+            ram: Vec::new(),
+            loads_badly: false,
+            now: 0,
+            muted: true,
+            safety: State::new(),
+            config: Config::new(&settings, 0.0),
+            playing: None,
+            source: MotionSource::Sensors,
+            host: Timed::NEVER,
+            sensors: Sensors::new(),
+            inputs: InputConfig::new(&settings),
+            settings,
+            recording: false,
+            exchanges: 0,
+        }
+    }
+
+    /// A tick; while something is played it is a sine.
+    fn tick(&mut self) {
+        self.now += 1;
+        let phase = self.now as f32 * 0.3;
+        let sample = if self.playing.is_some() {
+            (phase.sin() * 2e7) as i32
+        } else {
+            0
+        };
+        self.safety
+            .process(&self.config, OutputSample(sample), self.muted);
+    }
+}
+
+impl Device for Bench {
+    fn info(&self) -> DeviceInfo {
+        DeviceInfo {
+            product: "bench".try_into().expect("short"),
+            serial: "0".try_into().expect("short"),
+            firmware_version: "1.2.3".try_into().expect("short"),
+            build: "test".try_into().expect("short"),
+            protocol_version: PROTOCOL_VERSION,
+            library_format_version: FORMAT_VERSION,
+            schema_hash: SCHEMA_HASH,
+        }
+    }
+
+    fn now(&self) -> u64 {
+        self.now
+    }
+
+    fn tick_report(&self) -> TickReport {
+        TickReport {
+            counters: TickCounters {
+                ticks: self.now,
+                ..TickCounters::default()
+            },
+            histogram: Histogram::new().report(400_000_000),
+            saturations: 0,
+            safety: self.safety.counters(),
+            thermal_load_permille: self.safety.thermal_load_permille(),
+            thermal_gain_permille: self.safety.thermal_gain_permille(),
+        }
+    }
+
+    fn link_counters(&self) -> [LinkCounters; 2] {
+        [LinkCounters::default(); 2]
+    }
+
+    fn reset_report(&self) -> ResetReport {
+        ResetReport {
+            reason: ResetReason::PowerOn,
+            resets: 0,
+            fault: None,
+        }
+    }
+
+    fn texture(&self, name: &str) -> Option<Texture<'_>> {
+        Library::decode(&self.ram).ok()?.texture(name)
+    }
+
+    fn is_at_rest(&self) -> bool {
+        self.safety.is_at_rest()
+    }
+
+    fn is_motion_stale(&self) -> bool {
+        choose(
+            self.source,
+            self.sensors.motion(&self.inputs),
+            self.host,
+            self.now,
+        )
+        .1
+    }
+
+    fn set_mute(&mut self, muted: bool) {
+        self.muted = muted;
+    }
+
+    fn start(&mut self, request: &PlayRequest, config: Config) {
+        assert!(
+            self.safety.is_at_rest(),
+            "a texture is exchanged while the output sounds"
+        );
+        self.playing = Some(request.clone());
+        self.config = config;
+    }
+
+    fn clear(&mut self) {
+        assert!(self.safety.is_at_rest());
+        self.playing = None;
+    }
+
+    fn set_motion_source(&mut self, source: MotionSource) {
+        self.source = source;
+    }
+
+    fn set_host_motion(&mut self, motion: Timed) {
+        self.host = motion;
+    }
+
+    fn set_settings(&mut self, settings: &Settings) {
+        self.settings = *settings;
+        self.inputs = InputConfig::new(settings);
+    }
+
+    fn start_recording(&mut self) -> Result<RecordStarted, RecordError> {
+        if core::mem::replace(&mut self.recording, true) {
+            return Err(RecordError::Recording);
+        }
+        Ok(RecordStarted {
+            sample_rate_hz: SAMPLE_RATE_HZ,
+            block_samples: 32,
+        })
+    }
+
+    fn stop_recording(&mut self) -> Result<RecordStopped, RecordError> {
+        if !core::mem::replace(&mut self.recording, false) {
+            return Err(RecordError::NotRecording);
+        }
+        Ok(RecordStopped {
+            blocks: 0,
+            lost_blocks: 0,
+        })
+    }
+
+    fn record_counters(&self) -> RecordCounters {
+        RecordCounters {
+            recording: self.recording,
+            ..RecordCounters::default()
+        }
+    }
+}
+
+type Shared = Rc<RefCell<Control<Bench>>>;
+
+/// A millisecond of the device, its links fed by `hears`.
+fn millisecond(control: &Shared, hears: bool) {
+    let mut control = control.borrow_mut();
+    for _ in 0..TICKS_PER_MS {
+        control.device().tick();
+    }
+    if hears {
+        control.heard();
+    }
+    control.poll();
+}
+
+struct Hall(Shared);
+
+impl Stage for Hall {
+    fn begin_activation(&mut self) -> Result<(), ActivateError> {
+        self.0.borrow_mut().begin_activation()
+    }
+
+    fn may_exchange(&self) -> bool {
+        self.0.borrow().may_exchange()
+    }
+
+    fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
+        let mut control = self.0.borrow_mut();
+        let bench = control.device();
+        assert!(
+            bench.safety.is_at_rest() && bench.playing.is_none(),
+            "the library is exchanged under a texture"
+        );
+        bench.exchanges += 1;
+        if bench.loads_badly {
+            bench.ram.clear();
+            return Err(LoadFault);
+        }
+        bench.ram = library.to_vec();
+        Ok(())
+    }
+
+    fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
+        self.0.borrow_mut().end_activation(active);
+    }
+
+    fn is_idle(&self) -> bool {
+        self.0.borrow().is_idle()
+    }
+
+    fn set_settings(&mut self, settings: Settings, faulty: bool) {
+        self.0.borrow_mut().set_settings(settings, faulty);
+    }
+
+    fn set_upload(&mut self, upload: UploadState) {
+        self.0.borrow_mut().set_upload(upload);
+    }
+
+    async fn pause(&mut self) {
+        millisecond(&self.0, true);
+    }
+}
+
+type Flash = SimulatedFlash<'static>;
+
+struct Stylus {
+    control: Shared,
+    hall: Hall,
+    storage: Storage<Flash, Flash>,
+}
+
+impl Stylus {
+    /// Boots on blank flash.
+    fn new() -> Self {
+        let slots = block_on(SlotStore::open(SimulatedFlash::two_slots()));
+        let range = 0..2 * SECTOR_BYTES as u32;
+        let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
+        let settings = block_on(SettingsStore::open(flash, range));
+        let control = Control::new(Bench::new(), settings.settings(), settings.is_faulty());
+        let control = Rc::new(RefCell::new(control));
+        let mut stylus = Self {
+            hall: Hall(control.clone()),
+            control,
+            storage: Storage::new(slots, settings),
+        };
+        assert_eq!(
+            block_on(stylus.storage.activate_newest(&mut stylus.hall)),
+            None
+        );
+        stylus
+    }
+
+    fn with_library(bytes: &[u8]) -> Self {
+        let mut stylus = Self::new();
+        let slot = stylus.upload(bytes);
+        assert!(stylus.activate(slot).is_ok());
+        stylus
+    }
+
+    fn upload(&mut self, bytes: &[u8]) -> SlotId {
+        block_on(async {
+            let (storage, hall) = (&mut self.storage, &mut self.hall);
+            storage
+                .upload_begin(hall, announcement(bytes))
+                .await
+                .expect("it may begin");
+            for (index, data) in bytes.chunks(512).enumerate() {
+                let offset = index as u32 * 512;
+                storage
+                    .upload_chunk(hall, UploadChunk { offset, data })
+                    .await
+                    .expect("in turn");
+            }
+            assert!(matches!(
+                self.control.borrow().status().upload,
+                UploadState::Receiving(_)
+            ));
+            storage.upload_commit(hall).await.expect("it is valid").slot
+        })
+    }
+
+    fn activate(&mut self, slot: SlotId) -> Result<SlotId, ActivateError> {
+        let activated = block_on(self.storage.activate(&mut self.hall, slot));
+        activated.map(|activated| activated.slot)
+    }
+
+    fn play(&self, name: &str) -> Result<(), PlayError> {
+        self.control.borrow_mut().play(request(name)).map(|_| ())
+    }
+
+    /// `ms` milliseconds in which the host gives motion and is heard.
+    fn run(&self, ms: u32) {
+        for _ in 0..ms {
+            let sample = MotionSample {
+                speed: MillimetresPerSecond(100.0),
+                force: Newton(1.0),
+            };
+            self.control.borrow_mut().motion(sample).expect("finite");
+            millisecond(&self.control, true);
+        }
+    }
+
+    fn sounds(&self) -> bool {
+        !self.control.borrow_mut().device().safety.is_at_rest()
+    }
+}
+
+fn request(name: &str) -> PlayRequest {
+    PlayRequest {
+        texture: name.try_into().expect("short"),
+        gain: 1.0,
+        motion: MotionSource::Host,
+        seed: 7,
+    }
+}
+
+#[test]
+fn without_a_library_nothing_is_played() {
+    let stylus = Stylus::new();
+    assert_eq!(stylus.play("denim"), Err(PlayError::NoLibrary));
+    stylus.run(10);
+    assert!(!stylus.sounds());
+    let status = stylus.control.borrow().status();
+    assert_eq!((status.active, status.library_crc32), (None, 0));
+    assert_eq!(
+        status.output.mute.iter().collect::<Vec<_>>(),
+        [MuteReason::NotPlaying]
+    );
+}
+
+#[test]
+fn a_library_that_was_uploaded_and_activated_is_played_and_stopped() {
+    let bytes = library(2, 20, 1);
+    let stylus = Stylus::with_library(&bytes);
+    let status = stylus.control.borrow().status();
+    assert_eq!(
+        (status.active, status.library_crc32),
+        (Some(SlotId::A), announcement(&bytes).crc32)
+    );
+    stylus.play("texture 1").expect("it is there");
+    stylus.run(300);
+    assert!(stylus.sounds());
+    let status = stylus.control.borrow().status();
+    assert!(
+        matches!(status.output.activity, Activity::Playing { texture, .. } if texture == "texture 1")
+    );
+    assert!(status.output.mute.is_empty());
+    stylus.control.borrow_mut().stop().expect("it plays");
+    stylus.run(50);
+    assert!(!stylus.sounds());
+    assert_eq!(
+        stylus.control.borrow_mut().stop(),
+        Err(StopError::NotPlaying)
+    );
+    assert_eq!(
+        stylus.control.borrow().status().output.activity,
+        Activity::Idle
+    );
+}
+
+#[test]
+fn a_request_that_is_refused_leaves_what_was_played() {
+    let textures = [texture("right", 4, 1, 5_000), texture("fast", 4, 1, 10_000)];
+    let stylus = Stylus::with_library(&encode(&textures).expect("valid"));
+    stylus.play("right").expect("it is there");
+    stylus.run(300);
+    let missing = PlayError::NoSuchTexture {
+        name: "wrong".try_into().expect("short"),
+    };
+    assert_eq!(stylus.play("wrong"), Err(missing));
+    let (texture_hz, device_hz) = (10_000, SAMPLE_RATE_HZ);
+    assert_eq!(
+        stylus.play("fast"),
+        Err(PlayError::SampleRate {
+            texture_hz,
+            device_hz
+        })
+    );
+    for gain in [f32::NAN, f32::INFINITY, -0.1, 4.1] {
+        let error = stylus.control.borrow_mut().play(PlayRequest {
+            gain,
+            ..request("right")
+        });
+        assert!(matches!(error, Err(PlayError::Gain { .. })), "{error:?}");
+    }
+    assert_eq!(stylus.storage.slots().active, Some(SlotId::A));
+    stylus.run(5);
+    assert!(stylus.sounds());
+    assert!(stylus.control.borrow().mute().is_empty());
+}
+
+#[test]
+fn another_library_takes_over_in_silence_and_one_that_is_not_there_does_not() {
+    let mut stylus = Stylus::with_library(&library(1, 20, 1));
+    stylus.play("texture 0").expect("it is there");
+    stylus.run(300);
+    assert!(stylus.sounds());
+    assert_eq!(
+        stylus.activate(SlotId::B),
+        Err(ActivateError::NoLibrary { slot: SlotId::B })
+    );
+    assert!(stylus.sounds());
+    let slot = stylus.upload(&library(2, 30, 2));
+    assert_eq!(slot, SlotId::B, "what is played is not overwritten");
+    assert!(stylus.sounds());
+    assert_eq!(stylus.activate(slot), Ok(SlotId::B));
+    assert!(!stylus.sounds());
+    stylus.play("texture 1").expect("the new one has it");
+    stylus.run(300);
+    assert!(stylus.sounds());
+    assert_eq!(stylus.control.borrow_mut().device().exchanges, 2);
+}
+
+#[test]
+fn a_copy_that_fails_leaves_no_library_active_and_the_next_activation_works() {
+    let mut stylus = Stylus::with_library(&library(1, 20, 1));
+    stylus.control.borrow_mut().device().loads_badly = true;
+    let slot = SlotId::A;
+    assert_eq!(
+        stylus.activate(slot),
+        Err(ActivateError::NotCopied { slot })
+    );
+    assert_eq!(stylus.play("texture 0"), Err(PlayError::NoLibrary));
+    assert_eq!(stylus.storage.slots().active, None);
+    stylus.control.borrow_mut().device().loads_badly = false;
+    assert_eq!(stylus.activate(slot), Ok(slot));
+    assert_eq!(stylus.play("texture 0"), Ok(()));
+}
+
+#[test]
+fn motion_that_stops_and_a_host_that_goes_are_silent_within_100_ms() {
+    for host_is_heard in [true, false] {
+        let stylus = Stylus::with_library(&library(1, 20, 1));
+        stylus.play("texture 0").expect("it is there");
+        stylus.run(500);
+        assert!(stylus.sounds());
+        let mut silent_after = 0;
+        while stylus.sounds() {
+            millisecond(&stylus.control, host_is_heard);
+            silent_after += 1;
+            assert!(silent_after <= 100, "it sounds after 100 ms");
+        }
+        assert!(silent_after > LINK_LOST_AFTER_MS, "not before its time");
+        let mute = stylus.control.borrow().mute();
+        assert!(mute.contains(MuteReason::Stale));
+        assert_eq!(mute.contains(MuteReason::LinkLost), !host_is_heard);
+        // And it comes back.
+        stylus.run(300);
+        assert!(stylus.sounds());
+    }
+}
+
+#[test]
+fn motion_that_is_not_finite_is_refused_and_the_one_before_holds() {
+    let stylus = Stylus::with_library(&library(1, 20, 1));
+    stylus.run(1);
+    let before = stylus.control.borrow_mut().device().host;
+    let bad = MotionSample {
+        speed: MillimetresPerSecond(f32::NAN),
+        force: Newton(1.0),
+    };
+    assert!(stylus.control.borrow_mut().motion(bad).is_err());
+    assert_eq!(stylus.control.borrow_mut().device().host, before);
+}
+
+#[test]
+fn settings_change_at_rest_alone_and_reach_the_device() {
+    let mut stylus = Stylus::with_library(&library(1, 20, 1));
+    stylus.play("texture 0").expect("it is there");
+    stylus.run(50);
+    let change = SettingChange {
+        setting: Setting::HardLimit,
+        value: 0.25,
+    };
+    let refused = block_on(stylus.storage.settings_set(&mut stylus.hall, change));
+    assert_eq!(refused, Err(SettingsError::Playing));
+    assert_eq!(
+        block_on(stylus.storage.settings_reset(&mut stylus.hall)),
+        Err(SettingsError::Playing)
+    );
+    stylus.control.borrow_mut().stop().expect("it plays");
+    stylus.run(50);
+    let set =
+        block_on(stylus.storage.settings_set(&mut stylus.hall, change)).expect("nothing is played");
+    assert_eq!(set.hard_limit().0, 0.25);
+    assert_eq!(stylus.control.borrow().settings(), set);
+    assert_eq!(stylus.control.borrow_mut().device().settings, set);
+    let out = SettingChange {
+        setting: Setting::HardLimit,
+        value: 99.0,
+    };
+    let error = block_on(stylus.storage.settings_set(&mut stylus.hall, out));
+    assert!(matches!(error, Err(SettingsError::OutOfRange { .. })));
+    assert_eq!(stylus.control.borrow().settings(), set);
+    let reset = block_on(stylus.storage.settings_reset(&mut stylus.hall));
+    assert_eq!(reset, Ok(Settings::default()));
+    assert_eq!(stylus.control.borrow().settings(), Settings::default());
+}
+
+#[test]
+fn a_fault_silences_until_a_restart() {
+    let stylus = Stylus::with_library(&library(1, 20, 1));
+    stylus.play("texture 0").expect("it is there");
+    stylus.run(300);
+    stylus.control.borrow_mut().fault();
+    stylus.run(50);
+    assert!(!stylus.sounds());
+    assert_eq!(stylus.play("texture 0"), Err(PlayError::Fault));
+}
+
+#[test]
+fn a_boot_takes_the_newest_library_that_can_be_read() {
+    let (first, second) = (library(1, 4, 1), library(2, 4, 2));
+    let mut flash = SimulatedFlash::two_slots();
+    block_on(async {
+        let mut store = SlotStore::open(&mut flash).await;
+        for bytes in [&first, &second] {
+            let mut uploader = stylus_app::upload::Uploader::new();
+            crate::library::upload(&mut uploader, &mut store, bytes, 512)
+                .await
+                .expect("it is taken");
+        }
+    });
+    let boot = |flash: Flash| {
+        let mut stylus = Stylus::new();
+        stylus.storage = Storage::new(
+            block_on(SlotStore::open(flash)),
+            block_on(SettingsStore::open(
+                SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES)),
+                0..2 * SECTOR_BYTES as u32,
+            )),
+        );
+        let activated = block_on(stylus.storage.activate_newest(&mut stylus.hall));
+        let listed = ListRequest {
+            slot: SlotId::B,
+            index: 1,
+        };
+        (
+            activated.map(|activated| activated.slot),
+            stylus.storage.list(listed).is_ok(),
+        )
+    };
+    assert_eq!(
+        boot(SimulatedFlash::new(flash.memory.clone())),
+        (Some(SlotId::B), true)
+    );
+    // A word that is good when the slots are opened and bad when the library is copied.
+    let mut wearing = SimulatedFlash::new(flash.memory.clone());
+    wearing.wears_out = Some((SLOT_BYTES + 64, 1));
+    assert_eq!(boot(wearing), (Some(SlotId::A), false));
+}
+
+#[test]
+fn recordings_are_started_and_stopped_once() {
+    let stylus = Stylus::new();
+    let mut control = stylus.control.borrow_mut();
+    assert_eq!(control.record_stop(), Err(RecordError::NotRecording));
+    assert!(control.record_start().is_ok());
+    assert!(control.status().record.recording);
+    assert_eq!(control.record_start(), Err(RecordError::Recording));
+    assert!(control.record_stop().is_ok());
+}

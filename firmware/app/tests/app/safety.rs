@@ -1,0 +1,375 @@
+//! What no input, no settings and no timing may bring about.
+
+use model_format::link::{LINK_LOST_AFTER_MS, STALE_AFTER_MS, Setting, SettingChange, Settings};
+use model_format::{DacCode, OutputSample};
+use proptest::prelude::*;
+use stylus_app::safety::{Config, PEAK_POWER_RATIO, State};
+use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
+
+const RATE: f64 = SAMPLE_RATE_HZ as f64;
+
+fn with(changes: &[(Setting, f32)]) -> Settings {
+    changes
+        .iter()
+        .fold(Settings::default(), |settings, &(setting, value)| {
+            settings
+                .with(SettingChange { setting, value })
+                .expect("in range")
+        })
+}
+
+/// Settings that let a signal through as it is.
+fn transparent() -> Settings {
+    with(&[
+        (Setting::HardLimit, 1.6),
+        (Setting::SlewLimit, 16.0),
+        (Setting::PowerLimit, 100.0),
+        (Setting::SoftStart, 1.0),
+        (Setting::MuteRamp, 1.0),
+        (Setting::OutputGain, 0.1),
+    ])
+}
+
+/// Any settings at all of the output's stages, the ends of their ranges not rare.
+fn any_settings() -> impl Strategy<Value = Settings> {
+    let output = [
+        Setting::OutputGain,
+        Setting::AmplifierGain,
+        Setting::HardLimit,
+        Setting::SlewLimit,
+        Setting::CoilResistance,
+        Setting::ThermalTimeConstant,
+        Setting::PowerLimit,
+        Setting::SoftStart,
+        Setting::MuteRamp,
+    ];
+    let share = prop_oneof![Just(0.0f64), Just(1.0), 0.0..1.0f64];
+    prop::collection::vec(share, output.len()).prop_map(move |shares| {
+        let value = |(setting, share): (Setting, f64)| {
+            let spec = setting.spec();
+            let (low, high) = (f64::from(spec.lowest), f64::from(spec.highest));
+            // Ranges of several decades are covered evenly by decades.
+            let value = if low > 0.0 {
+                low * (high / low).powf(share)
+            } else {
+                low + (high - low) * share
+            };
+            (setting, (value as f32).clamp(spec.lowest, spec.highest))
+        };
+        with(
+            &output
+                .into_iter()
+                .zip(shares)
+                .map(value)
+                .collect::<Vec<_>>(),
+        )
+    })
+}
+
+/// Inputs that try the limits: noise, steps, full scale, silence, each for a while.
+fn any_input() -> impl Strategy<Value = Vec<(i32, i32, bool, u16)>> {
+    let level = prop_oneof![
+        Just(i32::MAX),
+        Just(i32::MIN),
+        Just(0),
+        any::<i32>(),
+        -(1 << 24)..1 << 24
+    ];
+    prop::collection::vec(
+        (level.clone(), level, prop::bool::weighted(0.3), 1u16..600),
+        1..24,
+    )
+}
+
+/// The samples of such an input: each piece goes back and forth between two levels.
+fn samples(pieces: &[(i32, i32, bool, u16)]) -> impl Iterator<Item = (OutputSample, bool)> {
+    pieces.iter().flat_map(|&(a, b, muted, length)| {
+        (0..length).map(move |n| (OutputSample(if n % 7 < 3 { a } else { b }), muted))
+    })
+}
+
+fn offset(code: DacCode) -> i32 {
+    i32::from(code.get()) - i32::from(DacCode::MID_SCALE.get())
+}
+
+/// Power in the coil for an offset, in units of the power limit.
+fn power(settings: &Settings, offset: i32) -> f64 {
+    let volt = f64::from(offset)
+        * f64::from(DacCode::STEP.0)
+        * f64::from(settings.get(Setting::AmplifierGain));
+    let limit = settings.get(Setting::CoilResistance) * settings.get(Setting::PowerLimit);
+    volt * volt / f64::from(limit)
+}
+
+/// The coil's model in floating point, from the equation.
+struct Coil {
+    rise: f64,
+    share: f64,
+}
+
+impl Coil {
+    fn new(settings: &Settings) -> Self {
+        let seconds = f64::from(settings.get(Setting::ThermalTimeConstant));
+        Self {
+            rise: 0.75,
+            share: 1.0 / (seconds * RATE),
+        }
+    }
+
+    fn follow(&mut self, power: f64) {
+        self.rise += (power - self.rise) * self.share;
+    }
+}
+
+fn sine(amplitude: f64, hertz: f64, n: u32) -> OutputSample {
+    let value = amplitude * (core::f64::consts::TAU * hertz * f64::from(n) / RATE).sin();
+    OutputSample((value * f64::from(1 << OutputSample::FRACTION_BITS)) as i32)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn no_input_goes_beyond_the_limits_or_changes_faster(settings in any_settings(), gain in 0.0f32..=4.0, input in any_input()) {
+        let config = Config::new(&settings, gain);
+        let limit = f64::from(settings.hard_limit().0) / f64::from(DacCode::STEP.0);
+        let slew = f64::from(settings.get(Setting::SlewLimit)) * 1e3 / RATE / f64::from(DacCode::STEP.0);
+        let (mut state, mut before) = (State::new(), 0);
+        for (sample, muted) in samples(&input) {
+            let now = offset(state.process(&config, sample, muted));
+            prop_assert!(f64::from(now.abs()) <= limit);
+            prop_assert!(f64::from((now - before).abs()) <= slew.max(1.0));
+            prop_assert!(power(&settings, now) <= f64::from(PEAK_POWER_RATIO) * 1.0001);
+            before = now;
+        }
+    }
+
+    #[test]
+    fn no_input_warms_the_coil_past_its_limit(settings in any_settings(), gain in 0.0f32..=4.0, input in any_input()) {
+        let config = Config::new(&settings, gain);
+        let (mut state, mut coil) = (State::new(), Coil::new(&settings));
+        for _ in 0..4 {
+            for (sample, muted) in samples(&input) {
+                let now = offset(state.process(&config, sample, muted));
+                coil.follow(power(&settings, now));
+                prop_assert!(coil.rise < 1.1, "rise {}", coil.rise);
+            }
+        }
+        let load = f64::from(state.thermal_load_permille()) / 1000.0;
+        // What the device counts is never less than the model by more than rounding, and seldom much more.
+        prop_assert!(load > coil.rise - 0.005 && load < coil.rise * 1.01 + 0.1, "{load} {}", coil.rise);
+    }
+
+    #[test]
+    fn whoever_is_muted_is_at_exactly_mid_scale_in_time(settings in any_settings(), gain in 0.0f32..=4.0, input in any_input()) {
+        let config = Config::new(&settings, gain);
+        let mut state = State::new();
+        for (sample, _) in samples(&input) {
+            state.process(&config, sample, false);
+        }
+        for _ in 0..config.mute_samples() {
+            state.process(&config, OutputSample(i32::MAX), true);
+        }
+        prop_assert!(state.is_at_rest());
+        for (sample, _) in samples(&input) {
+            prop_assert_eq!(state.process(&config, sample, true), DacCode::MID_SCALE);
+        }
+        // 5 ms for whoever watches the inputs.
+        let allowed_ms = 100 - STALE_AFTER_MS.max(LINK_LOST_AFTER_MS) - 2;
+        prop_assert!(config.mute_samples() <= allowed_ms * TICKS_PER_MS, "{} samples", config.mute_samples());
+    }
+
+    #[test]
+    fn silence_is_exactly_mid_scale_in_bounded_time(settings in any_settings(), input in any_input()) {
+        let config = Config::new(&settings, 1.0);
+        let mut state = State::new();
+        for (sample, muted) in samples(&input) {
+            state.process(&config, sample, muted);
+        }
+        // The DC blocker forgets with a time constant of 80 ms.
+        for _ in 0..3 * SAMPLE_RATE_HZ {
+            state.process(&config, OutputSample::SILENCE, false);
+        }
+        for _ in 0..100 {
+            prop_assert_eq!(state.process(&config, OutputSample::SILENCE, false), DacCode::MID_SCALE);
+        }
+    }
+
+    #[test]
+    fn a_constant_input_leaves_no_direct_current(settings in any_settings(), level: i32) {
+        let config = Config::new(&settings, 1.0);
+        let mut state = State::new();
+        for _ in 0..4 * SAMPLE_RATE_HZ {
+            state.process(&config, OutputSample(level), false);
+        }
+        prop_assert_eq!(state.process(&config, OutputSample(level), false), DacCode::MID_SCALE);
+    }
+}
+
+#[test]
+fn a_state_begins_at_mid_scale_and_mute() {
+    let config = Config::new(&transparent(), 4.0);
+    let mut state = State::new();
+    assert!(state.is_at_rest());
+    for n in 0..100 {
+        assert_eq!(
+            state.process(&config, sine(100.0, 200.0, n), true),
+            DacCode::MID_SCALE
+        );
+    }
+    assert!(state.is_at_rest());
+}
+
+#[test]
+fn within_the_limits_the_output_is_the_input_times_the_gain() {
+    let config = Config::new(&transparent(), 0.5);
+    let mut state = State::new();
+    // 0.05 V per m/s² and 20 m/s² are 1 V.
+    for n in 0..SAMPLE_RATE_HZ {
+        let sample = sine(20.0, 100.0, n);
+        let volt =
+            f64::from(offset(state.process(&config, sample, false))) * f64::from(DacCode::STEP.0);
+        let expected = 0.05 * f64::from(sample.metres_per_second_squared().0);
+        // At 100 Hz a corner of 2 Hz turns the phase by 0.02 rad.
+        if n > SAMPLE_RATE_HZ / 2 {
+            assert!((volt - expected).abs() < 0.025, "{n}: {volt} {expected}");
+        }
+    }
+    let counters = state.counters();
+    assert_eq!(
+        (
+            counters.hard_limited,
+            counters.slew_limited,
+            counters.thermally_limited
+        ),
+        (0, 0, 0)
+    );
+}
+
+#[test]
+fn a_soft_start_rises_in_its_time_and_a_mute_falls_in_its() {
+    let settings = transparent().with(SettingChange {
+        setting: Setting::SoftStart,
+        value: 500.0,
+    });
+    let settings = settings.and_then(|s| {
+        s.with(SettingChange {
+            setting: Setting::MuteRamp,
+            value: 20.0,
+        })
+    });
+    let config = Config::new(&settings.expect("in range"), 0.5);
+    let mut state = State::new();
+    // The envelope of a sine of 500 Hz, as the highest of each 2 ms.
+    let mut envelope = |first: u32, samples: u32, muted: bool| -> Vec<i32> {
+        let codes: Vec<_> = (first..first + samples)
+            .map(|n| offset(state.process(&config, sine(20.0, 500.0, n), muted)).abs())
+            .collect();
+        codes
+            .chunks(10)
+            .map(|chunk| chunk.iter().copied().max().unwrap_or(0))
+            .collect()
+    };
+    let rise = envelope(0, 3_000, false);
+    let full = rise[290];
+    // A quarter of a second is half the way, half a second the whole.
+    assert!(
+        (rise[124] - full / 2).abs() < full / 50,
+        "{} of {full}",
+        rise[124]
+    );
+    assert!(rise[245] > full * 97 / 100 && rise[50] < full / 4);
+    let fall = envelope(3_000, 200, true);
+    assert!(
+        (fall[4] - full * 6 / 10).abs() < full / 8,
+        "{} of {full}",
+        fall[4]
+    );
+    assert!(fall[11..].iter().all(|&level| level == 0), "{fall:?}");
+}
+
+#[test]
+fn an_endless_overload_is_held_below_the_power_limit_without_a_jump() {
+    let changes = [
+        (Setting::PowerLimit, 0.01),
+        (Setting::ThermalTimeConstant, 2.0),
+        (Setting::AmplifierGain, 2.0),
+    ];
+    let settings = changes
+        .iter()
+        .fold(transparent(), |settings, &(setting, value)| {
+            settings
+                .with(SettingChange { setting, value })
+                .expect("in range")
+        });
+    let config = Config::new(&settings, 1.0);
+    let (mut state, mut coil) = (State::new(), Coil::new(&settings));
+    let (mut energy, mut gains) = (0.0, vec![]);
+    for n in 0..30 * SAMPLE_RATE_HZ {
+        let now = power(
+            &settings,
+            offset(state.process(&config, sine(1e3, 250.0, n), false)),
+        );
+        coil.follow(now);
+        energy += if n >= 20 * SAMPLE_RATE_HZ { now } else { 0.0 };
+        gains.push(state.thermal_gain_permille());
+        assert!(coil.rise <= 1.0, "{}", coil.rise);
+    }
+    let mean = energy / (10.0 * RATE);
+    assert!(
+        mean < 1.0 && mean > 0.75,
+        "mean power is {mean} of the limit"
+    );
+    // The gain falls with four times the rise, which grows fastest at the peak power.
+    let steepest = (4e3 * f64::from(PEAK_POWER_RATIO) / (2.0 * RATE)).ceil() as u16 + 1;
+    let step = gains.windows(2).map(|pair| pair[0].abs_diff(pair[1])).max();
+    assert!(step <= Some(steepest), "{step:?} of {steepest}");
+    assert!(state.counters().thermally_limited > 20 * SAMPLE_RATE_HZ);
+}
+
+#[test]
+fn the_same_input_gives_the_same_codes() {
+    let config = Config::new(&with(&[(Setting::OutputGain, 0.05)]), 1.5);
+    let run = || {
+        let mut state = State::new();
+        let codes: Vec<_> = (0..5_000)
+            .map(|n| {
+                state
+                    .process(&config, sine(30.0, 333.0, n), n % 1_700 < 90)
+                    .get()
+            })
+            .collect();
+        (codes, state)
+    };
+    assert_eq!(run(), run());
+}
+
+#[test]
+fn counters_count_what_was_changed() {
+    let settings = with(&[
+        (Setting::HardLimit, 0.1),
+        (Setting::SoftStart, 1.0),
+        (Setting::OutputGain, 1.0),
+    ]);
+    let config = Config::new(&settings, 4.0);
+    let mut state = State::new();
+    for n in 0..1_000 {
+        state.process(&config, sine(100.0, 300.0, n), false);
+    }
+    let counters = state.counters();
+    assert!(
+        counters.hard_limited > 900 && counters.slew_limited == 0,
+        "{counters:?}"
+    );
+    let settings = with(&[
+        (Setting::SlewLimit, 0.1),
+        (Setting::SoftStart, 1.0),
+        (Setting::OutputGain, 1.0),
+    ]);
+    let config = Config::new(&settings, 4.0);
+    let mut state = State::new();
+    for n in 0..1_000 {
+        state.process(&config, sine(100.0, 300.0, n), false);
+    }
+    assert!(state.counters().slew_limited > 900);
+}

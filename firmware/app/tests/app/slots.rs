@@ -1,0 +1,164 @@
+//! What slots are found to hold.
+
+use embassy_futures::block_on;
+use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
+use model_format::link::{ListError, SlotFault, SlotId, SlotState};
+use stylus_app::slots::SlotStore;
+use stylus_app::upload::Uploader;
+
+use crate::flash::{Memory, SimulatedFlash};
+use crate::library::{announcement, library, upload};
+
+/// Two libraries, the one in slot B the newer.
+fn two_libraries() -> (Memory, Vec<u8>, Vec<u8>) {
+    let (first, second) = (library(1, 10, 1), library(3, 20, 2));
+    let mut flash = SimulatedFlash::two_slots();
+    block_on(async {
+        let mut store = SlotStore::open(&mut flash).await;
+        upload(&mut Uploader::new(), &mut store, &first, 512)
+            .await
+            .expect("slot A");
+        upload(&mut Uploader::new(), &mut store, &second, 512)
+            .await
+            .expect("slot B");
+    });
+    (flash.memory, first, second)
+}
+
+fn opened(memory: Memory) -> SlotStore<SimulatedFlash<'static>> {
+    block_on(SlotStore::open(SimulatedFlash::new(memory)))
+}
+
+fn fault_of(store: &SlotStore<SimulatedFlash<'_>>, slot: SlotId) -> SlotFault {
+    match store.state(slot) {
+        SlotState::Faulty(fault) => fault.clone(),
+        state => panic!("slot {slot} is {state:?}"),
+    }
+}
+
+#[test]
+fn blank_flash_has_two_empty_slots() {
+    let store = opened(Memory::blank(2 * SLOT_BYTES));
+    assert_eq!(store.slots().slots, [SlotState::Empty, SlotState::Empty]);
+    assert_eq!(
+        (store.newest(), store.active(), store.spare()),
+        (None, None, SlotId::A)
+    );
+    assert_eq!(
+        store.texture(SlotId::A, 0),
+        Err(ListError::NoLibrary { slot: SlotId::A })
+    );
+}
+
+#[test]
+fn garbage_is_no_library() {
+    let store = opened(Memory::garbage(2 * SLOT_BYTES));
+    assert_eq!(store.newest(), None);
+    for slot in SlotId::ALL {
+        assert_eq!(fault_of(&store, slot), SlotFault::Unfinished);
+    }
+}
+
+#[test]
+fn the_newest_valid_slot_is_taken_and_uploads_go_to_the_other() {
+    let (memory, first, second) = two_libraries();
+    let mut store = opened(memory.clone());
+    assert_eq!(
+        (store.newest(), store.spare()),
+        (Some(SlotId::B), SlotId::A)
+    );
+    for (slot, bytes) in [(SlotId::A, &first), (SlotId::B, &second)] {
+        let library = store.library(slot).expect("both are valid");
+        assert_eq!(library.crc32, announcement(bytes).crc32);
+        assert_eq!(block_on(store.library_bytes(slot)), Ok(&bytes[..]));
+    }
+    store.set_active(Some(SlotId::A));
+    assert_eq!(
+        store.spare(),
+        SlotId::B,
+        "what is played is never overwritten"
+    );
+}
+
+#[test]
+fn a_word_that_faults_makes_a_slot_invalid_wherever_it_is() {
+    let (memory, _, second) = two_libraries();
+    let offsets = [0, 32, second.len() / 2, second.len() - 1, MAX_LIBRARY_BYTES];
+    for offset in offsets {
+        let mut memory = memory.clone();
+        memory.set_faulty(SLOT_BYTES + offset);
+        let store = opened(memory);
+        let offset = (offset / 32 * 32) as u32;
+        assert_eq!(
+            fault_of(&store, SlotId::B),
+            SlotFault::Unreadable { offset }
+        );
+        assert_eq!(store.newest(), Some(SlotId::A));
+    }
+}
+
+#[test]
+fn a_word_that_faults_outside_the_library_does_no_harm() {
+    let (mut memory, _, second) = two_libraries();
+    memory.set_faulty(SLOT_BYTES + second.len().next_multiple_of(32));
+    assert_eq!(opened(memory).newest(), Some(SlotId::B));
+}
+
+#[test]
+fn a_changed_bit_makes_a_slot_invalid_wherever_it_is() {
+    let (memory, _, second) = two_libraries();
+    for offset in (0..second.len()).step_by(509) {
+        let mut memory = memory.clone();
+        memory.flip_bit(SLOT_BYTES + offset);
+        let store = opened(memory);
+        assert!(matches!(
+            fault_of(&store, SlotId::B),
+            SlotFault::Checksum { .. }
+        ));
+        assert_eq!(store.newest(), Some(SlotId::A));
+    }
+    for offset in 0..24 {
+        let mut memory = memory.clone();
+        memory.flip_bit(SLOT_BYTES + MAX_LIBRARY_BYTES + offset);
+        assert_eq!(fault_of(&opened(memory), SlotId::B), SlotFault::Unfinished);
+    }
+}
+
+#[test]
+fn a_slot_that_goes_bad_while_the_device_runs_is_not_handed_out() {
+    let (memory, first, _) = two_libraries();
+    let mut flash = SimulatedFlash::new(memory);
+    // Opening reads each word of it once, and so does handing it out.
+    flash.wears_out = Some((64, 2));
+    let mut store = block_on(SlotStore::open(flash));
+    assert_eq!(
+        block_on(store.library_bytes(SlotId::A)).map(<[u8]>::len),
+        Ok(first.len())
+    );
+    let fault = SlotFault::Unreadable { offset: 64 };
+    assert_eq!(block_on(store.library_bytes(SlotId::A)), Err(fault.clone()));
+    assert_eq!(*store.state(SlotId::A), SlotState::Faulty(fault));
+}
+
+#[test]
+fn a_listing_tells_what_is_in_a_library() {
+    let (memory, ..) = two_libraries();
+    let store = opened(memory);
+    let texture = store.texture(SlotId::B, 2).expect("it has three");
+    assert_eq!(texture.name, "texture 2");
+    assert_eq!(
+        (texture.max_order, texture.speeds, texture.forces),
+        (20, 15, 8)
+    );
+    assert_eq!(texture.speed_range.map(|speed| speed.0), [20.0, 300.0]);
+    assert_eq!(texture.force_range.map(|force| force.0), [0.25, 2.0]);
+    let (slot, index, textures) = (SlotId::B, 3, 3);
+    assert_eq!(
+        store.texture(slot, index),
+        Err(ListError::Index {
+            slot,
+            index,
+            textures
+        })
+    );
+}

@@ -1,0 +1,409 @@
+//! Uploads that go wrong in other ways than by a power cut.
+
+use embassy_futures::block_on;
+use embassy_futures::poll_once;
+use model_format::limits::MAX_LIBRARY_BYTES;
+use model_format::link::{
+    FlashOperation, MAX_CHUNK_BYTES, SlotId, SlotState, UploadBegin, UploadChunk, UploadError,
+    UploadState,
+};
+use proptest::prelude::*;
+use stylus_app::slots::SlotStore;
+use stylus_app::upload::Uploader;
+
+use crate::flash::{Fault, Memory, SimulatedFlash};
+use crate::library::{announcement, library, upload};
+
+type Store = SlotStore<SimulatedFlash<'static>>;
+
+/// Flash with a library in slot A.
+fn flash_with_library() -> (Memory, Vec<u8>) {
+    let bytes = library(1, 4, 1);
+    let mut flash = SimulatedFlash::two_slots();
+    block_on(async {
+        let mut store = SlotStore::open(&mut flash).await;
+        upload(&mut Uploader::new(), &mut store, &bytes, 512)
+            .await
+            .expect("slot A");
+    });
+    (flash.memory, bytes)
+}
+
+/// A device with a library in slot A that is active.
+fn device() -> (Uploader, Store, Vec<u8>) {
+    let (memory, bytes) = flash_with_library();
+    let mut store = block_on(SlotStore::open(SimulatedFlash::new(memory)));
+    store.set_active(store.newest());
+    (Uploader::new(), store, bytes)
+}
+
+fn assert_library_is_left(store: &mut Store, bytes: &[u8]) {
+    assert_eq!(store.active(), Some(SlotId::A));
+    assert_eq!(block_on(store.library_bytes(SlotId::A)), Ok(bytes));
+}
+
+#[test]
+fn an_upload_becomes_the_newest_library_but_not_the_active_one() {
+    let (mut uploader, mut store, old) = device();
+    let new = library(2, 50, 2);
+    let committed = block_on(upload(&mut uploader, &mut store, &new, 512)).expect("it is valid");
+    assert_eq!(
+        (committed.slot, committed.sequence, committed.textures),
+        (SlotId::B, 2, 2)
+    );
+    assert_eq!(store.newest(), Some(SlotId::B));
+    assert_eq!(block_on(store.library_bytes(SlotId::B)), Ok(&new[..]));
+    assert_eq!(uploader.state(), UploadState::Idle);
+    assert_library_is_left(&mut store, &old);
+}
+
+#[test]
+fn a_library_as_large_as_a_slot_and_one_byte_more() {
+    let (mut uploader, mut store, _) = device();
+    let begin = |length: usize| UploadBegin {
+        length: length as u32,
+        crc32: 0,
+    };
+    assert!(block_on(uploader.begin(&mut store, begin(MAX_LIBRARY_BYTES))).is_ok());
+    uploader.abort(&mut store);
+    for length in [0, MAX_LIBRARY_BYTES + 1, u32::MAX as usize] {
+        let error = UploadError::Length {
+            length: length as u32,
+        };
+        assert_eq!(
+            block_on(uploader.begin(&mut store, begin(length))),
+            Err(error)
+        );
+    }
+}
+
+#[test]
+fn chunks_out_of_turn_are_refused_and_change_nothing() {
+    let (mut uploader, mut store, _) = device();
+    let new = library(1, 30, 2);
+    let chunk = |offset: u32, length: usize| UploadChunk {
+        offset,
+        data: &[0x33; 4096][..length],
+    };
+    let mut send = |chunk| block_on(uploader.chunk(&mut store, chunk));
+    assert_eq!(send(chunk(0, 32)), Err(UploadError::NotBegun));
+    let (mut uploader, mut store, old) = device();
+    block_on(async {
+        uploader
+            .begin(&mut store, announcement(&new))
+            .await
+            .expect("it may begin");
+        let data = &new[..512];
+        uploader
+            .chunk(&mut store, UploadChunk { offset: 0, data })
+            .await
+            .expect("the first chunk");
+        let state = uploader.state();
+        let refused = [
+            (
+                chunk(0, 512),
+                UploadError::Offset {
+                    expected: 512,
+                    found: 0,
+                },
+            ),
+            (
+                chunk(1024, 512),
+                UploadError::Offset {
+                    expected: 512,
+                    found: 1024,
+                },
+            ),
+            (chunk(512, 0), UploadError::ChunkLength { length: 0 }),
+            (chunk(512, 33), UploadError::ChunkLength { length: 33 }),
+            (chunk(512, 513), UploadError::ChunkLength { length: 513 }),
+        ];
+        for (chunk, error) in refused {
+            assert_eq!(uploader.chunk(&mut store, chunk).await, Err(error));
+            assert_eq!(uploader.state(), state);
+        }
+        let (next_offset, length) = (512, new.len() as u32);
+        let early = uploader.commit(&mut store).await;
+        assert_eq!(
+            early,
+            Err(UploadError::Incomplete {
+                next_offset,
+                length
+            })
+        );
+        assert_eq!(*store.state(SlotId::B), SlotState::Receiving);
+        // And it still goes through.
+        assert!(upload(&mut uploader, &mut store, &new, 512).await.is_ok());
+    });
+    assert_library_is_left(&mut store, &old);
+}
+
+#[test]
+fn a_chunk_past_the_end_is_refused() {
+    let (mut uploader, mut store, _) = device();
+    block_on(async {
+        let begin = UploadBegin {
+            length: 40,
+            crc32: 0,
+        };
+        uploader
+            .begin(&mut store, begin)
+            .await
+            .expect("it may begin");
+        let data = &[0; 64];
+        let past = uploader
+            .chunk(&mut store, UploadChunk { offset: 0, data })
+            .await;
+        assert_eq!(
+            past,
+            Err(UploadError::PastEnd {
+                end: 64,
+                length: 40
+            })
+        );
+    });
+}
+
+#[test]
+fn an_upload_goes_on_where_it_was_and_another_begins_anew() {
+    let (mut uploader, mut store, old) = device();
+    let (new, other) = (library(1, 30, 2), library(1, 30, 3));
+    block_on(async {
+        uploader
+            .begin(&mut store, announcement(&new))
+            .await
+            .expect("it may begin");
+        let data = &new[..MAX_CHUNK_BYTES];
+        uploader
+            .chunk(&mut store, UploadChunk { offset: 0, data })
+            .await
+            .expect("the first chunk");
+        let again = uploader
+            .begin(&mut store, announcement(&new))
+            .await
+            .expect("it may go on");
+        assert_eq!(again.next_offset, MAX_CHUNK_BYTES as u32);
+        let anew = uploader
+            .begin(&mut store, announcement(&other))
+            .await
+            .expect("another may begin");
+        assert_eq!((anew.next_offset, anew.slot), (0, SlotId::B));
+        assert!(upload(&mut uploader, &mut store, &other, 32).await.is_ok());
+        assert_eq!(store.library_bytes(SlotId::B).await, Ok(&other[..]));
+    });
+    assert_library_is_left(&mut store, &old);
+}
+
+#[test]
+fn an_upload_that_was_given_up_leaves_the_way_free() {
+    let (mut uploader, mut store, old) = device();
+    let new = library(1, 30, 2);
+    block_on(async {
+        uploader
+            .begin(&mut store, announcement(&new))
+            .await
+            .expect("it may begin");
+        let data = &new[..MAX_CHUNK_BYTES];
+        uploader
+            .chunk(&mut store, UploadChunk { offset: 0, data })
+            .await
+            .expect("the first chunk");
+        uploader.abort(&mut store);
+        assert_eq!(uploader.state(), UploadState::Idle);
+        assert!(matches!(store.state(SlotId::B), SlotState::Faulty(_)));
+        assert_eq!(
+            uploader.commit(&mut store).await,
+            Err(UploadError::NotBegun)
+        );
+        assert!(upload(&mut uploader, &mut store, &new, 512).await.is_ok());
+    });
+    assert_library_is_left(&mut store, &old);
+}
+
+#[test]
+fn bytes_that_are_no_library_or_not_those_announced_are_not_sealed() {
+    let (mut uploader, mut store, old) = device();
+    block_on(async {
+        let noise: Vec<u8> = (0..5_000u32).map(|n| (n * 7 + n / 251) as u8).collect();
+        let error = upload(&mut uploader, &mut store, &noise, 512).await;
+        assert!(
+            matches!(&error, Err(UploadError::Invalid { reason }) if reason.contains("HTXL")),
+            "{error:?}"
+        );
+        assert_eq!(uploader.state(), UploadState::Idle);
+
+        let new = library(1, 30, 2);
+        let wrong = UploadBegin {
+            crc32: 1,
+            ..announcement(&new)
+        };
+        uploader
+            .begin(&mut store, wrong)
+            .await
+            .expect("it may begin");
+        for (index, data) in new.chunks(512).enumerate() {
+            let offset = index as u32 * 512;
+            uploader
+                .chunk(&mut store, UploadChunk { offset, data })
+                .await
+                .expect("in turn");
+        }
+        let found = announcement(&new).crc32;
+        let error = uploader.commit(&mut store).await;
+        assert_eq!(error, Err(UploadError::Checksum { expected: 1, found }));
+        assert_eq!(store.newest(), Some(SlotId::A));
+    });
+    assert_library_is_left(&mut store, &old);
+}
+
+/// Uploads with `fault` into a device; tells the error, and that the library before is there and the next upload works.
+fn with_fault(fault: Fault) -> Option<UploadError> {
+    let new = library(1, 30, 2);
+    let (memory, old) = flash_with_library();
+    let mut flash = SimulatedFlash::new(memory);
+    flash.fault = fault;
+    let mut store = block_on(SlotStore::open(flash));
+    store.set_active(store.newest());
+    let mut uploader = Uploader::new();
+    let result = block_on(upload(&mut uploader, &mut store, &new, 512));
+    assert_eq!(block_on(store.library_bytes(SlotId::A)), Ok(&old[..]));
+    if result.is_err() {
+        assert_eq!(store.newest(), Some(SlotId::A));
+        // The fault comes once.
+        let again = block_on(upload(&mut uploader, &mut store, &new, 512));
+        assert!(again.is_ok(), "{again:?}");
+    }
+    result.err()
+}
+
+#[test]
+fn a_fault_of_the_flash_is_told_with_its_place() {
+    let words = library(1, 30, 2).len().div_ceil(32);
+    let slot = SlotId::B;
+    // Operation 0 erases the header's sector, 1 the first, 2 writes the first word; the header comes last.
+    let erase = |offset| UploadError::Flash {
+        slot,
+        operation: FlashOperation::Erase,
+        offset,
+    };
+    let write = |offset| UploadError::Flash {
+        slot,
+        operation: FlashOperation::Write,
+        offset,
+    };
+    assert_eq!(with_fault(Fault::Refuse(0)), Some(erase(3 * 128 * 1024)));
+    assert_eq!(with_fault(Fault::Refuse(1)), Some(erase(0)));
+    assert_eq!(with_fault(Fault::Refuse(2)), Some(write(0)));
+    assert_eq!(with_fault(Fault::Refuse(5)), Some(write(96)));
+    assert_eq!(
+        with_fault(Fault::Refuse(2 + words)),
+        Some(write(MAX_LIBRARY_BYTES as u32))
+    );
+    assert_eq!(
+        with_fault(Fault::Refuse(3 + words)),
+        None,
+        "there is no such operation"
+    );
+    assert_eq!(
+        with_fault(Fault::Corrupt(7)),
+        Some(UploadError::ReadBack { slot, offset: 160 })
+    );
+    let header = MAX_LIBRARY_BYTES as u32;
+    assert_eq!(
+        with_fault(Fault::Corrupt(2 + words)),
+        Some(UploadError::ReadBack {
+            slot,
+            offset: header
+        })
+    );
+}
+
+#[test]
+fn a_call_that_is_dropped_half_way_ends_the_upload() {
+    let (mut uploader, mut store, old) = device();
+    let new = library(1, 30, 2);
+    block_on(async {
+        uploader
+            .begin(&mut store, announcement(&new))
+            .await
+            .expect("it may begin");
+        for (index, data) in new.chunks(512).enumerate() {
+            let offset = index as u32 * 512;
+            uploader
+                .chunk(&mut store, UploadChunk { offset, data })
+                .await
+                .expect("in turn");
+        }
+    });
+    // A commit lets others run while it reads; whoever drops it there has no upload any more.
+    assert!(poll_once(uploader.commit(&mut store)).is_pending());
+    assert_eq!(uploader.state(), UploadState::Idle);
+    assert_eq!(store.newest(), Some(SlotId::A));
+    assert!(block_on(upload(&mut uploader, &mut store, &new, 512)).is_ok());
+    assert_library_is_left(&mut store, &old);
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Begin(usize),
+    Chunk { good: bool, length: usize },
+    Commit,
+    Abort,
+    ActivateNewest,
+}
+
+fn steps() -> impl Strategy<Value = Vec<Step>> {
+    let step = prop_oneof![
+        2 => (0usize..3).prop_map(Step::Begin),
+        12 => (prop::bool::weighted(0.9), 1usize..=16).prop_map(|(good, words)| Step::Chunk { good, length: words * 32 }),
+        2 => Just(Step::Commit),
+        1 => Just(Step::Abort),
+        1 => Just(Step::ActivateNewest),
+    ];
+    prop::collection::vec(step, 1..120)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever a host sends, in whatever order, there is always a library, and it is one of those that were sent whole.
+    #[test]
+    fn any_order_of_requests_leaves_a_whole_library(steps in steps()) {
+        let libraries = [library(1, 1, 5), library(1, 2, 6), library(1, 3, 7)];
+        let (mut uploader, mut store, first) = device();
+        for step in steps {
+            let state = uploader.state();
+            match (step, state) {
+                (Step::Begin(which), _) => {
+                    prop_assert!(block_on(uploader.begin(&mut store, announcement(&libraries[which]))).is_ok());
+                }
+                (Step::Chunk { good, length }, UploadState::Receiving(progress)) => {
+                    let which = libraries.iter().find(|bytes| announcement(bytes) == progress.upload);
+                    let rest = &which.expect("one of these")[progress.next_offset as usize..];
+                    let data = &rest[..length.min(rest.len())];
+                    let offset = progress.next_offset + u32::from(!good);
+                    let taken = block_on(uploader.chunk(&mut store, UploadChunk { offset, data })).is_ok();
+                    prop_assert_eq!(taken, good && !data.is_empty());
+                }
+                (Step::Chunk { length, .. }, UploadState::Idle) => {
+                    let data = &[0; 512][..length];
+                    let error = block_on(uploader.chunk(&mut store, UploadChunk { offset: 0, data }));
+                    prop_assert_eq!(error, Err(UploadError::NotBegun));
+                }
+                (Step::Commit, UploadState::Receiving(progress)) => {
+                    let whole = progress.next_offset == progress.upload.length;
+                    prop_assert_eq!(block_on(uploader.commit(&mut store)).is_ok(), whole);
+                }
+                (Step::Commit, UploadState::Idle) => {
+                    prop_assert_eq!(block_on(uploader.commit(&mut store)), Err(UploadError::NotBegun));
+                }
+                (Step::Abort, _) => uploader.abort(&mut store),
+                (Step::ActivateNewest, _) => store.set_active(store.newest()),
+            }
+            let newest = store.newest();
+            prop_assert!(newest.is_some());
+            let bytes = block_on(store.library_bytes(newest.expect("there is one"))).expect("it is valid");
+            prop_assert!(bytes == first || libraries.iter().any(|library| bytes == library));
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! Tells the linker how the image lies in memory.
+
+use std::{env, error::Error, path::Path};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-changed=build.rs");
+    // The image alone is linked here; the guest of the emulator brings its own map.
+    if env::var_os("CARGO_FEATURE_IMAGE").is_none() || env::var("CARGO_CFG_TARGET_ARCH")? != "arm" {
+        return Ok(());
+    }
+    let package = env::var("CARGO_MANIFEST_DIR")?;
+    let package = Path::new(&package);
+    let root = package
+        .parent()
+        .ok_or("the package lies in the workspace")?;
+    for folder in [package, root] {
+        println!("cargo::rustc-link-search={}", folder.display());
+    }
+    println!(
+        "cargo::rerun-if-changed={}",
+        package.join("tick.x").display()
+    );
+    println!(
+        "cargo::rerun-if-changed={}",
+        root.join("memory.x").display()
+    );
+    // `tick.x` comes first: what it names must not be taken by the others.
+    for argument in [
+        "-Ttick.x",
+        "-Tlink.x",
+        "-Tdefmt.x",
+        "--nmagic",
+        "--emit-relocs",
+    ] {
+        println!("cargo::rustc-link-arg-bin=stylus-firmware={argument}");
+    }
+    println!("cargo::rustc-env=STYLUS_PROFILE={}", env::var("PROFILE")?);
+    Ok(())
+}

@@ -1,0 +1,275 @@
+//! The hardware as `stylus_app::control` sees it.
+#![expect(
+    unsafe_code,
+    reason = "what is played is exchanged while the tick plays nothing"
+)]
+
+use core::fmt::Write;
+
+use embassy_stm32::uid;
+use heapless::String;
+use model_format::link::{
+    DeviceInfo, Fault, FaultKind, FaultText, LinkCounters, MotionSource, PROTOCOL_VERSION,
+    PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
+    SCHEMA_HASH, Settings, TickCounters,
+};
+use model_format::{FORMAT_VERSION, Texture};
+use stylus_app::control::{Device, ResetReport, TickReport};
+use stylus_app::inputs::{InputConfig, Timed};
+use stylus_app::recorder::Recorder;
+use stylus_app::safety;
+use stylus_app::status::Histogram;
+use stylus_app::storage::LoadFault;
+
+use crate::clock::CORE_HZ;
+use crate::library_ram::LibraryRam;
+use crate::link_counters::{SERIAL, USB};
+use crate::{fault, tick, update, voice};
+
+/// Everything of the hardware's but flash and wires.
+pub struct Hardware {
+    library: LibraryRam,
+    /// Turns samples into blocks.
+    pub recorder: Recorder<'static>,
+    reset: ResetReport,
+    settings: Settings,
+    muted: bool,
+    /// The first tick that has seen the present mute.
+    muted_since: u64,
+}
+
+impl Hardware {
+    /// With nothing played and nothing recorded; there is one, as there is one recorder's end of the queue.
+    pub fn new(recorder: Recorder<'static>, reset: ResetReport) -> Self {
+        // SAFETY: this runs once: whoever calls it has given its only recorder away.
+        let library = unsafe { LibraryRam::new() };
+        Self {
+            library,
+            recorder,
+            reset,
+            settings: Settings::default(),
+            muted: true,
+            muted_since: 0,
+        }
+    }
+
+    /// Copies `library` to where it is played from. Nothing is played.
+    ///
+    /// # Errors
+    /// It is not one.
+    pub fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
+        self.clear();
+        // SAFETY: the only textures that outlive a call are those of the update, and that was just told to drop its own.
+        unsafe { self.library.load(library) }
+    }
+}
+
+impl Device for Hardware {
+    fn info(&self) -> DeviceInfo {
+        let mut build = String::new();
+        // Fits; if it did not, less would be told.
+        let _ = write!(build, "{}, STM32H743ZI", env!("STYLUS_PROFILE"));
+        DeviceInfo {
+            product: text("stylus"),
+            serial: text(uid::uid_hex()),
+            firmware_version: text(env!("CARGO_PKG_VERSION")),
+            build,
+            protocol_version: PROTOCOL_VERSION,
+            library_format_version: FORMAT_VERSION,
+            schema_hash: SCHEMA_HASH,
+        }
+    }
+
+    fn now(&self) -> u64 {
+        tick::now()
+    }
+
+    fn tick_report(&self) -> TickReport {
+        let Some(report) = tick::report() else {
+            return TickReport {
+                counters: TickCounters::default(),
+                histogram: Histogram::new().report(CORE_HZ),
+                saturations: 0,
+                safety: safety::Counters::default(),
+                thermal_load_permille: 0,
+                thermal_gain_permille: 0,
+            };
+        };
+        TickReport {
+            counters: report.counters,
+            histogram: report.histogram.report(CORE_HZ),
+            saturations: voice::saturations(),
+            safety: report.safety.counters(),
+            thermal_load_permille: report.safety.thermal_load_permille(),
+            thermal_gain_permille: report.safety.thermal_gain_permille(),
+        }
+    }
+
+    fn link_counters(&self) -> [LinkCounters; 2] {
+        [USB.get(), SERIAL.get()]
+    }
+
+    fn reset_report(&self) -> ResetReport {
+        self.reset.clone()
+    }
+
+    fn texture(&self, name: &str) -> Option<Texture<'_>> {
+        self.library.texture(name)
+    }
+
+    fn is_at_rest(&self) -> bool {
+        tick::is_at_rest(self.muted_since)
+    }
+
+    fn is_motion_stale(&self) -> bool {
+        update::is_stale()
+    }
+
+    fn set_mute(&mut self, muted: bool) {
+        if muted != self.muted {
+            self.muted_since = tick::set_muted(muted);
+            self.muted = muted;
+        }
+    }
+
+    fn start(&mut self, request: &PlayRequest, config: safety::Config) {
+        self.clear();
+        let Some(texture) = self.library.texture(&request.texture) else {
+            return;
+        };
+        // SAFETY: the tick was told to play nothing, and tasks cannot be here in the middle of it.
+        unsafe { voice::load(&texture, request.seed) };
+        tick::configure(config);
+        update::change(|update| update.texture = Some(texture));
+        tick::play();
+    }
+
+    fn clear(&mut self) {
+        tick::stop();
+        update::change(|update| update.texture = None);
+    }
+
+    fn set_motion_source(&mut self, source: MotionSource) {
+        update::change(|update| update.source = source);
+    }
+
+    fn set_host_motion(&mut self, motion: Timed) {
+        update::change(|update| update.host = motion);
+    }
+
+    fn set_settings(&mut self, settings: &Settings) {
+        self.settings = *settings;
+        let config = InputConfig::new(settings);
+        update::change(|update| update.config = config);
+        tick::configure(safety::Config::new(settings, 1.0));
+    }
+
+    fn start_recording(&mut self) -> Result<RecordStarted, RecordError> {
+        self.recorder.start()
+    }
+
+    fn stop_recording(&mut self) -> Result<RecordStopped, RecordError> {
+        self.recorder.stop()
+    }
+
+    fn record_counters(&self) -> RecordCounters {
+        self.recorder.counters()
+    }
+}
+
+/// `text`, or nothing if it does not fit.
+fn text<const N: usize>(text: &str) -> String<N> {
+    String::try_from(text).unwrap_or_default()
+}
+
+/// How this start came about, from what the processor and the memory kept.
+pub fn reset_report(flags: ResetFlags, before: fault::Before) -> ResetReport {
+    let caught = before.caught.map(|caught| Fault {
+        kind: match caught.kind {
+            fault::Kind::HardFault => FaultKind::HardFault,
+            fault::Kind::Nmi => FaultKind::Nmi,
+            fault::Kind::Panic => FaultKind::Panic,
+            fault::Kind::UnexpectedInterrupt => FaultKind::UnexpectedInterrupt,
+            fault::Kind::TickStopped => FaultKind::TickStopped,
+            fault::Kind::ExecutorStopped => FaultKind::ExecutorStopped,
+        },
+        program_counter: caught.program_counter,
+        detail: caught.detail,
+        text: place_in_words(&caught),
+    });
+    let reason = match flags {
+        ResetFlags::PowerOn => ResetReason::PowerOn,
+        ResetFlags::Brownout => ResetReason::Brownout,
+        ResetFlags::Watchdog => ResetReason::Watchdog,
+        ResetFlags::Software if before.new_fault => ResetReason::Fault,
+        ResetFlags::Software => ResetReason::Software,
+        ResetFlags::Pin => ResetReason::Pin,
+        ResetFlags::Unknown => ResetReason::Unknown,
+    };
+    ResetReport {
+        reason,
+        resets: before.resets,
+        fault: caught,
+    }
+}
+
+/// File and line of a panic, the file's end if it is long; of anything else return addresses in hexadecimal, the newest
+/// first, for `addr2line` on the image's file.
+fn place_in_words(caught: &fault::Caught) -> FaultText {
+    /// What a line's number and the colon need at most.
+    const LINE_CHARACTERS: usize = 8;
+    let mut text = FaultText::new();
+    if let Some((file, line)) = fault::place(caught.location) {
+        let left_out = file.len().saturating_sub(text.capacity() - LINE_CHARACTERS);
+        // Fits. A name with letters of several bytes may be cut within one, then the line alone is told.
+        let _ = write!(text, "{}:{line}", file.get(left_out..).unwrap_or_default());
+        return text;
+    }
+    for &address in caught.trace.iter().filter(|&&address| address != 0) {
+        let separator = if text.is_empty() { "" } else { " " };
+        if write!(text, "{separator}{address:08x}").is_err() {
+            break;
+        }
+    }
+    text
+}
+
+/// What the processor says about the last reset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+pub enum ResetFlags {
+    /// Power came.
+    PowerOn,
+    /// Power dipped.
+    Brownout,
+    /// The independent watchdog.
+    Watchdog,
+    /// The processor itself.
+    Software,
+    /// The reset pin.
+    Pin,
+    /// None of these.
+    Unknown,
+}
+
+impl ResetFlags {
+    /// Reads and clears RCC_RSR (RM0433 section 8.7.38). Other resets set the pin's flag too, and power all of them, so the
+    /// order counts.
+    pub fn take() -> Self {
+        let rsr = embassy_stm32::pac::RCC.rsr();
+        let flags = rsr.read();
+        rsr.modify(|w| w.set_rmvf(true));
+        if flags.porrstf() {
+            Self::PowerOn
+        } else if flags.borrstf() {
+            Self::Brownout
+        } else if flags.iwdg1rstf() {
+            Self::Watchdog
+        } else if flags.sftrstf() {
+            Self::Software
+        } else if flags.pinrstf() {
+            Self::Pin
+        } else {
+            Self::Unknown
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! Faults on request, for the tests of how they end. Compiled only with the feature `fault-injection`.
+//!
+//! A message of one byte on the topic [`PATH`] asks for one; the image that is handed out does not know the topic.
+#![expect(unsafe_code, reason = "faults are what this is for")]
+
+use core::arch::asm;
+use core::sync::atomic::{AtomicU8, Ordering};
+
+use cortex_m::peripheral::{DWT, NVIC, SCB};
+use embassy_stm32::interrupt::Interrupt;
+use embassy_stm32::pac::TIM6;
+use postcard_rpc::Key;
+
+use crate::clock::CORE_HZ;
+
+/// The topic's path.
+pub const PATH: &str = "stylus/fault-injection";
+
+/// The topic's key; its message is a `u8`.
+pub const KEY: Key = Key::for_path::<u8>(PATH);
+
+/// A tick that takes 500 µs.
+const LONG_TICK: u8 = 1;
+/// A tick that never ends.
+const ENDLESS_TICK: u8 = 2;
+/// A task that never gives way.
+const ENDLESS_TASK: u8 = 3;
+/// A panic.
+const PANIC: u8 = 4;
+/// A jump to what is no Thumb instruction.
+const BAD_JUMP: u8 = 5;
+/// An interrupt that has no handler.
+const UNEXPECTED_INTERRUPT: u8 = 6;
+/// The non-maskable interrupt.
+const NMI: u8 = 7;
+/// The sample timer stops.
+const NO_TICK: u8 = 8;
+/// A panic in the tick.
+const PANIC_IN_TICK: u8 = 9;
+
+static IN_TICK: AtomicU8 = AtomicU8::new(0);
+
+/// Does what `fault` stands for, or has the next tick do it.
+pub fn inject(fault: u8) {
+    match fault {
+        LONG_TICK | ENDLESS_TICK | PANIC_IN_TICK => IN_TICK.store(fault, Ordering::Relaxed),
+        ENDLESS_TASK => spin(),
+        PANIC => panic!("asked for"),
+        // SAFETY: there is none; the processor refuses the jump, which is what is asked for (INVSTATE, ARM DDI 0403E, B1.5.14).
+        BAD_JUMP => unsafe { asm!("bx {}", in(reg) 0x0800_0000, options(noreturn)) },
+        UNEXPECTED_INTERRUPT => {
+            // SAFETY: no critical section masks by priority, and the handler is the one for all that have none.
+            unsafe { NVIC::unmask(Interrupt::SAI4) };
+            NVIC::pend(Interrupt::SAI4);
+        }
+        // SAFETY: ICSR.NMIPENDSET (ARM DDI 0403E, B3.2.4); its handler ends the program.
+        NMI => unsafe { (*SCB::PTR).icsr.write(1 << 31) },
+        NO_TICK => TIM6.cr1().modify(|w| w.set_cen(false)),
+        _ => {}
+    }
+}
+
+/// Does in the tick what was asked for there.
+#[inline(always)]
+pub fn in_tick() {
+    match IN_TICK.swap(0, Ordering::Relaxed) {
+        LONG_TICK => {
+            let begin = DWT::cycle_count();
+            while DWT::cycle_count().wrapping_sub(begin) < CORE_HZ / 2000 {}
+        }
+        ENDLESS_TICK => spin(),
+        PANIC_IN_TICK => panic!("asked for, in the tick"),
+        _ => {}
+    }
+}
+
+fn spin() -> ! {
+    loop {
+        cortex_m::asm::nop();
+    }
+}

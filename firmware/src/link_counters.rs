@@ -1,0 +1,43 @@
+//! What each link counts.
+
+use core::cell::Cell;
+
+use critical_section::Mutex;
+use model_format::link::LinkCounters;
+
+/// Counters of one link.
+pub struct Counters(Mutex<Cell<LinkCounters>>);
+
+/// The serial link's.
+pub static SERIAL: Counters = Counters::new();
+
+/// The USB link's.
+pub static USB: Counters = Counters::new();
+
+impl Counters {
+    const fn new() -> Self {
+        Self(Mutex::new(Cell::new(LinkCounters {
+            frames: 0,
+            malformed: 0,
+            oversized: 0,
+            line_errors: 0,
+            unsent: 0,
+        })))
+    }
+
+    /// The counters.
+    pub fn get(&self) -> LinkCounters {
+        critical_section::with(|section| self.0.borrow(section).get())
+    }
+
+    /// Counts one more of what `which` picks.
+    pub fn count(&self, which: impl FnOnce(&mut LinkCounters) -> &mut u32) {
+        critical_section::with(|section| {
+            let cell = self.0.borrow(section);
+            let mut counters = cell.get();
+            let counter = which(&mut counters);
+            *counter = counter.saturating_add(1);
+            cell.set(counters);
+        });
+    }
+}

@@ -1,0 +1,223 @@
+//! Flash and what is played, for all links: [`Control`] behind a lock that is never held across a wait, [`Storage`] in a task
+//! of its own.
+#![expect(
+    unsafe_code,
+    reason = "the only owners of the flash are made here, once"
+)]
+
+use core::cell::RefCell;
+
+use embassy_executor::Spawner;
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
+use embassy_sync::channel::Channel;
+use embassy_time::{Duration, Ticker, Timer};
+use heapless::Vec;
+use model_format::link::{
+    ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, MAX_CHUNK_BYTES, SettingChange,
+    Settings, SettingsResetEndpoint, SettingsSetEndpoint, SlotId, SlotInfo, SlotsEndpoint,
+    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
+    UploadCommitEndpoint, UploadState,
+};
+use postcard_rpc::header::VarSeq;
+use postcard_rpc::server::{Sender, WireTxErrorKind};
+use static_cell::StaticCell;
+use stylus_app::control::Control;
+use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
+use stylus_app::slots::SlotStore;
+use stylus_app::storage::{LoadFault, Stage, Storage};
+
+use crate::device::Hardware;
+use crate::flash::{Bank2, SettingsFlash};
+use crate::wire::Wire;
+
+static CONTROL: Mutex<ThreadModeRawMutex, RefCell<Option<Control<Hardware>>>> =
+    Mutex::new(RefCell::new(None));
+
+/// Does `what` with the device; nothing of what is done there waits. The device is there once [`start`] has returned.
+pub fn with_control<R>(what: impl FnOnce(&mut Control<Hardware>) -> R) -> R {
+    CONTROL.lock(|control| {
+        if let Some(control) = control.borrow_mut().as_mut() {
+            what(control)
+        } else {
+            defmt::unreachable!("links and polls begin after the start")
+        }
+    })
+}
+
+/// What takes the flash.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a few are reserved once, each for the largest"
+)]
+pub enum Job {
+    /// `UploadBeginEndpoint`.
+    UploadBegin(UploadBegin),
+    /// `UploadChunkEndpoint`: where, and what.
+    UploadChunk(u32, Vec<u8, MAX_CHUNK_BYTES>),
+    /// `UploadCommitEndpoint`.
+    UploadCommit,
+    /// `UploadAbortEndpoint`.
+    UploadAbort,
+    /// `SlotsEndpoint`.
+    Slots,
+    /// `ListEndpoint`.
+    List(ListRequest),
+    /// `ActivateEndpoint`.
+    Activate(SlotId),
+    /// `SettingsSetEndpoint`.
+    SettingsSet(SettingChange),
+    /// `SettingsResetEndpoint`.
+    SettingsReset,
+}
+
+impl Job {
+    /// A chunk of an upload; none if it is longer than one may be.
+    pub fn chunk(offset: u32, data: &[u8]) -> Option<Self> {
+        Vec::from_slice(data)
+            .ok()
+            .map(|data| Self::UploadChunk(offset, data))
+    }
+}
+
+/// A job with where its answer goes.
+struct Request {
+    job: Job,
+    to: Sender<Wire>,
+    sequence: VarSeq,
+}
+
+/// Jobs that may wait: a host asks for one after the other, and there are two wires.
+static REQUESTS: Channel<ThreadModeRawMutex, Request, 4> = Channel::new();
+
+/// Has `job` done and answered; false if too many wait already.
+pub fn ask(job: Job, to: Sender<Wire>, sequence: VarSeq) -> bool {
+    REQUESTS.try_send(Request { job, to, sequence }).is_ok()
+}
+
+type Stores = Storage<Bank2, SettingsFlash>;
+
+static STORES: StaticCell<Stores> = StaticCell::new();
+
+/// Opens the stores, makes the newest library the active one, and lets requests be served.
+pub async fn start(spawner: Spawner, hardware: Hardware) {
+    // SAFETY: this is the one place, and it runs once.
+    let (slots, settings) = unsafe { (Bank2::new(), SettingsFlash::new()) };
+    let settings = SettingsStore::open(settings, SETTINGS_RANGE).await;
+    let control = Control::new(hardware, settings.settings(), settings.is_faulty());
+    CONTROL.lock(|place| *place.borrow_mut() = Some(control));
+    spawner.spawn(poll().unwrap());
+    let stores = STORES.init(Storage::new(SlotStore::open(slots).await, settings));
+    let active = stores.activate_newest(&mut Shared).await;
+    defmt::info!("a library is active: {}", active.is_some());
+    spawner.spawn(serve(stores).unwrap());
+}
+
+/// Moves the player on.
+#[embassy_executor::task]
+async fn poll() -> ! {
+    let mut ticker = Ticker::every(Duration::from_millis(1));
+    loop {
+        with_control(Control::poll);
+        ticker.next().await;
+    }
+}
+
+/// Does one job after the other.
+#[embassy_executor::task]
+async fn serve(stores: &'static mut Stores) -> ! {
+    loop {
+        let Request { job, to, sequence } = REQUESTS.receive().await;
+        // An answer that is not taken is counted by its wire; the host asks again.
+        let _ = work(stores, job, &to, sequence).await;
+    }
+}
+
+async fn work(
+    stores: &mut Stores,
+    job: Job,
+    to: &Sender<Wire>,
+    sequence: VarSeq,
+) -> Result<(), WireTxErrorKind> {
+    let stage = &mut Shared;
+    match job {
+        Job::UploadBegin(begin) => {
+            let answer = stores.upload_begin(stage, begin).await;
+            to.reply::<UploadBeginEndpoint>(sequence, &answer).await
+        }
+        Job::UploadChunk(offset, data) => {
+            let answer = stores
+                .upload_chunk(
+                    stage,
+                    UploadChunk {
+                        offset,
+                        data: &data,
+                    },
+                )
+                .await;
+            to.reply::<UploadChunkEndpoint>(sequence, &answer).await
+        }
+        Job::UploadCommit => {
+            let answer = stores.upload_commit(stage).await;
+            to.reply::<UploadCommitEndpoint>(sequence, &answer).await
+        }
+        Job::UploadAbort => {
+            to.reply::<UploadAbortEndpoint>(sequence, &stores.upload_abort(stage))
+                .await
+        }
+        Job::Slots => to.reply::<SlotsEndpoint>(sequence, &stores.slots()).await,
+        Job::List(request) => {
+            to.reply::<ListEndpoint>(sequence, &stores.list(request))
+                .await
+        }
+        Job::Activate(slot) => {
+            let answer = stores.activate(stage, slot).await;
+            to.reply::<ActivateEndpoint>(sequence, &answer).await
+        }
+        Job::SettingsSet(change) => {
+            let answer = stores.settings_set(stage, change).await;
+            to.reply::<SettingsSetEndpoint>(sequence, &answer).await
+        }
+        Job::SettingsReset => {
+            let answer = stores.settings_reset(stage).await;
+            to.reply::<SettingsResetEndpoint>(sequence, &answer).await
+        }
+    }
+}
+
+/// The rest of the device, as storage sees it.
+struct Shared;
+
+impl Stage for Shared {
+    fn begin_activation(&mut self) -> Result<(), ActivateError> {
+        with_control(Control::begin_activation)
+    }
+
+    fn may_exchange(&self) -> bool {
+        with_control(|control| control.may_exchange())
+    }
+
+    fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
+        with_control(|control| control.device().load(library))
+    }
+
+    fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
+        with_control(|control| control.end_activation(active));
+    }
+
+    fn is_idle(&self) -> bool {
+        with_control(|control| control.is_idle())
+    }
+
+    fn set_settings(&mut self, settings: Settings, faulty: bool) {
+        with_control(|control| control.set_settings(settings, faulty));
+    }
+
+    fn set_upload(&mut self, upload: UploadState) {
+        with_control(|control| control.set_upload(upload));
+    }
+
+    async fn pause(&mut self) {
+        Timer::after_millis(1).await;
+    }
+}

@@ -1,0 +1,274 @@
+//! The tick: one sample, 5000 times a second.
+//!
+//! TIM6 counts 200 µs. Its update is the trigger of everything: it moves the DAC's holding register to the output, starts
+//! the converter's sequence, and interrupts. The handler reads what was converted after the trigger before, computes a
+//! sample, and writes it for the trigger to come. So the instants of sampling and output are the timer's alone, and what was
+//! on the pins at one trigger can be answered two triggers later.
+//!
+//! Its code is in ITCM and everything that it touches in DTCM; the build fails where a call or an address of it leads to
+//! flash. It takes no lock, logs nothing, and does the same work whatever the data; what is played decides how much.
+
+#![expect(
+    unsafe_code,
+    reason = "a vector's name, its place in memory, and what is the tick's"
+)]
+
+use core::sync::atomic::{AtomicBool, Ordering};
+
+use cortex_m::peripheral::DWT;
+use embassy_stm32::pac::TIM6;
+use embassy_stm32::pac::timer::vals::{Mms, Urs};
+use embassy_stm32::{Peri, peripherals, rcc};
+use model_format::link::{RecordSample, TickCounters};
+use model_format::{DacCode, OutputSample};
+use stylus_app::SAMPLE_RATE_HZ;
+use stylus_app::inputs::{Encoder, Sensors};
+use stylus_app::recorder::Tap;
+use stylus_app::safety;
+use stylus_app::status::Histogram;
+use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+
+use crate::clock::{CORE_HZ, TIMER_HZ};
+use crate::shared::OfHandler;
+use crate::voice::{self, Noted, Place};
+use crate::{fault, inputs, output, watchdog};
+
+/// Cycles of the processor in a tick.
+const PERIOD_CYCLES: u32 = CORE_HZ / SAMPLE_RATE_HZ;
+
+/// Cycles of TIM6 in a tick.
+const PERIOD_TIMER: u32 = TIMER_HZ / SAMPLE_RATE_HZ;
+
+const _: () = assert!(PERIOD_TIMER <= 1 << 16 && PERIOD_TIMER * SAMPLE_RATE_HZ == TIMER_HZ);
+
+/// All that a tick changes but what is played.
+pub struct Tick {
+    safety: safety::State,
+    config: safety::Config,
+    counters: TickCounters,
+    histogram: Histogram,
+    encoder: Encoder,
+    sensors: Sensors,
+    tap: Tap<'static>,
+    /// Ticks of the block under way.
+    phase: u32,
+    /// Which frame is played, if anything is.
+    playing: Option<Place>,
+    /// Whether playing begins with the next block.
+    begins: bool,
+    /// Whether the update was asked for a frame that follows the one that is played.
+    asked: bool,
+    /// The processor's cycle at the last trigger.
+    trigger: u32,
+}
+
+static TICK: OfHandler<Option<Tick>> = OfHandler::new(None);
+
+/// Whether the output is muted.
+static MUTED: AtomicBool = AtomicBool::new(true);
+
+/// What is to be known of the tick, copied in one moment.
+#[derive(Clone, Copy)]
+pub struct Report {
+    /// What it counts.
+    pub counters: TickCounters,
+    /// How long it takes.
+    pub histogram: Histogram,
+    /// The safety stages.
+    pub safety: safety::State,
+}
+
+/// Starts TIM6, and with it sampling and output; `tap` takes what is recorded. The cycle counter must run.
+pub fn start(_timer: Peri<'static, peripherals::TIM6>, tap: Tap<'static>, config: safety::Config) {
+    rcc::enable_and_reset::<peripherals::TIM6>();
+    TICK.with(|_, tick| {
+        *tick = Some(Tick {
+            safety: safety::State::new(),
+            config,
+            counters: TickCounters::default(),
+            histogram: Histogram::new(),
+            encoder: Encoder::new(inputs::encoder_count()),
+            sensors: Sensors::new(),
+            tap,
+            phase: 0,
+            playing: None,
+            begins: false,
+            asked: false,
+            trigger: DWT::cycle_count(),
+        });
+    });
+    output::write(DacCode::MID_SCALE);
+    output::follow_timer();
+    TIM6.psc().write_value(0);
+    TIM6.arr().write(|w| w.set_arr((PERIOD_TIMER - 1) as u16));
+    // RM0433 section 41.4.2: TRGO on update; section 41.4.1: only an overflow is an update event.
+    TIM6.cr2().modify(|w| w.set_mms(Mms::UPDATE));
+    TIM6.cr1().modify(|w| w.set_urs(Urs::COUNTER_ONLY));
+    TIM6.dier().modify(|w| w.set_uie(true));
+    TIM6.cr1().modify(|w| w.set_cen(true));
+}
+
+/// Ticks since the start.
+pub fn now() -> u64 {
+    TICK.with(|_, tick| tick.as_ref().map_or(0, |tick| tick.counters.ticks))
+}
+
+/// What the tick counts.
+pub fn report() -> Option<Report> {
+    TICK.with(|_, tick| {
+        tick.as_ref().map(|tick| Report {
+            counters: tick.counters,
+            histogram: tick.histogram,
+            safety: tick.safety,
+        })
+    })
+}
+
+/// Mutes the output, or lets it be heard, from the next tick on; that tick's number at the earliest.
+pub fn set_muted(muted: bool) -> u64 {
+    TICK.with(|_, tick| {
+        MUTED.store(muted, Ordering::Relaxed);
+        tick.as_ref().map_or(0, |tick| tick.counters.ticks + 1)
+    })
+}
+
+/// Whether the output was at mid-scale, with the ramp down, at `since` or a later tick.
+pub fn is_at_rest(since: u64) -> bool {
+    TICK.with(|_, tick| {
+        tick.as_ref()
+            .is_none_or(|tick| tick.counters.ticks >= since && tick.safety.is_at_rest())
+    })
+}
+
+/// From the next tick on, the safety stages do this.
+pub fn configure(config: safety::Config) {
+    TICK.with(|_, tick| {
+        if let Some(tick) = tick {
+            tick.config = config;
+        }
+    });
+}
+
+/// From the next block on, the tick plays what [`voice`] holds.
+pub fn play() {
+    TICK.with(|_, tick| {
+        if let Some(tick) = tick {
+            tick.begins = true;
+        }
+    });
+}
+
+/// From now on the tick plays nothing. The output should be at rest before.
+pub fn stop() {
+    TICK.with(|_, tick| {
+        if let Some(tick) = tick {
+            tick.begins = false;
+            tick.playing = None;
+        }
+    });
+}
+
+/// The tick's interrupt. **Deadline: 200 µs, until the next trigger.**
+///
+/// What bounds it: the order of the texture's models, 400 at most; the safety stages, the queue and the counters take the
+/// same at every tick. It begins late by at most the longest critical section. If it ends after the next trigger, the DAC has
+/// put out the sample before once more, the tick is counted as missed, and the one after begins at once. `status` shows the
+/// count and how long ticks take.
+#[unsafe(no_mangle)]
+#[unsafe(link_section = ".itcm.tick")]
+extern "C" fn TIM6_DAC() {
+    let begin = DWT::cycle_count();
+    fault::tick_begins();
+    // Zero clears a flag of a timer, one leaves it.
+    TIM6.sr().write(|w| w.set_uif(false));
+    // SAFETY: this is the handler whose value it is.
+    if let Some(tick) = unsafe { TICK.in_handler() } {
+        tick.run(begin);
+        #[cfg(feature = "fault-injection")]
+        crate::injection::in_tick();
+        tick.histogram.count(DWT::cycle_count().wrapping_sub(begin));
+    }
+    watchdog::tick_lives();
+    fault::tick_ends();
+}
+
+impl Tick {
+    #[inline(always)]
+    fn run(&mut self, begin: u32) {
+        let inputs = inputs::read();
+        self.count_periods(begin, inputs.since_trigger);
+        let now = self.counters.ticks;
+        let delta = self.encoder.delta(inputs.encoder);
+        self.sensors.read(now, delta, inputs.force, inputs.complete);
+        // Before the first trigger there was no conversion to wait for.
+        let late = !inputs.complete && now > 1;
+        self.counters.late_conversions = self
+            .counters
+            .late_conversions
+            .saturating_add(u32::from(late));
+        if self.phase == 0 {
+            self.begin_block(now);
+        }
+        self.phase = (self.phase + 1) % UPDATE_INTERVAL_SAMPLES;
+        let sample = match self.playing {
+            // SAFETY: this is the tick, and it plays this frame.
+            Some(place) => unsafe { voice::next_sample(place) },
+            None => OutputSample::SILENCE,
+        };
+        let muted = MUTED.load(Ordering::Relaxed);
+        output::write(self.safety.process(&self.config, sample, muted));
+        let sample = RecordSample {
+            acceleration: inputs.acceleration,
+            force: inputs.force,
+            encoder_delta: delta,
+        };
+        self.tap.put(now, sample);
+    }
+
+    /// Counts the triggers since the last tick: one, or more if some were missed.
+    ///
+    /// The cycle of the trigger is that of the handler's beginning less what the timer has counted since, so how late the
+    /// handler begins does not matter.
+    #[inline(always)]
+    fn count_periods(&mut self, begin: u32, since_trigger: u32) {
+        let trigger = begin.wrapping_sub(since_trigger * (CORE_HZ / TIMER_HZ));
+        let first = self.counters.ticks == 0;
+        let periods = (trigger.wrapping_sub(self.trigger) + PERIOD_CYCLES / 2) / PERIOD_CYCLES;
+        let periods = if first { 1 } else { periods.max(1) };
+        self.trigger = trigger;
+        self.counters.ticks += u64::from(periods);
+        self.counters.missed = self.counters.missed.saturating_add(periods - 1);
+    }
+
+    /// Takes the frame that was computed during the last block, and has the next one computed from the motion of now.
+    ///
+    /// So a motion that is noted at the beginning of one block is heard from the beginning of the next. If the update has not
+    /// done, the frame before goes on.
+    #[inline(always)]
+    fn begin_block(&mut self, now: u64) {
+        self.sensors.end_block();
+        if core::mem::take(&mut self.begins) {
+            self.playing = Some(Place::First);
+            self.asked = false;
+        }
+        let next = if self.asked {
+            self.playing.map(Place::other)
+        } else {
+            self.playing
+        };
+        let noted = Noted {
+            sensors: self.sensors,
+            tick: now,
+            playing: next,
+        };
+        // SAFETY: this is the tick.
+        if unsafe { voice::request(noted) } {
+            self.playing = next;
+            self.asked = true;
+            // SAFETY: this is the tick.
+            unsafe { voice::begin_frame() };
+        } else if self.playing.is_some() {
+            self.counters.late_frames = self.counters.late_frames.saturating_add(1);
+        }
+    }
+}

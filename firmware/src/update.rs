@@ -1,0 +1,81 @@
+//! The update: every 2 ms, below the tick and above all tasks, the motion of the moment becomes the next frame.
+
+#![expect(
+    unsafe_code,
+    reason = "a vector's name, its place in memory, and what is the update's"
+)]
+
+use core::sync::atomic::{AtomicBool, Ordering};
+
+use model_format::Texture;
+use model_format::link::MotionSource;
+use stylus_app::inputs::{self, InputConfig, Timed};
+
+use crate::shared::OfHandler;
+use crate::voice;
+
+/// Whether the motion that is followed was too old when it was last looked at.
+static STALE: AtomicBool = AtomicBool::new(true);
+
+/// What updates are computed from, besides what the tick notes.
+pub struct Update {
+    /// What turns counts and codes into speed and force.
+    pub config: InputConfig,
+    /// Which motion is followed.
+    pub source: MotionSource,
+    /// The last motion from the host.
+    pub host: Timed,
+    /// What is played.
+    pub texture: Option<Texture<'static>>,
+}
+
+/// None before the start.
+static UPDATE: OfHandler<Option<Update>> = OfHandler::new(None);
+
+/// Lets updates be computed, from nothing so far.
+pub fn start(config: InputConfig) {
+    UPDATE.with(|_, update| {
+        *update = Some(Update {
+            config,
+            source: MotionSource::Sensors,
+            host: Timed::NEVER,
+            texture: None,
+        });
+    });
+}
+
+/// Whether the motion that is followed was too old at the last update.
+pub fn is_stale() -> bool {
+    STALE.load(Ordering::Relaxed)
+}
+
+/// Changes what updates are computed from, before the next one.
+pub fn change(change: impl FnOnce(&mut Update)) {
+    UPDATE.with(|_, update| {
+        if let Some(update) = update {
+            change(update);
+        }
+    });
+}
+
+/// The update's interrupt, pended by the tick. **Deadline: 2 ms, until the next block.**
+///
+/// What bounds it: the highest order of the texture, its four nodes around the motion, and the ticks that interrupt it. If it
+/// is late, the frame before goes on for another block and `status` counts it.
+#[unsafe(no_mangle)]
+#[unsafe(link_section = ".itcm.update")]
+extern "C" fn SWPMI1() {
+    // SAFETY: this is the update, and the tick has asked for it.
+    let noted = unsafe { voice::noted() };
+    // SAFETY: this is the handler whose value it is.
+    if let Some(update) = unsafe { UPDATE.in_handler() } {
+        let sensors = noted.sensors.motion(&update.config);
+        let (motion, stale) = inputs::choose(update.source, sensors, update.host, noted.tick);
+        STALE.store(stale, Ordering::Relaxed);
+        if let (Some(playing), Some(texture)) = (noted.playing, &update.texture) {
+            // SAFETY: as above.
+            unsafe { voice::compute(texture, motion, playing) };
+        }
+    }
+    voice::ready();
+}

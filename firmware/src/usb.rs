@@ -1,0 +1,214 @@
+//! The USB link: full speed on PA11 (DM) and PA12 (DP), one interface of the vendor's class with a bulk endpoint each way.
+//!
+//! A frame is a bulk transfer, ended by a packet that is not full. Windows finds its own driver by the descriptors of Microsoft
+//! OS 2.0 (WinUSB), the others need none.
+//!
+//! embassy's driver waits for the peripheral without a bound. So it is asked first, within bounds, whether it answers at all;
+//! a device without it has its serial link.
+
+use embassy_executor::Spawner;
+use embassy_futures::yield_now;
+use embassy_stm32::pac::{PWR, USB_OTG_FS};
+use embassy_stm32::peripherals::{self, PA11, PA12};
+use embassy_stm32::usb::{self, Driver};
+use embassy_stm32::{Peri, bind_interrupts, rcc, uid};
+use embassy_time::{Duration, Instant};
+use embassy_usb::driver::{Endpoint, EndpointError, EndpointIn, EndpointOut};
+use embassy_usb::msos::{self, windows_version};
+use embassy_usb::{Builder, Config, UsbDevice};
+use model_format::link::{MAX_HOST_FRAME_BYTES, USB_PRODUCT_ID, USB_VENDOR_ID};
+use postcard_rpc::header::VarHeader;
+use postcard_rpc::server::{WireRx, WireRxErrorKind};
+use static_cell::{ConstStaticCell, StaticCell};
+
+use crate::link;
+use crate::link_counters::USB;
+use crate::wire::{self, SendFrame, Wire};
+
+/// Longest packet of a bulk endpoint at full speed, bytes (USB 2.0, section 5.8.3).
+const PACKET_BYTES: usize = 64;
+
+/// What a program on Windows looks for; the interface's own, made up once.
+const INTERFACE_GUIDS: &[&str] = &["{6D1F0C5A-9B0E-4C86-8F2B-51E6C2F5B0A7}"];
+
+/// Longest wait for the peripheral. A change to device mode takes 25 ms (RM0433, OTG_GUSBCFG.FDMOD).
+const READY_LIMIT: Duration = Duration::from_millis(100);
+
+/// Identification numbers of cores that embassy's driver knows and this part may have (RM0433, OTG_CID).
+const CORES: [u32; 5] = [0x2000, 0x2100, 0x2300, 0x3000, 0x3100];
+
+/// A class that no standard describes (USB 2.0, section 9.6.1).
+const VENDOR_CLASS: u8 = 0xFF;
+
+/// Bytes received by all endpoints and not yet taken.
+static OUT: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
+
+type UsbDriver = Driver<'static, peripherals::USB_OTG_FS>;
+
+bind_interrupts!(struct Interrupts {
+    OTG_FS => usb::InterruptHandler<peripherals::USB_OTG_FS>;
+});
+
+/// Starts the link, if the peripheral answers.
+pub async fn start(
+    spawner: Spawner,
+    usb: Peri<'static, peripherals::USB_OTG_FS>,
+    dp: Peri<'static, PA12>,
+    dm: Peri<'static, PA11>,
+) {
+    if !answers().await {
+        defmt::warn!("USB does not answer: it stays off");
+        return;
+    }
+    let mut config = usb::Config::default();
+    // The board's power does not come from this socket, and PA9, its VBUS, may be wired to something else.
+    config.vbus_detection = false;
+    let driver = Driver::new_fs(usb, Interrupts, dp, dm, OUT.take(), config);
+    let (device, half, inlet) = describe(driver);
+    wire::USB.open(half).await;
+    spawner.spawn(run(device).unwrap());
+    spawner.spawn(serve(inlet).unwrap());
+}
+
+/// Whether `ready` becomes true in time.
+async fn becomes(ready: impl Fn() -> bool) -> bool {
+    let begin = Instant::now();
+    while !ready() {
+        if Instant::now().saturating_duration_since(begin) > READY_LIMIT {
+            return false;
+        }
+        yield_now().await;
+    }
+    true
+}
+
+/// Whether the peripheral does all that embassy's driver waits for.
+async fn answers() -> bool {
+    PWR.cr3().modify(|w| w.set_usb33den(true));
+    if !becomes(|| PWR.cr3().read().usb33rdy()).await {
+        return false;
+    }
+    rcc::enable_and_reset::<peripherals::USB_OTG_FS>();
+    if !CORES.contains(&USB_OTG_FS.cid().read().0)
+        || !becomes(|| USB_OTG_FS.grstctl().read().ahbidl()).await
+    {
+        return false;
+    }
+    USB_OTG_FS.gusbcfg().write(|w| {
+        w.set_fdmod(true);
+        w.set_physel(true);
+    });
+    becomes(|| !USB_OTG_FS.gintsts().read().cmod()).await
+}
+
+fn describe(driver: UsbDriver) -> (UsbDevice<'static, UsbDriver>, Half, Inlet) {
+    static CONFIG_DESCRIPTOR: ConstStaticCell<[u8; 64]> = ConstStaticCell::new([0; 64]);
+    static BOS_DESCRIPTOR: ConstStaticCell<[u8; 64]> = ConstStaticCell::new([0; 64]);
+    static MSOS_DESCRIPTOR: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
+    static CONTROL: ConstStaticCell<[u8; 64]> = ConstStaticCell::new([0; 64]);
+    let mut config = Config::new(USB_VENDOR_ID, USB_PRODUCT_ID);
+    config.manufacturer = Some("stylus");
+    config.product = Some("stylus");
+    config.serial_number = Some(uid::uid_hex());
+    let mut builder = Builder::new(
+        driver,
+        config,
+        CONFIG_DESCRIPTOR.take(),
+        BOS_DESCRIPTOR.take(),
+        MSOS_DESCRIPTOR.take(),
+        CONTROL.take(),
+    );
+    builder.msos_descriptor(windows_version::WIN8_1, 0);
+    builder.msos_feature(msos::CompatibleIdFeatureDescriptor::new("WINUSB", ""));
+    builder.msos_feature(msos::RegistryPropertyFeatureDescriptor::new(
+        "DeviceInterfaceGUIDs",
+        msos::PropertyData::RegMultiSz(INTERFACE_GUIDS),
+    ));
+    let mut function = builder.function(VENDOR_CLASS, 0, 0);
+    let mut interface = function.interface();
+    let mut setting = interface.alt_setting(VENDOR_CLASS, 0, 0, None);
+    let output = setting.endpoint_bulk_out(None, PACKET_BYTES as u16);
+    let input = setting.endpoint_bulk_in(None, PACKET_BYTES as u16);
+    drop(function);
+    (
+        builder.build(),
+        Half { endpoint: input },
+        Inlet { endpoint: output },
+    )
+}
+
+#[embassy_executor::task]
+async fn run(mut device: UsbDevice<'static, UsbDriver>) -> ! {
+    device.run().await
+}
+
+#[embassy_executor::task]
+async fn serve(inlet: Inlet) -> ! {
+    static BUFFER: StaticCell<[u8; MAX_HOST_FRAME_BYTES]> = StaticCell::new();
+    link::serve(Wire::Usb, inlet, BUFFER.init([0; MAX_HOST_FRAME_BYTES])).await
+}
+
+/// The sending half.
+pub struct Half {
+    endpoint: <UsbDriver as embassy_usb::driver::Driver<'static>>::EndpointIn,
+}
+
+impl SendFrame for Half {
+    async fn send_frame(&mut self, frame: &[u8]) -> bool {
+        // A last packet that is full is followed by an empty one, so that the host sees the end.
+        self.endpoint.write_transfer(frame, true).await.is_ok()
+    }
+}
+
+/// The receiving half.
+pub struct Inlet {
+    endpoint: <UsbDriver as embassy_usb::driver::Driver<'static>>::EndpointOut,
+}
+
+impl Inlet {
+    /// One transfer; its length, or none if it did not fit.
+    async fn transfer(&mut self, buffer: &mut [u8]) -> Result<Option<usize>, EndpointError> {
+        let mut length = 0;
+        let mut fits = true;
+        loop {
+            let mut packet = [0; PACKET_BYTES];
+            let received = self.endpoint.read(&mut packet).await?;
+            match buffer.get_mut(length..length + received) {
+                Some(place) if fits => {
+                    place.copy_from_slice(&packet[..received]);
+                    length += received;
+                }
+                _ => fits = false,
+            }
+            if received < PACKET_BYTES {
+                return Ok(fits.then_some(length));
+            }
+        }
+    }
+}
+
+impl WireRx for Inlet {
+    type Error = WireRxErrorKind;
+
+    async fn wait_connection(&mut self) {
+        self.endpoint.wait_enabled().await;
+    }
+
+    async fn receive<'a>(&mut self, buffer: &'a mut [u8]) -> Result<&'a mut [u8], WireRxErrorKind> {
+        match self.transfer(buffer).await {
+            Err(EndpointError::Disabled) => Err(WireRxErrorKind::ConnectionClosed),
+            Err(EndpointError::BufferOverflow) | Ok(None) => {
+                USB.count(|counters| &mut counters.oversized);
+                Err(WireRxErrorKind::ReceivedMessageTooLarge)
+            }
+            Ok(Some(length)) => {
+                let frame = &mut buffer[..length];
+                if VarHeader::take_from_slice(frame).is_none() {
+                    USB.count(|counters| &mut counters.malformed);
+                    return Err(WireRxErrorKind::Other);
+                }
+                Ok(frame)
+            }
+        }
+    }
+}

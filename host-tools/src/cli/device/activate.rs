@@ -1,0 +1,78 @@
+//! `stylus activate`
+
+use host_tools::error::{Error, Result};
+use model_format::link::{SlotId, SlotState, Slots};
+use serde::Serialize;
+
+use super::Link;
+
+/// A slot on the command line.
+#[derive(Clone, Copy, clap::ValueEnum)]
+#[value(rename_all = "UPPER")]
+enum Slot {
+    A,
+    B,
+}
+
+impl From<Slot> for SlotId {
+    fn from(slot: Slot) -> Self {
+        match slot {
+            Slot::A => Self::A,
+            Slot::B => Self::B,
+        }
+    }
+}
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Which [default: the one that was uploaded last]
+    #[arg(value_enum, ignore_case = true)]
+    slot: Option<Slot>,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+#[derive(Serialize)]
+struct Report {
+    slot: String,
+    crc32: u32,
+    sequence: u32,
+    textures: u8,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let device = arguments.link.connect()?;
+    let slot = match arguments.slot {
+        Some(slot) => slot.into(),
+        None => newest(&device.slots()?)?,
+    };
+    let activated = device.activate(slot)?;
+    let library = activated.library;
+    if arguments.json {
+        return crate::cli::print_json(&Report {
+            slot: activated.slot.to_string(),
+            crc32: library.crc32,
+            sequence: library.sequence,
+            textures: library.textures,
+        });
+    }
+    crate::cli::print(&format!(
+        "slot {} is active: {} texture(s), checksum {:08x}",
+        activated.slot, library.textures, library.crc32
+    ))
+}
+
+fn newest(slots: &Slots) -> Result<SlotId> {
+    let valid = SlotId::ALL.into_iter().zip(&slots.slots);
+    let sequences = valid.filter_map(|(id, state)| match state {
+        SlotState::Valid(library) => Some((library.sequence, id)),
+        _ => None,
+    });
+    sequences
+        .max_by_key(|&(sequence, _)| sequence)
+        .map(|(_, id)| id)
+        .ok_or_else(|| Error::Request("no slot holds a library: upload one".to_owned()))
+}

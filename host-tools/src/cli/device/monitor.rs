@@ -1,0 +1,163 @@
+//! `stylus monitor`
+
+use std::time::{Duration, Instant};
+
+use host_tools::error::{Error, Result};
+use host_tools::link::LinkError;
+use host_tools::link::capture::{Calibration, Level, Loss, Stream};
+use model_format::link::{RecordError, Status};
+use serde::Serialize;
+
+use super::Link;
+use super::interrupt::Interrupt;
+use super::status::output;
+use crate::cli::input::positive;
+
+/// How often the wish to end is looked for.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// A line this often, in seconds
+    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.2)]
+    interval: f64,
+    /// End after so many seconds [default: Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    seconds: Option<f64>,
+    /// Print a line of JSON each time
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+/// What is seen in one interval.
+#[derive(Serialize)]
+struct Sight {
+    seconds: f64,
+    activity: String,
+    ticks: u64,
+    missed: u32,
+    late_frames: u32,
+    /// None while another program records.
+    level: Option<Level>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let device = arguments.link.connect()?;
+    let interrupt = Interrupt::listen()?;
+    let calibration = Calibration::new(&device.settings()?, None);
+    let mut stream = match Stream::start(&device) {
+        Ok(stream) => Some(stream),
+        Err(LinkError::Record(RecordError::Recording)) => {
+            eprintln!("warning: a recording is under way; the status alone is shown");
+            None
+        }
+        Err(failure) => return Err(failure.into()),
+    };
+    let line = super::live_line("watching; Ctrl-C ends");
+    let begin = Instant::now();
+    let mut shown = 0;
+    let is_over = || {
+        let over = |seconds| begin.elapsed().as_secs_f64() >= seconds;
+        interrupt.is_raised() || arguments.seconds.is_some_and(over)
+    };
+    while !is_over() {
+        shown += 1;
+        let until = f64::from(shown) * arguments.interval;
+        let level = if let Some(stream) = &mut stream {
+            Some(listen(stream, &calibration, begin, until)?)
+        } else {
+            sleep(begin, until, &is_over);
+            None
+        };
+        let sight = Sight::new(begin, &device.status()?, level);
+        show(&sight, arguments.json, &line)?;
+    }
+    line.finish_and_clear();
+    match stream.map(Stream::stop).transpose()? {
+        Some(loss) => tell(&loss, arguments.json),
+        None => Ok(()),
+    }
+}
+
+/// Takes what is recorded until `until`, s since `begin`.
+fn listen(
+    stream: &mut Stream<'_>,
+    calibration: &Calibration,
+    begin: Instant,
+    until: f64,
+) -> Result<Level> {
+    let mut samples = Vec::new();
+    loop {
+        let left = until - begin.elapsed().as_secs_f64();
+        if left <= 0.0 {
+            break;
+        }
+        let within = Duration::from_secs_f64(left.min(PATIENCE.as_secs_f64()));
+        if let Some(arrival) = stream.next(within)? {
+            samples.extend(arrival.samples);
+        }
+    }
+    Ok(Level::of(
+        &samples,
+        calibration,
+        f64::from(stream.rate_hz()),
+    ))
+}
+
+fn sleep(begin: Instant, until: f64, is_over: &impl Fn() -> bool) {
+    while begin.elapsed().as_secs_f64() < until && !is_over() {
+        std::thread::sleep(PATIENCE);
+    }
+}
+
+impl Sight {
+    fn new(begin: Instant, status: &Status, level: Option<Level>) -> Self {
+        Self {
+            seconds: begin.elapsed().as_secs_f64(),
+            activity: output(&status.output),
+            ticks: status.tick.ticks,
+            missed: status.tick.missed,
+            late_frames: status.tick.late_frames,
+            level,
+        }
+    }
+
+    fn text(&self) -> String {
+        let level = self.level.map_or(String::new(), |level| {
+            format!(
+                ", {:7.3} m/s² RMS, peak {:3.0} % of range, {:6.1} mm/s, {:5.2} N",
+                level.rms_m_s2,
+                level.peak_of_range * 100.0,
+                level.speed_mm_s,
+                level.force_n
+            )
+        });
+        format!(
+            "{:8.1} s{level}; {}; {} missed ticks",
+            self.seconds, self.activity, self.missed
+        )
+    }
+}
+
+/// On a terminal one line that changes, elsewhere a line each time.
+fn show(sight: &Sight, json: bool, line: &indicatif::ProgressBar) -> Result<()> {
+    if json {
+        let text =
+            serde_json::to_string(sight).map_err(|failure| Error::Request(failure.to_string()))?;
+        crate::cli::print(&text)
+    } else if line.is_hidden() {
+        crate::cli::print(&sight.text())
+    } else {
+        line.set_message(sight.text());
+        Ok(())
+    }
+}
+
+fn tell(loss: &Loss, json: bool) -> Result<()> {
+    if json || loss.is_none() {
+        return Ok(());
+    }
+    crate::cli::print(&format!("{loss}"))
+}

@@ -1,0 +1,176 @@
+//! `stylus play`
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::builder::RangedU64ValueParser;
+use host_tools::error::{Error, Result};
+use host_tools::link::Device;
+use host_tools::link::play::{Drive, Driven, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
+use host_tools::motion::MotionPath;
+use model_format::link::{Activity, MotionSource, PlayRequest, Status, TextureName};
+use model_format::{MillimetresPerSecond, Newton};
+use serde::Serialize;
+
+use super::Link;
+use super::interrupt::Interrupt;
+use super::status::output;
+use crate::cli::input::{not_negative, positive};
+
+/// What `--motion` takes beside a file's name.
+const SENSORS: &str = "sensors";
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Which texture of the active library
+    #[arg(long, value_name = "NAME")]
+    texture: String,
+    /// Multiply the amplitude by this; 1 is as recorded
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+    gain: f32,
+    /// Where the motion comes from: 'sensors', or a CSV with time_s, speed_mm_s, force_n, played once [default: sensors]
+    #[arg(long, value_name = "sensors|CSV", conflicts_with_all = ["speed", "force"])]
+    motion: Option<String>,
+    /// A constant tangential speed instead, in mm/s
+    #[arg(long, value_name = "MM_S", value_parser = not_negative, requires = "force")]
+    speed: Option<f64>,
+    /// A constant normal force instead, in newtons
+    #[arg(long, value_name = "N", value_parser = not_negative, requires = "speed")]
+    force: Option<f64>,
+    /// Stop after so many seconds [default: the motion's end, or Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    seconds: Option<f64>,
+    /// Send motions at this rate, in hertz
+    #[arg(
+        long,
+        value_name = "HZ",
+        default_value_t = MAX_MOTION_RATE_HZ,
+        value_parser = RangedU64ValueParser::<u32>::new().range(u64::from(MIN_MOTION_RATE_HZ)..=u64::from(MAX_MOTION_RATE_HZ))
+    )]
+    rate: u32,
+    /// Seed of the noise: the same seed gives the same samples
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    texture: &'a str,
+    #[serde(flatten)]
+    driven: Driven,
+    saturations: u32,
+    hard_limited: u32,
+    slew_limited: u32,
+    thermally_limited: u32,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let plan = plan(arguments)?;
+    let request = request(arguments, &plan)?;
+    let device = arguments.link.connect()?;
+    let interrupt = Interrupt::listen()?;
+    device.play(&request)?;
+    let played = keep_playing(&device, &plan, &interrupt);
+    // Whatever happened, the output is not left on; the first failure tells why.
+    let stopped = device.stop();
+    let driven = played?;
+    let (was_playing, status) = stopped?;
+    if !was_playing {
+        let problem = "the device had stopped by itself: read its status";
+        return Err(Error::Request(format!("{}: {problem}", device.address())));
+    }
+    if arguments.json {
+        return crate::cli::print_json(&Report {
+            texture: &arguments.texture,
+            driven,
+            saturations: status.saturations,
+            hard_limited: status.hard_limited,
+            slew_limited: status.slew_limited,
+            thermally_limited: status.thermally_limited,
+        });
+    }
+    if driven.skipped > 0 {
+        eprintln!(
+            "warning: {} motions were left out: the link or this computer is too slow for {} Hz",
+            driven.skipped, plan.rate_hz
+        );
+    }
+    crate::cli::print(&format!(
+        "played '{}' for {:.1} s ({} motions, {} keep-alives); stopped, the output is at rest",
+        arguments.texture, driven.seconds, driven.motions, driven.keep_alives
+    ))
+}
+
+fn plan(arguments: &Arguments) -> Result<Drive> {
+    let motion = match (&arguments.motion, arguments.speed, arguments.force) {
+        (None, Some(speed), Some(force)) => Some(MotionPath::constant(
+            MillimetresPerSecond(speed as f32),
+            Newton(force as f32),
+        )?),
+        (Some(file), ..) if file != SENSORS => Some(MotionPath::from_csv(&PathBuf::from(file))?),
+        _ => None,
+    };
+    let end = motion.as_ref().map(MotionPath::duration_s);
+    let seconds = arguments.seconds.or(end.filter(|&seconds| seconds > 0.0));
+    Ok(Drive {
+        motion,
+        rate_hz: arguments.rate,
+        // Longer than a day is until Ctrl-C.
+        duration: seconds
+            .filter(|&seconds| seconds < 86_400.0)
+            .map(Duration::from_secs_f64),
+    })
+}
+
+fn request(arguments: &Arguments, plan: &Drive) -> Result<PlayRequest> {
+    let name = arguments.texture.as_str();
+    let texture = TextureName::try_from(name).map_err(|_| {
+        Error::Request(format!(
+            "no texture has a name as long as '{name}': list what there is"
+        ))
+    })?;
+    Ok(PlayRequest {
+        texture,
+        gain: arguments.gain,
+        motion: match plan.motion {
+            Some(_) => MotionSource::Host,
+            None => MotionSource::Sensors,
+        },
+        seed: arguments.seed,
+    })
+}
+
+fn keep_playing(device: &Device, plan: &Drive, interrupt: &Interrupt) -> Result<Driven> {
+    let line = super::live_line("playing; Ctrl-C stops");
+    let mut ended = false;
+    let goes_on = std::cell::Cell::new(true);
+    let heard = |driven: &Driven, status: &Status| {
+        line.set_message(format!(
+            "{:.1} s, {}",
+            driven.seconds,
+            output(&status.output)
+        ));
+        // It may still be fading out of what was played before.
+        if status.output.activity == Activity::Idle {
+            ended = true;
+            goes_on.set(false);
+        }
+    };
+    let driven = drive(
+        device,
+        plan,
+        || goes_on.get() && !interrupt.is_raised(),
+        heard,
+    )?;
+    line.finish_and_clear();
+    if ended {
+        let problem = "the device has stopped by itself: read its status";
+        return Err(Error::Request(format!("{}: {problem}", device.address())));
+    }
+    Ok(driven)
+}

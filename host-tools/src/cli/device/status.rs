@@ -1,0 +1,166 @@
+//! `stylus status`
+
+use host_tools::error::Result;
+use model_format::link::{
+    Activity, DeviceInfo, LinkCounters, MotionSource, MuteReason, OutputStatus, Status, UploadState,
+};
+use serde::Serialize;
+
+use super::Link;
+use super::histogram;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Print everything as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    link: String,
+    device: &'a DeviceInfo,
+    /// Why the output is muted, in words.
+    muted: Vec<String>,
+    status: &'a Status,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let device = arguments.link.connect()?;
+    let status = device.status()?;
+    if arguments.json {
+        return crate::cli::print_json(&Report {
+            link: device.address().to_string(),
+            device: device.info(),
+            muted: status.output.mute.iter().map(|r| r.to_string()).collect(),
+            status: &status,
+        });
+    }
+    crate::cli::print(&text(device.info(), &status))
+}
+
+/// All of it, a line a subject.
+fn text(info: &DeviceInfo, status: &Status) -> String {
+    let mut lines = vec![
+        format!(
+            "{} {}: firmware {} ({}), protocol {}, libraries of format {}",
+            info.product,
+            info.serial,
+            info.firmware_version,
+            info.build,
+            info.protocol_version,
+            info.library_format_version
+        ),
+        format!("up       {}", uptime(status)),
+    ];
+    if let Some(fault) = &status.fault {
+        lines.push(format!(
+            "FAULT    {:?} at {:#010x}, detail {:#x} {}",
+            fault.kind, fault.program_counter, fault.detail, fault.text
+        ));
+    }
+    if status.settings_faulty {
+        lines.push("SETTINGS could not be read: defaults hold; set them again".to_owned());
+    }
+    let library = match status.active {
+        Some(slot) => format!("slot {slot}, checksum {:08x}", status.library_crc32),
+        None => "none active".to_owned(),
+    };
+    lines.push(format!("library  {library}{}", upload(&status.upload)));
+    lines.push(format!("output   {}", output(&status.output)));
+    lines.push(format!("muted    {}", mutes(&status.output)));
+    lines.push(format!(
+        "limits   saturated {}, hard limit {}, slew {}, thermal {} samples; coil at {:.1} % of its limit, gain {:.1} %",
+        status.output.saturations,
+        status.output.hard_limited,
+        status.output.slew_limited,
+        status.output.thermally_limited,
+        f64::from(status.output.thermal_load_permille) / 10.0,
+        f64::from(status.output.thermal_gain_permille) / 10.0
+    ));
+    lines.push(format!(
+        "recorder {}, {} blocks, {} lost",
+        if status.record.recording {
+            "recording"
+        } else {
+            "idle"
+        },
+        status.record.blocks,
+        status.record.lost_blocks
+    ));
+    lines.push(format!("USB      {}", link(&status.usb)));
+    lines.push(format!("serial   {}", link(&status.serial)));
+    lines.push(format!(
+        "tick     {} ticks, {} missed, {} late frames, {} late conversions",
+        status.tick.ticks,
+        status.tick.missed,
+        status.tick.late_frames,
+        status.tick.late_conversions
+    ));
+    let histogram = histogram::draw(&status.tick_histogram);
+    lines.push(format!(
+        "tick time {}",
+        histogram.replace('\n', "\n         ")
+    ));
+    lines.join("\n")
+}
+
+fn uptime(status: &Status) -> String {
+    let seconds = status.uptime_ms as f64 / 1000.0;
+    format!(
+        "{seconds:.1} s; last reset by {}, {} resets since power came",
+        status.reset, status.resets
+    )
+}
+
+fn upload(state: &UploadState) -> String {
+    match state {
+        UploadState::Idle => String::new(),
+        UploadState::Receiving(progress) => format!(
+            "; receiving into slot {}: {} of {} bytes",
+            progress.slot, progress.next_offset, progress.upload.length
+        ),
+    }
+}
+
+/// What the player does, in a few words.
+pub fn output(output: &OutputStatus) -> String {
+    let what = match &output.activity {
+        Activity::Idle => "idle".to_owned(),
+        Activity::Playing { texture, motion } => {
+            let motion = match motion {
+                MotionSource::Sensors => "the sensors",
+                MotionSource::Host => "the host",
+            };
+            format!("playing '{texture}' along the motion of {motion}")
+        }
+        Activity::FadingOut => "fading out".to_owned(),
+        Activity::Activating => "taking over another library".to_owned(),
+    };
+    if output.mute.is_empty() {
+        what
+    } else {
+        format!("{what}; muted: {}", output.mute)
+    }
+}
+
+fn mutes(output: &OutputStatus) -> String {
+    let counts = MuteReason::ALL.iter().zip(output.mute_counts);
+    let words: Vec<String> = counts
+        .map(|(reason, count)| format!("{reason} {count} x"))
+        .collect();
+    words.join(", ")
+}
+
+fn link(counters: &LinkCounters) -> String {
+    format!(
+        "{} frames, {} malformed, {} oversized, {} line errors, {} unsent",
+        counters.frames,
+        counters.malformed,
+        counters.oversized,
+        counters.line_errors,
+        counters.unsent
+    )
+}

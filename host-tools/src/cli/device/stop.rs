@@ -1,0 +1,43 @@
+//! `stylus stop`
+
+use host_tools::error::Result;
+use serde::Serialize;
+
+use super::Link;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+#[derive(Serialize)]
+struct Report {
+    was_playing: bool,
+    was_recording: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let device = arguments.link.connect()?;
+    let (was_playing, _) = device.stop()?;
+    let was_recording = device.status()?.record.recording;
+    if was_recording {
+        device.record_stop()?;
+    }
+    if arguments.json {
+        return crate::cli::print_json(&Report {
+            was_playing,
+            was_recording,
+        });
+    }
+    let what = match (was_playing, was_recording) {
+        (true, true) => "stopped playing and recording",
+        (true, false) => "stopped playing",
+        (false, true) => "stopped recording; nothing was played",
+        (false, false) => "nothing was played or recorded",
+    };
+    crate::cli::print(&format!("{what}; the output is at rest"))
+}

@@ -1,0 +1,97 @@
+//! `stylus upload`
+
+use std::path::PathBuf;
+
+use host_tools::error::Result;
+use host_tools::link::upload::upload;
+use host_tools::progress;
+use serde::Serialize;
+
+use super::Link;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The library
+    library: PathBuf,
+    /// Play from it from now on
+    #[arg(long)]
+    activate: bool,
+    /// Let the device alone judge the library
+    #[arg(long)]
+    unchecked: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    library: String,
+    bytes: u32,
+    crc32: u32,
+    slot: String,
+    sequence: u32,
+    textures: &'a [String],
+    resumed_from: u32,
+    retries: u32,
+    active: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let bytes = crate::cli::read_library(&arguments.library)?;
+    if !arguments.unchecked {
+        crate::cli::decode_library(&arguments.library, &bytes)?;
+    }
+    let mut device = arguments.link.connect()?;
+    if !arguments.unchecked {
+        device.check_library_format()?;
+    }
+    let bar = progress::bar(bytes.len() as u64, "uploading");
+    let uploaded = upload(&mut device, &bytes, |there| bar.set_position(there as u64))?;
+    bar.finish_and_clear();
+    if arguments.activate {
+        device.activate(uploaded.slot)?;
+    }
+    if arguments.json {
+        return crate::cli::print_json(&Report {
+            library: arguments.library.display().to_string(),
+            bytes: uploaded.library.length,
+            crc32: uploaded.library.crc32,
+            slot: uploaded.slot.to_string(),
+            sequence: uploaded.library.sequence,
+            textures: &uploaded.textures,
+            resumed_from: uploaded.resumed_from,
+            retries: uploaded.retries,
+            active: arguments.activate,
+        });
+    }
+    if uploaded.resumed_from > 0 {
+        eprintln!(
+            "resumed: {} bytes were there already",
+            uploaded.resumed_from
+        );
+    }
+    if uploaded.retries > 0 {
+        eprintln!(
+            "warning: the upload was taken up again {} time(s): the link is not sound",
+            uploaded.retries
+        );
+    }
+    crate::cli::print(&format!(
+        "{} -> slot {} ({} bytes, read back): {}{}",
+        arguments.library.display(),
+        uploaded.slot,
+        uploaded.library.length,
+        uploaded.textures.join(", "),
+        if arguments.activate {
+            "; active".to_owned()
+        } else {
+            format!(
+                "; `stylus activate {}` makes it the one that is played",
+                uploaded.slot
+            )
+        }
+    ))
+}

@@ -1,0 +1,120 @@
+//! Where a device is.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Where a device is, as a user writes it: `usb[:SERIAL]`, `serial:PATH` or `tcp:HOST:PORT`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LinkAddress {
+    /// On USB, the only one or the one with this serial number.
+    Usb {
+        /// Serial number of the board.
+        serial: Option<String>,
+    },
+    /// At a serial port.
+    Serial {
+        /// The port's device file or name.
+        path: PathBuf,
+    },
+    /// At a TCP port, as a virtual stylus is.
+    Tcp {
+        /// Name or address of the host.
+        host: String,
+        /// The port.
+        port: u16,
+    },
+}
+
+impl FromStr for LinkAddress {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (kind, rest) = match text.split_once(':') {
+            Some((kind, rest)) => (kind, Some(rest)),
+            None => (text, None),
+        };
+        match (kind, rest) {
+            ("usb", None) => Ok(Self::Usb { serial: None }),
+            ("usb", Some(serial)) if !serial.is_empty() => Ok(Self::Usb {
+                serial: Some(serial.to_owned()),
+            }),
+            ("serial", Some(path)) if !path.is_empty() => Ok(Self::Serial { path: path.into() }),
+            ("tcp", Some(place)) => tcp(place).ok_or_else(|| unusable(text)),
+            _ => Err(unusable(text)),
+        }
+    }
+}
+
+/// `HOST:PORT`; an IPv6 address stands in brackets.
+fn tcp(place: &str) -> Option<LinkAddress> {
+    let (host, port) = place.rsplit_once(':')?;
+    let bare = host
+        .strip_prefix('[')
+        .and_then(|rest| rest.strip_suffix(']'));
+    if host.is_empty() || (bare.is_none() && host.contains(':')) {
+        return None;
+    }
+    Some(LinkAddress::Tcp {
+        host: bare.unwrap_or(host).to_owned(),
+        port: port.parse().ok().filter(|&port| port > 0)?,
+    })
+}
+
+fn unusable(text: &str) -> String {
+    format!("'{text}' is no link: give usb, usb:SERIAL, serial:PATH or tcp:HOST:PORT")
+}
+
+impl fmt::Display for LinkAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Usb { serial: None } => f.write_str("usb"),
+            Self::Usb {
+                serial: Some(serial),
+            } => write!(f, "usb:{serial}"),
+            Self::Serial { path } => write!(f, "serial:{}", path.display()),
+            Self::Tcp { host, port } if host.contains(':') => write!(f, "tcp:[{host}]:{port}"),
+            Self::Tcp { host, port } => write!(f, "tcp:{host}:{port}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_is_written_as_it_is_read() {
+        for text in [
+            "usb",
+            "usb:3400210012",
+            "serial:/dev/ttyACM0",
+            "serial:COM3",
+            "tcp:localhost:4000",
+            "tcp:127.0.0.1:1",
+            "tcp:[::1]:65535",
+        ] {
+            let address: LinkAddress = text.parse().unwrap();
+            assert_eq!(address.to_string(), text);
+        }
+    }
+
+    #[test]
+    fn what_is_no_address_is_refused_with_what_would_be() {
+        for text in [
+            "",
+            "usb:",
+            "serial",
+            "serial:",
+            "tcp:localhost",
+            "tcp::4000",
+            "tcp:localhost:0",
+            "tcp:localhost:70000",
+            "tcp:::1:4000",
+            "bluetooth:stylus",
+        ] {
+            let problem = text.parse::<LinkAddress>().unwrap_err();
+            assert!(problem.contains("tcp:HOST:PORT"), "{text}: {problem}");
+        }
+    }
+}

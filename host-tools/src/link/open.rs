@@ -1,0 +1,124 @@
+//! Opening what an address names.
+
+use std::io::ErrorKind;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use model_format::link::SERIAL_BAUD;
+use postcard_rpc::header::VarSeqKind;
+use postcard_rpc::host_client::{HostClient, WireRx, WireTx};
+use postcard_rpc::standard_icd::{ERROR_PATH, WireError};
+use tokio::net::TcpStream;
+use tokio_serial::{SerialPortBuilderExt, SerialStream};
+
+use super::error::{LinkError, Result};
+use super::wire::{CobsRx, CobsTx, Health, Spawn};
+use super::{LinkAddress, usb};
+
+/// How long a TCP connection may take.
+const TCP_PATIENCE: Duration = Duration::from_secs(3);
+
+/// Frames that may wait to be sent. Few: what waits is late.
+const OUTGOING_FRAMES: usize = 4;
+
+/// What to do where the system keeps a serial port from the user.
+const SERIAL_REMEDY: &str = "add yourself to the port's group (often dialout: `sudo usermod -aG dialout $USER`) and log in again";
+
+/// Asks and hears one device.
+pub(super) type Client = HostClient<WireError>;
+
+/// Opens a link; its two tasks run on the runtime that this is awaited in.
+pub(super) async fn open(address: &LinkAddress, health: &Arc<Health>) -> Result<Client> {
+    let link = address.to_string();
+    match address {
+        LinkAddress::Usb { serial } => {
+            let (sender, receiver) = usb::open(serial.as_deref(), &link, health).await?;
+            Ok(client(sender, receiver))
+        }
+        LinkAddress::Serial { path } => {
+            let (reader, writer) = tokio::io::split(serial(path, &link)?);
+            stream(reader, writer, &link, health).await
+        }
+        LinkAddress::Tcp { host, port } => {
+            let (reader, writer) = tcp(host, *port, &link).await?.into_split();
+            stream(reader, writer, &link, health).await
+        }
+    }
+}
+
+async fn stream<R, W>(reader: R, writer: W, link: &str, health: &Arc<Health>) -> Result<Client>
+where
+    R: tokio::io::AsyncRead + Send + Unpin + 'static,
+    W: tokio::io::AsyncWrite + Send + Unpin + 'static,
+{
+    let sender = CobsTx::open(writer, health.clone())
+        .await
+        .map_err(|failure| LinkError::Lost {
+            link: link.to_owned(),
+            reason: failure.to_string(),
+        })?;
+    Ok(client(sender, CobsRx::new(reader, health.clone())))
+}
+
+/// Sequence numbers of two bytes: an answer that comes too late cannot be taken for that of a later request.
+fn client(sender: impl WireTx, receiver: impl WireRx) -> Client {
+    Client::new_with_wire(
+        sender,
+        receiver,
+        Spawn,
+        VarSeqKind::Seq2,
+        ERROR_PATH,
+        OUTGOING_FRAMES,
+    )
+}
+
+async fn tcp(host: &str, port: u16, link: &str) -> Result<TcpStream> {
+    let failed = |reason: String| LinkError::Open {
+        link: link.to_owned(),
+        reason,
+    };
+    let stream = match tokio::time::timeout(TCP_PATIENCE, TcpStream::connect((host, port))).await {
+        Ok(Ok(stream)) => stream,
+        Ok(Err(failure)) if failure.kind() == ErrorKind::ConnectionRefused => {
+            return Err(failed(
+                "nothing listens there: start the virtual stylus, or check the port".to_owned(),
+            ));
+        }
+        Ok(Err(failure)) => return Err(failed(failure.to_string())),
+        Err(_) => {
+            return Err(failed(format!(
+                "no connection within {} s: check host and port",
+                TCP_PATIENCE.as_secs()
+            )));
+        }
+    };
+    // A motion that waits for more to send is late.
+    stream
+        .set_nodelay(true)
+        .map_err(|failure| failed(failure.to_string()))?;
+    Ok(stream)
+}
+
+fn serial(path: &Path, link: &str) -> Result<SerialStream> {
+    let link = link.to_owned();
+    tokio_serial::new(path.to_string_lossy(), SERIAL_BAUD)
+        .open_native_async()
+        .map_err(|failure| match failure.kind() {
+            tokio_serial::ErrorKind::Io(ErrorKind::PermissionDenied) => LinkError::Permission {
+                link,
+                remedy: SERIAL_REMEDY,
+            },
+            tokio_serial::ErrorKind::Io(ErrorKind::NotFound) => LinkError::Open {
+                link,
+                reason: "there is no such port: plug the board's debug port in, and see which port appears"
+                    .to_owned(),
+            },
+            // What the crate calls no device is a port that another program has locked.
+            tokio_serial::ErrorKind::NoDevice if path.exists() => LinkError::Busy { link },
+            _ => LinkError::Open {
+                link,
+                reason: format!("{failure}: is it a serial port?"),
+            },
+        })
+}

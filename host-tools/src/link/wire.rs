@@ -1,0 +1,214 @@
+//! Frames over a stream of bytes: COBS, each frame ended by a zero byte.
+
+use std::collections::VecDeque;
+use std::io;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
+
+use model_format::link::MAX_DEVICE_FRAME_BYTES;
+use postcard_rpc::host_client::{WireRx, WireSpawn, WireTx};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+
+/// What a link's ends know of it and its client does not tell.
+#[derive(Debug, Default)]
+pub(super) struct Health {
+    broken_frames: AtomicU64,
+    ended: OnceLock<String>,
+}
+
+impl Health {
+    /// Frames that arrived and could not be decoded.
+    pub(super) fn broken_frames(&self) -> u64 {
+        self.broken_frames.load(Ordering::Relaxed)
+    }
+
+    /// Why the link ended, if it has.
+    pub(super) fn why_ended(&self) -> &str {
+        self.ended.get().map_or("it was closed", String::as_str)
+    }
+
+    /// Notes why the link ends; the first reason counts.
+    pub(super) fn end(&self, reason: &impl ToString) {
+        self.ended.get_or_init(|| reason.to_string());
+    }
+
+    fn count_broken(&self) {
+        self.broken_frames.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// Runs the client's two tasks on the runtime it is made in.
+pub(super) struct Spawn;
+
+impl WireSpawn for Spawn {
+    fn spawn(&mut self, task: impl Future<Output = ()> + Send + 'static) {
+        drop(tokio::spawn(task));
+    }
+}
+
+/// The sending end.
+pub(super) struct CobsTx<W> {
+    writer: W,
+    health: Arc<Health>,
+}
+
+impl<W: AsyncWrite + Send + Unpin + 'static> CobsTx<W> {
+    /// Over `writer`, after a zero byte that ends whatever an earlier program left unfinished.
+    pub(super) async fn open(mut writer: W, health: Arc<Health>) -> io::Result<Self> {
+        writer.write_all(&[0]).await?;
+        writer.flush().await?;
+        Ok(Self { writer, health })
+    }
+}
+
+impl<W: AsyncWrite + Send + Unpin + 'static> WireTx for CobsTx<W> {
+    type Error = io::Error;
+
+    async fn send(&mut self, frame: Vec<u8>) -> io::Result<()> {
+        let mut encoded = cobs::encode_vec(&frame);
+        encoded.push(0);
+        let sent = match self.writer.write_all(&encoded).await {
+            Ok(()) => self.writer.flush().await,
+            failed => failed,
+        };
+        sent.inspect_err(|failure| self.health.end(failure))
+    }
+}
+
+/// The receiving end.
+pub(super) struct CobsRx<R> {
+    reader: R,
+    decoder: Decoder,
+    ready: VecDeque<Vec<u8>>,
+    health: Arc<Health>,
+}
+
+impl<R> CobsRx<R> {
+    /// Over `reader`.
+    pub(super) fn new(reader: R, health: Arc<Health>) -> Self {
+        Self {
+            reader,
+            decoder: Decoder::default(),
+            ready: VecDeque::new(),
+            health,
+        }
+    }
+}
+
+impl<R: AsyncRead + Send + Unpin + 'static> WireRx for CobsRx<R> {
+    type Error = io::Error;
+
+    async fn receive(&mut self) -> io::Result<Vec<u8>> {
+        let mut buffer = [0; 4096];
+        loop {
+            if let Some(frame) = self.ready.pop_front() {
+                return Ok(frame);
+            }
+            let count = match self.reader.read(&mut buffer).await {
+                Ok(0) => Err(io::Error::new(
+                    io::ErrorKind::UnexpectedEof,
+                    "the other side closed it",
+                )),
+                other => other,
+            }
+            .inspect_err(|failure| self.health.end(failure))?;
+            for &byte in &buffer[..count] {
+                match self.decoder.push(byte) {
+                    Some(Ok(frame)) => self.ready.push_back(frame),
+                    Some(Err(Broken)) => self.health.count_broken(),
+                    None => {}
+                }
+            }
+        }
+    }
+}
+
+/// Takes frames out of a stream of bytes.
+#[derive(Default)]
+struct Decoder {
+    encoded: Vec<u8>,
+    /// Longer than any frame: what follows is dropped up to the next zero.
+    overlong: bool,
+}
+
+/// Bytes between two zeros that are no frame.
+#[derive(Debug, PartialEq)]
+struct Broken;
+
+impl Decoder {
+    /// Takes one byte; gives what it ends, if it ends anything.
+    fn push(&mut self, byte: u8) -> Option<Result<Vec<u8>, Broken>> {
+        if byte != 0 {
+            if self.encoded.len() < cobs::max_encoding_length(MAX_DEVICE_FRAME_BYTES) {
+                self.encoded.push(byte);
+            } else {
+                self.overlong = true;
+            }
+            return None;
+        }
+        let encoded = std::mem::take(&mut self.encoded);
+        if std::mem::take(&mut self.overlong) {
+            return Some(Err(Broken));
+        }
+        if encoded.is_empty() {
+            return None;
+        }
+        let decoded = cobs::decode_vec(&encoded).map_err(|_| Broken);
+        Some(decoded.and_then(|frame| {
+            if frame.len() <= MAX_DEVICE_FRAME_BYTES {
+                Ok(frame)
+            } else {
+                Err(Broken)
+            }
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn decode(bytes: &[u8]) -> (Vec<Vec<u8>>, usize) {
+        let mut decoder = Decoder::default();
+        let (mut frames, mut broken) = (Vec::new(), 0);
+        for &byte in bytes {
+            match decoder.push(byte) {
+                Some(Ok(frame)) => frames.push(frame),
+                Some(Err(Broken)) => broken += 1,
+                None => {}
+            }
+        }
+        (frames, broken)
+    }
+
+    #[test]
+    fn a_frame_that_is_too_long_is_counted_and_the_next_one_is_whole() {
+        let mut bytes = cobs::encode_vec(&[7; MAX_DEVICE_FRAME_BYTES + 1]);
+        bytes.push(0);
+        bytes.extend([9; 10_000]);
+        bytes.push(0);
+        bytes.extend(cobs::encode_vec(&[7; MAX_DEVICE_FRAME_BYTES]));
+        bytes.push(0);
+        assert_eq!(decode(&bytes), (vec![vec![7; MAX_DEVICE_FRAME_BYTES]], 2));
+    }
+
+    proptest! {
+        #[test]
+        fn frames_come_out_as_they_went_in_whatever_noise_precedes_them(
+            noise in prop::collection::vec(any::<u8>(), 0..2000),
+            frames in prop::collection::vec(prop::collection::vec(any::<u8>(), 1..600), 1..6),
+        ) {
+            let mut bytes = noise;
+            bytes.push(0);
+            let (before, broken) = decode(&bytes);
+            for frame in &frames {
+                bytes.extend(cobs::encode_vec(frame));
+                bytes.push(0);
+            }
+            let (after, still_broken) = decode(&bytes);
+            prop_assert_eq!(&after[before.len()..], &frames[..]);
+            prop_assert_eq!(broken, still_broken);
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! What an image takes of each memory, by its sections.
+
+use std::fmt;
+
+use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
+use object::{Endianness, Object, ObjectSymbol, elf};
+
+use crate::error::{Error, Result};
+
+/// A memory and what is taken of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Use {
+    /// Its name.
+    pub name: &'static str,
+    /// Its first address.
+    pub start: u64,
+    /// Bytes that are taken.
+    pub used: u64,
+    /// Bytes that there are.
+    pub size: u64,
+}
+
+/// All memories of an image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Memory(Vec<Use>);
+
+/// The memory map, as the linker takes it.
+const MAP: &str = include_str!("../../../../memory.x");
+
+/// What is shown, and its name in the map.
+const SHOWN: [(&str, &str); 4] = [
+    ("flash", "FLASH"),
+    ("ITCM", "ITCM"),
+    ("DTCM, data", "RAM"),
+    ("DTCM, stack", "STACK"),
+];
+
+/// First address and length of the region called `name` in the map.
+fn region(name: &str) -> Option<(u64, u64)> {
+    let line = MAP
+        .lines()
+        .find(|line| line.split_whitespace().next() == Some(name))?;
+    let (start, rest) = line
+        .split_once("ORIGIN = 0x")?
+        .1
+        .split_once(", LENGTH = ")?;
+    let kilobytes: u64 = rest.split_once('K')?.0.parse().ok()?;
+    Some((u64::from_str_radix(start, 16).ok()?, kilobytes * 1024))
+}
+
+impl Memory {
+    /// Of the image with these bytes.
+    ///
+    /// # Errors
+    /// It is not one.
+    pub fn of(image: &[u8]) -> Result<Self> {
+        let file =
+            ElfFile32::<Endianness>::parse(image).map_err(|error| Error::Elf(error.to_string()))?;
+        let mut uses = Vec::new();
+        for (name, in_map) in SHOWN {
+            let found = region(in_map);
+            let (start, size) =
+                found.ok_or_else(|| Error::Elf(format!("memory.x has no region {in_map}")))?;
+            uses.push(Use {
+                name,
+                start,
+                used: 0,
+                size,
+            });
+        }
+        let endian = file.endian();
+        let segments = file.elf_header().program_headers(endian, file.data());
+        for segment in segments.map_err(|error| Error::Elf(error.to_string()))? {
+            if segment.p_type(endian) != elf::PT_LOAD {
+                continue;
+            }
+            let (at, kept) = (
+                u64::from(segment.p_vaddr(endian)),
+                u64::from(segment.p_paddr(endian)),
+            );
+            let (in_memory, in_file) = (
+                u64::from(segment.p_memsz(endian)),
+                u64::from(segment.p_filesz(endian)),
+            );
+            add(&mut uses, at, in_memory);
+            // What is copied at the start takes flash as well.
+            if kept != at {
+                add(&mut uses, kept, in_file);
+            }
+        }
+        let symbol = |name| {
+            file.symbols()
+                .find(|symbol| symbol.name() == Ok(name))
+                .map(|symbol| symbol.address())
+        };
+        if let (Some(top), Some(bottom)) = (symbol("_stack_start"), symbol("_stack_end")) {
+            add(&mut uses, bottom, top - bottom);
+        }
+        Ok(Self(uses))
+    }
+
+    /// Each memory.
+    pub fn uses(&self) -> &[Use] {
+        &self.0
+    }
+}
+
+fn add(uses: &mut [Use], address: u64, bytes: u64) {
+    for place in uses {
+        if (place.start..place.start + place.size).contains(&address) {
+            place.used += bytes;
+        }
+    }
+}
+
+impl fmt::Display for Memory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{:<12} {:>9} {:>9} {:>6}",
+            "memory", "used", "of bytes", "share"
+        )?;
+        for Use {
+            name, used, size, ..
+        } in &self.0
+        {
+            let share = *used as f64 * 100.0 / *size as f64;
+            writeln!(f, "{name:<12} {used:>9} {size:>9} {share:>5.1}%")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_memory_that_is_shown_is_in_the_map() {
+        for (_, name) in SHOWN {
+            assert!(region(name).is_some_and(|(_, size)| size > 0), "{name}");
+        }
+        assert_eq!(region("FLASH").map(|(start, _)| start), Some(0x0800_0000));
+        assert_eq!(region("NOTHING"), None);
+    }
+
+    #[test]
+    fn what_is_no_image_is_refused() {
+        assert!(Memory::of(b"no image").is_err());
+    }
+}

@@ -1,0 +1,101 @@
+//! The image for the STM32H743: built, measured, checked for where the tick's code is, and flashed.
+
+mod memory;
+mod placement;
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::toolchain::{TARGET, Toolchain};
+use crate::{process, workspace};
+
+pub use memory::{Memory, Use};
+pub use placement::check as check_placement;
+
+/// The part, as probe-rs knows it.
+const CHIP: &str = "STM32H743ZITx";
+
+/// Which image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Image {
+    /// What is flashed.
+    Product,
+    /// The same with faults on request, for the tests of how it ends them.
+    FaultInjection,
+}
+
+impl Image {
+    /// The features of its package.
+    const fn features(self) -> &'static str {
+        match self {
+            Self::Product => "image",
+            Self::FaultInjection => "fault-injection",
+        }
+    }
+
+    const fn file_name(self) -> &'static str {
+        match self {
+            Self::Product => "stylus-firmware.elf",
+            Self::FaultInjection => "stylus-firmware-faults.elf",
+        }
+    }
+}
+
+/// Flags for the compiler.
+pub fn compiler_flags() -> &'static str {
+    "-C target-cpu=cortex-m7"
+}
+
+/// Builds `image`, checks that the tick's code is where no flash is read, and tells where the file is.
+///
+/// # Errors
+/// There is no toolchain, the build fails, or the tick leads to flash.
+pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
+    let target_folder = workspace::target_folder("firmware");
+    let mut cargo = toolchain.cargo("build", workspace::root(), &target_folder);
+    cargo.args([
+        "--quiet",
+        "--package",
+        "stylus-firmware",
+        "--profile",
+        "firmware",
+    ]);
+    cargo.args(["--features", image.features()]);
+    cargo.env("RUSTFLAGS", compiler_flags());
+    // Without it defmt leaves out all but errors.
+    if std::env::var_os("DEFMT_LOG").is_none() {
+        cargo.env("DEFMT_LOG", "info");
+    }
+    process::run(&mut cargo)?;
+    let built = target_folder
+        .join(Path::new(TARGET))
+        .join("firmware/stylus-firmware");
+    // Both images are built under one name.
+    let kept = target_folder.join(image.file_name());
+    std::fs::copy(&built, &kept).map_err(|_| Error::NoImage(built))?;
+    check_placement(&read(&kept)?)?;
+    Ok(kept)
+}
+
+/// What the image in `file` takes of each memory.
+///
+/// # Errors
+/// The file is no image.
+pub fn memory(file: &Path) -> Result<Memory> {
+    Memory::of(&read(file)?)
+}
+
+fn read(file: &Path) -> Result<Vec<u8>> {
+    std::fs::read(file).map_err(|_| Error::NoImage(file.to_owned()))
+}
+
+/// Flashes the image in `file` to the board on the probe, and shows its log until it is stopped.
+///
+/// # Errors
+/// probe-rs is missing or fails.
+pub fn flash(file: &Path) -> Result<()> {
+    let program = process::find("probe-rs").ok_or(Error::NoProbeRs)?;
+    let mut command = std::process::Command::new(program);
+    command.args(["run", "--chip", CHIP]).arg(file);
+    process::run(&mut command)
+}

@@ -1,0 +1,263 @@
+//! That nothing the tick and the update can reach is in flash.
+//!
+//! The image keeps its relocations (`--emit-relocs`): every address in the code that the linker filled in. From the two
+//! handlers on, each one is followed: a call must lead to ITCM, data must be in DTCM. Two things are excepted:
+//!
+//! - a panic, which ends in mid-scale and a reset: calls of it, with the addresses of its message and place;
+//! - constants that the update alone reads, such as a table of core's square root. It computes while something is played, and
+//!   the one thing that keeps the code's bank of the flash busy, writing settings, is refused then.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use object::read::elf::ElfFile32;
+use object::{
+    Endianness, Object, ObjectSection, ObjectSymbol, RelocationFlags, RelocationTarget, SymbolKind,
+    elf,
+};
+
+use crate::error::{Error, Result};
+
+/// Where the tick begins.
+const TICK: &str = "TIM6_DAC";
+
+/// Where the update begins.
+const UPDATE: &str = "SWPMI1";
+
+/// Calls that never return; as parts of names, so that both of the compiler's manglings are met.
+const PANICS: [&str; 5] = [
+    "9panicking",
+    "16slice_index_fail",
+    "13expect_failed",
+    "13unwrap_failed",
+    "17rust_begin_unwind",
+];
+
+/// Bytes of code between the address of a panic's message and the call of the panic, at most: some loads of constants.
+const PANIC_ARGUMENTS_BYTES: u64 = 40;
+
+/// A place that the tick's code names.
+#[derive(Clone, Debug)]
+struct Reference {
+    /// Address of the instruction.
+    at: u64,
+    is_call: bool,
+    /// What is named: a symbol, and where it is.
+    name: String,
+    address: u64,
+}
+
+/// A function in ITCM.
+struct Function {
+    name: String,
+    end: u64,
+}
+
+/// Checks the image with these bytes.
+///
+/// # Errors
+/// It is no image, lacks the handlers or its relocations, or something that the tick reaches is in flash.
+pub fn check(image: &[u8]) -> Result<()> {
+    let file =
+        ElfFile32::<Endianness>::parse(image).map_err(|error| Error::Elf(error.to_string()))?;
+    let functions = functions(&file);
+    let references = references(&file)?;
+    check_from(TICK, &functions, &references, |_| false)?;
+    check_from(UPDATE, &functions, &references, |reference| {
+        !reference.is_call
+    })
+}
+
+/// Checks everything that `root` reaches; what is `excepted` may be in flash.
+fn check_from(
+    root: &str,
+    functions: &BTreeMap<u64, Function>,
+    references: &[Reference],
+    excepted: impl Fn(&Reference) -> bool,
+) -> Result<()> {
+    let found = functions.iter().find(|(_, function)| function.name == root);
+    let (&start, _) = found.ok_or_else(|| Error::Placement(format!("{root} is not in ITCM")))?;
+    let (mut waiting, mut seen) = (vec![start], BTreeSet::from([start]));
+    while let Some(start) = waiting.pop() {
+        let function = &functions[&start];
+        for (index, reference) in references.iter().enumerate() {
+            if !(start..function.end).contains(&reference.at) {
+                continue;
+            }
+            if let Some(called) = function_at(functions, reference.address) {
+                if seen.insert(called) {
+                    waiting.push(called);
+                }
+            } else if is_flash(reference.address)
+                && !excepted(reference)
+                && !is_of_a_panic(&references[index..], function.end)
+            {
+                return Err(Error::Placement(format!(
+                    "{} refers to {} at {:#010x}, which is in flash",
+                    function.name, reference.name, reference.address
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Functions in ITCM by their first address.
+fn functions(file: &ElfFile32<'_>) -> BTreeMap<u64, Function> {
+    let mut functions: BTreeMap<u64, Function> = file
+        .symbols()
+        .filter(|symbol| {
+            symbol.kind() == SymbolKind::Text && !symbol.name().unwrap_or("$").starts_with('$')
+        })
+        .map(|symbol| (symbol.address() & !1, symbol))
+        .filter(|&(address, _)| is_itcm(address))
+        .map(|(address, symbol)| {
+            let name = symbol.name().unwrap_or_default().to_owned();
+            (
+                address,
+                Function {
+                    name,
+                    end: address + symbol.size(),
+                },
+            )
+        })
+        .collect();
+    // What is written in assembly may have no length: it goes on until the next one.
+    let starts: Vec<u64> = functions.keys().copied().collect();
+    for (index, start) in starts.iter().enumerate() {
+        if let Some(function) = functions.get_mut(start)
+            && function.end == *start
+        {
+            function.end = starts.get(index + 1).copied().unwrap_or(ITCM_BYTES);
+        }
+    }
+    functions
+}
+
+/// Everything that code in ITCM names, by address of the instruction.
+fn references(file: &ElfFile32<'_>) -> Result<Vec<Reference>> {
+    let section = file.section_by_name(".itcm");
+    let section =
+        section.ok_or_else(|| Error::Placement("there is no section .itcm".to_owned()))?;
+    let mut references = Vec::new();
+    for (at, relocation) in section.relocations() {
+        let RelocationFlags::Elf { r_type } = relocation.flags() else {
+            continue;
+        };
+        let RelocationTarget::Symbol(index) = relocation.target() else {
+            continue;
+        };
+        let symbol = file
+            .symbol_by_index(index)
+            .map_err(|error| Error::Elf(error.to_string()))?;
+        let is_call = matches!(
+            r_type,
+            elf::R_ARM_THM_PC22 | elf::R_ARM_THM_JUMP24 | elf::R_ARM_THM_JUMP19
+        );
+        references.push(Reference {
+            at,
+            is_call,
+            name: symbol.name().unwrap_or_default().to_owned(),
+            address: symbol.address() & !1,
+        });
+    }
+    if references.is_empty() {
+        return Err(Error::Placement(
+            "the image has no relocations; link it with --emit-relocs".to_owned(),
+        ));
+    }
+    references.sort_by_key(|reference| reference.at);
+    Ok(references)
+}
+
+/// Whether `references`, of which the first is looked at, begin with a panic, or the address of one's arguments.
+fn is_of_a_panic(references: &[Reference], function_end: u64) -> bool {
+    let Some(first) = references.first() else {
+        return false;
+    };
+    let call = references.iter().find(|reference| reference.is_call);
+    call.is_some_and(|call| {
+        call.at < function_end
+            && call.at - first.at <= PANIC_ARGUMENTS_BYTES
+            && PANICS.iter().any(|panic| call.name.contains(panic))
+    })
+}
+
+/// The first address of the function in ITCM around `address`.
+fn function_at(functions: &BTreeMap<u64, Function>, address: u64) -> Option<u64> {
+    let (&start, function) = functions.range(..=address).next_back()?;
+    (address < function.end).then_some(start)
+}
+
+const ITCM_BYTES: u64 = 64 * 1024;
+
+/// Sections that are not loaded stand at zero as well, and null is no function.
+fn is_itcm(address: u64) -> bool {
+    (8..ITCM_BYTES).contains(&address)
+}
+
+fn is_flash(address: u64) -> bool {
+    (0x0800_0000..0x0820_0000).contains(&address)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FLASH: u64 = 0x0800_1000;
+    const PANIC: &str = "_ZN4core9panicking18panic_bounds_check17h0E";
+
+    fn reference(at: u64, is_call: bool, name: &str, address: u64) -> Reference {
+        let name = name.to_owned();
+        Reference {
+            at,
+            is_call,
+            name,
+            address,
+        }
+    }
+
+    /// The tick from 1024 to 1124, which calls a function from 2000 to 2100.
+    fn program(more: Vec<Reference>) -> Result<()> {
+        let function = |name: &str, end| Function {
+            name: name.to_owned(),
+            end,
+        };
+        let functions = BTreeMap::from([
+            (1024, function(TICK, 1124)),
+            (2000, function("called", 2100)),
+        ]);
+        let mut references = vec![reference(1030, true, "called", 2000)];
+        references.extend(more);
+        references.sort_by_key(|reference| reference.at);
+        check_from(TICK, &functions, &references, |_| false)
+    }
+
+    #[test]
+    fn a_call_or_an_address_that_leads_to_flash_is_found_also_in_what_the_tick_calls() {
+        assert!(program(vec![]).is_ok());
+        assert!(program(vec![reference(1040, false, "data", 0x2000_9000)]).is_ok());
+        for at in [1040, 2040] {
+            for is_call in [false, true] {
+                let error = program(vec![reference(at, is_call, "somewhere", FLASH)]);
+                let error = error.expect_err("it is in flash").to_string();
+                assert!(error.contains("somewhere"), "{error}");
+            }
+        }
+        // Of what the tick does not call, anything may be in flash.
+        assert!(program(vec![reference(3000, true, "somewhere", FLASH)]).is_ok());
+    }
+
+    #[test]
+    fn a_panic_and_the_address_of_its_message_may_be_in_flash_and_nothing_farther_from_it() {
+        let panic = reference(1100, true, PANIC, FLASH);
+        let message = |at| reference(at, false, "message", FLASH);
+        assert!(program(vec![panic.clone(), message(1090)]).is_ok());
+        assert!(program(vec![panic.clone(), message(1050)]).is_err());
+        assert!(program(vec![panic, message(1104)]).is_err());
+    }
+
+    #[test]
+    fn what_is_no_image_is_refused() {
+        assert!(check(b"no image").is_err());
+    }
+}

@@ -1,0 +1,84 @@
+//! The virtual stylus: `tests/virtual-stylus`, a workspace of its own.
+//!
+//! Its emulator asks for a newer compiler than the product does, and builds and runs with the product's all the same; cargo
+//! wants to be told so.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::error::{Error, Result};
+use crate::firmware::{self, Image};
+use crate::toolchain::{TARGET, Toolchain};
+use crate::{process, workspace};
+
+fn folder() -> PathBuf {
+    workspace::root().join("tests/virtual-stylus")
+}
+
+/// Cargo for the host, in the virtual stylus's workspace.
+fn cargo(subcommand: &str) -> Command {
+    let mut cargo = Command::new("cargo");
+    cargo.current_dir(folder());
+    cargo.env(
+        "CARGO_TARGET_DIR",
+        workspace::target_folder("virtual-stylus"),
+    );
+    cargo.args([subcommand, "--quiet", "--locked", "--ignore-rust-version"]);
+    cargo
+}
+
+/// Runs the product's image by hand, with the virtual stylus's own `arguments`.
+///
+/// # Errors
+/// Something does not build, or the run fails.
+pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<()> {
+    let image = firmware::build(toolchain, Image::Product)?;
+    let mut run = cargo("run");
+    run.args(["--bin", "virtual-stylus", "--", "--image"])
+        .arg(image);
+    process::run(run.args(arguments))
+}
+
+/// Builds the images and runs all tests on the virtual stylus; `long` asks for the long ones, `arguments` go to the tests.
+///
+/// # Errors
+/// Something does not build, or a test fails.
+pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result<()> {
+    let product = firmware::build(toolchain, Image::Product)?;
+    print!("{}", firmware::memory(&product)?);
+    let mut test = cargo("test");
+    test.env("STYLUS_IMAGE", product);
+    test.env(
+        "STYLUS_FAULT_IMAGE",
+        firmware::build(toolchain, Image::FaultInjection)?,
+    );
+    test.env("VIRTUAL_STYLUS_PROBE_IMAGE", build_probe(toolchain)?);
+    if long {
+        test.env("STYLUS_LONG", "1");
+    }
+    process::run(test.arg("--").args(arguments))
+}
+
+/// Lints the virtual stylus; every warning is a failure.
+///
+/// # Errors
+/// There is one, or it does not build.
+pub fn lint() -> Result<()> {
+    process::run(cargo("clippy").args(["--all-targets", "--", "--deny", "warnings"]))
+}
+
+/// Builds the image that the models are held against the manual with, and tells where it is.
+fn build_probe(toolchain: &Toolchain) -> Result<PathBuf> {
+    let target_folder = workspace::target_folder("probe-image");
+    let mut cargo = toolchain.cargo("build", &folder().join("probe-image"), &target_folder);
+    process::run(cargo.args(["--release", "--quiet", "--locked"]))?;
+    let image = target_folder
+        .join(Path::new(TARGET))
+        .join("release/probe-image");
+    if image.is_file() {
+        Ok(image)
+    } else {
+        Err(Error::NoImage(image))
+    }
+}

@@ -1,0 +1,183 @@
+//! What host and stylus say to each other: postcard-rpc endpoints and topics, the same over USB and over the serial
+//! port.
+//!
+//! A frame is postcard-rpc's header, a key that stands for path and type, and the type in postcard. A type that changes
+//! changes its key, so that two sides that differ do not misread each other: a request is answered with an unknown key.
+//! [`DeviceInfo`] alone never changes, so that any host can tell which side is the older one.
+//!
+//! Over USB a frame is a bulk transfer; over the serial port it is one COBS frame, ended by a zero byte. The host sends
+//! frames of at most [`MAX_HOST_FRAME_BYTES`] and the device of at most [`MAX_DEVICE_FRAME_BYTES`].
+//!
+//! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]; every other one is answered at once.
+
+mod info;
+mod library;
+mod motion;
+mod play;
+mod record;
+mod settings;
+mod status;
+#[cfg(test)]
+mod tests;
+mod units;
+mod upload;
+
+use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
+
+pub use info::{DeviceInfo, ProductName, Serial, VersionText};
+pub use library::{
+    ActivateError, Activated, ListError, ListRequest, SlotFault, SlotId, SlotInfo, SlotState,
+    Slots, TextureInfo, TextureName,
+};
+pub use motion::{MotionRefused, MotionSample};
+pub use play::{MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, StopError};
+pub use record::{
+    BLOCK_SAMPLES, PackedSample, RecordBlock, RecordError, RecordSample, RecordStarted,
+    RecordStopped,
+};
+pub use settings::{SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError};
+pub use status::{
+    Activity, Fault, FaultKind, FaultText, LinkCounters, MUTE_REASON_COUNT, MuteReason,
+    MuteReasons, OutputStatus, RecordCounters, ResetReason, Status, TICK_BIN_COUNT,
+    TICK_BIN_CYCLES, TickCounters, TickHistogram,
+};
+pub use upload::{
+    CHUNK_ALIGN, FlashOperation, LIBRARY_CRC, MAX_CHUNK_BYTES, Reason, UploadBegin, UploadChunk,
+    UploadCommitted, UploadError, UploadProgress, UploadState,
+};
+
+/// The protocol's version. It changes when a message changes its meaning, even where its type stays.
+pub const PROTOCOL_VERSION: u16 = 1;
+
+/// Longest frame that the host sends, bytes before COBS.
+pub const MAX_HOST_FRAME_BYTES: usize = 1024;
+
+/// Longest frame that the device sends, bytes before COBS. Host clients of postcard-rpc read no more.
+pub const MAX_DEVICE_FRAME_BYTES: usize = 1024;
+
+/// Rate of the serial port, baud.
+pub const SERIAL_BAUD: u32 = 921_600;
+
+/// Vendor id of the USB device: pid.codes, for open hardware and software.
+pub const USB_VENDOR_ID: u16 = 0x1209;
+
+/// Product id of the USB device: pid.codes' id for tests, to be replaced by the product's own before it is sold.
+pub const USB_PRODUCT_ID: u16 = 0x0001;
+
+/// An input older than this is no longer believed and the output fades, ms.
+pub const STALE_AFTER_MS: u32 = 50;
+
+/// Without a well-formed frame from the host for this long the link counts as lost and the output fades, ms.
+///
+/// With the longest mute ramp that settings allow, the output is silent within 100 ms.
+pub const LINK_LOST_AFTER_MS: u32 = 50;
+
+/// How often a host sends [`KeepAliveTopic`] while it plays and has nothing else to say, ms.
+pub const KEEP_ALIVE_MS: u32 = 10;
+
+/// How long a host waits for an answer that takes no flash, ms.
+pub const ANSWER_TIMEOUT_MS: u32 = 1_000;
+
+/// How long a host waits for an answer that erases or writes flash, ms. One request erases at most one sector of 128 KB,
+/// which takes up to some seconds, more the narrower the programming parallelism (DS12110, flash memory programming).
+pub const FLASH_TIMEOUT_MS: u32 = 16_000;
+
+type InfoResult = DeviceInfo;
+type StatusResult = Status;
+type UploadResult = Result<UploadProgress, UploadError>;
+type CommitResult = Result<UploadCommitted, UploadError>;
+type AbortResult = Result<UploadState, UploadError>;
+type SlotsResult = Slots;
+type ListResult = Result<TextureInfo, ListError>;
+type ActivateResult = Result<Activated, ActivateError>;
+type PlayResult = Result<Playing, PlayError>;
+type StopResult = Result<OutputStatus, StopError>;
+type MotionResult = Result<MotionSource, MotionRefused>;
+type RecordStartResult = Result<RecordStarted, RecordError>;
+type RecordStopResult = Result<RecordStopped, RecordError>;
+type SettingsResult = Result<Settings, SettingsError>;
+
+endpoints! {
+    list = ENDPOINTS;
+    | EndpointTy             | RequestTy       | ResponseTy        | Path                      |
+    | ----------             | ---------       | ----------        | ----                      |
+    | InfoEndpoint           | ()              | InfoResult        | "stylus/info"             |
+    | StatusEndpoint         | ()              | StatusResult      | "stylus/status"           |
+    | UploadBeginEndpoint    | UploadBegin     | UploadResult      | "stylus/upload/begin"     |
+    | UploadChunkEndpoint    | UploadChunk<'a> | UploadResult      | "stylus/upload/chunk"     |
+    | UploadCommitEndpoint   | ()              | CommitResult      | "stylus/upload/commit"    |
+    | UploadAbortEndpoint    | ()              | AbortResult       | "stylus/upload/abort"     |
+    | UploadProgressEndpoint | ()              | UploadState       | "stylus/upload/progress"  |
+    | SlotsEndpoint          | ()              | SlotsResult       | "stylus/slots"            |
+    | ListEndpoint           | ListRequest     | ListResult        | "stylus/list"             |
+    | ActivateEndpoint       | SlotId          | ActivateResult    | "stylus/activate"         |
+    | PlayEndpoint           | PlayRequest     | PlayResult        | "stylus/play"             |
+    | StopEndpoint           | ()              | StopResult        | "stylus/stop"             |
+    | MotionEndpoint         | MotionSample    | MotionResult      | "stylus/motion"           |
+    | RecordStartEndpoint    | ()              | RecordStartResult | "stylus/record/start"     |
+    | RecordStopEndpoint     | ()              | RecordStopResult  | "stylus/record/stop"      |
+    | SettingsGetEndpoint    | ()              | SettingsResult    | "stylus/settings/get"     |
+    | SettingsSetEndpoint    | SettingChange   | SettingsResult    | "stylus/settings/set"     |
+    | SettingsResetEndpoint  | ()              | SettingsResult    | "stylus/settings/reset"   |
+}
+
+topics! {
+    list = TOPICS_IN;
+    direction = TopicDirection::ToServer;
+    | TopicTy        | MessageTy    | Path                  |
+    | -------        | ---------    | ----                  |
+    | MotionTopic    | MotionSample | "stylus/motion/live"  |
+    | KeepAliveTopic | ()           | "stylus/keep-alive"   |
+}
+
+topics! {
+    list = TOPICS_OUT;
+    direction = TopicDirection::ToClient;
+    | TopicTy          | MessageTy   | Path                  |
+    | -------          | ---------   | ----                  |
+    | RecordBlockTopic | RecordBlock | "stylus/record/block" |
+}
+
+/// A hash of all paths and types of this protocol: two programs with the same hash understand every message.
+pub const SCHEMA_HASH: u64 = schema_hash();
+
+/// FNV-1a over the keys, in the order of the tables. postcard-rpc's own entries come first in its lists and are left
+/// out: they differ between host and device.
+const fn schema_hash() -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325;
+    let mut index = standard_icd::STANDARD_ICD_ENDPOINTS.endpoints.len();
+    while index < ENDPOINTS.endpoints.len() {
+        let (_, request, response) = ENDPOINTS.endpoints[index];
+        hash = hash_key(hash_key(hash, request), response);
+        index += 1;
+    }
+    hash = hash_topics(
+        hash,
+        TOPICS_IN.topics,
+        standard_icd::STANDARD_ICD_TOPICS_IN.topics.len(),
+    );
+    hash_topics(
+        hash,
+        TOPICS_OUT.topics,
+        standard_icd::STANDARD_ICD_TOPICS_OUT.topics.len(),
+    )
+}
+
+const fn hash_topics(mut hash: u64, topics: &[(&str, postcard_rpc::Key)], first: usize) -> u64 {
+    let mut index = first;
+    while index < topics.len() {
+        hash = hash_key(hash, topics[index].1);
+        index += 1;
+    }
+    hash
+}
+
+const fn hash_key(mut hash: u64, key: postcard_rpc::Key) -> u64 {
+    let bytes = key.to_bytes();
+    let mut index = 0;
+    while index < bytes.len() {
+        hash = (hash ^ bytes[index] as u64).wrapping_mul(0x0000_0100_0000_01b3);
+        index += 1;
+    }
+    hash
+}

@@ -1,0 +1,98 @@
+//! Recording: what the converters gave at each tick, in numbered blocks.
+
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+use crate::AdcCode;
+
+/// Samples in a block.
+pub const BLOCK_SAMPLES: usize = 32;
+
+/// What was read at one tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RecordSample {
+    /// Axes X, Y and Z of the accelerometer.
+    pub acceleration: [AdcCode; 3],
+    /// The force sensor.
+    pub force: AdcCode,
+    /// By how much the encoder's count changed since the tick before.
+    pub encoder_delta: i16,
+}
+
+/// A sample as it is sent: five little-endian numbers of 16 bits, so that a block has the same length whatever is in it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct PackedSample([u8; Self::BYTES]);
+
+impl PackedSample {
+    /// Length of a sample, bytes.
+    pub const BYTES: usize = 10;
+
+    /// All zeros.
+    pub const ZERO: Self = Self([0; Self::BYTES]);
+}
+
+impl From<RecordSample> for PackedSample {
+    #[inline(always)]
+    fn from(sample: RecordSample) -> Self {
+        let [x, y, z] = sample.acceleration.map(|code| code.0.to_le_bytes());
+        let force = sample.force.0.to_le_bytes();
+        let delta = sample.encoder_delta.to_le_bytes();
+        Self([
+            x[0], x[1], y[0], y[1], z[0], z[1], force[0], force[1], delta[0], delta[1],
+        ])
+    }
+}
+
+impl From<PackedSample> for RecordSample {
+    fn from(packed: PackedSample) -> Self {
+        let bytes = packed.0;
+        let word = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
+        Self {
+            acceleration: [0, 2, 4].map(|at| AdcCode(word(at))),
+            force: AdcCode(word(6)),
+            encoder_delta: word(8) as i16,
+        }
+    }
+}
+
+/// A block of samples of successive ticks.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct RecordBlock {
+    /// Counts blocks from 0 at the start of a recording; a number left out is a block that the device lost.
+    pub sequence: u32,
+    /// Tick of the first sample, counted from the device's start: 200 µs each.
+    pub first_tick: u64,
+    /// Blocks that the device lost since the start of the recording.
+    pub lost_blocks: u32,
+    /// The samples.
+    pub samples: [PackedSample; BLOCK_SAMPLES],
+}
+
+/// A recording that has begun: block 0 comes next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct RecordStarted {
+    /// Samples a second.
+    pub sample_rate_hz: u32,
+    /// [`BLOCK_SAMPLES`] of the device.
+    pub block_samples: u32,
+}
+
+/// A recording that has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct RecordStopped {
+    /// Blocks that were numbered, lost ones included.
+    pub blocks: u32,
+    /// Blocks of these that were lost in the device.
+    pub lost_blocks: u32,
+}
+
+/// Why a recording does not start or stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
+pub enum RecordError {
+    /// One is under way, perhaps of another link.
+    #[error("a recording is under way: stop it first")]
+    Recording,
+    /// None is under way.
+    #[error("no recording is under way: start one")]
+    NotRecording,
+}

@@ -1,0 +1,298 @@
+//! Settings: what differs from one stylus to the next, each a number with a unit and a range.
+
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+use super::FlashOperation;
+use crate::{AdcCode, Volt};
+
+/// One setting. The numbers are those under which values are kept in flash: never reused, never reordered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Schema)]
+#[repr(u8)]
+pub enum Setting {
+    /// ADC code of the force sensor without force.
+    ForceZero,
+    /// Force for a volt above that, N/V.
+    ForcePerVolt,
+    /// Path for one count of the encoder, mm.
+    PathPerCount,
+    /// ADC code of the accelerometer's X axis without acceleration.
+    AccelerationZeroX,
+    /// The same of axis Y.
+    AccelerationZeroY,
+    /// The same of axis Z.
+    AccelerationZeroZ,
+    /// Acceleration of axis X for a volt above that, m/s² per V.
+    AccelerationPerVoltX,
+    /// The same of axis Y.
+    AccelerationPerVoltY,
+    /// The same of axis Z.
+    AccelerationPerVoltZ,
+    /// Voltage at the DAC for an acceleration, V per m/s².
+    OutputGain,
+    /// Voltage at the coil for a volt at the DAC, V/V.
+    AmplifierGain,
+    /// Largest voltage at the DAC, from mid-scale to either side, V.
+    HardLimit,
+    /// Fastest change of the voltage at the DAC, V/ms.
+    SlewLimit,
+    /// Resistance of the coil, Ω.
+    CoilResistance,
+    /// Time constant of the coil's warming, s.
+    ThermalTimeConstant,
+    /// Power that the coil bears for ever, W.
+    PowerLimit,
+    /// How long the output takes to full level when it is let go, ms.
+    SoftStart,
+    /// How long it takes from full level to mid-scale when it is muted, ms.
+    MuteRamp,
+}
+
+/// How many settings there are.
+pub const SETTING_COUNT: usize = 18;
+
+/// What is to be known of a setting.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SettingSpec {
+    /// Its name on a command line.
+    pub name: &'static str,
+    /// Unit of its value.
+    pub unit: &'static str,
+    /// The lowest value.
+    pub lowest: f32,
+    /// The highest value.
+    pub highest: f32,
+    /// The value of a device that was never set: one that can do no harm.
+    pub default: f32,
+    /// Whether it must be a whole number.
+    pub whole: bool,
+}
+
+impl Setting {
+    /// All, in the order of their numbers.
+    pub const ALL: [Self; SETTING_COUNT] = [
+        Self::ForceZero,
+        Self::ForcePerVolt,
+        Self::PathPerCount,
+        Self::AccelerationZeroX,
+        Self::AccelerationZeroY,
+        Self::AccelerationZeroZ,
+        Self::AccelerationPerVoltX,
+        Self::AccelerationPerVoltY,
+        Self::AccelerationPerVoltZ,
+        Self::OutputGain,
+        Self::AmplifierGain,
+        Self::HardLimit,
+        Self::SlewLimit,
+        Self::CoilResistance,
+        Self::ThermalTimeConstant,
+        Self::PowerLimit,
+        Self::SoftStart,
+        Self::MuteRamp,
+    ];
+
+    /// Name, unit, range and default.
+    pub const fn spec(self) -> SettingSpec {
+        match self {
+            Self::ForceZero => code("force-zero", 0.0),
+            Self::ForcePerVolt => number("force-per-volt", "N/V", [-100.0, 100.0], 2.0),
+            Self::PathPerCount => number("path-per-count", "mm", [-10.0, 10.0], 0.01),
+            Self::AccelerationZeroX => code("acceleration-zero-x", 32_768.0),
+            Self::AccelerationZeroY => code("acceleration-zero-y", 32_768.0),
+            Self::AccelerationZeroZ => code("acceleration-zero-z", 32_768.0),
+            Self::AccelerationPerVoltX => acceleration("acceleration-per-volt-x"),
+            Self::AccelerationPerVoltY => acceleration("acceleration-per-volt-y"),
+            Self::AccelerationPerVoltZ => acceleration("acceleration-per-volt-z"),
+            Self::OutputGain => number("output-gain", "V/(m/s²)", [0.0, 1.0], 0.01),
+            Self::AmplifierGain => number("amplifier-gain", "V/V", [0.01, 100.0], 1.0),
+            Self::HardLimit => number("hard-limit", "V", [0.0, 1.6], 0.5),
+            Self::SlewLimit => number("slew-limit", "V/ms", [0.1, 16.0], 4.0),
+            Self::CoilResistance => number("coil-resistance", "Ω", [0.1, 1000.0], 8.0),
+            Self::ThermalTimeConstant => number("thermal-time-constant", "s", [1.0, 1000.0], 10.0),
+            Self::PowerLimit => number("power-limit", "W", [0.001, 100.0], 0.1),
+            Self::SoftStart => number("soft-start", "ms", [1.0, 5000.0], 200.0),
+            // With LINK_LOST_AFTER_MS, a few ms to notice and at most 16 ms of slew, the output is silent within 100 ms.
+            Self::MuteRamp => number("mute-ramp", "ms", [1.0, 30.0], 20.0),
+        }
+    }
+
+    /// The setting of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL
+            .into_iter()
+            .find(|setting| setting.spec().name == name)
+    }
+
+    /// `value` if this setting may have it.
+    ///
+    /// # Errors
+    /// A value that is not finite, out of range, or not whole where it must be.
+    pub fn check(self, value: f32) -> Result<f32, SettingsError> {
+        let SettingSpec {
+            lowest,
+            highest,
+            whole,
+            ..
+        } = self.spec();
+        // A comparison with NaN is false. A whole number of this size is exact as i32.
+        if (lowest..=highest).contains(&value) && (!whole || value as i32 as f32 == value) {
+            Ok(value)
+        } else {
+            Err(SettingsError::OutOfRange {
+                setting: self,
+                value,
+                lowest,
+                highest,
+            })
+        }
+    }
+}
+
+const fn number(
+    name: &'static str,
+    unit: &'static str,
+    range: [f32; 2],
+    default: f32,
+) -> SettingSpec {
+    let [lowest, highest] = range;
+    SettingSpec {
+        name,
+        unit,
+        lowest,
+        highest,
+        default,
+        whole: false,
+    }
+}
+
+const fn code(name: &'static str, default: f32) -> SettingSpec {
+    SettingSpec {
+        name,
+        unit: "ADC code",
+        lowest: 0.0,
+        highest: 65_535.0,
+        default,
+        whole: true,
+    }
+}
+
+const fn acceleration(name: &'static str) -> SettingSpec {
+    // An analogue accelerometer of 330 mV per standard gravity, as many with a supply of 3.3 V are.
+    number(name, "m/s²/V", [-10_000.0, 10_000.0], 29.72)
+}
+
+impl core::fmt::Display for Setting {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.spec().name)
+    }
+}
+
+/// A value for each setting, all of them in range.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[serde(try_from = "[f32; SETTING_COUNT]")]
+pub struct Settings([f32; SETTING_COUNT]);
+
+impl TryFrom<[f32; SETTING_COUNT]> for Settings {
+    type Error = SettingsError;
+
+    fn try_from(values: [f32; SETTING_COUNT]) -> Result<Self, SettingsError> {
+        for (setting, value) in Setting::ALL.into_iter().zip(values) {
+            setting.check(value)?;
+        }
+        Ok(Self(values))
+    }
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self(Setting::ALL.map(|setting| setting.spec().default))
+    }
+}
+
+impl Settings {
+    /// The value of `setting`, in its unit.
+    pub const fn get(&self, setting: Setting) -> f32 {
+        self.0[setting as usize]
+    }
+
+    /// These settings with one changed.
+    ///
+    /// # Errors
+    /// A value that the setting may not have.
+    pub fn with(mut self, change: SettingChange) -> Result<Self, SettingsError> {
+        self.0[change.setting as usize] = change.setting.check(change.value)?;
+        Ok(self)
+    }
+
+    /// Each setting with its value.
+    pub fn iter(&self) -> impl Iterator<Item = SettingChange> {
+        let of = |(setting, value)| SettingChange { setting, value };
+        Setting::ALL.into_iter().zip(self.0).map(of)
+    }
+
+    /// ADC code of the force sensor without force.
+    pub const fn force_zero(&self) -> AdcCode {
+        AdcCode(self.get(Setting::ForceZero) as u16)
+    }
+
+    /// ADC codes of the accelerometer's axes at rest.
+    pub const fn acceleration_zero(&self) -> [AdcCode; 3] {
+        [
+            AdcCode(self.get(Setting::AccelerationZeroX) as u16),
+            AdcCode(self.get(Setting::AccelerationZeroY) as u16),
+            AdcCode(self.get(Setting::AccelerationZeroZ) as u16),
+        ]
+    }
+
+    /// Acceleration for a volt of each axis, m/s² per V.
+    pub const fn acceleration_per_volt(&self) -> [f32; 3] {
+        [
+            self.get(Setting::AccelerationPerVoltX),
+            self.get(Setting::AccelerationPerVoltY),
+            self.get(Setting::AccelerationPerVoltZ),
+        ]
+    }
+
+    /// Largest voltage at the DAC from mid-scale.
+    pub const fn hard_limit(&self) -> Volt {
+        Volt(self.get(Setting::HardLimit))
+    }
+}
+
+/// One setting and a value for it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct SettingChange {
+    /// Which.
+    pub setting: Setting,
+    /// Its value, in the setting's unit.
+    pub value: f32,
+}
+
+/// Why settings were not changed. Those before hold, unless it is said otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
+pub enum SettingsError {
+    /// A value that the setting may not have.
+    #[error(
+        "{setting} of {value}; it must be {lowest} to {highest} {}{}",
+        setting.spec().unit, if setting.spec().whole { ", a whole number" } else { "" }
+    )]
+    OutOfRange {
+        /// Which setting.
+        setting: Setting,
+        /// The value.
+        value: f32,
+        /// The lowest that it may have.
+        lowest: f32,
+        /// The highest.
+        highest: f32,
+    },
+    /// Something is being played.
+    #[error("settings do not change while a texture is played: stop it first")]
+    Playing,
+    /// The flash reported a fault.
+    #[error("a fault while {operation} the settings: try again; if it stays, reset them")]
+    Flash {
+        /// What was done.
+        operation: FlashOperation,
+    },
+}

@@ -1,0 +1,106 @@
+//! Units and the library's enums on the wire.
+
+use postcard_schema::Schema;
+use postcard_schema::schema::{DataModelType, DataModelVariant, NamedType, NamedVariant};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::{
+    AdcCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, Provenance, Structure, Volt,
+};
+
+/// A unit is on the wire what it wraps.
+macro_rules! transparent {
+    ($($unit:ident($inner:ty)),* $(,)?) => {$(
+        impl Serialize for $unit {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_newtype_struct(stringify!($unit), &self.0)
+            }
+        }
+
+        impl<'de> Deserialize<'de> for $unit {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                <$inner>::deserialize(deserializer).map(Self)
+            }
+        }
+
+        impl Schema for $unit {
+            const SCHEMA: &'static NamedType = &NamedType {
+                name: stringify!($unit),
+                ty: &DataModelType::NewtypeStruct(<$inner as Schema>::SCHEMA),
+            };
+        }
+    )*};
+}
+
+transparent! {
+    AdcCode(u16),
+    Volt(f32),
+    Newton(f32),
+    MillimetresPerSecond(f32),
+    MetresPerSecondSquared(f32),
+}
+
+/// The schema of an enum without fields, its variants in the order of their numbers on the wire.
+macro_rules! plain_enum {
+    ($name:ident { $($variant:ident),* $(,)? }) => {
+        impl Schema for $name {
+            const SCHEMA: &'static NamedType = &NamedType {
+                name: stringify!($name),
+                ty: &DataModelType::Enum(&[$(
+                    &NamedVariant {
+                        name: stringify!($variant),
+                        ty: &DataModelVariant::UnitVariant,
+                    },
+                )*]),
+            };
+        }
+
+        #[cfg(test)]
+        const _: fn($name) = |value| match value {
+            $($name::$variant => (),)*
+        };
+    };
+}
+
+plain_enum!(Structure {
+    NormalisedLattice,
+    DirectForm16,
+    DirectForm32
+});
+plain_enum!(Provenance {
+    Recorded,
+    Simulated
+});
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn index<T: Serialize>(value: T) -> u8 {
+        let mut bytes = [0; 4];
+        let used = postcard::to_slice(&value, &mut bytes).expect("a variant's number fits");
+        assert_eq!(used.len(), 1);
+        used[0]
+    }
+
+    #[test]
+    fn schemas_name_variants_in_the_order_of_the_wire() {
+        use Structure::{DirectForm16, DirectForm32, NormalisedLattice};
+        assert_eq!(
+            [NormalisedLattice, DirectForm16, DirectForm32].map(index),
+            [0, 1, 2]
+        );
+        assert_eq!(
+            [Provenance::Recorded, Provenance::Simulated].map(index),
+            [0, 1]
+        );
+    }
+
+    #[test]
+    fn a_unit_takes_no_more_than_its_number() {
+        let mut bytes = [0; 8];
+        let used = postcard::to_slice(&Newton(1.5), &mut bytes).expect("four bytes fit");
+        assert_eq!(used, 1.5f32.to_le_bytes());
+        assert_eq!(postcard::from_bytes(used), Ok(Newton(1.5)));
+    }
+}

@@ -1,0 +1,430 @@
+//! Commands to a stylus that does as it should: what is told is done, and read back.
+
+#[path = "support/stylus/mod.rs"]
+mod stylus;
+mod support;
+
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use stylus::{Hand, TestStylus, library};
+use support::{Bench, text};
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|failure| panic!("{failure}: {text}"))
+}
+
+/// A stylus with an active library of one texture, and a folder with the library in it.
+fn ready() -> (TestStylus, Bench) {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    bench.write("a.lib", library(1, 20, 1));
+    bench.succeed(&format!("upload a.lib --activate --link {}", stylus.link()));
+    stylus.take_heard();
+    (stylus, bench)
+}
+
+fn spawn(bench: &Bench, arguments: &str) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_stylus"))
+        .args(arguments.split_whitespace())
+        .current_dir(bench.path(""))
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command starts")
+}
+
+fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !is_there() {
+        assert!(
+            begin.elapsed() < Duration::from_secs(20),
+            "{what} did not come"
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[cfg(unix)]
+fn interrupt(child: &Child) {
+    let pid = child.id().to_string();
+    let killed = Command::new("kill").args(["-INT", &pid]).status();
+    assert!(killed.expect("kill is there").success());
+}
+
+#[test]
+fn a_library_is_uploaded_listed_activated_and_shown() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let link = stylus.link();
+    let bytes = library(2, 30, 7);
+    bench.write("a.lib", &bytes);
+    let uploaded = json(&bench.succeed(&format!("upload a.lib --json --link {link}")));
+    assert_eq!(uploaded["bytes"], bytes.len());
+    assert_eq!(
+        uploaded["textures"],
+        serde_json::json!(["texture 0", "texture 1"])
+    );
+    assert_eq!(
+        (&uploaded["retries"], &uploaded["active"]),
+        (&0.into(), &false.into())
+    );
+    let slot = uploaded["slot"].as_str().unwrap();
+    let before = json(&bench.succeed(&format!("status --json --link {link}")));
+    assert_eq!(before["status"]["active"], Value::Null);
+
+    let activated = json(&bench.succeed(&format!("activate --json --link {link}")));
+    assert_eq!(activated["slot"], slot);
+    let status = json(&bench.succeed(&format!("status --json --link {link}")));
+    assert_eq!(status["status"]["active"], slot);
+    assert_eq!(status["status"]["library_crc32"], uploaded["crc32"]);
+    assert_eq!(status["muted"][0], "not playing");
+
+    let listed = json(&bench.succeed(&format!("list --json --link {link}")));
+    let slots = listed.as_array().unwrap();
+    let full = slots.iter().find(|s| s["slot"] == slot).unwrap();
+    assert_eq!(full["active"], true);
+    assert_eq!(full["textures"][1]["name"], "texture 1");
+    assert_eq!(full["textures"][1]["max_order"], 30);
+    assert_eq!(full["textures"][1]["provenance"], "SIMULATED");
+    let shown = bench.succeed(&format!("list --link {link}"));
+    assert!(
+        shown.contains("(active)") && shown.contains("15 x 8"),
+        "{shown}"
+    );
+    let shown = bench.succeed(&format!("status --link {link}"));
+    for words in [
+        "stylus 0123456789ABCDEF01234567",
+        "µs",
+        "####",
+        "changing texture or library 1 x",
+    ] {
+        assert!(shown.contains(words), "{words} is not in:\n{shown}");
+    }
+}
+
+#[test]
+fn the_second_upload_goes_to_the_other_slot_and_the_newest_is_activated() {
+    let (stylus, bench) = ready();
+    let link = stylus.link();
+    bench.write("b.lib", library(1, 25, 2));
+    let first = json(&bench.succeed(&format!("status --json --link {link}")));
+    let second = json(&bench.succeed(&format!("upload b.lib --json --link {link}")));
+    assert_ne!(first["status"]["active"], second["slot"]);
+    let activated = json(&bench.succeed(&format!("activate --json --link {link}")));
+    assert_eq!(activated["slot"], second["slot"]);
+    let back = first["status"]["active"].as_str().unwrap().to_lowercase();
+    let said = bench.succeed(&format!("activate {back} --link {link}"));
+    assert!(said.contains("is active"), "{said}");
+}
+
+#[test]
+fn a_constant_motion_is_sent_at_its_rate_until_the_end_and_the_stop_is_read_back() {
+    let (stylus, bench) = ready();
+    let (link, rate) = (stylus.link(), 200);
+    let arguments = [
+        "play",
+        "--texture",
+        "texture 0",
+        "--speed",
+        "120",
+        "--force",
+        "0.8",
+        "--seconds",
+        "2",
+    ];
+    let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
+        .args(arguments)
+        .args(["--rate", &rate.to_string(), "--json", "--link", &link])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let report = json(&text(&output.stdout));
+    let number = |name: &str| report[name].as_u64().unwrap();
+    // None is lost: what was not sent is counted.
+    let slots = number("motions") + number("skipped");
+    assert!((390..=402).contains(&slots), "{report}");
+    let topics = stylus.count("stylus/motion/live");
+    let asked = stylus.count("stylus/motion");
+    assert_eq!((topics + asked) as u64, number("motions"));
+    assert!(
+        number("acknowledged") <= asked as u64 && asked >= 2,
+        "{report}"
+    );
+    let heard = stylus.take_heard();
+    let mut motions = heard.iter().filter_map(|heard| heard.motion);
+    assert!(motions.all(|m| m.speed.0 == 120.0 && m.force.0 == 0.8));
+    assert!(heard.iter().any(|heard| heard.path == "stylus/stop"));
+    let status = json(&bench.succeed(&format!("status --json --link {link}")));
+    assert_eq!(status["status"]["output"]["activity"], "Idle");
+}
+
+#[test]
+fn a_motion_from_a_file_is_followed_in_time_to_its_end() {
+    let (stylus, bench) = ready();
+    bench.write("m.csv", "time_s,speed_mm_s,force_n\n0,0,0.5\n1,100,1.5\n");
+    bench.write("b.lib", library(1, 20, 1));
+    let child = Command::new(env!("CARGO_BIN_EXE_stylus"))
+        .args([
+            "play",
+            "--texture",
+            "texture 0",
+            "--motion",
+            "m.csv",
+            "--link",
+            &stylus.link(),
+        ])
+        .current_dir(bench.path(""))
+        .output()
+        .unwrap();
+    assert!(child.status.success(), "{}", text(&child.stderr));
+    let motions: Vec<_> = stylus
+        .take_heard()
+        .into_iter()
+        .filter_map(|heard| heard.motion)
+        .collect();
+    assert!(motions.len() > 100, "{}", motions.len());
+    for motion in &motions {
+        assert!((motion.force.0 - 0.5 - motion.speed.0 / 100.0).abs() < 1e-4);
+    }
+    assert!(motions.is_sorted_by(|a, b| a.speed.0 < b.speed.0));
+    assert!(motions.last().unwrap().speed.0 > 90.0);
+}
+
+#[test]
+fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
+    let (stylus, bench) = ready();
+    stylus.set_hand(Hand {
+        speed_mm_s: 100.0,
+        force_n: 1.0,
+        ..Hand::default()
+    });
+    let child = Command::new(env!("CARGO_BIN_EXE_stylus"))
+        .args([
+            "play",
+            "--texture",
+            "texture 0",
+            "--json",
+            "--link",
+            &stylus.link(),
+        ])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    wait_for("a hundred keep-alives", || {
+        stylus.count("stylus/keep-alive") >= 100
+    });
+    #[cfg(unix)]
+    interrupt(&child);
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let report = json(&text(&output.stdout));
+    assert_eq!(report["motions"], 0);
+    // One each 10 ms, but for what this computer was late.
+    let expected = report["seconds"].as_f64().unwrap() * 100.0;
+    let found = report["keep_alives"].as_f64().unwrap();
+    assert!(
+        found <= expected + 2.0 && found > 0.5 * expected,
+        "{report}"
+    );
+    let heard = stylus.take_heard();
+    assert!(heard.iter().all(|heard| heard.motion.is_none()));
+    let status = json(&bench.succeed(&format!("status --json --link {}", stylus.link())));
+    let output = &status["status"]["output"];
+    assert_eq!(output["activity"], "Idle");
+    // While it was played nothing muted it but the beginning and the end.
+    assert_eq!(output["mute_counts"][1], 0, "{output}");
+}
+
+#[test]
+fn stop_stops_what_another_program_plays_and_may_be_said_twice() {
+    let (stylus, bench) = ready();
+    let link = stylus.link();
+    let mut player = Command::new(env!("CARGO_BIN_EXE_stylus"))
+        .args([
+            "play",
+            "--texture",
+            "texture 0",
+            "--speed",
+            "50",
+            "--force",
+            "1",
+            "--link",
+            &link,
+        ])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    wait_for("motions", || stylus.count("stylus/motion/live") >= 20);
+    // This stylus has one link; whoever comes takes it.
+    let stopped = json(&bench.succeed(&format!("stop --json --link {link}")));
+    assert_eq!(stopped["was_playing"], true);
+    let again = json(&bench.succeed(&format!("stop --json --link {link}")));
+    assert_eq!(again["was_playing"], false);
+    let status = player.wait().unwrap();
+    let output = player.wait_with_output().unwrap();
+    assert_eq!(status.code(), Some(2));
+    assert!(
+        text(&output.stderr).contains("the link was lost"),
+        "{}",
+        text(&output.stderr)
+    );
+    let status = json(&bench.succeed(&format!("status --json --link {link}")));
+    assert_eq!(status["status"]["output"]["activity"], "Idle");
+}
+
+#[test]
+fn settings_are_shown_changed_read_back_and_reset() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let link = stylus.link();
+    let value = |arguments: &str| -> f64 {
+        let shown = json(&bench.succeed(&format!("settings {arguments} --json --link {link}")));
+        shown[0]["value"].as_f64().unwrap()
+    };
+    assert_eq!(value("get force-per-volt"), 2.0);
+    assert_eq!(value("set force-per-volt -3.5"), -3.5);
+    assert_eq!(value("get force-per-volt"), -3.5);
+    let all = bench.succeed(&format!("settings --link {link}"));
+    assert_eq!(all.lines().count(), 2 + model_format::link::SETTING_COUNT);
+    assert!(
+        all.contains("acceleration-per-volt-z") && all.contains("m/s²/V"),
+        "{all}"
+    );
+    bench.succeed(&format!("settings reset --link {link}"));
+    assert_eq!(value("get force-per-volt"), 2.0);
+}
+
+#[test]
+fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
+    let (stylus, bench) = ready();
+    let link = stylus.link();
+    bench.write("noise.lib", vec![0x5a; 4000]);
+    bench.write(
+        "huge.lib",
+        vec![0; model_format::limits::MAX_LIBRARY_BYTES + 1],
+    );
+    let status = || {
+        let status = json(&bench.succeed(&format!("status --json --link {link}")));
+        (
+            status["status"]["active"].clone(),
+            status["status"]["library_crc32"].clone(),
+        )
+    };
+    let before = status();
+    for (arguments, words) in [
+        (
+            "settings set hard-limit 5",
+            "hard-limit of 5; it must be 0 to 1.6 V",
+        ),
+        ("settings set hard-limit NaN", "hard-limit of NaN"),
+        ("settings set force-zero 1.5", "a whole number"),
+        (
+            "play --texture absent --speed 1 --force 1",
+            "no texture \"absent\"",
+        ),
+        (
+            "play --texture absent --gain 5",
+            "a gain of 5; it must be 0 to 4",
+        ),
+        (
+            "upload noise.lib --unchecked",
+            "not a library that this device can play",
+        ),
+        ("upload huge.lib --unchecked", "a slot holds 1 to"),
+    ] {
+        let message = bench.refuse(&format!("{arguments} --link {link}"));
+        assert!(message.contains(words), "{arguments}: {message}");
+    }
+    assert_eq!(status(), before);
+    let set = json(&bench.succeed(&format!("settings get hard-limit --json --link {link}")));
+    assert_eq!(set[0]["value"], 0.5);
+}
+
+#[test]
+fn without_a_library_there_is_nothing_to_play_or_activate() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let link = stylus.link();
+    for (arguments, words) in [
+        ("play --texture silk", "no library is active"),
+        ("activate", "no slot holds a library"),
+        ("activate B", "slot B holds no library"),
+    ] {
+        let message = bench.refuse(&format!("{arguments} --link {link}"));
+        assert!(message.contains(words), "{arguments}: {message}");
+    }
+    let listed = bench.succeed(&format!("list --link {link}"));
+    assert_eq!(listed.trim(), "slot A: empty\n\nslot B: empty");
+}
+
+#[test]
+fn what_is_wrong_before_the_device_is_asked_is_told_without_it() {
+    let bench = Bench::new();
+    bench.write("bad.lib", b"nothing");
+    for (arguments, words) in [
+        ("upload bad.lib --link tcp:localhost:1", "bad.lib: "),
+        (
+            "upload absent.lib --link tcp:localhost:1",
+            "absent.lib: cannot read",
+        ),
+        (
+            "settings get volume --link tcp:localhost:1",
+            "no setting 'volume'; there are force-zero",
+        ),
+        (
+            "play --texture silk --motion absent.csv --link tcp:localhost:1",
+            "absent.csv: cannot read",
+        ),
+    ] {
+        let message = bench.refuse(arguments);
+        assert!(message.contains(words), "{arguments}: {message}");
+    }
+}
+
+#[test]
+fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let link = stylus.link();
+    stylus.set_hand(Hand {
+        speed_mm_s: 80.0,
+        force_n: 1.5,
+        acceleration: vec![[32_000, 32_768, 32_768], [33_536, 32_768, 32_768]],
+    });
+    let seen = bench.succeed(&format!(
+        "monitor --seconds 1 --interval 0.25 --json --link {link}"
+    ));
+    let sights: Vec<Value> = seen.lines().map(json).collect();
+    assert!(sights.len() >= 3, "{seen}");
+    let level = &sights[1]["level"];
+    // 768 codes to either side, 3.3 V / 65 536 a code, 29.72 m/s² per V.
+    let rms = 768.0 * 3.3 / 65_536.0 * 29.72;
+    assert!(
+        (level["rms_m_s2"].as_f64().unwrap() - rms).abs() < 1e-3,
+        "{level}"
+    );
+    assert!(
+        (level["speed_mm_s"].as_f64().unwrap() - 80.0).abs() < 1.0,
+        "{level}"
+    );
+    assert!(
+        (level["force_n"].as_f64().unwrap() - 1.5).abs() < 0.01,
+        "{level}"
+    );
+    let lines = bench.succeed(&format!("monitor --seconds 0.5 --link {link}"));
+    assert!(
+        lines.contains("1.149 m/s² RMS") && lines.contains("idle"),
+        "{lines}"
+    );
+    let status = json(&bench.succeed(&format!("status --json --link {link}")));
+    assert_eq!(status["status"]["record"]["recording"], false);
+    let mut child = spawn(&bench, &format!("monitor --link {link}"));
+    wait_for("the recording", || stylus.count("stylus/record/start") >= 3);
+    #[cfg(unix)]
+    interrupt(&child);
+    #[cfg(not(unix))]
+    child.kill().unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    let status = json(&bench.succeed(&format!("status --json --link {link}")));
+    assert_eq!(status["status"]["record"]["recording"], false);
+}

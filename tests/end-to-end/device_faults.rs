@@ -1,0 +1,305 @@
+//! Links and devices that fail: what goes on, and what is said when it cannot.
+
+#[path = "support/stylus/mod.rs"]
+mod stylus;
+mod support;
+
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use model_format::link::{DeviceInfo, MAX_CHUNK_BYTES};
+use serde_json::Value;
+use stylus::{Faults, TestStylus, library};
+use support::Bench;
+
+/// A stylus, and a folder with a library of about 100 KB.
+fn bench() -> (TestStylus, Bench, Vec<u8>) {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let bytes = library(1, 400, 3);
+    bench.write("a.lib", &bytes);
+    (stylus, bench, bytes)
+}
+
+fn upload(stylus: &TestStylus, bench: &Bench) -> Value {
+    let said = bench.succeed(&format!(
+        "upload a.lib --json --activate --link {}",
+        stylus.link()
+    ));
+    serde_json::from_str(&said).unwrap()
+}
+
+#[test]
+fn an_upload_goes_on_where_the_link_broke() {
+    let (stylus, bench, bytes) = bench();
+    stylus.fail(Faults {
+        close_every: Some(50),
+        ..Faults::default()
+    });
+    let report = upload(&stylus, &bench);
+    assert_eq!(report["bytes"], bytes.len());
+    let retries = report["retries"].as_u64().unwrap() as usize;
+    assert!(retries >= 3, "{report}");
+    assert_eq!(stylus.connections(), retries + 1);
+    // Each break costs no more than the chunk whose answer was lost.
+    let chunks = bytes.len().div_ceil(MAX_CHUNK_BYTES);
+    let sent = stylus.count("stylus/upload/chunk");
+    assert!(sent <= chunks + retries, "{sent} of {chunks}");
+}
+
+#[test]
+fn an_upload_that_was_killed_is_resumed_by_the_next() {
+    let (stylus, bench, bytes) = bench();
+    stylus.fail(Faults {
+        late: Duration::from_millis(5),
+        ..Faults::default()
+    });
+    let mut first = Command::new(env!("CARGO_BIN_EXE_stylus"))
+        .args(["upload", "a.lib", "--link", &stylus.link()])
+        .current_dir(bench.path(""))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let begin = Instant::now();
+    while stylus.count("stylus/upload/chunk") < 30 {
+        assert!(begin.elapsed() < Duration::from_secs(20), "no chunks come");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    first.kill().unwrap();
+    first.wait().unwrap();
+    stylus.fail(Faults::default());
+    let status = bench.succeed(&format!("status --link {}", stylus.link()));
+    assert!(status.contains("receiving into slot"), "{status}");
+    stylus.take_heard();
+    let report = upload(&stylus, &bench);
+    let resumed_from = report["resumed_from"].as_u64().unwrap() as usize;
+    assert!(resumed_from >= 29 * MAX_CHUNK_BYTES, "{report}");
+    let rest = (bytes.len() - resumed_from).div_ceil(MAX_CHUNK_BYTES);
+    assert_eq!(stylus.count("stylus/upload/chunk"), rest);
+}
+
+#[test]
+fn an_upload_whose_last_answer_was_lost_is_not_begun_again() {
+    let (stylus, bench, bytes) = bench();
+    let chunks = bytes.len().div_ceil(MAX_CHUNK_BYTES);
+    // Who it is, begin, the chunks, and the commit.
+    stylus.fail(Faults {
+        close_every: Some(chunks + 3),
+        ..Faults::default()
+    });
+    let report = upload(&stylus, &bench);
+    assert_eq!(
+        (&report["sequence"], &report["retries"]),
+        (&1.into(), &1.into())
+    );
+    assert_eq!(stylus.count("stylus/upload/begin"), 1);
+    assert_eq!(stylus.count("stylus/upload/commit"), 1);
+}
+
+#[test]
+fn answers_that_break_on_the_way_and_noise_between_them_do_no_harm() {
+    let (stylus, bench, bytes) = bench();
+    stylus.fail(Faults {
+        corrupt_every: Some(90),
+        noise: true,
+        ..Faults::default()
+    });
+    let said = bench.succeed(&format!(
+        "upload a.lib --json --timeout 0.4 --link {}",
+        stylus.link()
+    ));
+    let report: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(report["bytes"], bytes.len());
+    assert!(report["retries"].as_u64().unwrap() >= 1, "{report}");
+}
+
+#[test]
+fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
+    let (stylus, bench, _) = bench();
+    stylus.fail(Faults {
+        busy: true,
+        ..Faults::default()
+    });
+    let link = stylus.link();
+    let report = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(Duration::from_millis(700));
+            stylus.fail(Faults::default());
+        });
+        upload(&stylus, &bench)
+    });
+    assert_eq!(report["retries"], 0);
+    assert!(stylus.count("stylus/upload/begin") > 2);
+    stylus.fail(Faults {
+        busy: true,
+        ..Faults::default()
+    });
+    // Sixteen times as long as for other answers.
+    let message = bench.refuse(&format!("list --timeout 0.2 --link {link}"));
+    assert!(
+        message.contains("the device did not take its slots"),
+        "{message}"
+    );
+}
+
+#[test]
+fn an_upload_that_gets_nowhere_ends_with_the_reason() {
+    let (stylus, bench, _) = bench();
+    stylus.fail(Faults {
+        close_every: Some(2),
+        ..Faults::default()
+    });
+    let message = bench.refuse(&format!("upload a.lib --link {}", stylus.link()));
+    assert!(
+        message.contains("the link was lost: the other side closed it"),
+        "{message}"
+    );
+    assert_eq!(stylus.connections(), 5);
+}
+
+#[test]
+fn a_device_that_says_nothing_is_given_up_in_time() {
+    let (stylus, bench, _) = bench();
+    stylus.fail(Faults {
+        silent: true,
+        ..Faults::default()
+    });
+    let begin = Instant::now();
+    let message = bench.refuse(&format!("status --timeout 0.3 --link {}", stylus.link()));
+    assert!(
+        message.contains("no answer to who it is within 0.3 s"),
+        "{message}"
+    );
+    assert!(begin.elapsed() < Duration::from_secs(5));
+}
+
+#[test]
+fn an_answer_that_comes_too_late_is_no_answer_to_what_is_asked_next() {
+    use host_tools::link::{Device, LinkError, Patience};
+    let stylus = TestStylus::boot();
+    let address = stylus.link().parse().unwrap();
+    let patience = Patience::scaled_to(Duration::from_millis(400));
+    let device = Device::connect(&address, patience).unwrap();
+    stylus.fail(Faults {
+        late: Duration::from_millis(600),
+        ..Faults::default()
+    });
+    let failure = device.status().unwrap_err();
+    assert!(
+        matches!(
+            &failure,
+            LinkError::NoAnswer {
+                request: "the status",
+                ..
+            }
+        ),
+        "{failure}"
+    );
+    stylus.fail(Faults::default());
+    let first = device.status().unwrap().uptime_ms;
+    // The late answer is older than this one; it has come by now and is not taken for the next.
+    std::thread::sleep(Duration::from_millis(700));
+    let second = device.status().unwrap().uptime_ms;
+    assert!(second >= first + 600, "{first} {second}");
+}
+
+/// Makes a device another.
+type Disguise = fn(&mut DeviceInfo);
+
+/// What a user reads when the device says that it is `disguise`.
+fn said_to(disguise: Disguise, arguments: &str) -> String {
+    let (stylus, bench, _) = bench();
+    stylus.fail(Faults {
+        disguise: Some(disguise),
+        ..Faults::default()
+    });
+    let message = bench.refuse(&format!("{arguments} --link {}", stylus.link()));
+    // Nothing but who it is was asked.
+    let heard = stylus.take_heard();
+    assert!(heard.iter().all(|heard| heard.path == "stylus/info"));
+    message
+}
+
+#[test]
+fn of_two_versions_the_older_is_named_before_anything_is_asked() {
+    const DEVICE: &str = "the device's firmware is the older one: flash it anew";
+    const HOST: &str = "this program is the older one: build it anew";
+    let cases: [(Disguise, &str, &str); 6] = [
+        (|info| info.protocol_version -= 1, "status", DEVICE),
+        (|info| info.protocol_version += 1, "status", HOST),
+        (
+            |info| {
+                info.schema_hash ^= 1;
+                info.firmware_version = "0.0.1".try_into().unwrap();
+            },
+            "play --texture silk",
+            DEVICE,
+        ),
+        (
+            |info| {
+                info.schema_hash ^= 1;
+                info.firmware_version = "99.0.0".try_into().unwrap();
+            },
+            "list",
+            HOST,
+        ),
+        (
+            |info| info.library_format_version -= 1,
+            "upload a.lib",
+            DEVICE,
+        ),
+        (
+            |info| info.library_format_version += 1,
+            "upload a.lib",
+            HOST,
+        ),
+    ];
+    for (disguise, arguments, words) in cases {
+        let message = said_to(disguise, arguments);
+        assert!(message.contains(words), "{arguments}: {message}");
+    }
+    let same = said_to(|info| info.schema_hash ^= 1, "settings");
+    assert!(same.contains("from one version of the sources"), "{same}");
+}
+
+#[test]
+fn a_library_of_another_format_does_not_keep_the_rest_from_working() {
+    let (stylus, bench, _) = bench();
+    stylus.fail(Faults {
+        disguise: Some(|info| info.library_format_version += 1),
+        ..Faults::default()
+    });
+    bench.succeed(&format!("status --link {}", stylus.link()));
+    bench.succeed(&format!("stop --link {}", stylus.link()));
+}
+
+#[test]
+fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_and_later() {
+    let (stylus, bench, _) = bench();
+    upload(&stylus, &bench);
+    stylus.fail(Faults {
+        late: Duration::from_millis(100),
+        ..Faults::default()
+    });
+    let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
+        .args([
+            "play",
+            "--texture",
+            "texture 0",
+            "--speed",
+            "50",
+            "--force",
+            "1",
+        ])
+        .args(["--seconds", "2", "--json", "--link", &stylus.link()])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", support::text(&output.stderr));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    // Two answers of 100 ms at a time, each for 16 motions: at most 320 a second.
+    let motions = report["motions"].as_u64().unwrap();
+    assert!(motions <= 700, "{report}");
+    assert!(report["skipped"].as_u64().unwrap() > 0, "{report}");
+    // While motions wait, the device hears that the host is there.
+    assert!(report["keep_alives"].as_u64().unwrap() > 0, "{report}");
+}

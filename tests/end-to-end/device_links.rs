@@ -1,0 +1,131 @@
+//! The ways to a stylus: a serial port, TCP, USB; and what is said where there is none.
+
+#[path = "support/stylus/mod.rs"]
+mod stylus;
+mod support;
+
+use std::process::Command;
+
+use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
+use stylus::TestStylus;
+use support::{Bench, text};
+
+/// A pseudo-terminal in front of a stylus; its other end is a serial port like any.
+#[cfg(unix)]
+mod port {
+    use std::time::Duration;
+
+    use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+    use tokio::net::TcpStream;
+    use tokio::runtime::Runtime;
+    use tokio_serial::{SerialPort, SerialStream};
+
+    /// Bytes go both ways until it is dropped.
+    pub struct Port {
+        pub name: String,
+        /// Our own hold of the port.
+        pub held: Option<SerialStream>,
+        _runtime: Runtime,
+    }
+
+    pub fn before(tcp_port: u16) -> Port {
+        let runtime = Runtime::new().expect("it needs nothing");
+        let (master, slave) = {
+            let _within = runtime.enter();
+            SerialStream::pair().expect("there are pseudo-terminals")
+        };
+        let stream = runtime.block_on(TcpStream::connect(("127.0.0.1", tcp_port)));
+        let (from_stylus, to_stylus) = stream.expect("the stylus listens").into_split();
+        let (from_host, to_host) = tokio::io::split(master);
+        runtime.spawn(pump(from_stylus, to_host));
+        runtime.spawn(pump(from_host, to_stylus));
+        Port {
+            name: slave.name().expect("it has one"),
+            held: Some(slave),
+            _runtime: runtime,
+        }
+    }
+
+    async fn pump(mut from: impl AsyncRead + Unpin, mut to: impl AsyncWrite + Unpin) {
+        let mut buffer = [0; 1024];
+        loop {
+            match from.read(&mut buffer).await {
+                Ok(0) => return,
+                Ok(count) if to.write_all(&buffer[..count]).await.is_err() => return,
+                Ok(_) => {}
+                // A terminal whose other end nobody has open.
+                Err(_) => tokio::time::sleep(Duration::from_millis(5)).await,
+            }
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_serial_port_carries_what_tcp_carries() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let mut port = port::before(stylus.port());
+    port.held = None;
+    let name = &port.name;
+    bench.write("a.lib", stylus::library(1, 50, 1));
+    let uploaded = bench.succeed(&format!("upload a.lib --activate --link serial:{name}"));
+    assert!(uploaded.contains("read back"), "{uploaded}");
+    let status = bench.succeed(&format!("status --link serial:{name}"));
+    assert!(status.contains("slot A, checksum"), "{status}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_port_that_another_program_uses_is_said_to_be_in_use() {
+    let stylus = TestStylus::boot();
+    let mut port = port::before(stylus.port());
+    let held = port.held.as_mut().expect("it is held from the beginning");
+    held.set_exclusive(true).unwrap();
+    let message = Bench::new().refuse(&format!("status --link serial:{}", port.name));
+    assert!(message.contains("in use by another program"), "{message}");
+}
+
+#[test]
+fn the_environment_names_the_link_unless_the_command_does() {
+    let stylus = TestStylus::boot();
+    let run = |arguments: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_stylus"))
+            .args(arguments)
+            .env("STYLUS_LINK", stylus.link())
+            .output()
+            .unwrap()
+    };
+    assert!(run(&["status"]).status.success());
+    let other = run(&["status", "--link", "tcp:127.0.0.1:1"]);
+    assert_eq!(other.status.code(), Some(2));
+    assert!(text(&other.stderr).contains("nothing listens there"));
+}
+
+#[test]
+fn where_there_is_no_device_one_line_says_so() {
+    let bench = Bench::new();
+    for (link, words) in [
+        ("serial:/dev/no-such-port", "there is no such port"),
+        ("serial:/dev/null", "is it a serial port?"),
+        ("tcp:127.0.0.1:1", "nothing listens there"),
+        ("tcp:no-such-host.invalid:4000", "cannot be opened"),
+        // Where a stylus is plugged in, it does not have this number.
+        ("usb:no-such-serial", "on USB"),
+    ] {
+        let message = bench.refuse(&format!("status --link {link}"));
+        assert!(message.contains(words), "{link}: {message}");
+    }
+    let output = bench.run("status --link bluetooth:stylus");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("tcp:HOST:PORT"));
+}
+
+#[test]
+fn the_udev_rule_is_for_the_device_that_the_protocol_names() {
+    let rules = include_str!("../../host-tools/70-stylus.rules");
+    let device = format!(
+        "ATTR{{idVendor}}==\"{USB_VENDOR_ID:04x}\", ATTR{{idProduct}}==\"{USB_PRODUCT_ID:04x}\""
+    );
+    let rule = rules.lines().find(|line| line.contains(&device));
+    assert!(rule.is_some_and(|rule| rule.contains("TAG+=\"uaccess\"")));
+}

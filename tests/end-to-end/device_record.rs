@@ -1,0 +1,332 @@
+//! Recording from a stylus: what was on the pins is in the set, holes are not, and a fit reads it.
+
+#[path = "support/stylus/mod.rs"]
+mod stylus;
+mod support;
+
+use std::io::Write;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use model_format::AdcCode;
+use serde_json::Value;
+use stylus::{Faults, Hand, TestStylus};
+use support::{Bench, all_pole, noise, text};
+
+/// Default scale of the accelerometer, m/s² per V.
+const SCALE: f64 = 29.72;
+
+/// A hand over a surface whose vibration is autoregressive.
+fn hand(speed_mm_s: f64, force_n: f64) -> Hand {
+    let seed = (speed_mm_s * 10.0 + force_n) as u64;
+    let vibration = all_pole(&[-1.2, 0.7], &noise(seed, 25_000));
+    let code = |x: f64| (32_768.0 + 900.0 * x).round().clamp(0.0, 65_535.0) as u16;
+    let codes = vibration
+        .iter()
+        .map(|&x| [code(x), code(0.5 * x), code(-0.3 * x)]);
+    Hand {
+        speed_mm_s,
+        force_n,
+        acceleration: codes.collect(),
+    }
+}
+
+fn report(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("a report")
+}
+
+fn record(stylus: &TestStylus, bench: &Bench, arguments: &str) -> Output {
+    bench.run(&format!(
+        "record set {arguments} --json --link {}",
+        stylus.link()
+    ))
+}
+
+fn spawn(stylus: &TestStylus, bench: &Bench, arguments: &str) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_stylus"))
+        .args(["record", "set", "--json", "--link", &stylus.link()])
+        .args(arguments.split_whitespace())
+        .current_dir(bench.path(""))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command starts")
+}
+
+fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !is_there() {
+        assert!(
+            begin.elapsed() < Duration::from_secs(20),
+            "{what} did not come"
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// The trial's samples, m/s², as a fit reads them.
+fn samples(bench: &Bench, trial: usize) -> Vec<Vec<f64>> {
+    let set = host_tools::recording::RecordingSet::open(&[bench.path("set")]).unwrap();
+    host_tools::recording::read(&set.trials[trial])
+        .unwrap()
+        .axes
+}
+
+#[test]
+fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    for (speed, force) in [(120.0, 1.0), (60.0, 1.0), (60.0, 0.5)] {
+        let hand = hand(speed, force);
+        stylus.set_hand(hand.clone());
+        let arguments = format!("--texture silk --speeds {speed} --forces {force} --yes");
+        let report = report(&record(&stylus, &bench, &arguments));
+        let row = &report["recorded"][0];
+        assert_eq!(row["verdicts"], serde_json::json!([]), "{row}");
+        assert!(
+            (row["level"]["speed_mm_s"].as_f64().unwrap() - speed).abs() < 0.5,
+            "{row}"
+        );
+        assert!(
+            (row["level"]["force_n"].as_f64().unwrap() - force).abs() < 0.01,
+            "{row}"
+        );
+        assert_eq!(
+            (report["lost_blocks"].as_u64(), row["holes"].as_u64()),
+            (Some(0), Some(0))
+        );
+
+        let trial = bench.path("set/trials.csv");
+        let trials = std::fs::read_to_string(trial).unwrap().lines().count() - 2;
+        let axes = samples(&bench, trials);
+        assert_eq!(axes[0].len(), 10_000);
+        // Where in the signal's loop the recording began is the clock's matter.
+        let codes: Vec<[i64; 3]> = (0..10_000)
+            .map(|n| {
+                let code = |axis: usize| {
+                    let volts = axes[axis][n] / SCALE;
+                    (volts / f64::from(AdcCode::STEP.0)).round() as i64 + 32_768
+                };
+                [code(0), code(1), code(2)]
+            })
+            .collect();
+        let pins: Vec<[i64; 3]> = hand
+            .acceleration
+            .iter()
+            .map(|codes| codes.map(i64::from))
+            .collect();
+        let looped: Vec<[i64; 3]> = pins.iter().chain(&pins).copied().collect();
+        let begins = (0..pins.len()).find(|&at| looped[at..at + 10_000] == codes[..]);
+        assert!(
+            begins.is_some(),
+            "the recording is not a stretch of what was on the pins"
+        );
+    }
+    let fitted = bench.succeed("fit set --out silk.lib --order 10");
+    assert!(fitted.contains("3 trials -> silk.lib"), "{fitted}");
+}
+
+#[test]
+fn trials_that_are_there_are_not_recorded_again_unless_asked() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    stylus.set_hand(hand(100.0, 1.0));
+    let first = "--texture silk --speeds 100 --forces 1 --seconds 0.4 --settle 0 --yes";
+    report(&record(&stylus, &bench, first));
+    stylus.take_heard();
+    let both = "--texture silk --speeds 100,200 --forces 1 --seconds 0.4 --settle 0 --yes";
+    let second = report(&record(&stylus, &bench, both));
+    assert_eq!(second["already_there"], 1);
+    assert_eq!(second["recorded"].as_array().unwrap().len(), 1);
+    assert_eq!(stylus.count("stylus/record/start"), 1);
+    // The hand is not as fast as it should be, and that is told.
+    let verdicts = second["recorded"][0]["verdicts"].to_string();
+    assert!(verdicts.contains("instead of 200 mm/s"), "{verdicts}");
+    let before = samples(&bench, 0);
+    let again = report(&record(
+        &stylus,
+        &bench,
+        &format!("{first} --again --scale 10"),
+    ));
+    assert_eq!(again["recorded"].as_array().unwrap().len(), 1);
+    let list = std::fs::read_to_string(bench.path("set/trials.csv")).unwrap();
+    assert_eq!(list.lines().count(), 3, "{list}");
+    assert_ne!(samples(&bench, 0), before);
+}
+
+#[test]
+fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    stylus.set_hand(hand(100.0, 1.0));
+    // A stretch of 63 blocks; the 40th does not arrive.
+    stylus.fail(Faults {
+        lose_block_every: Some(40),
+        ..Faults::default()
+    });
+    let arguments = "--texture silk --speeds 100 --forces 1 --settle 0 --yes";
+    let failed = record(&stylus, &bench, &format!("{arguments} --seconds 0.4"));
+    assert_eq!(failed.status.code(), Some(2));
+    let message = text(&failed.stderr);
+    assert!(
+        message.contains("without a hole") && message.contains("on the link"),
+        "{message}"
+    );
+    assert!(!bench.path("set/trials.csv").exists());
+    let report = report(&record(
+        &stylus,
+        &bench,
+        &format!("{arguments} --seconds 0.24"),
+    ));
+    let row = &report["recorded"][0];
+    // 38 blocks fit between two holes, but not always before the first.
+    assert!(row["holes"].as_u64().unwrap() <= 2, "{row}");
+    assert_eq!(samples(&bench, 0)[0].len(), 1200);
+}
+
+#[test]
+fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    stylus.set_hand(hand(100.0, 1.0));
+    let child = spawn(
+        &stylus,
+        &bench,
+        "--texture silk --speeds 100 --forces 1 --yes",
+    );
+    wait_for("the recording", || stylus.count("stylus/record/start") > 0);
+    std::thread::sleep(Duration::from_millis(300));
+    stylus.lose_samples(100);
+    let report = report(&child.wait_with_output().unwrap());
+    let row = &report["recorded"][0];
+    let lost = row["loss"]["in_device"].as_u64().unwrap();
+    assert!((4..=5).contains(&lost), "{row}");
+    assert_eq!(
+        (&row["loss"]["on_link"], &row["holes"]),
+        (&0.into(), &1.into()),
+        "{row}"
+    );
+    assert_eq!(report["lost_blocks"], lost);
+}
+
+#[test]
+fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    stylus.set_hand(hand(100.0, 1.0));
+    bench.write(
+        "points.csv",
+        "texture,speed_mm_s,force_n\nsilk,100,1\nsilk,200,1\nfelt,100,1\nfelt,50,1\nfelt,40,1\n",
+    );
+    let mut child = spawn(
+        &stylus,
+        &bench,
+        "--trials points.csv --seconds 0.5 --settle 0",
+    );
+    let mut keyboard = child.stdin.take().unwrap();
+    // The first is good; the second too slow: again, then kept; the third is left out; at the fourth it ends.
+    keyboard.write_all(b"\n\nr\n\n\ns\nq\n").unwrap();
+    let output = child.wait_with_output().unwrap();
+    let said = text(&output.stderr);
+    let report = report(&output);
+    assert_eq!(report["recorded"].as_array().unwrap().len(), 2, "{said}");
+    assert_eq!(report["left_out"], 3);
+    assert_eq!(stylus.count("stylus/record/start"), 3);
+    assert!(
+        said.contains("[2/5] silk, 200 mm/s, 1 N") && said.contains("instead of 200 mm/s"),
+        "{said}"
+    );
+    let set = host_tools::recording::RecordingSet::open(&[bench.path("set")]).unwrap();
+    let listed: Vec<f64> = set.trials.iter().map(|trial| trial.speed_mm_s).collect();
+    assert_eq!(listed, [100.0, 200.0]);
+    // Another day: one is left out, one is kept for want of a better one, and that is all.
+    let mut child = spawn(
+        &stylus,
+        &bench,
+        "--trials points.csv --seconds 0.5 --settle 0",
+    );
+    let mut keyboard = child.stdin.take().unwrap();
+    keyboard.write_all(b"s\n\nq\n").unwrap();
+    let second = self::report(&child.wait_with_output().unwrap());
+    assert_eq!(second["already_there"], 2);
+    assert_eq!(second["recorded"][0]["speed_mm_s"], 50.0);
+    assert_eq!(second["left_out"], 2);
+}
+
+#[test]
+fn triage_judges_each_trial_when_it_is_there() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let clipped = |(index, codes): (usize, [u16; 3])| {
+        let top = if (index / 20).is_multiple_of(2) {
+            65_535
+        } else {
+            codes[0]
+        };
+        [top, codes[1], codes[2]]
+    };
+    let good = hand(100.0, 1.0);
+    let loud = good
+        .acceleration
+        .iter()
+        .copied()
+        .enumerate()
+        .map(clipped)
+        .collect();
+    for (texture, acceleration, word) in [
+        ("still", vec![[32_768; 3]], "silent"),
+        ("loud", loud, "clipped"),
+    ] {
+        stylus.set_hand(Hand {
+            acceleration,
+            ..good.clone()
+        });
+        let arguments = format!("--texture {texture} --speeds 100 --forces 1 --yes");
+        let report = report(&record(&stylus, &bench, &arguments));
+        let verdicts = report["recorded"][0]["verdicts"].to_string();
+        assert!(verdicts.contains(word), "{texture}: {verdicts}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    stylus.set_hand(hand(100.0, 1.0));
+    let child = spawn(
+        &stylus,
+        &bench,
+        "--texture silk --speeds 100 --forces 1 --seconds 60 --yes",
+    );
+    wait_for("the recording", || stylus.count("stylus/record/start") > 0);
+    let killed = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(killed.unwrap().success());
+    let report = report(&child.wait_with_output().unwrap());
+    assert_eq!(
+        (&report["left_out"], &report["recorded"]),
+        (&1.into(), &Value::Array(vec![]))
+    );
+    assert!(!bench.path("set/trials.csv").exists());
+    let status = bench.succeed(&format!("status --json --link {}", stylus.link()));
+    let status: Value = serde_json::from_str(&status).unwrap();
+    assert_eq!(status["status"]["record"]["recording"], false);
+}
+
+#[test]
+fn a_recording_that_was_left_running_is_stopped_by_stop() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    stylus.set_hand(hand(100.0, 1.0));
+    let mut child = spawn(
+        &stylus,
+        &bench,
+        "--texture silk --speeds 100 --forces 1 --seconds 60 --yes",
+    );
+    wait_for("the recording", || stylus.count("stylus/record/start") > 0);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let arguments = "--texture silk --speeds 100 --forces 1 --yes";
+    let refused = record(&stylus, &bench, arguments);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("a recording is under way: stop it first"));
+    let stopped = bench.succeed(&format!("stop --link {}", stylus.link()));
+    assert!(stopped.contains("stopped recording"), "{stopped}");
+    report(&record(&stylus, &bench, arguments));
+}

@@ -1,0 +1,131 @@
+//! The board: the part, its crystals and its rail, and what hangs on the serial line.
+
+use std::num::NonZeroU64;
+use std::path::Path;
+
+use rigless::chip::uart::{Peer, TcpPeer};
+use rigless::image::Image;
+use rigless::machine::stm32h743_bench::Stm32h743Bench;
+use rigless::machine::{Board, Target};
+use rigless::mcu::Mcu;
+use rigless::snapshot::Store;
+use rigless::soc::stm32h743::peripherals::usart;
+
+use crate::core::{self, Auditor};
+use crate::error::{Error, Result};
+use crate::model::adc::Pins;
+use crate::model::flash::Unreadable;
+use crate::part::Part;
+use crate::serial::Line;
+
+const NAME: &str = "virtual-stylus";
+/// The NUCLEO-H743ZI2: 8 MHz from the probe, 32.768 kHz, 3.3 V.
+const HIGH_SPEED_HZ: u64 = 8_000_000;
+const LOW_SPEED_HZ: u64 = 32_768;
+const RAIL_MILLIVOLTS: u32 = 3300;
+const SERIAL: &str = "USART3";
+/// What the part's maker put into every part (section 61.1): 96 bits of its own.
+const UNIQUE_ID_ADDRESS: u64 = 0x1FF1_E800;
+const UNIQUE_ID: &[u8; 12] = b"VIRTUAL-0001";
+
+/// The board.
+#[derive(Debug)]
+pub struct StylusBoard {
+    /// The part.
+    pub part: Part,
+    serial: usize,
+    instructions_per_second: NonZeroU64,
+    unreadable: Unreadable,
+    auditor: Auditor,
+}
+
+impl StylusBoard {
+    /// The board with `pins` at its converter, and a core that retires `instructions_per_second`.
+    ///
+    /// # Errors
+    /// The emulator's description of the part does not fit the models.
+    pub fn new(
+        pins: Box<dyn Pins>,
+        instructions_per_second: NonZeroU64,
+        unreadable: Unreadable,
+        auditor: Auditor,
+    ) -> Result<Self> {
+        let told = |error: rigless::soc::Error| Error::Emulator(error.to_string());
+        let mut part = Part::new(pins, unreadable.clone()).map_err(told)?;
+        part.rest.rcc.attach_crystals(HIGH_SPEED_HZ, LOW_SPEED_HZ);
+        part.rest.set_supply(RAIL_MILLIVOLTS);
+        part.rest.set_analog_supply(RAIL_MILLIVOLTS);
+        let serial = usart::INSTANCES.iter().position(|&name| name == SERIAL);
+        let serial = serial.ok_or_else(|| Error::Emulator(format!("the part has no {SERIAL}")))?;
+        part.rest.usart[serial].attach(Line::default());
+        Ok(Self {
+            part,
+            serial,
+            instructions_per_second,
+            unreadable,
+            auditor,
+        })
+    }
+
+    /// The far end of the serial line, while it is in this process.
+    pub fn line(&mut self) -> Option<&mut Line> {
+        self.part.rest.usart[self.serial].chip_mut::<Line>()
+    }
+
+    /// Hangs a socket that listens on `port` of the loopback interface on the serial line, in place of what was there.
+    ///
+    /// # Errors
+    /// The port cannot be listened on.
+    pub fn listen(&mut self, port: u16) -> Result<u16> {
+        let told = |error: std::io::Error| Error::Port {
+            port,
+            reason: error.to_string(),
+        };
+        let peer = TcpPeer::listen(port).map_err(told)?;
+        let port = peer.port().map_err(told)?;
+        self.part.rest.usart[self.serial].attach(peer);
+        Ok(port)
+    }
+}
+
+// Runs start from reset, never from a snapshot.
+impl Store for StylusBoard {}
+
+impl Board for StylusBoard {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn target_names(&self) -> Vec<&'static str> {
+        vec![NAME]
+    }
+
+    fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
+        (target == 0).then_some(&mut self.part)
+    }
+
+    /// The part's core as the emulator's own board for it describes it, at our rate.
+    fn targets(&mut self) -> Vec<Target<'_>> {
+        let mut bench =
+            Stm32h743Bench::new().expect("the emulator's own board is one of its own parts");
+        let mut core = bench.targets().swap_remove(0).core;
+        core.instructions_per_second = self.instructions_per_second;
+        let unique_id = Image::new(
+            Path::new("unique-id"),
+            UNIQUE_ID.to_vec(),
+            Some(UNIQUE_ID_ADDRESS),
+        );
+        core.factory_images
+            .push(unique_id.expect("bytes with an address make an image"));
+        core::wrap(&mut core, self.unreadable.clone(), self.auditor.clone());
+        vec![Target::new(NAME, &mut self.part, core)]
+    }
+
+    fn attach_host(&mut self, name: &str, peer: Box<dyn Peer>) -> bool {
+        let ours = name == SERIAL;
+        if ours {
+            self.part.rest.usart[self.serial].attach_boxed(peer);
+        }
+        ours
+    }
+}

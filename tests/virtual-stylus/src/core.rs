@@ -1,0 +1,421 @@
+//! The core, with what the flash does to its reads around it, and a way to look at a tick instruction by instruction.
+//!
+//! The emulator's core reads flash as plain memory. Here pages with words that cannot be read go over the bus, where a
+//! read of such a word is a bus error, as section 4.7.8 has it: a precise bus fault.
+
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rigless::emulator::{
+    Access, AccessKind, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall,
+    InterruptLine, Processor, Queued,
+};
+use rigless::soc::{Endian, Width};
+use rigless::time::VirtualNanos;
+
+use crate::model::flash::{BASE, BYTES, Unreadable};
+
+const FLASH: std::ops::Range<u64> = BASE as u64..BASE as u64 + BYTES as u64;
+/// The program status register as GDB numbers it; its low nine bits are the exception under way.
+const STATUS_REGISTER: usize = 16;
+const EXCEPTION: u32 = 0x1FF;
+/// As many places as a report needs to find the code.
+const PLACES_KEPT: usize = 16;
+
+/// What one run through the tick's handler did, instruction by instruction.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Audit {
+    /// Instructions from the handler's first to the one that returns, both counted.
+    pub instructions: u64,
+    /// Where the instruction is that returned.
+    pub exit: u64,
+    /// Instructions fetched from flash.
+    pub flash_fetches: u64,
+    /// Loads from flash.
+    pub flash_reads: u64,
+    /// The first of those instructions, each once.
+    pub places: Vec<u64>,
+}
+
+impl Audit {
+    fn place(&mut self, address: u64) {
+        if self.places.len() < PLACES_KEPT && !self.places.contains(&address) {
+            self.places.push(address);
+        }
+    }
+}
+
+#[derive(Debug, Default)]
+enum Asked {
+    #[default]
+    Nothing,
+    Running(Audit),
+    Done(Audit),
+}
+
+/// Asks the core for an audit, and takes its outcome.
+#[derive(Clone, Debug, Default)]
+pub struct Auditor(Arc<Mutex<Asked>>);
+
+impl Auditor {
+    fn asked(&self) -> MutexGuard<'_, Asked> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// From the next instruction on, until the exception under way returns.
+    pub fn begin(&self) {
+        *self.asked() = Asked::Running(Audit::default());
+    }
+
+    /// Whether one is under way.
+    pub fn running(&self) -> bool {
+        matches!(*self.asked(), Asked::Running(_))
+    }
+
+    /// The outcome, once.
+    pub fn take(&self) -> Option<Audit> {
+        let mut asked = self.asked();
+        match std::mem::take(&mut *asked) {
+            Asked::Done(audit) => Some(audit),
+            other => {
+                *asked = other;
+                None
+            }
+        }
+    }
+}
+
+/// Puts this core around the one that `spec` makes.
+pub fn wrap(spec: &mut CoreSpec, unreadable: Unreadable, auditor: Auditor) {
+    let make = Arc::clone(&spec.processor);
+    spec.processor = Arc::new(move |endian| {
+        Ok(Box::new(Core {
+            inner: make(endian)?,
+            unreadable: unreadable.clone(),
+            seen_changes: None,
+            auditor: auditor.clone(),
+            auditing: None,
+            routed: BTreeSet::new(),
+        }))
+    });
+}
+
+#[derive(Debug)]
+struct Core {
+    inner: Box<dyn Processor>,
+    unreadable: Unreadable,
+    seen_changes: Option<u64>,
+    auditor: Auditor,
+    /// The exception that is being audited.
+    auditing: Option<u32>,
+    /// Pages that go over the bus.
+    routed: BTreeSet<u64>,
+}
+
+impl Core {
+    /// Sends over the bus what has to be seen there: pages with unreadable words, and all of the flash during an audit.
+    fn route(&mut self) {
+        let page = self.inner.page_size();
+        let wanted: BTreeSet<u64> = if self.auditing.is_some() {
+            FLASH.step_by(page as usize).collect()
+        } else {
+            let words = self.unreadable.words();
+            words
+                .iter()
+                .map(|&word| u64::from(word) & !(page - 1))
+                .collect()
+        };
+        for &address in wanted.difference(&self.routed) {
+            self.inner.ask(Queued::Route(address));
+        }
+        for &address in self.routed.difference(&wanted) {
+            self.inner.ask(Queued::Unroute(address));
+        }
+        self.routed = wanted;
+    }
+
+    fn exception(&self) -> u32 {
+        let bytes = self.inner.gdb_register(STATUS_REGISTER).unwrap_or_default();
+        bytes
+            .first_chunk()
+            .map_or(0, |bytes| u32::from_le_bytes(*bytes) & EXCEPTION)
+    }
+
+    fn step(&mut self, exception: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let at = self.inner.pc();
+        let mut seen = Seen {
+            bus,
+            unreadable: &self.unreadable,
+            changes: None,
+            flash_reads: 0,
+        };
+        let (exit, retired) = self.inner.run(1, &mut seen);
+        let flash_reads = seen.flash_reads;
+        let left = self.exception() != exception;
+        let mut asked = self.auditor.asked();
+        if let Asked::Running(audit) = &mut *asked {
+            audit.instructions += retired;
+            audit.flash_reads += flash_reads;
+            let fetched = retired != 0 && FLASH.contains(&at);
+            audit.flash_fetches += u64::from(fetched);
+            if fetched || flash_reads != 0 {
+                audit.place(at);
+            }
+            if left {
+                audit.exit = at;
+                let done = std::mem::take(audit);
+                *asked = Asked::Done(done);
+            }
+        }
+        drop(asked);
+        if left {
+            self.auditing = None;
+            self.route();
+        }
+        (
+            if exit == Exit::Budget {
+                Exit::Returned
+            } else {
+                exit
+            },
+            retired,
+        )
+    }
+}
+
+/// The bus, with the flash's reads looked at on their way.
+struct Seen<'a> {
+    bus: &'a mut dyn CoreBus,
+    unreadable: &'a Unreadable,
+    /// How often the unreadable words had changed as the stretch began; `None` for a stretch that is not to go on.
+    changes: Option<u64>,
+    flash_reads: u64,
+}
+
+impl CoreBus for Seen<'_> {
+    fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
+        if access.kind == AccessKind::Read && FLASH.contains(&access.address) {
+            self.flash_reads += 1;
+            if self
+                .unreadable
+                .fails(access.address as u32, access.width.bytes())
+            {
+                return None;
+            }
+        }
+        self.bus.access(access, from_code)
+    }
+
+    fn time(&self, instructions: u64) -> VirtualNanos {
+        self.bus.time(instructions)
+    }
+
+    fn queued(&mut self) -> Vec<Queued> {
+        self.bus.queued()
+    }
+
+    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
+        // A word that a model has just marked has to be routed before the core goes on.
+        if Some(self.unreadable.changes()) == self.changes {
+            self.bus.carry_on(instructions, event)
+        } else {
+            None
+        }
+    }
+
+    fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
+        self.bus.acknowledge(line, instructions)
+    }
+
+    fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
+        self.bus.read_checked(access, report)
+    }
+
+    fn write_checked(&mut self, access: Access) -> Option<bool> {
+        self.bus.write_checked(access)
+    }
+
+    fn stops_before(&mut self, access: &Access) -> bool {
+        self.bus.stops_before(access)
+    }
+
+    fn send_trace(&mut self, bytes: &[u8]) {
+        self.bus.send_trace(bytes);
+    }
+}
+
+impl Processor for Core {
+    fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let changes = self.unreadable.changes();
+        if self.auditing.is_none() && self.auditor.running() {
+            self.auditing = Some(self.exception());
+            self.route();
+        } else if self.seen_changes != Some(changes) {
+            self.seen_changes = Some(changes);
+            self.route();
+        }
+        if let Some(exception) = self.auditing {
+            return self.step(exception, bus);
+        }
+        let mut seen = Seen {
+            bus,
+            unreadable: &self.unreadable,
+            changes: Some(changes),
+            flash_reads: 0,
+        };
+        self.inner.run(budget, &mut seen)
+    }
+
+    fn retired(&self) -> u64 {
+        self.inner.retired()
+    }
+
+    fn ask(&mut self, queued: Queued) {
+        self.inner.ask(queued);
+    }
+
+    fn maps(&self, start: u64, length: u64) -> bool {
+        self.inner.maps(start, length)
+    }
+
+    fn page_size(&self) -> u64 {
+        self.inner.page_size()
+    }
+
+    #[expect(
+        unsafe_code,
+        reason = "the emulator's trait hands memory over by pointer; here it is only passed on"
+    )]
+    unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
+        // SAFETY: the caller promises this method what the inner one's caller has to promise, and the inner processor is
+        // dropped with this one, so every promise that lasts until the drop lasts long enough.
+        unsafe { self.inner.map(start, length, host, writable) }
+    }
+
+    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
+        self.inner.boot(table, read);
+    }
+
+    fn reset(&mut self) {
+        self.inner.reset();
+        self.auditing = None;
+        if self.auditor.running() {
+            *self.auditor.asked() = Asked::Nothing;
+        }
+        self.seen_changes = None;
+    }
+
+    fn take_reset_request(&mut self) -> bool {
+        self.inner.take_reset_request()
+    }
+
+    fn next_event(&self) -> Option<VirtualNanos> {
+        self.inner.next_event()
+    }
+
+    fn on_event(&mut self, now: VirtualNanos) {
+        self.inner.on_event(now);
+    }
+
+    fn waiting(&self) -> bool {
+        self.inner.waiting()
+    }
+
+    fn pc(&self) -> u64 {
+        self.inner.pc()
+    }
+
+    fn add_breakpoint(&mut self, address: u64) -> bool {
+        self.inner.add_breakpoint(address)
+    }
+
+    fn remove_breakpoint(&mut self, address: u64) {
+        self.inner.remove_breakpoint(address);
+    }
+
+    fn pass_breakpoint(&mut self, address: u64) {
+        self.inner.pass_breakpoint(address);
+    }
+
+    fn attach_debugger(&mut self, attached: bool) {
+        self.inner.attach_debugger(attached);
+    }
+
+    fn hold_interrupts(&mut self, held: bool) {
+        self.inner.hold_interrupts(held);
+    }
+
+    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
+        self.inner.gdb_register(number)
+    }
+
+    fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
+        self.inner.set_gdb_register(number, bytes)
+    }
+
+    fn debugger_access(
+        &mut self,
+        write: Option<u64>,
+        address: u64,
+        width: Width,
+        now: VirtualNanos,
+    ) -> Option<u64> {
+        self.inner.debugger_access(write, address, width, now)
+    }
+
+    fn take_debugger_trace(&mut self) -> Vec<u8> {
+        self.inner.take_debugger_trace()
+    }
+
+    fn target_xml(&self) -> &'static str {
+        self.inner.target_xml()
+    }
+
+    fn data_model(&self) -> DataModel {
+        self.inner.data_model()
+    }
+
+    fn byte_order(&self, address: u64) -> Endian {
+        self.inner.byte_order(address)
+    }
+
+    fn save(&self) -> Vec<u8> {
+        self.inner.save()
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.inner.load(bytes)
+    }
+
+    fn monitor_command(&mut self, command: &str) -> Option<String> {
+        self.inner.monitor_command(command)
+    }
+
+    fn debugger_halted(&mut self, why: HaltReason) -> bool {
+        self.inner.debugger_halted(why)
+    }
+
+    fn bit_alias(&self, address: u64, width: Width) -> Option<rigless::emulator::BitAlias> {
+        self.inner.bit_alias(address, width)
+    }
+
+    fn own_ranges(&self) -> Vec<std::ops::Range<u64>> {
+        self.inner.own_ranges()
+    }
+
+    fn check_reads(&mut self, every: bool) {
+        self.inner.check_reads(every);
+    }
+
+    fn check_words(&mut self, words: &[u64]) {
+        self.inner.check_words(words);
+    }
+
+    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
+        self.inner.host_call(read)
+    }
+
+    fn answer_host_call(&mut self, answer: Option<u64>) {
+        self.inner.answer_host_call(answer);
+    }
+}

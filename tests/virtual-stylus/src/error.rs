@@ -1,0 +1,51 @@
+//! What can go wrong with a run.
+
+use std::path::PathBuf;
+
+/// What can go wrong with a run.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The image could not be read or placed.
+    #[error("{path}: {reason}; name the ELF file that `cargo firmware` builds")]
+    Image {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The kept contents of the flash could not be read or written.
+    #[error("{path}: {reason}; name another file, or leave it out to start with an erased flash")]
+    FlashFile {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// A motion cannot be used.
+    #[error("motion {0}")]
+    Motion(String),
+    /// The serial line's socket could not be opened.
+    #[error("port {port}: {reason}; name another one")]
+    Port {
+        /// The port asked for.
+        port: u16,
+        /// Why.
+        reason: String,
+    },
+    /// The emulator stopped by itself.
+    #[error("the emulator stopped: {0}")]
+    Emulator(String),
+    /// The power was cut at a flash operation, as asked, and the run is over.
+    #[error(
+        "the power is off since {at_ns} ns, at flash operation {operation}; start another run with what the flash holds"
+    )]
+    PowerCut {
+        /// When.
+        at_ns: u64,
+        /// The number of the operation, from 1.
+        operation: u64,
+    },
+}
+
+/// The outcome of what can go wrong.
+pub type Result<T> = std::result::Result<T, Error>;

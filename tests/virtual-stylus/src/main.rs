@@ -1,0 +1,232 @@
+//! The virtual stylus by hand: the flashed image on an emulated part, with its serial line on a socket.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use virtual_stylus::model::adc::Pins;
+use virtual_stylus::model::dac::Output;
+use virtual_stylus::model::flash::Contents;
+use virtual_stylus::motion::{Motion, MotionLine, read_csv};
+use virtual_stylus::pins::{FunctionPins, MID_SCALE};
+use virtual_stylus::tick::TickStatistics;
+use virtual_stylus::{Options, Report, ResetCause, VirtualStylus};
+
+/// How far the run goes between two looks at the wall clock.
+const STEP_NS: u64 = 1_000_000;
+const NANOS_PER_SECOND: f64 = 1e9;
+const REFERENCE_VOLTS: f64 = 3.3;
+const FULL_SCALE: f64 = 65_535.0;
+
+/// Runs the stylus's image, unmodified, on an emulated STM32H743 in virtual time
+#[derive(Parser)]
+#[command(name = "virtual-stylus", version)]
+struct Arguments {
+    /// The ELF file that `cargo firmware` built
+    #[arg(long)]
+    image: PathBuf,
+    /// Stop after this many seconds of virtual time; without it, run until interrupted
+    #[arg(long)]
+    seconds: Option<f64>,
+    /// Put the serial line on this port of the loopback interface (0: any), for `stylus --link tcp:127.0.0.1:PORT`
+    #[arg(long)]
+    port: Option<u16>,
+    /// Keep what the flash holds in this file, from run to run
+    #[arg(long)]
+    flash: Option<PathBuf>,
+    /// Move the tool as this file says: time_s,speed_mm_s,force_n
+    #[arg(long)]
+    motion: Option<PathBuf>,
+    /// Millimetres a count of the encoder
+    #[arg(long, default_value_t = 0.01)]
+    mm_per_count: f64,
+    /// The converter's channel that the force sensor is at
+    #[arg(long, default_value_t = 5)]
+    force_channel: u8,
+    /// Volts of the force sensor without force
+    #[arg(long, default_value_t = 0.0)]
+    force_zero_volts: f64,
+    /// Newtons a volt of the force sensor
+    #[arg(long, default_value_t = 1.0)]
+    newtons_per_volt: f64,
+    /// As fast as this computer can, instead of real time
+    #[arg(long)]
+    fast: bool,
+    /// Write what the voice coil's output was to this file: at_ns,code (-1 for a pin that is not driven)
+    #[arg(long)]
+    output: Option<PathBuf>,
+}
+
+fn main() -> Result<()> {
+    let arguments = Arguments::parse();
+    let mut stylus = VirtualStylus::new(&arguments.image, options(&arguments)?)?;
+    if let Some(path) = &arguments.motion {
+        let lines = read_csv(path)?;
+        let speeds: Vec<(u64, f64)> = lines
+            .iter()
+            .map(|line| (nanos(line.time_s), line.speed_mm_s))
+            .collect();
+        stylus.set_motion(Motion::linear(&speeds, arguments.mm_per_count)?)?;
+    }
+    if let Some(port) = arguments.port {
+        println!("serial line on 127.0.0.1:{}", stylus.listen(port)?);
+        std::io::stdout().flush()?;
+    }
+    let end_ns = arguments.seconds.map_or(u64::MAX, nanos);
+    let ran = run(
+        &mut stylus,
+        end_ns,
+        arguments.fast,
+        arguments.flash.as_deref(),
+    );
+    let kept = finish(&mut stylus, &arguments);
+    ran.and(kept)
+}
+
+fn options(arguments: &Arguments) -> Result<Options> {
+    let flash = match &arguments.flash {
+        Some(path) if path.exists() => Contents::read(path)?,
+        _ => Contents::default(),
+    };
+    let pins = match &arguments.motion {
+        Some(path) => force_pins(read_csv(path)?, arguments),
+        None => force_pins(Vec::new(), arguments),
+    };
+    Ok(Options {
+        flash,
+        pins,
+        ..Options::default()
+    })
+}
+
+/// The accelerometer at rest, and the force sensor as the motion says.
+fn force_pins(lines: Vec<MotionLine>, arguments: &Arguments) -> Box<dyn Pins> {
+    let (channel, zero, scale) = (
+        arguments.force_channel,
+        arguments.force_zero_volts,
+        arguments.newtons_per_volt,
+    );
+    Box::new(FunctionPins(move |asked: u8, at_ns: u64| {
+        if asked != channel {
+            return MID_SCALE;
+        }
+        let volts = zero + force_at(&lines, at_ns as f64 / NANOS_PER_SECOND) / scale;
+        (volts / REFERENCE_VOLTS * FULL_SCALE)
+            .round()
+            .clamp(0.0, FULL_SCALE) as u16
+    }))
+}
+
+/// Linear between lines, constant beyond them, nothing without any.
+fn force_at(lines: &[MotionLine], time_s: f64) -> f64 {
+    let next = lines.partition_point(|line| line.time_s <= time_s);
+    match (
+        next.checked_sub(1).and_then(|last| lines.get(last)),
+        lines.get(next),
+    ) {
+        (Some(last), Some(next)) => {
+            let share = (time_s - last.time_s) / (next.time_s - last.time_s);
+            last.force_n + share * (next.force_n - last.force_n)
+        }
+        (Some(only), None) | (None, Some(only)) => only.force_n,
+        (None, None) => 0.0,
+    }
+}
+
+fn run(stylus: &mut VirtualStylus, end_ns: u64, fast: bool, flash: Option<&Path>) -> Result<()> {
+    /// How often the flash is written to its file, should the run be interrupted.
+    const KEEP_EVERY: Duration = Duration::from_secs(5);
+    let began = Instant::now();
+    let mut kept = Instant::now();
+    let mut operations = 0;
+    while stylus.now_ns() < end_ns {
+        stylus.run_until((stylus.now_ns() + STEP_NS).min(end_ns))?;
+        let wall = Duration::from_nanos(stylus.now_ns());
+        if let Some(ahead) = wall.checked_sub(began.elapsed()).filter(|_| !fast) {
+            std::thread::sleep(ahead);
+        }
+        if let Some(path) = flash.filter(|_| kept.elapsed() > KEEP_EVERY) {
+            let now = stylus.board(|board| board.part.flash.around.started())?;
+            if now != operations {
+                stylus.flash()?.write(path)?;
+                operations = now;
+            }
+            kept = Instant::now();
+        }
+    }
+    Ok(())
+}
+
+fn finish(stylus: &mut VirtualStylus, arguments: &Arguments) -> Result<()> {
+    println!("ran {:.3} s", stylus.now_ns() as f64 / NANOS_PER_SECOND);
+    for reset in stylus.resets()? {
+        let cause = match reset.cause {
+            ResetCause::Software => "by the image",
+            ResetCause::Watchdog => "by the watchdog",
+            ResetCause::Other => "otherwise",
+        };
+        println!(
+            "reset {cause} at {:.6} s",
+            reset.at_ns as f64 / NANOS_PER_SECOND
+        );
+    }
+    let record = stylus.take_dac_record()?;
+    println!(
+        "voice coil output: {} instants, last {:?}",
+        record.len(),
+        record.last()
+    );
+    if let Some(path) = &arguments.output {
+        let line =
+            |output: &Output| format!("{},{}\n", output.at_ns, output.code.map_or(-1, i32::from));
+        let text: String = std::iter::once("at_ns,code\n".to_owned())
+            .chain(record.iter().map(line))
+            .collect();
+        std::fs::write(path, text).with_context(|| path.display().to_string())?;
+    }
+    if let Some(ticks) = TickStatistics::of(&stylus.take_ticks()?) {
+        println!(
+            "ticks: {}, instructions min {} median {} max {}; {} not followed",
+            ticks.ticks,
+            ticks.min,
+            ticks.median,
+            ticks.max,
+            stylus.unfollowed_ticks()?
+        );
+    }
+    for audit in stylus.take_audits()? {
+        println!(
+            "audited tick: {} instructions, {} fetched from flash, {} loads from flash {:#x?}",
+            audit.instructions, audit.flash_fetches, audit.flash_reads, audit.places
+        );
+    }
+    print(&stylus.report()?);
+    if let Some(path) = &arguments.flash {
+        stylus.flash()?.write(path)?;
+    }
+    Ok(())
+}
+
+fn print(report: &Report) {
+    let parts = [
+        ("registers without a model", &report.without_model),
+        ("nothing there", &report.unmapped),
+        ("refused by the part", &report.refused),
+        ("asked of a model that leaves it out", &report.told),
+        ("interrupts without a line", &report.unrouted),
+    ];
+    for (what, lines) in parts {
+        if !lines.is_empty() {
+            println!("{what}:");
+            for line in lines {
+                println!("  {line}");
+            }
+        }
+    }
+}
+
+fn nanos(seconds: f64) -> u64 {
+    (seconds * NANOS_PER_SECOND) as u64
+}

@@ -1,0 +1,395 @@
+//! The injected sequence of the analogue-to-digital converter ADC1 (chapter 25), around the emulator's model of the
+//! rest of it: clock, regulator, calibration, enable, regular sequence.
+//!
+//! | What | Section |
+//! |---|---|
+//! | `JSQR`: length `JL`, channels `JSQ1` to `JSQ4`, trigger `JEXTSEL`, its edge `JEXTEN` | 25.4.19, 25.6.16 |
+//! | `JADSTART` with no edge: one sequence at once, then clear; with an edge: one at each trigger of TIM6 (14) until `JADSTP` | 25.4.14, 25.4.19, 25.6.3 |
+//! | A trigger during a sequence is lost | 25.4.20 |
+//! | A conversion takes the channel's sampling time (`SMPR1`, `SMPR2`) and half a cycle and half a cycle a bit more | 25.4.13, 25.4.17, 25.4.23 |
+//! | The pin is sampled as the sampling time ends; the word is its code at the resolution `RES` | 25.4.17, 25.4.23 |
+//! | `JDR1` to `JDR4`, `JEOC` at each word and clear on reading one, `JEOS` after the last, both cleared by a written one | 25.4.24, 25.6.1, 25.6.18 |
+//! | The converter's interrupt on `JEOC` and `JEOS` | 25.5 |
+//!
+//! Left out: the two to three cycles from a trigger to the start, which are constant for one clock setting, and their
+//! jitter with an asynchronous clock; the queue of contexts (`JQDIS` clear, `JQM`, `JQOVF`): `JSQR` counts as written;
+//! `JAUTO`, `JDISCEN`, oversampling (`JOVSE`), offsets (`OFRy`), differential channels, analogue watchdogs, dual mode, and
+//! that an injected sequence interrupts a regular one. Where the image asks for one of these the run's report says so.
+
+use std::fmt::Debug;
+
+use rigless::device::{DeviceContext, Level, RegisterFile};
+use rigless::soc::stm32h743::generated::adc3::{Register, cfgr, cfgr2, cr, ier, isr, jsqr};
+use rigless::soc::stm32h743::peripherals::adc::Adc;
+use rigless::time::{EventId, NANOS_PER_SECOND, VirtualNanos};
+
+use super::around::Around;
+
+/// Section 25.4.19, table of injected triggers: TIM6's trigger output.
+const TIM6_TRIGGER: u64 = 14;
+/// The sampling times of section 25.4.13 in half cycles: 1.5, 2.5, 8.5, 16.5, 32.5, 64.5, 387.5 and 810.5.
+const SAMPLING_HALF_CYCLES: [u64; 8] = [3, 5, 17, 33, 65, 129, 775, 1621];
+/// The converter's interrupt among those of its instance.
+const INTERRUPT: usize = 0;
+const RESULTS: [Register; 4] = [
+    Register::Jdr1,
+    Register::Jdr2,
+    Register::Jdr3,
+    Register::Jdr4,
+];
+
+const WITHOUT_ENABLE: &str =
+    "RM0433 25.6.3: JADSTART may be set only with ADEN set, so no sequence started";
+const WITHOUT_CLOCK: &str = "RM0433 25.4.3: the converter has no clock, so no sequence ends";
+const OTHER_TRIGGER: &str =
+    "RM0433 25.4.19: of the injected triggers only TIM6's (14) is modelled, so no sequence starts";
+const OTHER_MODE: &str =
+    "RM0433 25.4.20, 25.4.21: JAUTO and JDISCEN are not modelled, so a sequence runs whole";
+const OVERSAMPLING: &str = "RM0433 25.4.31: JOVSE is not modelled, so a word is one conversion's";
+const OFFSETS: &str = "RM0433 25.4.27: OFRy is not modelled, so a word is not reduced";
+
+/// What is on the pins of the converter.
+pub trait Pins: Send + Debug {
+    /// The code of 16 bits, a share of the reference voltage, that `channel` has at `at_ns` of virtual time.
+    fn code(&mut self, channel: u8, at_ns: u64) -> u16;
+}
+
+/// One sampled pin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sample {
+    /// The instant the sampling time ended, in nanoseconds of virtual time.
+    pub at_ns: u64,
+    /// The channel.
+    pub channel: u8,
+    /// Its place in the sequence, 0 to 3.
+    pub rank: u8,
+    /// The word that went to the data register.
+    pub word: u16,
+}
+
+/// A sequence under way.
+#[derive(Debug)]
+struct Sequence {
+    /// When the conversion under way began, in half cycles after `began`.
+    half_cycles: u64,
+    began: VirtualNanos,
+    rank: usize,
+    event: EventId,
+}
+
+/// The injected sequence.
+#[derive(Debug)]
+pub struct Injected {
+    pins: Box<dyn Pins>,
+    hz: u64,
+    /// `JADSTART`.
+    started: bool,
+    sequence: Option<Sequence>,
+    flags: u64,
+    raised: bool,
+    lost_triggers: u64,
+    samples: Option<Vec<Sample>>,
+}
+
+impl Injected {
+    /// The sequence with `pins` to convert.
+    pub fn new(pins: Box<dyn Pins>) -> Self {
+        Self {
+            pins,
+            hz: 0,
+            started: false,
+            sequence: None,
+            flags: 0,
+            raised: false,
+            lost_triggers: 0,
+            samples: None,
+        }
+    }
+
+    /// Puts others on the pins.
+    pub fn set_pins(&mut self, pins: Box<dyn Pins>) {
+        self.pins = pins;
+    }
+
+    /// Triggers that came while a sequence was under way, and so did nothing.
+    pub fn lost_triggers(&self) -> u64 {
+        self.lost_triggers
+    }
+
+    /// Keeps every sample from now on.
+    pub fn record_samples(&mut self) {
+        self.samples.get_or_insert_default();
+    }
+
+    /// The samples kept so far; the record starts anew.
+    pub fn take_samples(&mut self) -> Vec<Sample> {
+        self.samples
+            .as_mut()
+            .map(std::mem::take)
+            .unwrap_or_default()
+    }
+
+    /// TIM6's trigger came.
+    pub fn trigger(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        let setting = registers.get(Register::Jsqr);
+        if !self.started
+            || jsqr::JEXTEN.get(setting) == 0
+            || jsqr::JEXTSEL.get(setting) != TIM6_TRIGGER
+        {
+            return;
+        }
+        if self.sequence.is_some() {
+            self.lost_triggers += 1;
+            return;
+        }
+        self.begin(registers, context);
+    }
+
+    /// From the start of a conversion of `channel`: half cycles to the end of its sampling, and to its own end.
+    fn durations(channel: u64, registers: &RegisterFile) -> (u64, u64) {
+        let (register, place) = match channel {
+            0..10 => (Register::Smpr1, channel),
+            _ => (Register::Smpr2, channel - 10),
+        };
+        let sampling =
+            SAMPLING_HALF_CYCLES[(registers.get(register) >> (3 * place) & 0b111) as usize];
+        (sampling, sampling + 1 + resolution(registers))
+    }
+
+    fn instant(&self, began: VirtualNanos, half_cycles: u64) -> VirtualNanos {
+        let nanos =
+            u128::from(half_cycles) * u128::from(NANOS_PER_SECOND) / u128::from(2 * self.hz);
+        VirtualNanos(began.0 + nanos as u64)
+    }
+
+    fn begin(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+        if self.hz == 0 {
+            context.tell("JSQR", WITHOUT_CLOCK);
+            return;
+        }
+        self.schedule(context.now(), 0, 0, registers, context);
+    }
+
+    fn schedule(
+        &mut self,
+        began: VirtualNanos,
+        half_cycles: u64,
+        rank: usize,
+        registers: &RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let (_, whole) = Self::durations(channel_at(rank, registers), registers);
+        let event = context.schedule(self.instant(began, half_cycles + whole));
+        self.sequence = Some(Sequence {
+            half_cycles,
+            began,
+            rank,
+            event,
+        });
+    }
+
+    /// The conversion under way ended.
+    fn converted(
+        &mut self,
+        done: &Sequence,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let channel = channel_at(done.rank, registers);
+        let (sampling, whole) = Self::durations(channel, registers);
+        let sampled = self.instant(done.began, done.half_cycles + sampling);
+        let word = self.pins.code(channel as u8, sampled.0) >> (16 - resolution(registers));
+        registers.set(RESULTS[done.rank], u64::from(word));
+        if let Some(samples) = &mut self.samples {
+            samples.push(Sample {
+                at_ns: sampled.0,
+                channel: channel as u8,
+                rank: done.rank as u8,
+                word,
+            });
+        }
+        self.flags |= isr::JEOC.mask();
+        let setting = registers.get(Register::Jsqr);
+        if (done.rank as u64) < jsqr::JL.get(setting) {
+            self.schedule(
+                done.began,
+                done.half_cycles + whole,
+                done.rank + 1,
+                registers,
+                context,
+            );
+            return;
+        }
+        self.flags |= isr::JEOS.mask();
+        if jsqr::JEXTEN.get(setting) == 0 {
+            self.started = false;
+        }
+    }
+
+    fn command(
+        &mut self,
+        written: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        if cr::JADSTP.is_set(written) || cr::ADDIS.is_set(written) {
+            self.started = false;
+            self.sequence = None;
+        }
+        if !cr::JADSTART.is_set(written) || cr::JADSTP.is_set(written) || self.started {
+            return;
+        }
+        if !cr::ADEN.is_set(registers.get(Register::Cr)) {
+            context.tell("CR", WITHOUT_ENABLE);
+            return;
+        }
+        tell_what_is_left_out(registers, context);
+        self.started = true;
+        if jsqr::JEXTEN.get(registers.get(Register::Jsqr)) == 0 {
+            self.begin(registers, context);
+        }
+    }
+
+    /// Puts the interrupt where either part of the model wants it.
+    fn refresh_interrupt(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+        let enabled = registers.get(Register::Ier);
+        let wanted = self.flags & enabled & (ier::JEOCIE.mask() | ier::JEOSIE.mask()) != 0;
+        if wanted || self.raised {
+            let others = registers.get(Register::Isr) & enabled & !injected_flags() != 0;
+            context.interrupt(INTERRUPT, Level::from(wanted || others));
+        }
+        self.raised = wanted;
+    }
+}
+
+impl Around<Adc> for Injected {
+    fn before_write(&mut self, register: Register, value: u64, registers: &mut RegisterFile) {
+        match register {
+            // The emulator's model knows neither command, and takes a standing one for a mistake.
+            Register::Cr => {
+                let others =
+                    registers.get(Register::Cr) & !(cr::JADSTART.mask() | cr::JADSTP.mask());
+                registers.set(Register::Cr, others);
+            }
+            Register::Isr => self.flags &= !value,
+            _ => {}
+        }
+    }
+
+    fn after_write(
+        &mut self,
+        _inner: &mut Adc,
+        register: Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        if register == Register::Cr {
+            self.command(value, registers, context);
+        }
+    }
+
+    fn answer(
+        &mut self,
+        register: Register,
+        answered: Option<u64>,
+        registers: &RegisterFile,
+    ) -> Option<u64> {
+        if RESULTS.contains(&register) {
+            self.flags &= !isr::JEOC.mask();
+        }
+        match register {
+            Register::Isr => Some(
+                answered.unwrap_or_else(|| registers.get(register)) & !injected_flags()
+                    | self.flags,
+            ),
+            _ => answered,
+        }
+    }
+
+    fn event(
+        &mut self,
+        _inner: &mut Adc,
+        event: EventId,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> bool {
+        match self.sequence.take_if(|sequence| sequence.event == event) {
+            Some(done) => self.converted(&done, registers, context),
+            None => return false,
+        }
+        // One instant has one event an instance, so the emulator's model may have asked for this one too.
+        false
+    }
+
+    fn clock(&mut self, hz: u64) {
+        self.hz = hz;
+    }
+
+    fn after(
+        &mut self,
+        _inner: &mut Adc,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let others = registers.get(Register::Cr) & !(cr::JADSTART.mask() | cr::JADSTP.mask());
+        registers.set(
+            Register::Cr,
+            cr::JADSTART.set(others, u64::from(self.started)),
+        );
+        self.refresh_interrupt(registers, context);
+    }
+
+    fn reset(&mut self) {
+        self.started = false;
+        self.sequence = None;
+        self.flags = 0;
+        self.raised = false;
+    }
+}
+
+const fn injected_flags() -> u64 {
+    isr::JEOC.mask() | isr::JEOS.mask() | isr::JQOVF.mask()
+}
+
+/// The resolution in bits that `RES` selects on revision V (25.6.4); the reserved code counts as 16.
+fn resolution(registers: &RegisterFile) -> u64 {
+    match cfgr::RES.get(registers.get(Register::Cfgr)) {
+        0b001 | 0b101 => 14,
+        0b010 | 0b110 => 12,
+        0b011 => 10,
+        0b111 => 8,
+        _ => 16,
+    }
+}
+
+fn channel_at(rank: usize, registers: &RegisterFile) -> u64 {
+    let field = [jsqr::JSQ1, jsqr::JSQ2, jsqr::JSQ3, jsqr::JSQ4][rank];
+    field.get(registers.get(Register::Jsqr))
+}
+
+fn tell_what_is_left_out(registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+    let setting = registers.get(Register::Jsqr);
+    if jsqr::JEXTEN.get(setting) != 0 && jsqr::JEXTSEL.get(setting) != TIM6_TRIGGER {
+        context.tell("JSQR", OTHER_TRIGGER);
+    }
+    let control = registers.get(Register::Cfgr);
+    if cfgr::JAUTO.is_set(control) || cfgr::JDISCEN.is_set(control) {
+        context.tell("CFGR", OTHER_MODE);
+    }
+    if cfgr2::JOVSE.is_set(registers.get(Register::Cfgr2)) {
+        context.tell("CFGR2", OVERSAMPLING);
+    }
+    let offsets = [
+        Register::Ofr1,
+        Register::Ofr2,
+        Register::Ofr3,
+        Register::Ofr4,
+    ];
+    if offsets
+        .iter()
+        .any(|&offset| registers.get(offset) & 0x03FF_FFFF != 0)
+    {
+        context.tell("OFR1", OFFSETS);
+    }
+}

@@ -1,0 +1,316 @@
+//! The digital-to-analogue converter DAC1 (chapter 26).
+//!
+//! | What | Section |
+//! |---|---|
+//! | `CR`: `ENx`, `TENx`, `TSELx` of four bits, for both channels | 26.4.5, 26.7.1 |
+//! | `DHR12Rx`, `DHR12Lx`, `DHR8Rx` and the three dual registers load the holding registers | 26.4.4, 26.7.3 to 26.7.11 |
+//! | `TENx` clear: a holding register goes to `DORx` as it is written, and as the channel is enabled | 26.4.6 |
+//! | `TENx` set: it goes at the trigger that `TSELx` selects: TIM6's output (5), or `SWTRGR` (0) | 26.4.7, table 217, 26.7.2 |
+//! | `DORx`, read only | 26.7.12, 26.7.13 |
+//! | `MCR`: a mode without the pin drives no pin; `CCR` and the sample-and-hold registers keep their bits | 26.7.16 |
+//! | A reset clears all of it, and nothing drives the pin | 8.4.4 |
+//!
+//! Left out: the two or three cycles of the bus clock between a trigger or write and `DORx` (constant, 30 ns at most at
+//! 100 MHz), settling and the buffer, the other triggers, waves (`WAVEx`), DMA and its underrun, so `SR` is always zero,
+//! calibration (`CENx`), and what sample and hold does with time. Where the image asks for one of these the run's report
+//! says so (`told`).
+
+use rigless::device::{Device, DeviceContext, RegisterFile};
+use rigless::soc::stm32h743::generated::dac::Register;
+use rigless::time::VirtualNanos;
+
+/// Table 217: the selection of TIM6's trigger output.
+const TIM6_TRIGGER: u64 = 5;
+/// Table 217: the selection of the bits of `SWTRGR`.
+const SOFTWARE_TRIGGER: u64 = 0;
+const CHANNELS: usize = 2;
+const CODE: u64 = 0xFFF;
+
+const WAVES: &str = "RM0433 26.4.10: WAVEx is not modelled, so DHRx goes to DORx as it is";
+const DMA: &str = "RM0433 26.4.8: DMAENx is not modelled, so nothing asks for data";
+const CALIBRATION: &str = "RM0433 26.4.13: CENx is not modelled, so nothing is calibrated";
+
+/// What changed the output, or latched it anew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The timer's trigger.
+    Trigger,
+    /// A bit of `SWTRGR`.
+    SoftwareTrigger,
+    /// A holding register written with the trigger off.
+    Write,
+    /// The channel enabled, or connected to its pin.
+    Enabled,
+    /// The channel disabled, or disconnected.
+    Disabled,
+    /// The part reset.
+    Reset,
+}
+
+/// What channel 1 gave its pin from an instant on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// The instant, in nanoseconds of virtual time.
+    pub at_ns: u64,
+    /// The code of 12 bits, or `None` when the pin is not driven.
+    pub code: Option<u16>,
+    /// Why.
+    pub cause: Cause,
+}
+
+/// Takes the outputs one by one, in order, instead of the record in memory.
+pub type Sink = Box<dyn FnMut(Output) + Send>;
+
+/// The model.
+#[derive(Default)]
+pub struct Dac {
+    control: u64,
+    mode: u64,
+    holding: [u16; CHANNELS],
+    output: [u16; CHANNELS],
+    driven: bool,
+    record: Vec<Output>,
+    sink: Option<Sink>,
+}
+
+impl std::fmt::Debug for Dac {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter
+            .debug_struct("Dac")
+            .field("control", &self.control)
+            .field("holding", &self.holding)
+            .field("output", &self.output)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Dac {
+    /// Every output of channel 1 since the run began, or since [`Dac::take_record`].
+    pub fn record(&self) -> &[Output] {
+        &self.record
+    }
+
+    /// The record so far, which starts anew.
+    pub fn take_record(&mut self) -> Vec<Output> {
+        std::mem::take(&mut self.record)
+    }
+
+    /// Sends every output from now on to `sink`, and keeps none.
+    pub fn send_to(&mut self, sink: Sink) {
+        self.sink = Some(sink);
+    }
+
+    /// What channel 1 gives its pin now.
+    pub fn pin(&self) -> Option<u16> {
+        self.driven.then_some(self.output[0])
+    }
+
+    /// The timer's trigger came at `at`.
+    pub fn trigger(&mut self, at: VirtualNanos, registers: &mut RegisterFile) {
+        self.latch_all(
+            at,
+            TIM6_TRIGGER,
+            [true; CHANNELS],
+            Cause::Trigger,
+            registers,
+        );
+    }
+
+    /// The part was reset at `at`.
+    pub fn part_reset(&mut self, at: VirtualNanos) {
+        let was_driven = self.driven;
+        self.control = 0;
+        self.mode = 0;
+        self.holding = [0; CHANNELS];
+        self.output = [0; CHANNELS];
+        self.driven = false;
+        if was_driven {
+            self.keep(at, Cause::Reset);
+        }
+    }
+
+    fn enabled(&self, channel: usize) -> bool {
+        self.control >> (16 * channel) & 1 != 0
+    }
+
+    fn triggered(&self, channel: usize) -> bool {
+        self.control >> (16 * channel + 1) & 1 != 0
+    }
+
+    fn selection(&self, channel: usize) -> u64 {
+        self.control >> (16 * channel + 2) & 0xF
+    }
+
+    /// Modes 3 and 7 keep the channel from its pin; 6 and 7 are sample and hold, where 6 drives it (26.7.16).
+    fn reaches_pin(&self) -> bool {
+        self.enabled(0) && !matches!(self.mode & 0b111, 0b011 | 0b111)
+    }
+
+    fn latch_all(
+        &mut self,
+        at: VirtualNanos,
+        selection: u64,
+        asked: [bool; CHANNELS],
+        cause: Cause,
+        registers: &mut RegisterFile,
+    ) {
+        for (channel, asked) in asked.into_iter().enumerate() {
+            if asked
+                && self.enabled(channel)
+                && self.triggered(channel)
+                && self.selection(channel) == selection
+            {
+                self.latch(at, channel, cause, registers);
+            }
+        }
+    }
+
+    fn latch(
+        &mut self,
+        at: VirtualNanos,
+        channel: usize,
+        cause: Cause,
+        registers: &mut RegisterFile,
+    ) {
+        self.output[channel] = self.holding[channel];
+        let register = [Register::Dor1, Register::Dor2][channel];
+        registers.set(register, u64::from(self.output[channel]));
+        if channel == 0 && self.driven {
+            self.keep(at, cause);
+        }
+    }
+
+    fn keep(&mut self, at: VirtualNanos, cause: Cause) {
+        let output = Output {
+            at_ns: at.0,
+            code: self.pin(),
+            cause,
+        };
+        match &mut self.sink {
+            Some(sink) => sink(output),
+            None => self.record.push(output),
+        }
+    }
+
+    /// A holding register written: each channel's new code, right-aligned.
+    fn hold(
+        &mut self,
+        at: VirtualNanos,
+        codes: [Option<u64>; CHANNELS],
+        registers: &mut RegisterFile,
+    ) {
+        for (channel, code) in codes.into_iter().enumerate() {
+            let Some(code) = code else { continue };
+            self.holding[channel] = (code & CODE) as u16;
+            let same = u64::from(self.holding[channel]);
+            let (right, left, byte) = [
+                (Register::Dhr12r1, Register::Dhr12l1, Register::Dhr8r1),
+                (Register::Dhr12r2, Register::Dhr12l2, Register::Dhr8r2),
+            ][channel];
+            registers.set(right, same);
+            registers.set(left, same << 4);
+            registers.set(byte, same >> 4);
+            if !self.triggered(channel) {
+                self.latch(at, channel, Cause::Write, registers);
+            }
+        }
+    }
+
+    fn connect(&mut self, at: VirtualNanos) {
+        let driven = self.reaches_pin();
+        if driven != self.driven {
+            self.driven = driven;
+            self.keep(
+                at,
+                if driven {
+                    Cause::Enabled
+                } else {
+                    Cause::Disabled
+                },
+            );
+        }
+    }
+
+    fn write_control(&mut self, value: u64, context: &mut DeviceContext<'_>) {
+        for (bits, reason) in [
+            (0x00C0_00C0, WAVES),
+            (0x1000_1000, DMA),
+            (0x4000_4000, CALIBRATION),
+        ] {
+            if value & bits != 0 {
+                context.tell("CR", reason);
+            }
+        }
+        self.control = value;
+        self.connect(context.now());
+    }
+}
+
+impl Device for Dac {
+    type Register = Register;
+
+    fn read(
+        &mut self,
+        register: Register,
+        registers: &mut RegisterFile,
+        _context: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
+        // The vendor's file gives `TSELx` three bits where the part has four.
+        Some(match register {
+            Register::Cr => self.control,
+            Register::Sr => 0,
+            other => registers.get(other),
+        })
+    }
+
+    fn write(
+        &mut self,
+        register: Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let at = context.now();
+        let (low, high) = (value & 0xFFFF, value >> 16 & 0xFFFF);
+        match register {
+            Register::Cr => self.write_control(value, context),
+            Register::Mcr => {
+                self.mode = value;
+                self.connect(at);
+            }
+            Register::Swtrgr => {
+                let asked = [value & 1 != 0, value & 2 != 0];
+                self.latch_all(
+                    at,
+                    SOFTWARE_TRIGGER,
+                    asked,
+                    Cause::SoftwareTrigger,
+                    registers,
+                );
+            }
+            Register::Dhr12r1 => self.hold(at, [Some(value), None], registers),
+            Register::Dhr12l1 => self.hold(at, [Some(low >> 4), None], registers),
+            Register::Dhr8r1 => self.hold(at, [Some((value & 0xFF) << 4), None], registers),
+            Register::Dhr12r2 => self.hold(at, [None, Some(value)], registers),
+            Register::Dhr12l2 => self.hold(at, [None, Some(low >> 4)], registers),
+            Register::Dhr8r2 => self.hold(at, [None, Some((value & 0xFF) << 4)], registers),
+            Register::Dhr12rd => self.hold(at, [Some(low), Some(high)], registers),
+            Register::Dhr12ld => self.hold(at, [Some(low >> 4), Some(high >> 4)], registers),
+            Register::Dhr8rd => {
+                self.hold(
+                    at,
+                    [Some((value & 0xFF) << 4), Some((value >> 8 & 0xFF) << 4)],
+                    registers,
+                );
+            }
+            Register::Dor1
+            | Register::Dor2
+            | Register::Sr
+            | Register::Ccr
+            | Register::Shsr1
+            | Register::Shsr2
+            | Register::Shhr
+            | Register::Shrr => {}
+        }
+    }
+}

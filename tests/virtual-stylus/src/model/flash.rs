@@ -1,0 +1,531 @@
+//! The flash as a memory that outlives a run: its operations counted, the power cut at one of them, and words whose
+//! error correction no longer fits (chapter 4). The programming and erasing itself is the emulator's model.
+//!
+//! | What | Section |
+//! |---|---|
+//! | Each word of 32 bytes programmed, forced out (`FW`) or sector or bank erased is one operation, counted as it starts | 4.3.9, 4.3.10 |
+//! | A word that was not erased and is programmed over gets an error correction that does not fit | 4.3.9, 4.3.12 |
+//! | So does a word torn by a power cut. Reading it is a bus error, `DBECCERRx` and `ECC_FAxR` | 4.3.12, 4.7.8, 4.9.5 |
+//! | An erase mends the words of its sector | 4.3.10 |
+//!
+//! A torn word is always one that faults: on the part it may also read as one that a single error was corrected in, or by
+//! luck as a whole one. An erase that was cut leaves each word as it was, erased, or torn, by chance from a seed.
+//!
+//! Left out: that the core stalls when it reads a bank that is being programmed or erased (4.3.7, 4.3.11): here it reads on.
+//! Corrected single errors (`SNECCERRx`). Fetches of instructions from torn words. Mass erase by `OPTCR`.
+
+use std::collections::{BTreeSet, VecDeque};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rigless::device::{DeviceContext, RegisterFile};
+use rigless::soc::Width;
+use rigless::soc::stm32h743::generated::flash::{Register, cr1, sr1};
+use rigless::soc::stm32h743::peripherals::flash::Flash;
+
+use super::around::Around;
+use crate::error::{Error, Result};
+
+/// Where the flash is (table 7).
+pub const BASE: u32 = 0x0800_0000;
+/// Both banks, in bytes.
+pub const BYTES: usize = 2 << 20;
+/// A word of the flash, in bytes: what is programmed at once, with one error correction.
+pub const WORD_BYTES: u32 = 32;
+/// A sector, in bytes: what is erased at once.
+pub const SECTOR_BYTES: u32 = 128 << 10;
+const BANK_BYTES: u32 = 1 << 20;
+const ERASED: u8 = 0xFF;
+
+/// An operation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A word of 32 bytes programmed at this address.
+    Program {
+        /// The first byte's.
+        address: u32,
+        /// What is to be in it.
+        word: [u8; WORD_BYTES as usize],
+    },
+    /// All from the first to before the second address erased.
+    Erase(Range<u32>),
+}
+
+/// An operation as it starts.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Operation {
+    /// Its number in this run, from 1.
+    pub number: u64,
+    /// When it starts, in nanoseconds of virtual time.
+    pub at_ns: u64,
+    /// What it does.
+    pub kind: Kind,
+}
+
+/// What a power cut finds of the operation it cuts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moment {
+    /// The cells are as they were.
+    Before,
+    /// In the middle of it, with chance from this seed.
+    During {
+        /// Any number.
+        seed: u64,
+    },
+    /// The cells are as they were to be, and the image has not heard of it.
+    After,
+}
+
+/// What the flash holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Contents {
+    /// Both banks.
+    pub bytes: Vec<u8>,
+    /// Addresses of words that cannot be read.
+    pub unreadable: BTreeSet<u32>,
+}
+
+impl Default for Contents {
+    fn default() -> Self {
+        Self {
+            bytes: vec![ERASED; BYTES],
+            unreadable: BTreeSet::new(),
+        }
+    }
+}
+
+impl Contents {
+    /// Reads what [`Contents::write`] wrote: both banks, then the address of each word that cannot be read.
+    ///
+    /// # Errors
+    /// There is no such file, or it has another length.
+    pub fn read(path: &Path) -> Result<Self> {
+        let told = |reason: String| Error::FlashFile {
+            path: path.to_owned(),
+            reason,
+        };
+        let mut bytes = std::fs::read(path).map_err(|error| told(error.to_string()))?;
+        if bytes.len() < BYTES || bytes.len() % 4 != 0 {
+            return Err(told(format!(
+                "has {} bytes, not the flash's {BYTES}",
+                bytes.len()
+            )));
+        }
+        let (words, _) = bytes[BYTES..].as_chunks::<4>();
+        let unreadable = words.iter().map(|word| u32::from_le_bytes(*word)).collect();
+        bytes.truncate(BYTES);
+        Ok(Self { bytes, unreadable })
+    }
+
+    /// Writes it to a file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let marks = self
+            .unreadable
+            .iter()
+            .flat_map(|address| address.to_le_bytes());
+        let bytes: Vec<u8> = self.bytes.iter().copied().chain(marks).collect();
+        std::fs::write(path, bytes).map_err(|error| Error::FlashFile {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        })
+    }
+
+    /// Puts `bytes` at `address`, as a probe does that flashes an image.
+    ///
+    /// # Errors
+    /// They do not lie in the flash.
+    pub fn place(&mut self, address: u64, bytes: &[u8]) -> std::result::Result<(), String> {
+        let start = address
+            .checked_sub(u64::from(BASE))
+            .map(|start| start as usize);
+        let place = start.and_then(|start| self.bytes.get_mut(start..start + bytes.len()));
+        let Some(place) = place else {
+            return Err(format!(
+                "{} bytes at {address:#010x} do not lie in the flash",
+                bytes.len()
+            ));
+        };
+        place.copy_from_slice(bytes);
+        let end = address as u32 + bytes.len() as u32;
+        let mended = word_of(address as u32)..end;
+        self.unreadable.retain(|word| !mended.contains(word));
+        Ok(())
+    }
+
+    /// What a cut of `operation` at `moment` leaves, where this is what it found.
+    pub fn cut(&mut self, operation: &Kind, moment: Moment) {
+        match (operation, moment) {
+            (_, Moment::Before) => {}
+            (Kind::Program { address, word }, Moment::After) => self.program(*address, word),
+            (Kind::Program { address, word }, Moment::During { seed }) => {
+                self.tear(*address, word, &mut Chance(seed));
+            }
+            (Kind::Erase(range), Moment::After) => {
+                self.bytes[offsets(range)].fill(ERASED);
+                self.unreadable.retain(|word| !range.contains(word));
+            }
+            (Kind::Erase(range), Moment::During { seed }) => {
+                let mut chance = Chance(seed);
+                for address in range.clone().step_by(WORD_BYTES as usize) {
+                    match chance.next() % 3 {
+                        0 => {}
+                        1 => {
+                            self.bytes[offsets(&(address..address + WORD_BYTES))].fill(ERASED);
+                            self.unreadable.remove(&address);
+                        }
+                        _ => self.half_erase(address, &mut chance),
+                    }
+                }
+            }
+        }
+    }
+
+    fn program(&mut self, address: u32, word: &[u8; WORD_BYTES as usize]) {
+        let cells = &mut self.bytes[offsets(&(address..address + WORD_BYTES))];
+        if cells.iter().any(|cell| *cell != ERASED) {
+            self.unreadable.insert(address);
+        }
+        for (cell, bits) in cells.iter_mut().zip(word) {
+            *cell &= bits;
+        }
+    }
+
+    fn tear(&mut self, address: u32, word: &[u8; WORD_BYTES as usize], chance: &mut Chance) {
+        let cells = &mut self.bytes[offsets(&(address..address + WORD_BYTES))];
+        for (cell, bits) in cells.iter_mut().zip(word) {
+            *cell &= bits | chance.next() as u8;
+        }
+        self.unreadable.insert(address);
+    }
+
+    fn half_erase(&mut self, address: u32, chance: &mut Chance) {
+        for cell in &mut self.bytes[offsets(&(address..address + WORD_BYTES))] {
+            *cell |= chance.next() as u8;
+        }
+        self.unreadable.insert(address);
+    }
+}
+
+/// A little generator for what a cut leaves: SplitMix64.
+struct Chance(u64);
+
+impl Chance {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^ mixed >> 31
+    }
+}
+
+fn offsets(range: &Range<u32>) -> Range<usize> {
+    (range.start - BASE) as usize..(range.end - BASE) as usize
+}
+
+const fn word_of(address: u32) -> u32 {
+    address & !(WORD_BYTES - 1)
+}
+
+/// The words that cannot be read, shared between the flash's registers and the core that reads.
+#[derive(Clone, Debug, Default)]
+pub struct Unreadable(Arc<Mutex<Marks>>);
+
+#[derive(Debug, Default)]
+struct Marks {
+    words: BTreeSet<u32>,
+    changes: u64,
+    /// Addresses whose read failed, and that the registers do not show yet.
+    failed: Vec<u32>,
+    failures: u64,
+}
+
+impl Unreadable {
+    fn marks(&self) -> MutexGuard<'_, Marks> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts `words` in place of all there are.
+    pub fn replace(&self, words: BTreeSet<u32>) {
+        let mut marks = self.marks();
+        marks.words = words;
+        marks.changes += 1;
+    }
+
+    /// All of them.
+    pub fn words(&self) -> BTreeSet<u32> {
+        self.marks().words.clone()
+    }
+
+    /// How often they changed, which tells whether they did.
+    pub fn changes(&self) -> u64 {
+        self.marks().changes
+    }
+
+    /// Reads that failed in this run.
+    pub fn failures(&self) -> u64 {
+        self.marks().failures
+    }
+
+    /// Marks the word at `address`.
+    pub fn mark(&self, address: u32) {
+        let mut marks = self.marks();
+        marks.changes += u64::from(marks.words.insert(word_of(address)));
+    }
+
+    /// An access to `bytes` at `address`: whether it fails.
+    pub fn fails(&self, address: u32, bytes: u32) -> bool {
+        let mut marks = self.marks();
+        let last = word_of(address.saturating_add(bytes - 1));
+        let failed = marks.words.contains(&word_of(address)) || marks.words.contains(&last);
+        if failed {
+            marks.failed.push(address);
+            marks.failures += 1;
+        }
+        failed
+    }
+
+    fn mend(&self, range: &Range<u32>) {
+        let mut marks = self.marks();
+        let before = marks.words.len();
+        marks.words.retain(|word| !range.contains(word));
+        marks.changes += u64::from(marks.words.len() != before);
+    }
+
+    fn take_failed(&self) -> Vec<u32> {
+        std::mem::take(&mut self.marks().failed)
+    }
+}
+
+/// The word that the image is writing to a bank.
+#[derive(Debug, Default)]
+struct Buffer {
+    address: u32,
+    bytes: [Option<u8>; WORD_BYTES as usize],
+}
+
+impl Buffer {
+    fn store(&mut self, address: u32, width: Width, value: u64) {
+        if word_of(address) != self.address {
+            *self = Self {
+                address: word_of(address),
+                bytes: [None; WORD_BYTES as usize],
+            };
+        }
+        let start = (address - self.address) as usize;
+        let bytes = value.to_le_bytes();
+        for (place, byte) in self.bytes[start..]
+            .iter_mut()
+            .zip(&bytes[..width.bytes() as usize])
+        {
+            *place = Some(*byte);
+        }
+    }
+
+    fn full(&self) -> bool {
+        self.bytes.iter().all(Option::is_some)
+    }
+
+    fn take(&mut self) -> Kind {
+        let word = std::mem::take(self);
+        Kind::Program {
+            address: word.address,
+            word: word.bytes.map(|byte| byte.unwrap_or(ERASED)),
+        }
+    }
+}
+
+/// What a write to the flash asked for, until the model has said whether it takes it.
+#[derive(Debug)]
+enum Asked {
+    Store { bank: usize },
+    Force { bank: usize },
+    Erase { bank: usize, range: Range<u32> },
+}
+
+/// The operations of a run.
+#[derive(Debug, Default)]
+pub struct Journal {
+    /// The words that cannot be read.
+    pub unreadable: Unreadable,
+    buffers: [Buffer; 2],
+    asked: Option<Asked>,
+    started: u64,
+    running: [Vec<Range<u32>>; 2],
+    log: Vec<Operation>,
+    unseen: VecDeque<Operation>,
+}
+
+impl Journal {
+    /// With words that cannot be read from the start.
+    pub fn new(unreadable: Unreadable) -> Self {
+        Self {
+            unreadable,
+            ..Self::default()
+        }
+    }
+
+    /// All operations of this run so far.
+    pub fn log(&self) -> &[Operation] {
+        &self.log
+    }
+
+    /// How many have started in this run.
+    pub fn started(&self) -> u64 {
+        self.started
+    }
+
+    /// The oldest that started since this was asked last.
+    pub fn take_started(&mut self) -> Option<Operation> {
+        self.unseen.pop_front()
+    }
+
+    fn start(&mut self, kind: Kind, at_ns: u64) {
+        self.started += 1;
+        let operation = Operation {
+            number: self.started,
+            at_ns,
+            kind,
+        };
+        self.unseen.push_back(operation.clone());
+        self.log.push(operation);
+    }
+
+    fn settle(&mut self, asked: &Asked, registers: &RegisterFile, at_ns: u64) {
+        let (Asked::Store { bank } | Asked::Force { bank } | Asked::Erase { bank, .. }) = *asked;
+        let status = registers.get(status(bank));
+        let busy = status & (sr1::QW1.mask() | sr1::BSY1.mask()) != 0;
+        match asked {
+            Asked::Store { .. } if busy && self.buffers[bank].full() => {
+                let kind = self.buffers[bank].take();
+                self.start(kind, at_ns);
+            }
+            Asked::Force { .. } if busy && self.buffers[bank].bytes.iter().any(Option::is_some) => {
+                let kind = self.buffers[bank].take();
+                self.start(kind, at_ns);
+            }
+            Asked::Erase { range, .. } if busy => {
+                self.running[bank].push(range.clone());
+                self.start(Kind::Erase(range.clone()), at_ns);
+            }
+            _ => {}
+        }
+    }
+
+    fn show_failures(&self, registers: &mut RegisterFile) {
+        for address in self.unreadable.take_failed() {
+            let bank = usize::from(address >= BASE + BANK_BYTES);
+            let flags = registers.get(status(bank));
+            registers.set(status(bank), sr1::DBECCERR1.set(flags, 1));
+            let word = (address - BASE - bank as u32 * BANK_BYTES) / WORD_BYTES;
+            registers.set(
+                [Register::EccFa1r, Register::EccFa2r][bank],
+                u64::from(word),
+            );
+        }
+    }
+}
+
+const fn status(bank: usize) -> Register {
+    if bank == 0 {
+        Register::Sr1
+    } else {
+        Register::Sr2
+    }
+}
+
+impl Around<Flash> for Journal {
+    fn before_store(&mut self, address: u64, width: Width, value: u64, registers: &RegisterFile) {
+        let address = address as u32;
+        let bank = usize::from(address >= BASE + BANK_BYTES);
+        let control = registers.get(if bank == 0 {
+            Register::Cr1
+        } else {
+            Register::Cr2
+        });
+        if cr1::PG1.is_set(control) {
+            self.buffers[bank].store(address, width, value);
+            self.asked = Some(Asked::Store { bank });
+        }
+    }
+
+    fn before_write(&mut self, register: Register, _value: u64, registers: &mut RegisterFile) {
+        self.show_failures(registers);
+        let bank = match register {
+            Register::Cr1 => 0,
+            Register::Cr2 => 1,
+            _ => return,
+        };
+        let control = registers.get(register);
+        if cr1::LOCK1.is_set(control) {
+            return;
+        }
+        let start = BASE + bank as u32 * BANK_BYTES;
+        if cr1::FW1.is_set(control) {
+            self.asked = Some(Asked::Force { bank });
+        } else if cr1::START1.is_set(control) && cr1::BER1.is_set(control) {
+            let range = start..start + BANK_BYTES;
+            self.asked = Some(Asked::Erase { bank, range });
+        } else if cr1::START1.is_set(control) && cr1::SER1.is_set(control) {
+            let sector = start + cr1::SNB1.get(control) as u32 * SECTOR_BYTES;
+            let range = sector..sector + SECTOR_BYTES;
+            self.asked = Some(Asked::Erase { bank, range });
+        }
+        if !cr1::PG1.is_set(control) && !cr1::FW1.is_set(control) {
+            self.buffers[bank] = Buffer::default();
+        }
+    }
+
+    fn answer(
+        &mut self,
+        register: Register,
+        answered: Option<u64>,
+        registers: &RegisterFile,
+    ) -> Option<u64> {
+        // The register file shows a failed read from the next call on; the one that asks now is told here.
+        let failed = self.unreadable.marks();
+        let bank = match register {
+            Register::Sr1 => 0,
+            Register::Sr2 => 1,
+            _ => return answered,
+        };
+        let hit = (failed.failed.iter())
+            .any(|&address| usize::from(address >= BASE + BANK_BYTES) == bank);
+        let value = answered.unwrap_or_else(|| registers.get(register));
+        Some(if hit {
+            sr1::DBECCERR1.set(value, 1)
+        } else {
+            value
+        })
+    }
+
+    fn after(
+        &mut self,
+        _inner: &mut Flash,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        if let Some(asked) = self.asked.take() {
+            self.settle(&asked, registers, context.now().0);
+        }
+        for bank in 0..2 {
+            let pending = registers.get(status(bank)) & (sr1::QW1.mask() | sr1::BSY1.mask()) != 0;
+            if !pending {
+                for range in std::mem::take(&mut self.running[bank]) {
+                    self.unreadable.mend(&range);
+                }
+            }
+        }
+        self.show_failures(registers);
+    }
+
+    fn reset(&mut self) {
+        self.buffers = Default::default();
+        self.asked = None;
+        // A reset during an operation ends it somewhere in the middle; the emulator's model leaves the cells as they were.
+        self.running = Default::default();
+    }
+}

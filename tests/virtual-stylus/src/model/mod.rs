@@ -1,0 +1,12 @@
+//! What the board models itself, beside or around the emulator's own models of the part.
+//!
+//! Every section number is RM0433's (Rev 8, and Rev 9 where the emulator's own models cite it; the sections named here
+//! are the same in both).
+
+pub mod adc;
+pub mod around;
+pub mod dac;
+pub mod encoder;
+pub mod flash;
+pub mod trigger;
+pub mod watchdog;

@@ -1,0 +1,176 @@
+//! The independent watchdog IWDG1 (chapter 45).
+//!
+//! | What | Section |
+//! |---|---|
+//! | `KR`: 0x5555 opens `PR`, `RLR` and `WINR`, any other key shuts them; 0xAAAA reloads; 0xCCCC starts | 45.3.1, 45.3.3, 45.4.1 |
+//! | Counts the LSI, forced on by the start, through the divider of `PR` from `RLR` down | 45.3.1, 45.4.2, 45.4.3, 8.5.2 |
+//! | A reset of the part at the end of the count, or on a reload before the window opens (`WINR`) | 45.3.2 |
+//! | Once started only a reset stops it | 45.3.1 |
+//!
+//! Left out: the up to five cycles of the LSI before a written `PR`, `RLR` or `WINR` counts, so `SR` is always zero; the
+//! start by option byte; the hold by the debugger and in low-power modes.
+
+use rigless::device::{Device, DeviceContext, Level, RegisterFile};
+use rigless::soc::stm32h743::generated::iwdg::Register;
+use rigless::soc::stm32h743::peripherals::rcc::IWDG_STARTED;
+use rigless::time::{EventId, NANOS_PER_SECOND, VirtualNanos};
+
+const OPEN: u64 = 0x5555;
+const RELOAD: u64 = 0xAAAA;
+const START: u64 = 0xCCCC;
+/// `WINR` as the reset leaves it: no window.
+const NO_WINDOW: u64 = 0xFFF;
+/// The largest divider, for the two highest codes of `PR` alike.
+const LARGEST_DIVIDER_CODE: u64 = 6;
+
+/// The model.
+#[derive(Debug)]
+pub struct Watchdog {
+    started: bool,
+    open: bool,
+    divider: u64,
+    reload: u64,
+    window: u64,
+    hz: u64,
+    /// Where the count was, and when.
+    counted_from: (VirtualNanos, u64),
+    end: Option<EventId>,
+    reloads: u64,
+}
+
+impl Default for Watchdog {
+    fn default() -> Self {
+        Self {
+            started: false,
+            open: false,
+            divider: 4,
+            reload: NO_WINDOW,
+            window: NO_WINDOW,
+            hz: 0,
+            counted_from: (VirtualNanos(0), NO_WINDOW),
+            end: None,
+            reloads: 0,
+        }
+    }
+}
+
+impl Watchdog {
+    /// Whether the image has started it since the last reset.
+    pub fn started(&self) -> bool {
+        self.started
+    }
+
+    /// How often the image has fed it since the last reset.
+    pub fn reloads(&self) -> u64 {
+        self.reloads
+    }
+
+    /// The time from a reload to the reset, in nanoseconds, or `None` while it does not count.
+    pub fn timeout_ns(&self) -> Option<u64> {
+        (self.started && self.hz != 0).then(|| self.span_ns(self.reload + 1))
+    }
+
+    fn span_ns(&self, counts: u64) -> u64 {
+        let cycles = u128::from(counts) * u128::from(self.divider);
+        (cycles * u128::from(NANOS_PER_SECOND)).div_ceil(u128::from(self.hz)) as u64
+    }
+
+    fn count_at(&self, now: VirtualNanos) -> u64 {
+        let (from, count) = self.counted_from;
+        let cycles =
+            u128::from(now.0 - from.0) * u128::from(self.hz) / u128::from(NANOS_PER_SECOND);
+        count.saturating_sub((cycles / u128::from(self.divider)) as u64)
+    }
+
+    fn count_from(&mut self, count: u64, context: &mut DeviceContext<'_>) {
+        self.counted_from = (context.now(), count);
+        self.end = (self.started && self.hz != 0)
+            .then(|| context.schedule(VirtualNanos(context.now().0 + self.span_ns(count + 1))));
+    }
+
+    fn feed(&mut self, context: &mut DeviceContext<'_>) {
+        if self.started && self.window < NO_WINDOW && self.count_at(context.now()) > self.window {
+            context.request_reset();
+            return;
+        }
+        self.reloads += u64::from(self.started);
+        self.count_from(self.reload, context);
+    }
+
+    fn key(&mut self, key: u64, context: &mut DeviceContext<'_>) {
+        self.open = key == OPEN;
+        match key {
+            RELOAD => self.feed(context),
+            START if !self.started => {
+                self.started = true;
+                // The clock controller forces the LSI on, and tells the rate at once.
+                context.request(IWDG_STARTED, Level::High);
+                self.count_from(self.reload, context);
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Device for Watchdog {
+    type Register = Register;
+
+    fn write(
+        &mut self,
+        register: Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        match register {
+            Register::Kr => self.key(value & 0xFFFF, context),
+            Register::Pr if self.open => {
+                let count = self.count_at(context.now());
+                self.divider = 4 << (value & 0b111).min(LARGEST_DIVIDER_CODE);
+                self.count_from(count, context);
+            }
+            Register::Rlr if self.open => self.reload = value & 0xFFF,
+            Register::Winr if self.open => {
+                self.window = value & 0xFFF;
+                // Section 45.4.5: writing the window reloads the count.
+                self.count_from(self.reload, context);
+            }
+            Register::Pr | Register::Rlr | Register::Winr | Register::Sr => {}
+        }
+        let divider_code = u64::from(self.divider.trailing_zeros() - 2);
+        registers.set(Register::Pr, divider_code);
+        registers.set(Register::Rlr, self.reload);
+        registers.set(Register::Winr, self.window);
+    }
+
+    fn on_clock(
+        &mut self,
+        hz: u64,
+        _registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let count = if self.hz == 0 {
+            self.reload
+        } else {
+            self.count_at(context.now())
+        };
+        self.hz = hz;
+        self.count_from(count, context);
+    }
+
+    fn on_event(
+        &mut self,
+        event: EventId,
+        _registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        if self.end == Some(event) {
+            self.end = None;
+            context.request_reset();
+        }
+    }
+
+    fn reset(&mut self) {
+        *self = Self::default();
+    }
+}

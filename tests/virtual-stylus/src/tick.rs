@@ -1,0 +1,159 @@
+//! What the tick's handler costs: instructions from its first to the one that returns, for every tick.
+//!
+//! The entry is watched by the handler's symbol. Which instruction returns is learnt from an audit of the first tick, and
+//! of each one that returned by an unknown one; from then on it is watched too. Exception entry and return themselves
+//! (about a dozen cycles each) are no instructions and not counted.
+
+use rigless::emulator::{Hit, HitKind, Watch};
+
+use crate::core::{Audit, Auditor};
+
+/// One tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tick {
+    /// The handler's entry, in nanoseconds of virtual time.
+    pub at_ns: u64,
+    /// Instructions from its first to the one that returns, both counted.
+    pub instructions: u32,
+}
+
+/// The figures of many ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TickStatistics {
+    /// How many.
+    pub ticks: usize,
+    /// Fewest instructions.
+    pub min: u32,
+    /// The lower median.
+    pub median: u32,
+    /// Most instructions.
+    pub max: u32,
+}
+
+impl TickStatistics {
+    /// The figures of `ticks`, or `None` when there are none.
+    pub fn of(ticks: &[Tick]) -> Option<Self> {
+        let mut counts: Vec<u32> = ticks.iter().map(|tick| tick.instructions).collect();
+        counts.sort_unstable();
+        Some(Self {
+            ticks: counts.len(),
+            min: *counts.first()?,
+            median: counts[(counts.len() - 1) / 2],
+            max: *counts.last()?,
+        })
+    }
+}
+
+/// Follows the ticks of a run.
+#[derive(Debug)]
+pub struct TickWatch {
+    handler: Option<u64>,
+    exits: Vec<u64>,
+    auditor: Auditor,
+    entered: Option<(u64, u64)>,
+    audit_every: Option<u64>,
+    entries: u64,
+    ticks: Vec<Tick>,
+    audits: Vec<Audit>,
+    unfollowed: u64,
+}
+
+impl TickWatch {
+    /// Of the handler at `handler`, if the image has one.
+    pub fn new(handler: Option<u64>, auditor: Auditor) -> Self {
+        Self {
+            handler,
+            exits: Vec::new(),
+            auditor,
+            entered: None,
+            audit_every: None,
+            entries: 0,
+            ticks: Vec::new(),
+            audits: Vec::new(),
+            unfollowed: 0,
+        }
+    }
+
+    /// What has to be watched from the start.
+    pub fn watches(&self) -> Option<Watch> {
+        self.handler.map(Watch::Instruction)
+    }
+
+    /// Audits every `every`th tick from now on, beside those whose return is not known yet.
+    pub fn audit_every(&mut self, every: Option<u64>) {
+        self.audit_every = every;
+    }
+
+    /// The ticks so far; the record starts anew.
+    pub fn take_ticks(&mut self) -> Vec<Tick> {
+        std::mem::take(&mut self.ticks)
+    }
+
+    /// The audits so far; the record starts anew.
+    pub fn take_audits(&mut self) -> Vec<Audit> {
+        std::mem::take(&mut self.audits)
+    }
+
+    /// Ticks whose return was not seen, so that they are in no figure.
+    pub fn unfollowed(&self) -> u64 {
+        self.unfollowed
+    }
+
+    /// The part was reset: the tick under way never returns.
+    pub fn reset(&mut self) {
+        self.entered = None;
+    }
+
+    /// Something watched was reached: a further watch, if one is needed.
+    pub fn hit(&mut self, hit: &Hit) -> Option<Watch> {
+        if hit.kind != HitKind::Instruction {
+            return None;
+        }
+        if Some(hit.address) == self.handler {
+            return self.enter(hit);
+        }
+        if self.exits.contains(&hit.address)
+            && !self.auditor.running()
+            && let Some((count, at_ns)) = self.entered.take()
+        {
+            let instructions = (hit.instruction_count + 1 - count) as u32;
+            self.ticks.push(Tick {
+                at_ns,
+                instructions,
+            });
+        }
+        None
+    }
+
+    /// Takes an audit that is done: a further watch, if it returned by an unknown instruction.
+    pub fn audited(&mut self) -> Option<Watch> {
+        let audit = self.auditor.take()?;
+        let (_, at_ns) = self.entered.take()?;
+        let instructions = audit.instructions as u32;
+        self.ticks.push(Tick {
+            at_ns,
+            instructions,
+        });
+        let exit = audit.exit;
+        self.audits.push(audit);
+        (!self.exits.contains(&exit)).then(|| {
+            self.exits.push(exit);
+            Watch::Instruction(exit)
+        })
+    }
+
+    fn enter(&mut self, hit: &Hit) -> Option<Watch> {
+        let watch = self.audited();
+        let unknown_return = self.entered.is_some() || self.exits.is_empty();
+        self.unfollowed += u64::from(self.entered.is_some());
+        self.entered = Some((hit.instruction_count, hit.at.0));
+        self.entries += 1;
+        let due = self
+            .audit_every
+            .is_some_and(|every| self.entries.is_multiple_of(every));
+        if unknown_return || due {
+            self.auditor.begin();
+        }
+        watch
+    }
+}

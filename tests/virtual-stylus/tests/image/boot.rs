@@ -1,0 +1,38 @@
+//! From power on until somebody plays, the output rests.
+
+use model_format::link::{InfoEndpoint, PROTOCOL_VERSION, SCHEMA_HASH};
+use virtual_stylus::Options;
+
+use crate::device::{Device, MID_SCALE, MS, product};
+
+#[test]
+fn the_output_is_at_mid_scale_from_its_first_enable_until_play() {
+    let mut device = Device::new(&product(), Options::default());
+    device.run_for(300 * MS);
+    device.wait_for_start();
+    // Whoever connects, asks, and leaves moves nothing.
+    let info = device.request::<InfoEndpoint>(&());
+    assert_eq!(info.protocol_version, PROTOCOL_VERSION);
+    assert_eq!(info.schema_hash, SCHEMA_HASH);
+    device.status();
+    device.slots();
+    device.run_for(200 * MS);
+    let outputs = device.dac();
+    let driven: Vec<u16> = outputs.iter().filter_map(|output| output.code).collect();
+    assert!(driven.len() > 2_000, "{} outputs", driven.len());
+    assert!(driven.iter().all(|&code| code == MID_SCALE));
+    // Once the pin is driven it stays so.
+    let first = outputs.iter().position(|output| output.code.is_some());
+    assert!(
+        outputs[first.expect("it was driven")..]
+            .iter()
+            .all(|output| output.code.is_some())
+    );
+    let report = device.stylus.report().expect("the run goes on");
+    assert!(report.unmapped.is_empty(), "{report:?}");
+    // Of the clocks' set-up some writes are ignored, and come out right all the same.
+    let told: Vec<_> = (report.told.iter())
+        .filter(|told| !told.starts_with("RCC."))
+        .collect();
+    assert!(told.is_empty(), "{told:?}");
+}

@@ -1,0 +1,327 @@
+//! A host's end of the serial line, in virtual time.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+
+use model_format::link::{
+    ActivateEndpoint, Activated, InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, LIBRARY_CRC,
+    ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MotionSource, MuteReasons, PlayEndpoint,
+    PlayRequest, RecordBlock, RecordBlockTopic, SlotId, Slots, SlotsEndpoint, Status,
+    StatusEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
+};
+use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
+use postcard_rpc::{Endpoint, Key, Topic};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use virtual_stylus::model::dac::Output;
+use virtual_stylus::{Options, VirtualStylus};
+
+pub const MS: u64 = 1_000_000;
+pub const SECOND: u64 = 1_000 * MS;
+/// Code of the DAC at which no current flows.
+pub const MID_SCALE: u16 = 2048;
+/// Between two samples.
+pub const PERIOD_NS: u64 = 200_000;
+
+/// How far the run goes between two looks at the line.
+const STEP_NS: u64 = MS / 2;
+/// How long an answer may take, flash included.
+const PATIENCE_NS: u64 = 20 * SECOND;
+/// Longer than a start takes.
+const START_NS: u64 = 2 * SECOND;
+
+/// The image that `variable` names.
+fn image(variable: &str) -> PathBuf {
+    std::env::var_os(variable)
+        .unwrap_or_else(|| panic!("set {variable}, as `cargo tasks test-virtual-stylus` does"))
+        .into()
+}
+
+/// The product's image.
+pub fn product() -> PathBuf {
+    image("STYLUS_IMAGE")
+}
+
+/// The image with faults on request.
+pub fn with_faults() -> PathBuf {
+    image("STYLUS_FAULT_IMAGE")
+}
+
+/// A frame from the device, without its COBS.
+struct Frame {
+    header: VarHeader,
+    body: Vec<u8>,
+}
+
+/// The virtual stylus and a host that talks to it.
+pub struct Device {
+    pub stylus: VirtualStylus,
+    partial: Vec<u8>,
+    frames: VecDeque<Frame>,
+    pub blocks: Vec<RecordBlock>,
+    /// Frames that were no frames.
+    pub broken: usize,
+    sequence: u32,
+    keeps_alive: bool,
+    next_keep_alive_ns: u64,
+    dac: Vec<Output>,
+}
+
+impl Device {
+    /// Power on; nothing has run.
+    pub fn new(image: &std::path::Path, options: Options) -> Self {
+        let stylus = VirtualStylus::new(image, options).expect("the image fits the flash");
+        Self {
+            stylus,
+            partial: Vec::new(),
+            frames: VecDeque::new(),
+            blocks: Vec::new(),
+            broken: 0,
+            sequence: 0,
+            keeps_alive: false,
+            next_keep_alive_ns: 0,
+            dac: Vec::new(),
+        }
+    }
+
+    /// The product's image, started and answering.
+    pub fn started(options: Options) -> Self {
+        let mut device = Self::new(&product(), options);
+        device.wait_for_start();
+        device
+    }
+
+    /// Runs until the image answers.
+    pub fn wait_for_start(&mut self) {
+        let end = self.stylus.now_ns() + START_NS;
+        while self.stylus.now_ns() < end {
+            self.send_frame(InfoEndpoint::REQ_KEY, &());
+            self.run_for(20 * MS);
+            if self
+                .take_answer(InfoEndpoint::RESP_KEY, self.sequence)
+                .is_some()
+            {
+                return;
+            }
+        }
+        panic!("the image does not answer: {:?}", self.stylus.report());
+    }
+
+    /// Asks, and runs until the answer is there.
+    pub fn request<E>(&mut self, request: &E::Request) -> E::Response
+    where
+        E: Endpoint<Request: Serialize, Response: DeserializeOwned>,
+    {
+        self.ask::<E, _>(request)
+    }
+
+    /// As [`Device::request`], for requests that borrow.
+    fn ask<E, R>(&mut self, request: &R) -> E::Response
+    where
+        E: Endpoint<Response: DeserializeOwned>,
+        R: Serialize,
+    {
+        let sequence = self.send_frame(E::REQ_KEY, request);
+        let end = self.stylus.now_ns() + PATIENCE_NS;
+        loop {
+            if let Some(body) = self.take_answer(E::RESP_KEY, sequence) {
+                return postcard::from_bytes(&body).expect("an answer of the type of its key");
+            }
+            let now = self.stylus.now_ns();
+            if now >= end {
+                let told = self.frames.iter().map(|frame| (frame.header, &frame.body));
+                let (told, resets) = (told.collect::<Vec<_>>(), self.stylus.resets());
+                panic!("{} is not answered; unasked: {told:?}; {resets:?}", E::PATH);
+            }
+            self.run_for(STEP_NS);
+        }
+    }
+
+    /// Sends a message on a topic.
+    pub fn publish<T: Topic<Message: Serialize + Sized>>(&mut self, message: &T::Message) {
+        self.send_frame(T::TOPIC_KEY, message);
+    }
+
+    /// Sends any message under any key.
+    pub fn send_frame(&mut self, key: Key, message: &impl Serialize) -> u32 {
+        self.sequence += 1;
+        let header = VarHeader {
+            key: VarKey::Key8(key),
+            seq_no: VarSeq::Seq4(self.sequence),
+        };
+        let mut buffer = [0; 64];
+        let (used, _) = header
+            .write_to_slice(&mut buffer)
+            .expect("a header fits 64 bytes");
+        let mut frame = used.to_vec();
+        frame.extend(postcard::to_allocvec(message).expect("messages are plain data"));
+        self.send_raw(&frame);
+        self.sequence
+    }
+
+    /// Sends `frame` as one COBS frame.
+    pub fn send_raw(&mut self, frame: &[u8]) {
+        let mut encoded = cobs::encode_vec(frame);
+        encoded.push(0);
+        self.send_bytes(&encoded);
+    }
+
+    /// Sends bytes as they are.
+    pub fn send_bytes(&mut self, bytes: &[u8]) {
+        self.stylus.send(bytes).expect("the run goes on");
+    }
+
+    /// From now on the host sends a sign of life as often as it should, or not.
+    pub fn keep_alive(&mut self, on: bool) {
+        self.keeps_alive = on;
+    }
+
+    /// Runs for `nanos`, listening.
+    pub fn run_for(&mut self, nanos: u64) {
+        let end = self.stylus.now_ns() + nanos;
+        while self.stylus.now_ns() < end {
+            if self.keeps_alive && self.stylus.now_ns() >= self.next_keep_alive_ns {
+                self.publish::<KeepAliveTopic>(&());
+                self.next_keep_alive_ns = self.stylus.now_ns() + u64::from(KEEP_ALIVE_MS) * MS;
+            }
+            let next = (self.stylus.now_ns() + 4 * STEP_NS).min(end);
+            self.stylus.run_until(next).expect("the run goes on");
+            self.listen();
+        }
+    }
+
+    fn listen(&mut self) {
+        let sent = self.stylus.receive().expect("the run goes on");
+        for byte in sent.into_iter().map(|sent| sent.byte) {
+            if byte != 0 {
+                self.partial.push(byte);
+                continue;
+            }
+            let encoded = std::mem::take(&mut self.partial);
+            if encoded.is_empty() {
+                continue;
+            }
+            let decoded = cobs::decode_vec(&encoded).ok();
+            let frame = decoded.as_deref().and_then(VarHeader::take_from_slice);
+            match frame {
+                Some((header, body)) if header.key == VarKey::Key8(RecordBlockTopic::TOPIC_KEY) => {
+                    let block = postcard::from_bytes(body).expect("a block under a block's key");
+                    self.blocks.push(block);
+                }
+                Some((header, body)) => self.frames.push_back(Frame {
+                    header,
+                    body: body.to_vec(),
+                }),
+                None => self.broken += 1,
+            }
+        }
+    }
+
+    fn take_answer(&mut self, key: Key, sequence: u32) -> Option<Vec<u8>> {
+        let header = VarHeader {
+            key: VarKey::Key8(key),
+            seq_no: VarSeq::Seq4(sequence),
+        };
+        let position = self
+            .frames
+            .iter()
+            .position(|frame| frame.header == header)?;
+        self.frames.remove(position).map(|frame| frame.body)
+    }
+
+    /// What the converter put out since the power came on.
+    pub fn dac(&mut self) -> &[Output] {
+        let new = self.stylus.take_dac_record().expect("the run goes on");
+        self.dac.extend(new);
+        &self.dac
+    }
+
+    /// Forgets frames that nobody asked for.
+    pub fn forget_frames(&mut self) {
+        self.frames.clear();
+    }
+
+    pub fn status(&mut self) -> Status {
+        self.request::<StatusEndpoint>(&())
+    }
+
+    pub fn slots(&mut self) -> Slots {
+        self.request::<SlotsEndpoint>(&())
+    }
+
+    pub fn texture(&mut self, slot: SlotId, index: u8) -> TextureInfo {
+        self.request::<ListEndpoint>(&ListRequest { slot, index })
+            .expect("there is such a texture")
+    }
+
+    pub fn begin_upload(&mut self, library: &[u8]) -> UploadProgress {
+        self.request::<UploadBeginEndpoint>(&announced(library))
+            .expect("the library fits a slot")
+    }
+
+    /// Sends chunks from `progress` up to byte `end`.
+    pub fn send_chunks(&mut self, library: &[u8], progress: UploadProgress, end: usize) {
+        let mut offset = progress.next_offset as usize;
+        while offset < end {
+            let data = &library[offset..library.len().min(offset + MAX_CHUNK_BYTES)];
+            let chunk = UploadChunk {
+                offset: offset as u32,
+                data,
+            };
+            let progress = self
+                .ask::<UploadChunkEndpoint<'_>, _>(&chunk)
+                .expect("the chunk that is due");
+            offset = progress.next_offset as usize;
+        }
+    }
+
+    pub fn upload(&mut self, library: &[u8]) -> UploadCommitted {
+        let progress = self.begin_upload(library);
+        self.send_chunks(library, progress, library.len());
+        self.request::<UploadCommitEndpoint>(&())
+            .expect("a valid library")
+    }
+
+    pub fn activate(&mut self, slot: SlotId) -> Activated {
+        self.request::<ActivateEndpoint>(&slot)
+            .expect("a valid slot")
+    }
+
+    /// Plays, with signs of life, and waits until nothing mutes it.
+    pub fn play(&mut self, texture: &str, motion: MotionSource, seed: u64) {
+        self.keep_alive(true);
+        let request = play_request(texture, motion, seed);
+        self.request::<PlayEndpoint>(&request)
+            .expect("the texture is there");
+    }
+
+    /// Plays and waits until nothing mutes it.
+    pub fn play_until_heard(&mut self, texture: &str, motion: MotionSource, seed: u64) {
+        self.play(texture, motion, seed);
+        for _ in 0..100 {
+            self.run_for(5 * MS);
+            if self.status().output.mute == MuteReasons::NONE {
+                return;
+            }
+        }
+        panic!("still muted: {:?}", self.status().output);
+    }
+}
+
+/// What an upload of `library` announces.
+pub fn announced(library: &[u8]) -> UploadBegin {
+    UploadBegin {
+        length: library.len() as u32,
+        crc32: LIBRARY_CRC.checksum(library),
+    }
+}
+
+pub fn play_request(texture: &str, motion: MotionSource, seed: u64) -> PlayRequest {
+    PlayRequest {
+        texture: texture.try_into().expect("a texture's name fits"),
+        gain: 1.0,
+        motion,
+        seed,
+    }
+}

@@ -1,0 +1,108 @@
+//! Frames that no host sends: errors or silence, and the tick goes on.
+
+use model_format::link::{InfoEndpoint, MAX_HOST_FRAME_BYTES, PlayEndpoint, UploadBeginEndpoint};
+use postcard_rpc::Endpoint;
+use virtual_stylus::Options;
+
+use crate::device::{Device, MS};
+
+/// How many CI sends; `STYLUS_LONG` asks for a million.
+fn count() -> u64 {
+    if std::env::var_os("STYLUS_LONG").is_some() {
+        1_000_000
+    } else {
+        20_000
+    }
+}
+
+/// SplitMix64, so that a run repeats.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, bound: u64) -> u64 {
+        self.next() % bound
+    }
+
+    fn bytes(&mut self, count: u64) -> Vec<u8> {
+        (0..count).map(|_| self.next() as u8).collect()
+    }
+}
+
+/// A frame that is wrong in one of several ways; most are short, so that many fit a second.
+fn wrong(random: &mut Random) -> Vec<u8> {
+    let keys = [
+        InfoEndpoint::REQ_KEY,
+        PlayEndpoint::REQ_KEY,
+        UploadBeginEndpoint::REQ_KEY,
+    ];
+    let key = keys[random.below(3) as usize].to_bytes();
+    let length = random.below(12);
+    match random.below(8) {
+        // A key that exists, with a body that is cut off or noise.
+        0 | 1 => {
+            let mut frame = vec![0b1101_0000];
+            frame.extend(key);
+            frame.extend([1, 0]);
+            frame.extend(random.bytes(length));
+            frame
+        }
+        // A key cut off.
+        2 => [&[0b1110_0000], &key[..random.below(8) as usize]].concat(),
+        // A short key of a kind that is not spoken here.
+        3 => vec![random.below(64) as u8, random.next() as u8],
+        // Longer than any frame may be.
+        4 if random.below(200) == 0 => random.bytes(MAX_HOST_FRAME_BYTES as u64 + 200),
+        _ => random.bytes(length),
+    }
+}
+
+#[test]
+fn malformed_frames_are_errors_or_silence_and_no_tick_is_missed() {
+    let mut device = Device::started(Options::default());
+    let mut random = Random(1);
+    let mut sent = 0;
+    while sent < count() {
+        for _ in 0..50 {
+            let frame = wrong(&mut random);
+            if random.below(10) == 0 {
+                // No COBS at all: zeros where they fall.
+                device.send_bytes(&frame);
+                device.send_bytes(&[0]);
+            } else {
+                device.send_raw(&frame);
+            }
+            sent += 1;
+        }
+        device.run_for(6 * MS);
+        device.forget_frames();
+        assert_eq!(device.broken, 0, "what the device sends is well formed");
+        if sent.is_multiple_of(5_000) {
+            device.run_for(200 * MS);
+            device.forget_frames();
+            let status = device.status();
+            assert_eq!(
+                (status.tick.missed, status.resets),
+                (0, 0),
+                "after {sent} frames"
+            );
+        }
+    }
+    device.run_for(500 * MS);
+    device.forget_frames();
+    let status = device.status();
+    assert_eq!(status.tick.missed, 0);
+    assert!(
+        status.serial.malformed > 0 && status.serial.oversized > 0,
+        "{:?}",
+        status.serial
+    );
+    assert!(device.stylus.resets().expect("the run goes on").is_empty());
+}

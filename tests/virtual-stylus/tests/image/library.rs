@@ -1,0 +1,75 @@
+//! Libraries, and a flash that holds one.
+
+use std::sync::OnceLock;
+
+use model_format::limits::MAX_ORDER;
+use model_format::{CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode};
+use virtual_stylus::Options;
+use virtual_stylus::model::flash::Contents;
+
+use crate::device::Device;
+
+/// The textures that every processor must play alike, some 30 KB.
+pub fn small() -> &'static [u8] {
+    static SMALL: OnceLock<Vec<u8>> = OnceLock::new();
+    SMALL.get_or_init(kernel_vectors::library)
+}
+
+/// Another one, some 8 KB.
+pub fn other() -> Vec<u8> {
+    encode(&[grid("other", 5, 4, 200)]).expect("within the limits")
+}
+
+/// Four textures of 15 x 8 nodes of the highest order, which all but fill a slot.
+pub fn large() -> Vec<u8> {
+    let textures = ["one", "two", "three", "four"].map(|name| grid(name, 15, 8, MAX_ORDER));
+    encode(&textures).expect("within the limits")
+}
+
+/// A texture of lattices with small angles, each its own.
+fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
+    let node = |number: u16| NodeSpec {
+        output_power: 4.0,
+        prediction_error_power: 4.0,
+        flags: NodeFlags::NONE,
+        codes: CodeSpec::Lattice(
+            (0..order)
+                .map(|stage| {
+                    (stage as i16)
+                        .wrapping_mul(7919)
+                        .wrapping_add(number as i16)
+                        >> 4
+                })
+                .collect(),
+        ),
+    };
+    TextureSpec {
+        name: name.to_owned(),
+        sample_rate_hz: 5_000,
+        structure: Structure::NormalisedLattice,
+        provenance: Provenance::Simulated,
+        speed_axis_mm_s: (1..=speeds).map(|speed| f32::from(speed) * 20.0).collect(),
+        force_axis_n: (1..=forces).map(|force| f32::from(force) * 0.2).collect(),
+        nodes: (0..speeds * forces).map(node).collect(),
+    }
+}
+
+/// A flash with [`small`] in a slot, put there by an upload.
+pub fn flash_with_small() -> Contents {
+    static FLASH: OnceLock<Contents> = OnceLock::new();
+    FLASH
+        .get_or_init(|| {
+            let mut device = Device::started(Options::default());
+            device.upload(small());
+            device.stylus.flash().expect("the run goes on")
+        })
+        .clone()
+}
+
+/// Options with that flash.
+pub fn options() -> Options {
+    Options {
+        flash: flash_with_small(),
+        ..Options::default()
+    }
+}

@@ -1,0 +1,17 @@
+//! The image as it is flashed, on the virtual stylus.
+//!
+//! `STYLUS_IMAGE` and `STYLUS_FAULT_IMAGE` name the files that `cargo firmware` and `cargo firmware --fault-injection`
+//! built; `cargo tasks test-virtual-stylus` builds both and sets them.
+
+mod boot;
+mod device;
+mod expected;
+mod faults;
+mod frames;
+mod library;
+mod link;
+mod play;
+mod power;
+mod record;
+mod ticks;
+mod upload;

@@ -1,0 +1,137 @@
+//! What is played, code for code and instant for instant.
+
+use model_format::Library;
+use model_format::link::{MotionSource, RecordStartEndpoint, RecordStopEndpoint, StopEndpoint};
+use virtual_stylus::model::dac::Cause;
+use virtual_stylus::motion::Motion;
+use virtual_stylus::pins::FunctionPins;
+
+use crate::device::{Device, MID_SCALE, MS, PERIOD_NS};
+use crate::expected::{Recorded, explain};
+use crate::library;
+
+/// Volts of the force sensor as codes of the ADC: 2 N/V by default.
+fn force_code(newton: f64) -> u16 {
+    (newton / 2.0 / 3.3 * 65_536.0) as u16
+}
+
+/// A force that goes up and down over the grid, and an accelerometer whose axes differ.
+fn pins() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
+    FunctionPins(|channel, at_ns| {
+        let phase = at_ns as f64 / 1e9 * std::f64::consts::TAU * 1.3;
+        match channel {
+            5 => force_code(0.8 + 0.7 * phase.sin()),
+            _ => 0x8000 + u16::from(channel) * 100,
+        }
+    })
+}
+
+/// The codes that triggers put out, the first trigger's first, after checking their instants.
+fn latched(device: &mut Device) -> Vec<u16> {
+    let outputs: Vec<_> = (device.dac().iter())
+        .filter(|output| output.cause == Cause::Trigger)
+        .copied()
+        .collect();
+    let uneven = outputs
+        .windows(2)
+        .find(|pair| pair[1].at_ns - pair[0].at_ns != PERIOD_NS);
+    assert_eq!(uneven, None, "instants that are not 200 µs apart");
+    outputs
+        .iter()
+        .map(|output| output.code.expect("driven"))
+        .collect()
+}
+
+fn plays_as_the_host_does(texture: &str) {
+    let mut device = Device::started(library::options());
+    device.stylus.set_pins(pins()).expect("the run goes on");
+    let start = device.stylus.now_ns();
+    let knots = [
+        (0, 0.0),
+        (200, 20.0),
+        (700, 260.0),
+        (1_100, 30.0),
+        (1_500, 190.0),
+    ];
+    let speeds = knots.map(|(ms, speed)| (start + ms * MS, speed));
+    let motion = Motion::linear(&speeds, 0.01).expect("instants that rise");
+    device.stylus.set_motion(motion).expect("the run goes on");
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    // The speed's window, and more.
+    device.run_for(60 * MS);
+    let asked = device.status().tick.ticks;
+    device.play(texture, MotionSource::Sensors, 77);
+    device.run_for(1_600 * MS);
+    let stopped = device
+        .request::<RecordStopEndpoint>(&())
+        .expect("it is recorded");
+    assert_eq!(stopped.lost_blocks, 0);
+    let status = device.status();
+    assert_eq!(
+        (
+            status.tick.missed,
+            status.tick.late_frames,
+            status.tick.late_conversions
+        ),
+        (0, 0, 0)
+    );
+
+    let recorded = Recorded {
+        first_tick: device.blocks[0].first_tick,
+        samples: (device.blocks.iter())
+            .flat_map(|block| block.samples.map(Into::into))
+            .collect(),
+    };
+    // What tick n computes the trigger after it puts out.
+    let codes = &latched(&mut device)[1..];
+    let library = Library::decode(library::small()).expect("a valid library");
+    let texture = library.texture(texture).expect("it is in the library");
+    let (began, same_until) = explain(texture, 77, &recorded, codes, asked);
+    let end = recorded.first_tick + recorded.samples.len() as u64;
+    assert_eq!(
+        same_until, end,
+        "codes differ from tick {same_until} on, with {began:?}"
+    );
+    let heard = codes[began.unmuted as usize..end as usize]
+        .iter()
+        .filter(|&&code| code != MID_SCALE);
+    assert!(heard.count() > 4_000, "the motion is heard");
+}
+
+#[test]
+fn a_lattice_is_put_out_as_the_host_computes_it_code_for_code() {
+    plays_as_the_host_does("lattice");
+}
+
+#[test]
+fn a_direct_form_is_put_out_as_the_host_computes_it_code_for_code() {
+    plays_as_the_host_does("direct 32");
+}
+
+#[test]
+fn a_stop_ends_at_mid_scale_and_stays_there() {
+    let mut device = Device::started(library::options());
+    device.stylus.set_pins(pins()).expect("the run goes on");
+    device
+        .stylus
+        .set_motion(Motion::steady(120.0, 0.01))
+        .expect("the run goes on");
+    device.play_until_heard("lattice", MotionSource::Sensors, 1);
+    device.run_for(300 * MS);
+    device.request::<StopEndpoint>(&()).expect("it plays");
+    device.run_for(100 * MS);
+    let silent_from = device.stylus.now_ns();
+    device.run_for(300 * MS);
+    let codes = latched(&mut device);
+    assert!(codes.iter().any(|&code| code != MID_SCALE), "it was heard");
+    let late = device
+        .dac()
+        .iter()
+        .filter(|output| output.at_ns > silent_from);
+    assert!(
+        late.map(|output| output.code)
+            .all(|code| code == Some(MID_SCALE))
+    );
+}

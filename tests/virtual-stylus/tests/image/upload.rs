@@ -1,0 +1,116 @@
+//! Uploads, and what they leave alone.
+
+use model_format::link::{
+    MotionSource, RecordStartEndpoint, RecordStopEndpoint, SlotState, UploadCommitEndpoint,
+    UploadError,
+};
+use virtual_stylus::Options;
+use virtual_stylus::model::dac::Cause;
+use virtual_stylus::motion::Motion;
+
+use crate::device::{Device, MS, PERIOD_NS, announced};
+use crate::library;
+use crate::power::state_of;
+
+#[test]
+fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwards() {
+    let mut device = Device::started(library::options());
+    device
+        .stylus
+        .set_motion(Motion::steady(120.0, 0.01))
+        .expect("the run goes on");
+    device.play_until_heard("lattice", MotionSource::Sensors, 5);
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    let before = device.status();
+    let large = library::large();
+    assert!(large.len() > 380_000, "{} bytes", large.len());
+    let committed = device.upload(&large);
+    let after = device.status();
+    let stopped = device
+        .request::<RecordStopEndpoint>(&())
+        .expect("it is recorded");
+
+    assert_eq!(after.tick.missed, 0);
+    assert_eq!(after.tick.late_frames, before.tick.late_frames);
+    assert_eq!(
+        after.output.mute, before.output.mute,
+        "it is heard all the time"
+    );
+    assert_eq!(after.output.mute_counts, before.output.mute_counts);
+    assert_eq!(stopped.lost_blocks, 0);
+    let instants: Vec<u64> = (device.dac().iter())
+        .filter(|output| output.cause == Cause::Trigger)
+        .map(|output| output.at_ns)
+        .collect();
+    assert!(
+        instants
+            .windows(2)
+            .all(|pair| pair[1] - pair[0] == PERIOD_NS)
+    );
+
+    let activated = device.activate(committed.slot);
+    assert_eq!(activated.library.crc32, announced(&large).crc32);
+    let slots = device.slots();
+    assert_eq!(slots.active, Some(committed.slot));
+    assert_eq!(device.texture(committed.slot, 3).name, "four");
+    device.play_until_heard("three", MotionSource::Sensors, 6);
+}
+
+#[test]
+fn a_host_that_goes_in_the_middle_of_an_upload_can_go_on_or_begin_another() {
+    let mut device = Device::started(library::options());
+    let large = library::large();
+    let progress = device.begin_upload(&large);
+    device.send_chunks(&large, progress, 20_000);
+    // The host is gone in the middle of a frame, and another comes.
+    device.send_bytes(&[7, 1, 2, 3]);
+    device.run_for(300 * MS);
+    device.send_bytes(&[0]);
+    let resumed = device.begin_upload(&large);
+    assert!(resumed.next_offset >= 20_000, "{resumed:?}");
+
+    let other = library::other();
+    let begun = device.begin_upload(&other);
+    assert_eq!(begun.next_offset, 0);
+    device.send_chunks(&other, begun, other.len());
+    let committed = device
+        .request::<UploadCommitEndpoint>(&())
+        .expect("a valid library");
+    assert_eq!(
+        device.activate(committed.slot).library.crc32,
+        announced(&other).crc32
+    );
+}
+
+#[test]
+fn what_is_no_library_is_refused_and_what_was_there_stays() {
+    let mut device = Device::started(library::options());
+    let was = state_of(&mut device);
+    let mut broken = library::other();
+    let last = broken.len() - 1;
+    broken[last] ^= 1;
+    let begun = device.begin_upload(&broken);
+    device.send_chunks(&broken, begun, broken.len());
+    let refused = device.request::<UploadCommitEndpoint>(&());
+    assert!(
+        matches!(refused, Err(UploadError::Invalid { .. })),
+        "{refused:?}"
+    );
+    assert_eq!(state_of(&mut device), was);
+    // After a restart too.
+    let options = Options {
+        flash: device.stylus.flash().expect("the run goes on"),
+        ..Options::default()
+    };
+    let mut restarted = Device::started(options);
+    assert_eq!(state_of(&mut restarted), was);
+    let valid = restarted
+        .slots()
+        .slots
+        .iter()
+        .filter(|slot| matches!(slot, SlotState::Valid(_)))
+        .count();
+    assert_eq!(valid, 1);
+}

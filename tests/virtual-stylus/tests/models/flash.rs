@@ -1,0 +1,194 @@
+//! The flash: contents that outlive a run, power cuts, words that cannot be read.
+
+use std::path::Path;
+
+use virtual_stylus::model::flash::{
+    BASE, Contents, Kind, Moment, Operation, SECTOR_BYTES, WORD_BYTES,
+};
+use virtual_stylus::{Error, Options, ResetCause};
+
+use crate::probe::{ask, ready, try_ask, words};
+
+const BANK_2: u32 = 0x0810_0000;
+const ERASED: u32 = u32::MAX;
+/// What the image tells of a fault: `!`, the status of bank 2, the place of the failed read.
+const FAULT_BYTES: usize = 1 + 4 + 4;
+
+fn with(flash: Contents) -> Options {
+    Options {
+        flash,
+        ..Options::default()
+    }
+}
+
+/// Programs words until the power is cut at operation `number`: what the flash holds then.
+fn cut(flash: Contents, command: u8, number: u64, moment: Moment) -> (Operation, Contents) {
+    let mut stylus = ready(Options {
+        power_cut: Some((number, moment)),
+        ..with(flash)
+    });
+    let outcome = (0..number).try_for_each(|_| try_ask(&mut stylus, command, 1).map(drop));
+    assert!(
+        matches!(outcome, Err(Error::PowerCut { operation, .. }) if operation == number),
+        "{outcome:?}"
+    );
+    let (operation, contents) = stylus.after_power_cut().expect("it was cut");
+    (operation.clone(), contents.clone())
+}
+
+#[test]
+fn what_was_programmed_outlives_the_run_and_its_file() {
+    let mut stylus = ready(Options::default());
+    assert_eq!(words(&ask(&mut stylus, b'r', 16)), [ERASED; 4]);
+    ask(&mut stylus, b'p', 1);
+    ask(&mut stylus, b'p', 1);
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("kept.flash");
+    stylus.flash().unwrap().write(&file).unwrap();
+    let mut stylus = ready(with(Contents::read(&file).unwrap()));
+    assert_eq!(words(&ask(&mut stylus, b'r', 16)), [1, 2, ERASED, ERASED]);
+    ask(&mut stylus, b'e', 1);
+    assert_eq!(words(&ask(&mut stylus, b'r', 16)), [ERASED; 4]);
+}
+
+#[test]
+fn every_program_and_erase_is_one_operation() {
+    let mut stylus = ready(Options::default());
+    for command in *b"epp" {
+        ask(&mut stylus, command, 1);
+    }
+    let operations: Vec<Kind> = stylus
+        .flash_operations()
+        .unwrap()
+        .into_iter()
+        .map(|done| done.kind)
+        .collect();
+    let word = |number: u32| {
+        let bytes: Vec<u8> = std::iter::repeat_n(number.to_le_bytes(), 8)
+            .flatten()
+            .collect();
+        bytes.try_into().unwrap()
+    };
+    let expected = [
+        Kind::Erase(BANK_2..BANK_2 + SECTOR_BYTES),
+        Kind::Program {
+            address: BANK_2,
+            word: word(1),
+        },
+        Kind::Program {
+            address: BANK_2 + WORD_BYTES,
+            word: word(2),
+        },
+    ];
+    assert_eq!(operations, expected);
+}
+
+#[test]
+fn a_word_torn_by_a_power_cut_is_a_bus_fault_when_read_until_its_sector_is_erased() {
+    let (operation, flash) = cut(Contents::default(), b'p', 1, Moment::During { seed: 7 });
+    assert_eq!(operation.number, 1);
+    assert_eq!(
+        flash.unreadable.iter().copied().collect::<Vec<_>>(),
+        [BANK_2]
+    );
+    let mut stylus = ready(with(flash));
+    let answer = ask(&mut stylus, b'r', FAULT_BYTES);
+    assert_eq!(
+        answer[0], b'!',
+        "a bus fault, which the image takes for a hard one"
+    );
+    assert_eq!(stylus.failed_reads().unwrap(), 1);
+    stylus.run_for(crate::probe::READY_NS).unwrap();
+    let resets = stylus.resets().unwrap();
+    assert_eq!(resets.len(), 1);
+    assert_eq!(resets[0].cause, ResetCause::Software);
+    ask(&mut stylus, b'e', 1);
+    assert_eq!(words(&ask(&mut stylus, b'r', 16)), [ERASED; 4]);
+    assert!(stylus.flash().unwrap().unreadable.is_empty());
+}
+
+#[test]
+fn the_image_is_told_of_the_fault_and_its_place() {
+    const DOUBLE_ERROR: u32 = 1 << 26;
+    let (_, flash) = cut(Contents::default(), b'p', 3, Moment::During { seed: 7 });
+    let mut stylus = ready(with(flash));
+    let answer = ask(&mut stylus, b'r', 2 * 4 + FAULT_BYTES);
+    assert_eq!(words(&answer[..8]), [1, 2]);
+    assert_eq!(answer[8], b'!');
+    let told = words(&answer[9..]);
+    assert_eq!(
+        (told[0] & DOUBLE_ERROR, told[1]),
+        (DOUBLE_ERROR, 2),
+        "the third word of bank 2"
+    );
+}
+
+#[test]
+fn a_cut_before_or_after_an_operation_leaves_a_whole_word() {
+    let (_, before) = cut(Contents::default(), b'p', 2, Moment::Before);
+    let mut stylus = ready(with(before));
+    assert_eq!(
+        words(&ask(&mut stylus, b'r', 16)),
+        [1, ERASED, ERASED, ERASED]
+    );
+    let (_, after) = cut(Contents::default(), b'p', 2, Moment::After);
+    let mut stylus = ready(with(after));
+    assert_eq!(words(&ask(&mut stylus, b'r', 16)), [1, 2, ERASED, ERASED]);
+}
+
+#[test]
+fn a_cut_erase_leaves_the_rest_of_the_flash_alone() {
+    let mut flash = Contents::default();
+    flash
+        .place(u64::from(BANK_2), &vec![0; SECTOR_BYTES as usize])
+        .unwrap();
+    flash
+        .place(u64::from(BANK_2 + SECTOR_BYTES), &[0; 64])
+        .unwrap();
+    let (_, cut) = cut(flash, b'e', 1, Moment::During { seed: 3 });
+    let sector = BANK_2..BANK_2 + SECTOR_BYTES;
+    let start = (BANK_2 - BASE) as usize;
+    let end = start + SECTOR_BYTES as usize;
+    assert!(cut.bytes[start..end].contains(&0) && cut.bytes[start..end].contains(&0xFF));
+    assert!(!cut.unreadable.is_empty() && cut.unreadable.iter().all(|word| sector.contains(word)));
+    assert!(cut.bytes[end..end + 64].iter().all(|&byte| byte == 0));
+}
+
+#[test]
+fn a_word_programmed_twice_cannot_be_read() {
+    let mut stylus = ready(Options::default());
+    ask(&mut stylus, b'p', 1);
+    ask(&mut stylus, b'P', 1);
+    assert_eq!(ask(&mut stylus, b'r', FAULT_BYTES)[0], b'!');
+}
+
+#[test]
+fn a_captured_cut_is_what_the_same_cut_leaves() {
+    let moments = [Moment::Before, Moment::During { seed: 5 }, Moment::After];
+    let mut stylus = ready(Options::default());
+    stylus
+        .capture_power_cuts(moments.map(|moment| (2, moment)).to_vec())
+        .unwrap();
+    for command in *b"epp" {
+        ask(&mut stylus, command, 1);
+    }
+    let captured = stylus.take_power_cuts().unwrap();
+    assert_eq!(captured.len(), moments.len());
+    for (capture, moment) in captured.into_iter().zip(moments) {
+        let mut other = ready(Options {
+            power_cut: Some((2, moment)),
+            ..Options::default()
+        });
+        let outcome = b"ep"
+            .iter()
+            .try_for_each(|&command| try_ask(&mut other, command, 1).map(drop));
+        assert!(
+            matches!(outcome, Err(Error::PowerCut { operation: 2, .. })),
+            "{outcome:?}"
+        );
+        let (operation, contents) = other.after_power_cut().expect("it was cut");
+        assert_eq!(
+            (&capture.operation, &capture.contents),
+            (operation, contents)
+        );
+    }
+}

@@ -1,0 +1,9 @@
+//! The board's models against the manual, as an image sees them.
+
+mod converters;
+mod flash;
+mod motion;
+mod probe;
+mod registers;
+mod resets;
+mod ticks;

@@ -1,0 +1,62 @@
+//! The encoder.
+
+use proptest::prelude::*;
+use virtual_stylus::Options;
+use virtual_stylus::motion::{Edge, Motion};
+
+use crate::probe::{MILLISECOND_NS, ask, numbers, ready};
+
+const SECOND_NS: u64 = 1_000 * MILLISECOND_NS;
+
+#[test]
+fn the_timer_counts_the_way_of_the_tool_forward_and_back() {
+    let mut stylus = ready(Options::default());
+    stylus.set_motion(Motion::steady(100.0, 0.1)).unwrap();
+    stylus.run_for(SECOND_NS / 10).unwrap();
+    let forward = numbers(&ask(&mut stylus, b'c', 2))[0];
+    assert!((100..=102).contains(&forward), "{forward}");
+    stylus.set_motion(Motion::steady(-100.0, 0.1)).unwrap();
+    stylus.run_for(SECOND_NS / 5).unwrap();
+    let back = numbers(&ask(&mut stylus, b'c', 2))[0] as i16;
+    assert!((-102..=-96).contains(&back), "{back}");
+    let counted = stylus
+        .board(|board| board.part.encoder.around.count())
+        .unwrap();
+    assert!(counted.abs_diff(i64::from(back)) <= 2);
+}
+
+/// Every edge until `until_ns`, from count 0 in the middle between two counts.
+fn edges(motion: &Motion, until_ns: u64) -> Vec<Edge> {
+    let mut from = Edge { at_ns: 0, count: 0 };
+    std::iter::from_fn(|| {
+        from = motion.next_edge(from.at_ns, from.count, 0.5)?;
+        (from.at_ns <= until_ns).then_some(from)
+    })
+    .collect()
+}
+
+proptest! {
+    #[test]
+    fn between_two_edges_the_count_is_the_floor_of_the_position(
+        speeds in prop::collection::vec(-400.0..400.0f64, 2..8),
+    ) {
+        let knots: Vec<(u64, f64)> = (0..).step_by(50_000_000).zip(speeds).collect();
+        let until_ns = 60_000_000 * knots.len() as u64;
+        let motion = Motion::linear(&knots, 0.1).unwrap();
+        let edges = edges(&motion, until_ns);
+        for pair in edges.windows(2) {
+            prop_assert!(pair[0].at_ns < pair[1].at_ns);
+            prop_assert_eq!(pair[0].count.abs_diff(pair[1].count), 1);
+        }
+        let mut left = edges.iter().peekable();
+        let mut count = 0;
+        for at_ns in (0..until_ns).step_by(99_991) {
+            while let Some(edge) = left.next_if(|edge| edge.at_ns <= at_ns) {
+                count = edge.count;
+            }
+            let position = motion.position(at_ns) + 0.5;
+            // An edge comes at the nanosecond after the one it is reached in.
+            prop_assert!((position - count as f64 - 0.5).abs() <= 0.5 + 1e-4, "{} at {}", position, count);
+        }
+    }
+}
