@@ -1,5 +1,6 @@
 //! The command line: one module a command, thin over the library.
 
+mod certify;
 mod demo;
 mod evaluate;
 mod fit;
@@ -7,6 +8,7 @@ mod input;
 mod inspect;
 mod render;
 mod simulate_rig;
+mod stress;
 mod table;
 
 use std::io::{self, Write};
@@ -41,6 +43,10 @@ enum Command {
     Render(render::Arguments),
     /// Show what is in a library
     Inspect(inspect::Arguments),
+    /// Prove a library's textures stable at every point of their grids
+    Certify(certify::Arguments),
+    /// Play the hard cases by the device's kernel and check what it promises
+    Stress(stress::Arguments),
     /// Do all of it on simulated recordings, with a report
     Demo(demo::Arguments),
 }
@@ -53,6 +59,8 @@ pub fn run() -> ExitCode {
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Certify(arguments) => certify::run(&arguments),
+        Command::Stress(arguments) => stress::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
     };
     match outcome {

@@ -8,7 +8,8 @@ use alloc::vec::Vec;
 
 use model_format::limits::MAX_ORDER;
 use model_format::{
-    CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, THETA_STEP_RAD, TextureSpec, encode,
+    CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, THETA_STEP_RAD, TextureSpec,
+    encode_uncertified,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -20,12 +21,13 @@ const FORCES_N: [f32; 2] = [0.5, 2.0];
 /// Orders of neighbouring nodes that differ, odd ones and none at all among them.
 const UNEQUAL_ORDERS: [usize; 6] = [MAX_ORDER, 37, 1, 250, 399, 0];
 
-/// The bytes of a library that holds every texture of [`crate::VECTORS`].
+/// The bytes of a library that holds every texture of [`crate::VECTORS`]: direct forms that cannot be certified among
+/// them, so that it decodes with [`model_format::Library::decode_uncertified`] only.
 ///
 /// # Panics
 /// Never, but for an error in this crate: what it encodes is valid.
 pub fn library() -> Vec<u8> {
-    encode(&textures()).expect("the test textures are valid")
+    encode_uncertified(&textures()).expect("the test textures are valid")
 }
 
 fn textures() -> [TextureSpec; 10] {
@@ -220,6 +222,7 @@ impl Grid {
                 .iter()
                 .map(|(model, power)| node(model, *power, structure))
                 .collect(),
+            cell_margins: Vec::new(),
         }
     }
 }
