@@ -3,6 +3,7 @@
 
 pub mod atomic_file;
 pub mod autocorrelation;
+pub mod certificate;
 pub mod error;
 pub mod evaluate;
 pub mod fit;
@@ -18,5 +19,6 @@ pub mod render;
 pub mod report;
 pub mod rig;
 pub mod spectrum;
+pub mod stress;
 mod transform;
 pub mod triage;

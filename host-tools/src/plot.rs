@@ -5,6 +5,7 @@
 
 mod bands;
 mod canvas;
+mod certificate;
 mod grid;
 mod orders;
 mod spectra;
@@ -15,6 +16,7 @@ use crate::atomic_file;
 use crate::error::Result;
 
 pub use bands::band_error_chart;
+pub use certificate::certificate_map;
 pub use grid::{GridCell, GridMap, grid_map};
 pub use orders::{OrderSeries, order_against_cost};
 pub use spectra::{SpectraView, time_and_frequency};

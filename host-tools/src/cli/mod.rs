@@ -1,5 +1,6 @@
 //! The command line: one module a command, thin over the library.
 
+mod certify;
 mod demo;
 mod device;
 mod evaluate;
@@ -8,6 +9,7 @@ mod input;
 mod inspect;
 mod render;
 mod simulate_rig;
+mod stress;
 mod table;
 
 use std::io::{self, Write};
@@ -42,6 +44,10 @@ enum Command {
     Render(render::Arguments),
     /// Show what is in a library
     Inspect(inspect::Arguments),
+    /// Prove a library's textures stable at every point of their grids
+    Certify(certify::Arguments),
+    /// Play the hard cases by the device's kernel and check what it promises
+    Stress(stress::Arguments),
     /// Do all of it on simulated recordings, with a report
     Demo(demo::Arguments),
     #[command(flatten)]
@@ -56,6 +62,8 @@ pub fn run() -> ExitCode {
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Certify(arguments) => certify::run(&arguments),
+        Command::Stress(arguments) => stress::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Device(command) => device::run(&command),
     };
