@@ -61,7 +61,7 @@ pub fn run(command: &Command) -> Result<()> {
 /// Which stylus.
 #[derive(clap::Args)]
 pub struct Link {
-    /// The stylus: usb[:SERIAL], serial:PATH or tcp:HOST:PORT
+    /// The stylus: usb, usb:SERIAL, serial:PATH or tcp:HOST:PORT
     #[arg(
         long,
         value_name = "LINK",

@@ -21,7 +21,7 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Action {
-    /// Show all settings, or one [default]
+    /// Show all settings, or one; this is the default
     Get {
         /// Which
         name: Option<String>,
