@@ -3,6 +3,7 @@
 
 pub mod atomic_file;
 pub mod autocorrelation;
+pub mod certificate;
 pub mod densify;
 pub mod error;
 pub mod evaluate;
@@ -24,6 +25,7 @@ pub mod render;
 pub mod report;
 pub mod rig;
 pub mod spectrum;
+pub mod stress;
 pub mod takes;
 mod transform;
 pub mod triage;

@@ -5,6 +5,7 @@
 
 mod bands;
 mod canvas;
+mod certificate;
 mod grid;
 mod orders;
 mod paper;
@@ -17,6 +18,7 @@ use crate::atomic_file;
 use crate::error::Result;
 
 pub use bands::band_error_chart;
+pub use certificate::certificate_map;
 pub use grid::{GridCell, GridMap, grid_map};
 pub use orders::{OrderSeries, order_against_cost};
 pub use paper::{forward_prediction, grid_and_motion};

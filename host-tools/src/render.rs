@@ -298,6 +298,7 @@ mod tests {
                 node(9.0, &[]),
                 node(16.0, &[-9000, 500, 20_000]),
             ],
+            cell_margins: Vec::new(),
         };
         encode(&[texture]).unwrap()
     }

@@ -5,7 +5,9 @@ use alloc::vec::Vec;
 use crate::error::{DecodeError, Place, Problem};
 use crate::library::{Library, NodeFlags};
 use crate::limits;
-use crate::wire::{self, NodeRecord, Prefix, Provenance, Structure, TextureRecord};
+use crate::wire::{
+    self, CertificateRecord, NodeRecord, Prefix, Provenance, Structure, TextureRecord,
+};
 
 /// A texture to be written.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +26,9 @@ pub struct TextureSpec {
     pub force_axis_n: Vec<f32>,
     /// Models, speed-major: all forces of the first speed come first.
     pub nodes: Vec<NodeSpec>,
+    /// What is certified of a direct form's cells, see [`crate::Certificate::DirectForm`]; empty if nothing is. A lattice
+    /// has none: what is certified of it follows from its codes.
+    pub cell_margins: Vec<u8>,
 }
 
 /// A model to be written.
@@ -102,6 +107,22 @@ impl CodeSpec {
 /// # Errors
 /// Whatever makes the library invalid, as decoding it would tell.
 pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
+    let bytes = bytes_of(textures)?;
+    Library::decode(&bytes)?;
+    Ok(bytes)
+}
+
+/// As [`encode`], but direct forms need no certificate; see [`Library::decode_uncertified`], which reads what it gives.
+///
+/// # Errors
+/// Whatever makes the library invalid, as decoding it would tell.
+pub fn encode_uncertified(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
+    let bytes = bytes_of(textures)?;
+    Library::decode_uncertified(&bytes)?;
+    Ok(bytes)
+}
+
+fn bytes_of(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
     let count = textures.len();
     if count > limits::MAX_TEXTURES {
         return Err(Problem::TextureCount(count).at(Place::Library));
@@ -112,7 +133,6 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
         append_texture(texture, index, &mut bytes)?;
     }
     write_prefix(&mut bytes);
-    Library::decode(&bytes)?;
     Ok(bytes)
 }
 
@@ -150,15 +170,37 @@ fn append_texture(
         nodes.extend(record.bytes());
         node.codes.append_to(&mut coefficients);
     }
+    let (speed_axis, force_axis) = (
+        axis_bytes(&texture.speed_axis_mm_s),
+        axis_bytes(&texture.force_axis_n),
+    );
+    let margins = texture.cell_margins.as_slice();
+    let certificate = match texture.structure {
+        Structure::NormalisedLattice if margins.is_empty() => CertificateRecord::Lattice {
+            largest_theta_code: largest_theta_code(&texture.nodes),
+        },
+        _ if margins.is_empty() => CertificateRecord::None,
+        _ => CertificateRecord::DirectForm {
+            crc32: wire::checksum_of_strings([
+                &speed_axis,
+                &force_axis,
+                &nodes,
+                &coefficients,
+                margins,
+            ]),
+            cell_margins: margins,
+        },
+    };
     let record = TextureRecord {
         name: &texture.name,
         sample_rate_hz: texture.sample_rate_hz,
         structure: texture.structure,
         provenance: texture.provenance,
-        speed_axis: &axis_bytes(&texture.speed_axis_mm_s),
-        force_axis: &axis_bytes(&texture.force_axis_n),
+        speed_axis: &speed_axis,
+        force_axis: &force_axis,
         nodes: &nodes,
         coefficients: &coefficients,
+        certificate,
     };
     let encoded = postcard::to_allocvec(&record).map_err(|_| {
         let place = Place::Texture(index);
@@ -166,6 +208,14 @@ fn append_texture(
     })?;
     bytes.extend(encoded);
     Ok(())
+}
+
+fn largest_theta_code(nodes: &[NodeSpec]) -> u16 {
+    let magnitudes = nodes.iter().flat_map(|node| match &node.codes {
+        CodeSpec::Lattice(codes) => codes.as_slice(),
+        CodeSpec::Direct16 { .. } | CodeSpec::Direct32 { .. } => &[],
+    });
+    magnitudes.fold(0, |largest, code| largest.max(code.unsigned_abs()))
 }
 
 fn axis_bytes(values: &[f32]) -> Vec<u8> {

@@ -35,6 +35,15 @@ pub enum Place {
         /// Index on the force axis.
         force: usize,
     },
+    /// A cell of a texture's grid: what lies between neighbouring nodes.
+    Cell {
+        /// The texture.
+        texture: usize,
+        /// Index on the speed axis of the cell's lowest speed.
+        speed: usize,
+        /// Index on the force axis of its lowest force.
+        force: usize,
+    },
 }
 
 impl fmt::Display for Place {
@@ -49,6 +58,14 @@ impl fmt::Display for Place {
                 speed,
                 force,
             } => write!(f, "texture {texture}, node (speed {speed}, force {force})"),
+            Self::Cell {
+                texture,
+                speed,
+                force,
+            } => write!(
+                f,
+                "texture {texture}, cell from node (speed {speed}, force {force}) up"
+            ),
         }
     }
 }
@@ -234,6 +251,43 @@ pub enum Problem {
         limits::MAX_COEFFICIENT_SUM
     )]
     CoefficientSum,
+    /// A direct form without a certificate.
+    #[error(
+        "a {0} without a certificate may be unstable between its nodes: fit it again, as a lattice if need be"
+    )]
+    Uncertified(Structure),
+    /// A certificate for another structure than the texture's.
+    #[error("the certificate is not one for a {0}")]
+    CertificateKind(Structure),
+    /// A certificate whose bound on θ is not the nodes' own.
+    #[error("the certificate bounds |θ| by code {stored}, and the nodes' largest is {found}")]
+    CertifiedTheta {
+        /// What is stored.
+        stored: u16,
+        /// What the nodes have.
+        found: u16,
+    },
+    /// A certificate for more or fewer cells than there are.
+    #[error("the certificate is for {found} cells where the axes span {expected}")]
+    CertifiedCells {
+        /// How many it is for.
+        found: usize,
+        /// How many there are.
+        expected: usize,
+    },
+    /// A certificate that was issued for other axes, nodes or coefficients.
+    #[error(
+        "the certificate is for other coefficients: checksum {computed:08x} where {stored:08x} is stored"
+    )]
+    CertificateChecksum {
+        /// The CRC-32 in the certificate.
+        stored: u32,
+        /// That of the texture.
+        computed: u32,
+    },
+    /// A cell that is not stable throughout, or of which that is not known.
+    #[error("the certificate does not hold here: fit the texture as a lattice")]
+    UncertifiedCell,
 }
 
 impl Problem {

@@ -19,9 +19,12 @@ mod units;
 mod wire;
 
 #[cfg(feature = "alloc")]
-pub use encode::{CodeSpec, NodeSpec, TextureSpec, encode};
+pub use encode::{CodeSpec, NodeSpec, TextureSpec, encode, encode_uncertified};
 pub use error::{DecodeError, Place, Problem};
-pub use library::{Axis, Coefficients, Library, Node, NodeFlags, Texture};
+pub use library::{
+    Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Coefficients, Library, Node, NodeFlags,
+    Texture, UNCERTIFIED_CELL,
+};
 pub use units::{
     AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample, Volt,
 };

@@ -3,7 +3,9 @@
 use crate::error::{DecodeError, Place, Problem};
 use crate::limits;
 use crate::units::{MillimetresPerSecond, Newton};
-use crate::wire::{self, NodeRecord, Prefix, Provenance, Structure, TextureRecord};
+use crate::wire::{
+    self, CertificateRecord, NodeRecord, Prefix, Provenance, Structure, TextureRecord,
+};
 
 /// A validated texture library, borrowed from its bytes.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +26,42 @@ pub struct Texture<'a> {
     force_axis: Axis<'a>,
     nodes: &'a [u8],
     coefficients: &'a [u8],
+    certificate: CertificateRecord<'a>,
+}
+
+/// What is certified of a texture's stability at every point of its grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Certificate<'a> {
+    /// Nothing; only [`Library::decode_uncertified`] lets such a texture through.
+    None,
+    /// A normalised lattice is stable wherever all |θ| are below π/2, and so at every weighted mean of its nodes, under
+    /// every change. The decoder has found this largest code itself.
+    Lattice {
+        /// Largest |θ| of all nodes, in steps of [`crate::THETA_STEP_RAD`]; below 2¹⁵.
+        largest_theta_code: u16,
+    },
+    /// A direct form whose every cell a host found stable. The decoder has checked that this was said of these very
+    /// axes, nodes and coefficients, and of every cell; it has not repeated the proof.
+    DirectForm {
+        /// A byte a cell, speed-major, as many as [`Texture::cell_counts`] spans: the |A| of every weighted mean of the
+        /// cell's nodes is at least 2^(-byte / [`CELL_MARGIN_STEPS_PER_OCTAVE`]) on the whole unit circle.
+        cell_margins: &'a [u8],
+    },
+}
+
+/// Steps in which [`Certificate::DirectForm`] stores a cell's margin.
+pub const CELL_MARGIN_STEPS_PER_OCTAVE: u8 = 4;
+
+/// A cell's byte that says that nothing is certified of it.
+pub const UNCERTIFIED_CELL: u8 = u8::MAX;
+
+/// What a decoder asks of direct forms.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Demand {
+    /// A certificate.
+    Certificate,
+    /// Nothing, but a certificate that is there must hold.
+    Nothing,
 }
 
 /// Ascending values of a grid's axis, finite and not negative.
@@ -115,6 +153,19 @@ impl<'a> Library<'a> {
     /// # Errors
     /// The first fault found, with its place.
     pub fn decode(bytes: &'a [u8]) -> Result<Self, DecodeError> {
+        Self::decode_demanding(bytes, Demand::Certificate)
+    }
+
+    /// As [`Library::decode`], but lets direct forms without a certificate through, which may be unstable between their
+    /// nodes. For benches that look into just that; a stylus must not play what it gives.
+    ///
+    /// # Errors
+    /// The first fault found, with its place.
+    pub fn decode_uncertified(bytes: &'a [u8]) -> Result<Self, DecodeError> {
+        Self::decode_demanding(bytes, Demand::Nothing)
+    }
+
+    fn decode_demanding(bytes: &'a [u8], demand: Demand) -> Result<Self, DecodeError> {
         let at = |problem: Problem| problem.at(Place::Library);
         if !bytes.starts_with(&wire::MAGIC) {
             return Err(at(Problem::NotALibrary));
@@ -148,15 +199,16 @@ impl<'a> Library<'a> {
             return Err(at(Problem::TextureCount(len)));
         }
         let library = Self { textures, len };
-        library.validate()?;
+        library.validate(demand)?;
         Ok(library)
     }
 
-    fn validate(&self) -> Result<(), DecodeError> {
+    fn validate(&self, demand: Demand) -> Result<(), DecodeError> {
         let mut rest = self.textures;
         for index in 0..self.len {
             let (texture, after) = Texture::take(rest, index)?;
             texture.validate(index)?;
+            texture.validate_certificate(index, demand)?;
             let mut earlier = self.textures().take(index);
             if let Some(other) = earlier.position(|other| other.name == texture.name) {
                 return Err(Problem::NameTaken(other).at(Place::Texture(index)));
@@ -207,6 +259,7 @@ impl<'a> Texture<'a> {
             force_axis: Axis(record.force_axis),
             nodes: record.nodes,
             coefficients: record.coefficients,
+            certificate: record.certificate,
         };
         Ok((texture, rest))
     }
@@ -315,6 +368,69 @@ impl<'a> Texture<'a> {
         Ok(end)
     }
 
+    /// Checks the certificate against nodes that were found valid.
+    fn validate_certificate(&self, index: usize, demand: Demand) -> Result<(), DecodeError> {
+        let here = |problem: Problem| Err(problem.at(Place::Texture(index)));
+        match (self.structure, self.certificate) {
+            (
+                Structure::NormalisedLattice,
+                CertificateRecord::Lattice {
+                    largest_theta_code: stored,
+                },
+            ) => {
+                let found = self.largest_theta_code();
+                if stored != found {
+                    return here(Problem::CertifiedTheta { stored, found });
+                }
+            }
+            (
+                Structure::DirectForm16 | Structure::DirectForm32,
+                CertificateRecord::DirectForm {
+                    crc32: stored,
+                    cell_margins,
+                },
+            ) => {
+                let (speeds, forces) = self.cell_counts();
+                let (found, expected) = (cell_margins.len(), speeds * forces);
+                if found != expected {
+                    return here(Problem::CertifiedCells { found, expected });
+                }
+                let computed = self.certificate_checksum(cell_margins);
+                if stored != computed {
+                    return here(Problem::CertificateChecksum { stored, computed });
+                }
+                if let Some(cell) = cell_margins.iter().position(|&m| m == UNCERTIFIED_CELL) {
+                    let (speed, force) = (cell / forces, cell % forces);
+                    return Err(Problem::UncertifiedCell.at(Place::Cell {
+                        texture: index,
+                        speed,
+                        force,
+                    }));
+                }
+            }
+            (Structure::DirectForm16 | Structure::DirectForm32, CertificateRecord::None) => {
+                if demand == Demand::Certificate {
+                    return here(Problem::Uncertified(self.structure));
+                }
+            }
+            _ => return here(Problem::CertificateKind(self.structure)),
+        }
+        Ok(())
+    }
+
+    fn certificate_checksum(&self, cell_margins: &[u8]) -> u32 {
+        let (Axis(speeds), Axis(forces)) = (self.speed_axis, self.force_axis);
+        wire::checksum_of_strings([speeds, forces, self.nodes, self.coefficients, cell_margins])
+    }
+
+    /// Largest |θ| of all nodes of a lattice, in stored steps; the nodes' codes lie one after the other.
+    fn largest_theta_code(&self) -> u16 {
+        let codes = self.coefficients.as_chunks().0.iter();
+        codes.fold(0, |largest, &code| {
+            largest.max(i16::from_le_bytes(code).unsigned_abs())
+        })
+    }
+
     /// Name, unique in its library.
     pub fn name(&self) -> &'a str {
         self.name
@@ -386,6 +502,26 @@ impl<'a> Texture<'a> {
         let forces = texture.force_axis.len();
         let count = texture.speed_axis.len() * forces;
         (0..count).map(move |index| texture.node(index / forces, index % forces))
+    }
+
+    /// How many cells there are along the speed and the force axis, at least one each: what lies between neighbouring
+    /// values of the axis, or the one value that there is.
+    pub fn cell_counts(&self) -> (usize, usize) {
+        let cells = |axis: Axis<'_>| (axis.len() - 1).max(1);
+        (cells(self.speed_axis), cells(self.force_axis))
+    }
+
+    /// What is certified of the texture's stability.
+    pub fn certificate(&self) -> Certificate<'a> {
+        match self.certificate {
+            CertificateRecord::None => Certificate::None,
+            CertificateRecord::Lattice { largest_theta_code } => {
+                Certificate::Lattice { largest_theta_code }
+            }
+            CertificateRecord::DirectForm { cell_margins, .. } => {
+                Certificate::DirectForm { cell_margins }
+            }
+        }
     }
 
     /// The highest order of all nodes.

@@ -3,11 +3,12 @@
 //! ```text
 //! prefix    16 bytes   postcard, all fields of fixed width: magic, version, total length, CRC-32
 //! count      1 byte    number of textures
-//! texture    postcard  name, rate, structure, provenance, and four byte strings:
+//! texture    postcard  name, rate, structure, provenance, four byte strings, and the certificate:
 //!                        speed axis   f32 each, mm/s
 //!                        force axis   f32 each, N
 //!                        nodes        16 bytes each, speed-major: [`NodeRecord`]
 //!                        coefficients i16 or i32 each, the nodes' one after the other
+//!                        certificate  [`CertificateRecord`]
 //! ```
 //! Multi-byte numbers in byte strings are little-endian and not aligned. The CRC covers every byte before and after
 //! itself, the version and the length included.
@@ -15,7 +16,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The format's version. It changes when an older reader could misread newer bytes.
-pub const FORMAT_VERSION: u16 = 1;
+pub const FORMAT_VERSION: u16 = 2;
 
 /// First bytes of every library.
 pub(crate) const MAGIC: [u8; 4] = *b"HTXL";
@@ -113,6 +114,32 @@ pub(crate) struct TextureRecord<'a> {
     pub force_axis: &'a [u8],
     pub nodes: &'a [u8],
     pub coefficients: &'a [u8],
+    #[serde(borrow)]
+    pub certificate: CertificateRecord<'a>,
+}
+
+/// What is stored of a texture's certificate; [`crate::Certificate`] tells what it means.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(crate) enum CertificateRecord<'a> {
+    /// There is none.
+    None,
+    /// Largest |θ| of all nodes, in stored steps.
+    Lattice { largest_theta_code: u16 },
+    /// A byte a cell, speed-major, and the CRC-32 of axes, nodes, coefficients and these bytes, one after the other.
+    DirectForm {
+        #[serde(with = "postcard::fixint::le")]
+        crc32: u32,
+        cell_margins: &'a [u8],
+    },
+}
+
+/// CRC-32 of byte strings one after the other: what binds a certificate to the numbers that it was issued for.
+pub(crate) fn checksum_of_strings(strings: [&[u8]; 5]) -> u32 {
+    let mut digest = CRC32.digest();
+    for string in strings {
+        digest.update(string);
+    }
+    digest.finalize()
 }
 
 /// A node of the grid in its fixed-width form, so that any node is found without reading those before it.

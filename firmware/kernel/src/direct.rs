@@ -308,6 +308,20 @@ impl<W: Word> DirectState<W> {
         }
     }
 
+    /// A filter that has put out `history`, newest first.
+    pub fn from_history(history: &[W::Sample; MAX_ORDER]) -> Self {
+        let mut state = Self::new();
+        let (first, second) = state.history.split_at_mut(MAX_ORDER);
+        first.copy_from_slice(history);
+        second.copy_from_slice(history);
+        state
+    }
+
+    /// What was put out last, newest first, as it is kept.
+    pub fn history(&self) -> &[W::Sample] {
+        &self.history[self.newest..][..MAX_ORDER]
+    }
+
     /// The next sample of a texture: `excitation` through the filter of `frame`, with `left` samples of its ramps to
     /// come; and whether it had to be saturated.
     #[inline]

@@ -1,5 +1,6 @@
 //! The command line: one module a command, thin over the library.
 
+mod certify;
 mod demo;
 mod densify;
 mod device;
@@ -13,6 +14,7 @@ mod render;
 mod report;
 mod segment;
 mod simulate_rig;
+mod stress;
 mod table;
 mod takes;
 
@@ -54,6 +56,10 @@ enum Command {
     Segment(segment::Arguments),
     /// Make HaTT's model files a library
     ImportHatt(import_hatt::Arguments),
+    /// Prove a library's textures stable at every point of their grids
+    Certify(certify::Arguments),
+    /// Play the hard cases by the device's kernel and check what it promises
+    Stress(stress::Arguments),
     /// Do all of it on simulated recordings, with a report
     Demo(demo::Arguments),
     #[command(flatten)]
@@ -71,6 +77,8 @@ pub fn run() -> ExitCode {
         Command::Report(arguments) => report::run(&arguments),
         Command::Segment(arguments) => segment::run(&arguments),
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
+        Command::Certify(arguments) => certify::run(&arguments),
+        Command::Stress(arguments) => stress::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Device(command) => device::run(&command),
     };

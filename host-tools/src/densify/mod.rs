@@ -15,6 +15,7 @@ mod surface_and_tool;
 use model_format::{NodeFlags, TextureSpec, limits};
 use serde::Serialize;
 
+use crate::certificate;
 use crate::error::{Error, Result};
 use crate::fit::{FittedTexture, Grid, Model, Options, quantised_nodes};
 use crate::leave_one_out::{ECONOMY_DB, Method, Neighbour};
@@ -143,7 +144,7 @@ pub fn densify(
         .iter()
         .zip(&grids)
         .map(|(texture, grid)| {
-            Ok(TextureSpec {
+            certificate::certified(TextureSpec {
                 name: texture.name.clone(),
                 sample_rate_hz: MODEL_RATE_HZ,
                 structure: options.structure.structure(),
@@ -151,6 +152,7 @@ pub fn densify(
                 speed_axis_mm_s: grid.speeds_mm_s.clone(),
                 force_axis_n: grid.forces_n.clone(),
                 nodes: quantised_nodes(&texture.name, grid, options.structure)?,
+                cell_margins: Vec::new(),
             })
         })
         .collect::<Result<Vec<_>>>()?;

@@ -2,6 +2,7 @@
 //! each node of a texture's grid gets a linear predictor from its trials; holes of the grid are filled.
 
 mod grid;
+mod notes;
 mod quantise;
 mod trial;
 
@@ -9,6 +10,7 @@ use model_format::{Provenance, TextureSpec};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::certificate;
 use crate::error::{Error, Result};
 use crate::recording::{MODEL_RATE_HZ, RecordingSet, Trial};
 use crate::reduction::Reduction;
@@ -96,6 +98,8 @@ pub struct TrialReport {
     pub force_n: f64,
     /// RMS of the reduced signal, m/s².
     pub rms_m_s2: f64,
+    /// Largest magnitude of an axis's mean, which was removed, m/s².
+    pub mean_m_s2: f64,
     /// Share of the axes' energy that the reduced signal keeps.
     pub energy_share: f64,
     /// What triage found; nothing is ok.
@@ -165,6 +169,7 @@ pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) ->
             speed_mm_s: trial.speed_mm_s,
             force_n: trial.force_n,
             rms_m_s2: analysis.power.sqrt(),
+            mean_m_s2: analysis.mean_m_s2,
             energy_share: analysis.energy_share,
             used: !dropped(&verdicts),
             verdicts,
@@ -253,7 +258,10 @@ fn fit_texture(
     };
     let (grid, warnings) = grid::assemble(name, &members, options)?;
     fit.warnings.extend(warnings);
-    fit.specs.push(TextureSpec {
+    let reports: Vec<&TrialReport> = members.iter().map(|member| member.2).collect();
+    let notes = notes::of(name, &grid, &reports, options);
+    fit.warnings.extend(notes);
+    fit.specs.push(certificate::certified(TextureSpec {
         name: name.to_owned(),
         sample_rate_hz: MODEL_RATE_HZ,
         structure: options.structure.structure(),
@@ -261,7 +269,8 @@ fn fit_texture(
         speed_axis_mm_s: grid.speeds_mm_s.clone(),
         force_axis_n: grid.forces_n.clone(),
         nodes: quantise::nodes(name, &grid, options.structure)?,
-    });
+        cell_margins: Vec::new(),
+    })?);
     fit.textures.push(FittedTexture {
         name: name.to_owned(),
         provenance,

@@ -18,6 +18,8 @@ pub struct Analysis {
     pub samples: usize,
     /// Variance of the reduced signal, (m/s²)².
     pub power: f64,
+    /// Largest magnitude of an axis's mean, which was removed, m/s².
+    pub mean_m_s2: f64,
     /// Share of the axes' energy that the reduced signal keeps.
     pub energy_share: f64,
     /// What the trial by itself tells triage.
@@ -54,6 +56,8 @@ pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Ana
     let mut samples = recording::read(trial)?;
     let mut verdicts = triage::samples(&samples);
     let fingerprint = triage::fingerprint(&samples.axes);
+    let mean = |axis: &Vec<f64>| (axis.iter().sum::<f64>() / axis.len().max(1) as f64).abs();
+    let mean_m_s2 = samples.axes.iter().map(mean).fold(0.0, f64::max);
     let reduced = reduce(&mut samples.axes, options.reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
     let autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
@@ -78,6 +82,7 @@ pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Ana
     Ok(Analysis {
         samples: reduced.signal.len(),
         power,
+        mean_m_s2,
         energy_share: reduced.energy_share,
         verdicts,
         mains_line_hz,

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::read::{ArmaModel, Toolkit};
+use crate::certificate;
 use crate::error::{Error, Result};
 use crate::fit::{Grid, Model, StructureChoice, quantised_nodes};
 use crate::line_spectrum;
@@ -114,7 +115,7 @@ pub fn convert(name: &str, toolkit: &Toolkit, options: &Options) -> Result<Conve
         forces_n,
         models,
     };
-    let spec = TextureSpec {
+    let spec = certificate::certified(TextureSpec {
         name: name.to_owned(),
         sample_rate_hz: MODEL_RATE_HZ,
         structure: Structure::NormalisedLattice,
@@ -122,7 +123,8 @@ pub fn convert(name: &str, toolkit: &Toolkit, options: &Options) -> Result<Conve
         nodes: quantised_nodes(name, &grid, StructureChoice::Lattice)?,
         speed_axis_mm_s: grid.speeds_mm_s,
         force_axis_n: grid.forces_n,
-    };
+        cell_margins: Vec::new(),
+    })?;
     Ok(Converted { spec, nodes })
 }
 

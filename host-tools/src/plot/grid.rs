@@ -199,7 +199,7 @@ impl Layout {
 }
 
 /// Every how many cells a label stands, so that none touches the next.
-fn labels_apart(needed: i32, cell: i32) -> usize {
+pub(super) fn labels_apart(needed: i32, cell: i32) -> usize {
     (needed.max(1) as usize).div_ceil(cell.max(1) as usize)
 }
 
@@ -283,7 +283,7 @@ impl Scale {
     }
 }
 
-fn mixed(from: RGBColor, to: RGBColor, part: f64) -> RGBColor {
+pub(super) fn mixed(from: RGBColor, to: RGBColor, part: f64) -> RGBColor {
     let mix = |from: u8, to: u8| {
         (f64::from(from) + (f64::from(to) - f64::from(from)) * part).round() as u8
     };
@@ -291,7 +291,7 @@ fn mixed(from: RGBColor, to: RGBColor, part: f64) -> RGBColor {
 }
 
 /// Whether white is easier to read on a colour than ink.
-fn is_dark(colour: RGBColor) -> bool {
+pub(super) fn is_dark(colour: RGBColor) -> bool {
     luma(colour) < 140.0
 }
 

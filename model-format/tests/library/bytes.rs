@@ -1,6 +1,6 @@
 //! A second writer of the format that checks nothing, and the checksum by its definition.
 
-use model_format::{FORMAT_VERSION, NodeFlags};
+use model_format::{FORMAT_VERSION, NodeFlags, Structure};
 
 /// Length of the prefix, bytes.
 pub const PREFIX_BYTES: usize = 16;
@@ -29,8 +29,23 @@ pub struct RawTexture {
     pub force_axis: Vec<f32>,
     pub nodes: Vec<RawNode>,
     pub coefficients: Vec<u8>,
+    /// `None` is one that holds.
+    pub certificate: Option<RawCertificate>,
     /// Bytes that follow the records of a string and make it ragged.
     pub ragged: Ragged,
+}
+
+/// A certificate, as it is to stand behind the byte strings.
+#[derive(Clone, Debug)]
+pub enum RawCertificate {
+    /// There is none.
+    None,
+    /// Of a lattice: the largest |θ|.
+    Lattice(u16),
+    /// Of a direct form: a byte a cell. Its checksum is the right one, plus this.
+    DirectForm(Vec<u8>, u32),
+    /// Another kind, which there is not.
+    Unknown(u32),
 }
 
 /// How many bytes too many each byte string has.
@@ -133,6 +148,7 @@ impl RawTexture {
             force_axis: vec![0.5, 1.0],
             nodes,
             coefficients: coefficients.repeat(4),
+            certificate: None,
             ragged: Ragged::default(),
         }
     }
@@ -142,20 +158,51 @@ impl RawTexture {
         append_varint(self.sample_rate_hz, bytes);
         append_varint(self.structure, bytes);
         append_varint(self.provenance, bytes);
-        for (axis, ragged) in [
-            (&self.speed_axis, self.ragged.speed_axis),
-            (&self.force_axis, self.ragged.force_axis),
-        ] {
-            let mut string: Vec<u8> = axis.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let axis = |axis: &[f32]| axis.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let mut strings: [Vec<u8>; 4] = [
+            axis(&self.speed_axis),
+            axis(&self.force_axis),
+            self.nodes.iter().flat_map(RawNode::bytes).collect(),
+            self.coefficients.clone(),
+        ];
+        let Ragged {
+            speed_axis,
+            force_axis,
+            nodes,
+            coefficients,
+        } = self.ragged;
+        let ragged = [speed_axis, force_axis, nodes, coefficients];
+        for (string, ragged) in strings.iter_mut().zip(ragged) {
             string.resize(string.len() + ragged, 0);
-            append_string(&string, bytes);
+            append_string(string, bytes);
         }
-        let mut nodes: Vec<u8> = self.nodes.iter().flat_map(RawNode::bytes).collect();
-        nodes.resize(nodes.len() + self.ragged.nodes, 0);
-        append_string(&nodes, bytes);
-        let mut coefficients = self.coefficients.clone();
-        coefficients.resize(coefficients.len() + self.ragged.coefficients, 0);
-        append_string(&coefficients, bytes);
+        let certificate = self.certificate.clone();
+        match certificate.unwrap_or_else(|| self.sound_certificate()) {
+            RawCertificate::None => append_varint(0, bytes),
+            RawCertificate::Lattice(largest) => {
+                append_varint(1, bytes);
+                append_varint(u32::from(largest), bytes);
+            }
+            RawCertificate::DirectForm(margins, off) => {
+                append_varint(2, bytes);
+                let covered = strings.iter().flatten().chain(&margins).copied();
+                bytes.extend(crc32(covered).wrapping_add(off).to_le_bytes());
+                append_string(&margins, bytes);
+            }
+            RawCertificate::Unknown(kind) => append_varint(kind, bytes),
+        }
+    }
+
+    /// The certificate that holds.
+    pub fn sound_certificate(&self) -> RawCertificate {
+        if self.structure == Structure::NormalisedLattice as u32 {
+            let codes = self.coefficients.as_chunks().0.iter();
+            let magnitudes = codes.map(|&code| i16::from_le_bytes(code).unsigned_abs());
+            return RawCertificate::Lattice(magnitudes.max().unwrap_or(0));
+        }
+        let cells = |axis: &[f32]| axis.len().saturating_sub(1).max(1);
+        let cells = cells(&self.speed_axis) * cells(&self.force_axis);
+        RawCertificate::DirectForm((0..cells).map(|cell| cell as u8 % 200).collect(), 0)
     }
 }
 

@@ -6,7 +6,7 @@ use model_format::{
     Provenance, Structure, TextureSpec, encode,
 };
 
-use crate::bytes::{RawLibrary, RawTexture, checksum, repair};
+use crate::bytes::{RawCertificate, RawLibrary, RawTexture, checksum, repair};
 
 /// Places in [`RawLibrary::sound`]: texture 1 and its first node that is not silent.
 const TEXTURE: Place = Place::Texture(1);
@@ -14,6 +14,14 @@ const NODE: Place = node(1, 0);
 
 const fn node(speed: usize, force: usize) -> Place {
     Place::Node {
+        texture: 1,
+        speed,
+        force,
+    }
+}
+
+const fn cell(speed: usize, force: usize) -> Place {
+    Place::Cell {
         texture: 1,
         speed,
         force,
@@ -57,6 +65,10 @@ fn places_read_as_a_person_would_point() {
         (Place::SpeedAxis(3), "texture 3, speed axis"),
         (Place::ForceAxis(3), "texture 3, force axis"),
         (node(4, 5), "texture 1, node (speed 4, force 5)"),
+        (
+            cell(4, 5),
+            "texture 1, cell from node (speed 4, force 5) up",
+        ),
     ] {
         assert_eq!(place.to_string(), text);
     }
@@ -182,7 +194,8 @@ fn reserved_fields_must_be_zero() {
 
 #[test]
 fn headers_that_do_not_parse_are_told_with_their_texture() {
-    let spoilt: [fn(&mut RawTexture); 3] = [
+    let spoilt: [fn(&mut RawTexture); 4] = [
+        |texture| texture.certificate = Some(RawCertificate::Unknown(3)),
         |texture| texture.structure = 3,
         |texture| texture.provenance = 2,
         |texture| texture.name = vec![0xff],
@@ -580,6 +593,130 @@ fn sums_of_coefficients_are_bounded_exactly() {
     }
 }
 
+fn certificate_fault(certificate: RawCertificate) -> DecodeError {
+    texture_fault(|texture| texture.certificate = Some(certificate))
+}
+
+#[test]
+fn a_direct_form_without_a_certificate_is_for_benches_only() {
+    for (index, structure) in [(1, Structure::DirectForm16), (2, Structure::DirectForm32)] {
+        let mut library = RawLibrary::sound();
+        library.textures[index].certificate = Some(RawCertificate::None);
+        let bytes = library.bytes();
+        check(
+            refused(&bytes),
+            Place::Texture(index),
+            Problem::Uncertified(structure),
+            "may be unstable between its nodes",
+        );
+        assert!(Library::decode_uncertified(&bytes).is_ok());
+    }
+}
+
+/// On a bench too: who has a certificate must have the right one.
+fn check_everywhere(error: DecodeError, certificate: RawCertificate) {
+    let mut library = RawLibrary::sound();
+    library.textures[1].certificate = Some(certificate);
+    let on_a_bench = Library::decode_uncertified(&library.bytes()).expect_err("a fault");
+    assert_eq!(on_a_bench, error);
+}
+
+#[test]
+fn a_certificate_is_of_its_textures_structure() {
+    for (index, structure, certificate) in [
+        (0, Structure::NormalisedLattice, RawCertificate::None),
+        (
+            0,
+            Structure::NormalisedLattice,
+            RawCertificate::DirectForm(vec![4; 2], 0),
+        ),
+        (1, Structure::DirectForm16, RawCertificate::Lattice(20_000)),
+        (2, Structure::DirectForm32, RawCertificate::Lattice(0)),
+    ] {
+        let error = fault(|library| library.textures[index].certificate = Some(certificate));
+        check(
+            error,
+            Place::Texture(index),
+            Problem::CertificateKind(structure),
+            "not one for a",
+        );
+    }
+}
+
+#[test]
+fn the_bound_on_theta_is_the_nodes_own() {
+    for stored in [0, 19_999, 20_001, 32_767, u16::MAX] {
+        let error = fault(|library| {
+            library.textures[0].certificate = Some(RawCertificate::Lattice(stored));
+        });
+        let problem = Problem::CertifiedTheta {
+            stored,
+            found: 20_000,
+        };
+        check(error, Place::Texture(0), problem, "largest is 20000");
+    }
+}
+
+#[test]
+fn a_certificate_is_for_every_cell() {
+    for found in [0, 1, 3, 6] {
+        let certificate = RawCertificate::DirectForm(vec![0; found], 0);
+        let error = certificate_fault(certificate.clone());
+        let problem = Problem::CertifiedCells { found, expected: 2 };
+        check(error, TEXTURE, problem, "where the axes span 2");
+        check_everywhere(error, certificate);
+    }
+}
+
+#[test]
+fn a_cell_that_is_not_certified_is_named() {
+    let certificate = RawCertificate::DirectForm(vec![254, 255], 0);
+    let error = certificate_fault(certificate.clone());
+    check(
+        error,
+        cell(1, 0),
+        Problem::UncertifiedCell,
+        "fit the texture as a lattice",
+    );
+    check_everywhere(error, certificate);
+}
+
+/// The certificate that held before stays, and axes, nodes, coefficients or margins are others.
+#[test]
+fn a_certificate_for_other_numbers_is_told() {
+    let certificate = RawCertificate::DirectForm(vec![0, 1], 1);
+    let error = certificate_fault(certificate.clone());
+    assert!(matches!(error.problem, Problem::CertificateChecksum { .. }));
+    check_message(error, TEXTURE, "for other coefficients");
+    check_everywhere(error, certificate);
+
+    let sound = RawLibrary::sound();
+    let bytes = sound.bytes();
+    let position = |part: &[u8]| {
+        let mut windows = bytes.windows(part.len());
+        windows
+            .position(|window| window == part)
+            .expect("it is there")
+    };
+    let coefficient = position(&sound.textures[1].coefficients);
+    for at in [
+        // The lowest byte of a coefficient, of a power, of the highest speed.
+        coefficient + 8,
+        coefficient - 2 - 12,
+        position(b"oak") + 3 + 2 + 1 + 1 + 1 + 8,
+    ] {
+        let mut changed = bytes.clone();
+        changed[at] ^= 1;
+        repair(&mut changed);
+        let error = refused(&changed);
+        assert!(
+            matches!(error.problem, Problem::CertificateChecksum { .. }),
+            "{error}"
+        );
+        assert_eq!(error.place, TEXTURE);
+    }
+}
+
 fn spec() -> TextureSpec {
     TextureSpec {
         name: "felt".to_owned(),
@@ -597,6 +734,7 @@ fn spec() -> TextureSpec {
             };
             2
         ],
+        cell_margins: Vec::new(),
     }
 }
 
@@ -675,6 +813,29 @@ fn the_encoder_refuses_what_the_decoder_would() {
         (error.place, error.problem),
         (Place::Library, Problem::TextureCount(0))
     );
+}
+
+#[test]
+fn the_encoder_refuses_margins_for_a_lattice_and_direct_forms_without_any() {
+    let mut lattice = spec();
+    lattice.cell_margins = vec![4];
+    let error = encode(&[lattice]).expect_err("a lattice's certificate follows from its codes");
+    let problem = Problem::CertificateKind(Structure::NormalisedLattice);
+    assert_eq!((error.place, error.problem), (Place::Texture(0), problem));
+
+    let mut direct = spec();
+    direct.structure = Structure::DirectForm16;
+    for node in &mut direct.nodes {
+        node.codes = CodeSpec::Direct16 {
+            exponent: 0,
+            codes: vec![100],
+        };
+    }
+    let error = encode(std::slice::from_ref(&direct)).expect_err("it has no certificate");
+    let problem = Problem::Uncertified(Structure::DirectForm16);
+    assert_eq!((error.place, error.problem), (Place::Texture(0), problem));
+    direct.cell_margins = vec![4];
+    assert!(encode(&[direct]).is_ok());
 }
 
 #[test]

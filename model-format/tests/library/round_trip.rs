@@ -1,7 +1,8 @@
 //! Content survives the way into bytes and back, and bytes the way into content and back.
 
 use model_format::{
-    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode, limits,
+    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, UNCERTIFIED_CELL,
+    encode, encode_uncertified, limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -18,6 +19,21 @@ proptest! {
         let read = content(&Library::decode(&bytes).expect("encode checks what it gives"));
         prop_assert_eq!(&read, &textures);
         prop_assert_eq!(encode(&read).expect("it was read from a library"), bytes);
+    }
+}
+
+proptest! {
+    #[test]
+    fn without_certificates_the_same_holds_for_a_bench_and_nothing_for_a_stylus(mut textures in library()) {
+        for texture in &mut textures {
+            texture.cell_margins.clear();
+        }
+        let bytes = encode_uncertified(&textures).expect("the strategy makes valid libraries");
+        let read = content(&Library::decode_uncertified(&bytes).expect("encode checks what it gives"));
+        prop_assert_eq!(&read, &textures);
+        let all_lattices = textures.iter().all(|texture| texture.structure == Structure::NormalisedLattice);
+        prop_assert_eq!(Library::decode(&bytes).is_ok(), all_lattices);
+        prop_assert_eq!(encode(&textures).is_ok(), all_lattices);
     }
 }
 
@@ -53,14 +69,20 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
         let nodes: Vec<_> = (0..speeds.len() * forces.len())
             .map(|index| node(structure, at_zero(index)))
             .collect();
+        let cells = |axis: &[f32]| (axis.len() - 1).max(1);
+        let cells = match structure {
+            Structure::NormalisedLattice => 0,
+            _ => cells(&speeds) * cells(&forces),
+        };
         (
             name(),
             1..=limits::MAX_SAMPLE_RATE_HZ,
             prop_oneof![Just(Provenance::Recorded), Just(Provenance::Simulated)],
             nodes,
+            vec(0..UNCERTIFIED_CELL, cells),
         )
             .prop_map(
-                move |(name, sample_rate_hz, provenance, nodes)| TextureSpec {
+                move |(name, sample_rate_hz, provenance, nodes, cell_margins)| TextureSpec {
                     name,
                     sample_rate_hz,
                     structure,
@@ -68,6 +90,7 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
                     speed_axis_mm_s: speeds.clone(),
                     force_axis_n: forces.clone(),
                     nodes,
+                    cell_margins,
                 },
             )
     })

@@ -1,6 +1,9 @@
 //! Reads everything that a valid library offers. The fuzz target includes this file too.
 
-use model_format::{CodeSpec, Coefficients, Library, NodeFlags, NodeSpec, TextureSpec, limits};
+use model_format::{
+    Certificate, CodeSpec, Coefficients, Library, NodeFlags, NodeSpec, Structure, Texture,
+    TextureSpec, UNCERTIFIED_CELL, limits,
+};
 
 /// The content of `library`, through its public interface.
 ///
@@ -53,10 +56,40 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
             speed_axis_mm_s: speeds.values().collect(),
             force_axis_n: forces.values().collect(),
             nodes,
+            cell_margins: cell_margins(&texture),
         });
     }
     assert_eq!(textures.len(), library.len());
     textures
+}
+
+/// What is certified of the cells of a direct form. What is certified of a lattice is what its nodes have.
+fn cell_margins(texture: &Texture<'_>) -> Vec<u8> {
+    let lattice = texture.structure() == Structure::NormalisedLattice;
+    match texture.certificate() {
+        Certificate::None => {
+            assert!(!lattice);
+            Vec::new()
+        }
+        Certificate::Lattice { largest_theta_code } => {
+            assert!(lattice);
+            let magnitudes = texture.nodes().flat_map(|node| match node.coefficients {
+                Coefficients::Lattice(codes) => codes.iter(),
+                _ => unreachable!("nodes are of their texture's structure"),
+            });
+            let largest = magnitudes.map(|&code| i16::from_le_bytes(code).unsigned_abs());
+            assert_eq!(largest_theta_code, largest.max().unwrap_or(0));
+            assert!(largest_theta_code < 1 << 15);
+            Vec::new()
+        }
+        Certificate::DirectForm { cell_margins } => {
+            assert!(!lattice);
+            let (speeds, forces) = texture.cell_counts();
+            assert_eq!(cell_margins.len(), speeds * forces);
+            assert!(!cell_margins.contains(&UNCERTIFIED_CELL));
+            cell_margins.to_vec()
+        }
+    }
 }
 
 fn codes(coefficients: Coefficients<'_>) -> CodeSpec {

@@ -19,7 +19,7 @@ mod textures;
 
 pub use edges::edges;
 #[cfg(feature = "library")]
-pub use library::library;
+pub use library::{library, specs};
 pub use path::{PATH_UPDATES, motion};
 pub use play::{PlayError, run};
 pub use textures::{MEASURED, Measured, VECTORS, Vector};

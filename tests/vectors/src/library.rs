@@ -8,7 +8,8 @@ use alloc::vec::Vec;
 
 use model_format::limits::MAX_ORDER;
 use model_format::{
-    CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, THETA_STEP_RAD, TextureSpec, encode,
+    CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, THETA_STEP_RAD, TextureSpec,
+    encode_uncertified,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -20,15 +21,17 @@ const FORCES_N: [f32; 2] = [0.5, 2.0];
 /// Orders of neighbouring nodes that differ, odd ones and none at all among them.
 const UNEQUAL_ORDERS: [usize; 6] = [MAX_ORDER, 37, 1, 250, 399, 0];
 
-/// The bytes of a library that holds every texture of [`crate::VECTORS`].
+/// The bytes of a library that holds every texture of [`crate::VECTORS`]: direct forms that cannot be certified among
+/// them, so that it decodes with [`model_format::Library::decode_uncertified`] only.
 ///
 /// # Panics
 /// Never, but for an error in this crate: what it encodes is valid.
 pub fn library() -> Vec<u8> {
-    encode(&textures()).expect("the test textures are valid")
+    encode_uncertified(&specs()).expect("the test textures are valid")
 }
 
-fn textures() -> [TextureSpec; 10] {
+/// The textures of [`library`], none of them certified.
+pub fn specs() -> [TextureSpec; 10] {
     use Structure::{DirectForm16, DirectForm32, NormalisedLattice};
     let resonant = |index| Model::resonant(MAX_ORDER, index);
     let one = Grid::one(Model::resonant(MAX_ORDER, 1), 9.0);
@@ -220,6 +223,7 @@ impl Grid {
                 .iter()
                 .map(|(model, power)| node(model, *power, structure))
                 .collect(),
+            cell_margins: Vec::new(),
         }
     }
 }

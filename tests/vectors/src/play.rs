@@ -28,7 +28,7 @@ pub fn run<M: Arithmetic>(
     samples: u32,
     mut sink: impl FnMut(OutputSample),
 ) -> Result<u32, PlayError> {
-    let texture = Library::decode(library)?
+    let texture = Library::decode_uncertified(library)?
         .texture(texture)
         .ok_or(PlayError::NoTexture)?;
     let mut synthesis = Synthesis::<M>::new(texture, seed);

@@ -32,6 +32,7 @@ pub fn texture(name: &str, order: usize, seed: i16, sample_rate_hz: u32) -> Text
         provenance: Provenance::Simulated,
         speed_axis_mm_s: (1..=15).map(|speed| 20.0 * speed as f32).collect(),
         force_axis_n: (1..=8).map(|force| 0.25 * force as f32).collect(),
+        cell_margins: Vec::new(),
         nodes: vec![node; 15 * 8],
     }
 }

@@ -3,6 +3,7 @@
 mod arithmetic;
 mod direct;
 mod grid;
+mod hard;
 mod lattice;
 mod models;
 mod reference;

@@ -2,6 +2,7 @@
 
 use std::sync::OnceLock;
 
+use host_tools::certificate::certified;
 use model_format::limits::MAX_ORDER;
 use model_format::{CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode};
 use virtual_stylus::Options;
@@ -9,10 +10,15 @@ use virtual_stylus::model::flash::Contents;
 
 use crate::device::Device;
 
-/// The textures that every processor must play alike, some 30 KB.
+/// The textures that every processor must play alike, but for those that cannot be certified; some 25 KB.
 pub fn small() -> &'static [u8] {
     static SMALL: OnceLock<Vec<u8>> = OnceLock::new();
-    SMALL.get_or_init(kernel_vectors::library)
+    SMALL.get_or_init(|| {
+        let certified = kernel_vectors::specs()
+            .into_iter()
+            .filter_map(|spec| certified(spec).ok());
+        encode(&certified.collect::<Vec<_>>()).expect("within the limits")
+    })
 }
 
 /// Another one, some 8 KB.
@@ -50,6 +56,7 @@ fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
         provenance: Provenance::Simulated,
         speed_axis_mm_s: (1..=speeds).map(|speed| f32::from(speed) * 20.0).collect(),
         force_axis_n: (1..=forces).map(|force| f32::from(force) * 0.2).collect(),
+        cell_margins: Vec::new(),
         nodes: (0..speeds * forces).map(node).collect(),
     }
 }

@@ -1,0 +1,97 @@
+//! Grids, motions and states of any kind, taken together: what the lattice holds of each it holds of all at once.
+
+use model_format::limits::{MAX_ORDER, MAX_OUTPUT_POWER};
+use model_format::{CodeSpec, NodeFlags, NodeSpec, Structure};
+use proptest::collection::vec;
+use proptest::prelude::*;
+use stylus_kernel::arithmetic::Portable;
+use stylus_kernel::grid::GridPoint;
+use stylus_kernel::lattice::LatticeFrame;
+use stylus_kernel::{Levels, Motion, Synthesis};
+
+use crate::lattice::{sample, state, theta_code};
+use crate::models::{library, motion, silent_node, texture};
+
+/// A node of any order and level, silent ones among them.
+fn node() -> impl Strategy<Value = NodeSpec> {
+    let codes = prop_oneof![6 => vec(theta_code(), 0..40), 1 => vec(theta_code(), MAX_ORDER), 1 => Just(Vec::new())];
+    let power = prop_oneof![
+        Just(MAX_OUTPUT_POWER),
+        Just(f32::MIN_POSITIVE),
+        1e-9f32..MAX_OUTPUT_POWER
+    ];
+    prop_oneof![
+        8 => (codes, power).prop_map(|(codes, output_power)| NodeSpec {
+            output_power,
+            prediction_error_power: 0.0,
+            flags: NodeFlags::NONE,
+            codes: CodeSpec::Lattice(codes),
+        }),
+        1 => Just(silent_node(Structure::NormalisedLattice)),
+    ]
+}
+
+/// A library of 3 x 2 such nodes.
+fn grid() -> impl Strategy<Value = Vec<u8>> {
+    vec(node(), 6).prop_map(|nodes| {
+        let speeds = [40.0, 80.0, 160.0];
+        library(Structure::NormalisedLattice, &speeds, &[0.5, 1.5], nodes)
+    })
+}
+
+/// On nodes, between, at the edges, beyond, and at rest.
+fn any_motion() -> impl Strategy<Value = Motion> {
+    let speed =
+        prop_oneof![6 => 0.0f32..250.0, 1 => Just(0.0), 1 => Just(80.0), 1 => -f32::MAX..=f32::MAX];
+    let force =
+        prop_oneof![6 => 0.0f32..2.0, 1 => Just(0.0), 1 => Just(1.5), 1 => -f32::MAX..=f32::MAX];
+    (speed, force).prop_map(|(speed, force)| motion(speed, force))
+}
+
+fn energy(signals: &[i32]) -> u128 {
+    let squares = signals
+        .iter()
+        .map(|&signal| u128::from(signal.unsigned_abs()).pow(2));
+    squares.sum()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn no_grid_motion_or_state_lets_energy_grow(
+        bytes in grid(),
+        backward in vec(sample(), MAX_ORDER),
+        steps in vec((any_motion(), prop_oneof![1 => Just(0), 1 => sample()]), 1..60),
+    ) {
+        let texture = texture(&bytes);
+        let mut frame = LatticeFrame::silent(texture.max_order());
+        let mut state = state(&backward);
+        for (motion, excitation) in steps {
+            frame.update(&texture, &GridPoint::locate(&texture, motion), Levels::SILENT, 1);
+            let stages = frame.rotations().len();
+            let before = energy(state.backward(stages)) + energy(&[excitation]);
+            let (output, at_full_scale) = state.next_sample::<Portable>(&frame, excitation, 0);
+            prop_assert!(energy(state.backward(stages)) <= before);
+            // The level's own full scale: no output is beyond the lattice's times the gain of the loudest node.
+            let most = f64::from(texture.max_output_power()).sqrt() * 8.0;
+            prop_assert!(f64::from(output.metres_per_second_squared().0).abs() <= most * 1.000_001);
+            let newest = if stages == 0 { excitation } else { state.backward(1)[0] };
+            prop_assert_eq!(at_full_scale, newest == i32::MAX || newest == i32::MIN);
+        }
+    }
+
+    /// At rest the level is zero at once, whatever the state and whatever was played.
+    #[test]
+    fn any_motion_ends_in_silence_at_rest(bytes in grid(), motions in vec(any_motion(), 1..40), seed: u64) {
+        let mut synthesis: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
+        for motion in motions {
+            synthesis.follow(motion, 1);
+            synthesis.next_sample();
+        }
+        synthesis.follow(Motion::REST, 1);
+        for _ in 0..20 {
+            prop_assert_eq!(synthesis.next_sample().0, 0);
+        }
+    }
+}

@@ -1,0 +1,240 @@
+//! The cases: which models, which motion, how long.
+
+use model_format::limits::MAX_OUTPUT_POWER;
+use model_format::{MillimetresPerSecond, Newton};
+use rand::{RngExt, SeedableRng};
+use stylus_kernel::Motion;
+
+use super::models::{FORCES_N, NamedModel, SPEEDS_MM_S, falling, fixtures, resonance, resonances};
+
+/// The power at which a direct form's history, too, has an RMS of an eighth of full scale.
+pub const LOUDEST: f64 = MAX_OUTPUT_POWER as f64;
+
+/// A case.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Models and motion.
+    pub name: String,
+    /// One node, or four, with their output powers, (m/s²)².
+    pub models: Vec<(NamedModel, f64)>,
+    /// The motion.
+    pub path: Path,
+    /// How many samples are driven.
+    pub samples: usize,
+    /// Whether a float64 filter goes along.
+    pub with_reference: bool,
+    /// Whether the direct forms are left out.
+    pub lattice_only: bool,
+}
+
+/// A motion over a grid.
+#[derive(Clone, Debug)]
+pub enum Path {
+    /// Rest on a point: mm/s and N.
+    Still(f32, f32),
+    /// From extreme to extreme of the grid every so many samples.
+    Saw(usize),
+    /// Anywhere on the grid and a little beyond, every so many samples.
+    Random {
+        /// How many.
+        every: usize,
+        /// Of the motion, not of the noise.
+        seed: u64,
+    },
+}
+
+impl Path {
+    /// Whether the motion changes at this sample.
+    pub fn changes_at(&self, sample: usize) -> bool {
+        match *self {
+            Self::Still(..) => sample == 0,
+            Self::Saw(every) | Self::Random { every, .. } => sample.is_multiple_of(every),
+        }
+    }
+
+    /// The motion that it changes to.
+    pub fn motion(&self, sample: usize) -> Motion {
+        let (speed, force) = match *self {
+            Self::Still(speed, force) => (speed, force),
+            Self::Saw(every) => {
+                // All four corners, each after each other one.
+                const CORNERS: [usize; 12] = [0, 3, 1, 2, 0, 1, 3, 2, 3, 0, 2, 1];
+                let corner = CORNERS[sample / every % CORNERS.len()];
+                (SPEEDS_MM_S[corner / 2], FORCES_N[corner % 2])
+            }
+            Self::Random { every, seed } => {
+                let mut random = rand_pcg::Pcg64::seed_from_u64(seed ^ (sample / every) as u64);
+                (
+                    random.random_range(0.9 * SPEEDS_MM_S[0]..1.1 * SPEEDS_MM_S[1]),
+                    random.random_range(0.9 * FORCES_N[0]..1.1 * FORCES_N[1]),
+                )
+            }
+        };
+        Motion::new(MillimetresPerSecond(speed), Newton(force)).expect("it is finite")
+    }
+}
+
+impl Case {
+    /// A case of one node at the loudest level.
+    fn alone(model: NamedModel, samples: usize) -> Self {
+        Self {
+            name: model.name.clone(),
+            models: vec![(model, LOUDEST)],
+            path: Path::Still(SPEEDS_MM_S[0], FORCES_N[0]),
+            samples,
+            with_reference: true,
+            lattice_only: false,
+        }
+    }
+
+    /// Its models, by reference.
+    pub fn nodes(&self) -> Vec<(&NamedModel, f64)> {
+        let nodes = self.models.iter();
+        nodes.map(|(model, power)| (model, *power)).collect()
+    }
+
+    /// Whether it is one node at rest.
+    pub fn is_still(&self) -> bool {
+        matches!(self.path, Path::Still(..)) && self.models.len() == 1
+    }
+
+    /// Largest pole radius of its models.
+    pub fn pole_radius(&self) -> f64 {
+        let radii = self.models.iter().map(|(model, _)| model.pole_radius);
+        radii.fold(0.0, f64::max)
+    }
+
+    /// How long to wait for silence, samples: long for lines that ring for long. Direct forms that move do not come to
+    /// silence by waiting.
+    pub fn rest_limit(&self, lattice: bool) -> usize {
+        let narrow = self.pole_radius() > 0.999;
+        match (narrow, lattice || self.is_still()) {
+            (true, true) => 3_000_000,
+            (true, false) => 100_000,
+            (false, _) => 60_000,
+        }
+    }
+}
+
+/// Grids of four nodes, each with what is hard about it.
+fn grids() -> Vec<(&'static str, Vec<(NamedModel, f64)>)> {
+    let fixtures = fixtures();
+    let model = |name: &str| {
+        let found = fixtures.iter().find(|model| model.name == name);
+        found.expect("a fixture of this name").clone()
+    };
+    let loud = |names: [&str; 4]| names.map(|name| (model(name), LOUDEST)).to_vec();
+    let resonant = |radius: f64, frequencies_hz: [f64; 4]| {
+        let nodes = frequencies_hz.map(|frequency_hz| (resonance(radius, frequency_hz), LOUDEST));
+        nodes.to_vec()
+    };
+    let orders = [400, 37, 1, 0]
+        .map(|order| (falling(order), LOUDEST))
+        .to_vec();
+    let quiet = [LOUDEST, LOUDEST * 1e-9, LOUDEST * 1e-6, LOUDEST];
+    let quiet = ["H1a", "H1b", "H2b", "H3"]
+        .map(model)
+        .into_iter()
+        .zip(quiet)
+        .collect();
+    vec![
+        ("H1a/H1b", loud(["H1a", "H1b", "H1b", "H1a"])),
+        ("H2a/H2b", loud(["H2a", "H2b", "H2b", "H2a"])),
+        ("H1-H4 mixed", loud(["H4", "H1b", "H2a", "H3"])),
+        ("orders 400/37/1/0", orders),
+        ("near-silent beside loud", quiet),
+        (
+            "r 0.9999, 4 lines",
+            resonant(0.9999, [50.0, 180.0, 700.0, 2200.0]),
+        ),
+        (
+            "r 0.99999, 4 lines",
+            resonant(0.999_99, [60.0, 75.0, 1000.0, 2400.0]),
+        ),
+    ]
+}
+
+/// How much of the suite to run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Length {
+    /// Every model and every grid, each as short as it says something: for every run of the tests.
+    Short,
+    /// Long enough for levels and means to be known well.
+    Full,
+    /// The same for longer, and 10⁸ samples of random motion.
+    Long,
+}
+
+/// The suite.
+pub fn suite(length: Length) -> Vec<Case> {
+    let (alone, moving) = match length {
+        Length::Short => (20_000, 3000),
+        Length::Full => (60_000, 20_000),
+        Length::Long => (2_000_000, 400_000),
+    };
+    let singles = fixtures().into_iter().chain(resonances());
+    let mut cases: Vec<Case> = singles.map(|model| Case::alone(model, alone)).collect();
+    let mut loud = vec![(resonance(0.95, 150.0), LOUDEST); 3];
+    loud.push((resonance(0.95, 150.0), LOUDEST * 1e-9));
+    cases.push(Case {
+        name: "node 90 dB below its neighbours".to_owned(),
+        models: loud,
+        path: Path::Still(SPEEDS_MM_S[1], FORCES_N[1]),
+        samples: alone,
+        with_reference: true,
+        lattice_only: false,
+    });
+    for (name, models) in grids() {
+        for (motion, path) in paths(length) {
+            cases.push(Case {
+                name: format!("{name}, {motion}"),
+                models: models.clone(),
+                path,
+                samples: moving,
+                with_reference: true,
+                lattice_only: false,
+            });
+        }
+    }
+    // What rings for long takes long to fall silent; one motion is enough for every run.
+    if length == Length::Short {
+        cases.retain(|case| case.pole_radius() < 0.999_95 || case.is_still());
+        cases.retain(|case| {
+            case.pole_radius() < 0.9995 || !matches!(case.path, Path::Random { .. })
+        });
+    }
+    if length == Length::Long {
+        cases.extend(marathon());
+    }
+    cases
+}
+
+fn paths(length: Length) -> Vec<(&'static str, Path)> {
+    let random = Path::Random { every: 1, seed: 5 };
+    let mut paths = vec![("saw 1", Path::Saw(1)), ("random 1", random)];
+    if length != Length::Short {
+        paths.insert(1, ("saw 10", Path::Saw(10)));
+    }
+    paths
+}
+
+/// 10⁸ samples of random motion at the stylus's own pace, in ten parts.
+fn marathon() -> Vec<Case> {
+    const PARTS: usize = 10;
+    let grids = grids();
+    let part = |part: usize| {
+        let (name, models) = &grids[part % grids.len()];
+        Case {
+            name: format!("{name}, random 10, part {}", part + 1),
+            models: models.clone(),
+            path: Path::Random {
+                every: stylus_kernel::UPDATE_INTERVAL_SAMPLES as usize,
+                seed: 100 + part as u64,
+            },
+            samples: 100_000_000 / PARTS,
+            with_reference: false,
+            lattice_only: true,
+        }
+    };
+    (0..PARTS).map(part).collect()
+}

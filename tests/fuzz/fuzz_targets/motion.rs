@@ -1,0 +1,78 @@
+//! Any grid of lattices, any state, any motion at every sample and any excitation: energy never grows, nothing overflows.
+//!
+//! The input is read as it comes: two bytes a θ, a byte an order, a motion in four, an excitation in two.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use model_format::limits::{MAX_ORDER, MAX_OUTPUT_POWER};
+use model_format::{
+    CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance, Structure,
+    TextureSpec, encode,
+};
+use stylus_kernel::arithmetic::Portable;
+use stylus_kernel::grid::GridPoint;
+use stylus_kernel::lattice::{LatticeFrame, LatticeState};
+use stylus_kernel::{Levels, Motion};
+
+const SPEEDS_MM_S: [f32; 2] = [50.0, 150.0];
+const FORCES_N: [f32; 2] = [0.5, 1.5];
+
+fuzz_target!(|input: &[u8]| {
+    let mut bytes = input.iter().copied();
+    let library = library(&mut bytes);
+    let library = Library::decode(&library).expect("lattices of such codes are valid");
+    let texture = library.textures().next().expect("one was encoded");
+    let mut frame = LatticeFrame::silent(texture.max_order());
+    let stages = texture.max_order();
+    let mut state = LatticeState::from_backward(std::array::from_fn(|_| {
+        (i32::from(sixteen(&mut bytes)) << 16) | i32::from(sixteen(&mut bytes))
+    }));
+    while let Some(low) = bytes.next() {
+        let excitation = i32::from(sixteen(&mut bytes)) << (low % 17);
+        let motion = Motion::new(
+            MillimetresPerSecond(f32::from(sixteen(&mut bytes)) / 100.0),
+            Newton(f32::from(low) / 100.0),
+        );
+        let point = GridPoint::locate(&texture, motion.expect("it is finite"));
+        frame.update(&texture, &point, Levels::SILENT, 1);
+        let before = energy(state.backward(stages)) + energy(&[excitation]);
+        state.next_sample::<Portable>(&frame, excitation, 0);
+        assert!(energy(state.backward(stages)) <= before);
+    }
+});
+
+fn sixteen(bytes: &mut impl Iterator<Item = u8>) -> i16 {
+    let mut byte = || bytes.next().unwrap_or(0);
+    i16::from_le_bytes([byte(), byte()])
+}
+
+fn energy(signals: &[i32]) -> u128 {
+    let squares = signals
+        .iter()
+        .map(|&signal| u128::from(signal.unsigned_abs()).pow(2));
+    squares.sum()
+}
+
+fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
+    let mut node = |_| {
+        let order = usize::from(bytes.next().unwrap_or(0)).min(MAX_ORDER);
+        let codes = (0..order).map(|_| sixteen(bytes).max(-i16::MAX)).collect();
+        NodeSpec {
+            output_power: MAX_OUTPUT_POWER,
+            prediction_error_power: 0.0,
+            flags: NodeFlags::NONE,
+            codes: CodeSpec::Lattice(codes),
+        }
+    };
+    let texture = TextureSpec {
+        name: "fuzz".to_owned(),
+        sample_rate_hz: 5000,
+        structure: Structure::NormalisedLattice,
+        provenance: Provenance::Simulated,
+        speed_axis_mm_s: SPEEDS_MM_S.to_vec(),
+        force_axis_n: FORCES_N.to_vec(),
+        nodes: (0..4).map(&mut node).collect(),
+        cell_margins: Vec::new(),
+    };
+    encode(&[texture]).expect("lattices of such codes are valid")
+}
