@@ -7,12 +7,18 @@ use core::sync::atomic::{Ordering, compiler_fence};
 use crate::fixed::high_word_toward_zero;
 use crate::rotation::Rotation;
 
+/// Taps that are summed in one turn of a loop.
+pub const TURN_TAPS: usize = 40;
+
+/// Coefficients or samples of one turn.
+pub type Turn = [i32; TURN_TAPS];
+
 /// What the inner loops do most.
 pub trait Arithmetic: Copy {
-    /// `sum` + low(a)·low(b) + high(a)·high(b), where low and high are the signed halves of a word.
+    /// Σ a·b over as many turns as both have, in 64 bits.
     ///
-    /// Exact; wraps only where the 64-bit sum itself overflows, which no valid library's coefficients can bring about.
-    fn multiply_accumulate(sum: i64, a: u32, b: u32) -> i64;
+    /// Exact; wraps only where the sum itself overflows, which no valid library's coefficients can bring about.
+    fn sum_of_products(coefficients: &[Turn], samples: &[Turn]) -> i64;
 
     /// Puts `forward` through the stages of a lattice, the last of `rotations` first, and gives what comes out; see
     /// [`crate::lattice`].
@@ -27,12 +33,12 @@ pub trait Arithmetic: Copy {
 pub struct Portable;
 
 impl Arithmetic for Portable {
-    #[inline(always)]
-    fn multiply_accumulate(sum: i64, a: u32, b: u32) -> i64 {
-        let low = i32::from(a as i16) * i32::from(b as i16);
-        let high = i32::from((a >> 16) as i16) * i32::from((b >> 16) as i16);
-        sum.wrapping_add(i64::from(low))
-            .wrapping_add(i64::from(high))
+    #[inline]
+    fn sum_of_products(coefficients: &[Turn], samples: &[Turn]) -> i64 {
+        let (coefficients, samples) = (coefficients.as_flattened(), samples.as_flattened());
+        coefficients.iter().zip(samples).fold(0, |sum, (&a, &b)| {
+            sum.wrapping_add(i64::from(a) * i64::from(b))
+        })
     }
 
     #[inline]
@@ -55,10 +61,4 @@ impl Arithmetic for Portable {
         }
         forward
     }
-}
-
-/// Two 16-bit numbers as one word, the first in the low half.
-#[inline(always)]
-pub fn pack(pair: [i16; 2]) -> u32 {
-    u32::from(pair[0] as u16) | u32::from(pair[1] as u16) << 16
 }

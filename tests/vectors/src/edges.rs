@@ -1,39 +1,36 @@
 //! The ends of the ranges, which no texture's noise reaches.
 
 use model_format::limits::MAX_ORDER;
-use stylus_kernel::arithmetic::{Arithmetic, pack};
+use stylus_kernel::arithmetic::{Arithmetic, TURN_TAPS, Turn};
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::{Rotation, THETA_QUARTER_TURN};
 
-const ENDS_16: [i16; 6] = [i16::MIN, i16::MIN + 1, -1, 0, 1, i16::MAX];
-const SUMS: [i64; 6] = [i64::MIN, -1 << 31, -1, 0, u32::MAX as i64, i64::MAX];
+const MOST_TURNS: usize = 3;
 const SAMPLES: usize = 32;
 const MOST_FEW_STAGES: usize = 33;
 
 /// Gives `sink` the words that the kernel's arithmetic makes of operands at the ends of their ranges.
 pub fn edges<A: Arithmetic>(mut sink: impl FnMut(u32)) {
-    multiplications::<A>(&mut sink);
+    sums_of_products::<A>(&mut sink);
     for theta in [-THETA_QUARTER_TURN, -1, THETA_QUARTER_TURN / 2, i32::MAX] {
         lattice_at_full_scale::<A>(theta, &mut sink);
     }
     lattices_of_few_stages::<A>(&mut sink);
 }
 
-/// Every pair of pairs of ends, with sums that wrap among them.
-fn multiplications<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
-    let pairs = || {
-        ENDS_16
-            .into_iter()
-            .flat_map(|low| ENDS_16.map(|high| pack([low, high])))
+/// Sums of words from end to end of their range, in an order that brings each together with each, so that sums wrap.
+fn sums_of_products<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
+    const WORDS: [i32; 7] = [i32::MIN, i32::MIN + 1, -1, 0, 1, 0x1234_5678, i32::MAX];
+    let turns = |step: usize| -> [Turn; MOST_TURNS] {
+        core::array::from_fn(|turn| {
+            core::array::from_fn(|tap| WORDS[(turn * TURN_TAPS + tap) / step % WORDS.len()])
+        })
     };
-    for a in pairs() {
-        for b in pairs() {
-            for sum in SUMS {
-                let result = A::multiply_accumulate(sum, a, b);
-                sink(result as u32);
-                sink((result >> 32) as u32);
-            }
-        }
+    let (a, b) = (turns(1), turns(WORDS.len()));
+    for length in 0..=MOST_TURNS {
+        let sum = A::sum_of_products(&a[..length], &b);
+        sink(sum as u32);
+        sink((sum >> 32) as u32);
     }
 }
 
