@@ -39,13 +39,8 @@ fn lattice_at_full_scale<A: Arithmetic>(theta: i32, sink: &mut impl FnMut(u32)) 
     let to_and_fro = [Rotation::from_theta(theta), Rotation::from_theta(-theta)];
     let rotations: [Rotation; MAX_ORDER] = core::array::from_fn(|stage| to_and_fro[stage / 2 % 2]);
     let ends = [i32::MAX, i32::MIN, i32::MIN];
-    let mut state = LatticeState::from_backward(core::array::from_fn(|stage| ends[stage % 3]));
-    for n in 0..SAMPLES {
-        sink(state.filter::<A>(&rotations, ends[n % 3]) as u32);
-    }
-    for &backward in state.backward(MAX_ORDER) {
-        sink(backward as u32);
-    }
+    let state = LatticeState::from_backward(core::array::from_fn(|stage| ends[stage % 3]));
+    one_by_one_and_two_by_two::<A>(&rotations, &state, |n| ends[n % 3], sink);
 }
 
 /// As many stages as leave every remainder where stages are taken some at a time; each stage rotates otherwise.
@@ -54,12 +49,31 @@ fn lattices_of_few_stages<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
         Rotation::from_theta(THETA_QUARTER_TURN / 9 * (stage as i32 % 17 - 8))
     });
     for stages in 0..=MOST_FEW_STAGES {
-        let mut state = LatticeState::new();
-        for n in 0..SAMPLES {
-            let excitation = (n as i32 - 11) * 0x0654_3217;
-            sink(state.filter::<A>(&rotations[..stages], excitation) as u32);
+        let excitation = |n: usize| (n as i32 - 11) * 0x0654_3217;
+        let rotations = &rotations[..stages];
+        one_by_one_and_two_by_two::<A>(rotations, &LatticeState::new(), excitation, sink);
+    }
+}
+
+/// The samples of a lattice from `state` on and what is left in it, twice: sample by sample and two in one pass.
+fn one_by_one_and_two_by_two<A: Arithmetic>(
+    rotations: &[Rotation],
+    state: &LatticeState,
+    excitation: impl Fn(usize) -> i32,
+    sink: &mut impl FnMut(u32),
+) {
+    let (mut single, mut double) = (state.clone(), state.clone());
+    for n in 0..SAMPLES {
+        sink(single.filter::<A>(rotations, excitation(n)) as u32);
+    }
+    for n in (0..SAMPLES).step_by(2) {
+        let pair = [excitation(n), excitation(n + 1)];
+        for output in double.filter_two::<A>(rotations, pair) {
+            sink(output as u32);
         }
-        for &backward in state.backward(stages) {
+    }
+    for state in [single, double] {
+        for &backward in state.backward(rotations.len()) {
             sink(backward as u32);
         }
     }
