@@ -42,7 +42,7 @@ pub struct DirectFrame {
     turns: usize,
     exponent: u32,
     /// Where `coefficients` are of, so that a motion that rests costs nothing.
-    point: Option<([(usize, usize); 4], [u32; 4])>,
+    point: Option<GridPoint>,
     /// Output steps a history step, as a power of two.
     scale_bits: u32,
     deviation: Ramp,
@@ -74,9 +74,8 @@ impl DirectFrame {
     /// Makes this frame that of `point` on the grid of `texture`, the one that it was made for; levels go there from
     /// `from`, those of the frame before, in `samples` samples.
     pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
-        let place = Some((point.nodes, point.weights));
-        if self.point != place {
-            self.point = place;
+        let rests = |last: GridPoint| (last.nodes, last.weights) == (point.nodes, point.weights);
+        if !self.point.replace(*point).is_some_and(rests) {
             self.interpolate(texture, point);
         }
         let power = point.mean(|speed, force| texture.node(speed, force).prediction_error_power);
@@ -131,6 +130,8 @@ impl DirectFrame {
 /// The exponent at which every mean of a texture's nodes has room: h = code · 2^(exponent - 31). A mean is off by at most half a
 /// step of these.
 pub fn exponent(texture: &Texture<'_>) -> u32 {
+    /// A mean's rounding may add half a step a tap.
+    const ROOM: u64 = CODE_SUM_LIMIT - MAX_ORDER as u64;
     let node = |coefficients: Coefficients<'_>| match coefficients {
         Coefficients::Direct16 { exponent, codes } => {
             let magnitudes = codes.iter().map(|&h| i16::from_le_bytes(h).unsigned_abs());
@@ -143,12 +144,10 @@ pub fn exponent(texture: &Texture<'_>) -> u32 {
         }
         Coefficients::Lattice(_) => (0, 0),
     };
-    /// A mean's rounding may add half a step a tap.
-    const ROOM: u64 = CODE_SUM_LIMIT - MAX_ORDER as u64;
     let needed = texture.nodes().map(|at| {
         let (exponent, sum) = node(at.coefficients);
-        let too_many = (0..).take_while(|&bits| sum >> bits >= ROOM).count();
-        exponent + too_many as u32
+        let more = (0..u64::BITS).find(|&bits| sum >> bits < ROOM);
+        exponent + more.unwrap_or(u64::BITS)
     });
     // The validator's bound on the sum of coefficients lets the highest hold all.
     needed.max().unwrap_or(0).min(u32::from(MAX_EXPONENT))

@@ -23,6 +23,10 @@ pub struct Frame(FrameOf);
 
 /// One for each kind of filter.
 #[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one frame is reserved once, for the largest"
+)]
 enum FrameOf {
     Lattice(LatticeFrame),
     Direct(DirectFrame),
