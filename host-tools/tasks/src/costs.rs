@@ -1,13 +1,18 @@
 //! What a sample and an update cost, by structure, number of nodes, order and processor: every instruction of some calls
 //! is traced on emulated processors and given its cycles; see [`qemu_tests`].
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use kernel_vectors::job::{Filter, Job};
-use kernel_vectors::{COUNTED_ORDERS, COUNTED_SAMPLES, COUNTED_UPDATES, counted_library};
+use kernel_vectors::{
+    COUNTED_ORDERS, COUNTED_SAMPLES, COUNTED_UPDATES, PEER_SAMPLES, counted_library,
+};
+use model_format::limits::MAX_ORDER;
 use qemu_tests::costs::{Core, Costs, Entry, Origin, Peer, SampleCost, Structure, UpdateCost};
-use qemu_tests::count::{Call, Counter};
+use qemu_tests::count::{Alignment, Call, Counter};
 use qemu_tests::image::Image;
 
 use crate::error::{Error, Result};
@@ -91,8 +96,9 @@ impl Guest {
     pub fn count(&self, structure: Structure, orders: &[usize]) -> Result<Vec<Entry>> {
         let subject = subject(structure);
         let library = counted_library(subject.stored, orders);
-        let job = Job::Count {
+        let job = |updates| Job::Count {
             filter: subject.filter,
+            updates,
             library: &library,
         };
         let functions = [
@@ -100,30 +106,44 @@ impl Guest {
             self.image.function(subject.sample)?,
         ];
         let mut counter = Counter::new(&self.image, &functions)?;
-        qemu::trace(self.processor, &self.file, &job, |address| {
-            counter.take(address)
-        })?;
+        qemu::trace(
+            self.processor,
+            &self.file,
+            &job(COUNTED_UPDATES),
+            |address| counter.take(address),
+        )?;
+        let ranges = ranges(counter.executed(SAMPLE));
         let calls = counter.end()?;
-        let textures = [1, 4]
-            .into_iter()
-            .flat_map(|nodes| orders.iter().map(move |&order| (nodes, order)));
-        let textures: Vec<(u32, usize)> = textures.collect();
+        let mut alignment = Alignment::new(&self.image, functions[SAMPLE])?;
+        qemu::trace_registers(self.processor, &self.file, &job(1), &ranges, |moment| {
+            alignment.take(&moment)
+        })?;
+        let extra = alignment.end();
+
+        let nodes = [1, 4].into_iter();
+        let textures: Vec<(u32, usize)> = nodes
+            .flat_map(|nodes| orders.iter().map(move |&order| (nodes, order)))
+            .collect();
         let calls_each = (COUNTED_UPDATES * (1 + COUNTED_SAMPLES)) as usize;
+        let extra_each = COUNTED_SAMPLES as usize;
         let wrong = |order: usize, nodes: u32, problem: String| Error::Calls {
             processor: self.processor.name(),
             what: format!("{}, order {order}, nodes {nodes}", structure.name()),
             problem,
         };
-        if calls.len() != textures.len() * calls_each {
-            let problem = format!("{} calls for {} textures", calls.len(), textures.len());
+        if (calls.len(), extra.len()) != (textures.len() * calls_each, textures.len() * extra_each)
+        {
+            let (calls, samples, textures) = (calls.len(), extra.len(), textures.len());
+            let problem = format!("{calls} calls, and {samples} samples, for {textures} textures");
             return Err(wrong(0, 0, problem));
         }
+        let extra = extra.chunks(extra_each);
         textures
             .into_iter()
-            .zip(calls.chunks(calls_each))
-            .map(|((nodes, order), calls)| {
+            .zip(calls.chunks(calls_each).zip(extra))
+            .map(|((nodes, order), (calls, extra))| {
                 let (sample, update) =
-                    costs(calls).map_err(|problem| wrong(order, nodes, problem))?;
+                    costs(calls, extra).map_err(|problem| wrong(order, nodes, problem))?;
                 Ok(Entry {
                     structure,
                     nodes,
@@ -137,10 +157,94 @@ impl Guest {
     }
 }
 
-/// What the calls of one texture cost: function 0 is the update, 1 the sample.
-fn costs(calls: &[Call]) -> std::result::Result<(SampleCost, UpdateCost), String> {
+/// The places of update and sample among the counted functions.
+const UPDATE: usize = 0;
+const SAMPLE: usize = 1;
+
+/// Ranges around `addresses`, as few as leave out other functions.
+fn ranges(addresses: &BTreeSet<u32>) -> Vec<RangeInclusive<u32>> {
+    /// Bytes that a gap in what is executed may have, such as a jump over a few instructions.
+    const GAP_BYTES: u32 = 32;
+    let mut ranges: Vec<RangeInclusive<u32>> = Vec::new();
+    for &address in addresses {
+        match ranges.last_mut() {
+            Some(last) if address - last.end() <= GAP_BYTES => *last = *last.start()..=address,
+            _ => ranges.push(address..=address),
+        }
+    }
+    ranges
+}
+
+/// Others' filters that the image runs: a part of the function's mangled name, and what it is.
+const OTHERS: [(&str, &str); 4] = [
+    (
+        "5peers10idsp_fixed",
+        "idsp 0.23: 200 second-order sections, i32, 64-bit sums",
+    ),
+    (
+        "5peers10idsp_float",
+        "idsp 0.23: 200 second-order sections, f32",
+    ),
+    ("5peers12plain_direct", "plain Rust: direct form, f32"),
+    (
+        "5peers13plain_lattice",
+        "plain Rust: two-multiplier lattice, f32",
+    ),
+];
+
+impl Guest {
+    /// What others' filters of order 400 cost.
+    ///
+    /// # Errors
+    /// QEMU is missing, the image fails, or an instruction's time is not known.
+    pub fn count_peers(&self) -> Result<Vec<Peer>> {
+        let functions: Vec<u32> = OTHERS
+            .iter()
+            .map(|(name, _)| self.image.function(name))
+            .collect::<std::result::Result<_, _>>()?;
+        let mut counter = Counter::new(&self.image, &functions)?;
+        qemu::trace(self.processor, &self.file, &Job::Peers, |address| {
+            counter.take(address)
+        })?;
+        let calls = counter.end()?;
+        let peer = |(function, &(_, name)): (usize, &(&str, &str))| {
+            let calls: Vec<&Call> = calls
+                .iter()
+                .filter(|call| call.function == function)
+                .collect();
+            if calls.len() != PEER_SAMPLES as usize {
+                return Err(Error::Calls {
+                    processor: self.processor.name(),
+                    what: name.to_owned(),
+                    problem: format!("{} calls instead of {PEER_SAMPLES}", calls.len()),
+                });
+            }
+            let most = |figure: fn(&Call) -> u32| calls.iter().map(|call| figure(call)).max();
+            Ok(Peer {
+                name: name.to_owned(),
+                origin: Origin::Measured,
+                includes: FILTER_ALONE.to_owned(),
+                order: HIGHEST_ORDER,
+                instructions: most(|call| call.instructions).unwrap_or_default(),
+                best_cycles: most(|call| call.cycles.best).unwrap_or_default(),
+                worst_cycles: most(|call| call.cycles.worst).unwrap_or_default(),
+            })
+        };
+        OTHERS.iter().enumerate().map(peer).collect()
+    }
+}
+
+/// What a call of a library's filter does.
+const FILTER_ALONE: &str = "filter";
+
+/// The order of all peers.
+const HIGHEST_ORDER: u32 = MAX_ORDER as u32;
+
+/// What the calls of one texture cost. `extra` are the cycles that some samples, one after the other, take for accesses that
+/// are not aligned; what follows the last of them may be counted there too, so that it is left out.
+fn costs(calls: &[Call], extra: &[u32]) -> std::result::Result<(SampleCost, UpdateCost), String> {
     let (updates, samples): (Vec<Call>, Vec<Call>) =
-        calls.iter().partition(|call| call.function == 0);
+        calls.iter().partition(|call| call.function == UPDATE);
     let (Some(&first), Some(&update)) = (samples.first(), updates.first()) else {
         return Err("there are no samples, or no updates".to_owned());
     };
@@ -159,10 +263,14 @@ fn costs(calls: &[Call]) -> std::result::Result<(SampleCost, UpdateCost), String
             first.data_dependent
         ));
     }
+    let extra = &extra[..extra.len().saturating_sub(1)];
+    let (Some(&least_extra), Some(&most_extra)) = (extra.iter().min(), extra.iter().max()) else {
+        return Err("no accesses were followed".to_owned());
+    };
     let sample = SampleCost {
         instructions: first.instructions,
-        best_cycles: first.cycles.best,
-        worst_cycles: first.cycles.worst,
+        best_cycles: first.cycles.best + least_extra,
+        worst_cycles: first.cycles.worst + most_extra,
     };
     let least =
         |figure: fn(&Call) -> u32| updates.iter().map(figure).min().unwrap_or(figure(&update));
@@ -185,15 +293,18 @@ pub fn count(
     toolchain: &Toolchain,
     mut progress: impl FnMut(Processor, Structure),
 ) -> Result<Costs> {
-    let mut entries = Vec::new();
+    let (mut entries, mut others) = (Vec::new(), Vec::new());
     for processor in Processor::ALL {
         let guest = Guest::build(toolchain, processor)?;
+        if processor == Processor::CortexM4 {
+            others = guest.count_peers()?;
+        }
         for structure in Structure::ALL {
             entries.extend(guest.count(structure, &COUNTED_ORDERS)?);
             progress(processor, structure);
         }
     }
-    let peers = peers(&entries);
+    let peers = peers(&entries, others);
     Ok(Costs {
         rustc: compiler(toolchain)?,
         qemu: qemu::version()?,
@@ -226,16 +337,15 @@ const CMSIS_DSP: [(&str, u32, u32, u32); 7] = [
     ("all-pole lattice, f32, two multipliers", 5192, 7084, 8320),
 ];
 
-/// Ours at the highest order on a Cortex-M4, and CMSIS-DSP's.
-fn peers(entries: &[Entry]) -> Vec<Peer> {
-    let highest = COUNTED_ORDERS.iter().max().map_or(0, |&order| order as u32);
+/// Ours at the highest order on a Cortex-M4, `others`, and CMSIS-DSP's.
+fn peers(entries: &[Entry], others: Vec<Peer>) -> Vec<Peer> {
     let ours = entries.iter().filter(|entry| {
         // Four nodes or one are the same samples to a lattice.
         let is_lattice = !matches!(
             entry.structure,
             Structure::DirectForm16 | Structure::DirectForm32
         );
-        entry.core == Core::M4 && entry.order == highest && !(is_lattice && entry.nodes == 1)
+        entry.core == Core::M4 && entry.order == HIGHEST_ORDER && !(is_lattice && entry.nodes == 1)
     });
     let ours = ours.map(|entry| Peer {
         name: match (entry.structure, entry.nodes) {
@@ -262,13 +372,13 @@ fn peers(entries: &[Entry]) -> Vec<Peer> {
         .map(|&(name, instructions, best_cycles, worst_cycles)| Peer {
             name: format!("CMSIS-DSP: {name}"),
             origin: Origin::Reference,
-            includes: "filter".to_owned(),
-            order: 400,
+            includes: FILTER_ALONE.to_owned(),
+            order: HIGHEST_ORDER,
             instructions,
             best_cycles,
             worst_cycles,
         });
-    ours.chain(theirs).collect()
+    ours.chain(others).chain(theirs).collect()
 }
 
 /// The table of entries, of each core its own columns, and the peers, as text.
@@ -352,10 +462,11 @@ mod tests {
 
     #[test]
     fn an_update_goes_from_the_cheapest_to_the_dearest_and_a_sample_is_one_figure() {
-        let (sample, update) = costs(&calls()).unwrap();
+        // The last sample's accesses are not those of a sample alone.
+        let (sample, update) = costs(&calls(), &[3, 1, 7, 99]).unwrap();
         assert_eq!(
             (sample.instructions, sample.best_cycles, sample.worst_cycles),
-            (50, 50, 100)
+            (50, 51, 107)
         );
         let last = 100 + COUNTED_UPDATES - 1;
         assert_eq!(
@@ -370,15 +481,29 @@ mod tests {
         let refused = |change: fn(&mut Vec<Call>)| {
             let mut calls = calls();
             change(&mut calls);
-            costs(&calls).is_err()
+            costs(&calls, &[0; 4]).is_err()
         };
+        assert!(!refused(|_| ()));
         assert!(refused(|calls| calls[7].instructions += 1));
         assert!(refused(|calls| calls[7].cycles.worst += 1));
         assert!(refused(|calls| {
             let samples = calls.iter_mut().filter(|call| call.function == 1);
             samples.for_each(|call| call.data_dependent = 1);
         }));
-        assert!(refused(|calls| drop(calls.remove(0))));
+        assert!(refused(|calls| {
+            calls.remove(0);
+        }));
         assert!(refused(Vec::clear));
+        assert!(costs(&calls(), &[1]).is_err());
+    }
+
+    #[test]
+    fn ranges_hold_all_addresses_and_no_far_ones() {
+        let addresses = BTreeSet::from([0x100, 0x102, 0x106, 0x200, 0x21e, 0x1000]);
+        assert_eq!(
+            ranges(&addresses),
+            [0x100..=0x106, 0x200..=0x21e, 0x1000..=0x1000]
+        );
+        assert_eq!(ranges(&BTreeSet::new()), []);
     }
 }

@@ -67,7 +67,7 @@ pub enum Error {
         tail: String,
     },
     /// A traced image that does not end.
-    #[error("the image executed more than {0} instructions and was stopped")]
+    #[error("the image did not end within {0} lines of the emulator's log and was stopped")]
     Endless(u64),
     /// A job that the emulated memory has no room for.
     #[error("a job for the image takes more than the {0} bytes that it has for one")]

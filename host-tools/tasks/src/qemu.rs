@@ -1,6 +1,7 @@
 //! Running an image on an emulated processor.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread;
@@ -8,7 +9,7 @@ use std::time::Duration;
 
 use kernel_vectors::job::{self, ADDRESS, Job};
 use kernel_vectors::report::WORDS;
-use qemu_tests::trace::Trace;
+use qemu_tests::trace::{Moment, RegisterTrace, Trace};
 use wait_timeout::ChildExt;
 
 use crate::error::{Error, Result};
@@ -20,8 +21,8 @@ const QEMU: &str = "qemu-system-arm";
 /// The image takes a second or two; a machine that is a hundred times slower is out of order.
 const TIME_LIMIT: Duration = Duration::from_mins(3);
 
-/// More than any traced job takes, some minutes' worth: an image that goes on after them does not end at all.
-const MOST_INSTRUCTIONS: u64 = 200_000_000;
+/// Lines of a log, more than any traced job has, some minutes' worth: an image that goes on after them does not end at all.
+const MOST_LINES: u64 = 200_000_000;
 
 /// How much of the output a message quotes.
 const TAIL_LINES: usize = 20;
@@ -110,19 +111,59 @@ pub fn trace(
     job: &Job<'_>,
     mut executed: impl FnMut(u32) -> qemu_tests::error::Result<()>,
 ) -> Result<()> {
+    let mut trace = Trace::default();
+    log(
+        processor,
+        image,
+        job,
+        &["-d", "exec,nochain"],
+        &mut |line| trace.take(line)?.map_or(Ok(()), &mut executed),
+    )?;
+    Ok(trace.end().map_or(Ok(()), executed)?)
+}
+
+/// The same with the registers at each instruction, but only for those in `ranges` of addresses: each takes the emulator
+/// twenty times as long.
+///
+/// # Errors
+/// See [`trace`].
+pub fn trace_registers(
+    processor: Processor,
+    image: &Path,
+    job: &Job<'_>,
+    ranges: &[RangeInclusive<u32>],
+    mut executed: impl FnMut(Moment) -> qemu_tests::error::Result<()>,
+) -> Result<()> {
+    let range = |range: &RangeInclusive<u32>| format!("{:#x}..{:#x}", range.start(), range.end());
+    let ranges = ranges.iter().map(range).collect::<Vec<_>>().join(",");
+    let options = ["-d", "exec,nochain,cpu", "-dfilter", &ranges];
+    let mut trace = RegisterTrace::default();
+    log(processor, image, job, &options, &mut |line| {
+        trace.take(line)?.map_or(Ok(()), &mut executed)
+    })?;
+    Ok(trace.end().map_or(Ok(()), executed)?)
+}
+
+/// Runs `image` to its end with `job` in its memory, one instruction a block, and gives `take` each line of the log that
+/// `options` ask for.
+fn log(
+    processor: Processor,
+    image: &Path,
+    job: &Job<'_>,
+    options: &[&str],
+    take: &mut dyn FnMut(&str) -> qemu_tests::error::Result<()>,
+) -> Result<()> {
     let version = version()?;
     let job = JobFile::write(job)?;
     let mut child = command(processor, image, Some(&job))
         .args(one_instruction_a_block(&version))
-        .args(["-d", "exec,nochain"])
+        .args(options)
         .spawn()
         .map_err(failed)?;
     let output = read_to_end(child.stdout.take());
-    let log = child
-        .stderr
-        .take()
-        .map(|log| BufReader::with_capacity(1 << 20, log));
-    let followed = log.map_or(Ok(Vec::new()), |log| follow(log, &mut executed));
+    let log = child.stderr.take();
+    let log = log.map(|log| BufReader::with_capacity(1 << 20, log));
+    let followed = log.map_or(Ok(Vec::new()), |log| follow(log, take));
     if followed.is_err() {
         // It may have ended already; what it did no longer matters.
         let _ = child.kill();
@@ -141,27 +182,24 @@ pub fn trace(
     }
 }
 
-/// Hands on what was executed, and gives the lines that are none of a trace's: what the emulator has to say.
+/// Hands on the lines of a trace, and gives those that are none: what the emulator has to say.
 fn follow(
     log: impl BufRead,
-    executed: &mut dyn FnMut(u32) -> qemu_tests::error::Result<()>,
+    take: &mut dyn FnMut(&str) -> qemu_tests::error::Result<()>,
 ) -> Result<Vec<String>> {
-    let (mut trace, mut rest, mut count) = (Trace::default(), Vec::new(), 0u64);
+    let (mut rest, mut count) = (Vec::new(), 0u64);
     for line in log.lines() {
-        let line = line.map_err(failed)?;
-        match trace.take(&line) {
-            Ok(address) => {
+        match take(&line.map_err(failed)?) {
+            Ok(()) => {
                 count += 1;
-                if count > MOST_INSTRUCTIONS {
-                    return Err(Error::Endless(MOST_INSTRUCTIONS));
+                if count > MOST_LINES {
+                    return Err(Error::Endless(MOST_LINES));
                 }
-                address.map_or(Ok(()), &mut *executed)?;
             }
             Err(qemu_tests::error::Error::Line(line)) => rest.push(line),
             Err(error) => return Err(error.into()),
         }
     }
-    trace.end().map_or(Ok(()), executed)?;
     Ok(rest)
 }
 
@@ -257,11 +295,12 @@ mod tests {
     #[test]
     fn what_the_emulator_says_beside_its_trace_is_kept_apart() {
         let log = "Trace 0: 0x1 [0/00000400/0/0] a\nqemu: no\nTrace 0: 0x1 [0/00000402/0/0] a\n";
-        let mut executed = Vec::new();
-        let rest = follow(log.as_bytes(), &mut |address| {
-            executed.push(address);
+        let (mut trace, mut executed) = (Trace::default(), Vec::new());
+        let rest = follow(log.as_bytes(), &mut |line| {
+            executed.extend(trace.take(line)?);
             Ok(())
         });
+        executed.extend(trace.end());
         assert_eq!(rest.unwrap(), ["qemu: no"]);
         assert_eq!(executed, [0x400, 0x402]);
     }

@@ -3,9 +3,10 @@
 //!
 //! *Best* takes every chance that the manual gives: loads overlap where it says that they can, IT is taken along by the
 //! narrow instruction before it, and a branch refills the pipeline in one cycle. *Worst* takes none, and three cycles for
-//! every branch taken. What both leave out: wait states, contention for the bus, data that is not aligned, interrupts,
-//! and that an instruction skipped within an IT block takes one cycle only. What divides takes 2 to 12 cycles by its operands,
-//! and is at either end here.
+//! every branch taken. What both leave out: wait states, contention for the bus, interrupts, that an instruction skipped within
+//! an IT block takes one cycle only, and what wide instructions cost where they are not aligned, of which the manual says nothing
+//! but that it is part of P. What divides takes 2 to 12 cycles by its operands, and is at either end here. Data that is
+//! not aligned is counted apart, since it takes the addresses: [`crate::count::Alignment`].
 
 use std::ops::AddAssign;
 

@@ -1,11 +1,12 @@
 //! Counting calls: from a function's first instruction to the one that returns, with all that it calls.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use crate::cortex_m4::{Cycles, cycles};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::thumb::{Decoder, Instruction};
+use crate::trace::Moment;
 
 /// One call of a counted function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +31,8 @@ pub struct Counter<'a> {
     now: Option<u32>,
     open: Option<Open>,
     calls: Vec<Call>,
+    /// Of each function, what its calls executed.
+    executed: Vec<BTreeSet<u32>>,
 }
 
 struct Open {
@@ -53,6 +56,7 @@ impl<'a> Counter<'a> {
             now: None,
             open: None,
             calls: Vec::new(),
+            executed: vec![BTreeSet::new(); functions.len()],
         })
     }
 
@@ -67,6 +71,7 @@ impl<'a> Counter<'a> {
                 let this = &self.decoded[&now];
                 let before = self.before.and_then(|before| self.decoded.get(&before));
                 open.call.instructions += 1;
+                self.executed[open.call.function].insert(now);
                 open.call.cycles += cycles(before, this, next);
                 open.call.data_dependent += u32::from(this.depends_on_data());
                 if next == open.return_address {
@@ -98,6 +103,11 @@ impl<'a> Counter<'a> {
         Ok(())
     }
 
+    /// The addresses of what calls of function `function` executed so far.
+    pub fn executed(&self, function: usize) -> &BTreeSet<u32> {
+        &self.executed[function]
+    }
+
     /// All calls, in order.
     ///
     /// # Errors
@@ -115,6 +125,60 @@ impl<'a> Counter<'a> {
             self.decoded.insert(address, instruction);
         }
         Ok(())
+    }
+}
+
+/// Counts what accesses take in addition because they are not aligned, call by call of one function.
+///
+/// It takes a trace with registers, which may leave out what is not part of such calls.
+pub struct Alignment<'a> {
+    image: &'a Image,
+    function: u32,
+    decoder: Decoder,
+    decoded: HashMap<u32, Instruction>,
+    calls: Vec<u32>,
+}
+
+impl<'a> Alignment<'a> {
+    /// Counts calls of the function at this address of `image`.
+    ///
+    /// # Errors
+    /// The disassembler does not start.
+    pub fn new(image: &'a Image, function: u32) -> Result<Self> {
+        Ok(Self {
+            image,
+            function,
+            decoder: Decoder::new()?,
+            decoded: HashMap::new(),
+            calls: Vec::new(),
+        })
+    }
+
+    /// The next executed instruction.
+    ///
+    /// # Errors
+    /// One whose time is not known.
+    pub fn take(&mut self, moment: &Moment) -> Result<()> {
+        if moment.address == self.function {
+            self.calls.push(0);
+        }
+        let Some(cycles) = self.calls.last_mut() else {
+            return Ok(());
+        };
+        if !self.decoded.contains_key(&moment.address) {
+            let code = self.image.code(moment.address)?;
+            let instruction = self.decoder.decode(code, moment.address)?;
+            self.decoded.insert(moment.address, instruction);
+        }
+        if let Some(place) = self.decoded[&moment.address].place {
+            *cycles += place.extra_accesses(place.address(&moment.registers));
+        }
+        Ok(())
+    }
+
+    /// The cycles in addition, of each call from one entry to the next.
+    pub fn end(self) -> Vec<u32> {
+        self.calls
     }
 }
 
@@ -183,5 +247,24 @@ mod tests {
             count(&[0x400, 0x402, 0x410, 0x9000, 0x9002]),
             Err(Error::NoCode(0x9000))
         ));
+    }
+
+    #[test]
+    fn accesses_that_are_not_aligned_are_counted_for_the_call_that_makes_them() {
+        let image = image();
+        let mut alignment = Alignment::new(&image, 0x410).unwrap();
+        // The two loads at 0x420 are from r1 and r2.
+        for (r1, r2) in [(0x2000_0000, 0x2000_0004), (0x2000_0002, 0x2000_0003)] {
+            let mut registers = [0; 16];
+            (registers[1], registers[2]) = (r1, r2);
+            for address in &CALL[2..8] {
+                let moment = Moment {
+                    address: *address,
+                    registers,
+                };
+                alignment.take(&moment).unwrap();
+            }
+        }
+        assert_eq!(alignment.end(), [0, 3]);
     }
 }

@@ -3,7 +3,7 @@
 //! Times are those of Arm's Cortex-M4 Technical Reference Manual (DDI 0439D), tables 3-1 and 3-2 for the processor and table
 //! 7-1 for its floating-point unit. An instruction that does not stand there, or not here, is an error: nothing is guessed.
 
-use capstone::arch::arm::{ArchExtraMode, ArchMode, ArmOperand, ArmOperandType, ArmReg};
+use capstone::arch::arm::{ArchExtraMode, ArchMode, ArmOperand, ArmOperandType, ArmReg, ArmShift};
 use capstone::arch::{BuildsCapstone, BuildsCapstoneExtraMode, DetailsArchInsn};
 use capstone::{Capstone, Insn, RegId};
 
@@ -14,6 +14,12 @@ use crate::error::{Error, Result};
 pub struct Registers(u64);
 
 impl Registers {
+    /// The number of the one register of the processor that this is; none if it is more or none.
+    fn number(self) -> Option<usize> {
+        (self.0.is_power_of_two() && self.0 < 1 << Self::S0)
+            .then(|| self.0.trailing_zeros() as usize)
+    }
+
     const SP: u32 = 13;
     const LR: u32 = 14;
     const PC: u32 = 15;
@@ -74,6 +80,41 @@ pub enum Timing {
     TableBranch,
 }
 
+/// Where an instruction loads or stores, and how much.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Number of the base register.
+    base: usize,
+    /// Number of the register that is added to it, and by how many bits it is shifted to the left.
+    index: Option<(usize, u32)>,
+    /// What is added to both.
+    offset: i32,
+    /// How many bytes: 1, 2 or 4.
+    bytes: u32,
+}
+
+impl Place {
+    /// The address, by what r0 to r15 hold when the instruction begins.
+    pub fn address(&self, registers: &[u32; 16]) -> u32 {
+        let index = self
+            .index
+            .map_or(0, |(number, shift)| registers[number] << shift);
+        registers[self.base]
+            .wrapping_add(index)
+            .wrapping_add_signed(self.offset)
+    }
+
+    /// How many accesses more than one it takes at `address`: a halfword at an odd address goes byte by byte, a word at an even
+    /// one that is no multiple of four in halves, and at an odd one as byte, halfword and byte (section 3.3.2).
+    pub fn extra_accesses(&self, address: u32) -> u32 {
+        match (self.bytes, address % self.bytes) {
+            (_, 0) => 0,
+            (4, 1 | 3) => 2,
+            _ => 1,
+        }
+    }
+}
+
 /// A decoded instruction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Instruction {
@@ -87,6 +128,8 @@ pub struct Instruction {
     pub timing: Timing,
     /// Of what its memory address is made.
     pub address_registers: Registers,
+    /// Where in memory, if it loads or stores one register of the processor at an address that need not be aligned.
+    pub place: Option<Place>,
     /// What it loads from memory.
     pub loaded: Registers,
     /// What it computes.
@@ -362,6 +405,7 @@ fn instruction(
     Instruction {
         address: found.address() as u32,
         size: found.len() as u32,
+        place: place(kind, name, operands, &text),
         text,
         timing,
         address_registers,
@@ -371,6 +415,39 @@ fn instruction(
         is_late: matches!(kind, Kind::Float(_)),
         is_call: kind == Kind::Call,
     }
+}
+
+/// Where a load or store of one register goes, but for constants beside the code, which are aligned.
+fn place(kind: Kind, name: &str, operands: &[ArmOperand], text: &str) -> Option<Place> {
+    if !matches!(kind, Kind::Load | Kind::Store) {
+        return None;
+    }
+    let (operand, memory) = operands.iter().find_map(|operand| match operand.op_type {
+        ArmOperandType::Mem(memory) => Some((operand, memory)),
+        _ => None,
+    })?;
+    let base = Registers::of(memory.base()).number()?;
+    if base == Registers::PC as usize {
+        return None;
+    }
+    let shift = match operand.shift {
+        ArmShift::Lsl(bits) => bits,
+        _ => 0,
+    };
+    // What is added after the access is no part of its address.
+    let is_post_indexed = text.contains("],");
+    Some(Place {
+        base,
+        index: Registers::of(memory.index())
+            .number()
+            .map(|number| (number, shift)),
+        offset: if is_post_indexed { 0 } else { memory.disp() },
+        bytes: match name {
+            "ldrb" | "ldrsb" | "strb" => 1,
+            "ldrh" | "ldrsh" | "strh" => 2,
+            _ => 4,
+        },
+    })
 }
 
 fn text(found: &Insn<'_>) -> String {
@@ -444,5 +521,34 @@ mod tests {
         let compare = decode(&[0x88, 0x42]);
         assert_eq!((compare.computed.0, compare.read.0), (0, 0b11));
         assert!(decode(&[0x02, 0x48]).is_literal());
+    }
+
+    #[test]
+    fn an_address_is_the_sum_of_what_the_instruction_names() {
+        let registers: [u32; 16] = core::array::from_fn(|number| 0x100 * number as u32 + 1);
+        let address = |code: &[u8]| decode(code).place.map(|place| place.address(&registers));
+        // str r0, [r3, #20]; ldr r0, [r1, r5]; ldr r0, [r1, r5, lsl #2]
+        assert_eq!(address(&[0x58, 0x61]), Some(0x301 + 20));
+        assert_eq!(address(&[0x48, 0x59]), Some(0x101 + 0x501));
+        assert_eq!(address(&[0x51, 0xf8, 0x25, 0x00]), Some(0x101 + 4 * 0x501));
+        // ldr r0, [r1], #4; ldr r0, [r1, #4]!; ldr r0, [r1, #-4]
+        assert_eq!(address(&[0x51, 0xf8, 0x04, 0x0b]), Some(0x101));
+        assert_eq!(address(&[0x51, 0xf8, 0x04, 0x0f]), Some(0x105));
+        assert_eq!(address(&[0x51, 0xf8, 0x04, 0x0c]), Some(0xfd));
+        // ldr r0, [pc, #8]; ldm r0, {r1, r2, r3}
+        assert_eq!(address(&[0x02, 0x48]), None);
+        assert_eq!(address(&[0x90, 0xe8, 0x0e, 0x00]), None);
+    }
+
+    #[test]
+    fn what_is_not_aligned_takes_the_accesses_that_the_manual_says() {
+        let extra = |code: &[u8]| {
+            let place = decode(code).place.expect("it accesses memory");
+            [0, 1, 2, 3].map(|address| place.extra_accesses(address))
+        };
+        // ldr r0, [r1]; ldrh r0, [r1]; ldrb r0, [r1]
+        assert_eq!(extra(&[0x08, 0x68]), [0, 2, 1, 2]);
+        assert_eq!(extra(&[0x08, 0x88]), [0, 1, 0, 1]);
+        assert_eq!(extra(&[0x08, 0x78]), [0, 0, 0, 0]);
     }
 }

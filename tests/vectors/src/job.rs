@@ -22,9 +22,13 @@ pub enum Job<'a> {
     Count {
         /// By which filter.
         filter: Filter,
+        /// How many updates of the motion, each with its samples.
+        updates: u32,
         /// A library.
         library: &'a [u8],
     },
+    /// To run others' filters, for whoever traces them.
+    Peers,
     /// To play hard cases, and count each sample's instructions.
     Hard {
         /// [`HardCase`](crate::HardCase)s, one after the other.
@@ -64,7 +68,7 @@ pub fn write(job: &Job<'_>) -> Option<alloc::vec::Vec<u8>> {
 }
 
 /// How many bytes a job takes beside the library of a [`Job::Count`], or the cases of a [`Job::Hard`], at most.
-pub const OVERHEAD_BYTES: usize = HEADER_BYTES + 8;
+pub const OVERHEAD_BYTES: usize = HEADER_BYTES + 16;
 
 #[cfg(all(test, feature = "library"))]
 mod tests {
@@ -74,13 +78,14 @@ mod tests {
     fn a_job_is_read_as_it_was_written_and_nothing_else_is_one() {
         let job = Job::Count {
             filter: Filter::Normalised16,
+            updates: 3,
             library: b"a library",
         };
         let mut bytes = write(&job).expect("it is small");
         assert!(bytes.len() <= b"a library".len() + OVERHEAD_BYTES);
         bytes.resize(CAPACITY, 0);
         assert_eq!(read(&bytes), Some(job));
-        assert_eq!(read(&bytes[..19]), None);
+        assert_eq!(read(&bytes[..20]), None);
         bytes[0] ^= 1;
         assert_eq!(read(&bytes), None);
         assert_eq!(read(&[0; 64]), None);

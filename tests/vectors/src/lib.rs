@@ -23,6 +23,8 @@ pub use edges::edges;
 pub use hard::{HardCase, Way};
 #[cfg(feature = "library")]
 pub use library::{COUNTED_ORDERS, counted_library, library, specs};
-pub use path::{COUNTED_SAMPLES, COUNTED_UPDATES, PATH_UPDATES, counted_motion, motion};
+pub use path::{
+    COUNTED_SAMPLES, COUNTED_UPDATES, PATH_UPDATES, PEER_SAMPLES, counted_motion, motion,
+};
 pub use play::{PlayError, run};
 pub use textures::{MEASURED, Measured, VECTORS, Vector};

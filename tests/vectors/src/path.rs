@@ -60,3 +60,6 @@ pub const COUNTED_SAMPLES: u32 = 4;
 pub fn counted_motion(update: u32) -> Motion {
     motion(update * UPDATES_A_LEG + update % UPDATES_A_LEG)
 }
+
+/// How many samples each of others' filters makes where every instruction is traced.
+pub const PEER_SAMPLES: u32 = 20;

@@ -4,7 +4,7 @@
 use core::hint::black_box;
 
 use kernel_vectors::job::Filter;
-use kernel_vectors::{COUNTED_SAMPLES, COUNTED_UPDATES, counted_motion};
+use kernel_vectors::{COUNTED_SAMPLES, counted_motion};
 use model_format::{Library, OutputSample, Texture};
 use stylus_firmware::CortexM;
 use stylus_kernel::excitation::Excitation;
@@ -13,14 +13,14 @@ use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
 use stylus_kernel::variants::two_multiplier::{TwoMultiplierFrame, TwoMultiplierState};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
-/// Plays every texture of `library` by `filter`.
-pub fn play(filter: Filter, library: &[u8]) {
+/// Plays every texture of `library` by `filter`, over the first `updates` updates of the motion.
+pub fn play(filter: Filter, updates: u32, library: &[u8]) {
     let library = Library::decode_uncertified(library).expect("the host wrote a library");
     for texture in library.textures() {
         match filter {
             Filter::Product => {
                 let mut synthesis = Synthesis::new(texture, 1);
-                follow(&mut synthesis, update, sample);
+                follow(&mut synthesis, updates, update, sample);
             }
             Filter::TwoMultiplier => {
                 let mut variant = Variant {
@@ -30,7 +30,12 @@ pub fn play(filter: Filter, library: &[u8]) {
                     state: TwoMultiplierState::new(),
                     left: 0,
                 };
-                follow(&mut variant, two_multiplier_update, two_multiplier_sample);
+                follow(
+                    &mut variant,
+                    updates,
+                    two_multiplier_update,
+                    two_multiplier_sample,
+                );
             }
             Filter::Normalised16 => {
                 let mut variant = Variant {
@@ -40,15 +45,25 @@ pub fn play(filter: Filter, library: &[u8]) {
                     state: Lattice16State::new(),
                     left: 0,
                 };
-                follow(&mut variant, normalised16_update, normalised16_sample);
+                follow(
+                    &mut variant,
+                    updates,
+                    normalised16_update,
+                    normalised16_sample,
+                );
             }
         }
     }
 }
 
 /// Along the motion.
-fn follow<S>(player: &mut S, update: fn(&mut S, Motion), sample: fn(&mut S) -> OutputSample) {
-    for index in 0..COUNTED_UPDATES {
+fn follow<S>(
+    player: &mut S,
+    updates: u32,
+    update: fn(&mut S, Motion),
+    sample: fn(&mut S) -> OutputSample,
+) {
+    for index in 0..updates {
         black_box(update)(player, counted_motion(index));
         for _ in 0..COUNTED_SAMPLES {
             black_box(black_box(sample)(player));

@@ -12,6 +12,7 @@ mod failure;
 mod hard;
 mod job;
 mod output;
+mod peers;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hio};
@@ -33,7 +34,12 @@ fn main() -> ! {
     let peripherals = cortex_m::Peripherals::take().expect("nobody else takes them");
     let counter = Counter::new(peripherals.SYST);
     match job::read() {
-        Some(Job::Count { filter, library }) => counted::play(filter, library),
+        Some(Job::Count {
+            filter,
+            updates,
+            library,
+        }) => counted::play(filter, updates, library),
+        Some(Job::Peers) => peers::play(),
         Some(Job::Hard { cases }) => hard::play(cases, &counter, &mut output),
         None => {
             play::<Portable>(report::PORTABLE, &mut output);
