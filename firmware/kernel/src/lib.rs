@@ -23,6 +23,8 @@ pub mod lattice;
 pub mod level;
 pub mod rotation;
 mod synthesis;
+#[cfg(feature = "variants")]
+pub mod variants;
 
 pub use grid::{Motion, MotionError};
 pub use level::Levels;

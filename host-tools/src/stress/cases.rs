@@ -54,7 +54,13 @@ impl Path {
 
     /// The motion that it changes to.
     pub fn motion(&self, sample: usize) -> Motion {
-        let (speed, force) = match *self {
+        let (speed_mm_s, force_n) = self.place(sample);
+        Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).expect("it is finite")
+    }
+
+    /// Its speed, mm/s, and its force, N.
+    pub fn place(&self, sample: usize) -> (f32, f32) {
+        match *self {
             Self::Still(speed, force) => (speed, force),
             Self::Saw(every) => {
                 // All four corners, each after each other one.
@@ -69,8 +75,7 @@ impl Path {
                     random.random_range(0.9 * FORCES_N[0]..1.1 * FORCES_N[1]),
                 )
             }
-        };
-        Motion::new(MillimetresPerSecond(speed), Newton(force)).expect("it is finite")
+        }
     }
 }
 

@@ -22,7 +22,7 @@ const MIN_CALLS: u32 = 200;
 pub fn play(processor: Processor) -> Result<Report> {
     let toolchain = Toolchain::find()?;
     let image = guest::build(&toolchain, processor)?;
-    Report::parse(&qemu::run(processor, &image)?)
+    Report::parse(&qemu::run(processor, &image, None)?)
 }
 
 /// What the host plays, in the order of a report.

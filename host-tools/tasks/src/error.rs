@@ -66,6 +66,36 @@ pub enum Error {
         /// What was printed last.
         tail: String,
     },
+    /// A traced image that does not end.
+    #[error("the image did not end within {0} lines of the emulator's log and was stopped")]
+    Endless(u64),
+    /// A job that the emulated memory has no room for.
+    #[error("a job for the image takes more than the {0} bytes that it has for one")]
+    LargeJob(usize),
+    /// A job that cannot be written.
+    #[error("a temporary file for the emulator: {0}")]
+    JobFile(std::io::Error),
+    /// Something that cannot be counted.
+    #[error(transparent)]
+    Count(#[from] qemu_tests::error::Error),
+    /// A trace with other calls than the image was told to make.
+    #[error("{processor}, {what}: {problem}")]
+    Calls {
+        /// The processor.
+        processor: &'static str,
+        /// What was played.
+        what: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A file that cannot be written.
+    #[error("{path}: {source}", path = path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
     /// The image printed something else than a report.
     #[error("line {line} of the image's report: {problem}")]
     Report {

@@ -3,13 +3,14 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Instant;
 
 use clap::{Parser, Subcommand};
 use tasks::error::{Error, Result};
 use tasks::firmware::Image;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::{Toolchain, check_clippy};
-use tasks::{compare, firmware, lint, qemu, virtual_stylus};
+use tasks::{compare, costs, firmware, lint, qemu, virtual_stylus};
 
 /// Tasks around the microcontroller's core.
 #[derive(Parser)]
@@ -31,6 +32,8 @@ enum Task {
     },
     /// Play the test vectors on emulated processors, compare with the host, and count instructions
     Qemu,
+    /// Count what a sample and an update cost, instruction by instruction, and write tests/qemu/costs.json; some minutes
+    Costs,
     /// Build the image for the STM32H743, check where the tick's code is, and show what it takes of each memory
     Firmware {
         /// With faults on request, for tests
@@ -65,6 +68,7 @@ fn main() -> ExitCode {
         Task::Setup => setup(),
         Task::BuildGuest { cpu } => build_guest(cpu),
         Task::Qemu => play_all(),
+        Task::Costs => count_all(),
         Task::Firmware {
             fault_injection: false,
         } => build_firmware(Image::Product).map(drop),
@@ -134,6 +138,23 @@ fn build_firmware(image: Image) -> Result<PathBuf> {
     print!("{}", firmware::memory(&file)?);
     println!("{}", file.display());
     Ok(file)
+}
+
+/// Counts, shows and writes.
+fn count_all() -> Result<()> {
+    let begin = Instant::now();
+    let counted = costs::count(&Toolchain::find()?, |processor, structure| {
+        let seconds = begin.elapsed().as_secs();
+        eprintln!("{seconds:>4} s: {}, {}", processor.name(), structure.name());
+    })?;
+    print!("{}", costs::table(&counted));
+    let path = costs::path();
+    std::fs::write(&path, counted.to_text()).map_err(|source| Error::Write {
+        path: path.clone(),
+        source,
+    })?;
+    println!("\n{}", path.display());
+    Ok(())
 }
 
 /// Shows the costs of every processor before failing for any.

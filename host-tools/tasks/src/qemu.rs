@@ -1,12 +1,15 @@
 //! Running an image on an emulated processor.
 
-use std::io::Read;
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
+use kernel_vectors::job::{self, ADDRESS, Job};
 use kernel_vectors::report::WORDS;
+use qemu_tests::trace::{Moment, RegisterTrace, Trace};
 use wait_timeout::ChildExt;
 
 use crate::error::{Error, Result};
@@ -17,6 +20,9 @@ const QEMU: &str = "qemu-system-arm";
 
 /// The image takes a second or two; a machine that is a hundred times slower is out of order.
 const TIME_LIMIT: Duration = Duration::from_mins(3);
+
+/// Lines of a log, more than any traced job has, some minutes' worth: an image that goes on after them does not end at all.
+const MOST_LINES: u64 = 200_000_000;
 
 /// How much of the output a message quotes.
 const TAIL_LINES: usize = 20;
@@ -35,30 +41,38 @@ pub fn check() -> Result<()> {
     }
 }
 
-/// Runs `image` to its end and gives what it printed.
+/// QEMU's version, as it tells it: numbers with points.
+///
+/// # Errors
+/// QEMU is missing or does not tell.
+pub fn version() -> Result<String> {
+    check()?;
+    let output = Command::new(QEMU)
+        .arg("--version")
+        .output()
+        .map_err(failed)?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let version = text
+        .split_whitespace()
+        .skip_while(|&word| word != "version")
+        .nth(1);
+    version
+        .map(str::to_owned)
+        .ok_or_else(|| failed(io::Error::other("it tells no version")))
+}
+
+/// Runs `image` to its end and gives what it printed, `job` in its memory if there is one.
 ///
 /// Virtual time goes on by 256 ns with each instruction, whatever the host does, so that what the image counts repeats
 /// exactly.
 ///
 /// # Errors
 /// QEMU is missing, the image fails, or it does not end in time.
-pub fn run(processor: Processor, image: &Path) -> Result<String> {
+pub fn run(processor: Processor, image: &Path, job: Option<&Job<'_>>) -> Result<String> {
     check()?;
-    let machine = processor.machine();
-    let failed = |source| Error::Run {
-        program: QEMU.to_owned(),
-        source,
-    };
-    let mut child = Command::new(QEMU)
-        .args(["-machine", machine])
-        .args(["-display", "none", "-monitor", "none", "-serial", "none"])
-        .args(["-semihosting-config", "enable=on,target=native"])
+    let job = job.map(JobFile::write).transpose()?;
+    let mut child = command(processor, image, job.as_ref())
         .args(["-icount", "shift=8"])
-        .arg("-kernel")
-        .arg(image)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
         .spawn()
         .map_err(failed)?;
     // Both are read while it runs: a full pipe would stop it.
@@ -71,6 +85,7 @@ pub fn run(processor: Processor, image: &Path) -> Result<String> {
     let output = output.join().unwrap_or_default();
     let errors = errors.join().unwrap_or_default();
     let tail = || tail(&format!("{output}{errors}"));
+    let machine = processor.machine();
     match status {
         Some(status) if status.success() => Ok(output),
         Some(status) => Err(Error::Guest {
@@ -83,6 +98,162 @@ pub fn run(processor: Processor, image: &Path) -> Result<String> {
             seconds: TIME_LIMIT.as_secs(),
             tail: tail(),
         }),
+    }
+}
+
+/// Runs `image` to its end with `job` in its memory, and gives `executed` the address of each instruction, in order.
+///
+/// # Errors
+/// QEMU is missing, the image fails or does not end, or `executed` refuses an instruction.
+pub fn trace(
+    processor: Processor,
+    image: &Path,
+    job: &Job<'_>,
+    mut executed: impl FnMut(u32) -> qemu_tests::error::Result<()>,
+) -> Result<()> {
+    let mut trace = Trace::default();
+    log(
+        processor,
+        image,
+        job,
+        &["-d", "exec,nochain"],
+        &mut |line| trace.take(line)?.map_or(Ok(()), &mut executed),
+    )?;
+    Ok(trace.end().map_or(Ok(()), executed)?)
+}
+
+/// The same with the registers at each instruction, but only for those in `ranges` of addresses: each takes the emulator
+/// twenty times as long.
+///
+/// # Errors
+/// See [`trace`].
+pub fn trace_registers(
+    processor: Processor,
+    image: &Path,
+    job: &Job<'_>,
+    ranges: &[RangeInclusive<u32>],
+    mut executed: impl FnMut(Moment) -> qemu_tests::error::Result<()>,
+) -> Result<()> {
+    let range = |range: &RangeInclusive<u32>| format!("{:#x}..{:#x}", range.start(), range.end());
+    let ranges = ranges.iter().map(range).collect::<Vec<_>>().join(",");
+    let options = ["-d", "exec,nochain,cpu", "-dfilter", &ranges];
+    let mut trace = RegisterTrace::default();
+    log(processor, image, job, &options, &mut |line| {
+        trace.take(line)?.map_or(Ok(()), &mut executed)
+    })?;
+    Ok(trace.end().map_or(Ok(()), executed)?)
+}
+
+/// Runs `image` to its end with `job` in its memory, one instruction a block, and gives `take` each line of the log that
+/// `options` ask for.
+fn log(
+    processor: Processor,
+    image: &Path,
+    job: &Job<'_>,
+    options: &[&str],
+    take: &mut dyn FnMut(&str) -> qemu_tests::error::Result<()>,
+) -> Result<()> {
+    let version = version()?;
+    let job = JobFile::write(job)?;
+    let mut child = command(processor, image, Some(&job))
+        .args(one_instruction_a_block(&version))
+        .args(options)
+        .spawn()
+        .map_err(failed)?;
+    let output = read_to_end(child.stdout.take());
+    let log = child.stderr.take();
+    let log = log.map(|log| BufReader::with_capacity(1 << 20, log));
+    let followed = log.map_or(Ok(Vec::new()), |log| follow(log, take));
+    if followed.is_err() {
+        // It may have ended already; what it did no longer matters.
+        let _ = child.kill();
+    }
+    let status = child.wait().map_err(failed)?;
+    let output = output.join().unwrap_or_default();
+    let rest = followed?;
+    if status.success() && rest.is_empty() {
+        Ok(())
+    } else {
+        Err(Error::Guest {
+            machine: processor.machine(),
+            status,
+            tail: tail(&format!("{output}{}", rest.join("\n"))),
+        })
+    }
+}
+
+/// Hands on the lines of a trace, and gives those that are none: what the emulator has to say.
+fn follow(
+    log: impl BufRead,
+    take: &mut dyn FnMut(&str) -> qemu_tests::error::Result<()>,
+) -> Result<Vec<String>> {
+    let (mut rest, mut count) = (Vec::new(), 0u64);
+    for line in log.lines() {
+        match take(&line.map_err(failed)?) {
+            Ok(()) => {
+                count += 1;
+                if count > MOST_LINES {
+                    return Err(Error::Endless(MOST_LINES));
+                }
+            }
+            Err(qemu_tests::error::Error::Line(line)) => rest.push(line),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(rest)
+}
+
+/// The option that makes each block one instruction: it got another name with QEMU 8.1.
+fn one_instruction_a_block(version: &str) -> &'static [&'static str] {
+    let mut numbers = version
+        .split('.')
+        .map(|number| number.parse::<u32>().unwrap_or(0));
+    if (numbers.next(), numbers.next()) < (Some(8), Some(1)) {
+        &["-singlestep"]
+    } else {
+        &["-accel", "tcg,one-insn-per-tb=on"]
+    }
+}
+
+/// The emulator with `image`, quiet but for what the image prints.
+fn command(processor: Processor, image: &Path, job: Option<&JobFile>) -> Command {
+    let mut command = Command::new(QEMU);
+    command
+        .args(["-machine", processor.machine()])
+        .args(["-display", "none", "-monitor", "none", "-serial", "none"])
+        .args(["-semihosting-config", "enable=on,target=native"])
+        .arg("-kernel")
+        .arg(image)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    if let Some(JobFile(file)) = job {
+        // A comma in a value is written twice.
+        let path = file.path().to_string_lossy().replace(',', ",,");
+        command.args([
+            "-device",
+            &format!("loader,file={path},addr={ADDRESS:#x},force-raw=on"),
+        ]);
+    }
+    command
+}
+
+/// A job where the emulator can read it; it is gone with this.
+struct JobFile(tempfile::NamedTempFile);
+
+impl JobFile {
+    fn write(job: &Job<'_>) -> Result<Self> {
+        let bytes = job::write(job).ok_or(Error::LargeJob(job::CAPACITY))?;
+        let mut file = tempfile::NamedTempFile::new().map_err(Error::JobFile)?;
+        file.write_all(&bytes).map_err(Error::JobFile)?;
+        Ok(Self(file))
+    }
+}
+
+fn failed(source: io::Error) -> Error {
+    Error::Run {
+        program: QEMU.to_owned(),
+        source,
     }
 }
 
@@ -108,6 +279,31 @@ fn tail(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_instruction_a_block_is_asked_for_by_the_name_that_the_version_knows() {
+        for (version, option) in [
+            ("7.2.22", "-singlestep"),
+            ("8.0.5", "-singlestep"),
+            ("8.1.0", "-accel"),
+            ("10.0.2", "-accel"),
+        ] {
+            assert_eq!(one_instruction_a_block(version)[0], option, "{version}");
+        }
+    }
+
+    #[test]
+    fn what_the_emulator_says_beside_its_trace_is_kept_apart() {
+        let log = "Trace 0: 0x1 [0/00000400/0/0] a\nqemu: no\nTrace 0: 0x1 [0/00000402/0/0] a\n";
+        let (mut trace, mut executed) = (Trace::default(), Vec::new());
+        let rest = follow(log.as_bytes(), &mut |line| {
+            executed.extend(trace.take(line)?);
+            Ok(())
+        });
+        executed.extend(trace.end());
+        assert_eq!(rest.unwrap(), ["qemu: no"]);
+        assert_eq!(executed, [0x400, 0x402]);
+    }
 
     #[test]
     fn a_tail_is_the_last_lines_without_words() {

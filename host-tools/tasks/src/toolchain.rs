@@ -63,6 +63,27 @@ impl Toolchain {
         }
     }
 
+    /// What its compiler calls itself, such as `rustc 1.95.0 (59807616e 2026-04-14)`.
+    ///
+    /// # Errors
+    /// It cannot be run.
+    pub fn compiler_version(&self) -> Result<String> {
+        let mut rustc = match self {
+            Self::Installed { .. } => Command::new("rustc"),
+            Self::Debian => Command::new(Path::new(DEBIAN_FOLDER).join("rustc")),
+        };
+        // In the folder whose `rust-toolchain.toml` counts.
+        let output = rustc
+            .arg("--version")
+            .current_dir(workspace::root())
+            .output();
+        let output = output.map_err(|source| Error::Run {
+            program: process::name(&rustc),
+            source,
+        })?;
+        Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    }
+
     /// `cargo <subcommand> --target <the target>`, to be run in `folder`, with what it builds in `target_folder`.
     pub fn cargo(&self, subcommand: &str, folder: &Path, target_folder: &Path) -> Command {
         let mut command = match self {

@@ -4,9 +4,13 @@
 
 use std::sync::LazyLock;
 
+use model_format::limits::MAX_ORDER;
+use qemu_tests::costs::Structure;
 use tasks::compare;
+use tasks::costs::Guest;
 use tasks::guest::Processor;
 use tasks::report::{Played, Report};
+use tasks::toolchain::Toolchain;
 
 static HOST: LazyLock<Vec<Played>> = LazyLock::new(compare::on_host);
 
@@ -76,5 +80,41 @@ fn the_kernel_is_within_its_budget() {
             processor,
             &report(processor).samples,
         ));
+    }
+}
+
+/// Two ways to count: the image by its timer, in virtual time, and the trace, instruction by instruction. They differ by the
+/// call and return of the function that is traced.
+#[test]
+fn the_timer_and_the_trace_count_the_same_but_for_a_call() {
+    /// Instructions of a call, a return, and saving and restoring registers around another.
+    const CALL: u32 = 16;
+    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
+    for processor in Processor::ALL {
+        let guest = Guest::build(&toolchain, processor).unwrap_or_else(|error| panic!("{error}"));
+        for (structure, textures) in [
+            (Structure::NormalisedLattice32, ["lattice", "lattice"]),
+            (
+                Structure::DirectForm32,
+                ["direct 32, one node", "direct 32"],
+            ),
+            (
+                Structure::DirectForm16,
+                ["direct 16, one node", "direct 16"],
+            ),
+        ] {
+            let traced = guest.count(structure, &[MAX_ORDER]);
+            let traced = traced.unwrap_or_else(|error| panic!("{error}"));
+            for (texture, traced) in textures.into_iter().zip(traced) {
+                let samples = &report(processor).samples;
+                let timed = samples.iter().find(|cost| cost.texture == texture);
+                let timed = timed.expect("it is measured").most;
+                let traced = traced.sample.instructions;
+                assert!(
+                    traced.abs_diff(timed) <= CALL,
+                    "{texture}: {traced}, and by the timer {timed}"
+                );
+            }
+        }
     }
 }

@@ -10,6 +10,8 @@
 extern crate alloc;
 
 mod edges;
+mod hard;
+pub mod job;
 #[cfg(feature = "library")]
 mod library;
 mod path;
@@ -18,8 +20,11 @@ pub mod report;
 mod textures;
 
 pub use edges::edges;
+pub use hard::{HardCase, Way};
 #[cfg(feature = "library")]
-pub use library::{library, specs};
-pub use path::{PATH_UPDATES, motion};
+pub use library::{COUNTED_ORDERS, counted_library, library, specs};
+pub use path::{
+    COUNTED_SAMPLES, COUNTED_UPDATES, PATH_UPDATES, PEER_SAMPLES, counted_motion, motion,
+};
 pub use play::{PlayError, run};
 pub use textures::{MEASURED, Measured, VECTORS, Vector};

@@ -52,6 +52,30 @@ pub fn specs() -> [TextureSpec; 10] {
     ]
 }
 
+/// The orders at which costs are counted.
+pub const COUNTED_ORDERS: [usize; 6] = [10, 20, 50, 100, 200, MAX_ORDER];
+
+/// A library of textures in `structure` for counting: each of `orders` on one node, then each on the whole grid.
+///
+/// # Panics
+/// Orders above the limit, or more than sixteen of them.
+pub fn counted_library(structure: Structure, orders: &[usize]) -> Vec<u8> {
+    let one = |&order: &usize| {
+        Grid::one(Model::gentle(order, order as u64), 9.0)
+            .texture(&alloc::format!("order {order}, one node"), structure)
+    };
+    let grid = |&order: &usize| {
+        Grid::new(|index| Model::gentle(order, (order + index) as u64))
+            .texture(&alloc::format!("order {order}, four nodes"), structure)
+    };
+    let textures: Vec<TextureSpec> = orders
+        .iter()
+        .map(one)
+        .chain(orders.iter().map(grid))
+        .collect();
+    encode_uncertified(&textures).expect("the textures are valid")
+}
+
 /// An all-pole model, as the arcsines of its reflection coefficients in stored steps.
 #[derive(Clone)]
 struct Model {

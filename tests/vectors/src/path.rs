@@ -48,3 +48,18 @@ pub fn motion(update: u32) -> Motion {
     let force = Newton(between(from.1, to.1));
     Motion::new(speed, force).expect("the legs' ends are finite")
 }
+
+/// How many updates [`counted_motion`] has.
+pub const COUNTED_UPDATES: u32 = LEGS.len() as u32;
+
+/// How many samples follow each of them.
+pub const COUNTED_SAMPLES: u32 = 4;
+
+/// The motion at update `update` where every instruction is traced, which takes long: one place of each leg, so that the
+/// cell stays here and changes there.
+pub fn counted_motion(update: u32) -> Motion {
+    motion(update * UPDATES_A_LEG + update % UPDATES_A_LEG)
+}
+
+/// How many samples each of others' filters makes where every instruction is traced.
+pub const PEER_SAMPLES: u32 = 20;

@@ -39,3 +39,9 @@ pub const PORTABLE: &str = "portable";
 
 /// The arithmetic of the processor's own instructions.
 pub const CORTEX_M: &str = "cortex-m";
+
+/// Begins the name of a hard case whose samples the product's synthesis made.
+pub const SYNTHESIS: &str = "synthesis";
+
+/// Begins the name of a hard case whose samples its filter made.
+pub const FILTER: &str = "filter";

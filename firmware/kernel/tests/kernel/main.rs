@@ -9,3 +9,5 @@ mod models;
 mod reference;
 mod silence;
 mod synthesis;
+#[cfg(feature = "variants")]
+mod variants;

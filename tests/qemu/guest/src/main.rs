@@ -1,16 +1,22 @@
-//! The kernel on an emulated Cortex-M: plays the test vectors, prints every sample, and counts instructions.
+//! The kernel on an emulated Cortex-M: plays the test vectors, prints every sample, and counts instructions. If the emulator
+//! put a job into its memory, it does that instead; see [`kernel_vectors::job`].
 //!
 //! All output goes to the host by semihosting, in the lines of [`kernel_vectors::report`]. Whatever goes wrong is printed
 //! and ends the emulator with a code other than zero, so that no failure hangs.
 #![no_std]
 #![no_main]
 
+mod counted;
 mod counter;
 mod failure;
+mod hard;
+mod job;
 mod output;
+mod peers;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hio};
+use kernel_vectors::job::Job;
 use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, edges, motion, report, run};
 use model_format::Library;
 use stylus_firmware::CortexM;
@@ -25,10 +31,22 @@ static LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/library.bin"))
 #[entry]
 fn main() -> ! {
     let mut output = Output::new(hio::hstdout().expect("the emulator opens its output"));
-    play::<Portable>(report::PORTABLE, &mut output);
-    play::<CortexM>(report::CORTEX_M, &mut output);
     let peripherals = cortex_m::Peripherals::take().expect("nobody else takes them");
-    measure(&Counter::new(peripherals.SYST), &mut output);
+    let counter = Counter::new(peripherals.SYST);
+    match job::read() {
+        Some(Job::Count {
+            filter,
+            updates,
+            library,
+        }) => counted::play(filter, updates, library),
+        Some(Job::Peers) => peers::play(),
+        Some(Job::Hard { cases }) => hard::play(cases, &counter, &mut output),
+        None => {
+            play::<Portable>(report::PORTABLE, &mut output);
+            play::<CortexM>(report::CORTEX_M, &mut output);
+            measure(&counter, &mut output);
+        }
+    }
     output.line(format_args!("{}", report::END));
     loop {
         debug::exit(debug::EXIT_SUCCESS);

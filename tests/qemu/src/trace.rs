@@ -1,0 +1,196 @@
+//! The emulator's log of executed blocks, `-d exec,nochain`, with one instruction a block.
+
+use crate::error::{Error, Result};
+
+const EXECUTED: &str = "Trace ";
+const TAKEN_BACK: &str = "Stopped execution of TB chain before ";
+
+/// Makes of the log's lines the addresses of the instructions that were executed.
+///
+/// The emulator tells an instruction before it begins it, and may then leave without having executed it, to look after
+/// something else; a line after it says so. So each address waits for the next line.
+#[derive(Debug, Default)]
+pub struct Trace {
+    last: Option<u32>,
+}
+
+impl Trace {
+    /// Takes a line, and gives the instruction that is now known to have been executed, if there is one.
+    ///
+    /// # Errors
+    /// A line of something else.
+    pub fn take(&mut self, line: &str) -> Result<Option<u32>> {
+        let unknown = || Error::Line(line.to_owned());
+        if line.starts_with(EXECUTED) {
+            // Trace 0: 0x7f50c0000100 [00800408/00000400/00000110/ff020201] name: base, address, and two words of flags.
+            let address = bracketed(line)
+                .and_then(|fields| fields.split('/').nth(1))
+                .ok_or_else(unknown)?;
+            let address = u32::from_str_radix(address, 16).map_err(|_| unknown())?;
+            Ok(self.last.replace(address))
+        } else if line.starts_with(TAKEN_BACK) {
+            let address = bracketed(line).ok_or_else(unknown)?;
+            let taken_back = u32::from_str_radix(address, 16).map_err(|_| unknown())?;
+            match self.last.take() {
+                Some(last) if last == taken_back => Ok(None),
+                last => Err(Error::TakenBack {
+                    taken_back,
+                    last: last.unwrap_or_default(),
+                }),
+            }
+        } else {
+            Err(unknown())
+        }
+    }
+
+    /// The last instruction.
+    pub fn end(self) -> Option<u32> {
+        self.last
+    }
+}
+
+/// An instruction and what r0 to r15 held when it began.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moment {
+    /// The instruction's address.
+    pub address: u32,
+    /// r0 to r15.
+    pub registers: [u32; 16],
+}
+
+/// Makes instructions with their registers of a log that has those too, `-d exec,nochain,cpu`.
+#[derive(Debug, Default)]
+pub struct RegisterTrace {
+    trace: Trace,
+    registers: [u32; 16],
+}
+
+impl RegisterTrace {
+    /// Takes a line, and gives the instruction that is now known to have been executed, if there is one.
+    ///
+    /// # Errors
+    /// A line of something else.
+    pub fn take(&mut self, line: &str) -> Result<Option<Moment>> {
+        if line.starts_with('R') {
+            self.read(line)
+                .ok_or_else(|| Error::Line(line.to_owned()))?;
+            return Ok(None);
+        }
+        if line.starts_with("XPSR=") {
+            return Ok(None);
+        }
+        let registers = self.registers;
+        Ok(self
+            .trace
+            .take(line)?
+            .map(|address| Moment { address, registers }))
+    }
+
+    /// The last instruction.
+    pub fn end(self) -> Option<Moment> {
+        let registers = self.registers;
+        self.trace
+            .end()
+            .map(|address| Moment { address, registers })
+    }
+
+    /// R12=00000000 R13=20200000 R14=ffffffff R15=00000400
+    fn read(&mut self, line: &str) -> Option<()> {
+        for register in line.split_whitespace() {
+            let (number, value) = register.strip_prefix('R')?.split_once('=')?;
+            let number: usize = number.parse().ok()?;
+            *self.registers.get_mut(number)? = u32::from_str_radix(value, 16).ok()?;
+        }
+        Some(())
+    }
+}
+
+fn bracketed(line: &str) -> Option<&str> {
+    let (_, rest) = line.split_once('[')?;
+    Some(rest.split_once(']')?.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn addresses(log: &str) -> Result<Vec<u32>> {
+        let mut trace = Trace::default();
+        let mut addresses = Vec::new();
+        for line in log.lines() {
+            addresses.extend(trace.take(line)?);
+        }
+        addresses.extend(trace.end());
+        Ok(addresses)
+    }
+
+    const LOG: &str = "\
+Trace 0: 0x7f50c0000100 [00800408/00000400/00000110/ff020201] Reset
+Trace 0: 0x7f50c0000240 [00800408/00013df8/00000110/ff020201] __pre_init
+Stopped execution of TB chain before 0x7f50c0000240 [00013df8] __pre_init
+Trace 0: 0x7f50c0000240 [00800408/00013df8/00000110/ff020201] __pre_init
+Trace 0: 0x7f50c0000440 [00800408/00013dfa/00000110/ff020201]
+";
+
+    #[test]
+    fn what_the_emulator_took_back_was_not_executed() {
+        assert_eq!(addresses(LOG).unwrap(), [0x400, 0x13df8, 0x13dfa]);
+    }
+
+    #[test]
+    fn taking_back_anything_but_the_last_instruction_is_refused() {
+        let log = LOG.replace("before 0x7f50c0000240 [00013df8]", "before 0x1 [00000400]");
+        assert!(matches!(
+            addresses(&log),
+            Err(Error::TakenBack {
+                taken_back: 0x400,
+                last: 0x13df8
+            })
+        ));
+    }
+
+    #[test]
+    fn a_line_of_anything_else_is_refused() {
+        for line in [
+            "qemu-system-arm: fault",
+            "Trace 0: 0x1 [zz]",
+            "Trace 0: 0x1 [0/zz/0/0]",
+            "",
+        ] {
+            assert!(Trace::default().take(line).is_err(), "{line}");
+        }
+    }
+
+    #[test]
+    fn registers_are_those_at_the_begin_of_their_instruction() {
+        let log = "\
+Trace 0: 0x1 [0/00000400/0/0] a
+R00=00000001 R01=00000000 R02=00000000 R03=00000000
+R12=00000000 R13=20200000 R14=ffffffff R15=00000400
+XPSR=41000000 -Z-- T priv-thread
+Trace 0: 0x1 [0/00000402/0/0] a
+R00=00000002 R01=00000000 R02=00000000 R03=0000000a
+XPSR=41000000 -Z-- T priv-thread
+";
+        let mut trace = RegisterTrace::default();
+        let mut moments = Vec::new();
+        for line in log.lines() {
+            moments.extend(trace.take(line).unwrap());
+        }
+        moments.extend(trace.end());
+        let [first, second] = moments[..] else {
+            panic!("{moments:?}")
+        };
+        assert_eq!(
+            (first.address, first.registers[0], first.registers[13]),
+            (0x400, 1, 0x2020_0000)
+        );
+        assert_eq!(
+            (second.address, second.registers[0], second.registers[3]),
+            (0x402, 2, 10)
+        );
+        for line in ["R16=00000000", "R0", "R00=xyz", "Reset"] {
+            assert!(RegisterTrace::default().take(line).is_err(), "{line}");
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! The cases of `stylus stress` on emulated processors: no input changes what a sample costs, and every processor plays
+//! the host's bits.
+
+use std::collections::BTreeMap;
+
+use host_tools::fit::StructureChoice;
+use host_tools::stress::cases::{Case, Length, suite};
+use host_tools::stress::models::library;
+use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
+use kernel_vectors::{HardCase, report};
+use model_format::Library;
+use stylus_kernel::arithmetic::Portable;
+use tasks::guest::{self, Processor};
+use tasks::qemu;
+use tasks::report::{Cost, Report};
+use tasks::toolchain::Toolchain;
+
+const STRUCTURES: [StructureChoice; 3] = [
+    StructureChoice::Lattice,
+    StructureChoice::Direct,
+    StructureChoice::Direct16,
+];
+
+/// How many motions of a case are played; each lasts as long as it does there, or once for all where the case rests.
+const MOTIONS: usize = 48;
+
+/// Samples of each phase, seven a case: enough for all motions, and for a state of full scale to leave its marks.
+const SAMPLES: u32 = 60;
+
+/// A case ready for the image.
+struct Prepared {
+    name: String,
+    library: Vec<u8>,
+    motions: Vec<u8>,
+    every: u32,
+    /// All that a sample's cost may depend on.
+    plan: String,
+}
+
+impl Prepared {
+    fn new(case: &Case, structure: StructureChoice) -> Option<Self> {
+        // What `fit` refuses cannot be played anywhere.
+        let library = library(&case.nodes(), structure).ok()?;
+        let changes: Vec<usize> = (0..case.samples)
+            .filter(|&sample| case.path.changes_at(sample))
+            .take(MOTIONS)
+            .collect();
+        let every = changes
+            .get(1)
+            .map_or(SAMPLES, |&second| (second - changes[0]) as u32);
+        let motions = changes.iter().flat_map(|&sample| {
+            let (speed, force) = case.path.place(sample);
+            [speed.to_le_bytes(), force.to_le_bytes()].concat()
+        });
+        let plan = plan(&library);
+        Some(Self {
+            name: format!("{} | {structure:?}", case.name),
+            motions: motions.collect(),
+            every,
+            plan,
+            library,
+        })
+    }
+
+    fn case(&self) -> HardCase<'_> {
+        HardCase {
+            name: &self.name,
+            library: &self.library,
+            motions: &self.motions,
+            every: self.every,
+            samples: SAMPLES,
+        }
+    }
+}
+
+fn plan(library: &[u8]) -> String {
+    let library = Library::decode_uncertified(library).unwrap();
+    let texture = library.textures().next().unwrap();
+    let single = texture.speed_axis().len() * texture.force_axis().len() == 1;
+    format!(
+        "{:?}, order {}, single {single}",
+        texture.structure(),
+        texture.max_order()
+    )
+}
+
+fn prepared() -> Vec<Prepared> {
+    let cases = suite(Length::Full);
+    let cases = cases.iter().flat_map(|case| {
+        let structures = STRUCTURES.iter().filter(|_| !case.lattice_only);
+        structures.filter_map(|&structure| Prepared::new(case, structure))
+    });
+    cases.collect()
+}
+
+/// The cases in as many jobs as they take.
+fn jobs(cases: &[Prepared]) -> Vec<Vec<u8>> {
+    let mut jobs: Vec<Vec<u8>> = vec![Vec::new()];
+    for case in cases {
+        let bytes = case.case().to_bytes();
+        if jobs
+            .last()
+            .is_some_and(|job| job.len() + bytes.len() + OVERHEAD_BYTES > CAPACITY)
+        {
+            jobs.push(Vec::new());
+        }
+        jobs.last_mut().expect("there is one").extend(bytes);
+    }
+    jobs
+}
+
+/// What the image on `processor` reports of all cases.
+fn play(processor: Processor, cases: &[Prepared]) -> Report {
+    let failed = |error: tasks::error::Error| -> ! { panic!("{error}") };
+    let toolchain = Toolchain::find().unwrap_or_else(|error| failed(error));
+    let image = guest::build(&toolchain, processor).unwrap_or_else(|error| failed(error));
+    let mut whole = Report::default();
+    for cases in jobs(cases) {
+        let text = qemu::run(processor, &image, Some(&Job::Hard { cases: &cases }));
+        let text = text.unwrap_or_else(|error| failed(error));
+        let report = Report::parse(&text).unwrap_or_else(|error| failed(error));
+        whole.played.extend(report.played);
+        whole.samples.extend(report.samples);
+    }
+    whole
+}
+
+/// Fewest and most instructions of each way to a sample, by all that they may depend on.
+fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32, Vec<String>)> {
+    let mut extremes = BTreeMap::new();
+    for case in cases {
+        for way in [report::SYNTHESIS, report::FILTER] {
+            let name = format!("{way} {}", case.name);
+            let cost = samples.iter().find(|cost| cost.texture == name);
+            let cost = cost.unwrap_or_else(|| panic!("{name} was not measured"));
+            // Playing takes one phase, the filter alone six.
+            let phases = if way == report::SYNTHESIS { 1 } else { 6 };
+            assert_eq!(cost.calls, phases * SAMPLES, "{name}");
+            let found = extremes.entry(format!("{way}, {}", case.plan)).or_insert((
+                u32::MAX,
+                0,
+                Vec::new(),
+            ));
+            found.0 = cost.fewest.min(found.0);
+            found.1 = cost.most.max(found.1);
+            found
+                .2
+                .push(format!("{name}: {} to {}", cost.fewest, cost.most));
+        }
+    }
+    extremes
+}
+
+fn every_hard_case(processor: Processor) {
+    let cases = prepared();
+    // All three structures, and most of the suite in each.
+    assert!(cases.len() > 60, "{} cases", cases.len());
+    let report = play(processor, &cases);
+    let extremes = extremes(&cases, &report.samples);
+    for (plan, (fewest, most, cases)) in &extremes {
+        println!(
+            "{}: {plan}: {fewest} to {most} instructions a sample, {} cases",
+            processor.name(),
+            cases.len()
+        );
+    }
+    for (plan, (fewest, most, cases)) in &extremes {
+        assert_eq!(fewest, most, "{plan} on {}: {cases:#?}", processor.name());
+    }
+    for case in &cases {
+        let played = report
+            .played
+            .iter()
+            .find(|played| played.texture.as_ref() == Some(&case.name));
+        let played = played.unwrap_or_else(|| panic!("{} was not played", case.name));
+        let host = case
+            .case()
+            .play::<Portable>(&mut |_, sample| sample())
+            .unwrap();
+        assert_eq!(
+            played.words,
+            [host],
+            "{} on {}",
+            case.name,
+            processor.name()
+        );
+    }
+}
+
+#[test]
+fn no_hard_case_changes_what_a_sample_costs_an_m4_or_what_it_plays() {
+    every_hard_case(Processor::CortexM4);
+}
+
+#[test]
+fn no_hard_case_changes_what_a_sample_costs_an_m7_or_what_it_plays() {
+    every_hard_case(Processor::CortexM7);
+}

@@ -1,0 +1,258 @@
+//! Hard cases on the target: textures, motions and states that break filters, sample by sample.
+//!
+//! Which they are is the host's affair (`stylus stress`); here they are played, each in two ways: as the product plays a
+//! texture, and by its filter alone, driven, stopped, overdriven, and from a state of full scale throughout.
+
+use model_format::limits::MAX_ORDER;
+use model_format::{
+    DecodeError, Library, MillimetresPerSecond, Newton, OutputSample, Structure, Texture,
+};
+use serde::{Deserialize, Serialize};
+use stylus_kernel::arithmetic::Arithmetic;
+use stylus_kernel::direct::{DirectFrame, DirectState};
+use stylus_kernel::excitation::Excitation;
+use stylus_kernel::grid::GridPoint;
+use stylus_kernel::lattice::{LatticeFrame, LatticeState};
+use stylus_kernel::{Motion, Synthesis};
+
+/// A library's first texture, and a motion over it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HardCase<'a> {
+    /// How reports call it.
+    pub name: &'a str,
+    /// The library, uncertified.
+    pub library: &'a [u8],
+    /// The motions: speed, mm/s, and force, N, each as a little-endian float; begun anew at the end.
+    pub motions: &'a [u8],
+    /// How many samples each of them lasts.
+    pub every: u32,
+    /// How many samples each phase takes.
+    pub samples: u32,
+}
+
+/// Which call makes a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// [`Synthesis::next_sample`].
+    Synthesis,
+    /// The state's own, without the excitation's generator.
+    Filter,
+}
+
+/// What drives the filter in a phase.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Drive {
+    Noise,
+    Nothing,
+    /// Noise, 8/3 as loud.
+    Loud,
+}
+
+impl<'a> HardCase<'a> {
+    /// The first of the cases in `bytes`, and what comes after it; none at their end.
+    ///
+    /// # Errors
+    /// Bytes that are no case.
+    pub fn take(bytes: &'a [u8]) -> Result<Option<(Self, &'a [u8])>, postcard::Error> {
+        if bytes.is_empty() {
+            return Ok(None);
+        }
+        postcard::take_from_bytes(bytes).map(Some)
+    }
+
+    /// The bytes that [`HardCase::take`] reads.
+    ///
+    /// # Panics
+    /// Never: memory is all that it takes.
+    #[cfg(feature = "library")]
+    pub fn to_bytes(&self) -> alloc::vec::Vec<u8> {
+        postcard::to_allocvec(self).expect("a case has a form in bytes")
+    }
+
+    /// The motion that sample `sample` begins, if one begins there.
+    fn motion(&self, sample: u32) -> Option<Motion> {
+        let pairs = self.motions.as_chunks::<8>().0;
+        if !sample.is_multiple_of(self.every) || pairs.is_empty() {
+            return None;
+        }
+        let pair = pairs[(sample / self.every) as usize % pairs.len()];
+        let half = |at: usize| {
+            pair[at..]
+                .first_chunk()
+                .map_or(0.0, |&bytes| f32::from_le_bytes(bytes))
+        };
+        Motion::new(MillimetresPerSecond(half(0)), Newton(half(4))).ok()
+    }
+
+    /// Plays the case, each call that makes a sample through `measure`, and gives a digest of all samples.
+    ///
+    /// # Errors
+    /// A library that is none.
+    pub fn play<A: Arithmetic>(
+        &self,
+        measure: &mut dyn FnMut(Way, &mut dyn FnMut() -> OutputSample) -> OutputSample,
+    ) -> Result<u32, DecodeError> {
+        let library = Library::decode_uncertified(self.library)?;
+        let mut digest = Digest::default();
+        for texture in library.textures().take(1) {
+            let mut synthesis = Synthesis::<A>::new(texture, 1);
+            for n in 0..self.samples {
+                if let Some(motion) = self.motion(n) {
+                    synthesis.follow(motion, self.every);
+                }
+                digest.add(measure(Way::Synthesis, &mut || synthesis.next_sample()));
+            }
+            match texture.structure() {
+                Structure::NormalisedLattice => self.phases(
+                    &mut Lattice::<A>::new(&texture),
+                    &texture,
+                    &mut digest,
+                    measure,
+                ),
+                Structure::DirectForm16 | Structure::DirectForm32 => self.phases(
+                    &mut Direct::<A>::new(&texture),
+                    &texture,
+                    &mut digest,
+                    measure,
+                ),
+            }
+        }
+        Ok(digest.0)
+    }
+
+    fn phases(
+        &self,
+        filter: &mut dyn Filter,
+        texture: &Texture<'_>,
+        digest: &mut Digest,
+        measure: &mut dyn FnMut(Way, &mut dyn FnMut() -> OutputSample) -> OutputSample,
+    ) {
+        let mut noise = Excitation::new(2);
+        for drive in [Drive::Noise, Drive::Nothing, Drive::Loud, Drive::Nothing] {
+            self.phase(drive, filter, texture, &mut noise, digest, measure);
+        }
+        for drive in [Drive::Nothing, Drive::Loud] {
+            filter.glitch(&mut noise);
+            self.phase(drive, filter, texture, &mut noise, digest, measure);
+        }
+    }
+
+    fn phase(
+        &self,
+        drive: Drive,
+        filter: &mut dyn Filter,
+        texture: &Texture<'_>,
+        noise: &mut Excitation,
+        digest: &mut Digest,
+        measure: &mut dyn FnMut(Way, &mut dyn FnMut() -> OutputSample) -> OutputSample,
+    ) {
+        for n in 0..self.samples {
+            if let Some(motion) = self.motion(n) {
+                filter.follow(texture, motion);
+            }
+            let drawn = noise.next_sample();
+            let excitation = match drive {
+                Drive::Noise => drawn,
+                Drive::Nothing => 0,
+                Drive::Loud => (drawn / 3).saturating_mul(8),
+            };
+            digest.add(measure(Way::Filter, &mut || filter.sample(excitation)));
+        }
+    }
+}
+
+/// A number that depends on every sample and their order (FNV-1a over words).
+struct Digest(u32);
+
+impl Default for Digest {
+    fn default() -> Self {
+        Self(0x811c_9dc5)
+    }
+}
+
+impl Digest {
+    fn add(&mut self, sample: OutputSample) {
+        self.0 = (self.0 ^ sample.0.cast_unsigned()).wrapping_mul(0x0100_0193);
+    }
+}
+
+/// A filter with its excitation from outside.
+trait Filter {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion);
+    fn sample(&mut self, excitation: i32) -> OutputSample;
+    /// Puts full scale into every signal of the state, of either sign by chance.
+    fn glitch(&mut self, noise: &mut Excitation);
+}
+
+struct Lattice<A> {
+    frame: LatticeFrame,
+    state: LatticeState,
+    arithmetic: core::marker::PhantomData<A>,
+}
+
+impl<A> Lattice<A> {
+    fn new(texture: &Texture<'_>) -> Self {
+        Self {
+            frame: LatticeFrame::silent(texture.max_order()),
+            state: LatticeState::new(),
+            arithmetic: core::marker::PhantomData,
+        }
+    }
+}
+
+fn full_scale(noise: &mut Excitation) -> i32 {
+    if noise.next_sample() < 0 {
+        i32::MIN
+    } else {
+        i32::MAX
+    }
+}
+
+impl<A: Arithmetic> Filter for Lattice<A> {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+        let from = self.frame.levels(0);
+        self.frame
+            .update(texture, &GridPoint::locate(texture, motion), from, 1);
+    }
+
+    fn sample(&mut self, excitation: i32) -> OutputSample {
+        self.state.next_sample::<A>(&self.frame, excitation, 0).0
+    }
+
+    fn glitch(&mut self, noise: &mut Excitation) {
+        self.state = LatticeState::from_backward(core::array::from_fn(|_| full_scale(noise)));
+    }
+}
+
+struct Direct<A> {
+    frame: DirectFrame,
+    state: DirectState,
+    arithmetic: core::marker::PhantomData<A>,
+}
+
+impl<A> Direct<A> {
+    fn new(texture: &Texture<'_>) -> Self {
+        Self {
+            frame: DirectFrame::silent(texture),
+            state: DirectState::new(),
+            arithmetic: core::marker::PhantomData,
+        }
+    }
+}
+
+impl<A: Arithmetic> Filter for Direct<A> {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+        let from = self.frame.levels(0);
+        self.frame
+            .update(texture, &GridPoint::locate(texture, motion), from, 1);
+    }
+
+    fn sample(&mut self, excitation: i32) -> OutputSample {
+        self.state.next_sample::<A>(&self.frame, excitation, 0).0
+    }
+
+    fn glitch(&mut self, noise: &mut Excitation) {
+        let history: [i32; MAX_ORDER] = core::array::from_fn(|_| full_scale(noise));
+        self.state = DirectState::from_history(&history);
+    }
+}

@@ -1,0 +1,105 @@
+//! What the image is told to do: a job that the emulator puts into its memory before it begins. Without one it plays the
+//! test vectors.
+
+use serde::{Deserialize, Serialize};
+
+/// Where the job lies, an address of the emulated boards; `memory.x` of the image keeps it free.
+pub const ADDRESS: u32 = 0x2020_0000;
+
+/// Room for the job, bytes.
+pub const CAPACITY: usize = 2 << 20;
+
+/// First word of a job.
+const MAGIC: u32 = 0x0b5e_55ed;
+
+/// Bytes before the job: [`MAGIC`], and how many bytes follow.
+const HEADER_BYTES: usize = 8;
+
+/// What to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Job<'a> {
+    /// To play every texture of a library along [`counted_motion`](crate::counted_motion), for whoever traces it.
+    Count {
+        /// By which filter.
+        filter: Filter,
+        /// How many updates of the motion, each with its samples.
+        updates: u32,
+        /// A library.
+        library: &'a [u8],
+    },
+    /// To run others' filters, for whoever traces them.
+    Peers,
+    /// To play hard cases, and count each sample's instructions.
+    Hard {
+        /// [`HardCase`](crate::HardCase)s, one after the other.
+        cases: &'a [u8],
+    },
+}
+
+/// What plays a texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Filter {
+    /// The structure that the texture is stored for, as the product plays it.
+    Product,
+    /// A stored lattice by the kernel's variant `two_multiplier`.
+    TwoMultiplier,
+    /// A stored lattice by the kernel's variant `normalised16`.
+    Normalised16,
+}
+
+/// The job in `memory`, if there is one.
+pub fn read(memory: &[u8]) -> Option<Job<'_>> {
+    let (magic, rest) = memory.split_first_chunk()?;
+    let (len, rest) = rest.split_first_chunk()?;
+    if u32::from_le_bytes(*magic) != MAGIC {
+        return None;
+    }
+    let bytes = rest.get(..u32::from_le_bytes(*len) as usize)?;
+    postcard::from_bytes(bytes).ok()
+}
+
+/// The bytes of `job`, to be put at [`ADDRESS`]; none if it has no room there.
+#[cfg(feature = "library")]
+pub fn write(job: &Job<'_>) -> Option<alloc::vec::Vec<u8>> {
+    let body = postcard::to_allocvec(job).ok()?;
+    let len = u32::try_from(body.len()).ok()?;
+    let bytes = [&MAGIC.to_le_bytes()[..], &len.to_le_bytes(), &body].concat();
+    (bytes.len() <= CAPACITY).then_some(bytes)
+}
+
+/// How many bytes a job takes beside the library of a [`Job::Count`], or the cases of a [`Job::Hard`], at most.
+pub const OVERHEAD_BYTES: usize = HEADER_BYTES + 16;
+
+#[cfg(all(test, feature = "library"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_job_is_read_as_it_was_written_and_nothing_else_is_one() {
+        let job = Job::Count {
+            filter: Filter::Normalised16,
+            updates: 3,
+            library: b"a library",
+        };
+        let mut bytes = write(&job).expect("it is small");
+        assert!(bytes.len() <= b"a library".len() + OVERHEAD_BYTES);
+        bytes.resize(CAPACITY, 0);
+        assert_eq!(read(&bytes), Some(job));
+        assert_eq!(read(&bytes[..20]), None);
+        bytes[0] ^= 1;
+        assert_eq!(read(&bytes), None);
+        assert_eq!(read(&[0; 64]), None);
+    }
+
+    #[test]
+    fn what_has_no_room_is_no_job() {
+        let cases = alloc::vec![0; CAPACITY - OVERHEAD_BYTES + 1];
+        assert!(write(&Job::Hard { cases: &cases[1..] }).is_some());
+        assert!(
+            write(&Job::Hard {
+                cases: &alloc::vec![0; CAPACITY]
+            })
+            .is_none()
+        );
+    }
+}
