@@ -14,12 +14,12 @@ use model_format::{Coefficients, OutputSample, Texture};
 
 use crate::arithmetic::{Arithmetic, TURN_TAPS, Turn};
 use crate::excitation;
-use crate::fixed::{saturate, shift_toward_zero, shift_word_toward_zero};
+use crate::fixed::{saturate, shift_toward_zero};
 use crate::grid::{GridPoint, ONE};
 use crate::level::{Levels, Ramp, rms_in_steps};
 
 /// Digits after the point of what is summed up for a sample, in steps of the history.
-const SUM_FRACTION_BITS: u32 = 20;
+pub const SUM_FRACTION_BITS: u32 = 20;
 
 /// Digits after the point of a coefficient at exponent 0.
 const COEFFICIENT_FRACTION_BITS: u32 = 31;
@@ -188,6 +188,22 @@ impl DirectState {
         &self.history[self.newest..][..MAX_ORDER]
     }
 
+    /// Puts one sample of excitation through the filter of `frame`, in steps of the history with [`SUM_FRACTION_BITS`] digits; what
+    /// comes out, in those steps, and whether it had to be saturated.
+    #[inline]
+    pub fn filter<A: Arithmetic>(&mut self, frame: &DirectFrame, excitation: i64) -> (i32, bool) {
+        let window: &[i32; MAX_ORDER] = self.history[self.newest..]
+            .first_chunk()
+            .expect("the newest sample lies in the first half");
+        let sum = A::sum_of_products(&frame.coefficients[..frame.turns], window.as_chunks().0);
+        // The mask tells the compiler that no shift is as wide as a word, which takes it half the instructions.
+        let shift = (COEFFICIENT_FRACTION_BITS - SUM_FRACTION_BITS - frame.exponent) & 31;
+        let sum = excitation + (sum >> shift);
+        let (output, saturated) = saturate(shift_toward_zero(sum, SUM_FRACTION_BITS));
+        self.push(output);
+        (output, saturated)
+    }
+
     /// The next sample of a texture: `excitation` through the filter of `frame`, with `left` samples of its ramps to
     /// come; and whether it had to be saturated.
     #[inline]
@@ -197,24 +213,15 @@ impl DirectState {
         excitation: i32,
         left: u32,
     ) -> (OutputSample, bool) {
-        let deviation = i64::from(frame.deviation.value(left));
-        let driven =
-            (i64::from(excitation) * deviation) >> (excitation::FRACTION_BITS - SUM_FRACTION_BITS);
-        let window: &[i32; MAX_ORDER] = self.history[self.newest..]
-            .first_chunk()
-            .expect("the newest sample lies in the first half");
-        let sum = A::sum_of_products(&frame.coefficients[..frame.turns], window.as_chunks().0);
-        // The mask tells the compiler that no shift is as wide as a word, which takes it half the instructions.
-        let shift = (COEFFICIENT_FRACTION_BITS - SUM_FRACTION_BITS - frame.exponent) & 31;
-        let predicted = sum >> shift;
-        let (result, saturated) =
-            saturate(shift_toward_zero(driven + predicted, SUM_FRACTION_BITS));
-        self.push(result);
-        let faded = i64::from(result) * i64::from(frame.fade.value(left));
-        // Truncated twice, toward zero, is truncated once.
-        let faded = shift_toward_zero(faded, ONE.ilog2()) as i32;
-        let output = shift_word_toward_zero(faded, frame.scale_bits);
-        (OutputSample(output), saturated)
+        let driven = i64::from(excitation) * i64::from(frame.deviation.value(left));
+        let driven = driven >> (excitation::FRACTION_BITS - SUM_FRACTION_BITS);
+        let (filtered, saturated) = self.filter::<A>(frame, driven);
+        let faded = i64::from(filtered) * i64::from(frame.fade.value(left));
+        // Truncated twice, toward zero, is truncated once. The mask is for the compiler, as above; a scene's gain may take a
+        // fade above one, and what is faded beyond a word.
+        let faded = shift_toward_zero(faded, ONE.ilog2());
+        let output = shift_toward_zero(faded, frame.scale_bits & 31);
+        (OutputSample(output as i32), saturated)
     }
 
     #[inline(always)]

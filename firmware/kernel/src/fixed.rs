@@ -19,13 +19,6 @@ pub fn shift_toward_zero(value: i64, bits: u32) -> i64 {
     (value + ((value >> 63) & below_one)) >> bits
 }
 
-/// As [`shift_toward_zero`], of a word, for `bits` below 32.
-#[inline(always)]
-pub fn shift_word_toward_zero(value: i32, bits: u32) -> i32 {
-    let below_one = (1i32 << bits).wrapping_sub(1);
-    value.wrapping_add((value >> 31) & below_one) >> bits
-}
-
 /// `value` in 32 bits, saturated, and whether it had to be.
 #[inline(always)]
 pub fn saturate(value: i64) -> (i32, bool) {
@@ -51,11 +44,6 @@ mod tests {
         #[test]
         fn shifting_is_division_that_truncates(value in i64::MIN / 2..i64::MAX / 2, bits in 0u32..62) {
             prop_assert_eq!(shift_toward_zero(value, bits), value / (1 << bits));
-        }
-
-        #[test]
-        fn shifting_a_word_is_division_that_truncates(value: i32, bits in 0u32..31) {
-            prop_assert_eq!(shift_word_toward_zero(value, bits), value / (1 << bits));
         }
 
         #[test]
