@@ -3,12 +3,14 @@
 
 pub mod atomic_file;
 pub mod autocorrelation;
+pub mod budget;
 pub mod certificate;
 pub mod densify;
 pub mod error;
 pub mod evaluate;
 pub mod fit;
 pub mod freehand;
+pub mod frontier;
 pub mod hatt;
 pub mod html;
 pub mod leave_one_out;

@@ -68,7 +68,19 @@ impl Prediction {
     /// N ln E(m) + m ln N.
     pub fn bayesian_order(&self, samples: usize) -> usize {
         let n = samples.max(1) as f64;
-        let criterion = |m: usize| n * self.error_power[m].ln() + m as f64 * n.ln();
+        self.order_by(samples, n.ln())
+    }
+
+    /// The order that Akaike's criterion prefers for a signal of `samples` samples: the least of N ln E(m) + 2 m, which is where
+    /// the prediction error of another signal of the same kind is expected to be least (Akaike 1974).
+    pub fn akaike_order(&self, samples: usize) -> usize {
+        self.order_by(samples, 2.0)
+    }
+
+    /// The order with the least N ln E(m) + `penalty` m.
+    fn order_by(&self, samples: usize, penalty: f64) -> usize {
+        let n = samples.max(1) as f64;
+        let criterion = |m: usize| n * self.error_power[m].ln() + m as f64 * penalty;
         (0..self.error_power.len())
             .filter(|&m| self.error_power[m] > 0.0)
             .min_by(|&a, &b| criterion(a).total_cmp(&criterion(b)))
@@ -196,6 +208,19 @@ mod tests {
         assert_eq!(step_down(&[-2.5, 1.0]), None);
         assert_eq!(step_down(&[f64::NAN]), None);
         assert!(step_down(&[-1.8, 0.81]).is_some());
+    }
+
+    proptest! {
+        /// Both criteria are of nested models, and the one that punishes an order more never has the higher.
+        #[test]
+        fn akaikes_order_is_never_below_the_bayesian_one(
+            signal in prop::collection::vec(-1e3f64..1e3, 8..400),
+        ) {
+            let lags = crate::autocorrelation::Autocorrelation::of(&signal, 100).lags;
+            let prediction = Prediction::levinson_durbin(&corrected(lags), 100);
+            let (akaike, bayesian) = (prediction.akaike_order(signal.len()), prediction.bayesian_order(signal.len()));
+            prop_assert!(bayesian <= akaike && akaike <= prediction.max_order());
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@
 mod bands;
 mod canvas;
 mod certificate;
+mod frontier;
 mod grid;
 mod orders;
 mod paper;
@@ -19,6 +20,7 @@ use crate::error::Result;
 
 pub use bands::band_error_chart;
 pub use certificate::certificate_map;
+pub use frontier::{FrontPoint, FrontSeries, Quantity, front_chart};
 pub use grid::{GridCell, GridMap, grid_map};
 pub use orders::{OrderSeries, order_against_cost};
 pub use paper::{forward_prediction, grid_and_motion};

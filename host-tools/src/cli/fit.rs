@@ -2,9 +2,11 @@
 
 use std::path::PathBuf;
 
+use host_tools::budget::{self, Budget, Concession};
 use host_tools::densify::AddedLine;
 use host_tools::error::{Error, Result};
 use host_tools::fit::{self, Estimator, Fit, Order, StructureChoice, TrialReport};
+use host_tools::frontier::costs::Core;
 use host_tools::leave_one_out::LeaveOneOut;
 use host_tools::recording::RecordingSet;
 use host_tools::reduction::Reduction;
@@ -12,7 +14,7 @@ use host_tools::triage::SILENCE_FLOOR_M_S2;
 use host_tools::{atomic_file, progress};
 use model_format::TextureSpec;
 
-use super::input::{Recordings, not_negative};
+use super::input::{Recordings, not_negative, positive};
 use super::inspect::Summary;
 use super::table::table;
 
@@ -40,6 +42,12 @@ pub struct Arguments {
     /// Order of the models: 0 to 400, or 'auto' to choose it for each node (BIC)
     #[arg(long, default_value = "auto")]
     order: Order,
+    /// Cycles that the synthesis of a sample may take at worst: orders are chosen within it, and what that gives up is told
+    #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "densify")]
+    budget_cycles: Option<f64>,
+    /// The core that --budget-cycles is of
+    #[arg(long, value_enum, requires = "budget_cycles", default_value = "m4")]
+    core: Core,
     /// Estimate of the autocorrelation
     #[arg(long, value_enum, default_value = "rectangular")]
     estimator: Estimator,
@@ -77,12 +85,23 @@ struct Report<'a> {
     added_lines: Option<&'a [AddedLine]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     removed_nodes: Option<&'a LeaveOneOut>,
+    budget: Option<&'a [Concession]>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let set = arguments.recordings.open()?;
+    let budget = arguments.budget_cycles.map(|cycles| Budget {
+        cycles,
+        core: arguments.core,
+    });
+    let highest_order = match &budget {
+        Some(budget) => Some(budget.highest_order(arguments.structure)?),
+        None => None,
+    };
     let options = fit::Options {
-        order: arguments.order,
+        order: highest_order.map_or(arguments.order, |highest| {
+            budget::capped(arguments.order, highest)
+        }),
         estimator: arguments.estimator,
         structure: arguments.structure,
         reduction: arguments.reduce,
@@ -91,6 +110,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         strict: arguments.strict,
     };
     let (fit, mut bytes) = fit_library(&set, &options)?;
+    let concessions = match highest_order {
+        Some(highest) => Some(concessions(&set, &fit, &options, arguments.order, highest)?),
+        None => None,
+    };
     let denser = if arguments.densify {
         Some(super::densify::densify(&set, &fit, &options)?)
     } else {
@@ -114,12 +137,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             trials: &fit.trials,
             added_lines: denser.as_ref().map(|d| d.densified.lines.as_slice()),
             removed_nodes: denser.as_ref().and_then(|d| d.test.as_ref()),
+            budget: concessions.as_deref(),
         });
     }
     show_verdicts(&fit);
     super::print(&super::inspect::summary_table(&textures))?;
     if let Some(denser) = &denser {
         super::print(&format!("\n{}", super::densify::summary(denser)))?;
+    }
+    if let (Some(concessions), Some(budget)) = (&concessions, &budget) {
+        super::print(&format!("\n{}", given_up(concessions, budget)))?;
     }
     super::print(&format!(
         "\n{} trials -> {} ({} bytes); the axes' energy kept: {}",
@@ -137,6 +164,72 @@ pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, V
     bar.finish_and_clear();
     let bytes = encoded(&fit.specs)?;
     Ok((fit, bytes))
+}
+
+/// What `fit`, bounded to orders up to `highest`, gives up of a fit with `order`. As a lattice: it is of the models alone.
+fn concessions(
+    set: &RecordingSet,
+    fit: &Fit,
+    options: &fit::Options,
+    order: Order,
+    highest: usize,
+) -> Result<Vec<Concession>> {
+    let unbounded = fit::Options {
+        order: budget::capped(order, model_format::limits::MAX_ORDER),
+        structure: StructureChoice::Lattice,
+        ..options.clone()
+    };
+    let bar = progress::bar(set.trials.len() as u64, "fitting without bounds");
+    let without = fit::fit(set, &unbounded, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(budget::concessions(&without, fit, highest))
+}
+
+fn given_up(concessions: &[Concession], budget: &Budget) -> String {
+    let header = [
+        "texture",
+        "orders up to",
+        "nodes lowered",
+        "from",
+        "prediction error dB",
+        "largest dB",
+        "at",
+        "C expected %",
+        "without %",
+    ];
+    let rows: Vec<Vec<String>> = concessions
+        .iter()
+        .map(|concession| {
+            let mut row = vec![
+                concession.texture.clone(),
+                concession.highest_order.to_string(),
+                format!("{} of {}", concession.capped, concession.nodes),
+            ];
+            let Some((speed_mm_s, force_n)) = concession.worst_node else {
+                row.push("nothing is given up".to_owned());
+                return row;
+            };
+            let (least, most) = concession.orders_without;
+            row.extend([
+                format!("{least} to {most}"),
+                format!("{:+.2}", concession.mean_error_rise_db),
+                format!("{:+.2}", concession.largest_error_rise_db),
+                format!("{speed_mm_s} mm/s, {force_n} N"),
+                format!("{:.1}", 100.0 * concession.expected_cost),
+                format!("{:.1}", 100.0 * concession.expected_cost_without),
+            ]);
+            row
+        })
+        .collect();
+    format!(
+        "What a budget of {} cycles a sample on a {} gives up:\n\n{}\n\n\
+         Means over the lowered nodes. C expected: of a synthesis of 2 s against one of the unbounded model; without: of two such of \
+         the same model.\nCycles are modelled, at worst, and of the synthesis alone; a texture's highest order sets the time of all \
+         its nodes.",
+        budget.cycles,
+        budget.core,
+        table(&header, &rows),
+    )
 }
 
 fn encoded(specs: &[TextureSpec]) -> Result<Vec<u8>> {

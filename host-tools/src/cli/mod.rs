@@ -6,6 +6,7 @@ mod densify;
 mod device;
 mod evaluate;
 mod fit;
+mod frontier;
 mod import_hatt;
 mod input;
 mod inspect;
@@ -60,6 +61,8 @@ enum Command {
     Certify(certify::Arguments),
     /// Play the hard cases by the device's kernel and check what it promises
     Stress(stress::Arguments),
+    /// Compare structures, orders and intervals of updates: accuracy against time, and the Pareto front
+    Frontier(frontier::Arguments),
     /// Do all of it on simulated recordings, with a report
     Demo(demo::Arguments),
     #[command(flatten)]
@@ -79,6 +82,7 @@ pub fn run() -> ExitCode {
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
         Command::Certify(arguments) => certify::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
+        Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Device(command) => device::run(&command),
     };

@@ -126,13 +126,11 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Model> {
     let lags = pooled_lags(&loud, samples);
     let output_power = lags[0];
     let order_cap = samples / SAMPLES_A_COEFFICIENT;
-    let max_order = match options.order {
-        Order::Auto => limits::MAX_ORDER,
-        Order::Fixed(order) => order,
-    };
-    let prediction = Prediction::levinson_durbin(&corrected(lags), max_order.min(order_cap));
+    let max_order = options.order.highest().min(order_cap);
+    let prediction = Prediction::levinson_durbin(&corrected(lags), max_order);
     let order = match options.order {
         Order::Auto => prediction.bayesian_order(samples),
+        Order::AtMost(_) => prediction.akaike_order(samples),
         Order::Fixed(order) => order.min(prediction.max_order()),
     };
     Some(Model {

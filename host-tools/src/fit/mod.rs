@@ -21,12 +21,25 @@ pub use quantise::{StructureChoice, nodes as quantised_nodes};
 pub use trial::{Analysis, analyse, signal};
 
 /// How a model's order is chosen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Order {
     /// For each node by the Bayesian information criterion, at most 400.
     Auto,
+    /// For each node by Akaike's criterion, which spends more on accuracy, at most this one: what a budget of cycles leaves.
+    AtMost(usize),
     /// The same for all nodes, as in the paper (whose order is 400).
     Fixed(usize),
+}
+
+impl Order {
+    /// The highest order that it allows.
+    pub fn highest(self) -> usize {
+        match self {
+            Self::Auto => model_format::limits::MAX_ORDER,
+            Self::AtMost(order) | Self::Fixed(order) => order,
+        }
+    }
 }
 
 impl std::str::FromStr for Order {
@@ -140,10 +153,7 @@ pub struct Fit {
 /// The first trial that cannot be used; with [`Options::strict`] the first with a verdict; a texture that the chosen
 /// structure or the library cannot hold.
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) -> Result<Fit> {
-    let max_order = match options.order {
-        Order::Auto => model_format::limits::MAX_ORDER,
-        Order::Fixed(order) => order,
-    };
+    let max_order = options.order.highest();
     let analyses = set
         .trials
         .par_iter()

@@ -291,6 +291,7 @@ impl<'a> Prepared<'a> {
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
             order: match options.order {
                 Order::Auto => "chosen for each node (BIC)".into(),
+                Order::AtMost(order) => format!("chosen for each node (AIC), at most {order}"),
                 Order::Fixed(order) => order.to_string(),
             },
             around: options.around,

@@ -214,6 +214,18 @@ pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
 /// # Errors
 /// A lattice that makes no library.
 pub fn play(case: &Case, structure: StructureChoice) -> Result<Outcome> {
+    play_with(case, structure, player)
+}
+
+/// Plays one case, stored in one structure, by what `new_player` makes for its texture, at rest each time.
+///
+/// # Errors
+/// A lattice that makes no library.
+pub fn play_with(
+    case: &Case,
+    structure: StructureChoice,
+    new_player: impl Fn(&Texture<'_>) -> Box<dyn Player>,
+) -> Result<Outcome> {
     let mut outcome = Outcome {
         case: case.name.clone(),
         pole_radius: case.pole_radius(),
@@ -231,19 +243,19 @@ pub fn play(case: &Case, structure: StructureChoice) -> Result<Outcome> {
     let library =
         Library::decode_uncertified(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
     let texture = library.textures().next().expect("one was encoded");
-    let mut bench = Bench::new(case, texture);
+    let mut bench = Bench::new(case, texture, new_player(&texture));
     outcome.samples = case.samples;
     outcome.spectrum_db = spectrum::largest_difference_db(&case.nodes(), &texture);
     bench.drive(1.0, case.samples, &mut outcome);
     outcome.stopped = bench.rest();
 
-    let mut bench = Bench::new(case, texture);
+    let mut bench = Bench::new(case, texture, new_player(&texture));
     for _ in 0..case.samples.min(50_000) {
         bench.sample(OVERDRIVE);
     }
     outcome.overdriven = bench.rest();
 
-    let mut bench = Bench::new(case, texture);
+    let mut bench = Bench::new(case, texture, new_player(&texture));
     bench.move_on();
     let mut signs = Excitation::new(99);
     bench.player.glitch(&mut signs);
@@ -261,11 +273,11 @@ struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    fn new(case: &'a Case, texture: Texture<'a>) -> Self {
+    fn new(case: &'a Case, texture: Texture<'a>, player: Box<dyn Player>) -> Self {
         Self {
             case,
             texture,
-            player: player(&texture),
+            player,
             noise: Excitation::new(1),
             sample: 0,
         }
@@ -444,7 +456,7 @@ impl Reference {
 }
 
 /// h(1), h(2) ... of a direct form, exactly as stored.
-fn predictor(coefficients: Coefficients<'_>) -> Vec<f64> {
+pub(crate) fn predictor(coefficients: Coefficients<'_>) -> Vec<f64> {
     match coefficients {
         Coefficients::Direct16 { exponent, codes } => {
             let step = 2f64.powi(i32::from(exponent) - 15);

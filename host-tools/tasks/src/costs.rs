@@ -175,8 +175,17 @@ fn ranges(addresses: &BTreeSet<u32>) -> Vec<RangeInclusive<u32>> {
     ranges
 }
 
-/// Others' filters that the image runs: a part of the function's mangled name, and what it is.
-const OTHERS: [(&str, &str); 4] = [
+/// Filters that the image runs without excitation and level: a part of the function's mangled name, and what it is.
+const ALONE: [(&str, &str); 7] = [
+    (
+        "5peers13lattice_alone",
+        "stylus: normalised lattice, 32 bits",
+    ),
+    (
+        "5peers14lattice_of_two",
+        "stylus: normalised lattice, 32 bits, two samples in one pass",
+    ),
+    ("5peers12direct_alone", "stylus: direct form, 32 bits"),
     (
         "5peers10idsp_fixed",
         "idsp 0.23: 200 second-order sections, i32, 64-bit sums",
@@ -193,12 +202,12 @@ const OTHERS: [(&str, &str); 4] = [
 ];
 
 impl Guest {
-    /// What others' filters of order 400 cost.
+    /// What filters of order 400 cost, others' and ours, without what the product has around them.
     ///
     /// # Errors
     /// QEMU is missing, the image fails, or an instruction's time is not known.
     pub fn count_peers(&self) -> Result<Vec<Peer>> {
-        let functions: Vec<u32> = OTHERS
+        let functions: Vec<u32> = ALONE
             .iter()
             .map(|(name, _)| self.image.function(name))
             .collect::<std::result::Result<_, _>>()?;
@@ -230,7 +239,7 @@ impl Guest {
                 worst_cycles: most(|call| call.cycles.worst).unwrap_or_default(),
             })
         };
-        OTHERS.iter().enumerate().map(peer).collect()
+        ALONE.iter().enumerate().map(peer).collect()
     }
 }
 
@@ -339,27 +348,12 @@ const CMSIS_DSP: [(&str, u32, u32, u32); 7] = [
 
 /// Ours at the highest order on a Cortex-M4, `others`, and CMSIS-DSP's.
 fn peers(entries: &[Entry], others: Vec<Peer>) -> Vec<Peer> {
-    let ours = entries.iter().filter(|entry| {
-        // Four nodes or one are the same samples to a lattice.
-        let is_lattice = !matches!(
-            entry.structure,
-            Structure::DirectForm16 | Structure::DirectForm32
-        );
-        entry.core == Core::M4 && entry.order == HIGHEST_ORDER && !(is_lattice && entry.nodes == 1)
-    });
+    // Four nodes or one are the same samples.
+    let ours = entries
+        .iter()
+        .filter(|entry| entry.core == Core::M4 && entry.order == HIGHEST_ORDER && entry.nodes == 4);
     let ours = ours.map(|entry| Peer {
-        name: match (entry.structure, entry.nodes) {
-            (Structure::DirectForm16 | Structure::DirectForm32, 1) => {
-                format!("stylus: {}, one node", entry.structure.name())
-            }
-            (Structure::DirectForm16 | Structure::DirectForm32, _) => {
-                format!(
-                    "stylus: {}, interpolated from four nodes",
-                    entry.structure.name()
-                )
-            }
-            _ => format!("stylus: {}", entry.structure.name()),
-        },
+        name: format!("stylus: {}", entry.structure.name()),
         origin: Origin::Measured,
         includes: "filter, Gaussian excitation, level".to_owned(),
         order: entry.order,

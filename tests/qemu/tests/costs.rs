@@ -2,6 +2,7 @@
 
 use std::sync::LazyLock;
 
+use host_tools::frontier::{FilterStructure, costs as frontier};
 use qemu_tests::costs::{Core, Costs, Structure};
 use tasks::costs::{self, Guest};
 use tasks::guest::Processor;
@@ -9,6 +10,12 @@ use tasks::toolchain::Toolchain;
 
 /// The orders that are counted anew: the code has no other way for another.
 const ORDERS: [usize; 1] = [50];
+
+/// Orders between those of the table: just above a turn of a direct form's sum, and with stages beyond whole turns of a lattice's.
+const ORDERS_BETWEEN: [usize; 4] = [21, 23, 41, 121];
+
+/// What a sample may take more than `fit --budget-cycles` looks up, cycles: three stages that a lattice does not do four at a time.
+const BETWEEN_CYCLES: f64 = 30.0;
 
 /// What a figure may differ, as a share of itself.
 const TOLERANCE: f64 = 0.01;
@@ -76,6 +83,41 @@ fn what_is_counted_now_is_what_the_table_says() {
                     100.0 * difference
                 );
             }
+        }
+    }
+}
+
+#[test]
+fn a_budget_looks_up_no_less_than_what_is_counted_but_for_a_few_cycles() {
+    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
+    let compiler = costs::compiler(&toolchain).unwrap();
+    if compiler != COSTS.rustc {
+        println!(
+            "rustc {compiler}, and the table is of {}: no comparison",
+            COSTS.rustc
+        );
+        return;
+    }
+    let table = frontier::Costs::measured();
+    let processor = Processor::CortexM4;
+    let guest = Guest::build(&toolchain, processor).unwrap_or_else(|error| panic!("{error}"));
+    for structure in Structure::ALL {
+        let counted = guest.count(structure, &ORDERS_BETWEEN);
+        // Both sides name structures as the file does.
+        let name = serde_json::to_value(structure).unwrap();
+        let looked_for: FilterStructure = serde_json::from_value(name).unwrap();
+        for now in counted.unwrap_or_else(|error| panic!("{error}")) {
+            let (nodes, order) = (now.nodes as usize, now.order as usize);
+            let cost = table.at(looked_for, nodes, frontier::Core::M4, order);
+            let looked_up = cost
+                .expect("the table has orders around it")
+                .sample
+                .worst_cycles;
+            let worst = f64::from(now.sample.worst_cycles);
+            assert!(
+                worst <= looked_up + BETWEEN_CYCLES,
+                "{looked_up:.0} cycles are looked up, and it is {now:?}"
+            );
         }
     }
 }

@@ -1,5 +1,5 @@
 //! All-pole filters of order 400 as others make them, to be traced beside ours: idsp's cascades of second-order sections, and
-//! what plain Rust in single precision comes to. Like those of [`crate::counted`], the functions are found by their names.
+//! what plain Rust in single precision comes to; and ours without what is around them. Like those of [`crate::counted`], the functions are found by their names.
 //!
 //! The filter alone is counted, without excitation and level.
 #![expect(
@@ -14,8 +14,15 @@ use dsp_fixedpoint::Q;
 use dsp_process::SplitProcess;
 use idsp::iir::{Biquad, Cascade, DirectForm};
 use kernel_vectors::PEER_SAMPLES;
+use model_format::Library;
 use model_format::limits::MAX_ORDER;
+use stylus_firmware::CortexM;
+use stylus_kernel::direct::{DirectFrame, DirectState};
 use stylus_kernel::excitation::{self, Excitation};
+use stylus_kernel::lattice::LatticeState;
+use stylus_kernel::rotation::Rotation;
+
+use crate::LIBRARY;
 
 /// A section has two poles. Its zeros are computed too: idsp has no others.
 const SECTIONS: usize = MAX_ORDER / 2;
@@ -56,6 +63,13 @@ pub fn play() {
         reflection: coefficients,
         backward: [0.0; MAX_ORDER + 1],
     };
+    let rotations: [Rotation; MAX_ORDER] =
+        core::array::from_fn(|index| Rotation::from_theta(0x4000 / (index as i32 + 1)));
+    let (mut ours, mut ours_in_pairs) = (LatticeState::new(), LatticeState::new());
+    let texture = Library::decode_uncertified(LIBRARY).ok();
+    let texture = texture.and_then(|library| library.texture("direct 32, one node"));
+    let frame = DirectFrame::silent(&texture.expect("the vectors' library has it"));
+    let mut ours_direct = DirectState::new();
     let mut noise = Excitation::new(1);
     for _ in 0..PEER_SAMPLES {
         let drawn = noise.next_sample() >> 8;
@@ -64,7 +78,26 @@ pub fn play() {
         black_box(idsp_float(&float, &mut float_state, x));
         black_box(plain_direct(&mut direct, x));
         black_box(plain_lattice(&mut lattice, x));
+        black_box(lattice_alone(&mut ours, &rotations, drawn));
+        black_box(lattice_of_two(&mut ours_in_pairs, &rotations, [drawn; 2]));
+        black_box(direct_alone(&mut ours_direct, &frame, i64::from(drawn)));
     }
+}
+
+#[inline(never)]
+fn lattice_alone(state: &mut LatticeState, rotations: &[Rotation], x: i32) -> i32 {
+    state.filter::<CortexM>(rotations, x)
+}
+
+/// Two samples a call.
+#[inline(never)]
+fn lattice_of_two(state: &mut LatticeState, rotations: &[Rotation], x: [i32; 2]) -> [i32; 2] {
+    state.filter_two::<CortexM>(rotations, x)
+}
+
+#[inline(never)]
+fn direct_alone(state: &mut DirectState, frame: &DirectFrame, x: i64) -> (i32, bool) {
+    state.filter::<CortexM>(frame, x)
 }
 
 #[inline(never)]

@@ -1,0 +1,306 @@
+//! Accuracy against time, and orders within a budget of cycles.
+
+mod support;
+
+use host_tools::fit::Order;
+use host_tools::frontier::costs::{Core, Costs};
+use host_tools::frontier::{
+    self, Filter, FilterStructure, Frontier, INTERVALS, Material, Options, Prepared,
+};
+use host_tools::recording::RecordingSet;
+use host_tools::rig::{self, Scene};
+use host_tools::stress::cases::{Length, suite};
+use serde_json::Value;
+use support::{Bench, RATE_HZ, all_pole, noise, text, wav};
+
+/// Two takes of denim at two speeds and two forces.
+fn simulated() -> Bench {
+    let bench = Bench::new();
+    let paper = Scene::paper();
+    let (head, textures) = paper.text().split_once("[[texture]]").unwrap();
+    let denim = textures.split("[[texture]]").last().unwrap();
+    let scene = format!("{head}[[texture]]{denim}");
+    let scene: Vec<&str> = scene
+        .lines()
+        .map(|line| match line.split('=').next().unwrap_or("").trim() {
+            "speeds_mm_s" => "speeds_mm_s = [100, 120]",
+            "forces_n" => "forces_n = [0.6, 0.8]",
+            _ => line,
+        })
+        .collect();
+    let scene = Scene::from_toml(&bench.path("scene.toml"), &scene.join("\n")).unwrap();
+    for seed in [5, 6] {
+        rig::simulate_to_folder(&scene, seed, &bench.path(&format!("rig{seed}"))).unwrap();
+    }
+    bench
+}
+
+fn set(bench: &Bench, name: &str) -> RecordingSet {
+    RecordingSet::open(&[bench.path(name)]).unwrap()
+}
+
+/// Two orders, and two of the hard cases: what the command does with all of them takes minutes.
+fn options() -> Options {
+    let wanted = ["H1b", "H2a/H2b, saw 1"];
+    let cases = suite(Length::Short).into_iter();
+    let options = Options {
+        orders: vec![20, 100],
+        cases: cases
+            .filter(|case| wanted.contains(&case.name.as_str()))
+            .collect(),
+        ..Options::default()
+    };
+    assert_eq!(options.cases.len(), wanted.len());
+    options
+}
+
+fn run(material: &Material, threads: usize) -> Frontier {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap().install(|| {
+        let prepared = Prepared::new(material, &options(), || ()).unwrap();
+        let done = std::sync::atomic::AtomicUsize::new(0);
+        let count = || {
+            done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        };
+        let frontier = prepared.run(&options(), count).unwrap();
+        assert_eq!(done.into_inner(), prepared.work());
+        frontier
+    })
+}
+
+#[test]
+fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structures_promise() {
+    let bench = simulated();
+    let material = Material::takes(set(&bench, "rig5"), set(&bench, "rig6")).unwrap();
+    let frontier = run(&material, 3);
+    let json = |frontier: &Frontier| serde_json::to_string(frontier).unwrap();
+    assert_eq!(json(&frontier), json(&run(&material, 1)));
+    assert_eq!(frontier.nodes, 4);
+    assert_eq!(frontier.filters.len(), 5 * 4);
+    assert_eq!(frontier.points.len(), 5 * 4 * INTERVALS.len());
+    for (index, filter) in frontier.filters.iter().enumerate() {
+        check_filter(&frontier, index, filter);
+    }
+    // The lattice alone holds the hard cases, and something of it is on the front of what does.
+    let safe = frontier.points.iter().filter(|point| point.on_safe_front);
+    let structures: Vec<_> = safe.map(|p| frontier.filters[p.filter].structure).collect();
+    assert!(!structures.is_empty());
+    assert!(
+        structures
+            .iter()
+            .all(|s| *s == FilterStructure::NormalisedLattice32)
+    );
+    // Two takes differ, as two pieces of a surface do.
+    assert!(frontier.take_cost > 0.05 && frontier.take_band_error_db > 0.1);
+    page_holds_all(&bench, &frontier);
+}
+
+/// Accuracy as it must be of each structure.
+fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
+    let at = |order| {
+        let filters = frontier.filters.iter();
+        let mut same = filters.filter(|other| other.structure == filter.structure);
+        same.find(|other| other.order == Order::Fixed(order))
+            .unwrap()
+    };
+    let name = format!("{}, {}", filter.structure, filter.order_text());
+    assert!(at(100).still.cost < at(20).still.cost - 0.05, "{name}");
+    assert!(
+        at(100).m4.sample.worst_cycles > at(20).m4.sample.worst_cycles,
+        "{name}"
+    );
+    let points: Vec<_> = frontier
+        .points
+        .iter()
+        .filter(|p| p.filter == index)
+        .collect();
+    assert_eq!(points.len(), INTERVALS.len());
+    if filter.refused_textures.is_empty() {
+        let errors = points.iter().map(|point| point.motion_error_db);
+        assert!(errors.is_sorted_by(|a, b| a <= &(b + 0.05)), "{name}");
+        let cycles = points.iter().map(|point| point.worst_cycles);
+        assert!(cycles.is_sorted_by(|a, b| a >= b), "{name}");
+    }
+    let bits = match filter.structure {
+        FilterStructure::DirectForm16 | FilterStructure::NormalisedLattice16 => 16,
+        _ => 32,
+    };
+    assert_eq!(filter.still.mean_snr_db > 70.0, bits == 32, "{name}");
+    if filter.structure == FilterStructure::NormalisedLattice32 {
+        assert_eq!(filter.hard.held, filter.hard.cases, "{name}");
+        assert!(points[0].motion_error_db < 0.05, "{name}");
+        assert!(filter.still.lowest_snr_db > 100.0, "{name}");
+    } else {
+        assert!(filter.hard.held < filter.hard.cases, "{name}");
+        assert!(!filter.hard.worst_case.is_empty(), "{name}");
+    }
+}
+
+fn page_holds_all(bench: &Bench, frontier: &Frontier) {
+    let page = bench.path("page.html");
+    let pictures = frontier::pictures(frontier).unwrap();
+    frontier::write_page(frontier, &pictures, &page).unwrap();
+    let page = std::fs::read_to_string(page).unwrap();
+    assert_eq!(page.matches("<svg").count(), 4);
+    for structure in FilterStructure::ALL {
+        assert!(
+            page.matches(&structure.to_string()).count() > 10,
+            "{structure}"
+        );
+    }
+    for needed in [
+        "SIMULATED",
+        &frontier.rustc,
+        &frontier.qemu,
+        "168 MHz",
+        "Pareto",
+    ] {
+        assert!(page.contains(needed), "{needed}");
+    }
+    assert!(
+        !page.contains("NaN"),
+        "a figure is missing and not said to be"
+    );
+    for peer in &Costs::measured().peers {
+        assert!(
+            page.contains(&host_tools::html::escaped(&peer.name)),
+            "{}",
+            peer.name
+        );
+    }
+}
+
+#[test]
+fn a_users_own_recordings_are_fitted_in_their_first_half_and_judged_in_their_second() {
+    let bench = simulated();
+    let set = set(&bench, "rig5");
+    let material = Material::halves(&set).unwrap();
+    let halves = material.fit.trials.iter().zip(&material.held_out.trials);
+    for (first, second) in halves {
+        assert_eq!(
+            (first.duration_s, second.duration_s),
+            (Some(1.0), Some(1.0))
+        );
+        assert!((second.start_s - first.start_s - 1.0).abs() < 1e-12);
+        assert_eq!(first.file, second.file);
+    }
+    assert!(material.is_simulated());
+}
+
+#[test]
+fn takes_of_something_else_are_refused_and_so_is_what_is_not_there() {
+    let bench = simulated();
+    let mut others = set(&bench, "rig6");
+    for trial in &mut others.trials {
+        trial.speed_mm_s += 1.0;
+    }
+    let refusal = Material::takes(set(&bench, "rig5"), others).unwrap_err();
+    assert!(refusal.to_string().contains("same trials"), "{refusal}");
+    let message = bench.refuse("frontier --data nowhere --out out");
+    assert!(message.contains("nowhere"), "{message}");
+    let output = bench.run("frontier --data rig5 --orders 500");
+    assert!(text(&output.stderr).contains("1 to 400"));
+}
+
+fn budgeted(bench: &Bench, arguments: &str) -> Value {
+    let printed = bench.succeed(&format!("fit rig5 --out a.lib --json {arguments}"));
+    serde_json::from_str(&printed).unwrap()
+}
+
+#[test]
+fn a_budget_bounds_every_nodes_order_and_a_larger_one_gives_up_less() {
+    let bench = simulated();
+    let mut before = f64::INFINITY;
+    for cycles in [600, 1000, 1600, 20_000] {
+        let report = budgeted(&bench, &format!("--budget-cycles {cycles}"));
+        let highest = report["budget"][0]["highest_order"].as_u64().unwrap() as usize;
+        let lattice = FilterStructure::NormalisedLattice32;
+        let cost = Costs::measured().at(lattice, 4, Core::M4, highest).unwrap();
+        assert!(cost.sample.worst_cycles <= f64::from(cycles));
+        let orders = report["textures"][0]["nodes"].as_array().unwrap();
+        let orders = orders
+            .iter()
+            .map(|node| node["order"].as_u64().unwrap() as usize);
+        assert!(orders.max().unwrap() <= highest);
+        let expected = report["budget"][0]["expected_cost"].as_f64().unwrap();
+        assert!(expected <= before);
+        before = expected;
+    }
+    let report = budgeted(&bench, "--budget-cycles 20000");
+    assert_eq!(report["budget"][0]["capped"], 0);
+    let shown = bench.succeed("fit rig5 --out a.lib --budget-cycles 600");
+    assert!(
+        shown.contains("4 of 4") && shown.contains("gives up"),
+        "{shown}"
+    );
+}
+
+/// What is foretold is what the device then plays: within a fifth, over the nodes that were lowered.
+#[test]
+fn the_cost_that_is_foretold_of_a_budget_is_that_of_what_the_stylus_plays() {
+    let bench = Bench::new();
+    bench.write("surface.wav", wav(&[&surface()], RATE_HZ));
+    let fit = "fit surface.wav --budget-cycles 389 --json --out a.lib";
+    let report: Value = serde_json::from_str(&bench.succeed(fit)).unwrap();
+    let budget = &report["budget"][0];
+    assert_eq!(budget["capped"], 1, "{budget}");
+    bench.succeed("evaluate surface.wav --library a.lib --json a.json");
+    let read = std::fs::read(bench.path("a.json")).unwrap();
+    let evaluation: Value = serde_json::from_slice(&read).unwrap();
+    let played = evaluation["trials"][0]["cost"].as_f64().unwrap();
+    let foretold = budget["expected_cost"].as_f64().unwrap();
+    println!("foretold {foretold:.3}, played {played:.3}");
+    assert!(
+        (foretold - played).abs() < 0.2 * played,
+        "{foretold} {played}"
+    );
+}
+
+#[test]
+fn a_budget_for_nothing_and_one_beside_a_denser_grid_are_refused() {
+    let bench = simulated();
+    let message = bench.refuse("fit rig5 --out a.lib --budget-cycles 50");
+    assert!(message.contains("or more"), "{message}");
+    assert!(!bench.path("a.lib").exists());
+    for arguments in [
+        "--budget-cycles 900 --densify",
+        "--budget-cycles 0",
+        "--core m7",
+    ] {
+        let output = bench.run(&format!("fit rig5 --out a.lib {arguments}"));
+        assert!(!output.status.success(), "{arguments}");
+        assert!(!bench.path("a.lib").exists());
+    }
+}
+
+#[test]
+fn a_direct_form_of_one_node_has_the_budget_of_one_sum() {
+    let bench = Bench::new();
+    bench.write("surface.wav", wav(&[&surface()], RATE_HZ));
+    for cycles in [500, 900] {
+        let fit = format!(
+            "fit surface.wav --structure direct --order 400 --budget-cycles {cycles} --json --out a.lib"
+        );
+        let report: Value = serde_json::from_str(&bench.succeed(&fit)).unwrap();
+        let order = report["textures"][0]["nodes"][0]["order"].as_u64().unwrap() as usize;
+        let worst = |nodes, order| {
+            let direct = FilterStructure::DirectForm32;
+            let cost = Costs::measured().at(direct, nodes, Core::M4, order);
+            cost.map_or(f64::INFINITY, |cost| cost.sample.worst_cycles)
+        };
+        let cycles = f64::from(cycles);
+        assert!(
+            worst(1, order) <= cycles && worst(1, order + 1) > cycles,
+            "{order}"
+        );
+        assert!(worst(4, order) > cycles, "{order}");
+    }
+}
+
+/// Noise through fifteen taps.
+fn surface() -> Vec<f64> {
+    let a = [
+        -1.6, 1.2, -0.5, 0.2, -0.1, 0.3, -0.2, 0.1, 0.05, 0.1, -0.1, 0.15, 0.1, -0.2, 0.3,
+    ];
+    all_pole(&a, &noise(11, 10_000 + 1000)).split_off(1000)
+}
