@@ -7,6 +7,7 @@ use host_tools::frontier::costs::{Core, Costs};
 use host_tools::frontier::{
     self, Filter, FilterStructure, Frontier, INTERVALS, Material, Options, Prepared,
 };
+use host_tools::linear_prediction::step_up;
 use host_tools::recording::RecordingSet;
 use host_tools::rig::{self, Scene};
 use host_tools::stress::cases::{Length, suite};
@@ -297,10 +298,9 @@ fn a_direct_form_of_one_node_has_the_budget_of_one_sum() {
     }
 }
 
-/// Noise through fifteen taps.
+/// Noise through a lattice of fifteen stages, the last of them a strong one.
 fn surface() -> Vec<f64> {
-    let a = [
-        -1.6, 1.2, -0.5, 0.2, -0.1, 0.3, -0.2, 0.1, 0.05, 0.1, -0.1, 0.15, 0.1, -0.2, 0.3,
-    ];
-    all_pole(&a, &noise(11, 10_000 + 1000)).split_off(1000)
+    let mut reflection = [0.2; 15];
+    (reflection[0], reflection[1], reflection[14]) = (-0.8, 0.6, 0.5);
+    all_pole(&step_up(&reflection), &noise(11, 10_000 + 1000)).split_off(1000)
 }

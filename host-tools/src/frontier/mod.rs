@@ -387,12 +387,12 @@ impl Prepared {
                 on_cost_front: false,
             };
             let index = filters.len();
-            points.extend(self.moving(
+            points.extend(rubbed(
                 index,
                 &filter,
                 &libraries,
                 &references[order],
-                options,
+                options.seed,
                 &progress,
             )?);
             filters.push(filter);
@@ -508,58 +508,6 @@ impl Prepared {
     fn library(&self, fitted: &Fitted, texture: usize, stored: StructureChoice) -> Result<Vec<u8>> {
         encoded(&self.names[texture], &fitted.grids[texture], stored)
     }
-
-    fn moving(
-        &self,
-        index: usize,
-        filter: &Filter,
-        libraries: &[Option<Vec<u8>>],
-        references: &[Frames],
-        options: &Options,
-        progress: &(impl Fn() + Sync),
-    ) -> Result<Vec<Point>> {
-        let runs = INTERVALS
-            .into_par_iter()
-            .flat_map_iter(|interval| (0..libraries.len()).map(move |texture| (interval, texture)));
-        let moved = runs.map(|(interval, texture)| {
-            let moved = match &libraries[texture] {
-                None => Ok(None),
-                Some(bytes) => decoded(bytes).map(|library| {
-                    let played = library.textures().next().expect("one was encoded");
-                    let reference = &references[texture];
-                    Some(moving::play(
-                        filter.structure,
-                        played,
-                        reference,
-                        interval,
-                        options.seed,
-                    ))
-                }),
-            };
-            progress();
-            moved
-        });
-        let moved = moved.collect::<Result<Vec<Option<Moving>>>>()?;
-        let of_intervals = moved.chunks(libraries.len());
-        let points = of_intervals.zip(INTERVALS).map(|(moved, interval)| {
-            let moved = moved.iter().flatten().copied().reduce(Moving::and);
-            let error_db = moved.map_or(f64::NAN, |moved| moved.band_error_db());
-            let (best_cycles, worst_cycles) = cycles(&filter.m4, moved.as_ref(), interval);
-            Point {
-                filter: index,
-                interval,
-                motion_error_db: error_db,
-                motion_within_jnd: moved.map_or(f64::NAN, |moved| moved.bands_within_jnd()),
-                total_error_db: error_db.hypot(filter.still.band_error_db),
-                saturations: moved.map_or(0, |moved| moved.saturations),
-                best_cycles,
-                worst_cycles,
-                on_front: false,
-                on_safe_front: false,
-            }
-        });
-        Ok(points.collect())
-    }
 }
 
 impl Fitted {
@@ -606,6 +554,58 @@ impl Frontier {
             (point.on_front, point.on_safe_front) = (on_front, on_safe_front);
         }
     }
+}
+
+/// A filter's choices: each interval of updates, played along every texture that it holds.
+fn rubbed(
+    index: usize,
+    filter: &Filter,
+    libraries: &[Option<Vec<u8>>],
+    references: &[Frames],
+    seed: u64,
+    progress: &(impl Fn() + Sync),
+) -> Result<Vec<Point>> {
+    let runs = INTERVALS
+        .into_par_iter()
+        .flat_map_iter(|interval| (0..libraries.len()).map(move |texture| (interval, texture)));
+    let moved = runs.map(|(interval, texture)| {
+        let moved = match &libraries[texture] {
+            None => Ok(None),
+            Some(bytes) => decoded(bytes).map(|library| {
+                let played = library.textures().next().expect("one was encoded");
+                let reference = &references[texture];
+                Some(moving::play(
+                    filter.structure,
+                    played,
+                    reference,
+                    interval,
+                    seed,
+                ))
+            }),
+        };
+        progress();
+        moved
+    });
+    let moved = moved.collect::<Result<Vec<Option<Moving>>>>()?;
+    let of_intervals = moved.chunks(libraries.len());
+    let points = of_intervals.zip(INTERVALS).map(|(moved, interval)| {
+        let moved = moved.iter().flatten().copied().reduce(Moving::and);
+        let error_db = moved.map_or(f64::NAN, |moved| moved.band_error_db());
+        let (best_cycles, worst_cycles) = cycles(&filter.m4, moved.as_ref(), interval);
+        Point {
+            filter: index,
+            interval,
+            motion_error_db: error_db,
+            motion_within_jnd: moved.map_or(f64::NAN, |moved| moved.bands_within_jnd()),
+            total_error_db: error_db.hypot(filter.still.band_error_db),
+            saturations: moved.map_or(0, |moved| moved.saturations),
+            best_cycles,
+            worst_cycles,
+            on_front: false,
+            on_safe_front: false,
+        }
+    });
+    Ok(points.collect())
 }
 
 /// Cycles a sample, updates included, at best and at worst. At worst those that stay in their cell take that share of the dearest

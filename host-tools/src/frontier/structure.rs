@@ -253,7 +253,7 @@ mod tests {
         let play = |structure| {
             let mut voice = Voice::new(structure, texture, 7);
             let play = |n: u16| {
-                if n % 10 == 0 {
+                if n.is_multiple_of(10) {
                     let speed = MillimetresPerSecond(150.0 + f32::from(n) / 100.0);
                     voice.follow(Motion::new(speed, Newton(0.7)).unwrap(), 10);
                 }
