@@ -15,6 +15,9 @@ pub struct RawLibrary {
     pub crc32: Option<u32>,
     pub count: Option<u8>,
     pub textures: Vec<RawTexture>,
+    pub scene_count: Option<u8>,
+    /// Records of scenes, without their lengths.
+    pub scenes: Vec<Vec<u8>>,
     pub tail: Vec<u8>,
 }
 
@@ -93,6 +96,8 @@ impl RawLibrary {
                     &[1i32 << 30, -(1 << 28)].map(i32::to_le_bytes).concat(),
                 ),
             ],
+            scene_count: None,
+            scenes: Vec::new(),
             tail: Vec::new(),
         }
     }
@@ -105,6 +110,10 @@ impl RawLibrary {
         bytes.push(self.count.unwrap_or(self.textures.len() as u8));
         for texture in &self.textures {
             texture.append_to(&mut bytes);
+        }
+        bytes.push(self.scene_count.unwrap_or(self.scenes.len() as u8));
+        for scene in &self.scenes {
+            append_string(scene, &mut bytes);
         }
         bytes.extend(&self.tail);
         repair(&mut bytes);

@@ -50,6 +50,7 @@ fn every_truncation_with_repaired_prefix_is_an_error() {
         match error.problem {
             Problem::TooShort { found } => assert_eq!((length, found), (PREFIX_BYTES, length)),
             Problem::Malformed => assert!(matches!(error.place, Place::Texture(_))),
+            Problem::NoSceneCount => assert_eq!(length, bytes.len() - 1),
             other => panic!("{length} bytes: {other}"),
         }
     }
