@@ -8,7 +8,7 @@ use model_format::{OutputSample, Structure, Texture};
 use crate::arithmetic::{Arithmetic, Portable};
 use crate::direct::{DirectFrame, DirectState, Word16, Word32};
 use crate::excitation::Excitation;
-use crate::grid::{GridPoint, Motion};
+use crate::grid::{GridPoint, Motion, ONE};
 use crate::lattice::{LatticeFrame, LatticeState};
 use crate::level::Levels;
 
@@ -64,7 +64,23 @@ impl<M: Arithmetic> Frame<M> {
     /// The work is some tens of thousands of instructions (`cargo tasks qemu` counts them), in bounded time, and is not part
     /// of a sample's.
     pub fn update(&mut self, texture: &Texture<'_>, motion: Motion, from: Levels, samples: u32) {
-        let point = GridPoint::locate(texture, motion);
+        self.update_scaled(texture, motion, ONE, from, samples);
+    }
+
+    /// As [`Frame::update`], with the level times `gain`, in steps of 2⁻¹⁶; [`ONE`] changes nothing.
+    ///
+    /// The gain costs nothing in a sample, as it is in the level's ramp. It must be one that a scene of `texture` may have;
+    /// [`model_format::scene::Scene::validate`] knows which.
+    pub fn update_scaled(
+        &mut self,
+        texture: &Texture<'_>,
+        motion: Motion,
+        gain: u32,
+        from: Levels,
+        samples: u32,
+    ) {
+        let mut point = GridPoint::locate(texture, motion);
+        point.fade = ((u64::from(point.fade) * u64::from(gain)) / u64::from(ONE)) as u32;
         each_frame!(&mut self.0, frame => frame.update(texture, &point, from, samples));
     }
 
@@ -95,19 +111,31 @@ enum State<M: Arithmetic> {
     Direct32(DirectState<Word32>),
 }
 
+impl<M: Arithmetic> State<M> {
+    fn at_rest(texture: &Texture<'_>) -> Self {
+        match texture.structure() {
+            Structure::NormalisedLattice => Self::Lattice(LatticeState::new()),
+            Structure::DirectForm16 => Self::Direct16(DirectState::new()),
+            Structure::DirectForm32 => Self::Direct32(DirectState::new()),
+        }
+    }
+}
+
 impl<M: Arithmetic> Playback<M> {
     /// `texture` at rest; the same `seed` gives the same samples, always and everywhere.
     pub fn new(texture: &Texture<'_>, seed: u64) -> Self {
         Self {
             excitation: Excitation::new(seed),
-            state: match texture.structure() {
-                Structure::NormalisedLattice => State::Lattice(LatticeState::new()),
-                Structure::DirectForm16 => State::Direct16(DirectState::new()),
-                Structure::DirectForm32 => State::Direct32(DirectState::new()),
-            },
+            state: State::at_rest(texture),
             left: 0,
             saturations: 0,
         }
+    }
+
+    /// Takes up `texture`, at rest; the noise goes on.
+    pub fn restart(&mut self, texture: &Texture<'_>) {
+        self.state = State::at_rest(texture);
+        self.left = 0;
     }
 
     /// A frame begins whose ramps take `samples` samples.

@@ -1,0 +1,207 @@
+//! What a plan costs the tick, in instructions: a base and so much for each of something, stage by stage.
+//!
+//! **The constants are a model.** Those of voices follow from the counts in the README (the virtual stylus's ticks at order
+//! 400, less those of an idle tick), rounded up; those of the effects are estimates from the operations in their source, and
+//! stand to be replaced by counts from the virtual stylus. All are here and nowhere else.
+
+use core::fmt;
+
+use heapless::Vec;
+use model_format::{Structure, Texture};
+
+use super::block::{MAX_STAGES, SLOTS};
+
+/// Instructions of the sample's path whatever is played: the list of stages, the sum of voices, its saturation.
+pub const MIX: StageCost = StageCost { base: 40, each: 0 };
+
+/// A voice of a normalised lattice; each is a stage of it.
+pub const LATTICE: StageCost = StageCost {
+    base: 120,
+    each: 12,
+};
+
+/// A voice of a direct form of 16 bits over four nodes; each is a tap of the predictor.
+pub const DIRECT_16: StageCost = StageCost { base: 160, each: 6 };
+
+/// The same of 32 bits.
+pub const DIRECT_32: StageCost = StageCost {
+    base: 160,
+    each: 12,
+};
+
+/// What stick-slip adds to a voice.
+pub const STICK_SLIP: StageCost = StageCost { base: 50, each: 0 };
+
+/// A tap transient.
+pub const TAP: StageCost = StageCost { base: 40, each: 0 };
+
+/// The equaliser; each is a section.
+pub const EQUALISER: StageCost = StageCost { base: 40, each: 70 };
+
+/// The fade while scenes are exchanged.
+pub const FADE_OUT: StageCost = StageCost { base: 20, each: 0 };
+
+/// Instructions that a scene may take of a tick: at the device's 400 MHz a period of 200 µs is 80 000 cycles, at two cycles an
+/// instruction, which is pessimistic, 40 000 instructions; half of it is for safety, inputs, interrupts and margin.
+pub const BUDGET: u32 = 20_000;
+
+/// Instructions of a stage at each sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StageCost {
+    /// Once.
+    pub base: u32,
+    /// For each stage of a lattice, tap of a predictor, or section.
+    pub each: u32,
+}
+
+/// What a term is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Item {
+    /// [`MIX`].
+    Mix,
+    /// The voice of a surface, with its texture's structure.
+    Voice {
+        /// Which surface.
+        surface: u8,
+        /// The structure of its texture.
+        structure: Structure,
+    },
+    /// The stick-slip of a surface.
+    StickSlip {
+        /// Which surface.
+        surface: u8,
+    },
+    /// A tap transient.
+    Tap,
+    /// The equaliser.
+    Equaliser,
+    /// The fade while scenes are exchanged.
+    FadeOut,
+}
+
+/// One line of the arithmetic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Term {
+    /// What it is for.
+    pub item: Item,
+    /// What it costs.
+    pub cost: StageCost,
+    /// How many of what it counts.
+    pub count: u32,
+}
+
+/// The most that a plan takes of a tick, with the arithmetic.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    terms: Vec<Term, { MAX_STAGES + SLOTS + 1 }>,
+}
+
+/// A plan that takes more of a tick than there is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OverBudget {
+    /// What it takes.
+    pub cost: Cost,
+    /// What there is, instructions.
+    pub budget: u32,
+}
+
+impl Term {
+    /// Instructions.
+    pub const fn instructions(&self) -> u32 {
+        self.cost.base + self.cost.each * self.count
+    }
+
+    pub(super) fn voice(surface: u8, texture: &Texture<'_>) -> Self {
+        let structure = texture.structure();
+        let cost = match structure {
+            Structure::NormalisedLattice => LATTICE,
+            Structure::DirectForm16 => DIRECT_16,
+            Structure::DirectForm32 => DIRECT_32,
+        };
+        Self {
+            item: Item::Voice { surface, structure },
+            cost,
+            count: texture.max_order() as u32,
+        }
+    }
+
+    pub(super) const fn once(item: Item, cost: StageCost) -> Self {
+        Self {
+            item,
+            cost,
+            count: 0,
+        }
+    }
+}
+
+impl Cost {
+    pub(super) fn add(&mut self, term: Term) {
+        // There is room for one term of each stage.
+        let _ = self.terms.push(term);
+    }
+
+    /// The lines of the arithmetic.
+    pub fn terms(&self) -> &[Term] {
+        &self.terms
+    }
+
+    /// Instructions at each sample.
+    pub fn instructions(&self) -> u32 {
+        self.terms.iter().map(Term::instructions).sum()
+    }
+
+    /// The cost again, if it is within `budget` instructions.
+    ///
+    /// # Errors
+    /// It is not.
+    pub fn within(self, budget: u32) -> Result<Self, OverBudget> {
+        if self.instructions() <= budget {
+            Ok(self)
+        } else {
+            Err(OverBudget { cost: self, budget })
+        }
+    }
+}
+
+impl fmt::Display for Item {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Mix => f.write_str("mix"),
+            Self::Voice { surface, structure } => write!(f, "surface {surface}, {structure}"),
+            Self::StickSlip { surface } => write!(f, "surface {surface}, stick-slip"),
+            Self::Tap => f.write_str("tap"),
+            Self::Equaliser => f.write_str("equaliser"),
+            Self::FadeOut => f.write_str("fade"),
+        }
+    }
+}
+
+impl fmt::Display for Term {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let StageCost { base, each } = self.cost;
+        if each == 0 {
+            write!(f, "{}: {base}", self.item)
+        } else {
+            let (count, sum) = (self.count, self.instructions());
+            write!(f, "{}: {base} + {count} x {each} = {sum}", self.item)
+        }
+    }
+}
+
+impl fmt::Display for Cost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for term in &self.terms {
+            write!(f, "{term}; ")?;
+        }
+        write!(f, "together {} instructions", self.instructions())
+    }
+}
+
+impl fmt::Display for OverBudget {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (cost, budget) = (&self.cost, self.budget);
+        write!(f, "the scene takes {cost}, and a tick has {budget} for it")
+    }
+}
+
+impl core::error::Error for OverBudget {}
