@@ -71,6 +71,8 @@ struct Slot<'a> {
     made: [bool; 2],
     /// Whether the block that is played uses the slot.
     played: bool,
+    /// Whether the frame began with that block; if not, its ramps are at their ends.
+    began: bool,
     /// What the frame was computed for.
     motion: Option<Motion>,
     /// The gain at the end of the frame's ramp, in steps of 2⁻¹⁶.
@@ -337,12 +339,12 @@ impl<'a> Director<'a> {
         } else {
             moment.motion
         };
-        let goes_on = slot.played && left == 0;
+        let left_of_frame = slot.left(left);
+        let goes_on = slot.played && left_of_frame == 0;
         let begins = !(goes_on && slot.gain == gain && slot.motion == Some(motion));
         if begins {
             let from = if slot.made[slot.buffer] {
-                let left = if slot.played { left } else { 0 };
-                voices.levels(index, slot.buffer, left)
+                voices.levels(index, slot.buffer, left_of_frame)
             } else {
                 Levels::SILENT
             };
@@ -370,7 +372,7 @@ impl<'a> Director<'a> {
             .and_then(|planned| planned.stick_slip)
             .map(|window| window.frame(motion, moment.distance_mm, from, samples))
             .filter(|frame| from > 0 || frame.amount(0) > 0);
-        slot.played = true;
+        (slot.played, slot.began) = (true, begins);
         Some(match slot.stick_slip {
             Some(frame) => Stage::StickSlip(voice, frame),
             None => Stage::Voice(voice),
@@ -423,7 +425,12 @@ impl<'a> Director<'a> {
 impl Slot<'_> {
     /// Whether anything is to be heard of it at the end of the block that is played, of which `left` samples are left out.
     fn sounds(&self, left: u32) -> bool {
-        self.played && (self.gain > 0 || left > 0)
+        self.played && (self.gain > 0 || self.left(left) > 0)
+    }
+
+    /// Samples of the frame's ramps that are left out with `left` of the block's.
+    fn left(&self, left: u32) -> u32 {
+        if self.played && self.began { left } else { 0 }
     }
 }
 
