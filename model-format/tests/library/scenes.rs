@@ -63,130 +63,133 @@ fn a_name_must_be_there_and_be_readable() {
     check(error, ScenePlace::Scene, "control character");
 }
 
+type Spoil = fn(&mut Scene, f32);
+
+/// Every number of a scene: how to set it, where it is, what it is called, and its range in the scene "full".
+const FIELDS: [(Spoil, ScenePlace, &str, [f32; 2]); 19] = [
+    (
+        |s, x| s.transition_mm = x,
+        ScenePlace::Scene,
+        "transition",
+        [0.0, 100.0],
+    ),
+    (
+        |s, x| s.surfaces[0].gain = x,
+        ScenePlace::Surface(0),
+        "gain",
+        [0.0, 64.0],
+    ),
+    (
+        |s, x| tap(s).frequency_hz = x,
+        ScenePlace::Tap(0),
+        "frequency",
+        [10.0, 2250.0],
+    ),
+    (
+        |s, x| tap(s).decay_s = x,
+        ScenePlace::Tap(0),
+        "decay",
+        [0.0005, 1.0],
+    ),
+    (
+        |s, x| tap(s).gain_m_s2_per_n_s = x,
+        ScenePlace::Tap(0),
+        "gain",
+        [0.0, 100.0],
+    ),
+    (
+        |s, x| tap(s).limit_m_s2 = x,
+        ScenePlace::Tap(0),
+        "limit",
+        [0.0, 256.0],
+    ),
+    (
+        |s, x| stick_slip(s).period_mm = x,
+        ScenePlace::StickSlip(0),
+        "period",
+        [0.01, 1000.0],
+    ),
+    (
+        |s, x| stick_slip(s).duty = x,
+        ScenePlace::StickSlip(0),
+        "duty",
+        [0.05, 1.0],
+    ),
+    (
+        |s, x| stick_slip(s).depth = x,
+        ScenePlace::StickSlip(0),
+        "depth",
+        [0.0, 1.0],
+    ),
+    (
+        |s, x| stick_slip(s).below_mm_s = x,
+        ScenePlace::StickSlip(0),
+        "below",
+        [0.001, 10_000.0],
+    ),
+    (
+        |s, x| stick_slip(s).above_n = x,
+        ScenePlace::StickSlip(0),
+        "above",
+        [0.001, 1000.0],
+    ),
+    (
+        |s, x| s.regions[0].start_mm = x,
+        ScenePlace::Region(0),
+        "start",
+        [-100_000.0, 19.0],
+    ),
+    (
+        |s, x| s.regions[1].end_mm = x,
+        ScenePlace::Region(1),
+        "end",
+        [21.0, 100_000.0],
+    ),
+    (
+        |s, x| s.motion = constant(x, 1.0),
+        ScenePlace::Motion,
+        "speed",
+        [0.0, 10_000.0],
+    ),
+    (
+        |s, x| s.motion = constant(1.0, x),
+        ScenePlace::Motion,
+        "force",
+        [0.0, 1000.0],
+    ),
+    // The same fields of another surface are found there.
+    (
+        |s, x| s.surfaces[1].gain = x,
+        ScenePlace::Surface(1),
+        "gain",
+        [0.0, 64.0],
+    ),
+    (
+        |s, x| s.surfaces[1].tap = Some(tap_of(x)),
+        ScenePlace::Tap(1),
+        "frequency",
+        [10.0, 2250.0],
+    ),
+    (
+        |s, x| s.regions[1].start_mm = x,
+        ScenePlace::Region(1),
+        "start",
+        [20.0, 49.0],
+    ),
+    (
+        |s, x| s.regions[0].end_mm = x,
+        ScenePlace::Region(0),
+        "end",
+        [-9.0, 20.0],
+    ),
+];
+
 #[test]
 fn numbers_must_be_finite_and_within_their_ranges() {
-    type Spoil = fn(&mut Scene, f32);
-    let fields: [(Spoil, ScenePlace, &str, [f32; 2]); 19] = [
-        (
-            |s, x| s.transition_mm = x,
-            ScenePlace::Scene,
-            "transition",
-            [0.0, 100.0],
-        ),
-        (
-            |s, x| s.surfaces[0].gain = x,
-            ScenePlace::Surface(0),
-            "gain",
-            [0.0, 64.0],
-        ),
-        (
-            |s, x| tap(s).frequency_hz = x,
-            ScenePlace::Tap(0),
-            "frequency",
-            [10.0, 2250.0],
-        ),
-        (
-            |s, x| tap(s).decay_s = x,
-            ScenePlace::Tap(0),
-            "decay",
-            [0.0005, 1.0],
-        ),
-        (
-            |s, x| tap(s).gain_m_s2_per_n_s = x,
-            ScenePlace::Tap(0),
-            "gain",
-            [0.0, 100.0],
-        ),
-        (
-            |s, x| tap(s).limit_m_s2 = x,
-            ScenePlace::Tap(0),
-            "limit",
-            [0.0, 256.0],
-        ),
-        (
-            |s, x| stick_slip(s).period_mm = x,
-            ScenePlace::StickSlip(0),
-            "period",
-            [0.01, 1000.0],
-        ),
-        (
-            |s, x| stick_slip(s).duty = x,
-            ScenePlace::StickSlip(0),
-            "duty",
-            [0.05, 1.0],
-        ),
-        (
-            |s, x| stick_slip(s).depth = x,
-            ScenePlace::StickSlip(0),
-            "depth",
-            [0.0, 1.0],
-        ),
-        (
-            |s, x| stick_slip(s).below_mm_s = x,
-            ScenePlace::StickSlip(0),
-            "below",
-            [0.001, 10_000.0],
-        ),
-        (
-            |s, x| stick_slip(s).above_n = x,
-            ScenePlace::StickSlip(0),
-            "above",
-            [0.001, 1000.0],
-        ),
-        (
-            |s, x| s.regions[0].start_mm = x,
-            ScenePlace::Region(0),
-            "start",
-            [-100_000.0, 19.0],
-        ),
-        (
-            |s, x| s.regions[1].end_mm = x,
-            ScenePlace::Region(1),
-            "end",
-            [21.0, 100_000.0],
-        ),
-        (
-            |s, x| s.motion = constant(x, 1.0),
-            ScenePlace::Motion,
-            "speed",
-            [0.0, 10_000.0],
-        ),
-        (
-            |s, x| s.motion = constant(1.0, x),
-            ScenePlace::Motion,
-            "force",
-            [0.0, 1000.0],
-        ),
-        // The same fields of another surface are found there.
-        (
-            |s, x| s.surfaces[1].gain = x,
-            ScenePlace::Surface(1),
-            "gain",
-            [0.0, 64.0],
-        ),
-        (
-            |s, x| s.surfaces[1].tap = Some(tap_of(x)),
-            ScenePlace::Tap(1),
-            "frequency",
-            [10.0, 2250.0],
-        ),
-        (
-            |s, x| s.regions[1].start_mm = x,
-            ScenePlace::Region(1),
-            "start",
-            [20.0, 49.0],
-        ),
-        (
-            |s, x| s.regions[0].end_mm = x,
-            ScenePlace::Region(0),
-            "end",
-            [-9.0, 20.0],
-        ),
-    ];
     let bytes = RawLibrary::with_scenes().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
     let scene = library.scene("full").expect("it is there");
-    for (set, place, field, [lowest, highest]) in fields {
+    for (set, place, field, [lowest, highest]) in FIELDS {
         for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1e9, 1e9] {
             let error = fault(|scene| set(scene, value));
             check(error, place, &format!("{field} is {value} "));
@@ -334,7 +337,7 @@ fn names_are_unique_and_scenes_are_few() {
 fn a_record_is_one_scene_and_no_more() {
     for spoil in [
         (|record: &mut Vec<u8>| record.push(0)) as fn(&mut Vec<u8>),
-        |record| drop(record.pop()),
+        |record| record.truncate(record.len() - 1),
         Vec::clear,
         |record| record[0] = 49,
     ] {
@@ -446,18 +449,15 @@ fn an_equaliser_with_too_much_gain_is_refused_where_it_gets_too_much() {
         (vec![7.0, 7.0, 0.1], Some(1)),
     ] {
         let set = |scene: &mut Scene| scene.equaliser = gains.iter().copied().map(flat).collect();
-        match section {
-            Some(section) => {
-                let error = fault(set);
-                check(error, ScenePlace::Section(section), "a gain above 16");
-            }
-            None => {
-                let bytes = RawLibrary::with_scenes().bytes();
-                let library = Library::decode(&bytes).expect("a valid library");
-                let mut scene = library.scene("plain").expect("it is there");
-                set(&mut scene);
-                assert_eq!(scene.validate(&library), Ok(()));
-            }
+        if let Some(section) = section {
+            let error = fault(set);
+            check(error, ScenePlace::Section(section), "a gain above 16");
+        } else {
+            let bytes = RawLibrary::with_scenes().bytes();
+            let library = Library::decode(&bytes).expect("a valid library");
+            let mut scene = library.scene("plain").expect("it is there");
+            set(&mut scene);
+            assert_eq!(scene.validate(&library), Ok(()));
         }
     }
 }

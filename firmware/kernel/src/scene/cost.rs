@@ -49,9 +49,9 @@ pub const BUDGET: u32 = 20_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StageCost {
     /// Once.
-    pub base: u32,
+    pub base: u16,
     /// For each stage of a lattice, tap of a predictor, or section.
-    pub each: u32,
+    pub each: u16,
 }
 
 /// What a term is for.
@@ -87,7 +87,7 @@ pub struct Term {
     /// What it costs.
     pub cost: StageCost,
     /// How many of what it counts.
-    pub count: u32,
+    pub count: u16,
 }
 
 /// The most that a plan takes of a tick, with the arithmetic.
@@ -108,7 +108,7 @@ pub struct OverBudget {
 impl Term {
     /// Instructions.
     pub const fn instructions(&self) -> u32 {
-        self.cost.base + self.cost.each * self.count
+        self.cost.base as u32 + self.cost.each as u32 * self.count as u32
     }
 
     pub(super) fn voice(surface: u8, texture: &Texture<'_>) -> Self {
@@ -121,7 +121,7 @@ impl Term {
         Self {
             item: Item::Voice { surface, structure },
             cost,
-            count: texture.max_order() as u32,
+            count: texture.max_order() as u16,
         }
     }
 

@@ -81,10 +81,6 @@ impl Section {
         let [v0, v1, v2] = self.taps.map(i64::from);
         let sum = v0 * i64::from(f0) + v1 * i64::from(g1) + v2 * i64::from(g2);
         let (output, saturated) = saturate(shift_toward_zero(sum, TAP_FRACTION_BITS));
-        #[expect(
-            clippy::needless_bitwise_bool,
-            reason = "a lazy operator may become a branch, whose path would depend on the data"
-        )]
         let full = saturated | at_full_scale(f0) | at_full_scale(g1);
         (output, full)
     }

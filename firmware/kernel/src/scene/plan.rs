@@ -133,7 +133,7 @@ impl<'a> Plan<'a> {
             cost.add(Term {
                 item: Item::Equaliser,
                 cost: cost::EQUALISER,
-                count: self.equaliser.len() as u32,
+                count: self.equaliser.len() as u16,
             });
         }
         if taps || !self.equaliser.is_empty() {

@@ -285,11 +285,9 @@ fn the_worst_case_counts_what_can_sound_at_a_time_and_nothing_else() {
     assert_eq!(items(&single(2)).len(), 2);
     // Of three surfaces the two dear ones.
     let cost = plan(&bytes, &side_by_side(&[2, 0, 3], 1.0)).worst_case();
-    let expected = cost::MIX.base
-        + cost::LATTICE.base
-        + 400 * cost::LATTICE.each
-        + cost::DIRECT_16.base
-        + 400 * cost::DIRECT_16.each;
+    let expected = u32::from(cost::MIX.base)
+        + u32::from(cost::LATTICE.base + 400 * cost::LATTICE.each)
+        + u32::from(cost::DIRECT_16.base + 400 * cost::DIRECT_16.each);
     assert_eq!(cost.instructions(), expected);
     // A surface that no region has costs nothing.
     let mut scene = side_by_side(&[0, 2], 0.0);

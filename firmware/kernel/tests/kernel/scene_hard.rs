@@ -46,7 +46,7 @@ fn blocks_to_silence(
 fn contact_that_bounces_stays_within_bounds_and_ends_in_silence() {
     let bytes = library(&[]);
     // In blocks of 2 ms: two contacts in five, and one in two.
-    for touches_at in [|n: u32| n * 2 % 5 < 2, |n: u32| n % 2 == 0] {
+    for touches_at in [|n: u32| n * 2 % 5 < 2, |n: u32| n.is_multiple_of(2)] {
         let mut player = player(&bytes, &busy(), 13);
         let mut highest: f64 = 0.0;
         for n in 0..1000u32 {
