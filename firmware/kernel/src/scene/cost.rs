@@ -1,8 +1,8 @@
 //! What a plan costs the tick, in instructions: a base and so much for each of something, stage by stage.
 //!
 //! **The constants are a model.** Those of voices follow from the counts in the README (the virtual stylus's ticks at order
-//! 400, less those of an idle tick), rounded up; those of the effects are estimates from the operations in their source, and
-//! stand to be replaced by counts from the virtual stylus. All are here and nowhere else.
+//! 400, less those of an idle tick), rounded up; those of the effects are the instructions in the compiler's listing for a
+//! Cortex-M7, rounded up, and stand to be replaced by counts from the virtual stylus. All are here and nowhere else.
 
 use core::fmt;
 
@@ -30,16 +30,16 @@ pub const DIRECT_32: StageCost = StageCost {
 };
 
 /// What stick-slip adds to a voice.
-pub const STICK_SLIP: StageCost = StageCost { base: 50, each: 0 };
+pub const STICK_SLIP: StageCost = StageCost { base: 60, each: 0 };
 
 /// A tap transient.
 pub const TAP: StageCost = StageCost { base: 40, each: 0 };
 
 /// The equaliser; each is a section.
-pub const EQUALISER: StageCost = StageCost { base: 40, each: 70 };
+pub const EQUALISER: StageCost = StageCost { base: 60, each: 90 };
 
 /// The fade while scenes are exchanged.
-pub const FADE_OUT: StageCost = StageCost { base: 20, each: 0 };
+pub const FADE_OUT: StageCost = StageCost { base: 30, each: 0 };
 
 /// Instructions that a scene may take of a tick: at the device's 400 MHz a period of 200 µs is 80 000 cycles, at two cycles an
 /// instruction, which is pessimistic, 40 000 instructions; half of it is for safety, inputs, interrupts and margin.
