@@ -49,8 +49,8 @@ pub struct Noted {
     pub playing: Option<Place>,
 }
 
-static FRAMES: [Handed<Option<Frame<CortexM>>>; 2] = [const { Handed::new(None) }; 2];
-static PLAYBACK: Handed<Option<Playback<CortexM>>> = Handed::new(None);
+static FRAMES: [Handed<Option<Frame>>; 2] = [const { Handed::new(None) }; 2];
+static PLAYBACK: Handed<Option<Playback>> = Handed::new(None);
 static NOTED: Handed<Noted> = Handed::new(Noted {
     sensors: Sensors::new(),
     tick: 0,
@@ -94,7 +94,7 @@ pub unsafe fn next_sample(place: Place) -> OutputSample {
     // SAFETY: the caller is whose turn it is.
     let (playback, frame) = unsafe { (PLAYBACK.get(), FRAMES[place as usize].look()) };
     match (playback, frame) {
-        (Some(playback), Some(frame)) => playback.next_sample(frame),
+        (Some(playback), Some(frame)) => playback.next_sample::<CortexM>(frame),
         _ => OutputSample::SILENCE,
     }
 }

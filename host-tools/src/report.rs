@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use model_format::{Axis, Library, Texture};
+use model_format::{Axis, Library, Node, Texture};
 
 use crate::error::{Error, Result};
 use crate::evaluate::{
@@ -182,39 +182,8 @@ impl Report<'_> {
     }
 
     fn cost_map(&mut self, texture: &Texture<'_>, stem: &str) -> Result<()> {
-        let trials: Vec<&TrialEvaluation> = self
-            .evaluation
-            .trials
-            .iter()
-            .filter(|trial| trial.texture == texture.name())
-            .collect();
-        let speeds: Vec<f64> = texture.speed_axis().values().map(as_written).collect();
-        let forces: Vec<f64> = texture.force_axis().values().map(as_written).collect();
-        let places = speeds
-            .iter()
-            .flat_map(|&speed| forces.iter().map(move |&force| (speed, force)));
-        let cells: Vec<GridCell> = texture
-            .nodes()
-            .zip(places)
-            .map(|(node, (speed, force))| {
-                let here = |trial: &&&TrialEvaluation| {
-                    trial.speed_mm_s as f32 == speed as f32 && trial.force_n as f32 == force as f32
-                };
-                GridCell {
-                    value: trials.iter().find(here).and_then(|trial| trial.cost),
-                    flags: node.flags,
-                }
-            })
-            .collect();
         let title = format!("{}: C over the grid", texture.name());
-        let map = GridMap {
-            speeds_mm_s: &speeds,
-            forces_n: &forces,
-            cells: &cells,
-            quantity: "C",
-            decimals: 2,
-        };
-        let picture = grid_map(&self.caption(&title), &map)?;
+        let picture = cost_map(&self.caption(&title), texture, self.evaluation)?;
         self.figure(
             &picture,
             &format!("{stem}-cost-map.svg"),
@@ -258,8 +227,40 @@ fn node_order(texture: &Texture<'_>, trial: &crate::recording::Trial) -> Option<
     Some(texture.node(speed, force).coefficients.order())
 }
 
+/// C of every node of a texture that was judged, over the grid.
+pub(crate) fn cost_map(
+    caption: &Caption<'_>,
+    texture: &Texture<'_>,
+    evaluation: &Evaluation,
+) -> Result<Svg> {
+    let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
+    let places = speeds
+        .values()
+        .flat_map(|speed| forces.values().map(move |force| (speed, force)));
+    let cell = |(node, (speed, force)): (Node<'_>, (f32, f32))| {
+        let here = |trial: &&TrialEvaluation| {
+            trial.texture == texture.name()
+                && trial.speed_mm_s as f32 == speed
+                && trial.force_n as f32 == force
+        };
+        GridCell {
+            value: evaluation.trials.iter().find(here).and_then(|t| t.cost),
+            flags: node.flags,
+        }
+    };
+    let cells: Vec<GridCell> = texture.nodes().zip(places).map(cell).collect();
+    let map = GridMap {
+        speeds_mm_s: &speeds.values().map(as_written).collect::<Vec<_>>(),
+        forces_n: &forces.values().map(as_written).collect::<Vec<_>>(),
+        cells: &cells,
+        quantity: "C",
+        decimals: 2,
+    };
+    grid_map(caption, &map)
+}
+
 /// A value of an axis as it was written in decimals: 0.2, not 0.200000003.
-fn as_written(value: f32) -> f64 {
+pub(crate) fn as_written(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
 }
 

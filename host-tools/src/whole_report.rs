@@ -19,6 +19,7 @@ use crate::plot::{
     grid_and_motion, grid_map, order_against_cost, spectrograms, time_and_frequency,
 };
 use crate::recording::{MODEL_RATE_HZ, RecordingSet, resample};
+use crate::report::{as_written, cost_map};
 use crate::spectrum::AMPLITUDE_JND_DB;
 use crate::takes::TakeDistance;
 
@@ -385,7 +386,7 @@ impl Report<'_> {
             .flat_map(|&speed| forces.iter().map(move |&force| (speed, force)));
         let nodes: Vec<(f64, f64, f64)> = texture
             .nodes()
-            .zip(places.clone())
+            .zip(places)
             .map(|(node, (v, f))| (v, f, f64::from(node.prediction_error_power)))
             .collect();
         let (fast, firm) = (speeds[speeds.len() - 1], forces[forces.len() - 1]);
@@ -404,33 +405,8 @@ impl Report<'_> {
             &picture,
             "Models over speed and force, and a motion (the paper's figure 9).",
         );
-        let own: Vec<&TrialEvaluation> = self
-            .inputs
-            .evaluation
-            .trials
-            .iter()
-            .filter(|trial| trial.texture == texture.name())
-            .collect();
-        let cells: Vec<GridCell> = texture
-            .nodes()
-            .zip(places)
-            .map(|(node, (speed, force))| GridCell {
-                value: own
-                    .iter()
-                    .find(|trial| trial.speed_mm_s == speed && trial.force_n == force)
-                    .and_then(|trial| trial.cost),
-                flags: node.flags,
-            })
-            .collect();
         let title = format!("{}: C over the grid", texture.name());
-        let map = GridMap {
-            speeds_mm_s: &speeds,
-            forces_n: &forces,
-            cells: &cells,
-            quantity: "C",
-            decimals: 2,
-        };
-        let picture = grid_map(&self.caption(&title), &map)?;
+        let picture = cost_map(&self.caption(&title), &texture, self.inputs.evaluation)?;
         self.page
             .figure(&picture, "C of every node against its own recording.");
         Ok(())
@@ -542,11 +518,6 @@ impl Report<'_> {
 /// How far a place is from [`EXAMPLE`], in shares.
 fn distance(speed_mm_s: f64, force_n: f64) -> f64 {
     (speed_mm_s / EXAMPLE.0 - 1.0).powi(2) + (force_n / EXAMPLE.1 - 1.0).powi(2)
-}
-
-/// A value of an axis as it was written in decimals: 0.2, not 0.200000003.
-fn as_written(value: f32) -> f64 {
-    value.to_string().parse().unwrap_or(f64::from(value))
 }
 
 fn loudest(signals: &[&Vec<f64>]) -> f64 {

@@ -4,12 +4,11 @@
 mod stylus;
 mod support;
 
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::process::Command;
 
 use serde_json::Value;
 use stylus::{Hand, TestStylus, library};
-use support::{Bench, text};
+use support::{Bench, interrupt, text, wait_for};
 
 fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|failure| panic!("{failure}: {text}"))
@@ -22,35 +21,6 @@ fn ready() -> (TestStylus, Bench) {
     bench.succeed(&format!("upload a.lib --activate --link {}", stylus.link()));
     stylus.take_heard();
     (stylus, bench)
-}
-
-fn spawn(bench: &Bench, arguments: &str) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_stylus"))
-        .args(arguments.split_whitespace())
-        .current_dir(bench.path(""))
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the command starts")
-}
-
-fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
-    let begin = Instant::now();
-    while !is_there() {
-        assert!(
-            begin.elapsed() < Duration::from_secs(20),
-            "{what} did not come"
-        );
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
-
-#[cfg(unix)]
-fn interrupt(child: &Child) {
-    let pid = child.id().to_string();
-    let killed = Command::new("kill").args(["-INT", &pid]).status();
-    assert!(killed.expect("kill is there").success());
 }
 
 #[test]
@@ -199,19 +169,8 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
         force_n: 1.0,
         ..Hand::default()
     });
-    let child = Command::new(env!("CARGO_BIN_EXE_stylus"))
-        .args([
-            "play",
-            "--texture",
-            "texture 0",
-            "--json",
-            "--link",
-            &stylus.link(),
-        ])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let link = stylus.link();
+    let child = bench.spawn(["play", "--texture", "texture 0", "--json", "--link", &link]);
     wait_for("a hundred keep-alives", || {
         stylus.count("stylus/keep-alive") >= 100
     });
@@ -241,22 +200,17 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
 fn stop_stops_what_another_program_plays_and_may_be_said_twice() {
     let (stylus, bench) = ready();
     let link = stylus.link();
-    let mut player = Command::new(env!("CARGO_BIN_EXE_stylus"))
-        .args([
-            "play",
-            "--texture",
-            "texture 0",
-            "--speed",
-            "50",
-            "--force",
-            "1",
-            "--link",
-            &link,
-        ])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut player = bench.spawn([
+        "play",
+        "--texture",
+        "texture 0",
+        "--speed",
+        "50",
+        "--force",
+        "1",
+        "--link",
+        &link,
+    ]);
     wait_for("motions", || stylus.count("stylus/motion/live") >= 20);
     // This stylus has one link; whoever comes takes it.
     let stopped = json(&bench.succeed(&format!("stop --json --link {link}")));
@@ -418,7 +372,7 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     );
     let status = json(&bench.succeed(&format!("status --json --link {link}")));
     assert_eq!(status["status"]["record"]["recording"], false);
-    let mut child = spawn(&bench, &format!("monitor --link {link}"));
+    let mut child = bench.spawn(["monitor", "--link", &link]);
     wait_for("the recording", || stylus.count("stylus/record/start") >= 3);
     #[cfg(unix)]
     interrupt(&child);

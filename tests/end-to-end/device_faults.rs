@@ -4,13 +4,13 @@
 mod stylus;
 mod support;
 
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use model_format::link::{DeviceInfo, MAX_CHUNK_BYTES};
 use serde_json::Value;
 use stylus::{Faults, TestStylus, library};
-use support::Bench;
+use support::{Bench, wait_for};
 
 /// A stylus, and a folder with a library of about 100 KB.
 fn bench() -> (TestStylus, Bench, Vec<u8>) {
@@ -53,18 +53,8 @@ fn an_upload_that_was_killed_is_resumed_by_the_next() {
         late: Duration::from_millis(5),
         ..Faults::default()
     });
-    let mut first = Command::new(env!("CARGO_BIN_EXE_stylus"))
-        .args(["upload", "a.lib", "--link", &stylus.link()])
-        .current_dir(bench.path(""))
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let begin = Instant::now();
-    while stylus.count("stylus/upload/chunk") < 30 {
-        assert!(begin.elapsed() < Duration::from_secs(20), "no chunks come");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    let mut first = bench.spawn(["upload", "a.lib", "--link", &stylus.link()]);
+    wait_for("chunks", || stylus.count("stylus/upload/chunk") >= 30);
     first.kill().unwrap();
     first.wait().unwrap();
     stylus.fail(Faults::default());

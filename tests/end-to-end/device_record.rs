@@ -5,13 +5,13 @@ mod stylus;
 mod support;
 
 use std::io::Write;
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Child, Output};
+use std::time::Duration;
 
 use model_format::AdcCode;
 use serde_json::Value;
 use stylus::{Faults, Hand, TestStylus};
-use support::{Bench, all_pole, noise, text};
+use support::{Bench, all_pole, interrupt, noise, text, wait_for};
 
 /// Default scale of the accelerometer, m/s² per V.
 const SCALE: f64 = 29.72;
@@ -44,26 +44,9 @@ fn record(stylus: &TestStylus, bench: &Bench, arguments: &str) -> Output {
 }
 
 fn spawn(stylus: &TestStylus, bench: &Bench, arguments: &str) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_stylus"))
-        .args(["record", "set", "--json", "--link", &stylus.link()])
-        .args(arguments.split_whitespace())
-        .current_dir(bench.path(""))
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the command starts")
-}
-
-fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
-    let begin = Instant::now();
-    while !is_there() {
-        assert!(
-            begin.elapsed() < Duration::from_secs(20),
-            "{what} did not come"
-        );
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    let link = stylus.link();
+    let fixed = ["record", "set", "--json", "--link", &link];
+    bench.spawn(fixed.into_iter().chain(arguments.split_whitespace()))
 }
 
 /// The trial's samples, m/s², as a fit reads them.
@@ -295,10 +278,7 @@ fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
         "--texture silk --speeds 100 --forces 1 --seconds 60 --yes",
     );
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
-    let killed = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status();
-    assert!(killed.unwrap().success());
+    interrupt(&child);
     let report = report(&child.wait_with_output().unwrap());
     assert_eq!(
         (&report["left_out"], &report["recorded"]),
@@ -329,4 +309,91 @@ fn a_recording_that_was_left_running_is_stopped_by_stop() {
     let stopped = bench.succeed(&format!("stop --link {}", stylus.link()));
     assert!(stopped.contains("stopped recording"), "{stopped}");
     report(&record(&stylus, &bench, arguments));
+}
+
+/// The columns of a recording of strokes, without its header and comments.
+fn columns(bench: &Bench, name: &str) -> Vec<[f64; 6]> {
+    let text = std::fs::read_to_string(bench.path(name)).unwrap();
+    text.lines()
+        .filter(|line| !line.starts_with(['#', 't']))
+        .map(|line| {
+            let fields: Vec<f64> = line
+                .split(',')
+                .map(|field| field.parse().unwrap())
+                .collect();
+            fields.try_into().unwrap()
+        })
+        .collect()
+}
+
+#[test]
+fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    for (name, speed, force) in [("a.csv", 120.0, 1.0), ("b.csv", 60.0, 0.6)] {
+        stylus.set_hand(hand(speed, force));
+        let link = stylus.link();
+        let recorded = bench.succeed(&format!(
+            "record-strokes {name} --seconds 1.5 --json --link {link}"
+        ));
+        let recorded: Value = serde_json::from_str(&recorded).unwrap();
+        assert_eq!(
+            (&recorded["lost_samples"], &recorded["seconds"]),
+            (&0.into(), &1.5.into())
+        );
+        let rows = columns(&bench, name);
+        assert_eq!(rows.len(), 7500);
+        let scale = SCALE * f64::from(AdcCode::STEP.0);
+        let pins = hand(speed, force).acceleration;
+        let codes =
+            |row: &[f64; 6]| [1, 2, 3].map(|axis| (row[axis] / scale).round() as i64 + 32_768);
+        let begins = pins
+            .iter()
+            .position(|pin| pin.map(i64::from) == codes(&rows[0]));
+        let begins = begins.expect("the first sample was on the pins");
+        for (n, row) in rows.iter().enumerate() {
+            let pin = pins[(begins + n) % pins.len()].map(i64::from);
+            assert_eq!(codes(row), pin, "{name}, sample {n}");
+            assert!(
+                (row[4] - speed).abs() < 0.02 * speed,
+                "{name}, sample {n}: {row:?}"
+            );
+            assert!((row[5] - force).abs() < 0.01, "{name}, sample {n}: {row:?}");
+        }
+    }
+    bench.refuse(&format!("record-strokes a.csv --link {}", stylus.link()));
+    let cut = bench.succeed(
+        "segment a.csv b.csv --texture silk --out set --speeds 20:200:20 --forces 0.2:1.4:0.2",
+    );
+    assert!(cut.contains("2 nodes"), "{cut}");
+    let fitted = bench.succeed("fit set --out silk.lib --order 10");
+    assert!(fitted.contains("-> silk.lib"), "{fitted}");
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
+    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    stylus.set_hand(hand(100.0, 1.0));
+    stylus.fail(Faults {
+        lose_block_every: Some(10),
+        ..Faults::default()
+    });
+    let link = stylus.link();
+    let child = bench.spawn(["record-strokes", "a.csv", "--json", "--link", &link]);
+    wait_for("the recording", || stylus.count("stylus/record/start") > 0);
+    std::thread::sleep(Duration::from_millis(700));
+    interrupt(&child);
+    let report = report(&child.wait_with_output().unwrap());
+    let rows = columns(&bench, "a.csv");
+    let lost = rows.iter().filter(|row| row[1].is_nan()).count() as u64;
+    assert!(lost > 0, "{report}");
+    assert_eq!(report["lost_samples"], lost);
+    // Time goes on in the holes, and speed and force are right beside them.
+    for (n, row) in rows.iter().enumerate() {
+        assert!((row[0] - n as f64 / 5000.0).abs() < 1e-9);
+        assert!(
+            row[4].is_nan() || (row[4] - 100.0).abs() < 3.0,
+            "sample {n}: {row:?}"
+        );
+    }
 }

@@ -7,12 +7,18 @@ use core::sync::atomic::{Ordering, compiler_fence};
 use crate::fixed::high_word_toward_zero;
 use crate::rotation::Rotation;
 
+/// Taps that are summed in one turn of a loop.
+pub const TURN_TAPS: usize = 40;
+
+/// Coefficients or samples of one turn.
+pub type Turn = [i32; TURN_TAPS];
+
 /// What the inner loops do most.
 pub trait Arithmetic: Copy {
-    /// `sum` + low(a)·low(b) + high(a)·high(b), where low and high are the signed halves of a word.
+    /// Σ a·b over as many turns as both have, in 64 bits.
     ///
-    /// Exact; wraps only where the 64-bit sum itself overflows, which no valid library's coefficients can bring about.
-    fn multiply_accumulate(sum: i64, a: u32, b: u32) -> i64;
+    /// Exact; wraps only where the sum itself overflows, which no valid library's coefficients can bring about.
+    fn sum_of_products(coefficients: &[Turn], samples: &[Turn]) -> i64;
 
     /// Puts `forward` through the stages of a lattice, the last of `rotations` first, and gives what comes out; see
     /// [`crate::lattice`].
@@ -20,6 +26,12 @@ pub trait Arithmetic: Copy {
     /// `backward` holds one word more than there are stages. Word m - 1 is the backward signal that stage m reads and
     /// word m the one that it writes; word 0 is for the caller to write.
     fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32;
+
+    /// Puts two samples through in one pass: the bits of two calls of [`Arithmetic::rotate`] with word 0 written in between.
+    ///
+    /// The second follows the first a stage behind, so that it takes what the first puts out there before that goes to memory,
+    /// and one pass over the rotations serves both.
+    fn rotate_two(rotations: &[Rotation], backward: &mut [i32], forward: [i32; 2]) -> [i32; 2];
 }
 
 /// The reference, in plain Rust.
@@ -27,38 +39,61 @@ pub trait Arithmetic: Copy {
 pub struct Portable;
 
 impl Arithmetic for Portable {
-    #[inline(always)]
-    fn multiply_accumulate(sum: i64, a: u32, b: u32) -> i64 {
-        let low = i32::from(a as i16) * i32::from(b as i16);
-        let high = i32::from((a >> 16) as i16) * i32::from((b >> 16) as i16);
-        sum.wrapping_add(i64::from(low))
-            .wrapping_add(i64::from(high))
+    #[inline]
+    fn sum_of_products(coefficients: &[Turn], samples: &[Turn]) -> i64 {
+        let (coefficients, samples) = (coefficients.as_flattened(), samples.as_flattened());
+        coefficients.iter().zip(samples).fold(0, |sum, (&a, &b)| {
+            sum.wrapping_add(i64::from(a) * i64::from(b))
+        })
     }
 
     #[inline]
     fn rotate(rotations: &[Rotation], backward: &mut [i32], mut forward: i32) -> i32 {
         let backward = Cell::from_mut(backward).as_slice_of_cells();
-        for (rotation, pair) in rotations.iter().zip(backward.windows(2)).rev() {
-            let (cos, f, g) = (
-                i64::from(rotation.cos),
-                i64::from(forward),
-                i64::from(pair[0].get()),
-            );
-            // One 64-bit sum and one truncation each: two separate products would break the bound by a step.
-            let down = high_word_toward_zero(cos * f + i64::from(rotation.neg_sin) * g);
-            let up = high_word_toward_zero(i64::from(rotation.sin) * f + cos * g);
-            pair[1].set(up.saturating_add(up));
-            forward = down.saturating_add(down);
+        for (&rotation, pair) in rotations.iter().zip(backward.windows(2)).rev() {
+            let up;
+            (forward, up) = rotated(rotation, forward, pair[0].get());
+            pair[1].set(up);
             // No instruction; it keeps the compiler from running ahead along the forward path, which costs it more
             // registers than there are and doubles the time of a stage on a Cortex-M4.
             compiler_fence(Ordering::SeqCst);
         }
         forward
     }
+
+    #[inline]
+    fn rotate_two(
+        rotations: &[Rotation],
+        backward: &mut [i32],
+        [mut first, mut second]: [i32; 2],
+    ) -> [i32; 2] {
+        let Some((&last, others)) = rotations.split_last() else {
+            return [first, second];
+        };
+        let mut up;
+        (first, up) = rotated(last, first, backward[others.len()]);
+        backward[rotations.len()] = up;
+        for (stage, pair) in rotations.windows(2).enumerate().rev() {
+            (first, up) = rotated(pair[0], first, backward[stage]);
+            (second, up) = rotated(pair[1], second, up);
+            backward[stage + 2] = up;
+        }
+        (second, up) = rotated(rotations[0], second, first);
+        backward[1] = up;
+        [first, second]
+    }
 }
 
-/// Two 16-bit numbers as one word, the first in the low half.
+/// One stage of a lattice: the forward signal that goes on down, and the backward signal that goes up.
 #[inline(always)]
-pub fn pack(pair: [i16; 2]) -> u32 {
-    u32::from(pair[0] as u16) | u32::from(pair[1] as u16) << 16
+pub fn rotated(rotation: Rotation, forward: i32, backward: i32) -> (i32, i32) {
+    let (cos, f, g) = (
+        i64::from(rotation.cos),
+        i64::from(forward),
+        i64::from(backward),
+    );
+    // One 64-bit sum and one truncation each: two separate products would break the bound by a step.
+    let down = high_word_toward_zero(cos * f + i64::from(rotation.neg_sin) * g);
+    let up = high_word_toward_zero(i64::from(rotation.sin) * f + cos * g);
+    (down.saturating_add(down), up.saturating_add(up))
 }

@@ -22,8 +22,10 @@ pub fn shift_toward_zero(value: i64, bits: u32) -> i64 {
 /// `value` in 32 bits, saturated, and whether it had to be.
 #[inline(always)]
 pub fn saturate(value: i64) -> (i32, bool) {
-    let kept = value.clamp(i32::MIN as i64, i32::MAX as i64);
-    (kept as i32, kept != value)
+    let (word, sign) = (value as i32, (value >> 63) as i32);
+    let saturated = (value >> 32) as i32 != word >> 31;
+    let kept = if saturated { i32::MAX ^ sign } else { word };
+    (kept, saturated)
 }
 
 #[cfg(test)]

@@ -89,6 +89,19 @@ impl LatticeFrame {
     pub fn rotations(&self) -> &[Rotation] {
         &self.rotations[..self.stages]
     }
+
+    /// What the lattice puts out, at the level with `left` samples of the ramp to come; and whether it is at full scale.
+    #[inline(always)]
+    fn output(&self, filtered: i32, left: u32) -> (OutputSample, bool) {
+        let gain = self.gain.value(left);
+        let output = shift_toward_zero(i64::from(filtered) * i64::from(gain), 31);
+        #[expect(
+            clippy::needless_bitwise_bool,
+            reason = "a lazy operator may become a branch, whose path would depend on the data"
+        )]
+        let at_full_scale = (filtered == i32::MAX) | (filtered == i32::MIN);
+        (OutputSample(output as i32), at_full_scale)
+    }
 }
 
 impl LatticeState {
@@ -126,6 +139,20 @@ impl LatticeState {
         output
     }
 
+    /// Puts two samples of excitation through, as two calls of [`LatticeState::filter`] do and in less time.
+    #[inline]
+    pub fn filter_two<A: Arithmetic>(
+        &mut self,
+        rotations: &[Rotation],
+        excitation: [i32; 2],
+    ) -> [i32; 2] {
+        let rotations = &rotations[..rotations.len().min(MAX_ORDER)];
+        let backward = &mut self.backward[..=rotations.len()];
+        let output = A::rotate_two(rotations, backward, excitation);
+        backward[0] = output[1];
+        output
+    }
+
     /// The next sample of a texture: `excitation` through the lattice of `frame`, at its level with `left` samples of
     /// its ramp to come; and whether the lattice is at full scale.
     #[inline]
@@ -136,14 +163,22 @@ impl LatticeState {
         left: u32,
     ) -> (OutputSample, bool) {
         let filtered = self.filter::<A>(frame.rotations(), excitation);
-        let gain = frame.gain.value(left);
-        let output = shift_toward_zero(i64::from(filtered) * i64::from(gain), 31);
-        #[expect(
-            clippy::needless_bitwise_bool,
-            reason = "a lazy operator may become a branch, whose path would depend on the data"
-        )]
-        let at_full_scale = (filtered == i32::MAX) | (filtered == i32::MIN);
-        (OutputSample(output as i32), at_full_scale)
+        frame.output(filtered, left)
+    }
+
+    /// The next two samples, as two calls of [`LatticeState::next_sample`] give them.
+    #[inline]
+    pub fn next_two_samples<A: Arithmetic>(
+        &mut self,
+        frame: &LatticeFrame,
+        excitation: [i32; 2],
+        left: [u32; 2],
+    ) -> [(OutputSample, bool); 2] {
+        let filtered = self.filter_two::<A>(frame.rotations(), excitation);
+        [
+            frame.output(filtered[0], left[0]),
+            frame.output(filtered[1], left[1]),
+        ]
     }
 }
 

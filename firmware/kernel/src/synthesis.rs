@@ -3,10 +3,12 @@
 //! [`Frame`] is what a motion calls for, [`Playback`] what was played: a device computes the next frame below its
 //! sample's priority and hands it over whole. [`Synthesis`] is both in one, for where there is no such hurry.
 
+use core::marker::PhantomData;
+
 use model_format::{OutputSample, Structure, Texture};
 
 use crate::arithmetic::{Arithmetic, Portable};
-use crate::direct::{DirectFrame, DirectState, Word16, Word32};
+use crate::direct::{DirectFrame, DirectState};
 use crate::excitation::Excitation;
 use crate::grid::{GridPoint, Motion, ONE};
 use crate::lattice::{LatticeFrame, LatticeState};
@@ -15,46 +17,41 @@ use crate::level::Levels;
 /// How often coefficients follow the motion, samples: every 2 ms at 5 kHz.
 pub const UPDATE_INTERVAL_SAMPLES: u32 = 10;
 
-/// Coefficients and levels that a motion calls for. `M` is the processor's
-/// arithmetic; all give the same bits.
+/// Coefficients and levels that a motion calls for.
 #[derive(Clone, Debug)]
-pub struct Frame<M: Arithmetic = Portable>(FrameOf<M>);
+pub struct Frame(FrameOf);
 
-/// One for each structure. A texture of a single node needs no weighing of four.
+/// One for each kind of filter.
 #[derive(Clone, Debug)]
-enum FrameOf<M: Arithmetic> {
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one frame is reserved once, for the largest"
+)]
+enum FrameOf {
     Lattice(LatticeFrame),
-    Direct16One(DirectFrame<Word16<M>, 1, 1>),
-    Direct16(DirectFrame<Word16<M>, 2, 2>),
-    Direct32One(DirectFrame<Word32, 1, 1>),
-    Direct32(DirectFrame<Word32, 2, 2>),
+    Direct(DirectFrame),
 }
 
-/// Runs an expression on the frame of any structure.
+/// Runs an expression on the frame of either filter.
 macro_rules! each_frame {
     ($frame:expr, $inner:ident => $result:expr) => {
         match $frame {
             FrameOf::Lattice($inner) => $result,
-            FrameOf::Direct16One($inner) => $result,
-            FrameOf::Direct16($inner) => $result,
-            FrameOf::Direct32One($inner) => $result,
-            FrameOf::Direct32($inner) => $result,
+            FrameOf::Direct($inner) => $result,
         }
     };
 }
 
-impl<M: Arithmetic> Frame<M> {
+impl Frame {
     /// A silent frame for `texture`.
     pub fn silent(texture: &Texture<'_>) -> Self {
-        let single = texture.speed_axis().len() * texture.force_axis().len() == 1;
-        Self(match (texture.structure(), single) {
-            (Structure::NormalisedLattice, _) => {
+        Self(match texture.structure() {
+            Structure::NormalisedLattice => {
                 FrameOf::Lattice(LatticeFrame::silent(texture.max_order()))
             }
-            (Structure::DirectForm16, true) => FrameOf::Direct16One(DirectFrame::silent(texture)),
-            (Structure::DirectForm16, false) => FrameOf::Direct16(DirectFrame::silent(texture)),
-            (Structure::DirectForm32, true) => FrameOf::Direct32One(DirectFrame::silent(texture)),
-            (Structure::DirectForm32, false) => FrameOf::Direct32(DirectFrame::silent(texture)),
+            Structure::DirectForm16 | Structure::DirectForm32 => {
+                FrameOf::Direct(DirectFrame::silent(texture))
+            }
         })
     }
 
@@ -92,9 +89,9 @@ impl<M: Arithmetic> Frame<M> {
 
 /// What was played of a texture, and the noise to come.
 #[derive(Clone, Debug)]
-pub struct Playback<M: Arithmetic = Portable> {
+pub struct Playback {
     excitation: Excitation,
-    state: State<M>,
+    state: State,
     /// Samples of the current frame's ramps that are still to come.
     left: u32,
     saturations: u32,
@@ -105,23 +102,21 @@ pub struct Playback<M: Arithmetic = Portable> {
     clippy::large_enum_variant,
     reason = "one state is reserved once, for the largest"
 )]
-enum State<M: Arithmetic> {
+enum State {
     Lattice(LatticeState),
-    Direct16(DirectState<Word16<M>>),
-    Direct32(DirectState<Word32>),
+    Direct(DirectState),
 }
 
-impl<M: Arithmetic> State<M> {
+impl State {
     fn at_rest(texture: &Texture<'_>) -> Self {
         match texture.structure() {
             Structure::NormalisedLattice => Self::Lattice(LatticeState::new()),
-            Structure::DirectForm16 => Self::Direct16(DirectState::new()),
-            Structure::DirectForm32 => Self::Direct32(DirectState::new()),
+            Structure::DirectForm16 | Structure::DirectForm32 => Self::Direct(DirectState::new()),
         }
     }
 }
 
-impl<M: Arithmetic> Playback<M> {
+impl Playback {
     /// `texture` at rest; the same `seed` gives the same samples, always and everywhere.
     pub fn new(texture: &Texture<'_>, seed: u64) -> Self {
         Self {
@@ -144,31 +139,40 @@ impl<M: Arithmetic> Playback<M> {
         self.left = samples;
     }
 
-    /// The next sample, by a frame of the texture that this was made for; by that of another structure it is silence.
+    /// The next sample, by a frame of the texture that this was made for; by that of another structure it is silence. `A` is
+    /// the processor's arithmetic; all give the same bits.
     #[inline]
-    pub fn next_sample(&mut self, frame: &Frame<M>) -> OutputSample {
+    pub fn next_sample<A: Arithmetic>(&mut self, frame: &Frame) -> OutputSample {
         self.left = self.left.saturating_sub(1);
         let (left, excitation) = (self.left, self.excitation.next_sample());
         let (output, saturated) = match (&frame.0, &mut self.state) {
             (FrameOf::Lattice(frame), State::Lattice(state)) => {
-                state.next_sample::<M>(frame, excitation, left)
+                state.next_sample::<A>(frame, excitation, left)
             }
-            (FrameOf::Direct16One(frame), State::Direct16(state)) => {
-                state.next_sample(frame, excitation, left)
-            }
-            (FrameOf::Direct16(frame), State::Direct16(state)) => {
-                state.next_sample(frame, excitation, left)
-            }
-            (FrameOf::Direct32One(frame), State::Direct32(state)) => {
-                state.next_sample(frame, excitation, left)
-            }
-            (FrameOf::Direct32(frame), State::Direct32(state)) => {
-                state.next_sample(frame, excitation, left)
+            (FrameOf::Direct(frame), State::Direct(state)) => {
+                state.next_sample::<A>(frame, excitation, left)
             }
             _ => (OutputSample::SILENCE, false),
         };
         self.saturations = self.saturations.saturating_add(u32::from(saturated));
         output
+    }
+
+    /// The next two samples, those of two calls of [`Playback::next_sample`]. A lattice takes less time for two than for one and
+    /// one: for whoever need not put the first out before the second is known.
+    #[inline]
+    pub fn next_two_samples<A: Arithmetic>(&mut self, frame: &Frame) -> [OutputSample; 2] {
+        let (FrameOf::Lattice(lattice), State::Lattice(state)) = (&frame.0, &mut self.state) else {
+            return [self.next_sample::<A>(frame), self.next_sample::<A>(frame)];
+        };
+        let left = [1, 2].map(|played| self.left.saturating_sub(played));
+        self.left = left[1];
+        let excitation = [self.excitation.next_sample(), self.excitation.next_sample()];
+        let played = state.next_two_samples::<A>(lattice, excitation, left);
+        played.map(|(output, saturated)| {
+            self.saturations = self.saturations.saturating_add(u32::from(saturated));
+            output
+        })
     }
 
     /// Samples of the current frame's ramps that are still to come.
@@ -183,21 +187,23 @@ impl<M: Arithmetic> Playback<M> {
     }
 }
 
-/// A texture being played, frame and playback in one.
+/// A texture being played, frame and playback in one, by the arithmetic `A`.
 #[derive(Clone, Debug)]
-pub struct Synthesis<'a, M: Arithmetic = Portable> {
+pub struct Synthesis<'a, A: Arithmetic = Portable> {
     texture: Texture<'a>,
-    frame: Frame<M>,
-    playback: Playback<M>,
+    frame: Frame,
+    playback: Playback,
+    arithmetic: PhantomData<A>,
 }
 
-impl<'a, M: Arithmetic> Synthesis<'a, M> {
+impl<'a, A: Arithmetic> Synthesis<'a, A> {
     /// `texture` at rest, silent until it is moved; the same `seed` gives the same samples, always and everywhere.
     pub fn new(texture: Texture<'a>, seed: u64) -> Self {
         Self {
             texture,
             frame: Frame::silent(&texture),
             playback: Playback::new(&texture, seed),
+            arithmetic: PhantomData,
         }
     }
 
@@ -212,7 +218,13 @@ impl<'a, M: Arithmetic> Synthesis<'a, M> {
     /// The next sample.
     #[inline]
     pub fn next_sample(&mut self) -> OutputSample {
-        self.playback.next_sample(&self.frame)
+        self.playback.next_sample::<A>(&self.frame)
+    }
+
+    /// The next two samples; see [`Playback::next_two_samples`].
+    #[inline]
+    pub fn next_two_samples(&mut self) -> [OutputSample; 2] {
+        self.playback.next_two_samples::<A>(&self.frame)
     }
 
     /// See [`Playback::saturations`].

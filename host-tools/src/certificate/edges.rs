@@ -11,14 +11,15 @@ const LEAST_HALF_WIDTH: f64 = 1e-12;
 const MOST_HALVINGS: usize = 200_000;
 
 /// Proves that no weighted mean of one to four polynomials has a zero on or outside the unit circle, and gives a lower bound
-/// of |A| on the circle, at least half of the exact minimum.
+/// of |A| on the circle, at least half of the exact minimum, though every mean may be off by `rounding` in |A|.
 ///
 /// # Errors
 /// The frequency, rad, at which the proof came to its end: a mean with a zero on the circle, or one too near to tell; or 0
 /// where none has, but the first polynomial has zeros outside the circle.
-pub(super) fn prove(corners: &[&Circle]) -> Result<f64, f64> {
+pub(super) fn prove(corners: &[&Circle], rounding: f64) -> Result<f64, f64> {
     let mut proof = Proof {
         corners,
+        rounding,
         halvings: 0,
         margin: f64::INFINITY,
         turned: 0.0,
@@ -53,6 +54,7 @@ fn discs(corners: &[&Circle], disc: impl Fn(&Circle) -> Disc) -> [Disc; 4] {
 
 struct Proof<'a> {
     corners: &'a [&'a Circle],
+    rounding: f64,
     halvings: usize,
     margin: f64,
     /// How far the first corner's value has turned around 0 so far, rad.
@@ -63,7 +65,7 @@ struct Proof<'a> {
 impl Proof<'_> {
     /// Shows that 0 is on no edge in an interval, or in both of its halves.
     fn interval(&mut self, discs: &[Disc; 4], middle: f64, half_width: f64) -> Result<(), f64> {
-        if let Some(margin) = least_distance(discs) {
+        if let Some(margin) = least_distance(discs, self.rounding) {
             self.margin = self.margin.min(margin);
             // The first and the last interval reach beyond the half circle: their parts out there do not count.
             if middle + half_width >= 0.0 && middle - half_width <= std::f64::consts::PI {
@@ -97,12 +99,13 @@ impl Proof<'_> {
 }
 
 /// The least distance of 0 from the six edges for all values of their ends in their discs, if 0 is at least twice as far
-/// from each edge's middle line as its ends may be off.
-fn least_distance(discs: &[Disc; 4]) -> Option<f64> {
+/// from each edge's middle line as its ends may be off, and more than `rounding` beyond.
+fn least_distance(discs: &[Disc; 4], rounding: f64) -> Option<f64> {
     let mut least = f64::INFINITY;
     for (index, a) in discs.iter().enumerate() {
         for b in &discs[index + 1..] {
             let (distance, off) = (distance(a.centre, b.centre), a.radius.max(b.radius));
+            let distance = distance - rounding;
             // Every point of the segment moves by no more than its ends do.
             if distance < 2.0 * off || !distance.is_finite() {
                 return None;
@@ -143,7 +146,7 @@ mod tests {
     }
 
     fn proved(tails: &[Vec<f64>]) -> Result<f64, f64> {
-        prove(&circles(tails).iter().collect::<Vec<_>>())
+        prove(&circles(tails).iter().collect::<Vec<_>>(), 0.0)
     }
 
     /// The means of (1 - 0.9 z⁻¹)³ and (1 + 0.9 z⁻¹)³ have poles of radius up to 1.56.
@@ -170,6 +173,17 @@ mod tests {
         let frequency = proved(&[vec![-2.0 * 0.7f64.cos(), 1.0]]).unwrap_err();
         assert!((frequency - 0.7).abs() < 1e-6);
         assert!(proved(&[vec![-1.0]]).unwrap_err().abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_margin_that_rounding_could_use_up_is_none() {
+        let circles = circles(&[vec![-0.999]]);
+        let corners: Vec<_> = circles.iter().collect();
+        assert!(prove(&corners, 0.9e-3).unwrap() <= 0.1001e-3);
+        assert_eq!(
+            prove(&corners, 1.1e-3).map_err(|at| at.abs() < 0.01),
+            Err(true)
+        );
     }
 
     #[test]

@@ -6,7 +6,9 @@
 //! state's norm cannot grow, under any motion. Powers are within the library's bound, so that nothing saturates that
 //! the level could prevent.
 //!
-//! **Direct form, proved.** At a point of a cell the filter is 1/A with A = Σ w(k) A(k), a weighted mean of the cell's nodes.
+//! **Direct form, proved.** At a point of a cell the filter is 1/A with A = Σ w(k) A(k), a weighted mean of the cell's nodes,
+//! rounded to the kernel's coefficients: that moves |A| by no more than half a step a tap, which all distances from 0 here
+//! leave room for.
 //! 1. On no edge of the cell (four sides, two diagonals) does A have a zero on the unit circle: for no frequency is 0 on
 //!    the segment from A(j) to A(k) in the complex plane, which is the segment lemma's condition that A(j)/A(k) is never
 //!    real and negative. This is shown for whole intervals of frequency, not at samples: in an interval every A(k) stays
@@ -18,7 +20,7 @@
 //!    frequency goes on 0 would have to cross an edge to come in. No zero ever reaches the circle, and none is outside
 //!    it at the first node. (This is the edge theorem of Bartlett, Hollot and Lin, 1988, for this case.)
 //!
-//! The numbers are the stored coefficients, exactly; the evaluation is in float64 with an allowance for its rounding.
+//! The nodes are the stored coefficients, exactly; the evaluation is in float64 with an allowance for its rounding.
 //!
 //! **Direct form, sampled.** [`SAMPLES_A_SIDE`] + 1 by as many points of the cell, at weights that the kernel can have, by
 //! another way: the step-down recursion in float64. It tells the largest pole radius among these points. A texture is
@@ -38,6 +40,7 @@ use model_format::{
 };
 use rayon::prelude::*;
 use serde::Serialize;
+use stylus_kernel::direct::exponent;
 
 use crate::error::{Error, Result};
 
@@ -330,6 +333,8 @@ fn direct_form(texture: &Texture<'_>, places: &[Place]) -> Vec<Finding> {
         .iter()
         .map(|node| polynomial(node.coefficients, order))
         .collect();
+    // Half a step of the kernel's coefficients a tap.
+    let rounding = order as f64 * 2f64.powi(exponent(texture) as i32 - 32);
     let circles: Vec<Circle> = polynomials.par_iter().map(|a| Circle::new(a)).collect();
     let forces = texture.force_axis().len();
     let rate_hz = f64::from(texture.sample_rate_hz());
@@ -341,7 +346,7 @@ fn direct_form(texture: &Texture<'_>, places: &[Place]) -> Vec<Finding> {
                 .map(|(speed, force)| speed * forces + force)
         };
         let corners: Vec<&Circle> = indices().map(|index| &circles[index]).collect();
-        let proof = edges::prove(&corners);
+        let proof = edges::prove(&corners, rounding);
         let corners: Vec<&[f64]> = indices()
             .map(|index| polynomials[index].as_slice())
             .collect();

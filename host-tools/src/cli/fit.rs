@@ -73,7 +73,9 @@ struct Report<'a> {
     warnings: &'a [String],
     textures: Vec<Summary>,
     trials: &'a [TrialReport],
+    #[serde(skip_serializing_if = "Option::is_none")]
     added_lines: Option<&'a [AddedLine]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     removed_nodes: Option<&'a LeaveOneOut>,
 }
 

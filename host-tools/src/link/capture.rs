@@ -56,6 +56,11 @@ impl Calibration {
         };
         [axis(0), axis(1), axis(2)]
     }
+
+    /// Normal force, N.
+    pub fn force(&self, sample: &RecordSample) -> f64 {
+        (f64::from(sample.force.0) - self.force_zero) * self.n_per_code
+    }
 }
 
 /// What a number of samples amount to.

@@ -12,6 +12,7 @@
 //! | [`upload`] | a library to the device, resumed over broken links, read back |
 //! | [`play`] | motions and keep-alives at a rate |
 //! | [`capture`] | the record stream, with what it lost |
+//! | [`strokes`] | a free hand's recording, with its motion |
 //! | [`set`] | a folder of recordings that a fit reads |
 //!
 //! Over TCP and the serial port a frame is COBS-encoded and ended by a zero byte; over USB it is a bulk transfer.
@@ -23,6 +24,7 @@ mod error;
 mod open;
 pub mod play;
 pub mod set;
+pub mod strokes;
 pub mod upload;
 mod usb;
 mod version;

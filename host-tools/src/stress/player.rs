@@ -5,7 +5,7 @@ use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Structure, Texture};
 use stylus_kernel::Motion;
 use stylus_kernel::arithmetic::Portable;
-use stylus_kernel::direct::{DirectFrame, DirectState, Word, Word16, Word32};
+use stylus_kernel::direct::{DirectFrame, DirectState};
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::{LatticeFrame, LatticeState};
@@ -39,8 +39,7 @@ pub fn player(texture: &Texture<'_>) -> Box<dyn Player> {
             state: LatticeState::new(),
             stages: texture.max_order(),
         }),
-        Structure::DirectForm32 => Box::new(Direct::<Word32>::new(texture)),
-        Structure::DirectForm16 => Box::new(Direct::<Word16<Portable>>::new(texture)),
+        Structure::DirectForm16 | Structure::DirectForm32 => Box::new(Direct::new(texture)),
     }
 }
 
@@ -98,13 +97,12 @@ fn full_scale(noise: &mut Excitation) -> i32 {
     }
 }
 
-/// With four nodes even where the grid has one: it gives the same bits.
-struct Direct<W: Word> {
-    frame: DirectFrame<W, 2, 2>,
-    state: DirectState<W>,
+struct Direct {
+    frame: DirectFrame,
+    state: DirectState,
 }
 
-impl<W: Word> Direct<W> {
+impl Direct {
     fn new(texture: &Texture<'_>) -> Self {
         Self {
             frame: DirectFrame::silent(texture),
@@ -113,10 +111,7 @@ impl<W: Word> Direct<W> {
     }
 }
 
-impl<W: Word> Player for Direct<W>
-where
-    W::Sample: Into<i64>,
-{
+impl Player for Direct {
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
         let point = GridPoint::locate(texture, motion);
         let from = self.frame.levels(0);
@@ -124,27 +119,25 @@ where
     }
 
     fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
-        self.state.next_sample(&self.frame, excitation, 0)
+        self.state
+            .next_sample::<Portable>(&self.frame, excitation, 0)
     }
 
     fn newest(&self) -> i32 {
-        let unit = i64::from(i32::MAX) / W::store(i32::MAX).into();
-        (self.state.history()[0].into() * unit) as i32
+        self.state.history()[0]
     }
 
     fn energy(&self) -> u128 {
-        let signals = self.state.history().iter();
-        energy(signals.map(|&signal| signal.into() as i32))
+        energy(self.state.history().iter().copied())
     }
 
     fn is_at_full_scale(&self) -> bool {
-        let (low, high): (i64, i64) = (W::store(i32::MIN).into(), W::store(i32::MAX).into());
-        let mut signals = self.state.history().iter().map(|&signal| signal.into());
-        signals.any(|signal: i64| signal == low || signal == high)
+        let mut signals = self.state.history().iter();
+        signals.any(|&signal| signal == i32::MIN || signal == i32::MAX)
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {
-        let history: [W::Sample; MAX_ORDER] = std::array::from_fn(|_| W::store(full_scale(noise)));
+        let history: [i32; MAX_ORDER] = std::array::from_fn(|_| full_scale(noise));
         self.state = DirectState::from_history(&history);
     }
 }

@@ -3,7 +3,8 @@
 #![allow(dead_code, reason = "each test uses a part of it")]
 
 use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -40,6 +41,18 @@ impl Bench {
             .current_dir(self.0.path())
             .output()
             .expect("the command runs")
+    }
+
+    /// Starts `stylus` with these arguments, and goes on.
+    pub fn spawn<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Child {
+        Command::new(env!("CARGO_BIN_EXE_stylus"))
+            .args(arguments)
+            .current_dir(self.0.path())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the command starts")
     }
 
     /// Runs `stylus`, which must succeed, and gives what it printed.
@@ -134,4 +147,24 @@ pub fn wav(axes: &[&[f64]], rate_hz: u32) -> Vec<u8> {
     }
     writer.finalize().expect("there is room in memory");
     bytes.into_inner()
+}
+
+/// Waits until `is_there`, but not for ever.
+pub fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !is_there() {
+        assert!(
+            begin.elapsed() < Duration::from_secs(20),
+            "{what} did not come"
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Ctrl-C.
+#[cfg(unix)]
+pub fn interrupt(child: &Child) {
+    let pid = child.id().to_string();
+    let killed = Command::new("kill").args(["-INT", &pid]).status();
+    assert!(killed.expect("kill is there").success());
 }

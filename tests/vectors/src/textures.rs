@@ -57,18 +57,18 @@ pub const MEASURED: [Measured; 5] = [
     },
     Measured {
         texture: "direct 32, one node",
-        budget_instructions: 1500,
+        budget_instructions: 1300,
     },
     Measured {
         texture: "direct 32",
-        budget_instructions: 5600,
+        budget_instructions: 1300,
     },
     Measured {
         texture: "direct 16, one node",
-        budget_instructions: 1500,
+        budget_instructions: 1300,
     },
     Measured {
         texture: "direct 16",
-        budget_instructions: 2200,
+        budget_instructions: 1300,
     },
 ];

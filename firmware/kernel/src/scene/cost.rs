@@ -10,6 +10,7 @@ use heapless::Vec;
 use model_format::{Structure, Texture};
 
 use super::block::{MAX_STAGES, SLOTS};
+use crate::arithmetic::TURN_TAPS;
 
 /// Instructions of the sample's path whatever is played: the list of stages, the sum of voices, its saturation.
 pub const MIX: StageCost = StageCost { base: 40, each: 0 };
@@ -20,14 +21,8 @@ pub const LATTICE: StageCost = StageCost {
     each: 12,
 };
 
-/// A voice of a direct form of 16 bits over four nodes; each is a tap of the predictor.
-pub const DIRECT_16: StageCost = StageCost { base: 160, each: 6 };
-
-/// The same of 32 bits.
-pub const DIRECT_32: StageCost = StageCost {
-    base: 160,
-    each: 12,
-};
+/// A voice of a direct form; each is a tap of the predictor, up to whole turns.
+pub const DIRECT: StageCost = StageCost { base: 180, each: 3 };
 
 /// What stick-slip adds to a voice.
 pub const STICK_SLIP: StageCost = StageCost { base: 60, each: 0 };
@@ -112,16 +107,17 @@ impl Term {
     }
 
     pub(super) fn voice(surface: u8, texture: &Texture<'_>) -> Self {
-        let structure = texture.structure();
-        let cost = match structure {
-            Structure::NormalisedLattice => LATTICE,
-            Structure::DirectForm16 => DIRECT_16,
-            Structure::DirectForm32 => DIRECT_32,
+        let (structure, order) = (texture.structure(), texture.max_order());
+        let (cost, count) = match structure {
+            Structure::NormalisedLattice => (LATTICE, order),
+            Structure::DirectForm16 | Structure::DirectForm32 => {
+                (DIRECT, order.next_multiple_of(TURN_TAPS))
+            }
         };
         Self {
             item: Item::Voice { surface, structure },
             cost,
-            count: texture.max_order() as u16,
+            count: count as u16,
         }
     }
 

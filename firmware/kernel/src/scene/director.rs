@@ -14,23 +14,22 @@ use super::plan::Plan;
 use super::playback::Ringing;
 use super::stick_slip::StickSlipFrame;
 use super::tap::{Resonance, Strike};
-use crate::arithmetic::Arithmetic;
 use crate::grid::{Motion, ONE};
 use crate::level::{Levels, Ramp};
 use crate::synthesis::{Frame, Playback};
 
 /// Where the voices are kept. On a device the tick has a share in them; what the director asks for is never the tick's at
 /// that time.
-pub trait Voices<M: Arithmetic> {
+pub trait Voices {
     /// Frame `buffer` of `slot`, which the block that is played does not use.
-    fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame<M>>;
+    fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame>;
 
     /// The levels of frame `buffer` of `slot`, which the block that is played may use, with `left` samples of its ramps to
     /// come.
     fn levels(&self, slot: usize, buffer: usize, left: u32) -> Levels;
 
     /// The playback of `slot`, which the block that is played does not use.
-    fn playback(&mut self, slot: usize) -> &mut Option<Playback<M>>;
+    fn playback(&mut self, slot: usize) -> &mut Option<Playback>;
 }
 
 /// Decides what each block takes.
@@ -137,13 +136,13 @@ impl<'a> Director<'a> {
     /// samples of that one's ramps will not be played: 0 where blocks are played to their end.
     ///
     /// The work is that of at most two [`Frame::update`]s and some thousand instructions, in bounded time.
-    pub fn next_block<M: Arithmetic>(
+    pub fn next_block(
         &mut self,
         interaction: Interaction,
         samples: u32,
         left: u32,
         ringing: Ringing,
-        voices: &mut impl Voices<M>,
+        voices: &mut impl Voices,
         block: &mut Block,
     ) {
         let resets = self.take_up_next_plan(left, ringing);
@@ -251,11 +250,11 @@ impl<'a> Director<'a> {
         (!strike.is_silent()).then_some((planned.resonance, strike))
     }
 
-    fn direct_voices<M: Arithmetic>(
+    fn direct_voices(
         &mut self,
         wanted: &[Option<Wanted>; SLOTS],
         moment: Moment,
-        voices: &mut impl Voices<M>,
+        voices: &mut impl Voices,
         block: &mut Block,
     ) {
         for wanted_one in wanted.iter().flatten() {
@@ -275,12 +274,12 @@ impl<'a> Director<'a> {
 
     /// Gives the surface of `one` a slot, if it has none and there is one: a slot that is silent, that no other wanted surface
     /// has, and whose playback is of the same texture or not the tick's.
-    fn find_slot<M: Arithmetic>(
+    fn find_slot(
         &mut self,
         one: Wanted,
         wanted: &[Option<Wanted>; SLOTS],
         left: u32,
-        voices: &mut impl Voices<M>,
+        voices: &mut impl Voices,
     ) {
         let surface = Some(one.surface);
         if self.slots.iter().any(|slot| slot.surface == surface) {
@@ -319,12 +318,12 @@ impl<'a> Director<'a> {
     }
 
     /// Takes slot `index` to `gain`; its stage, if it is to be played.
-    fn direct_slot<M: Arithmetic>(
+    fn direct_slot(
         &mut self,
         index: usize,
         gain: u32,
         moment: Moment,
-        voices: &mut impl Voices<M>,
+        voices: &mut impl Voices,
     ) -> Option<Stage> {
         let Moment { samples, left, .. } = moment;
         let slot = &mut self.slots[index];

@@ -1,5 +1,7 @@
 //! Both halves of a scene in one, for hosts.
 
+use core::marker::PhantomData;
+
 use model_format::OutputSample;
 
 use super::block::{Block, SLOTS};
@@ -13,22 +15,23 @@ use crate::synthesis::{Frame, Playback};
 
 /// A scene being played: what decides and what sounds, in one.
 #[derive(Clone, Debug)]
-pub struct ScenePlayer<'a, M: Arithmetic = Portable> {
+pub struct ScenePlayer<'a, A: Arithmetic = Portable> {
     director: Director<'a>,
-    voices: Slots<M>,
+    voices: Slots,
     playback: ScenePlayback,
     block: Block,
+    arithmetic: PhantomData<A>,
 }
 
 /// The voices, all the director's own.
 #[derive(Clone, Debug)]
-struct Slots<M: Arithmetic> {
-    frames: [[Option<Frame<M>>; 2]; SLOTS],
-    playbacks: [Option<Playback<M>>; SLOTS],
+struct Slots {
+    frames: [[Option<Frame>; 2]; SLOTS],
+    playbacks: [Option<Playback>; SLOTS],
 }
 
-impl<M: Arithmetic> Voices<M> for Slots<M> {
-    fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame<M>> {
+impl Voices for Slots {
+    fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame> {
         &mut self.frames[slot][buffer]
     }
 
@@ -37,12 +40,12 @@ impl<M: Arithmetic> Voices<M> for Slots<M> {
         frame.map_or(Levels::SILENT, |frame| frame.levels(left))
     }
 
-    fn playback(&mut self, slot: usize) -> &mut Option<Playback<M>> {
+    fn playback(&mut self, slot: usize) -> &mut Option<Playback> {
         &mut self.playbacks[slot]
     }
 }
 
-impl<'a, M: Arithmetic> ScenePlayer<'a, M> {
+impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
     /// `plan` at rest, silent until the tool touches; the same `seed` gives the same samples, always and everywhere.
     pub fn new(plan: Plan<'a>, seed: u64) -> Self {
         Self {
@@ -57,6 +60,7 @@ impl<'a, M: Arithmetic> ScenePlayer<'a, M> {
             },
             playback: ScenePlayback::new(),
             block: Block::silent(),
+            arithmetic: PhantomData,
         }
     }
 
@@ -83,7 +87,7 @@ impl<'a, M: Arithmetic> ScenePlayer<'a, M> {
                 &mut playbacks[slot],
                 &frames[slot][usize::from(voice.buffer)],
             ) {
-                (Some(playback), Some(frame)) => playback.next_sample(frame),
+                (Some(playback), Some(frame)) => playback.next_sample::<A>(frame),
                 _ => OutputSample::SILENCE,
             }
         })

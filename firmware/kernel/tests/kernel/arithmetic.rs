@@ -1,24 +1,27 @@
-//! The dual multiplication against plain 64-bit arithmetic.
+//! The sum of products against integers that cannot overflow.
 
 use proptest::prelude::*;
-use stylus_kernel::arithmetic::{Arithmetic, Portable, pack};
+use stylus_kernel::arithmetic::{Arithmetic, Portable, TURN_TAPS, Turn};
 
-fn exact(sum: i64, a: [i16; 2], b: [i16; 2]) -> i64 {
-    let product = |lane: usize| i64::from(a[lane]) * i64::from(b[lane]);
-    sum.wrapping_add(product(0)).wrapping_add(product(1))
+fn word() -> impl Strategy<Value = i32> {
+    prop_oneof![3 => any::<i32>(), 1 => Just(i32::MIN), 1 => Just(i32::MAX), 1 => -1i32..=1]
 }
 
-fn sample() -> impl Strategy<Value = i16> {
-    prop_oneof![3 => any::<i16>(), 1 => Just(i16::MIN), 1 => Just(i16::MAX), 1 => -1i16..=1]
+fn turn() -> impl Strategy<Value = Turn> {
+    prop::collection::vec(word(), TURN_TAPS)
+        .prop_map(|words| words.try_into().expect("as many as a turn"))
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(4096))]
+    #![proptest_config(ProptestConfig::with_cases(1024))]
 
     #[test]
-    fn the_portable_dual_multiplication_is_exact(
-        sum: i64, a in [sample(), sample()], b in [sample(), sample()],
+    fn the_portable_sum_of_products_is_exact_but_for_whole_turns_of_64_bits(
+        turns in prop::collection::vec((turn(), turn()), 0..4),
     ) {
-        prop_assert_eq!(Portable::multiply_accumulate(sum, pack(a), pack(b)), exact(sum, a, b));
+        let (a, b): (Vec<Turn>, Vec<Turn>) = turns.into_iter().unzip();
+        let pairs = a.as_flattened().iter().zip(b.as_flattened());
+        let exact: i128 = pairs.map(|(&a, &b)| i128::from(a) * i128::from(b)).sum();
+        prop_assert_eq!(Portable::sum_of_products(&a, &b), exact as i64);
     }
 }

@@ -7,6 +7,7 @@ pub mod list;
 pub mod monitor;
 pub mod play;
 pub mod record;
+pub mod record_strokes;
 pub mod settings;
 pub mod status;
 pub mod stop;
@@ -25,6 +26,8 @@ use super::input::positive;
 pub enum Command {
     /// Record trials with the stylus's sensors, guided through speeds and forces
     Record(record::Arguments),
+    /// Record a free hand's strokes, with the speed and force of every moment, for segment
+    RecordStrokes(record_strokes::Arguments),
     /// Bring a library into the stylus, and read it back
     Upload(upload::Arguments),
     /// List the libraries and textures in the stylus
@@ -47,6 +50,7 @@ pub enum Command {
 pub fn run(command: &Command) -> Result<()> {
     match command {
         Command::Record(arguments) => record::run(arguments),
+        Command::RecordStrokes(arguments) => record_strokes::run(arguments),
         Command::Upload(arguments) => upload::run(arguments),
         Command::List(arguments) => list::run(arguments),
         Command::Activate(arguments) => activate::run(arguments),

@@ -27,7 +27,7 @@ use crate::cli::table::table;
 const PATIENCE: Duration = Duration::from_millis(50);
 
 /// Samples that the live level is of: a tenth of a second.
-const LIVE_SAMPLES: usize = 500;
+pub(super) const LIVE_SAMPLES: usize = 500;
 
 /// By how much the measured speed or force may differ from the wanted one.
 const TOLERANCE: f64 = 0.1;
@@ -166,8 +166,22 @@ fn points(arguments: &Arguments) -> Result<Vec<Point>> {
     Ok(points)
 }
 
-fn scale(arguments: &Arguments) -> Result<Option<[f64; 3]>> {
-    match arguments.scale.as_slice() {
+/// By the device's settings, with `scale` in place of theirs for the accelerometer if there is any: one value for all axes, or
+/// one for each.
+pub(super) fn calibration(device: &Device, scale: &[f64]) -> Result<Calibration> {
+    let calibration = Calibration::new(&device.settings()?, self::scale(scale)?);
+    let mut scales = calibration.m_s2_per_code.iter();
+    if scales.all(|scale| scale.abs() <= 0.0) {
+        return Err(Error::Request(
+            "the accelerometer's scale is zero: set acceleration-per-volt-x, -y, -z, or give --scale"
+                .to_owned(),
+        ));
+    }
+    Ok(calibration)
+}
+
+fn scale(values: &[f64]) -> Result<Option<[f64; 3]>> {
+    match values {
         [] => Ok(None),
         [all] => Ok(Some([*all; 3])),
         [x, y, z] => Ok(Some([*x, *y, *z])),
@@ -196,18 +210,8 @@ struct Session<'a> {
 
 impl<'a> Session<'a> {
     fn open(arguments: &'a Arguments) -> Result<Self> {
-        let scale = scale(arguments)?;
         let device = arguments.link.connect()?;
-        let calibration = Calibration::new(&device.settings()?, scale);
-        if calibration
-            .m_s2_per_code
-            .iter()
-            .all(|scale| scale.abs() <= 0.0)
-        {
-            return Err(Error::Request(
-                "the accelerometer's scale is zero: set acceleration-per-volt-x, -y, -z, or give --scale".to_owned(),
-            ));
-        }
+        let calibration = calibration(&device, &arguments.scale)?;
         Ok(Self {
             arguments,
             device,
@@ -355,7 +359,7 @@ fn read_lines() -> Receiver<String> {
     receiver
 }
 
-fn live(level: &Level) -> String {
+pub(super) fn live(level: &Level) -> String {
     format!("{:7.3} m/s² {:5.1} mm/s", level.rms_m_s2, level.speed_mm_s)
 }
 

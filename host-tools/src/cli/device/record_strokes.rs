@@ -1,0 +1,100 @@
+//! `stylus record-strokes`
+
+use std::path::PathBuf;
+
+use host_tools::error::{Error, Result};
+use host_tools::link::capture::{Level, Loss};
+use host_tools::link::strokes;
+use host_tools::progress;
+use model_format::Provenance;
+use model_format::link::RecordSample;
+use serde::Serialize;
+
+use super::Link;
+use super::interrupt::Interrupt;
+use super::record::{LIVE_SAMPLES, calibration, live};
+use crate::cli::input::positive;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// CSV file to write
+    file: PathBuf,
+    /// How long; Ctrl-C ends it sooner and keeps what is there, in seconds
+    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 60.0)]
+    seconds: f64,
+    /// Scales of the accelerometer's axes instead of the settings', in m/s² per volt: one for all, or X,Y,Z
+    #[arg(
+        long,
+        value_name = "M_S2_PER_V",
+        value_delimiter = ',',
+        allow_negative_numbers = true
+    )]
+    scale: Vec<f64>,
+    /// Write over a file that is there
+    #[arg(long)]
+    again: bool,
+    /// The stylus is a virtual one: mark the recording as simulated
+    #[arg(long)]
+    simulated: bool,
+    /// Print the report as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+#[derive(Serialize)]
+struct Report {
+    file: String,
+    seconds: f64,
+    level: Level,
+    loss: Loss,
+    /// Samples that were lost and are holes in the file.
+    lost_samples: usize,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    if arguments.file.exists() && !arguments.again {
+        let problem = "is there already; name another file, or give --again";
+        return Err(Error::file(&arguments.file, problem));
+    }
+    let device = arguments.link.connect()?;
+    let calibration = calibration(&device, &arguments.scale)?;
+    let interrupt = Interrupt::listen()?;
+    let bar = progress::bar(100, "recording; Ctrl-C ends it");
+    let heard = |samples: &[Option<RecordSample>], wanted: usize, rate_hz: u32| {
+        let recent = samples.iter().rev().take(LIVE_SAMPLES).rev().flatten();
+        let recent: Vec<RecordSample> = recent.copied().collect();
+        let level = Level::of(&recent, &calibration, f64::from(rate_hz));
+        bar.set_message(live(&level));
+        bar.set_position((samples.len() * 100 / wanted) as u64);
+    };
+    let goes_on = || !interrupt.is_raised();
+    let strokes = strokes::record(&device, arguments.seconds, goes_on, heard)?;
+    bar.finish_and_clear();
+    if strokes.samples.is_empty() {
+        return Err(Error::Request("nothing was recorded".to_owned()));
+    }
+    let provenance = if arguments.simulated {
+        Provenance::Simulated
+    } else {
+        Provenance::Recorded
+    };
+    strokes.write(&arguments.file, &calibration, provenance)?;
+    let there: Vec<RecordSample> = strokes.samples.iter().flatten().copied().collect();
+    let rate_hz = f64::from(strokes.rate_hz);
+    let report = Report {
+        file: arguments.file.display().to_string(),
+        seconds: strokes.samples.len() as f64 / rate_hz,
+        level: Level::of(&there, &calibration, rate_hz),
+        lost_samples: strokes.samples.len() - there.len(),
+        loss: strokes.loss,
+    };
+    if arguments.json {
+        return crate::cli::print_json(&report);
+    }
+    crate::cli::print(&format!(
+        "{:.1} s of {:.3} m/s² RMS -> {}; {}",
+        report.seconds, report.level.rms_m_s2, report.file, report.loss
+    ))
+}

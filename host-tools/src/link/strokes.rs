@@ -1,0 +1,176 @@
+//! A free hand's strokes: the record stream as it comes, with the speed and force of every moment, for
+//! [`crate::freehand`] to cut.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use model_format::Provenance;
+use model_format::link::RecordSample;
+
+use super::Device;
+use super::capture::{Calibration, Loss, Stream};
+use super::error::Result;
+use crate::atomic_file;
+
+/// The encoder's counts of so long are taken together, s: at 5 kHz a slow hand moves it by less than one a sample.
+const SPEED_WINDOW_S: f64 = 0.02;
+
+/// What was recorded, tick by tick.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Strokes {
+    /// A sample a tick; none where it was lost.
+    pub samples: Vec<Option<RecordSample>>,
+    /// Samples a second.
+    pub rate_hz: u32,
+    /// What was lost.
+    pub loss: Loss,
+}
+
+/// Records for `seconds`, or as long as `goes_on` says yes. What the link loses leaves a hole of its length.
+///
+/// `heard` gets all samples so far, how many there will be, and their rate in Hz, with each block.
+///
+/// # Errors
+/// A link that broke.
+pub fn record(
+    device: &Device,
+    seconds: f64,
+    mut goes_on: impl FnMut() -> bool,
+    mut heard: impl FnMut(&[Option<RecordSample>], usize, u32),
+) -> Result<Strokes> {
+    let mut stream = Stream::start(device)?;
+    let rate_hz = stream.rate_hz();
+    let wanted = (seconds * f64::from(rate_hz)).round().max(1.0) as usize;
+    let mut samples = Vec::new();
+    let mut start = None;
+    while samples.len() < wanted && goes_on() {
+        let arrival = stream.wait()?;
+        let start = *start.get_or_insert(arrival.first_tick);
+        let place = arrival.first_tick.saturating_sub(start) as usize;
+        samples.resize(place.clamp(samples.len(), wanted), None);
+        samples.extend(arrival.samples.map(Some));
+        samples.truncate(wanted);
+        heard(&samples, wanted, rate_hz);
+    }
+    let loss = stream.stop()?;
+    Ok(Strokes {
+        samples,
+        rate_hz,
+        loss,
+    })
+}
+
+impl Strokes {
+    /// Tangential speed of each moment, mm/s, from the encoder's counts around it; 0 where nothing is known.
+    pub fn speeds_mm_s(&self, calibration: &Calibration) -> Vec<f64> {
+        let half = (0.5 * SPEED_WINDOW_S * f64::from(self.rate_hz)) as usize;
+        let mut path = vec![0i64];
+        let mut known = vec![0usize];
+        for sample in &self.samples {
+            let count = sample.map_or(0, |s| i64::from(s.encoder_delta));
+            path.push(path.last().copied().unwrap_or(0) + count);
+            known.push(known.last().copied().unwrap_or(0) + usize::from(sample.is_some()));
+        }
+        (0..self.samples.len())
+            .map(|n| {
+                let (first, end) = (
+                    n.saturating_sub(half),
+                    (n + half + 1).min(self.samples.len()),
+                );
+                let counts = (path[end] - path[first]) as f64;
+                let seconds = (known[end] - known[first]).max(1) as f64 / f64::from(self.rate_hz);
+                counts * calibration.mm_per_count / seconds
+            })
+            .collect()
+    }
+
+    /// Writes a CSV file that [`crate::freehand::read`] takes: `time_s`, the axes in m/s², `speed_mm_s`, `force_n`. A lost
+    /// sample is not a number, so that no piece goes across it.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(
+        &self,
+        path: &Path,
+        calibration: &Calibration,
+        provenance: Provenance,
+    ) -> crate::error::Result<()> {
+        let mut text = match provenance {
+            Provenance::Simulated => String::from("# SIMULATED\n"),
+            Provenance::Recorded => String::new(),
+        };
+        text.push_str("time_s,x_m_s2,y_m_s2,z_m_s2,speed_mm_s,force_n\n");
+        let speeds = self.speeds_mm_s(calibration);
+        for (n, (sample, speed)) in self.samples.iter().zip(speeds).enumerate() {
+            let time = n as f64 / f64::from(self.rate_hz);
+            let written = match sample {
+                Some(sample) => {
+                    let [x, y, z] = calibration.acceleration(sample);
+                    let force = calibration.force(sample);
+                    writeln!(text, "{time:.6},{x:.5},{y:.5},{z:.5},{speed:.3},{force:.4}")
+                }
+                None => writeln!(text, "{time:.6},nan,nan,nan,nan,nan"),
+            };
+            written.expect("a string takes whatever is written");
+        }
+        atomic_file::write(path, text.as_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_format::AdcCode;
+
+    const CALIBRATION: Calibration = Calibration {
+        acceleration_zero: [32_768.0; 3],
+        m_s2_per_code: [0.001; 3],
+        force_zero: 0.0,
+        n_per_code: 0.0001,
+        mm_per_count: 0.01,
+    };
+
+    /// A hand at 45 mm/s: nine counts in ten ticks.
+    fn strokes(lost: std::ops::Range<usize>) -> Strokes {
+        let sample = |n: usize| RecordSample {
+            acceleration: [AdcCode(32_768 + n as u16), AdcCode(32_768), AdcCode(32_668)],
+            force: AdcCode(10_000),
+            encoder_delta: i16::from(!n.is_multiple_of(10)),
+        };
+        Strokes {
+            samples: (0..1000)
+                .map(|n| (!lost.contains(&n)).then(|| sample(n)))
+                .collect(),
+            rate_hz: 5000,
+            loss: Loss::default(),
+        }
+    }
+
+    #[test]
+    fn speeds_are_the_encoders_also_beside_a_hole() {
+        for speed in strokes(400..450).speeds_mm_s(&CALIBRATION) {
+            assert!((speed - 45.0).abs() < 1.0, "{speed}");
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_and_holes_are_no_data() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("strokes.csv");
+        strokes(400..450)
+            .write(&path, &CALIBRATION, Provenance::Simulated)
+            .unwrap();
+        let read = crate::freehand::read(&path, None, 1.0).unwrap();
+        assert!(read.is_simulated);
+        assert_eq!((read.rate_hz, read.axes.len()), (5000.0, 3));
+        for n in 0..1000 {
+            let lost = (400..450).contains(&n);
+            assert_eq!(read.is_outlier[n], lost, "sample {n}");
+            if !lost {
+                assert!((read.axes[0][n] - 0.001 * n as f64).abs() < 1e-5);
+                assert!((read.axes[2][n] + 0.1).abs() < 1e-5);
+                assert!((read.force_n[n] - 1.0).abs() < 1e-4);
+            }
+        }
+    }
+}
