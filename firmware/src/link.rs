@@ -5,7 +5,7 @@
 
 use embassy_time::Timer;
 use model_format::link::{
-    ActivateEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, MotionEndpoint, MotionTopic,
+    ActivateEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListSceneEndpoint, MotionEndpoint, MotionTopic,
     PlayEndpoint, RecordBlockTopic, RecordStartEndpoint, RecordStopEndpoint, SettingsGetEndpoint,
     SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
     UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
@@ -195,6 +195,11 @@ impl Requests {
             UploadAbortEndpoint::REQ_KEY => asked.hand_over(|()| Some(Job::UploadAbort)).await,
             SlotsEndpoint::REQ_KEY => asked.hand_over(|()| Some(Job::Slots)).await,
             ListEndpoint::REQ_KEY => asked.hand_over(|request| Some(Job::List(request))).await,
+            ListSceneEndpoint::REQ_KEY => {
+                asked
+                    .hand_over(|request| Some(Job::ListScene(request)))
+                    .await
+            }
             ActivateEndpoint::REQ_KEY => asked.hand_over(|slot| Some(Job::Activate(slot))).await,
             SettingsSetEndpoint::REQ_KEY => {
                 asked

@@ -29,4 +29,4 @@ mod synthesis;
 
 pub use grid::{Motion, MotionError};
 pub use level::Levels;
-pub use synthesis::{Frame, Playback, Synthesis, UPDATE_INTERVAL_SAMPLES};
+pub use synthesis::{Frame, Playback, Scale, Synthesis, UPDATE_INTERVAL_SAMPLES};

@@ -8,7 +8,7 @@ use core::marker::PhantomData;
 use model_format::{OutputSample, Structure, Texture};
 
 use crate::arithmetic::{Arithmetic, Portable};
-use crate::direct::{DirectFrame, DirectState};
+use crate::direct::{self, DirectFrame, DirectState};
 use crate::excitation::Excitation;
 use crate::grid::{GridPoint, Motion, ONE};
 use crate::lattice::{LatticeFrame, LatticeState};
@@ -20,6 +20,25 @@ pub const UPDATE_INTERVAL_SAMPLES: u32 = 10;
 /// Coefficients and levels that a motion calls for.
 #[derive(Clone, Debug)]
 pub struct Frame(FrameOf);
+
+/// What the frames of a texture have in common. To find it out goes through all coefficients of a direct form, which is too
+/// long for an update.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Scale {
+    /// Of a direct form's coefficients; see [`direct::exponent`].
+    exponent: u32,
+}
+
+impl Scale {
+    /// That of `texture`.
+    pub fn of(texture: &Texture<'_>) -> Self {
+        let exponent = match texture.structure() {
+            Structure::NormalisedLattice => 0,
+            Structure::DirectForm16 | Structure::DirectForm32 => direct::exponent(texture),
+        };
+        Self { exponent }
+    }
+}
 
 /// One for each kind of filter.
 #[derive(Clone, Debug)]
@@ -45,12 +64,17 @@ macro_rules! each_frame {
 impl Frame {
     /// A silent frame for `texture`.
     pub fn silent(texture: &Texture<'_>) -> Self {
+        Self::silent_at(texture, Scale::of(texture))
+    }
+
+    /// A silent frame for `texture`, whose [`Scale`] is known.
+    pub fn silent_at(texture: &Texture<'_>, scale: Scale) -> Self {
         Self(match texture.structure() {
             Structure::NormalisedLattice => {
                 FrameOf::Lattice(LatticeFrame::silent(texture.max_order()))
             }
             Structure::DirectForm16 | Structure::DirectForm32 => {
-                FrameOf::Direct(DirectFrame::silent(texture))
+                FrameOf::Direct(DirectFrame::silent_at(texture, scale.exponent))
             }
         })
     }

@@ -8,12 +8,12 @@ use model_format::limits::SLOT_BYTES;
 use model_format::link::{
     ActivateError, Activity, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, ListRequest,
     MotionSample, MotionSource, MuteReason, PROTOCOL_VERSION, PlayError, PlayRequest,
-    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Setting,
+    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection, Setting,
     SettingChange, Settings, SettingsError, SlotId, SlotInfo, StopError, TickCounters, UploadChunk,
     UploadState,
 };
 use model_format::{
-    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, OutputSample, Texture, encode,
+    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, OutputSample, encode,
 };
 use stylus_app::control::{Control, Device, ResetReport, TickReport};
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
@@ -23,6 +23,7 @@ use stylus_app::slots::SlotStore;
 use stylus_app::status::Histogram;
 use stylus_app::storage::{LoadFault, Stage, Storage};
 use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
+use stylus_kernel::scene::cost::BUDGET;
 
 use crate::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use crate::library::{announcement, library, texture};
@@ -44,6 +45,11 @@ struct Bench {
     recording: bool,
     /// How often the library in RAM was exchanged.
     exchanges: usize,
+    /// How often something was taken up from silence, and while playing.
+    starts: usize,
+    switches: usize,
+    /// Instructions for a scene.
+    budget: u32,
 }
 
 impl Bench {
@@ -64,6 +70,9 @@ impl Bench {
             settings,
             recording: false,
             exchanges: 0,
+            starts: 0,
+            switches: 0,
+            budget: BUDGET,
         }
     }
 
@@ -124,8 +133,12 @@ impl Device for Bench {
         }
     }
 
-    fn texture(&self, name: &str) -> Option<Texture<'_>> {
-        Library::decode(&self.ram).ok()?.texture(name)
+    fn library(&self) -> Option<Library<'_>> {
+        Library::decode(&self.ram).ok()
+    }
+
+    fn scene_budget(&self) -> u32 {
+        self.budget
     }
 
     fn is_at_rest(&self) -> bool {
@@ -137,9 +150,8 @@ impl Device for Bench {
             self.source,
             self.sensors.motion(&self.inputs),
             self.host,
-            self.now,
         )
-        .1
+        .is_stale(self.now)
     }
 
     fn set_mute(&mut self, muted: bool) {
@@ -153,6 +165,13 @@ impl Device for Bench {
         );
         self.playing = Some(request.clone());
         self.config = config;
+        self.starts += 1;
+    }
+
+    fn switch(&mut self, request: &PlayRequest) {
+        assert!(self.playing.is_some(), "there is something to fade");
+        self.playing = Some(request.clone());
+        self.switches += 1;
     }
 
     fn clear(&mut self) {
@@ -336,6 +355,8 @@ impl Stylus {
             let sample = MotionSample {
                 speed: MillimetresPerSecond(100.0),
                 force: Newton(1.0),
+                position_mm: None,
+                contact: None,
             };
             self.control.borrow_mut().motion(sample).expect("finite");
             millisecond(&self.control, true);
@@ -349,7 +370,7 @@ impl Stylus {
 
 fn request(name: &str) -> PlayRequest {
     PlayRequest {
-        texture: name.try_into().expect("short"),
+        selection: Selection::Texture(name.try_into().expect("short")),
         gain: 1.0,
         motion: MotionSource::Host,
         seed: 7,
@@ -384,7 +405,7 @@ fn a_library_that_was_uploaded_and_activated_is_played_and_stopped() {
     assert!(stylus.sounds());
     let status = stylus.control.borrow().status();
     assert!(
-        matches!(status.output.activity, Activity::Playing { texture, .. } if texture == "texture 1")
+        matches!(status.output.activity, Activity::Playing { selection: Selection::Texture(texture), .. } if texture == "texture 1")
     );
     assert!(status.output.mute.is_empty());
     stylus.control.borrow_mut().stop().expect("it plays");

@@ -10,7 +10,7 @@ use model_format::Texture;
 use super::block::{Block, SLOTS, Stage, VoiceStage};
 use super::interaction::Interaction;
 use super::path::Located;
-use super::plan::Plan;
+use super::plan::{Plan, PlannedTexture};
 use super::playback::Ringing;
 use super::stick_slip::StickSlipFrame;
 use super::tap::{Resonance, Strike};
@@ -61,7 +61,7 @@ struct Before {
 #[derive(Clone, Debug, Default)]
 struct Slot<'a> {
     /// Whose state the playback holds.
-    texture: Option<Texture<'a>>,
+    texture: Option<PlannedTexture<'a>>,
     /// The surface that sounds here, or last did.
     surface: Option<u8>,
     /// Which frame is played, or last was.
@@ -293,7 +293,7 @@ impl<'a> Director<'a> {
             let mut all = wanted.iter().flatten();
             !slot.sounds(left) && !all.any(|other| Some(other.surface) == slot.surface)
         };
-        let holds = |slot: &Slot<'_>| slot.texture.is_some_and(|held| is_same(&held, &texture));
+        let holds = |slot: &Slot<'_>| slot.texture.is_some_and(|held| is_same(&held.texture, &texture.texture));
         let same = |slot: &Slot<'_>| silent(slot) && holds(slot);
         let idle = |slot: &Slot<'_>| silent(slot) && !slot.played;
         let slots = &self.slots;
@@ -312,8 +312,8 @@ impl<'a> Director<'a> {
         }
         (slot.texture, slot.made) = (Some(texture), [false; 2]);
         match voices.playback(index) {
-            Some(playback) => playback.restart(&texture),
-            empty => *empty = Some(Playback::new(&texture, seed_of(self.seed, index))),
+            Some(playback) => playback.restart(&texture.texture),
+            empty => *empty = Some(Playback::new(&texture.texture, seed_of(self.seed, index))),
         }
     }
 
@@ -327,7 +327,7 @@ impl<'a> Director<'a> {
     ) -> Option<Stage> {
         let Moment { samples, left, .. } = moment;
         let slot = &mut self.slots[index];
-        let texture = slot.texture?;
+        let PlannedTexture { texture, scale } = slot.texture?;
         if gain == 0 && !slot.sounds(left) {
             (slot.played, slot.stick_slip) = (false, None);
             return None;
@@ -354,7 +354,7 @@ impl<'a> Director<'a> {
                 *frame = None;
             }
             frame
-                .get_or_insert_with(|| Frame::silent(&texture))
+                .get_or_insert_with(|| Frame::silent_at(&texture, scale))
                 .update_scaled(&texture, motion, gain, from, samples);
             (slot.motion, slot.gain) = (Some(motion), gain);
         }

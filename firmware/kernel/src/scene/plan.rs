@@ -11,6 +11,7 @@ use super::path::Path;
 use super::stick_slip::StickSlipWindow;
 use super::tap::Resonance;
 use crate::grid::{Motion, ONE};
+use crate::synthesis::Scale;
 
 /// A scene, ready to be played.
 #[derive(Clone, Debug)]
@@ -26,11 +27,25 @@ pub struct Plan<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct PlannedSurface<'a> {
     /// None if it sounds like nothing.
-    pub texture: Option<Texture<'a>>,
+    pub texture: Option<PlannedTexture<'a>>,
     /// In steps of 2⁻¹⁶.
     pub gain: u32,
     pub tap: Option<PlannedTap>,
     pub stick_slip: Option<StickSlipWindow>,
+}
+
+/// A texture with what its frames have in common.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlannedTexture<'a> {
+    pub texture: Texture<'a>,
+    pub scale: Scale,
+}
+
+impl<'a> PlannedTexture<'a> {
+    fn new(texture: Texture<'a>) -> Self {
+        let scale = Scale::of(&texture);
+        Self { texture, scale }
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +86,7 @@ impl<'a> Plan<'a> {
         let mut surfaces = Vec::new();
         // There is room for one.
         let _ = surfaces.push(PlannedSurface {
-            texture: Some(texture),
+            texture: Some(PlannedTexture::new(texture)),
             gain: ONE,
             tap: None,
             stick_slip: None,
@@ -100,7 +115,7 @@ impl<'a> Plan<'a> {
             let texture = planned.texture.filter(|_| planned.gain > 0)?;
             let stick_slip = Term::once(Item::StickSlip { surface }, cost::STICK_SLIP);
             let stick_slip = planned.stick_slip.map(|_| stick_slip);
-            Some([Some(Term::voice(surface, &texture)), stick_slip])
+            Some([Some(Term::voice(surface, &texture.texture)), stick_slip])
         };
         let price = |terms: &[Option<Term>; 2]| -> u32 {
             terms.iter().flatten().map(Term::instructions).sum()
@@ -156,7 +171,8 @@ impl<'a> PlannedSurface<'a> {
         Self {
             texture: surface
                 .texture
-                .and_then(|texture| library.textures().nth(usize::from(texture))),
+                .and_then(|texture| library.textures().nth(usize::from(texture)))
+                .map(PlannedTexture::new),
             gain: (surface.gain * ONE as f32 + 0.5) as u32,
             tap: surface.tap.map(|tap| PlannedTap {
                 tap,
