@@ -4,8 +4,8 @@
 use core::ptr::addr_of_mut;
 use core::slice;
 
-use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::Library;
+use model_format::limits::MAX_LIBRARY_BYTES;
 use stylus_app::storage::LoadFault;
 
 unsafe extern "C" {

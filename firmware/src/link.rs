@@ -5,11 +5,11 @@
 
 use embassy_time::Timer;
 use model_format::link::{
-    ActivateEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListSceneEndpoint, MotionEndpoint, MotionTopic,
-    PlayEndpoint, RecordBlockTopic, RecordStartEndpoint, RecordStopEndpoint, SettingsGetEndpoint,
-    SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
-    UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
-    UploadCommitEndpoint, UploadProgressEndpoint,
+    ActivateEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListSceneEndpoint,
+    MotionEndpoint, MotionTopic, PlayEndpoint, RecordBlockTopic, RecordStartEndpoint,
+    RecordStopEndpoint, SettingsGetEndpoint, SettingsResetEndpoint, SettingsSetEndpoint,
+    SlotsEndpoint, StatusEndpoint, StopEndpoint, UploadAbortEndpoint, UploadBeginEndpoint,
+    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarKeyKind, VarSeq};
 use postcard_rpc::server::{Dispatch, Sender, Server, WireRx, WireTxErrorKind};

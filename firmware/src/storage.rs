@@ -14,10 +14,10 @@ use embassy_sync::channel::Channel;
 use embassy_time::{Duration, Ticker, Timer};
 use heapless::Vec;
 use model_format::link::{
-    ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES, SettingChange,
-    Settings, SettingsResetEndpoint, SettingsSetEndpoint, SlotId, SlotInfo, SlotsEndpoint,
-    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
-    UploadCommitEndpoint, UploadState,
+    ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES,
+    SettingChange, Settings, SettingsResetEndpoint, SettingsSetEndpoint, SlotId, SlotInfo,
+    SlotsEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
 };
 use postcard_rpc::header::VarSeq;
 use postcard_rpc::server::{Sender, WireTxErrorKind};

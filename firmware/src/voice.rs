@@ -145,7 +145,10 @@ pub unsafe fn begin_block(place: Place) -> Ringing {
 /// Slot and buffer of a stage, in range whatever it says.
 #[inline(always)]
 fn indices(voice: VoiceStage) -> (usize, usize) {
-    (usize::from(voice.slot) % SLOTS, usize::from(voice.buffer) % 2)
+    (
+        usize::from(voice.slot) % SLOTS,
+        usize::from(voice.buffer) % 2,
+    )
 }
 
 /// Whether the update has done what it was last asked for.
@@ -184,7 +187,14 @@ pub unsafe fn direct(director: &mut Director<'_>, interaction: Interaction, play
     let block = unsafe { BLOCKS[played.place.other() as usize].get() };
     let ringing = played.ringing;
     // Blocks are played to their end.
-    director.next_block(interaction, UPDATE_INTERVAL_SAMPLES, 0, ringing, &mut Shared, block);
+    director.next_block(
+        interaction,
+        UPDATE_INTERVAL_SAMPLES,
+        0,
+        ringing,
+        &mut Shared,
+        block,
+    );
 }
 
 /// The update has done what it was asked for.
@@ -204,7 +214,9 @@ impl Voices for Shared {
     fn levels(&self, slot: usize, buffer: usize, left: u32) -> Levels {
         // SAFETY: of a frame that is played nobody changes anything, and the other is the update's.
         let frame = unsafe { FRAMES[slot][buffer].look() };
-        frame.as_ref().map_or(Levels::SILENT, |frame| frame.levels(left))
+        frame
+            .as_ref()
+            .map_or(Levels::SILENT, |frame| frame.levels(left))
     }
 
     fn playback(&mut self, slot: usize) -> &mut Option<Playback> {

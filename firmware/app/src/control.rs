@@ -7,8 +7,8 @@ use model_format::Library;
 use model_format::link::{
     ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, MotionRefused,
     MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, RecordCounters,
-    RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings, SlotId, SlotInfo, Status,
-    StopError, TickCounters, TickHistogram, UploadState,
+    RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings, SlotId, SlotInfo,
+    Status, StopError, TickCounters, TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 

@@ -196,7 +196,10 @@ impl Timed {
             MotionError::Speed => MotionRefused::Speed,
             MotionError::Force => MotionRefused::Force,
         })?;
-        if sample.position_mm.is_some_and(|position| !position.is_finite()) {
+        if sample
+            .position_mm
+            .is_some_and(|position| !position.is_finite())
+        {
             return Err(MotionRefused::Position);
         }
         Ok(Self {
@@ -245,7 +248,12 @@ impl Follower {
 
     /// What the hand does, by the motion that was chosen and the sensors at the same time. The origin is where the encoder
     /// stands when this is called first.
-    pub fn follow(&mut self, chosen: Timed, sensors: &Sensors, config: &InputConfig) -> Interaction {
+    pub fn follow(
+        &mut self,
+        chosen: Timed,
+        sensors: &Sensors,
+        config: &InputConfig,
+    ) -> Interaction {
         if !self.locates {
             return Interaction::touching(chosen.motion);
         }

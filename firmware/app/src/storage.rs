@@ -5,9 +5,9 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    ActivateError, Activated, ListError, ListRequest, SceneInfo, SettingChange, Settings, SettingsError,
-    SlotId, SlotInfo, SlotState, Slots, UploadBegin, UploadChunk, UploadCommitted, UploadError,
-    UploadProgress, UploadState,
+    ActivateError, Activated, ListError, ListRequest, SceneInfo, SettingChange, Settings,
+    SettingsError, SlotId, SlotInfo, SlotState, Slots, UploadBegin, UploadChunk, UploadCommitted,
+    UploadError, UploadProgress, UploadState,
 };
 
 use crate::settings::SettingsStore;

@@ -5,8 +5,8 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::Reason;
-use crate::scene::SceneName;
 use crate::limits::{MAX_LIBRARY_BYTES, MAX_NAME_BYTES};
+use crate::scene::SceneName;
 use crate::{FORMAT_VERSION, MillimetresPerSecond, Newton, Provenance, Structure};
 
 /// Name of a texture.

@@ -26,8 +26,8 @@ use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
 
 pub use info::{DeviceInfo, ProductName, Serial, VersionText};
 pub use library::{
-    ActivateError, Activated, ListError, ListRequest, SceneInfo, SlotFault, SlotId, SlotInfo, SlotState,
-    Slots, TextureInfo, TextureName,
+    ActivateError, Activated, ListError, ListRequest, SceneInfo, SlotFault, SlotId, SlotInfo,
+    SlotState, Slots, TextureInfo, TextureName,
 };
 pub use motion::{MotionRefused, MotionSample};
 pub use play::{
@@ -49,7 +49,7 @@ pub use upload::{
 };
 
 /// The protocol's version. It changes when a message changes its meaning, even where its type stays.
-pub const PROTOCOL_VERSION: u16 = 2;
+pub const PROTOCOL_VERSION: u16 = 1;
 
 /// Longest frame that the host sends, bytes before COBS.
 pub const MAX_HOST_FRAME_BYTES: usize = 1024;

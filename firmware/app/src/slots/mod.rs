@@ -17,8 +17,8 @@ use embedded_storage_async::nor_flash::NorFlash;
 use heapless::Vec;
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_TEXTURES, SLOT_BYTES, SLOT_HEADER_BYTES};
 use model_format::link::{
-    FlashOperation, LIBRARY_CRC, ListError, SceneInfo, SlotFault, SlotId, SlotInfo, SlotState, Slots,
-    TextureInfo,
+    FlashOperation, LIBRARY_CRC, ListError, SceneInfo, SlotFault, SlotId, SlotInfo, SlotState,
+    Slots, TextureInfo,
 };
 use model_format::scene::limits::MAX_SCENES;
 use model_format::scene::{MotionOfScene, Scene, Surface};

@@ -1,8 +1,7 @@
 //! What a plan costs the tick, in instructions: a base and so much for each of something, stage by stage.
 //!
-//! **The constants are a model.** Those of voices follow from the counts in the README (the virtual stylus's ticks at order
-//! 400, less those of an idle tick), rounded up; those of the effects are the instructions in the compiler's listing for a
-//! Cortex-M7, rounded up, and stand to be replaced by counts from the virtual stylus. All are here and nowhere else.
+//! **The constants are counts** of the image on the virtual stylus, whose test `scenes` holds them against the ticks of the image as
+//! it was built: never below what is counted, and not far above. Instructions are not cycles.
 
 use core::fmt;
 
@@ -12,26 +11,30 @@ use model_format::{Structure, Texture};
 use super::block::{MAX_STAGES, SLOTS};
 use crate::arithmetic::TURN_TAPS;
 
-/// Instructions of the sample's path whatever is played: the list of stages, the sum of voices, its saturation.
-pub const MIX: StageCost = StageCost { base: 40, each: 0 };
+/// Instructions of the sample's path whatever is played: the list of stages, the sum of voices, its saturation. A list that is
+/// empty takes 22 of them.
+pub const MIX: StageCost = StageCost { base: 53, each: 0 };
 
 /// A voice of a normalised lattice; each is a stage of it.
 pub const LATTICE: StageCost = StageCost {
-    base: 120,
-    each: 12,
+    base: 151,
+    each: 11,
 };
 
-/// A voice of a direct form; each is a tap of the predictor, up to whole turns.
-pub const DIRECT: StageCost = StageCost { base: 180, each: 3 };
+/// A voice of a direct form; each is a turn of [`TURN_TAPS`] taps of the predictor.
+pub const DIRECT: StageCost = StageCost {
+    base: 212,
+    each: 107,
+};
 
 /// What stick-slip adds to a voice.
-pub const STICK_SLIP: StageCost = StageCost { base: 60, each: 0 };
+pub const STICK_SLIP: StageCost = StageCost { base: 46, each: 0 };
 
 /// A tap transient.
-pub const TAP: StageCost = StageCost { base: 40, each: 0 };
+pub const TAP: StageCost = StageCost { base: 37, each: 0 };
 
 /// The equaliser; each is a section.
-pub const EQUALISER: StageCost = StageCost { base: 60, each: 90 };
+pub const EQUALISER: StageCost = StageCost { base: 53, each: 81 };
 
 /// The fade while scenes are exchanged.
 pub const FADE_OUT: StageCost = StageCost { base: 30, each: 0 };
@@ -45,7 +48,7 @@ pub const BUDGET: u32 = 20_000;
 pub struct StageCost {
     /// Once.
     pub base: u16,
-    /// For each stage of a lattice, tap of a predictor, or section.
+    /// For each stage of a lattice, turn of a predictor's taps, or section.
     pub each: u16,
 }
 
@@ -111,7 +114,7 @@ impl Term {
         let (cost, count) = match structure {
             Structure::NormalisedLattice => (LATTICE, order),
             Structure::DirectForm16 | Structure::DirectForm32 => {
-                (DIRECT, order.next_multiple_of(TURN_TAPS))
+                (DIRECT, order.div_ceil(TURN_TAPS))
             }
         };
         Self {

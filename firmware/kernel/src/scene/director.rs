@@ -293,7 +293,10 @@ impl<'a> Director<'a> {
             let mut all = wanted.iter().flatten();
             !slot.sounds(left) && !all.any(|other| Some(other.surface) == slot.surface)
         };
-        let holds = |slot: &Slot<'_>| slot.texture.is_some_and(|held| is_same(&held.texture, &texture.texture));
+        let holds = |slot: &Slot<'_>| {
+            slot.texture
+                .is_some_and(|held| is_same(&held.texture, &texture.texture))
+        };
         let same = |slot: &Slot<'_>| silent(slot) && holds(slot);
         let idle = |slot: &Slot<'_>| silent(slot) && !slot.played;
         let slots = &self.slots;
