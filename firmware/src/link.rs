@@ -6,10 +6,11 @@
 use embassy_time::Timer;
 use model_format::link::{
     ActivateEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListSceneEndpoint,
-    MotionEndpoint, MotionTopic, PlayEndpoint, RecordBlockTopic, RecordStartEndpoint,
-    RecordStopEndpoint, SettingsGetEndpoint, SettingsResetEndpoint, SettingsSetEndpoint,
-    SlotsEndpoint, StatusEndpoint, StopEndpoint, UploadAbortEndpoint, UploadBeginEndpoint,
-    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
+    MotionEndpoint, MotionTopic, PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlockTopic,
+    RecordStartEndpoint, RecordStopEndpoint, SettingsGetEndpoint, SettingsResetEndpoint,
+    SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint, UploadAbortEndpoint,
+    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
+    UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarKeyKind, VarSeq};
 use postcard_rpc::server::{Dispatch, Sender, Server, WireRx, WireTxErrorKind};
@@ -102,6 +103,15 @@ impl Asked<'_> {
     }
 }
 
+/// `PlayEndpoint`.
+#[expect(
+    clippy::result_large_err,
+    reason = "without allocation the answer is as large as its longest text"
+)]
+fn play(request: PlayRequest) -> core::result::Result<Playing, PlayError> {
+    with_control(|control| control.play(request))
+}
+
 impl Dispatch for Requests {
     type Tx = Wire;
 
@@ -136,11 +146,7 @@ impl Dispatch for Requests {
                     .answer::<UploadProgressEndpoint>(|()| with_control(|control| control.upload()))
                     .await
             }
-            PlayEndpoint::REQ_KEY => {
-                asked
-                    .answer::<PlayEndpoint>(|request| with_control(|control| control.play(request)))
-                    .await
-            }
+            PlayEndpoint::REQ_KEY => asked.answer::<PlayEndpoint>(play).await,
             StopEndpoint::REQ_KEY => {
                 asked
                     .answer::<StopEndpoint>(|()| with_control(Control::stop))

@@ -67,6 +67,10 @@ pub struct Playing {
 
 /// Why something is not played. What was played before goes on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "without allocation the longest text is part of the whole"
+)]
 pub enum PlayError {
     /// No library is active.
     #[error("no library is active: upload one and activate it")]

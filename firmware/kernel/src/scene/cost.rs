@@ -37,7 +37,7 @@ pub const TAP: StageCost = StageCost { base: 37, each: 0 };
 pub const EQUALISER: StageCost = StageCost { base: 53, each: 81 };
 
 /// The fade while scenes are exchanged.
-pub const FADE_OUT: StageCost = StageCost { base: 30, each: 0 };
+pub const FADE_OUT: StageCost = StageCost { base: 25, each: 0 };
 
 /// Instructions that a scene may take of a tick: at the device's 400 MHz a period of 200 µs is 80 000 cycles, at two cycles an
 /// instruction, which is pessimistic, 40 000 instructions; half of it is for safety, inputs, interrupts and margin.

@@ -287,7 +287,7 @@ fn the_worst_case_counts_what_can_sound_at_a_time_and_nothing_else() {
     let cost = plan(&bytes, &side_by_side(&[2, 0, 3], 1.0)).worst_case();
     let expected = u32::from(cost::MIX.base)
         + u32::from(cost::LATTICE.base + 400 * cost::LATTICE.each)
-        + u32::from(cost::DIRECT.base + 400 * cost::DIRECT.each);
+        + u32::from(cost::DIRECT.base + 10 * cost::DIRECT.each);
     assert_eq!(cost.instructions(), expected);
     // A surface that no region has costs nothing.
     let mut scene = side_by_side(&[0, 2], 0.0);
@@ -317,8 +317,8 @@ fn a_plan_over_the_budget_is_refused_with_the_arithmetic() {
     let refused = plan.within(needed - 1).expect_err("one short");
     let message = refused.to_string();
     for told in [
-        "surface 0, normalised lattice: 120 + 400 x 12 = 4920".to_owned(),
-        "surface 1, direct form, 32 bits: 180 + 400 x 3 = 1380".to_owned(),
+        "surface 0, normalised lattice: 151 + 400 x 11 = 4551".to_owned(),
+        "surface 1, direct form, 32 bits: 212 + 10 x 107 = 1282".to_owned(),
         format!("together {needed} instructions"),
         format!("a tick has {}", needed - 1),
     ] {
