@@ -11,20 +11,22 @@ use heapless::String;
 use model_format::link::{
     DeviceInfo, Fault, FaultKind, FaultText, LinkCounters, MotionSource, PROTOCOL_VERSION,
     PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
-    SCHEMA_HASH, Settings, TickCounters,
+    SCHEMA_HASH, Selection, Settings, TickCounters,
 };
-use model_format::{FORMAT_VERSION, Texture};
+use model_format::{FORMAT_VERSION, Library};
 use stylus_app::control::{Device, ResetReport, TickReport};
-use stylus_app::inputs::{InputConfig, Timed};
+use stylus_app::inputs::{Follower, InputConfig, Timed};
 use stylus_app::recorder::Recorder;
 use stylus_app::safety;
 use stylus_app::status::Histogram;
 use stylus_app::storage::LoadFault;
+use stylus_kernel::scene::Plan;
+use stylus_kernel::scene::cost::BUDGET;
 
 use crate::clock::CORE_HZ;
 use crate::library_ram::LibraryRam;
 use crate::link_counters::{SERIAL, USB};
-use crate::{fault, tick, update, voice};
+use crate::{direction, fault, tick, update, voice};
 
 /// Everything of the hardware's but flash and wires.
 pub struct Hardware {
@@ -59,8 +61,23 @@ impl Hardware {
     /// It is not one.
     pub fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
         self.clear();
-        // SAFETY: the only textures that outlive a call are those of the update, and that was just told to drop its own.
+        // SAFETY: the only textures that outlive a call are the director's, and that was just forgotten.
         unsafe { self.library.load(library) }
+    }
+
+    /// The plan of what is asked for, and how the hand is followed through it; none if it is not there or cannot be played.
+    fn plan(&self, selection: &Selection) -> Option<(Plan<'static>, Follower)> {
+        let library = self.library.library()?;
+        match selection {
+            Selection::Texture(name) => {
+                let plan = Plan::of_texture(library.texture(name)?);
+                Some((plan, Follower::new(false)))
+            }
+            Selection::Scene(name) => {
+                let plan = Plan::new(&library.scene(name)?, &library).ok()?;
+                Some((plan, Follower::new(true)))
+            }
+        }
     }
 }
 
@@ -113,8 +130,12 @@ impl Device for Hardware {
         self.reset.clone()
     }
 
-    fn texture(&self, name: &str) -> Option<Texture<'_>> {
-        self.library.texture(name)
+    fn library(&self) -> Option<Library<'_>> {
+        self.library.library()
+    }
+
+    fn scene_budget(&self) -> u32 {
+        BUDGET
     }
 
     fn is_at_rest(&self) -> bool {
@@ -134,19 +155,28 @@ impl Device for Hardware {
 
     fn start(&mut self, request: &PlayRequest, config: safety::Config) {
         self.clear();
-        let Some(texture) = self.library.texture(&request.texture) else {
+        let Some((plan, follower)) = self.plan(&request.selection) else {
             return;
         };
         // SAFETY: the tick was told to play nothing, and tasks cannot be here in the middle of it.
-        unsafe { voice::load(&texture, request.seed) };
+        unsafe {
+            voice::clear();
+            direction::start(plan, follower, request.seed);
+        }
         tick::configure(config);
-        update::change(|update| update.texture = Some(texture));
         tick::play();
+    }
+
+    fn switch(&mut self, request: &PlayRequest) {
+        if let Some((plan, follower)) = self.plan(&request.selection) {
+            direction::switch(plan, follower);
+        }
     }
 
     fn clear(&mut self) {
         tick::stop();
-        update::change(|update| update.texture = None);
+        // SAFETY: the tick was told to play nothing.
+        unsafe { direction::clear() };
     }
 
     fn set_motion_source(&mut self, source: MotionSource) {

@@ -4,8 +4,8 @@
 use core::ptr::addr_of_mut;
 use core::slice;
 
+use model_format::Library;
 use model_format::limits::MAX_LIBRARY_BYTES;
-use model_format::{Library, Texture};
 use stylus_app::storage::LoadFault;
 
 unsafe extern "C" {
@@ -33,7 +33,7 @@ impl LibraryRam {
     /// Too many bytes, or what was copied is no library; there is none then.
     ///
     /// # Safety
-    /// Nothing that [`LibraryRam::texture`] gave is used any longer.
+    /// Nothing of what [`LibraryRam::library`] gave is used any longer.
     pub unsafe fn load(&mut self, bytes: &[u8]) -> Result<(), LoadFault> {
         self.library = None;
         if bytes.len() > MAX_LIBRARY_BYTES {
@@ -51,8 +51,8 @@ impl LibraryRam {
         Ok(())
     }
 
-    /// The texture called `name`.
-    pub fn texture(&self, name: &str) -> Option<Texture<'static>> {
-        self.library.as_ref()?.texture(name)
+    /// The library.
+    pub fn library(&self) -> Option<Library<'static>> {
+        self.library
     }
 }

@@ -5,11 +5,12 @@
 
 use embassy_time::Timer;
 use model_format::link::{
-    ActivateEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, MotionEndpoint, MotionTopic,
-    PlayEndpoint, RecordBlockTopic, RecordStartEndpoint, RecordStopEndpoint, SettingsGetEndpoint,
-    SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
-    UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
-    UploadCommitEndpoint, UploadProgressEndpoint,
+    ActivateEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListSceneEndpoint,
+    MotionEndpoint, MotionTopic, PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlockTopic,
+    RecordStartEndpoint, RecordStopEndpoint, SettingsGetEndpoint, SettingsResetEndpoint,
+    SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint, UploadAbortEndpoint,
+    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
+    UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarKeyKind, VarSeq};
 use postcard_rpc::server::{Dispatch, Sender, Server, WireRx, WireTxErrorKind};
@@ -102,6 +103,15 @@ impl Asked<'_> {
     }
 }
 
+/// `PlayEndpoint`.
+#[expect(
+    clippy::result_large_err,
+    reason = "without allocation the answer is as large as its longest text"
+)]
+fn play(request: PlayRequest) -> core::result::Result<Playing, PlayError> {
+    with_control(|control| control.play(request))
+}
+
 impl Dispatch for Requests {
     type Tx = Wire;
 
@@ -136,11 +146,7 @@ impl Dispatch for Requests {
                     .answer::<UploadProgressEndpoint>(|()| with_control(|control| control.upload()))
                     .await
             }
-            PlayEndpoint::REQ_KEY => {
-                asked
-                    .answer::<PlayEndpoint>(|request| with_control(|control| control.play(request)))
-                    .await
-            }
+            PlayEndpoint::REQ_KEY => asked.answer::<PlayEndpoint>(play).await,
             StopEndpoint::REQ_KEY => {
                 asked
                     .answer::<StopEndpoint>(|()| with_control(Control::stop))
@@ -195,6 +201,11 @@ impl Requests {
             UploadAbortEndpoint::REQ_KEY => asked.hand_over(|()| Some(Job::UploadAbort)).await,
             SlotsEndpoint::REQ_KEY => asked.hand_over(|()| Some(Job::Slots)).await,
             ListEndpoint::REQ_KEY => asked.hand_over(|request| Some(Job::List(request))).await,
+            ListSceneEndpoint::REQ_KEY => {
+                asked
+                    .hand_over(|request| Some(Job::ListScene(request)))
+                    .await
+            }
             ActivateEndpoint::REQ_KEY => asked.hand_over(|slot| Some(Job::Activate(slot))).await,
             SettingsSetEndpoint::REQ_KEY => {
                 asked

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`startup`], [`clock`], [`priority`] | from reset to running |
 //! | [`tick`], [`inputs`], [`output`] | one sample, 5000 times a second |
-//! | [`update`], [`voice`], [`shared`] | one frame every 2 ms, handed to the tick |
+//! | [`update`], [`direction`], [`voice`], [`shared`] | one block every 2 ms, handed to the tick |
 //! | [`device`], [`library_ram`], [`storage`], [`flash`], [`flash_word`] | what `stylus_app` needs of the hardware |
 //! | [`link`], [`serial`], [`usb`] | requests, over two wires |
 //! | [`fault`], [`watchdog`], [`stack`] | the end, and why; what keeps from it |
@@ -17,6 +17,7 @@
 
 mod clock;
 mod device;
+mod direction;
 mod fault;
 mod flash;
 mod flash_word;

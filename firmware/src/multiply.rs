@@ -189,10 +189,7 @@ impl Arithmetic for CortexM {
         // writes no memory but its own three words of stack, which it gives back (so `nostack` is not claimed). r6 and r7,
         // which the compiler may hold for itself, are among them and restored; no operand is in either. All other registers
         // are named; the flags are said to change. SMLAL's two results live at once, so that they are never one register.
-        #[expect(
-            unsafe_code,
-            reason = "a compiler's loop has too few registers for loads in bursts"
-        )]
+        #[expect(unsafe_code, reason = "a compiler's loop has too few registers")]
         unsafe {
             asm!(
                 "push {{r6, r7, r12}}",
@@ -298,10 +295,7 @@ impl Arithmetic for CortexM {
             // aligned, as LDRD and LDM want them. It pushes three words and gives them back (so `nostack` is not claimed); r6 and
             // r7, which the compiler may hold for itself, are among them and restored, and no operand is in either. All other
             // registers are named; Q and the flags are said to change.
-            #[expect(
-                unsafe_code,
-                reason = "a compiler has too few registers for two rotations and two samples"
-            )]
+            #[expect(unsafe_code, reason = "a compiler's loop has too few registers")]
             unsafe {
                 asm!(
                     "push {{r6, r7, lr}}",

@@ -25,7 +25,7 @@ static VECTOR_TABLE: VectorTable = VectorTable(UnsafeCell::new([0; VECTORS]));
 
 // Runs first of all, by cortex-m-rt's reset handler, when no variable has its value yet; Rust must not run then.
 //
-// SAFETY: besides the registers named here it writes only the two sections that the linker reserves for it (`tick.x`), in
+// SAFETY: besides the registers named here it writes only the three sections that the linker reserves for it (`tick.x`), in
 // words, between bounds that are multiples of eight. It calls nothing, and may change the registers that it does: the
 // caller keeps none of them.
 global_asm!(
@@ -63,6 +63,13 @@ global_asm!(
     "    ldrlo r3, [r2], #4",
     "    strlo r3, [r0], #4",
     "    blo 3b",
+    "    ldr r0, =__ssram4",
+    "    ldr r1, =__esram4",
+    "    mov r3, #0",
+    "4:  cmp r0, r1",
+    "    itt lo",
+    "    strlo r3, [r0], #4",
+    "    blo 4b",
     "    dsb",
     "    isb",
     "    bx lr",

@@ -14,10 +14,10 @@ use embassy_sync::channel::Channel;
 use embassy_time::{Duration, Ticker, Timer};
 use heapless::Vec;
 use model_format::link::{
-    ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, MAX_CHUNK_BYTES, SettingChange,
-    Settings, SettingsResetEndpoint, SettingsSetEndpoint, SlotId, SlotInfo, SlotsEndpoint,
-    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
-    UploadCommitEndpoint, UploadState,
+    ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES,
+    SettingChange, Settings, SettingsResetEndpoint, SettingsSetEndpoint, SlotId, SlotInfo,
+    SlotsEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
 };
 use postcard_rpc::header::VarSeq;
 use postcard_rpc::server::{Sender, WireTxErrorKind};
@@ -63,6 +63,8 @@ pub enum Job {
     Slots,
     /// `ListEndpoint`.
     List(ListRequest),
+    /// `ListSceneEndpoint`.
+    ListScene(ListRequest),
     /// `ActivateEndpoint`.
     Activate(SlotId),
     /// `SettingsSetEndpoint`.
@@ -97,6 +99,7 @@ pub fn ask(job: Job, to: Sender<Wire>, sequence: VarSeq) -> bool {
 
 type Stores = Storage<Bank2, SettingsFlash>;
 
+#[unsafe(link_section = ".sram4.stores")]
 static STORES: StaticCell<Stores> = StaticCell::new();
 
 /// Opens the stores, makes the newest library the active one, and lets requests be served.
@@ -168,6 +171,10 @@ async fn work(
         Job::Slots => to.reply::<SlotsEndpoint>(sequence, &stores.slots()).await,
         Job::List(request) => {
             to.reply::<ListEndpoint>(sequence, &stores.list(request))
+                .await
+        }
+        Job::ListScene(request) => {
+            to.reply::<ListSceneEndpoint>(sequence, &stores.list_scene(request))
                 .await
         }
         Job::Activate(slot) => {

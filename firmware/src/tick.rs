@@ -30,7 +30,7 @@ use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 
 use crate::clock::{CORE_HZ, TIMER_HZ};
 use crate::shared::OfHandler;
-use crate::voice::{self, Noted, Place};
+use crate::voice::{self, Noted, Place, Played};
 use crate::{fault, inputs, output, watchdog};
 
 /// Cycles of the processor in a tick.
@@ -52,11 +52,11 @@ pub struct Tick {
     tap: Tap<'static>,
     /// Ticks of the block under way.
     phase: u32,
-    /// Which frame is played, if anything is.
+    /// Which block is played, if anything is.
     playing: Option<Place>,
     /// Whether playing begins with the next block.
     begins: bool,
-    /// Whether the update was asked for a frame that follows the one that is played.
+    /// Whether the update was asked for a block that follows the one that is played.
     asked: bool,
     /// The processor's cycle at the last trigger.
     trigger: u32,
@@ -170,7 +170,7 @@ pub fn stop() {
 
 /// The tick's interrupt. **Deadline: 200 µs, until the next trigger.**
 ///
-/// What bounds it: the order of the texture's models, 400 at most; the safety stages, the queue and the counters take the
+/// What bounds it: the stages of the block, whose worst case was held against a budget when the plan was taken up; the safety stages, the queue and the counters take the
 /// same at every tick. It begins late by at most the longest critical section. If it ends after the next trigger, the DAC has
 /// put out the sample before once more, the tick is counted as missed, and the one after begins at once. `status` shows the
 /// count and how long ticks take.
@@ -211,7 +211,7 @@ impl Tick {
         }
         self.phase = (self.phase + 1) % UPDATE_INTERVAL_SAMPLES;
         let sample = match self.playing {
-            // SAFETY: this is the tick, and it plays this frame.
+            // SAFETY: this is the tick, and it plays this block.
             Some(place) => unsafe { voice::next_sample(place) },
             None => OutputSample::SILENCE,
         };
@@ -240,10 +240,10 @@ impl Tick {
         self.counters.missed = self.counters.missed.saturating_add(periods - 1);
     }
 
-    /// Takes the frame that was computed during the last block, and has the next one computed from the motion of now.
+    /// Takes the block that was decided during the last one, and has the next one decided from what the hand does now.
     ///
     /// So a motion that is noted at the beginning of one block is heard from the beginning of the next. If the update has not
-    /// done, the frame before goes on.
+    /// done, the block before goes on.
     #[inline(always)]
     fn begin_block(&mut self, now: u64) {
         self.sensors.end_block();
@@ -251,24 +251,26 @@ impl Tick {
             self.playing = Some(Place::First);
             self.asked = false;
         }
-        let next = if self.asked {
-            self.playing.map(Place::other)
-        } else {
-            self.playing
-        };
+        if !voice::is_ready() {
+            let late = u32::from(self.playing.is_some());
+            self.counters.late_frames = self.counters.late_frames.saturating_add(late);
+            return;
+        }
+        if self.asked {
+            self.playing = self.playing.map(Place::other);
+        }
+        self.asked = true;
+        let playing = self.playing.map(|place| {
+            // SAFETY: this is the tick, which plays, and the update is ready.
+            let ringing = unsafe { voice::begin_block(place) };
+            Played { place, ringing }
+        });
         let noted = Noted {
             sensors: self.sensors,
             tick: now,
-            playing: next,
+            playing,
         };
-        // SAFETY: this is the tick.
-        if unsafe { voice::request(noted) } {
-            self.playing = next;
-            self.asked = true;
-            // SAFETY: this is the tick.
-            unsafe { voice::begin_frame() };
-        } else if self.playing.is_some() {
-            self.counters.late_frames = self.counters.late_frames.saturating_add(1);
-        }
+        // SAFETY: this is the tick, and the update is ready.
+        unsafe { voice::request(noted) };
     }
 }

@@ -1,4 +1,4 @@
-//! The update: every 2 ms, below the tick and above all tasks, the motion of the moment becomes the next frame.
+//! The update: every 2 ms, below the tick and above all tasks, what the hand does becomes the next block.
 
 #![expect(
     unsafe_code,
@@ -7,12 +7,11 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use model_format::Texture;
 use model_format::link::MotionSource;
 use stylus_app::inputs::{self, InputConfig, Timed};
 
 use crate::shared::OfHandler;
-use crate::voice;
+use crate::{direction, voice};
 
 /// Whether the motion that is followed was too old when it was last looked at.
 static STALE: AtomicBool = AtomicBool::new(true);
@@ -25,8 +24,6 @@ pub struct Update {
     pub source: MotionSource,
     /// The last motion from the host.
     pub host: Timed,
-    /// What is played.
-    pub texture: Option<Texture<'static>>,
 }
 
 /// None before the start.
@@ -39,7 +36,6 @@ pub fn start(config: InputConfig) {
             config,
             source: MotionSource::Sensors,
             host: Timed::NEVER,
-            texture: None,
         });
     });
 }
@@ -60,8 +56,8 @@ pub fn change(change: impl FnOnce(&mut Update)) {
 
 /// The update's interrupt, pended by the tick. **Deadline: 2 ms, until the next block.**
 ///
-/// What bounds it: the highest order of the texture, its four nodes around the motion, and the ticks that interrupt it. If it
-/// is late, the frame before goes on for another block and `status` counts it.
+/// What bounds it: two voices at a time, the highest order of their textures, four nodes around the motion, and the ticks that
+/// interrupt it. If it is late, the block before goes on with its ramps at their ends, and `status` counts it.
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.update")]
 extern "C" fn SWPMI1() {
@@ -70,11 +66,16 @@ extern "C" fn SWPMI1() {
     // SAFETY: this is the handler whose value it is.
     if let Some(update) = unsafe { UPDATE.in_handler() } {
         let sensors = noted.sensors.motion(&update.config);
-        let (motion, stale) = inputs::choose(update.source, sensors, update.host, noted.tick);
-        STALE.store(stale, Ordering::Relaxed);
-        if let (Some(playing), Some(texture)) = (noted.playing, &update.texture) {
-            // SAFETY: as above.
-            unsafe { voice::compute(texture, motion, playing) };
+        let chosen = inputs::choose(update.source, sensors, update.host);
+        STALE.store(chosen.is_stale(noted.tick), Ordering::Relaxed);
+        if let Some(played) = noted.playing {
+            // SAFETY: this is the update, and the tick plays.
+            if let Some(direction) = unsafe { direction::directed() } {
+                let follower = &mut direction.follower;
+                let interaction = follower.follow(chosen, &noted.sensors, &update.config);
+                // SAFETY: as above; this is the director of what is played.
+                unsafe { voice::direct(&mut direction.director, interaction, played) };
+            }
         }
     }
     voice::ready();

@@ -5,6 +5,8 @@ use alloc::vec::Vec;
 use crate::error::{DecodeError, Place, Problem};
 use crate::library::{Library, NodeFlags};
 use crate::limits;
+use crate::scene::Scene;
+use crate::scene::limits::MAX_SCENES;
 use crate::wire::{
     self, CertificateRecord, NodeRecord, Prefix, Provenance, Structure, TextureRecord,
 };
@@ -107,7 +109,20 @@ impl CodeSpec {
 /// # Errors
 /// Whatever makes the library invalid, as decoding it would tell.
 pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
-    let bytes = bytes_of(textures)?;
+    encode_with_scenes(textures, &[])
+}
+
+/// The bytes of a library of `textures` and of `scenes` that refer to them.
+///
+/// What is returned has been through [`Library::decode`].
+///
+/// # Errors
+/// Whatever makes the library invalid, as decoding it would tell.
+pub fn encode_with_scenes(
+    textures: &[TextureSpec],
+    scenes: &[Scene],
+) -> Result<Vec<u8>, DecodeError> {
+    let bytes = bytes_of(textures, scenes)?;
     Library::decode(&bytes)?;
     Ok(bytes)
 }
@@ -117,12 +132,23 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
 /// # Errors
 /// Whatever makes the library invalid, as decoding it would tell.
 pub fn encode_uncertified(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
-    let bytes = bytes_of(textures)?;
+    encode_with_scenes_uncertified(textures, &[])
+}
+
+/// As [`encode_with_scenes`], but direct forms need no certificate.
+///
+/// # Errors
+/// Whatever makes the library invalid, as decoding it would tell.
+pub fn encode_with_scenes_uncertified(
+    textures: &[TextureSpec],
+    scenes: &[Scene],
+) -> Result<Vec<u8>, DecodeError> {
+    let bytes = bytes_of(textures, scenes)?;
     Library::decode_uncertified(&bytes)?;
     Ok(bytes)
 }
 
-fn bytes_of(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
+fn bytes_of(textures: &[TextureSpec], scenes: &[Scene]) -> Result<Vec<u8>, DecodeError> {
     let count = textures.len();
     if count > limits::MAX_TEXTURES {
         return Err(Problem::TextureCount(count).at(Place::Library));
@@ -132,8 +158,22 @@ fn bytes_of(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
     for (index, texture) in textures.iter().enumerate() {
         append_texture(texture, index, &mut bytes)?;
     }
+    if scenes.len() > MAX_SCENES {
+        return Err(Problem::SceneCount(scenes.len()).at(Place::Library));
+    }
+    bytes.push(scenes.len() as u8);
+    for (index, scene) in scenes.iter().enumerate() {
+        append_scene(scene, index, &mut bytes)?;
+    }
     write_prefix(&mut bytes);
     Ok(bytes)
+}
+
+fn append_scene(scene: &Scene, index: usize, bytes: &mut Vec<u8>) -> Result<(), DecodeError> {
+    let malformed = |_| Problem::MalformedScene.at(Place::Scene(index));
+    let record = postcard::to_allocvec(scene).map_err(malformed)?;
+    bytes.extend(postcard::to_allocvec(record.as_slice()).map_err(malformed)?);
+    Ok(())
 }
 
 fn append_texture(

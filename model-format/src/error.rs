@@ -3,6 +3,8 @@
 use core::fmt;
 
 use crate::limits;
+use crate::scene::SceneError;
+use crate::scene::limits::MAX_SCENES;
 use crate::wire::{FORMAT_VERSION, Structure};
 
 /// Bytes that are not a library that the stylus can play.
@@ -15,7 +17,7 @@ pub struct DecodeError {
     pub problem: Problem,
 }
 
-/// A place in a library. Textures, nodes and axis values are counted from 0.
+/// A place in a library. Textures, nodes, axis values and scenes are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// The whole file or its first bytes.
@@ -44,6 +46,8 @@ pub enum Place {
         /// Index on the force axis of its lowest force.
         force: usize,
     },
+    /// A scene.
+    Scene(usize),
 }
 
 impl fmt::Display for Place {
@@ -66,6 +70,7 @@ impl fmt::Display for Place {
                 f,
                 "texture {texture}, cell from node (speed {speed}, force {force}) up"
             ),
+            Self::Scene(scene) => write!(f, "scene {scene}"),
         }
     }
 }
@@ -136,12 +141,27 @@ pub enum Problem {
     /// The texture's header does not parse.
     #[error("the header does not parse")]
     Malformed,
-    /// Bytes are left after the last texture.
-    #[error("{0} bytes are left over after the last texture")]
+    /// Bytes are left after the last scene.
+    #[error("{0} bytes are left over after the last scene")]
     LeftOver(usize),
     /// No texture, or too many.
     #[error("{0} textures; there must be 1 to {max}", max = limits::MAX_TEXTURES)]
     TextureCount(usize),
+    /// The bytes end after the last texture.
+    #[error("it ends where the number of its scenes is due")]
+    NoSceneCount,
+    /// Too many scenes.
+    #[error("{0} scenes; there must be at most {MAX_SCENES}")]
+    SceneCount(usize),
+    /// A record that is no scene, or more than one.
+    #[error("its record does not parse as a scene")]
+    MalformedScene,
+    /// A scene of the same name.
+    #[error("the same name as scene {0}")]
+    SceneNameTaken(usize),
+    /// A scene that cannot be played.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
     /// A name that is empty or too long.
     #[error("a name of {0} bytes; there must be 1 to {max}", max = limits::MAX_NAME_BYTES)]
     NameLength(usize),

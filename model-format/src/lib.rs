@@ -1,5 +1,5 @@
-//! What the host and the stylus must agree on: physical units with the scales of the converters, and the texture
-//! library, the file that `stylus fit` writes, that is flashed, and that the synthesis kernel plays from.
+//! What the host and the stylus must agree on: physical units with the scales of the converters, the texture library, the
+//! file that `stylus fit` writes, that is flashed, and that the synthesis kernel plays from, and the [scenes](scene) in it.
 //!
 //! Decoding allocates nothing and borrows everything from the bytes it is given. [`Library::decode`] is the one
 //! validator, on both sides: what it accepts, the kernel can play without a further check.
@@ -15,11 +15,15 @@ mod library;
 pub mod limits;
 #[cfg(feature = "link")]
 pub mod link;
+pub mod scene;
 mod units;
 mod wire;
 
 #[cfg(feature = "alloc")]
-pub use encode::{CodeSpec, NodeSpec, TextureSpec, encode, encode_uncertified};
+pub use encode::{
+    CodeSpec, NodeSpec, TextureSpec, encode, encode_uncertified, encode_with_scenes,
+    encode_with_scenes_uncertified,
+};
 pub use error::{DecodeError, Place, Problem};
 pub use library::{
     Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Coefficients, Library, Node, NodeFlags,

@@ -2,6 +2,8 @@
 
 use crate::error::{DecodeError, Place, Problem};
 use crate::limits;
+use crate::scene::Scene;
+use crate::scene::limits::MAX_SCENES;
 use crate::units::{MillimetresPerSecond, Newton};
 use crate::wire::{
     self, CertificateRecord, NodeRecord, Prefix, Provenance, Structure, TextureRecord,
@@ -13,6 +15,9 @@ pub struct Library<'a> {
     /// What follows the texture count.
     textures: &'a [u8],
     len: usize,
+    /// What follows the scene count.
+    scenes: &'a [u8],
+    scene_count: usize,
 }
 
 /// A texture: models on a rectangular grid over (speed, force).
@@ -148,7 +153,7 @@ impl NodeFlags {
 impl<'a> Library<'a> {
     /// Checks `bytes` from the first to the last and gives a view of them.
     ///
-    /// The work is bounded by a small constant for each byte; nothing is copied.
+    /// The work is bounded by a constant for each byte; nothing is copied but one scene at a time.
     ///
     /// # Errors
     /// The first fault found, with its place.
@@ -198,12 +203,26 @@ impl<'a> Library<'a> {
         if len == 0 || len > limits::MAX_TEXTURES {
             return Err(at(Problem::TextureCount(len)));
         }
-        let library = Self { textures, len };
-        library.validate(demand)?;
+        let mut library = Self {
+            textures,
+            len,
+            scenes: &[],
+            scene_count: 0,
+        };
+        let rest = library.validate_textures(demand)?;
+        let Some((&count, scenes)) = rest.split_first() else {
+            return Err(at(Problem::NoSceneCount));
+        };
+        (library.scenes, library.scene_count) = (scenes, usize::from(count));
+        if library.scene_count > MAX_SCENES {
+            return Err(at(Problem::SceneCount(library.scene_count)));
+        }
+        library.validate_scenes()?;
         Ok(library)
     }
 
-    fn validate(&self, demand: Demand) -> Result<(), DecodeError> {
+    /// Checks the textures, and gives what follows them.
+    fn validate_textures(&self, demand: Demand) -> Result<&'a [u8], DecodeError> {
         let mut rest = self.textures;
         for index in 0..self.len {
             let (texture, after) = Texture::take(rest, index)?;
@@ -212,6 +231,21 @@ impl<'a> Library<'a> {
             let mut earlier = self.textures().take(index);
             if let Some(other) = earlier.position(|other| other.name == texture.name) {
                 return Err(Problem::NameTaken(other).at(Place::Texture(index)));
+            }
+            rest = after;
+        }
+        Ok(rest)
+    }
+
+    fn validate_scenes(&self) -> Result<(), DecodeError> {
+        let mut rest = self.scenes;
+        for index in 0..self.scene_count {
+            let here = |problem: Problem| problem.at(Place::Scene(index));
+            let (scene, after) = take_scene(rest).ok_or(here(Problem::MalformedScene))?;
+            scene.validate(self).map_err(|error| here(error.into()))?;
+            let mut earlier = self.scenes().take(index);
+            if let Some(other) = earlier.position(|other| other.name == scene.name) {
+                return Err(here(Problem::SceneNameTaken(other)));
             }
             rest = after;
         }
@@ -243,6 +277,34 @@ impl<'a> Library<'a> {
     pub fn texture(&self, name: &str) -> Option<Texture<'a>> {
         self.textures().find(|texture| texture.name == name)
     }
+
+    /// How many scenes there are, which may be none.
+    pub fn scene_count(&self) -> usize {
+        self.scene_count
+    }
+
+    /// The scenes, in the order of the file.
+    pub fn scenes(&self) -> impl Iterator<Item = Scene> + use<'a> {
+        let mut rest = self.scenes;
+        // They were parsed during validation, so that parsing them again does not fail.
+        (0..self.scene_count).map_while(move |_| {
+            let (scene, after) = take_scene(rest)?;
+            rest = after;
+            Some(scene)
+        })
+    }
+
+    /// The scene of this name.
+    pub fn scene(&self, name: &str) -> Option<Scene> {
+        self.scenes().find(|scene| scene.name == name)
+    }
+}
+
+/// Parses the scene that `bytes` begin with, and gives what follows it; nothing if its record is not exactly a scene.
+fn take_scene(bytes: &[u8]) -> Option<(Scene, &[u8])> {
+    let (record, after) = postcard::take_from_bytes::<&[u8]>(bytes).ok()?;
+    let (scene, rest) = postcard::take_from_bytes::<Scene>(record).ok()?;
+    rest.is_empty().then_some((scene, after))
 }
 
 impl<'a> Texture<'a> {

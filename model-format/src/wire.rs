@@ -9,6 +9,9 @@
 //!                        nodes        16 bytes each, speed-major: [`NodeRecord`]
 //!                        coefficients i16 or i32 each, the nodes' one after the other
 //!                        certificate  [`CertificateRecord`]
+//! count      1 byte    number of scenes, which may be 0
+//! scene      postcard  a byte string each, which holds a [`crate::scene::Scene`] as postcard writes it: fields in the order of
+//!                      their declaration, coefficients of the equaliser as zigzag varints in steps of 2⁻²⁸
 //! ```
 //! Multi-byte numbers in byte strings are little-endian and not aligned. The CRC covers every byte before and after
 //! itself, the version and the length included.
@@ -16,7 +19,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The format's version. It changes when an older reader could misread newer bytes.
-pub const FORMAT_VERSION: u16 = 2;
+pub const FORMAT_VERSION: u16 = 3;
 
 /// First bytes of every library.
 pub(crate) const MAGIC: [u8; 4] = *b"HTXL";

@@ -3,19 +3,22 @@
 //! One [`Control`] serves all links. Each method is one endpoint or topic and takes and gives the types of
 //! [`model_format::link`], so that a dispatcher only has to call it.
 
-use model_format::Texture;
+use model_format::Library;
 use model_format::link::{
     ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, MotionRefused,
     MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, RecordCounters,
-    RecordError, RecordStarted, RecordStopped, ResetReason, Settings, SlotId, SlotInfo, Status,
-    StopError, TickCounters, TickHistogram, UploadState,
+    RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings, SlotId, SlotInfo,
+    Status, StopError, TickCounters, TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
 use crate::inputs::Timed;
-use crate::player::{Action, Observed, Player};
+use crate::player::{Action, Begin, Observed, Player};
 use crate::safety::{Config, Counters};
+use crate::words::in_words;
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
+use stylus_kernel::scene::Plan;
+use stylus_kernel::scene::cost::OverBudget;
 
 /// What the hardware's side tells and does. Nothing here waits.
 pub trait Device {
@@ -34,8 +37,11 @@ pub trait Device {
     /// How the last reset came about.
     fn reset_report(&self) -> ResetReport;
 
-    /// The texture called `name` of the library in RAM, if one is there.
-    fn texture(&self, name: &str) -> Option<Texture<'_>>;
+    /// The library in RAM, if one is there.
+    fn library(&self) -> Option<Library<'_>>;
+
+    /// Instructions that a scene may take of a tick.
+    fn scene_budget(&self) -> u32;
 
     /// Whether the tick has the output at rest, having seen the mute of the last [`Device::set_mute`].
     fn is_at_rest(&self) -> bool;
@@ -46,8 +52,12 @@ pub trait Device {
     /// Tells the tick to be mute or not.
     fn set_mute(&mut self, muted: bool);
 
-    /// At rest: play the texture of `request`, which is there, from silence, with `config`.
+    /// At rest: play what `request` asks for, which is there and can be played, from silence, with `config`.
     fn start(&mut self, request: &PlayRequest, config: Config);
+
+    /// While something of the same library is played: play what `request` asks for, which is there and can be played, as soon
+    /// as the director has faded what sounds.
+    fn switch(&mut self, request: &PlayRequest);
 
     /// At rest: play nothing.
     fn clear(&mut self);
@@ -218,13 +228,15 @@ impl<D: Device> Control<D> {
     /// `PlayEndpoint`.
     ///
     /// # Errors
-    /// What keeps the texture from being played; what was played before goes on.
+    /// What keeps the texture or scene from being played; what was played before goes on.
     pub fn play(&mut self, request: PlayRequest) -> Result<Playing, PlayError> {
         self.check_play(&request)?;
-        self.player
-            .play(request.clone())
-            .map_err(|_| PlayError::Busy)?;
+        let begin = self.player.play(request.clone());
+        let begin = begin.map_err(|_| PlayError::Busy)?;
         self.device.set_motion_source(request.motion);
+        if begin == Begin::Switch {
+            self.device.switch(&request);
+        }
         self.tell_mute();
         Ok(Playing {
             mute: self.player.mute(),
@@ -243,21 +255,8 @@ impl<D: Device> Control<D> {
         if self.active.is_none() {
             return Err(PlayError::NoLibrary);
         }
-        let texture =
-            self.device
-                .texture(&request.texture)
-                .ok_or_else(|| PlayError::NoSuchTexture {
-                    name: request.texture.clone(),
-                })?;
-        let texture_hz = texture.sample_rate_hz();
-        if texture_hz != SAMPLE_RATE_HZ {
-            let device_hz = SAMPLE_RATE_HZ;
-            return Err(PlayError::SampleRate {
-                texture_hz,
-                device_hz,
-            });
-        }
-        Ok(())
+        let library = self.device.library().ok_or(PlayError::NoLibrary)?;
+        check_selection(&request.selection, &library, self.device.scene_budget())
     }
 
     /// `StopEndpoint`.
@@ -365,4 +364,48 @@ impl<D: Device> Control<D> {
     pub fn device(&mut self) -> &mut D {
         &mut self.device
     }
+}
+
+/// Whether `selection` is in `library` and can be played, taking at most `budget` instructions of a tick.
+fn check_selection(
+    selection: &Selection,
+    library: &Library<'_>,
+    budget: u32,
+) -> Result<(), PlayError> {
+    let of_this_rate = |texture_hz: u32| {
+        let device_hz = SAMPLE_RATE_HZ;
+        if texture_hz == device_hz {
+            return Ok(());
+        }
+        Err(PlayError::SampleRate {
+            texture_hz,
+            device_hz,
+        })
+    };
+    match selection {
+        Selection::Texture(name) => {
+            let missing = || PlayError::NoSuchTexture { name: name.clone() };
+            let texture = library.texture(name).ok_or_else(missing)?;
+            of_this_rate(texture.sample_rate_hz())?;
+            within(&Plan::of_texture(texture), budget)
+        }
+        Selection::Scene(name) => {
+            let missing = || PlayError::NoSuchScene { name: name.clone() };
+            let scene = library.scene(name).ok_or_else(missing)?;
+            of_this_rate(scene.sample_rate_hz)?;
+            let plan = Plan::new(&scene, library).map_err(|error| PlayError::InvalidScene {
+                reason: in_words(&error),
+            })?;
+            within(&plan, budget)
+        }
+    }
+}
+
+fn within(plan: &Plan<'_>, budget: u32) -> Result<(), PlayError> {
+    let refused = |OverBudget { cost, budget }| PlayError::OverBudget {
+        instructions: cost.instructions(),
+        budget,
+        arithmetic: in_words(&cost),
+    };
+    plan.within(budget).map(|_| ()).map_err(refused)
 }

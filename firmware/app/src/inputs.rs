@@ -1,8 +1,11 @@
-//! Speed and force: from the encoder and the force sensor, or from the host, with their age.
+//! Speed, force, place and contact: from the encoder and the force sensor, or from the host, with their age.
 //!
 //! **Force** is (code - zero) times a constant. **Speed** is the change of the encoder's count over the last
 //! [`WINDOW_TICKS`] ticks, 20 ms, times the path of a count, over that time: the mean speed of 10 ms ago. One count is
 //! path-per-count / 20 ms of it, 0.5 mm/s for counts of 0.01 mm. The direction does not matter.
+//!
+//! **Place** is the encoder's count since playing began, times the path of a count. **Contact** follows from the force, see
+//! [`ContactDetector`]. The host may give either of them.
 //!
 //! An input that is older than [`STALE_TICKS`] is no longer believed.
 
@@ -10,6 +13,7 @@ use model_format::link::{
     MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings,
 };
 use model_format::{AdcCode, MillimetresPerSecond, Newton};
+use stylus_kernel::scene::{ContactDetector, Interaction};
 use stylus_kernel::{Motion, MotionError, UPDATE_INTERVAL_SAMPLES};
 
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
@@ -28,6 +32,8 @@ pub const WINDOW_TICKS: u32 = WINDOW_BLOCKS as u32 * UPDATE_INTERVAL_SAMPLES;
 pub struct InputConfig {
     /// mm/s for a count in the window.
     speed_per_count: f32,
+    /// mm.
+    path_per_count: f32,
     force_zero: AdcCode,
     /// N for a code.
     force_per_code: f32,
@@ -37,8 +43,10 @@ impl InputConfig {
     /// For `settings`.
     pub fn new(settings: &Settings) -> Self {
         let windows_per_second = SAMPLE_RATE_HZ as f32 / WINDOW_TICKS as f32;
+        let path_per_count = settings.get(Setting::PathPerCount);
         Self {
-            speed_per_count: settings.get(Setting::PathPerCount) * windows_per_second,
+            speed_per_count: path_per_count * windows_per_second,
+            path_per_count,
             force_zero: settings.force_zero(),
             force_per_code: settings.get(Setting::ForcePerVolt) * AdcCode::STEP.0,
         }
@@ -53,6 +61,11 @@ impl InputConfig {
     /// The speed of `counts` in a window.
     fn speed(&self, counts: i32) -> MillimetresPerSecond {
         MillimetresPerSecond((counts as f32 * self.speed_per_count).abs())
+    }
+
+    /// The place `counts` from the origin, mm.
+    fn position_mm(&self, counts: i32) -> f32 {
+        counts as f32 * self.path_per_count
     }
 }
 
@@ -85,6 +98,8 @@ pub struct Sensors {
     /// Counts of the blocks before, round about.
     blocks: [i32; WINDOW_BLOCKS],
     oldest: usize,
+    /// Counts of all blocks, round about 2³².
+    counts: i32,
     force: AdcCode,
     /// The tick at which the last good conversion was read.
     updated_at: Option<u64>,
@@ -103,6 +118,7 @@ impl Sensors {
             block_counts: 0,
             blocks: [0; WINDOW_BLOCKS],
             oldest: 0,
+            counts: 0,
             force: AdcCode(0),
             updated_at: None,
         }
@@ -123,6 +139,7 @@ impl Sensors {
     pub fn end_block(&mut self) {
         self.blocks[self.oldest] = self.block_counts;
         self.oldest = (self.oldest + 1) % WINDOW_BLOCKS;
+        self.counts = self.counts.wrapping_add(self.block_counts);
         self.block_counts = 0;
     }
 
@@ -136,8 +153,15 @@ impl Sensors {
         let motion = Motion::new(config.speed(counts), config.force(self.force));
         Timed {
             motion: motion.unwrap_or(Motion::REST),
+            position_mm: None,
+            contact: None,
             at: self.updated_at,
         }
+    }
+
+    /// Where the encoder stood at the end of the last block, in counts, round about 2³².
+    pub fn counts(&self) -> i32 {
+        self.counts
     }
 }
 
@@ -146,6 +170,10 @@ impl Sensors {
 pub struct Timed {
     /// The motion.
     pub motion: Motion,
+    /// The place on the path, mm, and finite; none leaves it to the encoder.
+    pub position_mm: Option<f32>,
+    /// Whether the tool touches; none leaves it to the force.
+    pub contact: Option<bool>,
     /// The tick, none if there was no input yet.
     pub at: Option<u64>,
 }
@@ -154,20 +182,30 @@ impl Timed {
     /// No input yet.
     pub const NEVER: Self = Self {
         motion: Motion::REST,
+        position_mm: None,
+        contact: None,
         at: None,
     };
 
     /// What the host says at `tick`.
     ///
     /// # Errors
-    /// A speed or force that is not finite.
+    /// A speed, force or position that is not finite.
     pub fn from_host(sample: MotionSample, tick: u64) -> Result<Self, MotionRefused> {
         let motion = Motion::new(sample.speed, sample.force).map_err(|error| match error {
             MotionError::Speed => MotionRefused::Speed,
             MotionError::Force => MotionRefused::Force,
         })?;
+        if sample
+            .position_mm
+            .is_some_and(|position| !position.is_finite())
+        {
+            return Err(MotionRefused::Position);
+        }
         Ok(Self {
             motion,
+            position_mm: sample.position_mm,
+            contact: sample.contact,
             at: Some(tick),
         })
     }
@@ -180,11 +218,52 @@ impl Timed {
     }
 }
 
-/// The motion of `source` at `tick`, and whether it is stale. A stale motion is what it was: the mute fades it out.
-pub fn choose(source: MotionSource, sensors: Timed, host: Timed, tick: u64) -> (Motion, bool) {
-    let chosen = match source {
+/// What of `sensors` and `host` is followed by `source`. A stale motion is what it was: the mute fades it out.
+pub fn choose(source: MotionSource, sensors: Timed, host: Timed) -> Timed {
+    match source {
         MotionSource::Sensors => sensors,
         MotionSource::Host => host,
-    };
-    (chosen.motion, chosen.is_stale(tick))
+    }
+}
+
+/// How a hand is followed from the moment that playing began.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Follower {
+    /// Whether place and contact count; if not, the tool touches the path's origin for ever.
+    locates: bool,
+    /// The encoder's count at the origin, as soon as it is known.
+    origin: Option<i32>,
+    contact: ContactDetector,
+}
+
+impl Follower {
+    /// One that has not seen anything yet. What a scene plays depends on place and contact, what a texture plays does not.
+    pub const fn new(locates: bool) -> Self {
+        Self {
+            locates,
+            origin: None,
+            contact: ContactDetector::new(),
+        }
+    }
+
+    /// What the hand does, by the motion that was chosen and the sensors at the same time. The origin is where the encoder
+    /// stands when this is called first.
+    pub fn follow(
+        &mut self,
+        chosen: Timed,
+        sensors: &Sensors,
+        config: &InputConfig,
+    ) -> Interaction {
+        if !self.locates {
+            return Interaction::touching(chosen.motion);
+        }
+        let counts = sensors.counts();
+        let origin = *self.origin.get_or_insert(counts);
+        let by_encoder = config.position_mm(counts.wrapping_sub(origin));
+        let position = chosen.position_mm.unwrap_or(by_encoder);
+        let by_force = self.contact.touches(chosen.motion);
+        let contact = chosen.contact.unwrap_or(by_force);
+        // Both positions are finite: the host's was checked, and a count is at most 2³¹ of a setting in its range.
+        Interaction::new(chosen.motion, position, contact).unwrap_or(Interaction::NONE)
+    }
 }

@@ -30,6 +30,7 @@ pub mod slots;
 pub mod status;
 pub mod storage;
 pub mod upload;
+mod words;
 
 /// Ticks a second: samples are read, computed and put out at this rate.
 pub const SAMPLE_RATE_HZ: u32 = 5_000;

@@ -1,13 +1,15 @@
 //! What is played, and why not.
 //!
-//! A texture or library is exchanged only while the output rests at mid-scale: the mute ramp takes it there first. The
-//! player says when to be mute; the safety stages say when the output has come to rest.
+//! A library is exchanged only while the output rests at mid-scale: the mute ramp takes it there first, and so it does where
+//! the gain changes. Another texture or scene of the same library and gain takes over while playing goes on: the kernel's
+//! director fades one out and the other in. The player says when to be mute; the safety stages say when the output has come to
+//! rest.
 //!
 //! ```text
 //!            play                      at rest
 //!   Idle -----------> Starting -----------------------> Playing
 //!    ^                   ^                                 |
-//!    |  at rest          | at rest, another texture        | stop, play, activate
+//!    |  at rest          | at rest, another gain           | stop, play, activate
 //!    +---------------- FadingOut <-------------------------+
 //!    |                   | at rest, a library
 //!    |   end             v
@@ -33,10 +35,19 @@ pub struct Observed {
 /// What the device has to do, at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
-    /// Take up this texture, which is there, from silence.
+    /// Take up what is asked for, which is there, from silence.
     Start(PlayRequest),
     /// Play nothing.
     Clear,
+}
+
+/// How a request is met.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Begin {
+    /// When the output has come to rest: [`Action::Start`] says so.
+    AtRest,
+    /// Now, while what was played goes on until it has faded.
+    Switch,
 }
 
 /// What comes after the fade.
@@ -79,18 +90,25 @@ impl Player {
         }
     }
 
-    /// Plays `request`, whose texture is there: at the next [`Player::poll`] at rest, after what is played has faded out.
+    /// Plays `request`, whose texture or scene is there: at once if something is played with the same gain, else at the next
+    /// [`Player::poll`] at rest, after what is played has faded out.
     ///
     /// # Errors
     /// A library is being activated, or is about to be.
-    pub fn play(&mut self, request: PlayRequest) -> Result<(), Busy> {
+    pub fn play(&mut self, request: PlayRequest) -> Result<Begin, Busy> {
         if self.is_activating() {
             return Err(Busy);
+        }
+        if let Phase::Playing(before) = &mut self.phase
+            && before.gain == request.gain
+        {
+            *before = request;
+            return Ok(Begin::Switch);
         }
         self.phase = Phase::FadingOut(Then::Play(request));
         self.set(MuteReason::Changing, true);
         self.set(MuteReason::NotPlaying, false);
-        Ok(())
+        Ok(Begin::AtRest)
     }
 
     /// Fades out and stops.
@@ -184,7 +202,7 @@ impl Player {
         self.counts
     }
 
-    /// Whether a texture is played or about to be.
+    /// Whether something is played or about to be.
     pub fn is_playing(&self) -> bool {
         matches!(self.phase, Phase::Playing(_) | Phase::FadingOut(_))
     }
@@ -202,7 +220,7 @@ impl Player {
         match &self.phase {
             Phase::Idle => Activity::Idle,
             Phase::Playing(request) => Activity::Playing {
-                texture: request.texture.clone(),
+                selection: request.selection.clone(),
                 motion: request.motion,
             },
             Phase::FadingOut(_) => Activity::FadingOut,

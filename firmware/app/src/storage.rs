@@ -5,9 +5,9 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    ActivateError, Activated, ListError, ListRequest, SettingChange, Settings, SettingsError,
-    SlotId, SlotInfo, SlotState, Slots, UploadBegin, UploadChunk, UploadCommitted, UploadError,
-    UploadProgress, UploadState,
+    ActivateError, Activated, ListError, ListRequest, SceneInfo, SettingChange, Settings,
+    SettingsError, SlotId, SlotInfo, SlotState, Slots, UploadBegin, UploadChunk, UploadCommitted,
+    UploadError, UploadProgress, UploadState,
 };
 
 use crate::settings::SettingsStore;
@@ -99,6 +99,14 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// No library in the slot, or not so many textures.
     pub fn list(&self, request: ListRequest) -> Result<model_format::link::TextureInfo, ListError> {
         self.slots.texture(request.slot, request.index)
+    }
+
+    /// `ListSceneEndpoint`.
+    ///
+    /// # Errors
+    /// No library in the slot, or not so many scenes.
+    pub fn list_scene(&self, request: ListRequest) -> Result<SceneInfo, ListError> {
+        self.slots.scene(request.slot, request.index)
     }
 
     /// `ActivateEndpoint`: fades out, copies the library to RAM, and makes its slot the active one.

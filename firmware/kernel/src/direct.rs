@@ -60,10 +60,15 @@ pub struct DirectState {
 impl DirectFrame {
     /// A silent frame for `texture`. It goes through all coefficients, once.
     pub fn silent(texture: &Texture<'_>) -> Self {
+        Self::silent_at(texture, exponent(texture))
+    }
+
+    /// A silent frame for `texture`, whose [`exponent`] is known.
+    pub(crate) fn silent_at(texture: &Texture<'_>, exponent: u32) -> Self {
         Self {
             coefficients: [[0; TURN_TAPS]; MAX_TURNS],
             turns: texture.max_order().div_ceil(TURN_TAPS),
-            exponent: exponent(texture),
+            exponent,
             point: None,
             scale_bits: scale_bits(texture.max_output_power()),
             deviation: Ramp::new(),

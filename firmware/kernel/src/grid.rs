@@ -52,6 +52,16 @@ impl Motion {
             force_n: force.0.max(0.0),
         })
     }
+
+    /// Tangential speed, mm/s; not negative.
+    pub fn speed_mm_s(&self) -> f32 {
+        self.speed_mm_s
+    }
+
+    /// Normal force, N; not negative.
+    pub fn force_n(&self) -> f32 {
+        self.force_n
+    }
 }
 
 /// A one in weights and fades: 2¹⁶.

@@ -9,6 +9,8 @@
 //! grow, whatever its coefficients do from one sample to the next. The *direct form* ([`direct`]) is the paper's own
 //! (Romano, Yoshioka, Kuchenbecker, ICRA 2010).
 //!
+//! A [`scene`] is played by the same two: voices, each one a frame and a playback, and what else it calls for.
+//!
 //! Configuration is apart from state: a *frame* holds what a (speed, force) calls for and is computed below the
 //! sample's priority; the *state* holds what was played. How many instructions a sample takes depends on the texture
 //! (its structure and highest order), never on the data.
@@ -22,10 +24,11 @@ pub mod grid;
 pub mod lattice;
 pub mod level;
 pub mod rotation;
+pub mod scene;
 mod synthesis;
 #[cfg(feature = "variants")]
 pub mod variants;
 
 pub use grid::{Motion, MotionError};
 pub use level::Levels;
-pub use synthesis::{Frame, Playback, Synthesis, UPDATE_INTERVAL_SAMPLES};
+pub use synthesis::{Frame, Playback, Scale, Synthesis, UPDATE_INTERVAL_SAMPLES};

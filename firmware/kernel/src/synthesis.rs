@@ -8,9 +8,9 @@ use core::marker::PhantomData;
 use model_format::{OutputSample, Structure, Texture};
 
 use crate::arithmetic::{Arithmetic, Portable};
-use crate::direct::{DirectFrame, DirectState};
+use crate::direct::{self, DirectFrame, DirectState};
 use crate::excitation::Excitation;
-use crate::grid::{GridPoint, Motion};
+use crate::grid::{GridPoint, Motion, ONE};
 use crate::lattice::{LatticeFrame, LatticeState};
 use crate::level::Levels;
 
@@ -20,6 +20,25 @@ pub const UPDATE_INTERVAL_SAMPLES: u32 = 10;
 /// Coefficients and levels that a motion calls for.
 #[derive(Clone, Debug)]
 pub struct Frame(FrameOf);
+
+/// What the frames of a texture have in common. To find it out goes through all coefficients of a direct form, which is too
+/// long for an update.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Scale {
+    /// Of a direct form's coefficients; see [`direct::exponent`].
+    exponent: u32,
+}
+
+impl Scale {
+    /// That of `texture`.
+    pub fn of(texture: &Texture<'_>) -> Self {
+        let exponent = match texture.structure() {
+            Structure::NormalisedLattice => 0,
+            Structure::DirectForm16 | Structure::DirectForm32 => direct::exponent(texture),
+        };
+        Self { exponent }
+    }
+}
 
 /// One for each kind of filter.
 #[derive(Clone, Debug)]
@@ -45,12 +64,17 @@ macro_rules! each_frame {
 impl Frame {
     /// A silent frame for `texture`.
     pub fn silent(texture: &Texture<'_>) -> Self {
+        Self::silent_at(texture, Scale::of(texture))
+    }
+
+    /// A silent frame for `texture`, whose [`Scale`] is known.
+    pub fn silent_at(texture: &Texture<'_>, scale: Scale) -> Self {
         Self(match texture.structure() {
             Structure::NormalisedLattice => {
                 FrameOf::Lattice(LatticeFrame::silent(texture.max_order()))
             }
             Structure::DirectForm16 | Structure::DirectForm32 => {
-                FrameOf::Direct(DirectFrame::silent(texture))
+                FrameOf::Direct(DirectFrame::silent_at(texture, scale.exponent))
             }
         })
     }
@@ -61,7 +85,23 @@ impl Frame {
     /// The work is some tens of thousands of instructions (`cargo tasks qemu` counts them), in bounded time, and is not part
     /// of a sample's.
     pub fn update(&mut self, texture: &Texture<'_>, motion: Motion, from: Levels, samples: u32) {
-        let point = GridPoint::locate(texture, motion);
+        self.update_scaled(texture, motion, ONE, from, samples);
+    }
+
+    /// As [`Frame::update`], with the level times `gain`, in steps of 2⁻¹⁶; [`ONE`] changes nothing.
+    ///
+    /// The gain costs nothing in a sample, as it is in the level's ramp. It must be one that a scene of `texture` may have;
+    /// [`model_format::scene::Scene::validate`] knows which.
+    pub fn update_scaled(
+        &mut self,
+        texture: &Texture<'_>,
+        motion: Motion,
+        gain: u32,
+        from: Levels,
+        samples: u32,
+    ) {
+        let mut point = GridPoint::locate(texture, motion);
+        point.fade = ((u64::from(point.fade) * u64::from(gain)) / u64::from(ONE)) as u32;
         each_frame!(&mut self.0, frame => frame.update(texture, &point, from, samples));
     }
 
@@ -91,20 +131,30 @@ enum State {
     Direct(DirectState),
 }
 
+impl State {
+    fn at_rest(texture: &Texture<'_>) -> Self {
+        match texture.structure() {
+            Structure::NormalisedLattice => Self::Lattice(LatticeState::new()),
+            Structure::DirectForm16 | Structure::DirectForm32 => Self::Direct(DirectState::new()),
+        }
+    }
+}
+
 impl Playback {
     /// `texture` at rest; the same `seed` gives the same samples, always and everywhere.
     pub fn new(texture: &Texture<'_>, seed: u64) -> Self {
         Self {
             excitation: Excitation::new(seed),
-            state: match texture.structure() {
-                Structure::NormalisedLattice => State::Lattice(LatticeState::new()),
-                Structure::DirectForm16 | Structure::DirectForm32 => {
-                    State::Direct(DirectState::new())
-                }
-            },
+            state: State::at_rest(texture),
             left: 0,
             saturations: 0,
         }
+    }
+
+    /// Takes up `texture`, at rest; the noise goes on.
+    pub fn restart(&mut self, texture: &Texture<'_>) {
+        self.state = State::at_rest(texture);
+        self.left = 0;
     }
 
     /// A frame begins whose ramps take `samples` samples.

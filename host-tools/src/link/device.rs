@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 
 use model_format::link::{
     ANSWER_TIMEOUT_MS, ActivateEndpoint, Activated, Activity, DeviceInfo, FLASH_TIMEOUT_MS,
-    InfoEndpoint, KeepAliveTopic, ListEndpoint, ListRequest, MotionEndpoint, MotionSample,
-    MotionSource, MotionTopic, OutputStatus, PlayEndpoint, PlayRequest, Playing, RecordBlock,
-    RecordBlockTopic, RecordStartEndpoint, RecordStarted, RecordStopEndpoint, RecordStopped,
-    SettingChange, Settings, SettingsGetEndpoint, SettingsResetEndpoint, SettingsSetEndpoint,
-    SlotId, SlotState, Slots, SlotsEndpoint, Status, StatusEndpoint, StopEndpoint, StopError,
-    TextureInfo, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
+    InfoEndpoint, KeepAliveTopic, ListEndpoint, ListRequest, ListSceneEndpoint, MotionEndpoint,
+    MotionSample, MotionSource, MotionTopic, OutputStatus, PlayEndpoint, PlayRequest, Playing,
+    RecordBlock, RecordBlockTopic, RecordStartEndpoint, RecordStarted, RecordStopEndpoint,
+    RecordStopped, SceneInfo, SettingChange, Settings, SettingsGetEndpoint, SettingsResetEndpoint,
+    SettingsSetEndpoint, SlotId, SlotState, Slots, SlotsEndpoint, Status, StatusEndpoint,
+    StopEndpoint, StopError, TextureInfo, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint,
+    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
     UploadProgressEndpoint, UploadState,
 };
 use postcard_rpc::host_client::{HostErr, MultiSubRxError, MultiSubscription};
@@ -369,6 +369,23 @@ impl Device {
             .collect()
     }
 
+    /// The scenes in `slot`, none if it holds no library.
+    ///
+    /// # Errors
+    /// A link that broke, an answer that did not come, a scene that the device cannot list.
+    pub fn scenes(&self, slot: SlotId) -> Result<Vec<SceneInfo>> {
+        let count = match &self.slots()?.slots[slot.index()] {
+            SlotState::Valid(library) => library.scenes,
+            _ => 0,
+        };
+        (0..count)
+            .map(|index| {
+                let request = ListRequest { slot, index };
+                Ok(self.slow::<ListSceneEndpoint>("a scene", &request)??)
+            })
+            .collect()
+    }
+
     /// Makes the library in `slot` the one that is played, and reads back that it is.
     ///
     /// # Errors
@@ -394,19 +411,18 @@ impl Device {
         }
     }
 
-    /// Plays a texture of the active library.
+    /// Plays a texture or scene of the active library.
     ///
     /// # Errors
     /// A refusal; what was played before goes on then.
     pub fn play(&self, request: &PlayRequest) -> Result<Playing> {
-        let playing = self.quick::<PlayEndpoint>("a texture to play", request)??;
+        let playing = self.quick::<PlayEndpoint>("what to play", request)??;
         if playing.request == *request {
             Ok(playing)
         } else {
             Err(self.not_verified(format!(
-                "the device plays {:?} where '{}' was asked for: stop it, then play again",
-                playing.request.texture.as_str(),
-                request.texture
+                "the device plays {} where {} was asked for: stop it, then play again",
+                playing.request.selection, request.selection
             )))
         }
     }

@@ -130,7 +130,7 @@ pub enum LinkError {
     Activate(Box<ActivateError>),
     /// The device does not play.
     #[error("the device does not play: {0}")]
-    Play(#[from] PlayError),
+    Play(Box<PlayError>),
     /// The device does not stop.
     #[error("the device does not stop: {0}")]
     Stop(#[from] StopError),
@@ -176,6 +176,7 @@ boxed! {
     Upload(UploadError),
     List(ListError),
     Activate(ActivateError),
+    Play(PlayError),
 }
 
 impl From<LinkError> for crate::error::Error {

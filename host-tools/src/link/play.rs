@@ -27,7 +27,7 @@ const ANSWERS_DUE: usize = 2;
 /// How often the status is read.
 const STATUS_INTERVAL: Duration = Duration::from_millis(200);
 
-/// How to keep a texture playing.
+/// How to keep a texture or scene playing.
 #[derive(Clone, Debug)]
 pub struct Drive {
     /// What the hand does; the device's own sensors if none.
@@ -142,8 +142,16 @@ impl<'a> Driver<'a> {
     }
 
     fn send_motion(&mut self, path: &MotionPath, elapsed: Duration) -> Result<()> {
-        let (speed, force) = path.values_at(elapsed.as_secs_f64());
-        let sample = MotionSample { speed, force };
+        let time_s = elapsed.as_secs_f64();
+        let (speed, force) = path.values_at(time_s);
+        let position = path.position_mm_at(time_s) as f32;
+        let sample = MotionSample {
+            speed,
+            force,
+            // A motion that goes on for ever leaves every path, and its place all numbers at last.
+            position_mm: position.is_finite().then_some(position),
+            contact: path.contact_at(time_s),
+        };
         if self.driven.motions.is_multiple_of(MOTIONS_PER_ANSWER) {
             let (asker, runtime) = self.device.beside();
             let (sender, receiver) = mpsc::channel();

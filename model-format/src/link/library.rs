@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Reason;
 use crate::limits::{MAX_LIBRARY_BYTES, MAX_NAME_BYTES};
+use crate::scene::SceneName;
 use crate::{FORMAT_VERSION, MillimetresPerSecond, Newton, Provenance, Structure};
 
 /// Name of a texture.
@@ -99,6 +100,8 @@ pub struct SlotInfo {
     pub crc32: u32,
     /// How many textures it has.
     pub textures: u8,
+    /// How many scenes it has.
+    pub scenes: u8,
 }
 
 /// What is in a slot.
@@ -123,12 +126,12 @@ pub struct Slots {
     pub active: Option<SlotId>,
 }
 
-/// Asks for one texture of a slot, so that a listing of any length fits in frames.
+/// Asks for one texture or scene of a slot, so that a listing of any length fits in frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ListRequest {
     /// The slot.
     pub slot: SlotId,
-    /// Which texture, from 0 to the slot's count less one.
+    /// Which one, from 0 to the slot's count less one.
     pub index: u8,
 }
 
@@ -161,7 +164,26 @@ pub struct TextureInfo {
     pub doubtful_nodes: u16,
 }
 
-/// Why a texture cannot be listed.
+/// A scene in a slot.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct SceneInfo {
+    /// Its name.
+    pub name: SceneName,
+    /// How many surfaces it has.
+    pub surfaces: u8,
+    /// How many regions lie along its path; 0 is its first surface everywhere.
+    pub regions: u8,
+    /// Surfaces that answer to taps.
+    pub taps: u8,
+    /// Surfaces to which the tool sticks.
+    pub stick_slips: u8,
+    /// Sections of its equaliser.
+    pub sections: u8,
+    /// Whether it is played at one speed and force whatever the hand does.
+    pub constant_motion: bool,
+}
+
+/// Why a texture or scene cannot be listed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum ListError {
     /// The slot holds no valid library.
@@ -179,6 +201,16 @@ pub enum ListError {
         index: u8,
         /// How many there are.
         textures: u8,
+    },
+    /// There are not so many scenes.
+    #[error("scene {index} of slot {slot}, which has {scenes}: list again")]
+    SceneIndex {
+        /// The slot.
+        slot: SlotId,
+        /// What was asked for.
+        index: u8,
+        /// How many there are.
+        scenes: u8,
     },
     /// The slot cannot be read.
     #[error("slot {slot}: {fault}")]

@@ -26,11 +26,13 @@ use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
 
 pub use info::{DeviceInfo, ProductName, Serial, VersionText};
 pub use library::{
-    ActivateError, Activated, ListError, ListRequest, SlotFault, SlotId, SlotInfo, SlotState,
-    Slots, TextureInfo, TextureName,
+    ActivateError, Activated, ListError, ListRequest, SceneInfo, SlotFault, SlotId, SlotInfo,
+    SlotState, Slots, TextureInfo, TextureName,
 };
 pub use motion::{MotionRefused, MotionSample};
-pub use play::{MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, StopError};
+pub use play::{
+    Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
+};
 pub use record::{
     BLOCK_SAMPLES, PackedSample, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
@@ -89,6 +91,7 @@ type CommitResult = Result<UploadCommitted, UploadError>;
 type AbortResult = Result<UploadState, UploadError>;
 type SlotsResult = Slots;
 type ListResult = Result<TextureInfo, ListError>;
+type ListSceneResult = Result<SceneInfo, ListError>;
 type ActivateResult = Result<Activated, ActivateError>;
 type PlayResult = Result<Playing, PlayError>;
 type StopResult = Result<OutputStatus, StopError>;
@@ -110,6 +113,7 @@ endpoints! {
     | UploadProgressEndpoint | ()              | UploadState       | "stylus/upload/progress"  |
     | SlotsEndpoint          | ()              | SlotsResult       | "stylus/slots"            |
     | ListEndpoint           | ListRequest     | ListResult        | "stylus/list"             |
+    | ListSceneEndpoint      | ListRequest     | ListSceneResult   | "stylus/list/scene"       |
     | ActivateEndpoint       | SlotId          | ActivateResult    | "stylus/activate"         |
     | PlayEndpoint           | PlayRequest     | PlayResult        | "stylus/play"             |
     | StopEndpoint           | ()              | StopResult        | "stylus/stop"             |

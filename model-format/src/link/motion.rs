@@ -12,6 +12,10 @@ pub struct MotionSample {
     pub speed: MillimetresPerSecond,
     /// Normal force; below zero is no contact.
     pub force: Newton,
+    /// The place on the path of a scene, mm from where playing began; none leaves it to the device's encoder.
+    pub position_mm: Option<f32>,
+    /// Whether the tool touches; none leaves it to the force.
+    pub contact: Option<bool>,
 }
 
 /// Why a motion is not followed. The one before stays until it is stale.
@@ -23,4 +27,7 @@ pub enum MotionRefused {
     /// The force is NaN or infinite.
     #[error("the force is not finite: send a number of N")]
     Force,
+    /// The position is NaN or infinite.
+    #[error("the position is not finite: send a number of mm, or none")]
+    Position,
 }

@@ -4,7 +4,7 @@ use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{MotionSource, SlotId, TextureName, UploadState};
+use super::{MotionSource, Selection, SlotId, UploadState};
 
 /// Cycles that one bin of the histogram is wide.
 pub const TICK_BIN_CYCLES: u32 = 4096;
@@ -115,7 +115,7 @@ pub enum Activity {
     /// Playing, or muted while it would.
     Playing {
         /// What.
-        texture: TextureName,
+        selection: Selection,
         /// Where speed and force come from.
         motion: MotionSource,
     },

@@ -63,6 +63,7 @@ fn slot_info() -> SlotInfo {
         length: u32::MAX,
         crc32: u32::MAX,
         textures: u8::MAX,
+        scenes: u8::MAX,
     }
 }
 
@@ -156,6 +157,11 @@ fn list_errors() -> Vec<ListError> {
             index: u8::MAX,
             textures: u8::MAX
         },
+        ListError::SceneIndex {
+            slot,
+            index: u8::MAX,
+            scenes: u8::MAX
+        },
     ];
     errors.extend(
         slot_faults()
@@ -169,6 +175,13 @@ fn play_errors() -> Vec<PlayError> {
     std::vec![
         PlayError::NoLibrary,
         PlayError::NoSuchTexture { name: text() },
+        PlayError::NoSuchScene { name: text() },
+        PlayError::InvalidScene { reason: text() },
+        PlayError::OverBudget {
+            instructions: u32::MAX,
+            budget: u32::MAX,
+            arithmetic: text()
+        },
         PlayError::SampleRate {
             texture_hz: u32::MAX,
             device_hz: u32::MAX
@@ -198,7 +211,7 @@ fn settings_errors() -> Vec<SettingsError> {
 
 fn play_request() -> PlayRequest {
     PlayRequest {
-        texture: text(),
+        selection: Selection::Scene(text()),
         gain: 1.5,
         motion: MotionSource::Host,
         seed: u64::MAX,
@@ -211,7 +224,7 @@ fn all_mute_reasons() -> MuteReasons {
 
 fn outputs() -> Vec<OutputStatus> {
     let playing = |motion| Activity::Playing {
-        texture: text(),
+        selection: Selection::Scene(text()),
         motion,
     };
     let activities = [
@@ -395,6 +408,16 @@ fn every_answer_comes_back_and_fits_a_frame() {
     }
     to_host::<Response<ListEndpoint>>(texture_infos().into_iter().map(Ok));
     to_host::<Response<ListEndpoint>>(list_errors().into_iter().map(Err));
+    to_host::<Response<ListSceneEndpoint>>([Ok(SceneInfo {
+        name: text(),
+        surfaces: u8::MAX,
+        regions: u8::MAX,
+        taps: u8::MAX,
+        stick_slips: u8::MAX,
+        sections: u8::MAX,
+        constant_motion: true,
+    })]);
+    to_host::<Response<ListSceneEndpoint>>(list_errors().into_iter().map(Err));
     to_host::<Response<ActivateEndpoint>>([Ok(Activated {
         slot: SlotId::B,
         library: slot_info(),
@@ -412,6 +435,7 @@ fn every_answer_comes_back_and_fits_a_frame() {
         Ok(MotionSource::Host),
         Err(MotionRefused::Speed),
         Err(MotionRefused::Force),
+        Err(MotionRefused::Position),
     ]);
     let started = RecordStarted {
         sample_rate_hz: u32::MAX,
@@ -449,10 +473,20 @@ fn every_request_comes_back_and_fits_a_frame() {
     ]);
     to_device(SlotId::ALL);
     to_device([play_request()]);
-    to_device([MotionSample {
-        speed: MillimetresPerSecond(f32::MAX),
-        force: Newton(f32::MIN),
-    }]);
+    to_device([
+        MotionSample {
+            speed: MillimetresPerSecond(f32::MAX),
+            force: Newton(f32::MIN),
+            position_mm: Some(f32::MAX),
+            contact: Some(true),
+        },
+        MotionSample {
+            speed: MillimetresPerSecond(0.0),
+            force: Newton(0.0),
+            position_mm: None,
+            contact: None,
+        },
+    ]);
     to_device(Setting::ALL.map(|setting| SettingChange {
         setting,
         value: f32::MAX,
@@ -513,7 +547,8 @@ proptest! {
             prop_assert!(!(begin || chunk || list || slot || play || motion || change));
         }
         prop_assert_eq!(slot, bytes.first().is_some_and(|&byte| byte < 2));
-        prop_assert_eq!(motion, bytes.len() >= 8);
+        // Two numbers, then a position and a contact, or none.
+        prop_assert!(!motion || bytes.len() >= 10);
     }
 
     #[test]

@@ -15,6 +15,9 @@ pub struct RawLibrary {
     pub crc32: Option<u32>,
     pub count: Option<u8>,
     pub textures: Vec<RawTexture>,
+    pub scene_count: Option<u8>,
+    /// Records of scenes, without their lengths.
+    pub scenes: Vec<Vec<u8>>,
     pub tail: Vec<u8>,
 }
 
@@ -93,7 +96,17 @@ impl RawLibrary {
                     &[1i32 << 30, -(1 << 28)].map(i32::to_le_bytes).concat(),
                 ),
             ],
+            scene_count: None,
+            scenes: Vec::new(),
             tail: Vec::new(),
+        }
+    }
+
+    /// The same with two scenes: a plain one, and one with everything that a scene may have.
+    pub fn with_scenes() -> Self {
+        Self {
+            scenes: vec![plain_scene(), full_scene()],
+            ..Self::sound()
         }
     }
 
@@ -105,6 +118,10 @@ impl RawLibrary {
         bytes.push(self.count.unwrap_or(self.textures.len() as u8));
         for texture in &self.textures {
             texture.append_to(&mut bytes);
+        }
+        bytes.push(self.scene_count.unwrap_or(self.scenes.len() as u8));
+        for scene in &self.scenes {
+            append_string(scene, &mut bytes);
         }
         bytes.extend(&self.tail);
         repair(&mut bytes);
@@ -224,6 +241,73 @@ fn append_varint(mut value: u32, bytes: &mut Vec<u8>) {
         value >>= 7;
     }
     bytes.push(value as u8);
+}
+
+fn append_f32(value: f32, bytes: &mut Vec<u8>) {
+    bytes.extend(value.to_le_bytes());
+}
+
+/// Zigzag: signs alternate, 0, -1, 1, -2 ...
+fn append_signed(value: i32, bytes: &mut Vec<u8>) {
+    append_varint(((value << 1) ^ (value >> 31)).cast_unsigned(), bytes);
+}
+
+/// Texture 0 everywhere, and nothing else.
+fn plain_scene() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    append_string(b"plain", &mut bytes);
+    append_varint(5000, &mut bytes);
+    // One surface: texture 0, gain 1, no tap, no stick-slip.
+    bytes.extend([1, 1, 0]);
+    append_f32(1.0, &mut bytes);
+    bytes.extend([0, 0]);
+    // No region, no transition, the motion is followed, no equaliser.
+    bytes.push(0);
+    append_f32(0.0, &mut bytes);
+    bytes.extend([0, 0]);
+    bytes
+}
+
+/// Two surfaces, one of them smooth, on two regions, at constant motion, through a section.
+fn full_scene() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    append_string(b"full", &mut bytes);
+    append_varint(5000, &mut bytes);
+    bytes.push(2);
+    bytes.extend([1, 2]);
+    append_f32(0.5, &mut bytes);
+    bytes.push(1);
+    for value in [180.0, 0.01, 0.2, 30.0] {
+        append_f32(value, &mut bytes);
+    }
+    bytes.push(1);
+    for value in [1.5, 0.25, 0.75, 60.0, 0.5] {
+        append_f32(value, &mut bytes);
+    }
+    bytes.push(0);
+    append_f32(1.0, &mut bytes);
+    bytes.extend([0, 0]);
+    bytes.push(2);
+    for (start, end, surface) in [(-10.0, 20.0, 0), (20.0, 50.0, 1)] {
+        append_f32(start, &mut bytes);
+        append_f32(end, &mut bytes);
+        bytes.push(surface);
+    }
+    append_f32(5.0, &mut bytes);
+    bytes.push(1);
+    append_f32(100.0, &mut bytes);
+    append_f32(0.75, &mut bytes);
+    bytes.push(1);
+    for step in [
+        1 << 28,
+        -300_000_000,
+        100_000_000,
+        -400_000_000,
+        200_000_000,
+    ] {
+        append_signed(step, &mut bytes);
+    }
+    bytes
 }
 
 fn append_string(string: &[u8], bytes: &mut Vec<u8>) {

@@ -1,16 +1,16 @@
 //! Bytes that were damaged, cut, or never a library: each gives a typed error or a library that holds all promises.
 
-use model_format::{DecodeError, Library, Place, Problem, encode};
+use model_format::{DecodeError, Library, Place, Problem, encode_with_scenes};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
 
 use crate::bytes::{PREFIX_BYTES, RawLibrary, repair};
-use crate::walk::content;
+use crate::walk::{content, scenes};
 
 #[test]
 fn every_single_flipped_bit_is_an_error() {
-    let mut bytes = RawLibrary::sound().bytes();
+    let mut bytes = RawLibrary::with_scenes().bytes();
     for at in 0..bytes.len() {
         for bit in 0..8 {
             bytes[at] ^= 1 << bit;
@@ -23,7 +23,7 @@ fn every_single_flipped_bit_is_an_error() {
 
 #[test]
 fn every_truncation_is_an_error() {
-    let bytes = RawLibrary::sound().bytes();
+    let bytes = RawLibrary::with_scenes().bytes();
     for length in 0..bytes.len() {
         let error = Library::decode(&bytes[..length]).expect_err("a truncated library");
         let declared = bytes.len() as u32;
@@ -42,7 +42,7 @@ fn every_truncation_is_an_error() {
 /// Behind a repaired prefix, it is the structure itself that must notice.
 #[test]
 fn every_truncation_with_repaired_prefix_is_an_error() {
-    let bytes = RawLibrary::sound().bytes();
+    let bytes = RawLibrary::with_scenes().bytes();
     for length in PREFIX_BYTES..bytes.len() {
         let mut cut = bytes[..length].to_vec();
         repair(&mut cut);
@@ -50,6 +50,8 @@ fn every_truncation_with_repaired_prefix_is_an_error() {
         match error.problem {
             Problem::TooShort { found } => assert_eq!((length, found), (PREFIX_BYTES, length)),
             Problem::Malformed => assert!(matches!(error.place, Place::Texture(_))),
+            Problem::NoSceneCount => assert!(bytes[length] == 2),
+            Problem::MalformedScene => assert!(matches!(error.place, Place::Scene(_))),
             other => panic!("{length} bytes: {other}"),
         }
     }
@@ -59,10 +61,12 @@ fn every_truncation_with_repaired_prefix_is_an_error() {
 fn sound_or_refused(bytes: &[u8]) -> Result<(), TestCaseError> {
     match Library::decode(bytes) {
         Ok(library) => {
-            let read = content(&library);
-            let again = encode(&read).map_err(|error| TestCaseError::fail(error.to_string()))?;
+            let (read, played) = (content(&library), scenes(&library));
+            let again = encode_with_scenes(&read, &played)
+                .map_err(|error| TestCaseError::fail(error.to_string()))?;
             let library = Library::decode(&again).expect("encode checks what it gives");
             prop_assert_eq!(content(&library), read);
+            prop_assert_eq!(scenes(&library), played);
         }
         Err(error @ DecodeError { place, problem }) => {
             prop_assert_eq!(error.to_string(), format!("{place}: {problem}"));
@@ -76,7 +80,7 @@ proptest! {
 
     #[test]
     fn appended_bytes_are_an_error(tail in vec(any::<u8>(), 1..64)) {
-        let mut bytes = RawLibrary::sound().bytes();
+        let mut bytes = RawLibrary::with_scenes().bytes();
         let declared = bytes.len() as u32;
         bytes.extend(&tail);
         let found = bytes.len();
@@ -91,7 +95,7 @@ proptest! {
     fn mutations_behind_a_repaired_checksum_give_a_sound_library_or_an_error(
         changes in vec((any::<Index>(), mutation()), 1..6),
     ) {
-        let mut bytes = RawLibrary::sound().bytes();
+        let mut bytes = RawLibrary::with_scenes().bytes();
         for (at, mutation) in changes {
             mutation.apply(at, &mut bytes);
         }
@@ -108,7 +112,7 @@ proptest! {
     fn arbitrary_bytes_behind_a_valid_prefix_give_a_sound_library_or_an_error(
         count in 1u8..4, body in vec(prop_oneof![0u8..8, any::<u8>()], 0..300),
     ) {
-        let mut bytes = RawLibrary::sound().bytes();
+        let mut bytes = RawLibrary::with_scenes().bytes();
         bytes.truncate(PREFIX_BYTES);
         bytes.push(count);
         bytes.extend(body);
@@ -158,7 +162,7 @@ fn mutation() -> impl Strategy<Value = Mutation> {
 /// The mutations above would prove nothing if all of them were refused.
 #[test]
 fn some_mutations_are_other_valid_libraries() {
-    let sound = RawLibrary::sound().bytes();
+    let sound = RawLibrary::with_scenes().bytes();
     let mut kept = 0;
     for at in PREFIX_BYTES..sound.len() {
         for bit in 0..8 {
@@ -167,7 +171,7 @@ fn some_mutations_are_other_valid_libraries() {
             repair(&mut bytes);
             if let Ok(library) = Library::decode(&bytes) {
                 assert_ne!(
-                    encode(&content(&library)).as_ref(),
+                    encode_with_scenes(&content(&library), &scenes(&library)).as_ref(),
                     Ok(&sound),
                     "byte {at}, bit {bit}"
                 );

@@ -218,7 +218,7 @@ fn headers_that_do_not_parse_are_told_with_their_texture() {
 }
 
 #[test]
-fn nothing_may_follow_the_last_texture() {
+fn nothing_may_follow_the_last_record() {
     let error = fault(|library| library.tail = vec![1, 2, 3]);
     check(
         error,
@@ -226,13 +226,14 @@ fn nothing_may_follow_the_last_texture() {
         Problem::LeftOver(3),
         "3 bytes are left over",
     );
-    let last = RawLibrary {
-        textures: RawLibrary::sound().textures.split_off(2),
-        ..RawLibrary::sound()
-    };
-    let left = last.bytes().len() - 17;
+    // What follows too few textures is read as scenes.
     let error = fault(|library| library.count = Some(2));
-    check(error, Place::Library, Problem::LeftOver(left), "left over");
+    check(
+        error,
+        Place::Scene(0),
+        Problem::MalformedScene,
+        "does not parse as a scene",
+    );
 }
 
 #[test]

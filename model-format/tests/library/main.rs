@@ -8,5 +8,6 @@ mod damage;
 mod faults;
 mod limits;
 mod round_trip;
+mod scenes;
 mod size;
 mod walk;

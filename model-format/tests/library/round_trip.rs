@@ -2,13 +2,13 @@
 
 use model_format::{
     CodeSpec, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, UNCERTIFIED_CELL,
-    encode, encode_uncertified, limits,
+    encode, encode_uncertified, encode_with_scenes, limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
 
 use crate::bytes::RawLibrary;
-use crate::walk::content;
+use crate::walk::{content, scenes};
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
@@ -43,6 +43,16 @@ fn two_independent_writers_give_the_same_bytes() {
     let bytes = RawLibrary::sound().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
     assert_eq!(encode(&content(&library)).expect("valid content"), bytes);
+}
+
+#[test]
+fn two_independent_writers_give_the_same_bytes_of_scenes() {
+    let bytes = RawLibrary::with_scenes().bytes();
+    let library = Library::decode(&bytes).expect("a valid library");
+    let (textures, scenes) = (content(&library), scenes(&library));
+    assert_eq!(scenes.len(), 2);
+    let again = encode_with_scenes(&textures, &scenes).expect("valid content");
+    assert_eq!(again, bytes);
 }
 
 fn library() -> impl Strategy<Value = Vec<TextureSpec>> {

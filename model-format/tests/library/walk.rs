@@ -1,5 +1,6 @@
 //! Reads everything that a valid library offers. The fuzz target includes this file too.
 
+use model_format::scene::Scene;
 use model_format::{
     Certificate, CodeSpec, Coefficients, Library, NodeFlags, NodeSpec, Structure, Texture,
     TextureSpec, UNCERTIFIED_CELL, limits,
@@ -61,6 +62,33 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
     }
     assert_eq!(textures.len(), library.len());
     textures
+}
+
+/// The scenes of `library`, through its public interface.
+///
+/// # Panics
+/// Where one breaks what the kernel relies on.
+pub fn scenes(library: &Library<'_>) -> Vec<Scene> {
+    let scenes: Vec<Scene> = library.scenes().collect();
+    assert_eq!(scenes.len(), library.scene_count());
+    for scene in &scenes {
+        assert_eq!(library.scene(&scene.name).as_ref(), Some(scene));
+        assert_eq!(scene.validate(library), Ok(()));
+        let is_there = |surface: u8| usize::from(surface) < scene.surfaces.len();
+        assert!(scene.regions.iter().all(|region| is_there(region.surface)));
+        for surface in &scene.surfaces {
+            let Some(texture) = surface.texture else {
+                assert!(surface.stick_slip.is_none());
+                continue;
+            };
+            let texture = library.textures().nth(usize::from(texture));
+            let loudest = texture.expect("it is there").max_output_power();
+            // What the kernel's direct form relies on, beside a gain of at most one.
+            let room = 4.0 * surface.gain * surface.gain * loudest <= limits::MAX_OUTPUT_POWER;
+            assert!(surface.gain >= 0.0 && (surface.gain <= 1.0 || room));
+        }
+    }
+    scenes
 }
 
 /// What is certified of the cells of a direct form. What is certified of a lattice is what its nodes have.

@@ -4,8 +4,10 @@
 use std::error::Error;
 use std::path::PathBuf;
 
+use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode_uncertified, limits,
+    CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode_uncertified,
+    encode_with_scenes_uncertified, limits,
 };
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -31,7 +33,51 @@ fn main() -> Result<(), Box<dyn Error>> {
         texture.nodes[0].codes != CodeSpec::Lattice(vec![]) && texture.nodes.len() < 5
     });
     std::fs::write(folder.join("several"), encode_uncertified(&all[..4])?)?;
+    let with_scenes = encode_with_scenes_uncertified(&all[..2], &[scene()?])?;
+    std::fs::write(folder.join("scenes"), with_scenes)?;
     Ok(())
+}
+
+/// Two surfaces side by side, with every effect.
+fn scene() -> Result<Scene, Box<dyn Error>> {
+    let mut surface = Surface::of_texture(0);
+    surface.tap = Some(Tap {
+        frequency_hz: 200.0,
+        decay_s: 0.01,
+        gain_m_s2_per_n_s: 0.1,
+        limit_m_s2: 20.0,
+    });
+    surface.stick_slip = Some(StickSlip {
+        period_mm: 1.0,
+        duty: 0.5,
+        depth: 0.9,
+        below_mm_s: 80.0,
+        above_n: 0.5,
+    });
+    let name = SceneName::try_from("all").map_err(|_| "a name is too long")?;
+    let mut scene = Scene::of_surface(name, 5000, surface);
+    scene
+        .surfaces
+        .push(Surface::of_texture(1))
+        .map_err(|_| "too many surfaces")?;
+    for surface in 0..2u8 {
+        let region = Region {
+            start_mm: 10.0 * f32::from(surface),
+            end_mm: 10.0 * f32::from(surface + 1),
+            surface,
+        };
+        scene.regions.push(region).map_err(|_| "too many regions")?;
+    }
+    scene.transition_mm = 2.0;
+    let section = Biquad {
+        numerator: [1 << 28, -(1 << 27), 0],
+        denominator: [-(1 << 28), 1 << 27],
+    };
+    scene
+        .equaliser
+        .push(section)
+        .map_err(|_| "too many sections")?;
+    Ok(scene)
 }
 
 /// A texture of `size` × `size` nodes.

@@ -5,9 +5,12 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use libfuzzer_sys::fuzz_target;
+use model_format::scene::Scene;
 use model_format::{
-    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Problem, Texture, encode_uncertified,
+    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Problem, Texture,
+    encode_with_scenes_uncertified,
 };
+use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 #[path = "../../../model-format/tests/library/walk.rs"]
@@ -40,9 +43,9 @@ fn with_fitting_prefix(input: &[u8]) -> Option<Vec<u8>> {
 fn judge(bytes: &[u8]) {
     match Library::decode_uncertified(bytes) {
         Ok(library) => {
-            let content = walk::content(&library);
-            let again =
-                encode_uncertified(&content).expect("what was read from a library makes one");
+            let (content, scenes) = (walk::content(&library), walk::scenes(&library));
+            let again = encode_with_scenes_uncertified(&content, &scenes)
+                .expect("what was read from a library makes one");
             let library =
                 Library::decode_uncertified(&again).expect("what was encoded is a library");
             // For a stylus the certificates are all that may be missing.
@@ -50,7 +53,9 @@ fn judge(bytes: &[u8]) {
                 assert!(matches!(error.problem, Problem::Uncertified(_)));
             }
             assert_eq!(walk::content(&library), content);
+            assert_eq!(walk::scenes(&library), scenes);
             library.textures().for_each(play);
+            scenes.iter().for_each(|scene| play_scene(scene, &library));
         }
         Err(error) => {
             assert!(error.to_string().starts_with(&error.place.to_string()));
@@ -81,4 +86,28 @@ fn play(texture: Texture<'_>) {
     }
     synthesis.follow(Motion::REST, 1);
     assert_eq!(synthesis.next_sample().0, 0);
+}
+
+/// Strikes each region, moves to its middle, and lifts; voices are gone two blocks later.
+fn play_scene(scene: &Scene, library: &Library<'_>) {
+    let plan = Plan::new(scene, library).expect("it is in a valid library");
+    let mut player: ScenePlayer<'_> = ScenePlayer::new(plan, 1);
+    let mut block = |interaction: Interaction| {
+        player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
+        for _ in 0..UPDATE_INTERVAL_SAMPLES {
+            player.next_sample();
+        }
+        let stages = player.block().stages().iter();
+        stages.filter(|stage| stage.voice().is_some()).count()
+    };
+    let motion = Motion::new(MillimetresPerSecond(50.0), Newton(1.0)).expect("finite");
+    block(Interaction::NONE);
+    for region in &scene.regions {
+        let middle = region.start_mm + 0.5 * (region.end_mm - region.start_mm);
+        for place in [region.start_mm, middle] {
+            block(Interaction::new(motion, place, true).expect("places are finite"));
+        }
+        block(Interaction::NONE);
+        assert_eq!(block(Interaction::NONE), 0);
+    }
 }

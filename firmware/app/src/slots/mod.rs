@@ -17,10 +17,14 @@ use embedded_storage_async::nor_flash::NorFlash;
 use heapless::Vec;
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_TEXTURES, SLOT_BYTES, SLOT_HEADER_BYTES};
 use model_format::link::{
-    FlashOperation, LIBRARY_CRC, ListError, Reason, SlotFault, SlotId, SlotInfo, SlotState, Slots,
-    TextureInfo,
+    FlashOperation, LIBRARY_CRC, ListError, SceneInfo, SlotFault, SlotId, SlotInfo, SlotState,
+    Slots, TextureInfo,
 };
+use model_format::scene::limits::MAX_SCENES;
+use model_format::scene::{MotionOfScene, Scene, Surface};
 use model_format::{Library, NodeFlags, Texture};
+
+use crate::words::in_words;
 
 pub use header::HEADER_VERSION;
 use header::{Header, Read};
@@ -52,8 +56,30 @@ impl<F: MappedFlash> MappedFlash for &mut F {
     }
 }
 
-/// Textures of a slot, so that a listing does not read flash.
-type Index = Vec<TextureInfo, MAX_TEXTURES>;
+/// Textures and scenes of a slot, so that a listing does not read flash.
+#[derive(Clone, Debug, Default)]
+struct Index {
+    textures: Vec<TextureInfo, MAX_TEXTURES>,
+    scenes: Vec<SceneInfo, MAX_SCENES>,
+}
+
+impl Index {
+    const EMPTY: Self = Self {
+        textures: Vec::new(),
+        scenes: Vec::new(),
+    };
+
+    fn of(library: &Library<'_>) -> Self {
+        // A valid library has no more of either than fit.
+        Self {
+            textures: library
+                .textures()
+                .map(|texture| texture_info(&texture))
+                .collect(),
+            scenes: library.scenes().map(|scene| scene_info(&scene)).collect(),
+        }
+    }
+}
 
 /// The two slots.
 pub struct SlotStore<F> {
@@ -111,7 +137,7 @@ impl<F: MappedFlash> SlotStore<F> {
         let mut store = Self {
             flash,
             states: [SlotState::Empty, SlotState::Empty],
-            index: [Vec::new(), Vec::new()],
+            index: [Index::EMPTY, Index::EMPTY],
             active: None,
         };
         for slot in SlotId::ALL {
@@ -173,23 +199,38 @@ impl<F: MappedFlash> SlotStore<F> {
     /// # Errors
     /// No library in the slot, or not so many textures.
     pub fn texture(&self, slot: SlotId, index: u8) -> Result<TextureInfo, ListError> {
+        let textures = &self.listed(slot)?.textures;
+        let found = textures.get(usize::from(index)).cloned();
+        found.ok_or(ListError::Index {
+            slot,
+            index,
+            textures: textures.len() as u8,
+        })
+    }
+
+    /// Scene `index` of `slot`.
+    ///
+    /// # Errors
+    /// No library in the slot, or not so many scenes.
+    pub fn scene(&self, slot: SlotId, index: u8) -> Result<SceneInfo, ListError> {
+        let scenes = &self.listed(slot)?.scenes;
+        let found = scenes.get(usize::from(index)).cloned();
+        found.ok_or(ListError::SceneIndex {
+            slot,
+            index,
+            scenes: scenes.len() as u8,
+        })
+    }
+
+    fn listed(&self, slot: SlotId) -> Result<&Index, ListError> {
         match &self.states[slot.index()] {
-            SlotState::Valid(_) => {}
+            SlotState::Valid(_) => Ok(&self.index[slot.index()]),
             SlotState::Faulty(fault) => {
                 let fault = fault.clone();
-                return Err(ListError::Faulty { slot, fault });
+                Err(ListError::Faulty { slot, fault })
             }
-            SlotState::Empty | SlotState::Receiving => return Err(ListError::NoLibrary { slot }),
+            SlotState::Empty | SlotState::Receiving => Err(ListError::NoLibrary { slot }),
         }
-        let textures = &self.index[slot.index()];
-        textures
-            .get(usize::from(index))
-            .cloned()
-            .ok_or(ListError::Index {
-                slot,
-                index,
-                textures: textures.len() as u8,
-            })
     }
 
     /// The bytes of the library in `slot`, read once more for faults, checked against its checksum.
@@ -219,7 +260,7 @@ impl<F: MappedFlash> SlotStore<F> {
 
     fn set_state(&mut self, slot: SlotId, state: SlotState) {
         self.states[slot.index()] = state;
-        self.index[slot.index()].clear();
+        self.index[slot.index()] = Index::EMPTY;
     }
 
     /// Erases the sector of `slot` that holds `offset`.
@@ -304,7 +345,7 @@ impl<F: MappedFlash> SlotStore<F> {
 
     /// Finds out what is in `slot`.
     async fn scan(&mut self, slot: SlotId) {
-        self.index[slot.index()].clear();
+        self.index[slot.index()] = Index::EMPTY;
         self.states[slot.index()] = match self.read_slot(slot).await {
             Ok(state) => state,
             Err(fault) => SlotState::Faulty(fault),
@@ -336,7 +377,8 @@ impl<F: MappedFlash> SlotStore<F> {
             sequence,
             length,
             crc32,
-            textures: self.index[slot.index()].len() as u8,
+            textures: self.index[slot.index()].textures.len() as u8,
+            scenes: self.index[slot.index()].scenes.len() as u8,
         }))
     }
 
@@ -382,11 +424,7 @@ impl<F: MappedFlash> SlotStore<F> {
             let reason = in_words(&error);
             SlotFault::Invalid { reason }
         })?;
-        // A valid library has no more textures than fit.
-        Ok(library
-            .textures()
-            .map(|texture| texture_info(&texture))
-            .collect())
+        Ok(Index::of(&library))
     }
 
     fn mapped(&self, slot: SlotId, length: u32) -> Result<&[u8], SlotFault> {
@@ -424,26 +462,6 @@ fn flash_fault(slot: SlotId, operation: FlashOperation, offset: u32) -> WriteFau
     })
 }
 
-/// `error` as far as it fits.
-fn in_words(error: &impl core::fmt::Display) -> Reason {
-    /// Takes what fits and drops the rest, character by character.
-    struct Fitting(Reason);
-    impl core::fmt::Write for Fitting {
-        fn write_str(&mut self, text: &str) -> core::fmt::Result {
-            for character in text.chars() {
-                if self.0.push(character).is_err() {
-                    break;
-                }
-            }
-            Ok(())
-        }
-    }
-    let mut words = Fitting(Reason::new());
-    // Writing to it never fails, and an error's own Display does not.
-    let _ = core::fmt::write(&mut words, format_args!("{error}"));
-    words.0
-}
-
 fn texture_info(texture: &Texture<'_>) -> TextureInfo {
     let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
     let count = |flag: NodeFlags| {
@@ -466,5 +484,21 @@ fn texture_info(texture: &Texture<'_>) -> TextureInfo {
         silent_nodes: count(NodeFlags::SILENT),
         filled_nodes: count(NodeFlags::INTERPOLATED) + count(NodeFlags::EXTRAPOLATED),
         doubtful_nodes: count(NodeFlags::DOUBTFUL),
+    }
+}
+
+fn scene_info(scene: &Scene) -> SceneInfo {
+    let count = |has: fn(&Surface) -> bool| {
+        let surfaces = scene.surfaces.iter();
+        surfaces.filter(|surface| has(surface)).count() as u8
+    };
+    SceneInfo {
+        name: scene.name.clone(),
+        surfaces: scene.surfaces.len() as u8,
+        regions: scene.regions.len() as u8,
+        taps: count(|surface| surface.tap.is_some()),
+        stick_slips: count(|surface| surface.stick_slip.is_some()),
+        sections: scene.equaliser.len() as u8,
+        constant_motion: matches!(scene.motion, MotionOfScene::Constant { .. }),
     }
 }

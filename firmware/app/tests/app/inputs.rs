@@ -5,7 +5,9 @@ use model_format::link::{
 };
 use model_format::{AdcCode, MillimetresPerSecond, Newton};
 use proptest::prelude::*;
-use stylus_app::inputs::{Encoder, InputConfig, STALE_TICKS, Sensors, Timed, WINDOW_TICKS, choose};
+use stylus_app::inputs::{
+    Encoder, Follower, InputConfig, STALE_TICKS, Sensors, Timed, WINDOW_TICKS, choose,
+};
 use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
@@ -104,6 +106,8 @@ fn an_input_is_stale_after_its_time_and_not_before() {
     let sample = MotionSample {
         speed: MillimetresPerSecond(-5.0),
         force: Newton(-1.0),
+        position_mm: None,
+        contact: None,
     };
     let host = Timed::from_host(sample, 1_000).expect("finite");
     assert_eq!(host.motion, motion(5.0, 0.0));
@@ -113,19 +117,16 @@ fn an_input_is_stale_after_its_time_and_not_before() {
         (1_000 + STALE_TICKS, false),
         (1_001 + STALE_TICKS, true),
     ] {
-        assert_eq!(
-            choose(MotionSource::Host, Timed::NEVER, host, tick),
-            (host.motion, stale)
-        );
-        assert_eq!(
-            choose(MotionSource::Sensors, host, Timed::NEVER, tick),
-            (host.motion, stale)
-        );
+        for chosen in [
+            choose(MotionSource::Host, Timed::NEVER, host),
+            choose(MotionSource::Sensors, host, Timed::NEVER),
+        ] {
+            assert_eq!(chosen, host);
+            assert_eq!(chosen.is_stale(tick), stale);
+        }
     }
-    assert_eq!(
-        choose(MotionSource::Host, host, Timed::NEVER, 1_000),
-        (Motion::REST, true)
-    );
+    let never = choose(MotionSource::Host, host, Timed::NEVER);
+    assert_eq!((never.motion, never.is_stale(1_000)), (Motion::REST, true));
 }
 
 #[test]
@@ -151,6 +152,8 @@ fn a_motion_that_is_not_finite_is_refused() {
     let sample = |speed, force| MotionSample {
         speed: MillimetresPerSecond(speed),
         force: Newton(force),
+        position_mm: Some(1.0),
+        contact: None,
     };
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         assert_eq!(
@@ -161,5 +164,87 @@ fn a_motion_that_is_not_finite_is_refused() {
             Timed::from_host(sample(1.0, bad), 0),
             Err(MotionRefused::Force)
         );
+        let off_the_path = MotionSample {
+            position_mm: Some(bad),
+            ..sample(1.0, 1.0)
+        };
+        assert_eq!(
+            Timed::from_host(off_the_path, 0),
+            Err(MotionRefused::Position)
+        );
     }
+}
+
+/// Sensors that saw `counts` in one block, at a force of `code`.
+fn moved(mut sensors: Sensors, counts: i16, code: u16) -> Sensors {
+    sensors.read(1, counts, AdcCode(code), true);
+    sensors.end_block();
+    sensors
+}
+
+#[test]
+fn a_scene_is_followed_from_where_playing_began_and_from_the_first_touch() {
+    let config = InputConfig::new(&settings(&[(Setting::PathPerCount, 0.01)]));
+    let before = moved(Sensors::new(), 12_345, 0);
+    let mut follower = Follower::new(true);
+    let mut follow = |sensors: &Sensors, host: Option<Timed>| {
+        let chosen = host.unwrap_or_else(|| sensors.motion(&config));
+        follower.follow(chosen, sensors, &config)
+    };
+    let begun = follow(&before, None);
+    assert_eq!((begun.position_mm(), begun.contact), (0.0, false));
+    let on = moved(before, -250, 20_000);
+    let gone = follow(&on, None);
+    assert_eq!((gone.position_mm(), gone.contact), (-2.5, true));
+    // The host's word counts where it gives it.
+    let sample = |position_mm, contact| MotionSample {
+        speed: MillimetresPerSecond(50.0),
+        force: Newton(1.0),
+        position_mm,
+        contact,
+    };
+    for (position, contact, expected) in [
+        (Some(70.0), Some(false), (70.0, false)),
+        (None, Some(false), (-2.5, false)),
+        (Some(-1.0), None, (-1.0, true)),
+    ] {
+        let host = Timed::from_host(sample(position, contact), 1).expect("finite");
+        let followed = follow(&on, Some(host));
+        assert_eq!((followed.position_mm(), followed.contact), expected);
+        assert_eq!(followed.motion, host.motion);
+    }
+}
+
+#[test]
+fn a_texture_is_touched_everywhere_and_always() {
+    let config = InputConfig::new(&Settings::default());
+    let mut follower = Follower::new(false);
+    for counts in [0, 900] {
+        let sensors = moved(Sensors::new(), counts, 0);
+        let followed = follower.follow(sensors.motion(&config), &sensors, &config);
+        assert_eq!((followed.position_mm(), followed.contact), (0.0, true));
+    }
+}
+
+#[test]
+fn a_count_that_wraps_does_not_move_the_tool() {
+    let config = InputConfig::new(&settings(&[(Setting::PathPerCount, 0.001)]));
+    let mut sensors = Sensors::new();
+    for _ in 0..65_535 {
+        sensors = moved(sensors, i16::MAX, 0);
+    }
+    let mut follower = Follower::new(true);
+    let at = |follower: &mut Follower, sensors: &Sensors| {
+        let chosen = sensors.motion(&config);
+        follower.follow(chosen, sensors, &config).position_mm()
+    };
+    assert_eq!(at(&mut follower, &sensors), 0.0);
+    let mut gone = 0;
+    for _ in 0..5 {
+        sensors = moved(sensors, i16::MAX, 0);
+        gone += i32::from(i16::MAX);
+        let position = at(&mut follower, &sensors);
+        assert!((position - gone as f32 * 0.001).abs() < 1e-3, "{position}");
+    }
+    assert!(sensors.counts() < 0, "the count went past 2³¹");
 }

@@ -1,14 +1,14 @@
 //! The player against a model of the output: what is exchanged is exchanged in silence.
 
 use model_format::link::{
-    ActivateError, Activity, MotionSource, MuteReason, PlayRequest, StopError,
+    ActivateError, Activity, MotionSource, MuteReason, PlayRequest, Selection, StopError,
 };
 use proptest::prelude::*;
-use stylus_app::player::{Action, Observed, Player};
+use stylus_app::player::{Action, Begin, Observed, Player};
 
 fn request(name: &str) -> PlayRequest {
     PlayRequest {
-        texture: name.try_into().expect("it is short"),
+        selection: Selection::Texture(name.try_into().expect("it is short")),
         gain: 1.0,
         motion: MotionSource::Host,
         seed: 1,
@@ -48,13 +48,39 @@ fn a_player_is_mute_until_it_plays() {
 }
 
 #[test]
-fn another_texture_begins_when_the_first_has_faded() {
+fn another_texture_of_the_same_gain_takes_over_without_a_mute() {
     let mut player = playing("one");
-    player.play(request("two")).expect("nothing is activated");
+    assert_eq!(player.play(request("two")), Ok(Begin::Switch));
+    assert!(player.mute().is_empty());
+    assert_eq!(player.poll(SOUNDING), None);
+    assert!(
+        matches!(player.activity(), Activity::Playing { selection, .. } if selection == request("two").selection)
+    );
+    assert_eq!(
+        player.mute_counts()[MuteReason::Changing as usize],
+        1,
+        "at first"
+    );
+}
+
+#[test]
+fn another_gain_begins_when_the_first_has_faded() {
+    let mut player = playing("one");
+    let louder = PlayRequest {
+        gain: 2.0,
+        ..request("one")
+    };
+    assert_eq!(player.play(louder.clone()), Ok(Begin::AtRest));
     assert!(player.mute().contains(MuteReason::Changing));
     assert_eq!(player.poll(SOUNDING), None);
     assert_eq!(player.activity(), Activity::FadingOut);
-    assert_eq!(player.poll(QUIET), Some(Action::Start(request("two"))));
+    // What is asked for while it fades is what begins.
+    let last = PlayRequest {
+        gain: 2.0,
+        ..request("two")
+    };
+    assert_eq!(player.play(last.clone()), Ok(Begin::AtRest));
+    assert_eq!(player.poll(QUIET), Some(Action::Start(last)));
     assert!(player.mute().is_empty());
 }
 

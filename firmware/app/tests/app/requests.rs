@@ -4,16 +4,17 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use embassy_futures::block_on;
-use model_format::limits::SLOT_BYTES;
+use model_format::limits::{MAX_ORDER, SLOT_BYTES};
 use model_format::link::{
-    ActivateError, Activity, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, ListRequest,
+    ActivateError, Activity, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, ListError, ListRequest,
     MotionSample, MotionSource, MuteReason, PROTOCOL_VERSION, PlayError, PlayRequest,
-    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Setting,
-    SettingChange, Settings, SettingsError, SlotId, SlotInfo, StopError, TickCounters, UploadChunk,
-    UploadState,
+    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection,
+    Setting, SettingChange, Settings, SettingsError, SlotId, SlotInfo, SlotState, StopError,
+    TickCounters, UploadChunk, UploadState,
 };
+use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{
-    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, OutputSample, Texture, encode,
+    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, OutputSample, encode, encode_with_scenes,
 };
 use stylus_app::control::{Control, Device, ResetReport, TickReport};
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
@@ -23,6 +24,8 @@ use stylus_app::slots::SlotStore;
 use stylus_app::status::Histogram;
 use stylus_app::storage::{LoadFault, Stage, Storage};
 use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
+use stylus_kernel::scene::Plan;
+use stylus_kernel::scene::cost::BUDGET;
 
 use crate::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use crate::library::{announcement, library, texture};
@@ -44,6 +47,11 @@ struct Bench {
     recording: bool,
     /// How often the library in RAM was exchanged.
     exchanges: usize,
+    /// How often something was taken up from silence, and while playing.
+    starts: usize,
+    switches: usize,
+    /// Instructions for a scene.
+    budget: u32,
 }
 
 impl Bench {
@@ -64,6 +72,9 @@ impl Bench {
             settings,
             recording: false,
             exchanges: 0,
+            starts: 0,
+            switches: 0,
+            budget: BUDGET,
         }
     }
 
@@ -124,8 +135,12 @@ impl Device for Bench {
         }
     }
 
-    fn texture(&self, name: &str) -> Option<Texture<'_>> {
-        Library::decode(&self.ram).ok()?.texture(name)
+    fn library(&self) -> Option<Library<'_>> {
+        Library::decode(&self.ram).ok()
+    }
+
+    fn scene_budget(&self) -> u32 {
+        self.budget
     }
 
     fn is_at_rest(&self) -> bool {
@@ -133,13 +148,7 @@ impl Device for Bench {
     }
 
     fn is_motion_stale(&self) -> bool {
-        choose(
-            self.source,
-            self.sensors.motion(&self.inputs),
-            self.host,
-            self.now,
-        )
-        .1
+        choose(self.source, self.sensors.motion(&self.inputs), self.host).is_stale(self.now)
     }
 
     fn set_mute(&mut self, muted: bool) {
@@ -153,6 +162,13 @@ impl Device for Bench {
         );
         self.playing = Some(request.clone());
         self.config = config;
+        self.starts += 1;
+    }
+
+    fn switch(&mut self, request: &PlayRequest) {
+        assert!(self.playing.is_some(), "there is something to fade");
+        self.playing = Some(request.clone());
+        self.switches += 1;
     }
 
     fn clear(&mut self) {
@@ -336,6 +352,8 @@ impl Stylus {
             let sample = MotionSample {
                 speed: MillimetresPerSecond(100.0),
                 force: Newton(1.0),
+                position_mm: None,
+                contact: None,
             };
             self.control.borrow_mut().motion(sample).expect("finite");
             millisecond(&self.control, true);
@@ -349,7 +367,7 @@ impl Stylus {
 
 fn request(name: &str) -> PlayRequest {
     PlayRequest {
-        texture: name.try_into().expect("short"),
+        selection: Selection::Texture(name.try_into().expect("short")),
         gain: 1.0,
         motion: MotionSource::Host,
         seed: 7,
@@ -384,7 +402,7 @@ fn a_library_that_was_uploaded_and_activated_is_played_and_stopped() {
     assert!(stylus.sounds());
     let status = stylus.control.borrow().status();
     assert!(
-        matches!(status.output.activity, Activity::Playing { texture, .. } if texture == "texture 1")
+        matches!(status.output.activity, Activity::Playing { selection: Selection::Texture(texture), .. } if texture == "texture 1")
     );
     assert!(status.output.mute.is_empty());
     stylus.control.borrow_mut().stop().expect("it plays");
@@ -429,6 +447,180 @@ fn a_request_that_is_refused_leaves_what_was_played() {
     stylus.run(5);
     assert!(stylus.sounds());
     assert!(stylus.control.borrow().mute().is_empty());
+}
+
+fn scene(name: &str, texture: u8, sample_rate_hz: u32) -> Scene {
+    let name = name.try_into().expect("short");
+    Scene::of_surface(name, sample_rate_hz, Surface::of_texture(texture))
+}
+
+fn scene_request(name: &str) -> PlayRequest {
+    PlayRequest {
+        selection: Selection::Scene(name.try_into().expect("short")),
+        ..request("")
+    }
+}
+
+/// A library with a scene of each of two textures, one of them for another rate.
+fn library_with_scenes() -> Vec<u8> {
+    let textures = [
+        texture("right", 40, 1, 5_000),
+        texture("fast", 4, 1, 10_000),
+    ];
+    let scenes = [scene("bench", 0, 5_000), scene("fast", 1, 10_000)];
+    encode_with_scenes(&textures, &scenes).expect("valid")
+}
+
+#[test]
+fn a_scene_is_played_by_its_name_and_switched_without_a_mute_where_the_gain_stays() {
+    let stylus = Stylus::with_library(&library_with_scenes());
+    let play = |request| stylus.control.borrow_mut().play(request);
+    let playing = play(scene_request("bench")).expect("it is there");
+    assert_eq!(playing.request, scene_request("bench"));
+    stylus.run(300);
+    assert!(stylus.sounds());
+    let counts = stylus.control.borrow().status().output.mute_counts;
+    let switched = play(request("right")).expect("it is there");
+    assert!(switched.mute.is_empty());
+    play(scene_request("bench")).expect("it is there");
+    stylus.run(10);
+    assert!(stylus.sounds());
+    let output = stylus.control.borrow().status().output;
+    assert_eq!(output.mute_counts, counts);
+    assert!(
+        matches!(output.activity, Activity::Playing { selection, .. } if selection == scene_request("bench").selection)
+    );
+    let louder = PlayRequest {
+        gain: 2.0,
+        ..scene_request("bench")
+    };
+    assert!(
+        play(louder)
+            .expect("it is there")
+            .mute
+            .contains(MuteReason::Changing)
+    );
+    stylus.run(300);
+    let mut control = stylus.control.borrow_mut();
+    let bench = control.device();
+    assert_eq!((bench.starts, bench.switches), (2, 2));
+}
+
+#[test]
+fn a_scene_that_cannot_be_played_is_refused_with_the_reason_and_what_was_played_goes_on() {
+    let stylus = Stylus::with_library(&library_with_scenes());
+    stylus.play("right").expect("it is there");
+    stylus.run(300);
+    let play = |name| stylus.control.borrow_mut().play(scene_request(name));
+    let missing = PlayError::NoSuchScene {
+        name: "right".try_into().expect("short"),
+    };
+    assert_eq!(play("right"), Err(missing), "a texture is no scene");
+    let (texture_hz, device_hz) = (10_000, SAMPLE_RATE_HZ);
+    let rate = PlayError::SampleRate {
+        texture_hz,
+        device_hz,
+    };
+    assert_eq!(play("fast"), Err(rate));
+    let bytes = library_with_scenes();
+    let library = Library::decode(&bytes).expect("valid");
+    let plan = Plan::new(&library.scene("bench").expect("it is there"), &library);
+    let cost = plan.expect("valid").worst_case();
+    let budget = cost.instructions() - 1;
+    stylus.control.borrow_mut().device().budget = budget;
+    match play("bench") {
+        Err(PlayError::OverBudget {
+            instructions,
+            budget: told,
+            arithmetic,
+        }) => {
+            assert_eq!((instructions, told), (cost.instructions(), budget));
+            assert_eq!(arithmetic.as_str(), cost.to_string());
+        }
+        other => panic!("{other:?}"),
+    }
+    stylus.run(5);
+    assert!(stylus.sounds());
+    let mut control = stylus.control.borrow_mut();
+    let bench = control.device();
+    assert_eq!(bench.playing, Some(request("right")));
+    assert_eq!((bench.starts, bench.switches), (1, 0));
+    bench.budget = cost.instructions();
+    assert!(control.play(scene_request("bench")).is_ok());
+}
+
+#[test]
+fn the_longest_arithmetic_fits_its_answer() {
+    let mut textures = Vec::new();
+    let mut longest = scene("longest", 0, 5_000);
+    longest.surfaces.clear();
+    for index in 0..16 {
+        textures.push(texture(&format!("texture {index}"), MAX_ORDER, 1, 5_000));
+        textures[usize::from(index)].speed_axis_mm_s.truncate(1);
+        textures[usize::from(index)].force_axis_n.truncate(1);
+        textures[usize::from(index)].nodes.truncate(1);
+        let mut surface = Surface::of_texture(index);
+        surface.tap = Some(Tap {
+            frequency_hz: 200.0,
+            decay_s: 0.01,
+            gain_m_s2_per_n_s: 0.1,
+            limit_m_s2: 1.0,
+        });
+        surface.stick_slip = Some(StickSlip {
+            period_mm: 1.0,
+            duty: 0.5,
+            depth: 0.5,
+            below_mm_s: 10.0,
+            above_n: 0.5,
+        });
+        longest.surfaces.push(surface).expect("there is room");
+    }
+    // The last two alone can be come upon.
+    for (place, surface) in [(0.0, 14), (10.0, 15)] {
+        let region = Region {
+            start_mm: place,
+            end_mm: place + 10.0,
+            surface,
+        };
+        longest.regions.push(region).expect("there is room");
+    }
+    while longest.equaliser.push(Biquad::IDENTITY).is_ok() {}
+    let bytes = encode_with_scenes(&textures, &[longest]).expect("valid");
+    let stylus = Stylus::with_library(&bytes);
+    stylus.control.borrow_mut().device().budget = 0;
+    let refused = stylus.control.borrow_mut().play(scene_request("longest"));
+    match refused {
+        Err(PlayError::OverBudget { arithmetic, .. }) => {
+            assert!(arithmetic.ends_with(" instructions"), "{arithmetic}");
+            assert!(
+                arithmetic.contains("surface 15, stick-slip"),
+                "{arithmetic}"
+            );
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn the_scenes_of_a_slot_are_listed_one_by_one() {
+    let stylus = Stylus::with_library(&library_with_scenes());
+    let slot = SlotId::A;
+    let list = |index| stylus.storage.list_scene(ListRequest { slot, index });
+    let first = list(0).expect("there are two");
+    assert_eq!((first.name.as_str(), first.surfaces), ("bench", 1));
+    assert_eq!(list(1).expect("there are two").name.as_str(), "fast");
+    let (index, scenes) = (2, 2);
+    let past = ListError::SceneIndex {
+        slot,
+        index,
+        scenes,
+    };
+    assert_eq!(list(2), Err(past));
+    let slot = SlotId::B;
+    let none = stylus.storage.list_scene(ListRequest { slot, index: 0 });
+    assert_eq!(none, Err(ListError::NoLibrary { slot }));
+    let valid = stylus.storage.slots().slots;
+    assert!(matches!(&valid[0], SlotState::Valid(library) if library.scenes == 2));
 }
 
 #[test]
@@ -500,6 +692,8 @@ fn motion_that_is_not_finite_is_refused_and_the_one_before_holds() {
     let bad = MotionSample {
         speed: MillimetresPerSecond(f32::NAN),
         force: Newton(1.0),
+        position_mm: None,
+        contact: None,
     };
     assert!(stylus.control.borrow_mut().motion(bad).is_err());
     assert_eq!(stylus.control.borrow_mut().device().host, before);

@@ -7,6 +7,11 @@ mod hard;
 mod lattice;
 mod models;
 mod reference;
+mod scene;
+mod scene_effects;
+mod scene_hard;
+mod scene_path;
+mod scenes;
 mod silence;
 mod synthesis;
 #[cfg(feature = "variants")]

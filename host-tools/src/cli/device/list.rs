@@ -2,7 +2,7 @@
 
 use host_tools::error::Result;
 use host_tools::link::Device;
-use model_format::link::{SlotId, SlotState, TextureInfo};
+use model_format::link::{SceneInfo, SlotId, SlotState, TextureInfo};
 use serde::Serialize;
 
 use super::Link;
@@ -25,6 +25,7 @@ struct Slot {
     active: bool,
     state: SlotState,
     textures: Vec<Texture>,
+    scenes: Vec<SceneInfo>,
 }
 
 /// A texture of the device's, its enums in words.
@@ -76,19 +77,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 fn read(device: &Device) -> Result<Vec<Slot>> {
     let both = device.slots()?;
     let of_slot = |(id, state): (SlotId, SlotState)| {
-        let textures = match &state {
-            SlotState::Valid(_) => device
-                .textures(id)?
-                .into_iter()
-                .map(Texture::from)
-                .collect(),
-            _ => Vec::new(),
+        let (textures, scenes) = match &state {
+            SlotState::Valid(_) => (device.textures(id)?, device.scenes(id)?),
+            _ => (Vec::new(), Vec::new()),
         };
         Ok(Slot {
             name: id.to_string(),
             active: both.active == Some(id),
             state,
-            textures,
+            textures: textures.into_iter().map(Texture::from).collect(),
+            scenes,
         })
     };
     SlotId::ALL
@@ -105,12 +103,14 @@ fn text(slot: &Slot) -> String {
         SlotState::Receiving => "an upload is under way".to_owned(),
         SlotState::Faulty(fault) => fault.to_string(),
         SlotState::Valid(library) => format!(
-            "{} texture(s), {} bytes, checksum {:08x}, upload {}\n\n{}",
+            "{} texture(s), {} scene(s), {} bytes, checksum {:08x}, upload {}\n\n{}{}",
             library.textures,
+            library.scenes,
             library.length,
             library.crc32,
             library.sequence,
-            textures(&slot.textures)
+            textures(&slot.textures),
+            scenes(&slot.scenes)
         ),
     };
     format!("slot {}{active}: {state}", slot.name)
@@ -156,4 +156,39 @@ fn textures(textures: &[Texture]) -> String {
         })
         .collect();
     table(&header, &rows)
+}
+
+/// A table of scenes below that of the textures, or nothing if there are none.
+fn scenes(scenes: &[SceneInfo]) -> String {
+    if scenes.is_empty() {
+        return String::new();
+    }
+    let header = [
+        "scene",
+        "surfaces",
+        "regions",
+        "taps",
+        "stick-slip",
+        "equaliser",
+        "motion",
+    ];
+    let rows: Vec<Vec<String>> = scenes
+        .iter()
+        .map(|scene| {
+            vec![
+                scene.name.to_string(),
+                scene.surfaces.to_string(),
+                scene.regions.to_string(),
+                scene.taps.to_string(),
+                scene.stick_slips.to_string(),
+                scene.sections.to_string(),
+                if scene.constant_motion {
+                    "constant".to_owned()
+                } else {
+                    "followed".to_owned()
+                },
+            ]
+        })
+        .collect();
+    format!("\n\n{}", table(&header, &rows))
 }

@@ -8,7 +8,8 @@ use host_tools::error::{Error, Result};
 use host_tools::link::Device;
 use host_tools::link::play::{Drive, Driven, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
 use host_tools::motion::MotionPath;
-use model_format::link::{Activity, MotionSource, PlayRequest, Status, TextureName};
+use model_format::link::{Activity, MotionSource, PlayRequest, Selection, Status, TextureName};
+use model_format::scene::SceneName;
 use model_format::{MillimetresPerSecond, Newton};
 use serde::Serialize;
 
@@ -23,12 +24,20 @@ const SENSORS: &str = "sensors";
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Which texture of the active library
+    #[arg(
+        long,
+        value_name = "NAME",
+        required_unless_present = "scene",
+        conflicts_with = "scene"
+    )]
+    texture: Option<String>,
+    /// Which scene of the active library
     #[arg(long, value_name = "NAME")]
-    texture: String,
+    scene: Option<String>,
     /// Multiply the amplitude by this; 1 is as recorded
     #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     gain: f32,
-    /// Where the motion comes from: 'sensors', or a CSV with time_s, speed_mm_s, force_n, played once [default: sensors]
+    /// Where the motion comes from: 'sensors', or a CSV with time_s, speed_mm_s, force_n, and position_mm and contact if a scene needs them, played once [default: sensors]
     #[arg(long, value_name = "sensors|CSV", conflicts_with_all = ["speed", "force"])]
     motion: Option<String>,
     /// A constant tangential speed instead, in mm/s
@@ -60,7 +69,10 @@ pub struct Arguments {
 
 #[derive(Serialize)]
 struct Report<'a> {
-    texture: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    texture: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scene: Option<&'a str>,
     #[serde(flatten)]
     driven: Driven,
     saturations: u32,
@@ -86,7 +98,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     if arguments.json {
         return crate::cli::print_json(&Report {
-            texture: &arguments.texture,
+            texture: arguments.texture.as_deref(),
+            scene: arguments.scene.as_deref(),
             driven,
             saturations: status.saturations,
             hard_limited: status.hard_limited,
@@ -101,8 +114,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         );
     }
     crate::cli::print(&format!(
-        "played '{}' for {:.1} s ({} motions, {} keep-alives); stopped, the output is at rest",
-        arguments.texture, driven.seconds, driven.motions, driven.keep_alives
+        "played {} for {:.1} s ({} motions, {} keep-alives); stopped, the output is at rest",
+        request.selection, driven.seconds, driven.motions, driven.keep_alives
     ))
 }
 
@@ -128,14 +141,8 @@ fn plan(arguments: &Arguments) -> Result<Drive> {
 }
 
 fn request(arguments: &Arguments, plan: &Drive) -> Result<PlayRequest> {
-    let name = arguments.texture.as_str();
-    let texture = TextureName::try_from(name).map_err(|_| {
-        Error::Request(format!(
-            "no texture has a name as long as '{name}': list what there is"
-        ))
-    })?;
     Ok(PlayRequest {
-        texture,
+        selection: selection(arguments)?,
         gain: arguments.gain,
         motion: match plan.motion {
             Some(_) => MotionSource::Host,
@@ -143,6 +150,22 @@ fn request(arguments: &Arguments, plan: &Drive) -> Result<PlayRequest> {
         },
         seed: arguments.seed,
     })
+}
+
+/// What was asked for; the command line has one of the two.
+fn selection(arguments: &Arguments) -> Result<Selection> {
+    let too_long = |what: &str, name: &str| {
+        Error::Request(format!(
+            "no {what} has a name as long as '{name}': list what there is"
+        ))
+    };
+    if let Some(name) = &arguments.scene {
+        let scene = SceneName::try_from(name.as_str()).map_err(|_| too_long("scene", name))?;
+        return Ok(Selection::Scene(scene));
+    }
+    let name = arguments.texture.as_deref().unwrap_or_default();
+    let texture = TextureName::try_from(name).map_err(|_| too_long("texture", name))?;
+    Ok(Selection::Texture(texture))
 }
 
 fn keep_playing(device: &Device, plan: &Drive, interrupt: &Interrupt) -> Result<Driven> {

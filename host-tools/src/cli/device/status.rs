@@ -129,12 +129,12 @@ fn upload(state: &UploadState) -> String {
 pub fn output(output: &OutputStatus) -> String {
     let what = match &output.activity {
         Activity::Idle => "idle".to_owned(),
-        Activity::Playing { texture, motion } => {
+        Activity::Playing { selection, motion } => {
             let motion = match motion {
                 MotionSource::Sensors => "the sensors",
                 MotionSource::Host => "the host",
             };
-            format!("playing '{texture}' along the motion of {motion}")
+            format!("playing {selection} along the motion of {motion}")
         }
         Activity::FadingOut => "fading out".to_owned(),
         Activity::Activating => "taking over another library".to_owned(),

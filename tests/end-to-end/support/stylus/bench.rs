@@ -9,7 +9,7 @@ use model_format::link::{
     RecordBlock, RecordCounters, RecordError, RecordSample, RecordStarted, RecordStopped,
     ResetReason, SCHEMA_HASH, Settings, SlotId, SlotInfo, TickCounters, UploadState,
 };
-use model_format::{AdcCode, FORMAT_VERSION, Library, OutputSample, Texture};
+use model_format::{AdcCode, FORMAT_VERSION, Library, OutputSample};
 use stylus_app::control::{Control, Device, ResetReport, TickReport};
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
@@ -19,6 +19,7 @@ use stylus_app::slots::SlotStore;
 use stylus_app::status::Histogram;
 use stylus_app::storage::{LoadFault, Stage, Storage};
 use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
+use stylus_kernel::scene::cost::BUDGET;
 
 use super::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 
@@ -170,8 +171,12 @@ impl Device for Bench {
         }
     }
 
-    fn texture(&self, name: &str) -> Option<Texture<'_>> {
-        Library::decode(&self.ram).ok()?.texture(name)
+    fn library(&self) -> Option<Library<'_>> {
+        Library::decode(&self.ram).ok()
+    }
+
+    fn scene_budget(&self) -> u32 {
+        BUDGET
     }
 
     fn is_at_rest(&self) -> bool {
@@ -180,7 +185,7 @@ impl Device for Bench {
 
     fn is_motion_stale(&self) -> bool {
         let sensors = self.sensors.motion(&self.inputs);
-        choose(self.source, sensors, self.host, self.now).1
+        choose(self.source, sensors, self.host).is_stale(self.now)
     }
 
     fn set_mute(&mut self, muted: bool) {
@@ -191,6 +196,8 @@ impl Device for Bench {
         self.playing = true;
         self.config = config;
     }
+
+    fn switch(&mut self, _request: &PlayRequest) {}
 
     fn clear(&mut self) {
         self.playing = false;

@@ -2,10 +2,10 @@
 
 use model_format::link::{
     ActivateEndpoint, DeviceInfo, ENDPOINTS, InfoEndpoint, KeepAliveTopic, ListEndpoint,
-    MotionEndpoint, MotionTopic, PlayEndpoint, RecordStartEndpoint, RecordStopEndpoint,
-    SettingsGetEndpoint, SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint,
-    StopEndpoint, TOPICS_IN, TOPICS_OUT, UploadAbortEndpoint, UploadBeginEndpoint,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
+    ListSceneEndpoint, MotionEndpoint, MotionTopic, PlayEndpoint, RecordStartEndpoint,
+    RecordStopEndpoint, SettingsGetEndpoint, SettingsResetEndpoint, SettingsSetEndpoint,
+    SlotsEndpoint, StatusEndpoint, StopEndpoint, TOPICS_IN, TOPICS_OUT, UploadAbortEndpoint,
+    UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarKeyKind};
 use postcard_rpc::server::min_key_needed;
@@ -96,6 +96,7 @@ pub async fn serve(
     endpoint!(UploadProgressEndpoint, () => control.borrow().upload());
     endpoint!(SlotsEndpoint, () => storage.slots());
     endpoint!(ListEndpoint, request => storage.list(request));
+    endpoint!(ListSceneEndpoint, request => storage.list_scene(request));
     endpoint!(ActivateEndpoint, slot => storage.activate(hall, slot).await);
     endpoint!(PlayEndpoint, request => control.borrow_mut().play(request));
     endpoint!(StopEndpoint, () => control.borrow_mut().stop());

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use model_format::link::{
     ActivateEndpoint, Activated, InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, LIBRARY_CRC,
-    ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MotionSource, MuteReasons, PlayEndpoint,
-    PlayRequest, RecordBlock, RecordBlockTopic, SlotId, Slots, SlotsEndpoint, Status,
-    StatusEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MotionSource, MuteReasons, PlayEndpoint, PlayError,
+    PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection, SlotId, Slots, SlotsEndpoint,
+    Status, StatusEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk,
     UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
@@ -296,9 +296,29 @@ impl Device {
             .expect("the texture is there");
     }
 
+    /// Asks for a scene.
+    pub fn play_scene(
+        &mut self,
+        scene: &str,
+        motion: MotionSource,
+        seed: u64,
+    ) -> Result<Playing, PlayError> {
+        self.keep_alive(true);
+        let request = PlayRequest {
+            selection: Selection::Scene(scene.try_into().expect("a scene's name fits")),
+            ..play_request("", motion, seed)
+        };
+        self.request::<PlayEndpoint>(&request)
+    }
+
     /// Plays and waits until nothing mutes it.
     pub fn play_until_heard(&mut self, texture: &str, motion: MotionSource, seed: u64) {
         self.play(texture, motion, seed);
+        self.wait_until_heard();
+    }
+
+    /// Runs until nothing mutes what is played.
+    pub fn wait_until_heard(&mut self) {
         for _ in 0..100 {
             self.run_for(5 * MS);
             if self.status().output.mute == MuteReasons::NONE {
@@ -319,7 +339,7 @@ pub fn announced(library: &[u8]) -> UploadBegin {
 
 pub fn play_request(texture: &str, motion: MotionSource, seed: u64) -> PlayRequest {
     PlayRequest {
-        texture: texture.try_into().expect("a texture's name fits"),
+        selection: Selection::Texture(texture.try_into().expect("a texture's name fits")),
         gain: 1.0,
         motion,
         seed,

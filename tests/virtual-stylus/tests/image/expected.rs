@@ -1,10 +1,11 @@
 //! What the image must put out, from the product's own kernel and safety stages on this computer.
 
 use model_format::Texture;
-use model_format::link::{MotionSource, RecordSample, Settings};
-use stylus_app::inputs::{self, InputConfig, Sensors, Timed};
+use model_format::link::{RecordBlock, RecordSample, Settings};
+use stylus_app::inputs::{Follower, InputConfig, Sensors};
 use stylus_app::safety;
-use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
+use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+use stylus_kernel::scene::{Plan, ScenePlayer};
 
 /// What the sensors gave at successive ticks.
 pub struct Recorded {
@@ -14,23 +15,59 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// The motion that is noted at the first tick of each block, with that tick.
+    /// Of the blocks of a recording, none of which was lost.
+    pub fn of(blocks: &[RecordBlock]) -> Self {
+        Self {
+            first_tick: blocks[0].first_tick,
+            samples: (blocks.iter())
+                .flat_map(|block| block.samples.map(Into::into))
+                .collect(),
+        }
+    }
+
+    /// The sensors as they are noted at the first tick of each block, with that tick.
     ///
     /// Right for blocks that begin a window of the speed's or more after the first tick.
-    fn motions(&self) -> Vec<(u64, Motion)> {
-        let config = InputConfig::new(&Settings::default());
+    fn noted(&self) -> Vec<(u64, Sensors)> {
         let mut sensors = Sensors::new();
-        let mut motions = Vec::new();
+        let mut noted = Vec::new();
         for (tick, sample) in (self.first_tick..).zip(&self.samples) {
             sensors.read(tick, sample.encoder_delta, sample.force, true);
             if begins_block(tick) {
                 sensors.end_block();
-                let timed = sensors.motion(&config);
-                let (motion, _) = inputs::choose(MotionSource::Sensors, timed, Timed::NEVER, tick);
-                motions.push((tick, motion));
+                noted.push((tick, sensors));
             }
         }
-        motions
+        noted
+    }
+}
+
+/// What is played.
+pub struct Heard<'a> {
+    pub plan: Plan<'a>,
+    pub follower: Follower,
+    pub seed: u64,
+    /// What takes over, and the first tick at whose block's beginning it is known.
+    pub switch: Option<(u64, Plan<'a>, Follower)>,
+}
+
+impl<'a> Heard<'a> {
+    pub fn of_texture(texture: Texture<'a>, seed: u64) -> Self {
+        Self {
+            plan: Plan::of_texture(texture),
+            follower: Follower::new(false),
+            seed,
+            switch: None,
+        }
+    }
+
+    pub fn of_scene(plan: Plan<'a>, seed: u64) -> Self {
+        Self {
+            plan,
+            follower: Follower::new(true),
+            seed,
+            switch: None,
+        }
     }
 }
 
@@ -39,49 +76,38 @@ fn begins_block(tick: u64) -> bool {
     tick % u64::from(UPDATE_INTERVAL_SAMPLES) == 1
 }
 
-/// When a texture was taken up, and when the mute ended.
+/// When something was taken up, and when the mute ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Began {
-    /// First tick of the block in which the texture is played, silent yet.
+    /// First tick of the block in which it is played, silent yet.
     pub play: u64,
     /// First tick that is not muted.
     pub unmuted: u64,
 }
 
-/// Samples of `texture` from tick `play` on: a silent block, then each block by the motion that was noted one block before.
-fn samples(
-    texture: Texture<'_>,
-    seed: u64,
-    recorded: &Recorded,
-    play: u64,
-) -> Vec<model_format::OutputSample> {
-    let mut synthesis: Synthesis<'_> = Synthesis::new(texture, seed);
-    let block = |synthesis: &mut Synthesis<'_>| -> Vec<_> {
-        (0..UPDATE_INTERVAL_SAMPLES)
-            .map(|_| synthesis.next_sample())
-            .collect()
-    };
-    let mut samples = block(&mut synthesis);
-    for (_, motion) in recorded
-        .motions()
-        .into_iter()
-        .filter(|&(tick, _)| tick >= play)
-    {
-        synthesis.follow(motion, UPDATE_INTERVAL_SAMPLES);
-        samples.extend(block(&mut synthesis));
+/// Samples of `heard` from tick `play` on: a silent block, then each block by what was noted one block before.
+fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_format::OutputSample> {
+    let config = InputConfig::new(&Settings::default());
+    let mut player: ScenePlayer<'_> = ScenePlayer::new(heard.plan.clone(), heard.seed);
+    let mut follower = heard.follower;
+    let mut switch = heard.switch.clone();
+    let mut samples = vec![model_format::OutputSample::SILENCE; UPDATE_INTERVAL_SAMPLES as usize];
+    let noted = recorded.noted().into_iter();
+    for (tick, sensors) in noted.filter(|&(tick, _)| tick >= play) {
+        if let Some((_, plan, next)) = switch.take_if(|(known, ..)| tick >= *known) {
+            player.switch(plan);
+            follower = next;
+        }
+        let interaction = follower.follow(sensors.motion(&config), &sensors, &config);
+        player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
+        samples.extend((0..UPDATE_INTERVAL_SAMPLES).map(|_| player.next_sample()));
     }
     samples
 }
 
-/// Finds when the output `codes` (of tick 1 on) began to be that of `texture`, and how many ticks it stays so: all that were
+/// Finds when the output `codes` (of tick 1 on) began to be that of `heard`, and how many ticks it stays so: all that were
 /// recorded if the image does what it must. Of several beginnings the one that explains most.
-pub fn explain(
-    texture: Texture<'_>,
-    seed: u64,
-    recorded: &Recorded,
-    codes: &[u16],
-    from: u64,
-) -> (Began, u64) {
+pub fn explain(heard: &Heard<'_>, recorded: &Recorded, codes: &[u16], from: u64) -> (Began, u64) {
     let first_heard = (1u64..)
         .zip(codes)
         .find(|&(tick, &code)| tick >= from && code != 2048);
@@ -101,7 +127,7 @@ pub fn explain(
         0,
     );
     for play in (from..=first_heard).filter(|&tick| begins_block(tick)) {
-        let played = samples(texture, seed, recorded, play);
+        let played = samples(heard, recorded, play);
         for unmuted in from..=first_heard {
             let mut state = rested;
             let mut tick = from;

@@ -64,13 +64,14 @@ fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
 /// A flash with [`small`] in a slot, put there by an upload.
 pub fn flash_with_small() -> Contents {
     static FLASH: OnceLock<Contents> = OnceLock::new();
-    FLASH
-        .get_or_init(|| {
-            let mut device = Device::started(Options::default());
-            device.upload(small());
-            device.stylus.flash().expect("the run goes on")
-        })
-        .clone()
+    FLASH.get_or_init(|| flash_with(small())).clone()
+}
+
+/// A flash with `library` in a slot, put there by an upload.
+pub fn flash_with(library: &[u8]) -> Contents {
+    let mut device = Device::started(Options::default());
+    device.upload(library);
+    device.stylus.flash().expect("the run goes on")
 }
 
 /// Options with that flash.

@@ -58,6 +58,8 @@ fn a_motion_of_the_hosts_that_is_not_renewed_is_silence_within_100_ms() {
     let motion = MotionSample {
         speed: MillimetresPerSecond(120.0),
         force: Newton(0.8),
+        position_mm: None,
+        contact: None,
     };
     for _ in 0..300 {
         device.publish::<MotionTopic>(&motion);

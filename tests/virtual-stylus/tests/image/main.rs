@@ -13,5 +13,6 @@ mod link;
 mod play;
 mod power;
 mod record;
+mod scenes;
 mod ticks;
 mod upload;

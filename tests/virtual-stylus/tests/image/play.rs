@@ -7,11 +7,11 @@ use virtual_stylus::motion::Motion;
 use virtual_stylus::pins::FunctionPins;
 
 use crate::device::{Device, MID_SCALE, MS, PERIOD_NS};
-use crate::expected::{Recorded, explain};
+use crate::expected::{Heard, Recorded, explain};
 use crate::library;
 
 /// Volts of the force sensor as codes of the ADC: 2 N/V by default.
-fn force_code(newton: f64) -> u16 {
+pub fn force_code(newton: f64) -> u16 {
     (newton / 2.0 / 3.3 * 65_536.0) as u16
 }
 
@@ -27,7 +27,7 @@ fn pins() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
 }
 
 /// The codes that triggers put out, the first trigger's first, after checking their instants.
-fn latched(device: &mut Device) -> Vec<u16> {
+pub fn latched(device: &mut Device) -> Vec<u16> {
     let outputs: Vec<_> = (device.dac().iter())
         .filter(|output| output.cause == Cause::Trigger)
         .copied()
@@ -78,17 +78,13 @@ fn plays_as_the_host_does(texture: &str) {
         (0, 0, 0)
     );
 
-    let recorded = Recorded {
-        first_tick: device.blocks[0].first_tick,
-        samples: (device.blocks.iter())
-            .flat_map(|block| block.samples.map(Into::into))
-            .collect(),
-    };
+    let recorded = Recorded::of(&device.blocks);
     // What tick n computes the trigger after it puts out.
     let codes = &latched(&mut device)[1..];
     let library = Library::decode(library::small()).expect("a valid library");
     let texture = library.texture(texture).expect("it is in the library");
-    let (began, same_until) = explain(texture, 77, &recorded, codes, asked);
+    let heard = Heard::of_texture(texture, 77);
+    let (began, same_until) = explain(&heard, &recorded, codes, asked);
     let end = recorded.first_tick + recorded.samples.len() as u64;
     assert_eq!(
         same_until, end,

@@ -1,0 +1,454 @@
+//! The half of a scene that decides, once a block, below the tick.
+//!
+//! A **slot** holds a voice: two frames, of which one may be played while the other is computed, and a playback. A surface
+//! that is to sound gets a slot and keeps it while it does; one that is not wanted any more fades within a block. A slot's
+//! playback is taken up for another texture only after a block in which the slot was not played, when it is the director's.
+//! So there are never more than two voices, whatever the tool jumps to; a third surface waits a block for a slot.
+
+use model_format::Texture;
+
+use super::block::{Block, SLOTS, Stage, VoiceStage};
+use super::interaction::Interaction;
+use super::path::Located;
+use super::plan::{Plan, PlannedTexture};
+use super::playback::Ringing;
+use super::stick_slip::StickSlipFrame;
+use super::tap::{Resonance, Strike};
+use crate::grid::{Motion, ONE};
+use crate::level::{Levels, Ramp};
+use crate::synthesis::{Frame, Playback};
+
+/// Where the voices are kept. On a device the tick has a share in them; what the director asks for is never the tick's at
+/// that time.
+pub trait Voices {
+    /// Frame `buffer` of `slot`, which the block that is played does not use.
+    fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame>;
+
+    /// The levels of frame `buffer` of `slot`, which the block that is played may use, with `left` samples of its ramps to
+    /// come.
+    fn levels(&self, slot: usize, buffer: usize, left: u32) -> Levels;
+
+    /// The playback of `slot`, which the block that is played does not use.
+    fn playback(&mut self, slot: usize) -> &mut Option<Playback>;
+}
+
+/// Decides what each block takes.
+#[derive(Clone, Debug)]
+pub struct Director<'a> {
+    plan: Plan<'a>,
+    next_plan: Option<Plan<'a>>,
+    /// How many plans were played, this one included.
+    plans: u32,
+    seed: u64,
+    slots: [Slot<'a>; SLOTS],
+    tap: Option<Resonance>,
+    /// Whether the block that is played begins with a strike, which may not have been seen to ring.
+    struck: bool,
+    /// Whether the block that is played feeds the equaliser.
+    fed: bool,
+    /// The fade of the block that is played.
+    fading: Option<Ramp>,
+    before: Option<Before>,
+}
+
+/// The interaction of the block before.
+#[derive(Clone, Copy, Debug)]
+struct Before {
+    interaction: Interaction,
+    samples: u32,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Slot<'a> {
+    /// Whose state the playback holds.
+    texture: Option<PlannedTexture<'a>>,
+    /// The surface that sounds here, or last did.
+    surface: Option<u8>,
+    /// Which frame is played, or last was.
+    buffer: usize,
+    /// Which frames were made for the texture.
+    made: [bool; 2],
+    /// Whether the block that is played uses the slot.
+    played: bool,
+    /// Whether the frame began with that block; if not, its ramps are at their ends.
+    began: bool,
+    /// What the frame was computed for.
+    motion: Option<Motion>,
+    /// The gain at the end of the frame's ramp, in steps of 2⁻¹⁶.
+    gain: u32,
+    /// The stick-slip of the block that is played.
+    stick_slip: Option<StickSlipFrame>,
+}
+
+/// A surface that is to sound, and its gain in steps of 2⁻¹⁶, which is not 0.
+#[derive(Clone, Copy, Debug)]
+struct Wanted {
+    surface: u8,
+    gain: u32,
+}
+
+/// What a block is decided from.
+#[derive(Clone, Copy)]
+struct Moment {
+    motion: Motion,
+    distance_mm: f32,
+    samples: u32,
+    left: u32,
+}
+
+impl<'a> Director<'a> {
+    /// For `plan`; the same `seed` gives the same samples, always and everywhere.
+    pub fn new(plan: Plan<'a>, seed: u64) -> Self {
+        Self {
+            plan,
+            next_plan: None,
+            plans: 1,
+            seed,
+            slots: [Slot::default(), Slot::default()],
+            tap: None,
+            struck: false,
+            fed: false,
+            fading: None,
+            before: None,
+        }
+    }
+
+    /// From the next block on `plan` is played instead, as soon as what sounds has faded: one block later, and one more where a
+    /// voice needs a slot that was played until then.
+    pub fn switch(&mut self, plan: Plan<'a>) {
+        self.next_plan = Some(plan);
+    }
+
+    /// Whether a plan waits for what sounds to fade.
+    pub fn is_switching(&self) -> bool {
+        self.next_plan.is_some()
+    }
+
+    /// The plan that is played.
+    pub fn plan(&self) -> &Plan<'a> {
+        &self.plan
+    }
+
+    /// Decides what the block of `samples` samples takes that follows the one that is played, writes it to `block`, and
+    /// computes its frames.
+    ///
+    /// `ringing` is what [`super::ScenePlayback::ringing`] said after the block that is played had begun, and `left` how many
+    /// samples of that one's ramps will not be played: 0 where blocks are played to their end.
+    ///
+    /// The work is that of at most two [`Frame::update`]s and some thousand instructions, in bounded time.
+    pub fn next_block(
+        &mut self,
+        interaction: Interaction,
+        samples: u32,
+        left: u32,
+        ringing: Ringing,
+        voices: &mut impl Voices,
+        block: &mut Block,
+    ) {
+        let resets = self.take_up_next_plan(left, ringing);
+        let ringing = if resets { Ringing::default() } else { ringing };
+        block.stages.clear();
+        (block.samples, block.resets) = (samples, resets);
+        if block.equaliser_of != self.plans {
+            block.equaliser.clone_from(&self.plan.equaliser);
+            block.equaliser_of = self.plans;
+        }
+        let located = self.locate(&interaction);
+        let moment = self.moment(&interaction, samples, left);
+        self.direct_voices(&self.wanted(&located), moment, voices, block);
+        self.direct_tap(self.impact(&interaction, &located), ringing, block);
+        self.direct_equaliser(ringing, block);
+        self.direct_fade(moment, block);
+        self.before = Some(Before {
+            interaction,
+            samples,
+        });
+    }
+
+    /// Takes up the plan that waits, once nothing sounds; whether what still rings unheard is to be forgotten.
+    fn take_up_next_plan(&mut self, left: u32, ringing: Ringing) -> bool {
+        let faded = self.fading.is_some_and(|ramp| ramp.value(left) == 0);
+        let feeds = self.fed && !self.plan.equaliser.is_empty();
+        let rings = self.tap.is_some() || ringing.equaliser || feeds;
+        let sounds = self.slots.iter().any(|slot| slot.sounds(left));
+        if (sounds || rings) && !faded {
+            return false;
+        }
+        let Some(plan) = self.next_plan.take() else {
+            return false;
+        };
+        self.plan = plan;
+        self.plans = self.plans.wrapping_add(1);
+        for slot in &mut self.slots {
+            slot.surface = None;
+        }
+        (self.tap, self.fading) = (None, None);
+        (self.struck, self.fed) = (false, false);
+        true
+    }
+
+    /// What lies under the tool; nothing without contact, and nothing while the plan is to be exchanged.
+    fn locate(&self, interaction: &Interaction) -> heapless::Vec<Located, 2> {
+        if interaction.contact && self.next_plan.is_none() {
+            self.plan.path.locate(interaction.position_mm())
+        } else {
+            heapless::Vec::new()
+        }
+    }
+
+    fn wanted(&self, located: &[Located]) -> [Option<Wanted>; SLOTS] {
+        let mut wanted = [None; SLOTS];
+        for (place, located) in wanted.iter_mut().zip(located) {
+            let surface = located.surface;
+            let Some(planned) = self.plan.surfaces.get(usize::from(surface)) else {
+                continue;
+            };
+            let gain = (u64::from(planned.gain) * u64::from(located.weight)) / u64::from(ONE);
+            if planned.texture.is_some() && gain > 0 {
+                let gain = gain as u32;
+                *place = Some(Wanted { surface, gain });
+            }
+        }
+        wanted
+    }
+
+    fn moment(&self, interaction: &Interaction, samples: u32, left: u32) -> Moment {
+        let rate = self.plan.sample_rate_hz as f32;
+        let distance_mm = match (self.plan.constant_motion, &self.before) {
+            (Some(motion), _) => motion.speed_mm_s() * samples as f32 / rate,
+            (None, Some(before)) => {
+                let gone = interaction.position_mm() - before.interaction.position_mm();
+                gone.abs() * samples as f32 / before.samples.max(1) as f32
+            }
+            (None, None) => 0.0,
+        };
+        Moment {
+            motion: self.plan.constant_motion.unwrap_or(interaction.motion),
+            distance_mm,
+            samples,
+            left,
+        }
+    }
+
+    /// The tap of an impact: contact that was not there in the block before, on what has the greater weight. Contact from the
+    /// beginning is none.
+    fn impact(
+        &self,
+        interaction: &Interaction,
+        located: &[Located],
+    ) -> Option<(Resonance, Strike)> {
+        let before = self.before.as_ref()?;
+        if before.interaction.contact || !interaction.contact {
+            return None;
+        }
+        // The one that lies there comes first, and is not the lighter one.
+        let surface = usize::from(located.first()?.surface);
+        let planned = self.plan.surfaces.get(surface)?.tap?;
+        let seconds = before.samples.max(1) as f32 / self.plan.sample_rate_hz as f32;
+        let rise = interaction.motion.force_n() - before.interaction.motion.force_n();
+        let strike = Strike::new(&planned.tap, rise / seconds);
+        (!strike.is_silent()).then_some((planned.resonance, strike))
+    }
+
+    fn direct_voices(
+        &mut self,
+        wanted: &[Option<Wanted>; SLOTS],
+        moment: Moment,
+        voices: &mut impl Voices,
+        block: &mut Block,
+    ) {
+        for wanted_one in wanted.iter().flatten() {
+            self.find_slot(*wanted_one, wanted, moment.left, voices);
+        }
+        for index in 0..SLOTS {
+            let surface = self.slots[index].surface;
+            let mut all = wanted.iter().flatten();
+            let gain = all
+                .find(|wanted| Some(wanted.surface) == surface)
+                .map_or(0, |wanted| wanted.gain);
+            if let Some(stage) = self.direct_slot(index, gain, moment, voices) {
+                push(block, stage);
+            }
+        }
+    }
+
+    /// Gives the surface of `one` a slot, if it has none and there is one: a slot that is silent, that no other wanted surface
+    /// has, and whose playback is of the same texture or not the tick's.
+    fn find_slot(
+        &mut self,
+        one: Wanted,
+        wanted: &[Option<Wanted>; SLOTS],
+        left: u32,
+        voices: &mut impl Voices,
+    ) {
+        let surface = Some(one.surface);
+        if self.slots.iter().any(|slot| slot.surface == surface) {
+            return;
+        }
+        let planned = self.plan.surfaces.get(usize::from(one.surface));
+        let Some(texture) = planned.and_then(|planned| planned.texture) else {
+            return;
+        };
+        let silent = |slot: &Slot<'_>| {
+            let mut all = wanted.iter().flatten();
+            !slot.sounds(left) && !all.any(|other| Some(other.surface) == slot.surface)
+        };
+        let holds = |slot: &Slot<'_>| {
+            slot.texture
+                .is_some_and(|held| is_same(&held.texture, &texture.texture))
+        };
+        let same = |slot: &Slot<'_>| silent(slot) && holds(slot);
+        let idle = |slot: &Slot<'_>| silent(slot) && !slot.played;
+        let slots = &self.slots;
+        let Some(index) = slots
+            .iter()
+            .position(same)
+            .or_else(|| slots.iter().position(idle))
+        else {
+            return;
+        };
+        let slot = &mut self.slots[index];
+        slot.surface = surface;
+        slot.stick_slip = None;
+        if holds(slot) {
+            return;
+        }
+        (slot.texture, slot.made) = (Some(texture), [false; 2]);
+        match voices.playback(index) {
+            Some(playback) => playback.restart(&texture.texture),
+            empty => *empty = Some(Playback::new(&texture.texture, seed_of(self.seed, index))),
+        }
+    }
+
+    /// Takes slot `index` to `gain`; its stage, if it is to be played.
+    fn direct_slot(
+        &mut self,
+        index: usize,
+        gain: u32,
+        moment: Moment,
+        voices: &mut impl Voices,
+    ) -> Option<Stage> {
+        let Moment { samples, left, .. } = moment;
+        let slot = &mut self.slots[index];
+        let PlannedTexture { texture, scale } = slot.texture?;
+        if gain == 0 && !slot.sounds(left) {
+            (slot.played, slot.stick_slip) = (false, None);
+            return None;
+        }
+        // What fades out keeps the coefficients that it has.
+        let motion = if gain == 0 {
+            slot.motion.unwrap_or(moment.motion)
+        } else {
+            moment.motion
+        };
+        let left_of_frame = slot.left(left);
+        let goes_on = slot.played && left_of_frame == 0;
+        let begins = !(goes_on && slot.gain == gain && slot.motion == Some(motion));
+        if begins {
+            let from = if slot.made[slot.buffer] {
+                voices.levels(index, slot.buffer, left_of_frame)
+            } else {
+                Levels::SILENT
+            };
+            slot.buffer = 1 - slot.buffer;
+            let frame = voices.frame(index, slot.buffer);
+            if !slot.made[slot.buffer] {
+                slot.made[slot.buffer] = true;
+                *frame = None;
+            }
+            frame
+                .get_or_insert_with(|| Frame::silent_at(&texture, scale))
+                .update_scaled(&texture, motion, gain, from, samples);
+            (slot.motion, slot.gain) = (Some(motion), gain);
+        }
+        let voice = VoiceStage {
+            slot: index as u8,
+            buffer: slot.buffer as u8,
+            begins,
+        };
+        let planned = slot
+            .surface
+            .and_then(|surface| self.plan.surfaces.get(usize::from(surface)));
+        let from = slot.stick_slip.map_or(0, |frame| frame.amount(left));
+        slot.stick_slip = planned
+            .and_then(|planned| planned.stick_slip)
+            .map(|window| window.frame(motion, moment.distance_mm, from, samples))
+            .filter(|frame| from > 0 || frame.amount(0) > 0);
+        (slot.played, slot.began) = (true, begins);
+        Some(match slot.stick_slip {
+            Some(frame) => Stage::StickSlip(voice, frame),
+            None => Stage::Voice(voice),
+        })
+    }
+
+    fn direct_tap(
+        &mut self,
+        impact: Option<(Resonance, Strike)>,
+        ringing: Ringing,
+        block: &mut Block,
+    ) {
+        block.strike = impact.map(|(_, strike)| strike);
+        match impact {
+            Some((resonance, _)) => self.tap = Some(resonance),
+            None if ringing.tap || self.struck => {}
+            None => self.tap = None,
+        }
+        self.struck = impact.is_some();
+        if let Some(resonance) = self.tap {
+            push(block, Stage::Tap(resonance));
+        }
+    }
+
+    fn direct_equaliser(&mut self, ringing: Ringing, block: &mut Block) {
+        let feeds = !block.stages.is_empty();
+        let sounds = feeds || self.fed || ringing.equaliser;
+        if sounds && !self.plan.equaliser.is_empty() {
+            push(block, Stage::Equaliser);
+        }
+        self.fed = feeds;
+    }
+
+    /// Fades what the voices' own levels do not, while a plan waits.
+    fn direct_fade(&mut self, moment: Moment, block: &mut Block) {
+        let rings = |stage: &Stage| matches!(stage, Stage::Tap(_) | Stage::Equaliser);
+        if self.next_plan.is_none() || !block.stages.iter().any(rings) {
+            self.fading = None;
+            return;
+        }
+        let from = self
+            .fading
+            .map_or(ONE as i32, |ramp| ramp.value(moment.left));
+        let ramp = Ramp::between(from, 0, moment.samples);
+        self.fading = Some(ramp);
+        push(block, Stage::FadeOut(ramp));
+    }
+}
+
+impl Slot<'_> {
+    /// Whether anything is to be heard of it at the end of the block that is played, of which `left` samples are left out.
+    fn sounds(&self, left: u32) -> bool {
+        self.played && (self.gain > 0 || self.left(left) > 0)
+    }
+
+    /// Samples of the frame's ramps that are left out with `left` of the block's.
+    fn left(&self, left: u32) -> u32 {
+        if self.played && self.began { left } else { 0 }
+    }
+}
+
+/// Each slot has noise of its own; the first that of the seed itself.
+fn seed_of(seed: u64, slot: usize) -> u64 {
+    /// 2⁶⁴ divided by the golden ratio: seeds of neighbouring numbers stay apart.
+    const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+    seed.wrapping_add(STEP.wrapping_mul(slot as u64))
+}
+
+/// Whether both are the same texture of the same library: the same bytes at the same place.
+fn is_same(one: &Texture<'_>, other: &Texture<'_>) -> bool {
+    core::ptr::eq(one.name(), other.name())
+}
+
+fn push(block: &mut Block, stage: Stage) {
+    // There is room for one of each.
+    let _ = block.stages.push(stage);
+}

@@ -1,0 +1,177 @@
+//! The actuator's equaliser: a cascade of sections of second order in fixed point.
+//!
+//! A section is stored as a biquad and played as a normalised lattice of two stages with taps (Gray and Markel, *A normalized
+//! digital filter structure*, IEEE Trans. ASSP 23(3), 1975), the poles' part of which is [`crate::lattice`] once more:
+//!
+//! ```text
+//! k2 = a2    k1 = a1 / (1 + a2)    y = v0 g0 + v1 g1 + v2 g2,  g the backward signals
+//! v2 = b2    v1 = (b1 - b2 a1) / cos θ2    v0 = (b0 - b2 a2 - v1 cos θ2 k1) / (cos θ1 cos θ2)
+//! ```
+//! Why not the biquad itself: a recursion that is truncated, either way, may ring on for ever without an input, and error
+//! feedback, which moves that noise elsewhere, does not end it. Here every rotation is one that cannot lengthen
+//! (cos² + sin² ≤ 2⁶² in the integers) with products truncated toward zero, so that what rings dies to exact zero, whatever
+//! the poles and however they are exchanged; see `tests/kernel/silence.rs` for the proof. The taps are not recursive.
+//!
+//! Signals inside have steps of 2⁻¹⁵ m/s² and 32 times the output's full scale: as much as a section at the limit of the
+//! poles' radius makes of a full-scale tone within its lattice.
+
+use heapless::Vec;
+use model_format::OutputSample;
+use model_format::scene::Biquad;
+use model_format::scene::limits::MAX_SECTIONS;
+
+use crate::fixed::{high_word_toward_zero, saturate, shift_toward_zero};
+
+/// Digits that signals inside have less than the output.
+const HEADROOM_BITS: u32 = 5;
+
+/// Digits after the point of a tap: between -32 and 32. A section's taps are an orthonormal expansion, the sum of their squares
+/// is that of its impulse response, and so they are not above its largest gain, 16.
+const TAP_FRACTION_BITS: u32 = 26;
+
+/// A section as it is played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Section {
+    /// (cos θ, sin θ) of stage 1 and of stage 2, in steps of 2⁻³¹.
+    rotations: [(i32, i32); 2],
+    /// v0, v1, v2.
+    taps: [i32; 3],
+}
+
+/// A cascade of sections.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Equaliser {
+    sections: Vec<Section, MAX_SECTIONS>,
+}
+
+/// What was played: the backward signals of all sections.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct EqualiserState {
+    /// g0 and g1 of each section.
+    backward: [[i32; 2]; MAX_SECTIONS],
+}
+
+impl Section {
+    fn new(biquad: &Biquad) -> Self {
+        const ONE: i64 = 1 << Biquad::FRACTION_BITS;
+        let [a1, a2] = biquad.denominator.map(i64::from);
+        // Inside Jury's triangle 1 + a2 is positive and |a1| below it.
+        let one = rotation((a1 << 31) / (ONE + a2));
+        let two = rotation(a2 << (31 - Biquad::FRACTION_BITS));
+        let [a1, a2] = biquad.denominator();
+        let [b0, b1, b2] = biquad.numerator();
+        let number = |q31: i32| f64::from(q31) / (1u64 << 31) as f64;
+        let (cos1, cos2) = (number(one.0), number(two.0));
+        let cos2_v1 = b1 - b2 * a1;
+        let v0 = (b0 - b2 * a2 - cos2_v1 * number(one.1)) / (cos1 * cos2);
+        let tap = |value: f64| (value * (1u64 << TAP_FRACTION_BITS) as f64) as i32;
+        Self {
+            rotations: [one, two],
+            taps: [tap(v0), tap(cos2_v1 / cos2), tap(b2)],
+        }
+    }
+
+    /// One sample; whether anything was at full scale.
+    #[inline(always)]
+    fn process(&self, backward: &mut [i32; 2], input: i32) -> (i32, bool) {
+        let [one, two] = self.rotations;
+        let (f1, g2) = rotate(two, input, backward[1]);
+        let (f0, g1) = rotate(one, f1, backward[0]);
+        *backward = [f0, g1];
+        let [v0, v1, v2] = self.taps.map(i64::from);
+        let sum = v0 * i64::from(f0) + v1 * i64::from(g1) + v2 * i64::from(g2);
+        let (output, saturated) = saturate(shift_toward_zero(sum, TAP_FRACTION_BITS));
+        let full = saturated | at_full_scale(f0) | at_full_scale(g1);
+        (output, full)
+    }
+}
+
+#[inline(always)]
+#[expect(
+    clippy::needless_bitwise_bool,
+    reason = "a lazy operator may become a branch, whose path would depend on the data"
+)]
+fn at_full_scale(signal: i32) -> bool {
+    (signal == i32::MAX) | (signal == i32::MIN)
+}
+
+/// The rotation whose sine is `sin`, in steps of 2⁻³¹ and below 2³¹: cos² + sin² ≤ 2⁶² in the integers.
+fn rotation(sin: i64) -> (i32, i32) {
+    let cos = ((1u64 << 62) - sin.unsigned_abs().pow(2)).isqrt();
+    (cos.min(i32::MAX as u64) as i32, sin as i32)
+}
+
+/// One stage: forward and backward signal, in that order.
+#[inline(always)]
+fn rotate((cos, sin): (i32, i32), forward: i32, backward: i32) -> (i32, i32) {
+    let (cos, sin) = (i64::from(cos), i64::from(sin));
+    let (f, g) = (i64::from(forward), i64::from(backward));
+    let down = high_word_toward_zero(cos * f - sin * g);
+    let up = high_word_toward_zero(sin * f + cos * g);
+    (down.saturating_add(down), up.saturating_add(up))
+}
+
+impl Equaliser {
+    /// One that leaves the output as it is.
+    pub const NONE: Self = Self {
+        sections: Vec::new(),
+    };
+
+    /// The cascade of `biquads`, whose poles are within the limit.
+    pub fn new(biquads: &[Biquad]) -> Self {
+        Self {
+            sections: biquads
+                .iter()
+                .take(MAX_SECTIONS)
+                .map(Section::new)
+                .collect(),
+        }
+    }
+
+    /// How many sections there are.
+    pub fn len(&self) -> usize {
+        self.sections.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.sections.is_empty()
+    }
+}
+
+impl EqualiserState {
+    /// At rest.
+    pub const fn new() -> Self {
+        Self {
+            backward: [[0; 2]; MAX_SECTIONS],
+        }
+    }
+
+    /// One sample; and whether anything was at full scale.
+    #[inline]
+    pub fn process(&mut self, equaliser: &Equaliser, input: OutputSample) -> (OutputSample, bool) {
+        let mut signal = shift_toward_zero(i64::from(input.0), HEADROOM_BITS) as i32;
+        let mut saturated = false;
+        for (section, backward) in equaliser.sections.iter().zip(&mut self.backward) {
+            let (output, full) = section.process(backward, signal);
+            signal = output;
+            saturated |= full;
+        }
+        let (output, full) = saturate(i64::from(signal) << HEADROOM_BITS);
+        (OutputSample(output), saturated | full)
+    }
+
+    /// Whether nothing rings, nor ever will without an input.
+    pub fn is_silent(&self) -> bool {
+        let all = self.backward.as_flattened().iter();
+        all.fold(0, |any, &signal| any | signal) == 0
+    }
+
+    /// The square of the norm of what is remembered, in steps of 2⁻¹⁵ m/s².
+    pub fn square_norm(&self) -> u128 {
+        let signals = self.backward.as_flattened().iter();
+        signals
+            .map(|&signal| u128::from(signal.unsigned_abs()).pow(2))
+            .sum()
+    }
+}

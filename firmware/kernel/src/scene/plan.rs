@@ -1,0 +1,184 @@
+//! What a scene compiles to: everything that does not depend on the moment.
+
+use heapless::Vec;
+use model_format::scene::limits::MAX_SURFACES;
+use model_format::scene::{MotionOfScene, Scene, SceneError, Surface, Tap};
+use model_format::{Library, MillimetresPerSecond, Newton, Texture};
+
+use super::cost::{self, Cost, Item, OverBudget, Term};
+use super::equaliser::Equaliser;
+use super::path::Path;
+use super::stick_slip::StickSlipWindow;
+use super::tap::Resonance;
+use crate::grid::{Motion, ONE};
+use crate::synthesis::Scale;
+
+/// A scene, ready to be played.
+#[derive(Clone, Debug)]
+pub struct Plan<'a> {
+    pub(super) surfaces: Vec<PlannedSurface<'a>, MAX_SURFACES>,
+    pub(super) path: Path,
+    pub(super) constant_motion: Option<Motion>,
+    pub(super) equaliser: Equaliser,
+    pub(super) sample_rate_hz: u32,
+}
+
+/// A surface with everything looked up and computed.
+#[derive(Clone, Debug)]
+pub(super) struct PlannedSurface<'a> {
+    /// None if it sounds like nothing.
+    pub texture: Option<PlannedTexture<'a>>,
+    /// In steps of 2⁻¹⁶.
+    pub gain: u32,
+    pub tap: Option<PlannedTap>,
+    pub stick_slip: Option<StickSlipWindow>,
+}
+
+/// A texture with what its frames have in common.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlannedTexture<'a> {
+    pub texture: Texture<'a>,
+    pub scale: Scale,
+}
+
+impl<'a> PlannedTexture<'a> {
+    fn new(texture: Texture<'a>) -> Self {
+        let scale = Scale::of(&texture);
+        Self { texture, scale }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlannedTap {
+    pub tap: Tap,
+    pub resonance: Resonance,
+}
+
+impl<'a> Plan<'a> {
+    /// The plan of `scene` with the textures of `library`, after checking all of it.
+    ///
+    /// # Errors
+    /// What [`Scene::validate`] finds.
+    pub fn new(scene: &Scene, library: &Library<'a>) -> Result<Self, SceneError> {
+        scene.validate(library)?;
+        let rate = scene.sample_rate_hz;
+        Ok(Self {
+            surfaces: scene
+                .surfaces
+                .iter()
+                .map(|surface| PlannedSurface::new(surface, library, rate))
+                .collect(),
+            path: Path::new(scene),
+            constant_motion: match scene.motion {
+                MotionOfScene::Followed => None,
+                MotionOfScene::Constant {
+                    speed_mm_s,
+                    force_n,
+                } => Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).ok(),
+            },
+            equaliser: Equaliser::new(&scene.equaliser),
+            sample_rate_hz: rate,
+        })
+    }
+
+    /// The plan that is `texture` everywhere, and nothing else.
+    pub fn of_texture(texture: Texture<'a>) -> Self {
+        let mut surfaces = Vec::new();
+        // There is room for one.
+        let _ = surfaces.push(PlannedSurface {
+            texture: Some(PlannedTexture::new(texture)),
+            gain: ONE,
+            tap: None,
+            stick_slip: None,
+        });
+        Self {
+            surfaces,
+            path: Path::everywhere(),
+            constant_motion: None,
+            equaliser: Equaliser::NONE,
+            sample_rate_hz: texture.sample_rate_hz(),
+        }
+    }
+
+    /// Samples a second.
+    pub fn sample_rate_hz(&self) -> u32 {
+        self.sample_rate_hz
+    }
+
+    /// The most that the scene takes of a tick, in the model of [`cost`].
+    ///
+    /// With two surfaces or more, the dearest two sound at a time: the tool may jump from any one to any other. With one
+    /// there is one voice, and no other is counted.
+    pub fn worst_case(&self) -> Cost {
+        let voices = |surface: u8| -> Option<[Option<Term>; 2]> {
+            let planned = self.surfaces.get(usize::from(surface))?;
+            let texture = planned.texture.filter(|_| planned.gain > 0)?;
+            let stick_slip = Term::once(Item::StickSlip { surface }, cost::STICK_SLIP);
+            let stick_slip = planned.stick_slip.map(|_| stick_slip);
+            Some([Some(Term::voice(surface, &texture.texture)), stick_slip])
+        };
+        let price = |terms: &[Option<Term>; 2]| -> u32 {
+            terms.iter().flatten().map(Term::instructions).sum()
+        };
+        let mut dearest: [Option<[Option<Term>; 2]>; 2] = [None; 2];
+        for mut voice in self.path.surfaces().map(voices) {
+            for place in &mut dearest {
+                let price = |terms: &Option<[Option<Term>; 2]>| terms.as_ref().map_or(0, price);
+                if price(&voice) > price(place) {
+                    core::mem::swap(place, &mut voice);
+                }
+            }
+        }
+        let mut cost = Cost::default();
+        cost.add(Term::once(Item::Mix, cost::MIX));
+        dearest
+            .into_iter()
+            .flatten()
+            .flatten()
+            .flatten()
+            .for_each(|term| cost.add(term));
+        let taps = self.path.surfaces().any(|surface| {
+            let planned = self.surfaces.get(usize::from(surface));
+            planned.is_some_and(|planned| planned.tap.is_some())
+        });
+        if taps {
+            cost.add(Term::once(Item::Tap, cost::TAP));
+        }
+        if !self.equaliser.is_empty() {
+            cost.add(Term {
+                item: Item::Equaliser,
+                cost: cost::EQUALISER,
+                count: self.equaliser.len() as u16,
+            });
+        }
+        if taps || !self.equaliser.is_empty() {
+            cost.add(Term::once(Item::FadeOut, cost::FADE_OUT));
+        }
+        cost
+    }
+
+    /// [`Plan::worst_case`], if a tick has `budget` instructions for it.
+    ///
+    /// # Errors
+    /// It has not; the arithmetic is in the error.
+    pub fn within(&self, budget: u32) -> Result<Cost, OverBudget> {
+        self.worst_case().within(budget)
+    }
+}
+
+impl<'a> PlannedSurface<'a> {
+    fn new(surface: &Surface, library: &Library<'a>, sample_rate_hz: u32) -> Self {
+        Self {
+            texture: surface
+                .texture
+                .and_then(|texture| library.textures().nth(usize::from(texture)))
+                .map(PlannedTexture::new),
+            gain: (surface.gain * ONE as f32 + 0.5) as u32,
+            tap: surface.tap.map(|tap| PlannedTap {
+                tap,
+                resonance: Resonance::new(&tap, sample_rate_hz),
+            }),
+            stick_slip: surface.stick_slip.as_ref().map(StickSlipWindow::new),
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Both halves of a scene in one, for hosts.
+
+use core::marker::PhantomData;
+
+use model_format::OutputSample;
+
+use super::block::{Block, SLOTS};
+use super::director::{Director, Voices};
+use super::interaction::Interaction;
+use super::plan::Plan;
+use super::playback::ScenePlayback;
+use crate::arithmetic::{Arithmetic, Portable};
+use crate::level::Levels;
+use crate::synthesis::{Frame, Playback};
+
+/// A scene being played: what decides and what sounds, in one.
+#[derive(Clone, Debug)]
+pub struct ScenePlayer<'a, A: Arithmetic = Portable> {
+    director: Director<'a>,
+    voices: Slots,
+    playback: ScenePlayback,
+    block: Block,
+    arithmetic: PhantomData<A>,
+}
+
+/// The voices, all the director's own.
+#[derive(Clone, Debug)]
+struct Slots {
+    frames: [[Option<Frame>; 2]; SLOTS],
+    playbacks: [Option<Playback>; SLOTS],
+}
+
+impl Voices for Slots {
+    fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame> {
+        &mut self.frames[slot][buffer]
+    }
+
+    fn levels(&self, slot: usize, buffer: usize, left: u32) -> Levels {
+        let frame = self.frames[slot][buffer].as_ref();
+        frame.map_or(Levels::SILENT, |frame| frame.levels(left))
+    }
+
+    fn playback(&mut self, slot: usize) -> &mut Option<Playback> {
+        &mut self.playbacks[slot]
+    }
+}
+
+impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
+    /// `plan` at rest, silent until the tool touches; the same `seed` gives the same samples, always and everywhere.
+    pub fn new(plan: Plan<'a>, seed: u64) -> Self {
+        Self {
+            director: Director::new(plan, seed),
+            #[expect(
+                clippy::large_stack_arrays,
+                reason = "a host's stack holds two voices; a device keeps them where it wants"
+            )]
+            voices: Slots {
+                frames: [const { [const { None }; 2] }; SLOTS],
+                playbacks: [const { None }; SLOTS],
+            },
+            playback: ScenePlayback::new(),
+            block: Block::silent(),
+            arithmetic: PhantomData,
+        }
+    }
+
+    /// Takes over the interaction of the moment, for a block of `samples` samples; see [`Director::next_block`].
+    pub fn follow(&mut self, interaction: Interaction, samples: u32) {
+        let (left, ringing) = (self.playback.left(), self.playback.ringing());
+        let (voices, block) = (&mut self.voices, &mut self.block);
+        self.director
+            .next_block(interaction, samples, left, ringing, voices, block);
+        self.playback.begin_block(&self.block, |voice| {
+            if let Some(playback) = &mut self.voices.playbacks[usize::from(voice.slot)] {
+                playback.begin_frame(samples);
+            }
+        });
+    }
+
+    /// The next sample.
+    #[inline]
+    pub fn next_sample(&mut self) -> OutputSample {
+        let Slots { frames, playbacks } = &mut self.voices;
+        self.playback.next_sample(&self.block, |voice| {
+            let slot = usize::from(voice.slot);
+            match (
+                &mut playbacks[slot],
+                &frames[slot][usize::from(voice.buffer)],
+            ) {
+                (Some(playback), Some(frame)) => playback.next_sample::<A>(frame),
+                _ => OutputSample::SILENCE,
+            }
+        })
+    }
+
+    /// Plays `plan` as soon as what sounds has faded; see [`Director::switch`].
+    pub fn switch(&mut self, plan: Plan<'a>) {
+        self.director.switch(plan);
+    }
+
+    /// What is played at the moment.
+    pub fn block(&self) -> &Block {
+        &self.block
+    }
+
+    /// What decides.
+    pub fn director(&self) -> &Director<'a> {
+        &self.director
+    }
+
+    /// How many samples were at full scale since the beginning, in voices, their sum, or the equaliser.
+    pub fn saturations(&self) -> u32 {
+        let voices = self.voices.playbacks.iter().flatten();
+        let voices = voices.map(Playback::saturations);
+        voices.fold(self.playback.saturations(), u32::saturating_add)
+    }
+}

@@ -1,0 +1,129 @@
+//! Stick-slip: an amplitude modulation whose phase advances with the path.
+//!
+//! ```text
+//! envelope = 1 - amount · (1 - w(x / duty))     w(y) = (4y(1 - y))² for y in 0..1, else 0;  x the phase, 0..1
+//! ```
+//! The window's value and slope are zero at both ends of a slip, and the amount ramps across each block, so that the envelope
+//! has no step. It is never above one: no sample is larger than what the texture alone would have been.
+
+use model_format::OutputSample;
+use model_format::scene::StickSlip;
+
+use crate::fixed::shift_toward_zero;
+use crate::grid::{Motion, ONE};
+use crate::level::Ramp;
+
+/// Fewest samples that a slip takes: a path that goes by faster is not followed any more. The envelope changes by at most a
+/// fifth of the amount from sample to sample, as the window's slope is at most 3.08.
+const FEWEST_SAMPLES_A_SLIP: f32 = 16.0;
+
+/// Share of the threshold over which sticking sets in.
+const ONSET_SHARE: f32 = 0.25;
+
+/// What of a surface's stick-slip does not change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StickSlipWindow {
+    stick_slip: StickSlip,
+    /// 1 / duty in steps of 2⁻¹⁶.
+    inverse_duty: u32,
+    /// Largest advance of the phase in a sample, in steps of 2⁻³² of a turn.
+    fastest: f32,
+}
+
+/// What a block calls for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StickSlipFrame {
+    amount: Ramp,
+    advance: u32,
+    inverse_duty: u32,
+}
+
+/// How far the tool has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StickSlipState {
+    /// In steps of 2⁻³² of a period.
+    phase: u32,
+}
+
+impl StickSlipWindow {
+    /// That of a valid surface.
+    pub fn new(stick_slip: &StickSlip) -> Self {
+        const TURN: f32 = 4_294_967_296.0;
+        Self {
+            stick_slip: *stick_slip,
+            inverse_duty: (ONE as f32 / stick_slip.duty + 0.5) as u32,
+            fastest: TURN * stick_slip.duty / FEWEST_SAMPLES_A_SLIP,
+        }
+    }
+
+    /// How much the tool sticks at `motion`, in steps of 2⁻¹⁶.
+    pub fn amount(&self, motion: Motion) -> u32 {
+        let StickSlip {
+            below_mm_s: below,
+            above_n: above,
+            ..
+        } = self.stick_slip;
+        let onset = |beyond: f32, threshold: f32| (beyond / (ONSET_SHARE * threshold)).min(1.0);
+        let slow = onset((below - motion.speed_mm_s()).max(0.0), below);
+        let pressed = onset((motion.force_n() - above).max(0.0), above);
+        ((self.stick_slip.depth * slow * pressed * ONE as f32) as u32).min(ONE)
+    }
+
+    /// The frame of a block of `samples` in which the tool goes `distance_mm`, and in which the amount goes from `from` to
+    /// that of `motion`.
+    pub fn frame(
+        &self,
+        motion: Motion,
+        distance_mm: f32,
+        from: i32,
+        samples: u32,
+    ) -> StickSlipFrame {
+        let turns = distance_mm.abs() / self.stick_slip.period_mm / samples.max(1) as f32;
+        StickSlipFrame {
+            amount: Ramp::between(from, self.amount(motion), samples),
+            // A cast of what is too large saturates, and the smaller of both is far below.
+            advance: (turns * 4_294_967_296.0).min(self.fastest) as u32,
+            inverse_duty: self.inverse_duty,
+        }
+    }
+}
+
+impl StickSlipFrame {
+    /// The amount with `left` samples of its ramp to come, in steps of 2⁻¹⁶.
+    #[inline(always)]
+    pub fn amount(&self, left: u32) -> i32 {
+        self.amount.value(left)
+    }
+}
+
+impl StickSlipState {
+    /// At the beginning of a slip.
+    pub const fn new() -> Self {
+        Self { phase: 0 }
+    }
+
+    /// `sample` as it is heard, with `left` samples of the frame's ramp to come.
+    #[inline(always)]
+    pub fn modulate(
+        &mut self,
+        frame: &StickSlipFrame,
+        sample: OutputSample,
+        left: u32,
+    ) -> OutputSample {
+        let envelope = self.envelope(frame, left);
+        self.phase = self.phase.wrapping_add(frame.advance);
+        let modulated = shift_toward_zero(i64::from(sample.0) * i64::from(envelope), 16);
+        OutputSample(modulated as i32)
+    }
+
+    /// The envelope of the sample that is next, 0 to [`ONE`].
+    #[inline(always)]
+    pub fn envelope(&self, frame: &StickSlipFrame, left: u32) -> u32 {
+        let turned = u64::from(self.phase >> 16) * u64::from(frame.inverse_duty);
+        let y = (turned >> 16).min(u64::from(ONE));
+        let parabola = (y * (u64::from(ONE) - y)) >> 14;
+        let window = (parabola * parabola) >> 16;
+        let amount = frame.amount(left) as u64;
+        ONE - ((amount * (u64::from(ONE) - window)) >> 16) as u32
+    }
+}

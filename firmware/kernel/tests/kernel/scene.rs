@@ -1,0 +1,426 @@
+//! A scene as a whole: it plays what it calls for and nothing else.
+
+use model_format::Library;
+use model_format::scene::{MotionOfScene, Scene, StickSlip, Surface};
+use proptest::collection::vec;
+use proptest::prelude::*;
+use stylus_kernel::scene::cost::{self, Item};
+use stylus_kernel::scene::{ContactDetector, Interaction, Plan, ScenePlayer, Stage};
+use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
+
+use crate::models::motion;
+use crate::scenes::{
+    RATE_HZ, at, biquad, block, largest_step, library, lifted, moving, name, peak, plan, player,
+    side_by_side, tap,
+};
+
+fn single(texture: u8) -> Scene {
+    Scene::of_surface(name("single"), RATE_HZ, Surface::of_texture(texture))
+}
+
+fn any_motion() -> impl Strategy<Value = Motion> {
+    let speed = prop_oneof![6 => 0.0f32..150.0, 1 => Just(0.0), 1 => Just(75.0)];
+    let force = prop_oneof![6 => 0.0f32..1.5, 1 => Just(0.0), 1 => Just(0.75)];
+    (speed, force).prop_map(|(speed, force)| motion(speed, force))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    /// Blocks are played to their end or broken off, motions change or stay.
+    #[test]
+    fn one_surface_without_effects_is_its_texture_bit_for_bit(
+        seed: u64,
+        steps in vec((any_motion(), 1u32..=UPDATE_INTERVAL_SAMPLES, 1usize..4), 1..30),
+    ) {
+        let bytes = library(&[]);
+        let decoded = Library::decode_uncertified(&bytes).expect("a valid library");
+        for (index, texture) in decoded.textures().enumerate() {
+            let mut synthesis: Synthesis<'_> = Synthesis::new(texture, seed);
+            let mut plain: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture), seed);
+            let mut scene = player(&bytes, &single(index as u8), seed);
+            for &(motion, samples, times) in &steps {
+                for _ in 0..times {
+                    synthesis.follow(motion, UPDATE_INTERVAL_SAMPLES);
+                    plain.follow(Interaction::touching(motion), UPDATE_INTERVAL_SAMPLES);
+                    scene.follow(at(12.0, motion), UPDATE_INTERVAL_SAMPLES);
+                    for _ in 0..samples {
+                        let expected = synthesis.next_sample();
+                        prop_assert_eq!(plain.next_sample(), expected);
+                        prop_assert_eq!(scene.next_sample(), expected);
+                    }
+                    prop_assert_eq!(scene.block().stages().len(), 1);
+                }
+            }
+            prop_assert_eq!(scene.saturations(), synthesis.saturations());
+        }
+    }
+}
+
+#[test]
+fn nothing_sounds_before_the_first_contact() {
+    let bytes = library(&[]);
+    let mut player = player(&bytes, &single(0), 1);
+    for _ in 0..10 {
+        assert_eq!(peak(&block(&mut player, lifted())), 0.0);
+        assert!(player.block().stages().is_empty());
+    }
+}
+
+#[test]
+fn at_constant_motion_the_frame_is_computed_once() {
+    let bytes = library(&[]);
+    let mut scene = single(2);
+    scene.motion = MotionOfScene::Constant {
+        speed_mm_s: 75.0,
+        force_n: 0.75,
+    };
+    let mut played = player(&bytes, &scene, 3);
+    let mut followed = player(&bytes, &single(2), 3);
+    for n in 0..50u8 {
+        // The stylus's own motion is not followed.
+        let hand = motion(f32::from(n), 0.6);
+        let samples = block(&mut played, at(0.0, hand));
+        assert_eq!(samples, block(&mut followed, at(0.0, moving())));
+        let stage = played.block().stages()[0].voice().expect("a voice");
+        assert_eq!(stage.begins, n == 0);
+    }
+}
+
+#[test]
+fn after_the_lift_there_is_exact_silence_and_no_stage() {
+    let mut scene = single(2);
+    scene.surfaces[0].tap = Some(tap(200.0, 0.02));
+    scene
+        .equaliser
+        .push(biquad(150.0, 0.95, 0.9))
+        .expect("room");
+    let bytes = library(&[]);
+    let mut player = player(&bytes, &scene, 5);
+    block(&mut player, lifted());
+    let sounding: Vec<f64> = (0..20)
+        .flat_map(|_| block(&mut player, at(0.0, moving())))
+        .collect();
+    assert!(peak(&sounding) > 0.1);
+    assert_eq!(player.block().stages().len(), 3);
+    let silent = (0..1000).find(|_| {
+        block(&mut player, lifted());
+        player.block().stages().is_empty()
+    });
+    assert!(silent.is_some());
+    for _ in 0..20 {
+        assert_eq!(peak(&block(&mut player, lifted())), 0.0);
+        assert!(player.block().stages().is_empty());
+    }
+    // The voice itself was gone after the block in which it faded.
+    block(&mut player, at(0.0, moving()));
+    block(&mut player, lifted());
+    block(&mut player, lifted());
+    let voices = player.block().stages().iter().filter_map(Stage::voice);
+    assert_eq!(voices.count(), 0);
+}
+
+#[test]
+fn a_gain_of_zero_and_a_surface_without_a_texture_run_no_voice() {
+    let bytes = library(&[]);
+    let mut mute = single(2);
+    mute.surfaces[0].gain = 0.0;
+    let mut smooth = single(2);
+    smooth.surfaces[0].texture = None;
+    for scene in [mute, smooth] {
+        let mut player = player(&bytes, &scene, 1);
+        for _ in 0..10 {
+            assert_eq!(peak(&block(&mut player, at(0.0, moving()))), 0.0);
+            assert!(player.block().stages().is_empty());
+        }
+        assert_eq!(plan(&bytes, &scene).worst_case().terms().len(), 1);
+    }
+}
+
+/// A gain of two is 6 dB, to the precision of the level's 2⁻¹⁶.
+#[test]
+fn a_gain_scales_every_sample() {
+    let bytes = library(&[]);
+    for texture in 0..5 {
+        let mut louder = single(texture);
+        louder.surfaces[0].gain = 2.0;
+        let (mut one, mut two) = (
+            player(&bytes, &single(texture), 4),
+            player(&bytes, &louder, 4),
+        );
+        for _ in 0..100 {
+            let pairs = block(&mut one, at(0.0, moving()));
+            for (one, two) in pairs.iter().zip(block(&mut two, at(0.0, moving()))) {
+                assert!((two - 2.0 * one).abs() <= 1e-4 * one.abs() + 1e-5);
+            }
+        }
+    }
+}
+
+#[test]
+fn two_voices_run_only_while_a_transition_lasts() {
+    let bytes = library(&[]);
+    let scene = side_by_side(&[2, 4], 10.0);
+    let mut player = player(&bytes, &scene, 6);
+    let mut most = 0;
+    for step in 0..1500 {
+        let position = 50.0 + 0.1 * step as f32;
+        block(&mut player, at(position, moving()));
+        let stages = player.block().stages().len();
+        most = most.max(stages);
+        // A block more, for what fades to the end.
+        if !(95.0..=105.2).contains(&position) {
+            assert_eq!(
+                stages,
+                usize::from(position < 200.0 + 0.15),
+                "{position} mm"
+            );
+        }
+    }
+    assert_eq!(most, 2);
+}
+
+/// Both textures have the same power; the mean is over many crossings.
+#[test]
+fn the_power_does_not_dip_in_a_transition() {
+    let bytes = library(&[]);
+    let mut scene = side_by_side(&[2, 4], 20.0);
+    scene.surfaces[1].texture = Some(2);
+    let mut player = player(&bytes, &scene, 8);
+    let (mut middle, mut outside) = ((0.0, 0), (0.0, 0));
+    for step in 0..40_000u32 {
+        // To and fro, 4 mm to either side of the boundary and beyond.
+        let phase = f64::from(step) * 0.01;
+        let position = 100.0 + 30.0 * phase.sin();
+        let power: f64 = block(&mut player, at(position as f32, moving()))
+            .iter()
+            .map(|sample| sample * sample)
+            .sum();
+        let place = (position - 100.0).abs();
+        if place < 5.0 {
+            middle = (middle.0 + power, middle.1 + 1);
+        } else if place > 12.0 {
+            outside = (outside.0 + power, outside.1 + 1);
+        }
+    }
+    let ratio = (middle.0 / f64::from(middle.1)) / (outside.0 / f64::from(outside.1));
+    let decibel = 10.0 * ratio.log10();
+    assert!(decibel.abs() < 0.3, "{decibel} dB");
+}
+
+#[test]
+fn boundaries_make_no_step_larger_than_the_signals_own() {
+    let bytes = library(&[]);
+    for transition_mm in [0.0, 0.5, 5.0] {
+        let scene = side_by_side(&[0, 1], transition_mm);
+        let mut own = (0.0f64, 0.0f64);
+        for place in [50.0, 150.0] {
+            let mut player = player(&bytes, &scene, 9);
+            let alone: Vec<f64> = (0..5000)
+                .flat_map(|_| block(&mut player, at(place, moving())))
+                .collect();
+            own = (own.0.max(largest_step(&alone)), own.1.max(peak(&alone)));
+        }
+        let mut player = player(&bytes, &scene, 9);
+        let crossing: Vec<f64> = (0..5000u32)
+            .flat_map(|step| {
+                let place = if step % 40 < 20 { 99.0 } else { 101.0 };
+                block(&mut player, at(place, moving()))
+            })
+            .collect();
+        // Equal power is at most √2 in amplitude, and each voice goes to its level in a block's samples.
+        let bound = 1.42 * own.0 + 2.0 * own.1 / f64::from(UPDATE_INTERVAL_SAMPLES);
+        assert!(largest_step(&crossing) <= bound);
+        assert!(bound < 0.5 * own.1, "a hard cut would pass");
+        assert_eq!(player.saturations(), 0);
+    }
+}
+
+#[test]
+fn scenes_are_exchanged_without_a_step_within_four_blocks() {
+    let bytes = library(&[]);
+    let mut ringing = single(0);
+    ringing.surfaces[0].tap = Some(tap(100.0, 0.2));
+    ringing
+        .equaliser
+        .push(biquad(80.0, 0.97, 0.95))
+        .expect("room");
+    let scenes = [single(0), single(1), ringing, side_by_side(&[1, 0], 1.0)];
+    for (from, first) in scenes.iter().enumerate() {
+        for (to, second) in scenes.iter().enumerate() {
+            let mut player = player(&bytes, first, 11);
+            let mut played = block(&mut player, lifted());
+            for _ in 0..300 {
+                played.extend(block(&mut player, at(50.0, moving())));
+            }
+            let own = (largest_step(&played[1000..]), peak(&played));
+            player.switch(plan(&bytes, second));
+            let before = *played.last().expect("some");
+            let mut after = vec![before];
+            for _ in 0..4 {
+                after.extend(block(&mut player, at(50.0, moving())));
+            }
+            assert!(!player.director().is_switching(), "{from} to {to}");
+            assert!(peak(&after[31..]) > 0.0, "{from} to {to}");
+            let bound = 2.0 * own.0 + 2.0 * own.1 / f64::from(UPDATE_INTERVAL_SAMPLES);
+            assert!(largest_step(&after) <= bound, "{from} to {to}");
+            assert_eq!(player.saturations(), 0);
+        }
+    }
+}
+
+#[test]
+fn the_worst_case_counts_what_can_sound_at_a_time_and_nothing_else() {
+    let bytes = library(&[]);
+    let items = |scene: &Scene| -> Vec<Item> {
+        let cost = plan(&bytes, scene).worst_case();
+        cost.terms().iter().map(|term| term.item).collect()
+    };
+    let decoded = Library::decode_uncertified(&bytes).expect("a valid library");
+    let texture = decoded.textures().nth(2).expect("it is there");
+    assert_eq!(
+        plan(&bytes, &single(2)).worst_case(),
+        Plan::of_texture(texture).worst_case()
+    );
+    assert_eq!(items(&single(2)).len(), 2);
+    // Of three surfaces the two dear ones.
+    let cost = plan(&bytes, &side_by_side(&[2, 0, 3], 1.0)).worst_case();
+    let expected = u32::from(cost::MIX.base)
+        + u32::from(cost::LATTICE.base + 400 * cost::LATTICE.each)
+        + u32::from(cost::DIRECT.base + 10 * cost::DIRECT.each);
+    assert_eq!(cost.instructions(), expected);
+    // A surface that no region has costs nothing.
+    let mut scene = side_by_side(&[0, 2], 0.0);
+    scene.regions.pop();
+    assert_eq!(items(&scene).len(), 2);
+    scene.surfaces[0].tap = Some(tap(100.0, 0.01));
+    assert!(items(&scene).contains(&Item::Tap));
+    scene.surfaces[0].stick_slip = Some(STICK_SLIP);
+    assert!(items(&scene).contains(&Item::StickSlip { surface: 0 }));
+    assert!(!items(&scene).contains(&Item::Equaliser));
+}
+
+const STICK_SLIP: StickSlip = StickSlip {
+    period_mm: 1.0,
+    duty: 0.4,
+    depth: 0.9,
+    below_mm_s: 60.0,
+    above_n: 0.4,
+};
+
+#[test]
+fn a_plan_over_the_budget_is_refused_with_the_arithmetic() {
+    let bytes = library(&[]);
+    let plan = plan(&bytes, &side_by_side(&[2, 4], 1.0));
+    let needed = plan.worst_case().instructions();
+    assert!(plan.within(needed).is_ok());
+    let refused = plan.within(needed - 1).expect_err("one short");
+    let message = refused.to_string();
+    for told in [
+        "surface 0, normalised lattice: 151 + 400 x 11 = 4551".to_owned(),
+        "surface 1, direct form, 32 bits: 212 + 10 x 107 = 1282".to_owned(),
+        format!("together {needed} instructions"),
+        format!("a tick has {}", needed - 1),
+    ] {
+        assert!(message.contains(&told), "{message}");
+    }
+    // Every stage there is fits what the device has.
+    assert!(plan.within(cost::BUDGET).is_ok());
+}
+
+#[test]
+fn stick_slip_comes_with_slow_and_heavy_strokes_only() {
+    let bytes = library(&[]);
+    let mut scene = single(2);
+    scene.surfaces[0].stick_slip = Some(STICK_SLIP);
+    let mut player = player(&bytes, &scene, 2);
+    let mut position = 0.0;
+    for (speed, force, sticks) in [
+        (80.0, 0.9, false),
+        (30.0, 0.9, true),
+        (30.0, 0.3, false),
+        (59.0, 0.9, true),
+        (60.0, 0.9, false),
+    ] {
+        for n in 0..50 {
+            position += speed * 0.002;
+            block(&mut player, at(position, motion(speed, force)));
+            let stage = player.block().stages()[0];
+            // A block for the amount to go to nothing.
+            if n > 1 {
+                assert_eq!(matches!(stage, Stage::StickSlip(..)), sticks);
+            }
+        }
+    }
+}
+
+/// At 20 mm/s and a period of 1 mm there are 20 slips a second.
+#[test]
+fn stick_slip_has_the_period_of_the_path() {
+    let bytes = library(&[]);
+    let mut scene = single(2);
+    scene.surfaces[0].stick_slip = Some(STICK_SLIP);
+    let (mut modulated, mut plain) = (player(&bytes, &scene, 2), player(&bytes, &single(2), 2));
+    let mut energies = vec![(0.0, 0.0); 250];
+    for n in 0..20_000usize {
+        let interaction = at(n as f32 * 0.04, motion(20.0, 0.9));
+        let energy = |samples: Vec<f64>| samples.iter().map(|x| x * x).sum::<f64>();
+        let (one, other) = (
+            energy(block(&mut modulated, interaction)),
+            energy(block(&mut plain, interaction)),
+        );
+        assert!(one <= other * (1.0 + 1e-6));
+        // 25 blocks are a period.
+        energies[n % 25].0 += one;
+        energies[n % 25].1 += other;
+    }
+    let shares: Vec<f64> = energies[..25].iter().map(|(one, all)| one / all).collect();
+    let (low, high) = shares.iter().fold((1.0f64, 0.0f64), |(low, high), &share| {
+        (low.min(share), high.max(share))
+    });
+    // While it sticks a tenth of the amplitude is left.
+    assert!((low - 0.01).abs() < 0.005, "{low}");
+    assert!(high > 0.7, "{high}");
+}
+
+#[test]
+fn contact_has_a_hysteresis() {
+    let mut contact = ContactDetector::new();
+    for (force, touches) in [
+        (0.015, false),
+        (0.021, true),
+        (0.015, true),
+        (0.009, false),
+        (0.015, false),
+    ] {
+        assert_eq!(contact.touches(motion(10.0, force)), touches, "{force} N");
+    }
+}
+
+/// A tap on a smooth surface: silence, then a transient that begins at nothing.
+#[test]
+fn a_tap_sounds_on_contact_alone_and_scales_with_the_rate_of_force() {
+    let bytes = library(&[]);
+    let mut scene = single(2);
+    scene.surfaces[0].texture = None;
+    scene.surfaces[0].tap = Some(tap(200.0, 0.02));
+    let peak_at = |force: f32| {
+        let mut player = player(&bytes, &scene, 1);
+        block(&mut player, lifted());
+        let mut samples = Vec::new();
+        for _ in 0..300 {
+            samples.extend(block(&mut player, at(0.0, motion(0.0, force))));
+        }
+        assert_eq!(samples[0], 0.0);
+        peak(&samples)
+    };
+    // 0.1 N in a block of 2 ms is 50 N/s, and 5 m/s² at a gain of 0.1.
+    assert!((peak_at(0.1) - 4.7).abs() < 0.3, "{}", peak_at(0.1));
+    assert!((peak_at(0.2) / peak_at(0.1) - 2.0).abs() < 0.01);
+    assert!(peak_at(100.0) <= 20.0);
+    // No impact, no tap: neither contact from the beginning nor a force that rises later.
+    let mut player = player(&bytes, &scene, 1);
+    for force in [0.5, 5.0, 50.0] {
+        assert_eq!(peak(&block(&mut player, at(0.0, motion(0.0, force)))), 0.0);
+    }
+}

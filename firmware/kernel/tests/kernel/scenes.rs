@@ -1,0 +1,137 @@
+//! Scenes, textures and interactions for the tests of scenes.
+
+use model_format::scene::{Biquad, Region, Scene, SceneName, Surface, Tap};
+use model_format::{
+    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec,
+    encode_with_scenes_uncertified,
+};
+use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
+use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
+
+use crate::models::{STRUCTURES, fixture, motion};
+
+pub const RATE_HZ: u32 = 5000;
+
+/// A texture of `node` at 50 and 100 mm/s, 0.5 and 1 N.
+pub fn texture_of(name: &str, structure: Structure, node: &NodeSpec) -> TextureSpec {
+    TextureSpec {
+        name: name.to_owned(),
+        sample_rate_hz: RATE_HZ,
+        structure,
+        provenance: Provenance::Simulated,
+        speed_axis_mm_s: vec![50.0, 100.0],
+        force_axis_n: vec![0.5, 1.0],
+        nodes: vec![node.clone(); 4],
+        cell_margins: Vec::new(),
+    }
+}
+
+/// A lattice of two stages that resonates at `hz`, with an RMS of 1 m/s².
+pub fn resonant(name: &str, hz: f64) -> TextureSpec {
+    let radius: f64 = 0.98;
+    let a1 = -2.0 * radius * (2.0 * std::f64::consts::PI * hz / f64::from(RATE_HZ)).cos();
+    let k = [a1 / (1.0 + radius * radius), radius * radius];
+    let theta = |k: f64| (k.asin() / std::f64::consts::PI * 65_536.0).round() as i16;
+    let node = NodeSpec {
+        output_power: 1.0,
+        prediction_error_power: 0.001,
+        flags: NodeFlags::NONE,
+        codes: CodeSpec::Lattice(k.map(theta).to_vec()),
+    };
+    texture_of(name, Structure::NormalisedLattice, &node)
+}
+
+/// Two smooth lattices, at 60 and 110 Hz, and a texture of each structure of order 400.
+pub fn textures() -> Vec<TextureSpec> {
+    let mut all = vec![resonant("slow", 60.0), resonant("quick", 110.0)];
+    for structure in STRUCTURES {
+        let node = fixture("H3").node(structure, 4.0);
+        all.push(texture_of(&structure.to_string(), structure, &node));
+    }
+    all
+}
+
+/// A library of [`textures`] and `scenes`.
+pub fn library(scenes: &[Scene]) -> Vec<u8> {
+    encode_with_scenes_uncertified(&textures(), scenes).expect("valid scenes")
+}
+
+pub fn plan<'a>(bytes: &'a [u8], scene: &Scene) -> Plan<'a> {
+    let library = Library::decode_uncertified(bytes).expect("a valid library");
+    Plan::new(scene, &library).expect("a valid scene")
+}
+
+pub fn player<'a>(bytes: &'a [u8], scene: &Scene, seed: u64) -> ScenePlayer<'a> {
+    ScenePlayer::new(plan(bytes, scene), seed)
+}
+
+pub fn name(text: &str) -> SceneName {
+    SceneName::try_from(text).expect("a short name")
+}
+
+/// A scene of these textures, one region of 100 mm each from 0 mm on.
+pub fn side_by_side(textures: &[u8], transition_mm: f32) -> Scene {
+    let mut scene = Scene::of_surface(name("test"), RATE_HZ, Surface::of_texture(textures[0]));
+    scene.surfaces.clear();
+    scene.transition_mm = transition_mm;
+    for (index, &texture) in textures.iter().enumerate() {
+        let surface = Surface::of_texture(texture);
+        scene.surfaces.push(surface).expect("few surfaces");
+        let region = Region {
+            start_mm: 100.0 * index as f32,
+            end_mm: 100.0 * (index + 1) as f32,
+            surface: index as u8,
+        };
+        scene.regions.push(region).expect("few regions");
+    }
+    scene
+}
+
+pub fn tap(frequency_hz: f32, decay_s: f32) -> Tap {
+    Tap {
+        frequency_hz,
+        decay_s,
+        gain_m_s2_per_n_s: 0.1,
+        limit_m_s2: 20.0,
+    }
+}
+
+/// Poles at `radius` and ± `hz`, gain 1 at 0 Hz and 2500 Hz: the zeros lie at `zero_radius` of the same frequency.
+pub fn biquad(hz: f64, radius: f64, zero_radius: f64) -> Biquad {
+    let cos = (2.0 * std::f64::consts::PI * hz / f64::from(RATE_HZ)).cos();
+    let polynomial = |r: f64| [1.0, -2.0 * r * cos, r * r];
+    let [_, a1, a2] = polynomial(radius);
+    Biquad::from_f64(polynomial(zero_radius), [a1, a2]).expect("within range")
+}
+
+pub fn at(position_mm: f32, motion: Motion) -> Interaction {
+    Interaction::new(motion, position_mm, true).expect("finite")
+}
+
+pub fn lifted() -> Interaction {
+    Interaction::NONE
+}
+
+/// A motion on the grid of [`textures`].
+pub fn moving() -> Motion {
+    motion(75.0, 0.75)
+}
+
+/// Plays a block, m/s².
+pub fn block(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64> {
+    player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
+    (0..UPDATE_INTERVAL_SAMPLES)
+        .map(|_| f64::from(player.next_sample().metres_per_second_squared().0))
+        .collect()
+}
+
+pub fn largest_step(samples: &[f64]) -> f64 {
+    let steps = samples.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps.fold(0.0, f64::max)
+}
+
+pub fn peak(samples: &[f64]) -> f64 {
+    samples
+        .iter()
+        .fold(0.0, |peak: f64, sample| peak.max(sample.abs()))
+}

@@ -1,0 +1,176 @@
+//! The one check of a scene.
+
+use super::error::{SceneError, ScenePlace, SceneProblem};
+use super::{MotionOfScene, Scene, StickSlip, Surface, Tap, equaliser, limits};
+use crate::library::{Library, Texture};
+use crate::limits::{MAX_OUTPUT_POWER, MAX_SAMPLE_RATE_HZ};
+
+impl Scene {
+    /// Checks everything about the scene, and that `library` has its textures.
+    ///
+    /// # Errors
+    /// The first fault found, with its place.
+    pub fn validate(&self, library: &Library<'_>) -> Result<(), SceneError> {
+        let here = |problem: SceneProblem| problem.at(ScenePlace::Scene);
+        if self.name.is_empty() {
+            return Err(here(SceneProblem::NameLength));
+        }
+        if self.name.chars().any(char::is_control) {
+            return Err(here(SceneProblem::NameCharacter));
+        }
+        if self.sample_rate_hz == 0 || self.sample_rate_hz > MAX_SAMPLE_RATE_HZ {
+            return Err(here(SceneProblem::SampleRate(self.sample_rate_hz)));
+        }
+        if self.surfaces.is_empty() {
+            return Err(here(SceneProblem::NoSurface));
+        }
+        let transition = [0.0, limits::MAX_TRANSITION_MM];
+        within("transition", self.transition_mm, transition, "mm").map_err(here)?;
+        if let MotionOfScene::Constant {
+            speed_mm_s,
+            force_n,
+        } = self.motion
+        {
+            within("speed", speed_mm_s, [0.0, limits::MAX_SPEED_MM_S], "mm/s")
+                .and_then(|()| within("force", force_n, [0.0, limits::MAX_FORCE_N], "N"))
+                .map_err(|problem| problem.at(ScenePlace::Motion))?;
+        }
+        for (index, surface) in self.surfaces.iter().enumerate() {
+            self.validate_surface(index, surface, library)?;
+        }
+        self.validate_regions()?;
+        equaliser::check(&self.equaliser)
+            .map_err(|(section, problem)| problem.at(ScenePlace::Section(section)))
+    }
+
+    fn validate_surface(
+        &self,
+        index: usize,
+        surface: &Surface,
+        library: &Library<'_>,
+    ) -> Result<(), SceneError> {
+        let here = |problem: SceneProblem| problem.at(ScenePlace::Surface(index));
+        within("gain", surface.gain, [0.0, limits::MAX_GAIN], "").map_err(here)?;
+        if let Some(texture) = surface.texture {
+            let Some(found) = library.textures().nth(usize::from(texture)) else {
+                let count = library.len();
+                return Err(here(SceneProblem::UnknownTexture { texture, count }));
+            };
+            self.validate_texture(surface.gain, &found).map_err(here)?;
+        }
+        if let Some(tap) = &surface.tap {
+            self.validate_tap(tap)
+                .map_err(|problem| problem.at(ScenePlace::Tap(index)))?;
+        }
+        if let Some(stick_slip) = &surface.stick_slip {
+            let at = |problem: SceneProblem| problem.at(ScenePlace::StickSlip(index));
+            if surface.texture.is_none() {
+                return Err(at(SceneProblem::NothingToModulate));
+            }
+            validate_stick_slip(stick_slip).map_err(at)?;
+        }
+        Ok(())
+    }
+
+    fn validate_texture(&self, gain: f32, texture: &Texture<'_>) -> Result<(), SceneProblem> {
+        if texture.sample_rate_hz() != self.sample_rate_hz {
+            return Err(SceneProblem::TextureRate {
+                texture_hz: texture.sample_rate_hz(),
+                scene_hz: self.sample_rate_hz,
+            });
+        }
+        let highest = highest_gain(texture);
+        if gain > highest {
+            return Err(SceneProblem::TooLoud { gain, highest });
+        }
+        Ok(())
+    }
+
+    fn validate_tap(&self, tap: &Tap) -> Result<(), SceneProblem> {
+        let highest_hz = self.sample_rate_hz as f32 * limits::MAX_TAP_SHARE_OF_RATE;
+        let frequency = [limits::MIN_TAP_HZ, highest_hz];
+        within("frequency", tap.frequency_hz, frequency, "Hz")?;
+        within("decay", tap.decay_s, limits::TAP_DECAY_S, "s")?;
+        let gain = [0.0, limits::MAX_TAP_GAIN];
+        within("gain", tap.gain_m_s2_per_n_s, gain, "m/s² per N/s")?;
+        within("limit", tap.limit_m_s2, [0.0, limits::MAX_TAP_M_S2], "m/s²")
+    }
+
+    fn validate_regions(&self) -> Result<(), SceneError> {
+        const PATH: [f32; 2] = [-limits::MAX_POSITION_MM, limits::MAX_POSITION_MM];
+        for (index, region) in self.regions.iter().enumerate() {
+            let here = |problem: SceneProblem| problem.at(ScenePlace::Region(index));
+            let (start_mm, end_mm) = (region.start_mm, region.end_mm);
+            within("start", start_mm, PATH, "mm").map_err(here)?;
+            within("end", end_mm, PATH, "mm").map_err(here)?;
+            if end_mm <= start_mm {
+                return Err(here(SceneProblem::RegionEnd { start_mm, end_mm }));
+            }
+            let count = self.surfaces.len();
+            if usize::from(region.surface) >= count {
+                let surface = region.surface;
+                return Err(here(SceneProblem::UnknownSurface { surface, count }));
+            }
+            let Some(before) = index.checked_sub(1) else {
+                continue;
+            };
+            let end_mm = self.regions[before].end_mm;
+            if start_mm < end_mm {
+                return Err(here(SceneProblem::RegionOverlap {
+                    start_mm,
+                    before,
+                    end_mm,
+                }));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn validate_stick_slip(stick_slip: &StickSlip) -> Result<(), SceneProblem> {
+    let period = limits::STICK_SLIP_PERIOD_MM;
+    within("period", stick_slip.period_mm, period, "mm")?;
+    within("duty", stick_slip.duty, limits::STICK_SLIP_DUTY, "")?;
+    within("depth", stick_slip.depth, [0.0, 1.0], "")?;
+    let lowest = limits::MIN_STICK_SLIP_THRESHOLD;
+    let speeds = [lowest, limits::MAX_SPEED_MM_S];
+    within("below", stick_slip.below_mm_s, speeds, "mm/s")?;
+    within(
+        "above",
+        stick_slip.above_n,
+        [lowest, limits::MAX_FORCE_N],
+        "N",
+    )
+}
+
+/// The highest gain that `texture` bears: 1, or as much more as leaves its loudest node at half the highest RMS of a node.
+///
+/// The largest power of two, so that it is found without a root; the kernel's direct form relies on it.
+fn highest_gain(texture: &Texture<'_>) -> f32 {
+    let loudest = texture.max_output_power();
+    let mut gain = 1.0;
+    while gain < limits::MAX_GAIN && 16.0 * gain * gain * loudest <= MAX_OUTPUT_POWER {
+        gain *= 2.0;
+    }
+    gain
+}
+
+fn within(
+    field: &'static str,
+    value: f32,
+    [lowest, highest]: [f32; 2],
+    unit: &'static str,
+) -> Result<(), SceneProblem> {
+    // A NaN is in no range.
+    if (lowest..=highest).contains(&value) {
+        Ok(())
+    } else {
+        Err(SceneProblem::Range {
+            field,
+            value,
+            lowest,
+            highest,
+            unit,
+        })
+    }
+}

@@ -1,0 +1,522 @@
+//! Scenes: any that is valid goes into a library and comes out the same; each fault is told with its place and its numbers.
+
+use std::f64::consts::PI;
+
+use model_format::scene::limits::{
+    MAX_EQUALISER_GAIN, MAX_POLE_RADIUS_1024THS, MAX_REGIONS, MAX_SCENES, MAX_SECTIONS,
+    MAX_SURFACES,
+};
+use model_format::scene::{
+    Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, ScenePlace, SceneProblem,
+    StickSlip, Surface, Tap,
+};
+use model_format::{DecodeError, Library, Place, Problem, encode_with_scenes};
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+use crate::bytes::RawLibrary;
+use crate::walk::{content, scenes};
+
+fn name(text: &str) -> SceneName {
+    SceneName::try_from(text).expect("a short name")
+}
+
+fn sound() -> Vec<u8> {
+    RawLibrary::sound().bytes()
+}
+
+/// What a scene with one change is told about, checked by itself and as part of a library.
+fn fault(spoil: impl FnOnce(&mut Scene)) -> SceneError {
+    let bytes = RawLibrary::with_scenes().bytes();
+    let library = Library::decode(&bytes).expect("a valid library");
+    let mut scene = library.scene("full").expect("it is there");
+    assert_eq!(scene.validate(&library), Ok(()));
+    spoil(&mut scene);
+    let error = scene.validate(&library).expect_err("a fault");
+    let refused = encode_with_scenes(&content(&library), &[scene]).expect_err("a fault");
+    assert_eq!(refused.place, Place::Scene(0));
+    assert_eq!(refused.to_string(), format!("scene 0: {error}"));
+    error
+}
+
+/// Checks what, where, and what a person reads.
+fn check(error: SceneError, place: ScenePlace, told: &str) {
+    assert_eq!(error.place, place, "{error}");
+    let message = error.to_string();
+    assert!(message.starts_with(&place.to_string()), "{message}");
+    assert!(message.contains(told), "{message}");
+}
+
+fn tap(scene: &mut Scene) -> &mut Tap {
+    scene.surfaces[0].tap.as_mut().expect("there is one")
+}
+
+fn stick_slip(scene: &mut Scene) -> &mut StickSlip {
+    scene.surfaces[0].stick_slip.as_mut().expect("there is one")
+}
+
+#[test]
+fn a_name_must_be_there_and_be_readable() {
+    let error = fault(|scene| scene.name.clear());
+    check(error, ScenePlace::Scene, "the name is empty");
+    let error = fault(|scene| scene.name = name("a\nb"));
+    check(error, ScenePlace::Scene, "control character");
+}
+
+type Spoil = fn(&mut Scene, f32);
+
+/// Every number of a scene: how to set it, where it is, what it is called, and its range in the scene "full".
+const FIELDS: [(Spoil, ScenePlace, &str, [f32; 2]); 19] = [
+    (
+        |s, x| s.transition_mm = x,
+        ScenePlace::Scene,
+        "transition",
+        [0.0, 100.0],
+    ),
+    (
+        |s, x| s.surfaces[0].gain = x,
+        ScenePlace::Surface(0),
+        "gain",
+        [0.0, 64.0],
+    ),
+    (
+        |s, x| tap(s).frequency_hz = x,
+        ScenePlace::Tap(0),
+        "frequency",
+        [10.0, 2250.0],
+    ),
+    (
+        |s, x| tap(s).decay_s = x,
+        ScenePlace::Tap(0),
+        "decay",
+        [0.0005, 1.0],
+    ),
+    (
+        |s, x| tap(s).gain_m_s2_per_n_s = x,
+        ScenePlace::Tap(0),
+        "gain",
+        [0.0, 100.0],
+    ),
+    (
+        |s, x| tap(s).limit_m_s2 = x,
+        ScenePlace::Tap(0),
+        "limit",
+        [0.0, 256.0],
+    ),
+    (
+        |s, x| stick_slip(s).period_mm = x,
+        ScenePlace::StickSlip(0),
+        "period",
+        [0.01, 1000.0],
+    ),
+    (
+        |s, x| stick_slip(s).duty = x,
+        ScenePlace::StickSlip(0),
+        "duty",
+        [0.05, 1.0],
+    ),
+    (
+        |s, x| stick_slip(s).depth = x,
+        ScenePlace::StickSlip(0),
+        "depth",
+        [0.0, 1.0],
+    ),
+    (
+        |s, x| stick_slip(s).below_mm_s = x,
+        ScenePlace::StickSlip(0),
+        "below",
+        [0.001, 10_000.0],
+    ),
+    (
+        |s, x| stick_slip(s).above_n = x,
+        ScenePlace::StickSlip(0),
+        "above",
+        [0.001, 1000.0],
+    ),
+    (
+        |s, x| s.regions[0].start_mm = x,
+        ScenePlace::Region(0),
+        "start",
+        [-100_000.0, 19.0],
+    ),
+    (
+        |s, x| s.regions[1].end_mm = x,
+        ScenePlace::Region(1),
+        "end",
+        [21.0, 100_000.0],
+    ),
+    (
+        |s, x| s.motion = constant(x, 1.0),
+        ScenePlace::Motion,
+        "speed",
+        [0.0, 10_000.0],
+    ),
+    (
+        |s, x| s.motion = constant(1.0, x),
+        ScenePlace::Motion,
+        "force",
+        [0.0, 1000.0],
+    ),
+    // The same fields of another surface are found there.
+    (
+        |s, x| s.surfaces[1].gain = x,
+        ScenePlace::Surface(1),
+        "gain",
+        [0.0, 64.0],
+    ),
+    (
+        |s, x| s.surfaces[1].tap = Some(tap_of(x)),
+        ScenePlace::Tap(1),
+        "frequency",
+        [10.0, 2250.0],
+    ),
+    (
+        |s, x| s.regions[1].start_mm = x,
+        ScenePlace::Region(1),
+        "start",
+        [20.0, 49.0],
+    ),
+    (
+        |s, x| s.regions[0].end_mm = x,
+        ScenePlace::Region(0),
+        "end",
+        [-9.0, 20.0],
+    ),
+];
+
+#[test]
+fn numbers_must_be_finite_and_within_their_ranges() {
+    let bytes = RawLibrary::with_scenes().bytes();
+    let library = Library::decode(&bytes).expect("a valid library");
+    let scene = library.scene("full").expect("it is there");
+    for (set, place, field, [lowest, highest]) in FIELDS {
+        for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1e9, 1e9] {
+            let error = fault(|scene| set(scene, value));
+            check(error, place, &format!("{field} is {value} "));
+        }
+        for value in [lowest, highest] {
+            let mut scene = scene.clone();
+            if field == "gain" && place != ScenePlace::Surface(1) {
+                scene.surfaces[0].texture = None;
+                scene.surfaces[0].stick_slip = None;
+            }
+            set(&mut scene, value);
+            assert_eq!(scene.validate(&library), Ok(()), "{field} {value}");
+        }
+    }
+}
+
+fn constant(speed_mm_s: f32, force_n: f32) -> MotionOfScene {
+    MotionOfScene::Constant {
+        speed_mm_s,
+        force_n,
+    }
+}
+
+fn tap_of(frequency_hz: f32) -> Tap {
+    Tap {
+        frequency_hz,
+        decay_s: 0.1,
+        gain_m_s2_per_n_s: 1.0,
+        limit_m_s2: 1.0,
+    }
+}
+
+#[test]
+fn what_is_referred_to_must_be_there() {
+    let error = fault(|scene| scene.surfaces[0].texture = Some(3));
+    check(
+        error,
+        ScenePlace::Surface(0),
+        "texture 3 is not there: the library has 3",
+    );
+    let error = fault(|scene| scene.regions[1].surface = 2);
+    check(
+        error,
+        ScenePlace::Region(1),
+        "surface 2 is not there: the scene has 2",
+    );
+    let error = fault(|scene| scene.surfaces.clear());
+    check(error, ScenePlace::Scene, "no surface");
+    let error = fault(|scene| scene.surfaces[0].texture = None);
+    check(error, ScenePlace::StickSlip(0), "the surface has none");
+}
+
+#[test]
+fn regions_must_ascend_without_overlap() {
+    let error = fault(|scene| scene.regions[1].start_mm = 19.5);
+    check(
+        error,
+        ScenePlace::Region(1),
+        "begins at 19.5 mm, before region 0 ends at 20 mm",
+    );
+    let error = fault(|scene| scene.regions.swap(0, 1));
+    check(
+        error,
+        ScenePlace::Region(1),
+        "before region 0 ends at 50 mm",
+    );
+    let error = fault(|scene| scene.regions[0].end_mm = -10.0);
+    check(
+        error,
+        ScenePlace::Region(0),
+        "not beyond its beginning at -10 mm",
+    );
+}
+
+#[test]
+fn all_textures_must_have_the_scenes_rate() {
+    let error = fault(|scene| scene.sample_rate_hz = 4000);
+    check(
+        error,
+        ScenePlace::Surface(0),
+        "for 5000 Hz and the scene for 4000 Hz",
+    );
+    for rate in [0, 48_001] {
+        let error = fault(|scene| scene.sample_rate_hz = rate);
+        check(
+            error,
+            ScenePlace::Scene,
+            &format!("a sample rate of {rate} Hz"),
+        );
+    }
+}
+
+/// The loudest node has 4 (m/s²)²: an RMS of 2, and room for 128.
+#[test]
+fn a_gain_above_one_must_leave_its_texture_room() {
+    let bytes = RawLibrary::with_scenes().bytes();
+    let library = Library::decode(&bytes).expect("a valid library");
+    let mut scene = library.scene("plain").expect("it is there");
+    scene.surfaces[0].gain = 64.0;
+    assert_eq!(scene.validate(&library), Ok(()));
+    let mut loud = RawLibrary::sound();
+    for node in &mut loud.textures[0].nodes[2..] {
+        node.output_power = 1000.0;
+    }
+    let bytes = loud.bytes();
+    let library = Library::decode(&bytes).expect("a valid library");
+    let highest = 4.0;
+    scene.surfaces[0].gain = highest;
+    assert_eq!(scene.validate(&library), Ok(()));
+    scene.surfaces[0].gain = 4.001;
+    let error = scene.validate(&library).expect_err("too loud");
+    let problem = SceneProblem::TooLoud {
+        gain: 4.001,
+        highest,
+    };
+    assert_eq!(
+        (error.place, error.problem),
+        (ScenePlace::Surface(0), problem)
+    );
+}
+
+#[test]
+fn names_are_unique_and_scenes_are_few() {
+    let bytes = RawLibrary::with_scenes().bytes();
+    let library = Library::decode(&bytes).expect("a valid library");
+    let (textures, mut all) = (content(&library), scenes(&library));
+    all.push(all[0].clone());
+    let error = encode_with_scenes(&textures, &all).expect_err("twice the same");
+    let (place, problem) = (Place::Scene(2), Problem::SceneNameTaken(0));
+    assert_eq!(error, DecodeError { place, problem });
+    let many = |count: usize| -> Vec<Scene> {
+        let numbered = |number: usize| Scene {
+            name: name(&number.to_string()),
+            ..all[0].clone()
+        };
+        (0..count).map(numbered).collect()
+    };
+    assert!(encode_with_scenes(&textures, &many(MAX_SCENES)).is_ok());
+    let error = encode_with_scenes(&textures, &many(MAX_SCENES + 1)).expect_err("one too many");
+    assert_eq!(error.problem, Problem::SceneCount(MAX_SCENES + 1));
+}
+
+/// Beside a record that a scene fills, and a count that is judged before any scene.
+#[test]
+fn a_record_is_one_scene_and_no_more() {
+    for spoil in [
+        (|record: &mut Vec<u8>| record.push(0)) as fn(&mut Vec<u8>),
+        |record| record.truncate(record.len() - 1),
+        Vec::clear,
+        |record| record[0] = 49,
+    ] {
+        let mut library = RawLibrary::with_scenes();
+        spoil(&mut library.scenes[1]);
+        let error = Library::decode(&library.bytes()).expect_err("no scene");
+        let (place, problem) = (Place::Scene(1), Problem::MalformedScene);
+        assert_eq!(error, DecodeError { place, problem });
+    }
+    let mut library = RawLibrary::with_scenes();
+    library.scene_count = Some(33);
+    let error = Library::decode(&library.bytes()).expect_err("too many");
+    assert_eq!(error.problem, Problem::SceneCount(33));
+}
+
+/// Without scenes a library takes one byte for saying so; the largest scene stays below a kilobyte and a half.
+#[test]
+fn scenes_are_small() {
+    let bytes = sound();
+    let library = Library::decode(&bytes).expect("a valid library");
+    assert_eq!(library.scene_count(), 0);
+    assert_eq!(bytes.last(), Some(&0));
+    let full = RawLibrary::with_scenes();
+    println!(
+        "plain {} bytes, full {}",
+        full.scenes[0].len(),
+        full.scenes[1].len()
+    );
+    let bytes = full.bytes();
+    let library = Library::decode(&bytes).expect("a valid library");
+    let mut scene = library.scene("full").expect("it is there");
+    scene.name = name(&"n".repeat(48));
+    while let Ok(()) = scene.surfaces.push(scene.surfaces[0].clone()) {}
+    while let Ok(()) = scene.equaliser.push(Biquad {
+        numerator: [1 << 28, 0, 0],
+        denominator: [-(1 << 28), 1 << 27],
+    }) {
+        // One with gain enough to be compensated by the next one's lack would be longer by a few bytes.
+        let last = scene.equaliser.len() - 1;
+        scene.equaliser[last].numerator = [1 << 20; 3];
+    }
+    while scene.regions.len() < MAX_REGIONS {
+        let start_mm = scene.regions[scene.regions.len() - 1].end_mm;
+        let region = Region {
+            start_mm,
+            end_mm: start_mm + 1.0,
+            surface: 0,
+        };
+        scene.regions.push(region).expect("there is room");
+    }
+    assert_eq!(
+        (scene.surfaces.len(), scene.equaliser.len()),
+        (MAX_SURFACES, MAX_SECTIONS)
+    );
+    assert_eq!(scene.validate(&library), Ok(()));
+    let with = encode_with_scenes(&content(&library), &[scene]).expect("a valid scene");
+    let size = with.len() - sound().len();
+    println!("largest {size} bytes; in memory {}", size_of::<Scene>());
+    assert!(size < 1536 && size_of::<Scene>() < 2048, "{size}");
+}
+
+#[test]
+fn jurys_triangle_is_the_radius_of_the_poles() {
+    const LIMIT: f64 = MAX_POLE_RADIUS_1024THS as f64 / 1024.0;
+    for (radius, within) in [
+        (LIMIT - 1e-5, true),
+        (LIMIT + 1e-5, false),
+        (1.0, false),
+        (1.2, false),
+    ] {
+        for step in 0..=24 {
+            let angle = PI * f64::from(step) / 24.0;
+            let denominator = [-2.0 * radius * angle.cos(), radius * radius];
+            let biquad = Biquad::from_f64([1.0, 0.0, 0.0], denominator).expect("in range");
+            // Coefficients are rounded, and a double pole on the axis moves by the root of that.
+            let split = angle.sin() < 1e-6 && (radius - LIMIT).abs() < 1e-4;
+            assert!(
+                split || biquad.poles_are_within_limit() == within,
+                "{radius} at {angle}"
+            );
+        }
+        for other in [-0.9, 0.0, 0.5] {
+            for pole in [radius, -radius] {
+                let denominator = [-(pole + other), pole * other];
+                let biquad = Biquad::from_f64([1.0, 0.0, 0.0], denominator).expect("in range");
+                assert_eq!(
+                    biquad.poles_are_within_limit(),
+                    within,
+                    "{pole} and {other}"
+                );
+            }
+        }
+    }
+    let error = fault(|scene| scene.equaliser[0].denominator = [-(2 << 28), 1 << 28]);
+    check(
+        error,
+        ScenePlace::Section(0),
+        "a pole lies beyond a radius of 1023/1024",
+    );
+}
+
+#[test]
+fn an_equaliser_with_too_much_gain_is_refused_where_it_gets_too_much() {
+    let flat = |gain: f64| Biquad::from_f64([gain, 0.0, 0.0], [0.0, 0.0]).expect("in range");
+    for (gains, section) in [
+        (vec![4.0, 4.0], None),
+        (vec![4.0, 4.0, 1.01], Some(2)),
+        // What comes after does not mend it: the signal between is what saturates.
+        (vec![7.0, 7.0, 0.1], Some(1)),
+    ] {
+        let set = |scene: &mut Scene| scene.equaliser = gains.iter().copied().map(flat).collect();
+        if let Some(section) = section {
+            let error = fault(set);
+            check(error, ScenePlace::Section(section), "a gain above 16");
+        } else {
+            let bytes = RawLibrary::with_scenes().bytes();
+            let library = Library::decode(&bytes).expect("a valid library");
+            let mut scene = library.scene("plain").expect("it is there");
+            set(&mut scene);
+            assert_eq!(scene.validate(&library), Ok(()));
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(512))]
+
+    /// A single resonance, of any frequency and width, and a gain that is a little below or above what is allowed at its peak.
+    #[test]
+    fn no_resonance_is_too_narrow_to_be_seen(radius in 0.5f64..0.998, angle in 0.01f64..3.13, excess in 0.5f64..2.0) {
+        let denominator = [-2.0 * radius * angle.cos(), radius * radius];
+        let peak = (0..=20_000).map(|step| {
+            // Densely around the pole, where the peak is.
+            let around = (f64::from(step) / 10_000.0 - 1.0) * 4.0 * (1.0 - radius);
+            let omega = (angle + around).clamp(0.0, PI);
+            let real = 1.0 + denominator[0] * omega.cos() + denominator[1] * (2.0 * omega).cos();
+            let imaginary = denominator[0] * omega.sin() + denominator[1] * (2.0 * omega).sin();
+            1.0 / real.hypot(imaginary)
+        }).fold(0.0, f64::max);
+        let gain = excess * MAX_EQUALISER_GAIN / peak;
+        prop_assume!(gain < 7.9 && (excess - 1.0).abs() > 0.01);
+        let bytes = sound();
+        let library = Library::decode(&bytes).expect("a valid library");
+        let mut scene = Scene::of_surface(name("peak"), 5000, Surface::of_texture(0));
+        scene.equaliser.push(Biquad::from_f64([gain, 0.0, 0.0], denominator).expect("in range")).expect("room");
+        prop_assert_eq!(scene.validate(&library).is_ok(), excess < 1.0);
+    }
+
+    #[test]
+    fn any_valid_scene_goes_through_a_library_unchanged(
+        surfaces in vec((prop::option::of(0u8..3), 0.0f32..1.0, any::<bool>()), 1..=MAX_SURFACES),
+        lengths in vec((0.0f32..3.0, 0.001f32..50.0, any::<prop::sample::Index>()), 0..=MAX_REGIONS),
+        transition_mm in 0.0f32..=100.0,
+        motion in prop::option::of((0.0f32..1000.0, 0.0f32..100.0)),
+        text in "[a-zA-ZäöüßéÅ ]{1,24}",
+    ) {
+        let mut scene = Scene::of_surface(name(&text), 5000, Surface::of_texture(0));
+        scene.surfaces = surfaces.iter().map(|&(texture, gain, tapped)| Surface {
+            texture,
+            gain,
+            tap: tapped.then(|| tap_of(200.0)),
+            stick_slip: None,
+        }).collect();
+        let mut end_mm = -100.0;
+        for (gap, length, surface) in lengths {
+            let start_mm = end_mm + gap;
+            end_mm = start_mm + length;
+            let surface = surface.index(surfaces.len()) as u8;
+            scene.regions.push(Region { start_mm, end_mm, surface }).expect("not too many");
+        }
+        scene.transition_mm = transition_mm;
+        if let Some((speed, force)) = motion {
+            scene.motion = constant(speed, force);
+        }
+        let bytes = sound();
+        let textures = content(&Library::decode(&bytes).expect("a valid library"));
+        let with = encode_with_scenes(&textures, std::slice::from_ref(&scene)).expect("a valid scene");
+        let library = Library::decode(&with).expect("encode checks what it gives");
+        prop_assert_eq!(scenes(&library), vec![scene]);
+        prop_assert_eq!(content(&library), textures);
+    }
+}
