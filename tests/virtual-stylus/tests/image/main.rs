@@ -15,3 +15,4 @@ mod power;
 mod record;
 mod ticks;
 mod upload;
+mod usb;
