@@ -16,3 +16,4 @@ mod record;
 mod ticks;
 mod upload;
 mod usb;
+mod usb_requests;

@@ -122,6 +122,18 @@ pub struct Traffic {
     pub repeated: u64,
 }
 
+/// What may happen in the middle of anything.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mishap {
+    /// The cable is pulled.
+    Unplug,
+    /// The host resets the bus for 10 ms.
+    Reset,
+}
+
+/// A reset of the bus by a root port (section 7.1.7.5).
+pub const RESET_NS: u64 = 10_000_000;
+
 /// What is driven on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Bus {
@@ -325,6 +337,7 @@ pub struct Host {
     /// Everything due was refused, and nothing of the core has changed since this many changes.
     refused_at: Option<u64>,
     chance: Chance,
+    mishap: Option<(u64, Mishap)>,
     next_id: u64,
     completions: Vec<Completion>,
     traffic: Traffic,
@@ -350,6 +363,7 @@ impl Default for Host {
                 state: 0,
                 per_million: 0,
             },
+            mishap: None,
             next_id: 0,
             completions: Vec::new(),
             traffic: Traffic::default(),
@@ -425,6 +439,17 @@ impl Host {
             state: seed,
             per_million,
         };
+    }
+
+    /// Has something happen once so many more transactions were begun; the last one is lost with an even number, and is
+    /// carried out with an odd one.
+    pub fn have(&mut self, mishap: Mishap, transactions: u64) {
+        self.mishap = Some((self.traffic.transactions + transactions, mishap));
+    }
+
+    /// Whether what was to happen has happened.
+    pub fn has_happened(&self) -> bool {
+        self.mishap.is_none()
     }
 
     /// Puts `transfer` behind what waits for the same pipe.
@@ -576,6 +601,19 @@ impl Host {
                 let ends_ns = transaction.ends_ns;
                 self.under_way = Some(transaction);
                 return Some(ends_ns);
+            }
+            if let Some((number, mishap)) = self.mishap
+                && self.traffic.transactions >= number
+            {
+                self.mishap = None;
+                if number % 2 == 1 {
+                    self.end(transaction, core);
+                }
+                match mishap {
+                    Mishap::Unplug => self.unplug(now_ns),
+                    Mishap::Reset => self.reset_bus(now_ns, RESET_NS),
+                }
+                return Some(now_ns);
             }
             self.end(transaction, core);
         }
