@@ -469,6 +469,19 @@ impl BulkFrames {
         Ok(Ok(frames))
     }
 
+    /// Calls off all that waits.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn close(self, usb: &mut UsbHost, stylus: &mut VirtualStylus) -> Result<()> {
+        let waiting: Vec<TransferId> = self.sending.into_iter().chain(self.waiting).collect();
+        let ids = waiting.clone();
+        stylus.usb(move |host, now_ns| ids.into_iter().for_each(|id| host.cancel(id, now_ns)))?;
+        usb.collect(stylus)?;
+        usb.ended.retain(|ended| !waiting.contains(&ended.id));
+        Ok(())
+    }
+
     /// Whether all that was sent has arrived.
     pub fn is_sent(&self) -> bool {
         self.sending.is_empty()

@@ -149,6 +149,24 @@ impl Device {
         }
     }
 
+    /// Calls off what waits on the bulk endpoints, as when a program ends; another one opens them.
+    pub fn reopen(&mut self) {
+        let Line::Usb(usb, bulk) = &mut self.line else {
+            panic!("it is not on USB");
+        };
+        if let Some(open) = bulk.take() {
+            open.close(usb, &mut self.stylus).expect("the run goes on");
+        }
+        let opened = BulkFrames::open(
+            &mut self.stylus,
+            BULK_OUT,
+            BULK_IN,
+            MAX_DEVICE_FRAME_BYTES,
+            WAITING_TRANSFERS,
+        );
+        *bulk = Some(opened.expect("the run goes on"));
+    }
+
     /// Whether the bulk endpoints are open, and nothing has failed on them.
     pub fn is_open(&self) -> bool {
         matches!(self.line, Line::Usb(_, Some(_)))
@@ -184,11 +202,23 @@ impl Device {
         E: Endpoint<Response: DeserializeOwned>,
         R: Serialize,
     {
+        self.try_ask::<E, R>(request).expect("the link holds")
+    }
+
+    /// The answer; none if the link breaks before.
+    pub fn try_ask<E, R>(&mut self, request: &R) -> Option<E::Response>
+    where
+        E: Endpoint<Response: DeserializeOwned>,
+        R: Serialize,
+    {
         let sequence = self.send_frame(E::REQ_KEY, request);
         let end = self.stylus.now_ns() + PATIENCE_NS;
         loop {
             if let Some(body) = self.take_answer(E::RESP_KEY, sequence) {
-                return postcard::from_bytes(&body).expect("an answer of the type of its key");
+                return Some(postcard::from_bytes(&body).expect("an answer of the type of its key"));
+            }
+            if matches!(self.line, Line::Usb(_, None)) {
+                return None;
             }
             let now = self.stylus.now_ns();
             if now >= end {
@@ -278,7 +308,11 @@ impl Device {
                     self.take_frame(&frame);
                 }
             }
-            Err(_) => *bulk = None,
+            Err(_) => {
+                if let Some(open) = bulk.take() {
+                    open.close(usb, &mut self.stylus).expect("the run goes on");
+                }
+            }
         }
     }
 
@@ -304,8 +338,10 @@ impl Device {
     fn take_frame(&mut self, frame: &[u8]) {
         match VarHeader::take_from_slice(frame) {
             Some((header, body)) if header.key == VarKey::Key8(RecordBlockTopic::TOPIC_KEY) => {
-                let block = postcard::from_bytes(body).expect("a block under a block's key");
-                self.blocks.push(block);
+                match postcard::from_bytes(body) {
+                    Ok(block) => self.blocks.push(block),
+                    Err(_) => self.broken += 1,
+                }
             }
             Some((header, body)) => self.frames.push_back(Frame {
                 header,

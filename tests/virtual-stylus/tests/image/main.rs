@@ -16,4 +16,6 @@ mod record;
 mod ticks;
 mod upload;
 mod usb;
+mod usb_link;
+mod usb_mishaps;
 mod usb_requests;
