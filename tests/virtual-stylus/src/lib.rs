@@ -18,6 +18,7 @@ pub mod serial;
 pub mod stylus;
 pub mod tick;
 pub mod usb_host;
+pub mod usb_socket;
 
 pub use error::{Error, Result};
 pub use stylus::{

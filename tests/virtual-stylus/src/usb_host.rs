@@ -319,7 +319,7 @@ impl UsbHost {
         let until_ns = stylus.now_ns() + patience_ns;
         loop {
             self.collect(stylus)?;
-            if let Some(Completion { at_ns, result, .. }) = self.take_ended(id) {
+            if let Some(Completion { at_ns, result, .. }) = self.find_ended(id) {
                 return Ok(result.map(|data| (at_ns, data)));
             }
             if stylus.now_ns() >= until_ns {
@@ -330,13 +330,42 @@ impl UsbHost {
         }
     }
 
+    /// Takes the end of a transfer, if it has ended.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn take_ended(
+        &mut self,
+        stylus: &mut VirtualStylus,
+        id: TransferId,
+    ) -> Result<Option<Completion>> {
+        self.collect(stylus)?;
+        Ok(self.find_ended(id))
+    }
+
+    /// Calls transfers off, as when the program that asked for them ends.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn call_off(&mut self, stylus: &mut VirtualStylus, ids: Vec<TransferId>) -> Result<()> {
+        let cancelled = ids.clone();
+        stylus.usb(move |host, now_ns| {
+            for id in cancelled {
+                host.cancel(id, now_ns);
+            }
+        })?;
+        self.collect(stylus)?;
+        self.ended.retain(|ended| !ids.contains(&ended.id));
+        Ok(())
+    }
+
     fn collect(&mut self, stylus: &mut VirtualStylus) -> Result<()> {
         let ended = stylus.usb(|host, _| host.take_completions())?;
         self.ended.extend(ended);
         Ok(())
     }
 
-    fn take_ended(&mut self, id: TransferId) -> Option<Completion> {
+    fn find_ended(&mut self, id: TransferId) -> Option<Completion> {
         let position = self.ended.iter().position(|ended| ended.id == id)?;
         Some(self.ended.remove(position))
     }
@@ -367,6 +396,32 @@ pub fn microsoft_set(bos: &[u8]) -> Option<(u8, u16)> {
         rest = &rest[usize::from(length)..];
     }
     None
+}
+
+/// The descriptors within those of a configuration, each with its length and type first.
+pub fn parts(configuration: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let mut rest = configuration;
+    std::iter::from_fn(move || {
+        let length = usize::from(*rest.first()?);
+        let (part, behind) = rest.split_at_checked(length.max(2))?;
+        rest = behind;
+        Some(part)
+    })
+}
+
+/// Addresses of the first bulk endpoint to the device and the first one from it.
+pub fn bulk_endpoints(configuration: &[u8]) -> Option<[u8; 2]> {
+    let bulk = |from_device: bool| {
+        parts(configuration).find_map(|part| match *part {
+            [_, descriptor::ENDPOINT, address, attributes, ..]
+                if attributes & 3 == 2 && (address & 0x80 != 0) == from_device =>
+            {
+                Some(address)
+            }
+            _ => None,
+        })
+    };
+    Some([bulk(false)?, bulk(true)?])
 }
 
 /// Frames over a pair of bulk endpoints, as a program on the host exchanges them: a frame is a transfer, ended by a packet
@@ -445,7 +500,7 @@ impl BulkFrames {
         let mut frames = Vec::new();
         usb.collect(stylus)?;
         while let Some(&id) = self.sending.front()
-            && let Some(ended) = usb.take_ended(id)
+            && let Some(ended) = usb.find_ended(id)
         {
             self.sending.pop_front();
             if let Err(error) = ended.result {
@@ -453,7 +508,7 @@ impl BulkFrames {
             }
         }
         while let Some(&id) = self.waiting.front()
-            && let Some(ended) = usb.take_ended(id)
+            && let Some(ended) = usb.find_ended(id)
         {
             self.waiting.pop_front();
             match ended.result {
@@ -474,16 +529,7 @@ impl BulkFrames {
     /// # Errors
     /// The run is over.
     pub fn close(self, usb: &mut UsbHost, stylus: &mut VirtualStylus) -> Result<()> {
-        let waiting: Vec<TransferId> = self.sending.into_iter().chain(self.waiting).collect();
-        let ids = waiting.clone();
-        stylus.usb(move |host, now_ns| ids.into_iter().for_each(|id| host.cancel(id, now_ns)))?;
-        usb.collect(stylus)?;
-        usb.ended.retain(|ended| !waiting.contains(&ended.id));
-        Ok(())
-    }
-
-    /// Whether all that was sent has arrived.
-    pub fn is_sent(&self) -> bool {
-        self.sending.is_empty()
+        let waiting = self.sending.into_iter().chain(self.waiting).collect();
+        usb.call_off(stylus, waiting)
     }
 }

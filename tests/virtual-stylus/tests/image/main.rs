@@ -16,6 +16,7 @@ mod record;
 mod ticks;
 mod upload;
 mod usb;
+mod usb_client;
 mod usb_link;
 mod usb_mishaps;
 mod usb_requests;
