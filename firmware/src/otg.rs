@@ -23,8 +23,8 @@ use embassy_stm32::peripherals;
 use embassy_stm32::usb;
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_usb::driver::{
-    self, Bus as _, Direction, Endpoint, EndpointAddress, EndpointAllocError,
-    EndpointError, EndpointIn, EndpointInfo, EndpointOut, EndpointType, Event, Unsupported,
+    self, Bus as _, Direction, Endpoint, EndpointAddress, EndpointAllocError, EndpointError,
+    EndpointIn, EndpointInfo, EndpointOut, EndpointType, Event, Unsupported,
 };
 
 use crate::otg_control::{self, Pipe};
@@ -32,8 +32,9 @@ use crate::otg_control::{self, Pipe};
 /// Longest packet of an endpoint at full speed, bytes (USB 2.0, section 5.8.3).
 pub const PACKET_BYTES: usize = 64;
 
-/// Looks at a bit that the core clears within some cycles of its clocks (RM0433 section 57.14); far more than it takes.
-const LOOKS: u32 = 10_000;
+/// Looks at a bit that the core clears within some cycles of its clocks (RM0433 section 57.14): far more than it takes, and
+/// less than a millisecond.
+const LOOKS: u32 = 5_000;
 
 /// embassy's driver.
 type Inner = usb::Driver<'static, peripherals::USB_OTG_FS>;
@@ -116,7 +117,7 @@ impl Handler<typelevel::OTG_FS> for Watch {
 }
 
 /// Waits, within bounds, until `done`.
-pub fn spin_until(done: impl Fn() -> bool) {
+fn spin_until(done: impl Fn() -> bool) {
     for _ in 0..LOOKS {
         if done() {
             return;
@@ -125,7 +126,7 @@ pub fn spin_until(done: impl Fn() -> bool) {
     defmt::warn!("the USB core does not finish what it was told");
 }
 
-/// Takes back what endpoint `index` was to send.
+/// Takes back what endpoint `index` was to send. Interrupts stay on while the core does it.
 pub fn cancel_in(index: usize) {
     critical_section::with(|_| {
         if USB_OTG_FS.diepctl(index).read().epena() {
@@ -133,14 +134,16 @@ pub fn cancel_in(index: usize) {
                 w.set_snak(true);
                 w.set_epdis(true);
             });
-            spin_until(|| !USB_OTG_FS.diepctl(index).read().epena());
         }
+    });
+    spin_until(|| !USB_OTG_FS.diepctl(index).read().epena());
+    critical_section::with(|_| {
         USB_OTG_FS.grstctl().write(|w| {
             w.set_txfflsh(true);
             w.set_txfnum(index as u8);
         });
-        spin_until(|| !USB_OTG_FS.grstctl().read().txfflsh());
     });
+    spin_until(|| !USB_OTG_FS.grstctl().read().txfflsh());
 }
 
 /// The driver.
@@ -334,7 +337,7 @@ pub struct Input {
 
 impl Input {
     /// The session that a frame is sent in.
-    pub fn session(&self) -> u32 {
+    pub fn session() -> u32 {
         IN.current()
     }
 }

@@ -18,7 +18,8 @@ use embassy_usb::driver::{self, ControlPipe, EndpointError};
 
 use crate::otg::{PACKET_BYTES, cancel_in};
 
-type Inner = <usb::Driver<'static, peripherals::USB_OTG_FS> as driver::Driver<'static>>::ControlPipe;
+type Inner =
+    <usb::Driver<'static, peripherals::USB_OTG_FS> as driver::Driver<'static>>::ControlPipe;
 
 /// Numbers of the device's endpoints go up to this one.
 const LAST_ENDPOINT: u8 = 1;
@@ -57,12 +58,24 @@ pub fn setup_came() {
 
 /// What has happened on the bus.
 fn now() -> (u32, u32) {
-    (RESETS.load(Ordering::Relaxed), SETUPS.load(Ordering::Relaxed))
+    (
+        RESETS.load(Ordering::Relaxed),
+        SETUPS.load(Ordering::Relaxed),
+    )
 }
 
 /// Whether embassy's stack may see the request of this SETUP packet.
 fn is_answerable(setup: [u8; 8]) -> bool {
-    let [kind, request, value, detail, index, index_high, length, length_high] = setup;
+    let [
+        kind,
+        request,
+        value,
+        detail,
+        index,
+        index_high,
+        length,
+        length_high,
+    ] = setup;
     let is_read = kind & 0x80 != 0;
     if is_read && length == 0 && length_high == 0 {
         // embassy would never end it.
@@ -103,24 +116,33 @@ impl Pipe {
     /// The next SETUP packet that no reset has made void.
     async fn next(&mut self) -> [u8; 8] {
         poll_fn(|context| {
-            // Between the look at what has happened and the packet's data nothing may happen.
+            let happened = now();
+            let has_come = happened.1 != self.began.1;
+            if has_come {
+                // An answer of the transfer before that nobody fetched.
+                cancel_in(0);
+            }
             critical_section::with(|_| {
-                let happened = now();
-                if happened.1 != self.began.1 {
-                    // What the transfer before left: an answer that nobody fetched, a packet that nobody read.
-                    cancel_in(0);
+                if now() != happened {
+                    // Something more has come meanwhile.
+                    context.waker().wake_by_ref();
+                    return Poll::Pending;
+                }
+                if has_come {
+                    // A packet of the transfer before that nobody read.
                     let mut dropped = [0; PACKET_BYTES];
                     let _ = poll_once(self.inner.data_out(&mut dropped, true, true));
                 }
                 let setup = pin!(self.inner.setup()).poll(context);
-                if setup.is_ready() {
-                    self.began = happened;
-                    if RESETS_AT_SETUP.load(Ordering::Relaxed) != happened.0 {
-                        context.waker().wake_by_ref();
-                        return Poll::Pending;
-                    }
+                if setup.is_pending() {
+                    return Poll::Pending;
                 }
-                setup
+                self.began = happened;
+                if RESETS_AT_SETUP.load(Ordering::Relaxed) == happened.0 {
+                    return setup;
+                }
+                context.waker().wake_by_ref();
+                Poll::Pending
             })
         })
         .await

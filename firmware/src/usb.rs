@@ -161,7 +161,7 @@ pub struct Half {
 
 impl SendFrame for Half {
     async fn send_frame(&mut self, frame: &[u8]) -> bool {
-        let session = self.endpoint.session();
+        let session = Input::session();
         // An empty packet ends what there is of it, so that this frame is not joined to it.
         if self.unfinished == Some(session) && self.endpoint.write(&[]).await.is_err() {
             return false;

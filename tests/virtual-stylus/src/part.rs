@@ -6,9 +6,9 @@
 use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32h743::Stm32h743;
+use rigless::soc::stm32h743::generated::otg1_hs_global;
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
 use rigless::soc::stm32h743::peripherals::flash::Flash;
-use rigless::soc::stm32h743::generated::otg1_hs_global;
 use rigless::soc::stm32h743::peripherals::tim::{BASIC_TIMERS, Basic, General, TIMERS, Tim};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
@@ -111,11 +111,7 @@ impl Part {
     }
 
     /// Has `work` done at `at` by the software of the host on USB.
-    pub fn drive_usb<T>(
-        &mut self,
-        at: VirtualNanos,
-        work: impl FnOnce(&mut Host, u64) -> T,
-    ) -> T {
+    pub fn drive_usb<T>(&mut self, at: VirtualNanos, work: impl FnOnce(&mut Host, u64) -> T) -> T {
         let (_, mut context) = self.rest.bus_mut().drive(at, self.slots.usb);
         self.usb.drive(&mut context, work)
     }

@@ -11,7 +11,9 @@
 use std::collections::VecDeque;
 
 use crate::error::Result;
-use crate::model::usb::host::{Completion, PACKET_BYTES, Transfer, TransferError, TransferId};
+use crate::model::usb::host::{
+    Completion, Host, PACKET_BYTES, Transfer, TransferError, TransferId,
+};
 use crate::stylus::VirtualStylus;
 
 const MS: u64 = 1_000_000;
@@ -19,6 +21,12 @@ const MS: u64 = 1_000_000;
 const STEP_NS: u64 = 50_000;
 /// How long a control transfer may take (section 9.2.6.1).
 const CONTROL_PATIENCE_NS: u64 = 5_000 * MS;
+
+/// What a transfer came to, if the run goes on.
+pub type Transferred<T> = Result<std::result::Result<T, TransferError>>;
+
+/// The instant of a transfer's end, in nanoseconds of virtual time, and what came from the device.
+pub type Arrived = (u64, Vec<u8>);
 
 /// A descriptor's type (USB 2.0 table 9-5, USB 3.2 table 9-6).
 pub mod descriptor {
@@ -174,11 +182,8 @@ impl UsbHost {
     ///
     /// # Errors
     /// The run is over; or, inside, a transfer that failed.
-    pub fn enumerate(
-        &mut self,
-        stylus: &mut VirtualStylus,
-    ) -> Result<std::result::Result<Descriptors, TransferError>> {
-        stylus.usb(|host, now_ns| host.plug(now_ns))?;
+    pub fn enumerate(&mut self, stylus: &mut VirtualStylus) -> Transferred<Descriptors> {
+        stylus.usb(Host::plug)?;
         let begin_ns = stylus.now_ns();
         let sees = stylus.run_until_true(begin_ns + 2_000 * MS, MS, |stylus| {
             stylus.usb(|host, _| host.sees_device())
@@ -191,10 +196,7 @@ impl UsbHost {
         self.describe(stylus)
     }
 
-    fn describe(
-        &mut self,
-        stylus: &mut VirtualStylus,
-    ) -> Result<std::result::Result<Descriptors, TransferError>> {
+    fn describe(&mut self, stylus: &mut VirtualStylus) -> Transferred<Descriptors> {
         macro_rules! ask {
             ($request:expr) => {
                 match self.control(stylus, $request, &[])? {
@@ -217,15 +219,15 @@ impl UsbHost {
         };
         let head = ask!(Request::descriptor(descriptor::CONFIGURATION, 0, 0, 9));
         let total = total_length(&head);
-        read.configuration = ask!(Request::descriptor(
-            descriptor::CONFIGURATION,
-            0,
-            0,
-            total
-        ));
+        read.configuration = ask!(Request::descriptor(descriptor::CONFIGURATION, 0, 0, total));
         if read.device.get(2..4) > Some(&[0x00, 0x02]) {
             let head = ask!(Request::descriptor(descriptor::BOS, 0, 0, 5));
-            read.bos = ask!(Request::descriptor(descriptor::BOS, 0, 0, total_length(&head)));
+            read.bos = ask!(Request::descriptor(
+                descriptor::BOS,
+                0,
+                0,
+                total_length(&head)
+            ));
         }
         if let Some((code, length)) = microsoft_set(&read.bos) {
             read.microsoft = ask!(Request {
@@ -279,7 +281,7 @@ impl UsbHost {
         stylus: &mut VirtualStylus,
         request: Request,
         data: &[u8],
-    ) -> Result<std::result::Result<Vec<u8>, TransferError>> {
+    ) -> Transferred<Vec<u8>> {
         let transfer = Transfer::Control {
             setup: request.bytes(),
             data: data.to_vec(),
@@ -294,11 +296,7 @@ impl UsbHost {
     ///
     /// # Errors
     /// As [`UsbHost::control`].
-    pub fn clear_halt(
-        &mut self,
-        stylus: &mut VirtualStylus,
-        endpoint: u8,
-    ) -> Result<std::result::Result<(), TransferError>> {
+    pub fn clear_halt(&mut self, stylus: &mut VirtualStylus, endpoint: u8) -> Transferred<()> {
         let cleared = self.control(stylus, Request::clear_halt(endpoint), &[])?;
         if cleared.is_ok() {
             stylus.usb(move |host, _| host.reset_toggle(endpoint))?;
@@ -315,7 +313,7 @@ impl UsbHost {
         stylus: &mut VirtualStylus,
         id: TransferId,
         patience_ns: u64,
-    ) -> Result<std::result::Result<(u64, Vec<u8>), TransferError>> {
+    ) -> Transferred<Arrived> {
         let until_ns = stylus.now_ns() + patience_ns;
         loop {
             self.collect(stylus)?;
@@ -347,8 +345,8 @@ impl UsbHost {
     ///
     /// # Errors
     /// The run is over.
-    pub fn call_off(&mut self, stylus: &mut VirtualStylus, ids: Vec<TransferId>) -> Result<()> {
-        let cancelled = ids.clone();
+    pub fn call_off(&mut self, stylus: &mut VirtualStylus, ids: &[TransferId]) -> Result<()> {
+        let cancelled = ids.to_owned();
         stylus.usb(move |host, now_ns| {
             for id in cancelled {
                 host.cancel(id, now_ns);
@@ -496,7 +494,7 @@ impl BulkFrames {
         &mut self,
         usb: &mut UsbHost,
         stylus: &mut VirtualStylus,
-    ) -> Result<std::result::Result<Vec<(u64, Vec<u8>)>, TransferError>> {
+    ) -> Transferred<Vec<Arrived>> {
         let mut frames = Vec::new();
         usb.collect(stylus)?;
         while let Some(&id) = self.sending.front()
@@ -529,7 +527,7 @@ impl BulkFrames {
     /// # Errors
     /// The run is over.
     pub fn close(self, usb: &mut UsbHost, stylus: &mut VirtualStylus) -> Result<()> {
-        let waiting = self.sending.into_iter().chain(self.waiting).collect();
-        usb.call_off(stylus, waiting)
+        let waiting: Vec<TransferId> = self.sending.into_iter().chain(self.waiting).collect();
+        usb.call_off(stylus, &waiting)
     }
 }

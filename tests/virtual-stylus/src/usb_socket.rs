@@ -108,7 +108,7 @@ impl UsbSocket {
                 .into_iter()
                 .flat_map(|program| program.out.into_iter().chain(program.input))
                 .collect();
-            self.usb.call_off(stylus, waiting)?;
+            self.usb.call_off(stylus, &waiting)?;
         }
         Ok(())
     }

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use model_format::link::{
     ActivateEndpoint, Activated, InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, LIBRARY_CRC,
-    ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionSource, MuteReasons, PlayEndpoint,
-    PlayRequest, RecordBlock, RecordBlockTopic, SlotId, Slots, SlotsEndpoint, Status,
+    ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionSource, MuteReasons,
+    PlayEndpoint, PlayRequest, RecordBlock, RecordBlockTopic, SlotId, Slots, SlotsEndpoint, Status,
     StatusEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk,
     UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
 };
@@ -130,14 +130,7 @@ impl Device {
         };
         *bulk = None;
         let read = usb.enumerate(&mut self.stylus).expect("the run goes on")?;
-        let opened = BulkFrames::open(
-            &mut self.stylus,
-            BULK_OUT,
-            BULK_IN,
-            MAX_DEVICE_FRAME_BYTES,
-            WAITING_TRANSFERS,
-        );
-        *bulk = Some(opened.expect("the run goes on"));
+        self.open();
         Ok(read)
     }
 
@@ -149,14 +142,26 @@ impl Device {
         }
     }
 
-    /// Calls off what waits on the bulk endpoints, as when a program ends; another one opens them.
-    pub fn reopen(&mut self) {
+    /// Calls off what waits on the bulk endpoints, as when a program ends.
+    pub fn close(&mut self) {
         let Line::Usb(usb, bulk) = &mut self.line else {
             panic!("it is not on USB");
         };
         if let Some(open) = bulk.take() {
             open.close(usb, &mut self.stylus).expect("the run goes on");
         }
+    }
+
+    /// As [`Device::close`]; another program opens them.
+    pub fn reopen(&mut self) {
+        self.close();
+        self.open();
+    }
+
+    fn open(&mut self) {
+        let Line::Usb(_, bulk) = &mut self.line else {
+            panic!("it is not on USB");
+        };
         let opened = BulkFrames::open(
             &mut self.stylus,
             BULK_OUT,
@@ -215,7 +220,9 @@ impl Device {
         let end = self.stylus.now_ns() + PATIENCE_NS;
         loop {
             if let Some(body) = self.take_answer(E::RESP_KEY, sequence) {
-                return Some(postcard::from_bytes(&body).expect("an answer of the type of its key"));
+                return Some(
+                    postcard::from_bytes(&body).expect("an answer of the type of its key"),
+                );
             }
             if matches!(self.line, Line::Usb(_, None)) {
                 return None;
@@ -302,7 +309,10 @@ impl Device {
             return;
         };
         let Some(open) = bulk else { return };
-        match open.receive(usb, &mut self.stylus).expect("the run goes on") {
+        match open
+            .receive(usb, &mut self.stylus)
+            .expect("the run goes on")
+        {
             Ok(frames) => {
                 for (_, frame) in frames {
                     self.take_frame(&frame);

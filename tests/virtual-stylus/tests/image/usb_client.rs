@@ -40,7 +40,10 @@ impl Running {
     fn start() -> Self {
         let socket = UsbSocket::listen(0).expect("a free port");
         let port = socket.port().expect("it listens");
-        let (now_ns, ends) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
+        let (now_ns, ends) = (
+            Arc::new(AtomicU64::new(0)),
+            Arc::new(AtomicBool::new(false)),
+        );
         let (jobs, orders) = channel::<Job>();
         let (clock, over) = (now_ns.clone(), ends.clone());
         let thread = std::thread::spawn(move || {
@@ -63,7 +66,9 @@ impl Running {
             (outputs, stylus.resets().expect("the run goes on"))
         });
         Self {
-            address: format!("usb-virtual:127.0.0.1:{port}").parse().expect("a link"),
+            address: format!("usb-virtual:127.0.0.1:{port}")
+                .parse()
+                .expect("a link"),
             now_ns,
             ends,
             jobs,
@@ -140,7 +145,12 @@ fn the_client_uploads_plays_records_and_reads_the_status_over_usb() {
         duration: Some(Duration::from_secs(2)),
     };
     let mut mutes = Vec::new();
-    let driven = drive(&device, &plan, || true, |_, status| mutes.push(status.output.mute));
+    let driven = drive(
+        &device,
+        &plan,
+        || true,
+        |_, status| mutes.push(status.output.mute),
+    );
     assert!(driven.expect("the link holds").keep_alives > 20);
     assert!(mutes.contains(&MuteReasons::NONE), "{mutes:?}");
     let recorded = capture(&device, seconds(), 0.0, || true, |_, _, _| {})
@@ -152,7 +162,14 @@ fn the_client_uploads_plays_records_and_reads_the_status_over_usb() {
     device.stop().expect("it stops");
     let status = device.status().expect("the link holds");
     assert_eq!(status.tick.missed, 0);
-    assert_eq!((status.usb.malformed, status.usb.oversized, status.usb.unsent), (0, 0, 0));
+    assert_eq!(
+        (
+            status.usb.malformed,
+            status.usb.oversized,
+            status.usb.unsent
+        ),
+        (0, 0, 0)
+    );
     drop(device);
     // Another program finds nothing of this one's.
     let again = running.connect();
@@ -170,7 +187,11 @@ fn the_clients_upload_goes_on_after_the_cable_was_pulled_and_the_bus_reset() {
     let uploaded = upload(&mut device, &other, |_| {
         chunks += 1;
         if chunks % 6 == 3 {
-            let mishap = if chunks % 12 == 3 { Mishap::Unplug } else { Mishap::Reset };
+            let mishap = if chunks % 12 == 3 {
+                Mishap::Unplug
+            } else {
+                Mishap::Reset
+            };
             running.have(move |stylus| {
                 stylus
                     .usb(move |host, _| host.have(mishap, 4))
@@ -183,7 +204,11 @@ fn the_clients_upload_goes_on_after_the_cable_was_pulled_and_the_bus_reset() {
     assert!(uploaded.retries > 0);
     assert_eq!(uploaded.textures, ["other"]);
     let slots = device.slots().expect("the link holds");
-    assert_ne!(slots.active, Some(uploaded.slot), "the old library is still active");
+    assert_ne!(
+        slots.active,
+        Some(uploaded.slot),
+        "the old library is still active"
+    );
     drop(device);
     running.finish();
 }

@@ -5,6 +5,7 @@ use model_format::link::{
 };
 use virtual_stylus::Options;
 use virtual_stylus::model::dac::Cause;
+use virtual_stylus::model::usb::host::Host;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::usb_host::Request;
 
@@ -92,9 +93,17 @@ fn a_recording_over_usb_loses_no_block() {
     device
         .request::<RecordStartEndpoint>(&())
         .expect("nothing is recorded");
-    let before = device.usb().0.usb(|host, _| host.traffic()).expect("the run goes on");
+    let before = device
+        .usb()
+        .0
+        .usb(|host, _| host.traffic())
+        .expect("the run goes on");
     device.run_for(seconds() * SECOND);
-    let after = device.usb().0.usb(|host, _| host.traffic()).expect("the run goes on");
+    let after = device
+        .usb()
+        .0
+        .usb(|host, _| host.traffic())
+        .expect("the run goes on");
     let stopped = device
         .request::<RecordStopEndpoint>(&())
         .expect("it is recorded");
@@ -133,7 +142,11 @@ fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
         .request::<RecordStopEndpoint>(&())
         .expect("it is recorded");
     device.run_for(20 * MS);
-    let traffic = device.usb().0.usb(|host, _| host.traffic()).expect("the run goes on");
+    let traffic = device
+        .usb()
+        .0
+        .usb(|host, _| host.traffic())
+        .expect("the run goes on");
     println!("{traffic:?}");
     assert!(traffic.broken > 30 && traffic.repeated > 5, "{traffic:?}");
     assert_eq!(device.blocks.len(), stopped.blocks as usize);
@@ -141,7 +154,10 @@ fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
     assert_eq!(device.broken, 0);
     let status = device.status();
     assert_eq!((status.usb.malformed, status.usb.oversized), (0, 0));
-    assert_eq!(device.activate(committed.slot).library.crc32, announced(&other).crc32);
+    assert_eq!(
+        device.activate(committed.slot).library.crc32,
+        announced(&other).crc32
+    );
 }
 
 #[test]
@@ -171,11 +187,7 @@ fn a_bus_that_breaks_many_packets_still_enumerates_within_some_tries() {
 fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
     let mut device = Device::on_usb(library::options());
     for millis in [1, 3, 4, 10, 200, 1_000] {
-        device
-            .usb()
-            .0
-            .usb(|host, now_ns| host.suspend(now_ns))
-            .expect("the run goes on");
+        device.usb().0.usb(Host::suspend).expect("the run goes on");
         device.run_for(millis * MS);
         device
             .usb()
@@ -190,11 +202,7 @@ fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
         .request::<RecordStartEndpoint>(&())
         .expect("nothing is recorded");
     device.run_for(100 * MS);
-    device
-        .usb()
-        .0
-        .usb(|host, now_ns| host.suspend(now_ns))
-        .expect("the run goes on");
+    device.usb().0.usb(Host::suspend).expect("the run goes on");
     device.run_for(2 * SECOND);
     device
         .usb()
@@ -207,7 +215,10 @@ fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
         .expect("it is recorded");
     // The frame that was under way ends where it was.
     assert!(device.broken <= 1, "{} frames are broken", device.broken);
-    let missing = device.blocks.windows(2).map(|pair| pair[1].sequence - pair[0].sequence - 1);
+    let missing = device
+        .blocks
+        .windows(2)
+        .map(|pair| pair[1].sequence - pair[0].sequence - 1);
     assert!(missing.sum::<u32>() > 0, "the host was away");
     assert!(device.status().usb.unsent > 0);
 }
@@ -260,7 +271,10 @@ fn a_program_that_ends_in_the_middle_of_a_frame_leaves_nothing_to_the_next_one()
     for point in 0..24_u64 {
         // A frame that all but fills the longest one, given up on its way.
         device.send_raw(&[0x55; 900]);
-        device.stylus.run_for(point * 47_000).expect("the run goes on");
+        device
+            .stylus
+            .run_for(point * 47_000)
+            .expect("the run goes on");
         device.reopen();
         for endpoint in [BULK_OUT, BULK_IN] {
             let (stylus, usb) = device.usb();
@@ -324,4 +338,32 @@ fn a_setting_or_configuration_that_is_chosen_again_begins_anew() {
         .filter(|told| !told.starts_with("RCC."))
         .collect();
     assert!(told.is_empty(), "{told:?}");
+}
+
+#[test]
+fn frames_that_nobody_fetches_are_dropped_whole_and_the_next_ones_arrive() {
+    let mut device = Device::on_usb(library::options());
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    for millis in [20, 90, 110, 350] {
+        device.run_for(50 * MS);
+        device.close();
+        device.run_for(millis * MS);
+        device.reopen();
+        let broken = device.broken;
+        device.run_for(50 * MS);
+        // The one that was under way ends where it was.
+        assert!(device.broken <= broken + 1, "after {millis} ms");
+        device.status();
+    }
+    let sequences = (device.blocks.windows(2)).map(|pair| pair[1].sequence - pair[0].sequence);
+    assert!(
+        sequences.clone().all(|apart| apart > 0),
+        "in order, none twice"
+    );
+    assert!(sequences.max() > Some(10), "the host was away");
+    let status = device.status();
+    assert!(status.usb.unsent > 0);
+    assert_eq!((status.usb.malformed, status.usb.oversized), (0, 0));
 }

@@ -42,10 +42,17 @@ fn has_happened(device: &mut Device) -> bool {
 
 /// The device is back, and answers the first thing it is asked.
 fn comes_back(device: &mut Device, after: &str) {
-    assert!(device.enumerate().is_ok(), "it does not enumerate after {after}");
+    assert!(
+        device.enumerate().is_ok(),
+        "it does not enumerate after {after}"
+    );
     let status = device.status();
     assert_eq!(status.tick.missed, 0, "after {after}");
-    assert_eq!(device.stylus.resets().expect("the run goes on"), [], "after {after}");
+    assert_eq!(
+        device.stylus.resets().expect("the run goes on"),
+        [],
+        "after {after}"
+    );
 }
 
 #[test]
@@ -61,7 +68,10 @@ fn a_mishap_anywhere_in_an_enumeration_does_not_keep_the_next_one() {
                 break;
             }
             points += 1;
-            comes_back(&mut device, &format!("{mishap:?} after {transactions} transactions"));
+            comes_back(
+                &mut device,
+                &format!("{mishap:?} after {transactions} transactions"),
+            );
         }
     }
     println!("{points} points");
@@ -98,7 +108,11 @@ fn a_mishap_anywhere_in_an_upload_leaves_the_active_library_and_the_upload_goes_
     let (mut committed, mut cut) = (0, 0);
     for point in 0..POINTS {
         let mishap = MISHAPS[(point % 2) as usize];
-        device.usb().1.timing = if point % 3 == 0 { Timing::default() } else { HURRIED };
+        device.usb().1.timing = if point % 3 == 0 {
+            Timing::default()
+        } else {
+            HURRIED
+        };
         // Far enough to get on, near enough to be in the middle of a chunk as often as between two.
         arm(&mut device, mishap, 1 + point * 37 % 97);
         if go_on(&mut device, &libraries[committed % 2]).is_some() {
@@ -115,7 +129,11 @@ fn a_mishap_anywhere_in_an_upload_leaves_the_active_library_and_the_upload_goes_
     }
     println!("{cut} times cut, {committed} uploads came to their end");
     assert!(cut > 48 && committed > 1);
-    device.usb().0.usb(|host, _| host.have(Mishap::Reset, u64::MAX / 2)).expect("the run goes on");
+    device
+        .usb()
+        .0
+        .usb(|host, _| host.have(Mishap::Reset, u64::MAX / 2))
+        .expect("the run goes on");
     let large = library::other();
     let begun = device.upload(&large);
     device.activate(begun.slot);
@@ -132,7 +150,11 @@ fn a_mishap_anywhere_in_a_stream_does_not_keep_the_next_one() {
     let was = state_of(&mut device);
     for point in 0..POINTS {
         let mishap = MISHAPS[(point % 2) as usize];
-        device.usb().1.timing = if point % 3 == 0 { Timing::default() } else { HURRIED };
+        device.usb().1.timing = if point % 3 == 0 {
+            Timing::default()
+        } else {
+            HURRIED
+        };
         device.blocks.clear();
         device.play("lattice", MotionSource::Sensors, point);
         device
@@ -145,12 +167,33 @@ fn a_mishap_anywhere_in_a_stream_does_not_keep_the_next_one() {
         let what = format!("{mishap:?} at point {point}");
         comes_back(&mut device, &what);
         assert_eq!(state_of(&mut device), was, "after {what}");
-        let sequences = device.blocks.windows(2).map(|pair| pair[1].sequence - pair[0].sequence);
-        assert!(sequences.min() != Some(0), "a block came twice after {what}");
+        let sequences = device
+            .blocks
+            .windows(2)
+            .map(|pair| pair[1].sequence - pair[0].sequence);
+        assert!(
+            sequences.min() != Some(0),
+            "a block came twice after {what}"
+        );
         assert_eq!(device.broken, 0, "after {what}");
         device
             .request::<RecordStopEndpoint>(&())
             .expect("it is still recorded");
         device.keep_alive(true);
     }
+}
+
+#[test]
+fn a_reset_of_the_part_is_a_pulled_cable_to_the_host_and_the_device_comes_back() {
+    let mut device = Device::on_usb(library::options());
+    let was = state_of(&mut device);
+    for millis in [1, 7, 50] {
+        device.run_for(millis * MS);
+        device.stylus.reset_by_pin().expect("the run goes on");
+        device.run_for(MS);
+        assert!(!device.is_open(), "the pull-up is gone");
+        device.enumerate().expect("it enumerates");
+        assert_eq!(state_of(&mut device), was);
+    }
+    assert_eq!(device.stylus.resets().expect("the run goes on").len(), 3);
 }

@@ -7,7 +7,7 @@ use rigless::time::VirtualNanos;
 use virtual_stylus::model::flash::Unreadable;
 use virtual_stylus::model::usb::WINDOW_BASE;
 use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
-use virtual_stylus::model::usb::host::{Transfer, TransferError};
+use virtual_stylus::model::usb::host::{Host, Transfer, TransferError};
 use virtual_stylus::part::Part;
 use virtual_stylus::pins::ConstantPins;
 
@@ -39,6 +39,8 @@ const USBRST: u32 = 1 << 12;
 const ENUMDNE: u32 = 1 << 13;
 const IEPINT: u32 = 1 << 18;
 const OEPINT: u32 = 1 << 19;
+/// `MPSIZ`: 64 bytes.
+const PACKET: u32 = 0x40;
 const USBAEP: u32 = 1 << 15;
 const NAKSTS: u32 = 1 << 17;
 const BULK: u32 = 2 << 18;
@@ -80,12 +82,12 @@ fn doeptsiz(index: u64) -> u64 {
 /// A core with endpoint 1 in use both ways, its FIFOs laid out, and all masks open.
 fn configured() -> Core {
     let mut core = Core::default();
-    let bulk = 64 | USBAEP | BULK | SD0PID;
+    let bulk = PACKET | USBAEP | BULK | SD0PID;
     for (register, value) in [
         (GRXFSIZ, 64),
         (DIEPTXF0, 16 << 16 | 64),
-        (DIEPTXF1, 16 << 16 | 80),
-        (GINTMSK, u32::MAX),
+        (DIEPTXF1, 16 << 16 | 0x50),
+        (GINTMSK, RXFLVL | USBRST | ENUMDNE | IEPINT | OEPINT),
         (GAHBCFG, 1),
         (DIEPMSK, 1),
         (DOEPMSK, 1 << 3 | 1),
@@ -131,11 +133,19 @@ fn a_setup_is_taken_whatever_its_endpoint_does_and_is_complete_with_the_next_tok
     core.write(doepctl(0), STALL | SNAK);
     assert_eq!(core.answer_in(0), Some(InAnswer::Stall));
     assert_eq!(core.setup([1, 2, 3, 4, 5, 6, 7, 8]), Some(Handshake::Ack));
-    assert_eq!(core.answer_in(0), Some(InAnswer::Nak), "a SETUP ends the stall");
+    assert_eq!(
+        core.answer_in(0),
+        Some(InAnswer::Nak),
+        "a SETUP ends the stall"
+    );
     assert_eq!(drain(&mut core), [(0b0110, vec![0x0403_0201, 0x0807_0605])]);
     assert_eq!(core.peek(doepint(0)) & 1 << 3, 0);
     assert_eq!(core.token_in(0), Some(InAnswer::Nak));
-    assert_eq!(core.peek(GINTSTS) & OEPINT, 0, "the entry has to be popped first");
+    assert_eq!(
+        core.peek(GINTSTS) & OEPINT,
+        0,
+        "the entry has to be popped first"
+    );
     assert_eq!(drain(&mut core), [(0b0100, vec![])]);
     assert_eq!(core.peek(doepint(0)) & 1 << 3, 1 << 3);
     assert_eq!(core.peek(DAINT), 1 << 16);
@@ -154,7 +164,10 @@ fn an_out_endpoint_takes_what_it_was_set_up_for_and_refuses_until_its_nak_is_cle
     assert_ne!(core.peek(doepctl(1)) & NAKSTS, 0);
     let entries = drain(&mut core);
     assert_eq!(entries[0].0, 0b0010);
-    assert_eq!((entries[0].1[0], entries[0].1[15]), (0x0302_0100, 0x3F3E_3D3C));
+    assert_eq!(
+        (entries[0].1[0], entries[0].1[15]),
+        (0x0302_0100, 0x3F3E_3D3C)
+    );
     assert_eq!(entries[1], (0b0011, vec![]));
     assert_eq!(core.peek(doepctl(1)) & EPENA, 0, "the transfer is complete");
     core.write(doeptsiz(1), 1 << 19 | 64);
@@ -163,7 +176,10 @@ fn an_out_endpoint_takes_what_it_was_set_up_for_and_refuses_until_its_nak_is_cle
     assert_eq!(core.out(1, Pid::Data0, &packet), Some(Handshake::Ack));
     assert_eq!(drain(&mut core), [], "it is acknowledged and dropped");
     assert_eq!(core.out(1, Pid::Data1, &[9, 8, 7]), Some(Handshake::Ack));
-    assert_eq!(drain(&mut core), [(0b0010, vec![0x0007_0809]), (0b0011, vec![])]);
+    assert_eq!(
+        drain(&mut core),
+        [(0b0010, vec![0x0007_0809]), (0b0011, vec![])]
+    );
 }
 
 #[test]
@@ -186,12 +202,20 @@ fn an_in_endpoint_sends_whole_packets_and_again_until_they_are_acknowledged() {
     assert_eq!(core.token_in(1), Some(InAnswer::Nak));
     assert_eq!(core.peek(dtxfsts(1)), 16);
     send(&mut core, &[0x0403_0201], 6);
-    assert_eq!(core.token_in(1), Some(InAnswer::Nak), "half of it is not there");
+    assert_eq!(
+        core.token_in(1),
+        Some(InAnswer::Nak),
+        "half of it is not there"
+    );
     core.write(FIFO1, 0x0605);
     assert_eq!(core.peek(dtxfsts(1)), 14);
     let answer = Some(InAnswer::Data(Pid::Data0, vec![1, 2, 3, 4, 5, 6]));
     assert_eq!(core.token_in(1), answer);
-    assert_eq!(core.token_in(1), answer, "without an acknowledgement the same again");
+    assert_eq!(
+        core.token_in(1),
+        answer,
+        "without an acknowledgement the same again"
+    );
     assert_eq!(core.peek(diepctl(1)) & EPENA, EPENA);
     core.acknowledged(1);
     assert_eq!(core.peek(diepctl(1)) & EPENA, 0);
@@ -210,12 +234,19 @@ fn a_disabled_or_flushed_in_endpoint_sends_nothing() {
     send(&mut core, &[7], 4);
     core.write(GRSTCTL, 1 << 5 | 1 << 6);
     assert_eq!(core.token_in(1), Some(InAnswer::Nak));
-    assert_eq!(core.peek(diepctl(1)) & EPENA, EPENA, "a flush does not disable it");
+    assert_eq!(
+        core.peek(diepctl(1)) & EPENA,
+        EPENA,
+        "a flush does not disable it"
+    );
     core.write(diepctl(1), core.peek(diepctl(1)) | SNAK | EPDIS);
     assert_eq!(core.peek(diepctl(1)) & EPENA, 0);
     assert_eq!(core.peek(diepint(1)) & 2, 2);
     send(&mut core, &[8], 4);
-    assert_eq!(core.token_in(1), Some(InAnswer::Data(Pid::Data0, vec![8, 0, 0, 0])));
+    assert_eq!(
+        core.token_in(1),
+        Some(InAnswer::Data(Pid::Data0, vec![8, 0, 0, 0]))
+    );
 }
 
 #[test]
@@ -257,7 +288,10 @@ fn a_reset_of_the_bus_takes_bulk_endpoints_out_of_use_and_nothing_else() {
     assert_eq!(core.token_in(1), None);
     assert_eq!(core.out(1, Pid::Data0, &[1]), None);
     core.write(diepctl(1), core.peek(diepctl(1)) | USBAEP);
-    assert_eq!(core.token_in(1), Some(InAnswer::Data(Pid::Data0, vec![7, 0, 0, 0])));
+    assert_eq!(
+        core.token_in(1),
+        Some(InAnswer::Data(Pid::Data0, vec![7, 0, 0, 0]))
+    );
 }
 
 #[test]
@@ -361,7 +395,12 @@ fn a_core_without_its_clock_answers_nothing_and_one_that_is_reset_forgets() {
     assert_eq!(bench.read(GCCFG), 0);
     bench.write(AHB1ENR, 0);
     let at = bench.at();
-    assert!(bench.part.read(at, WINDOW_BASE + GCCFG, Width::W32).is_err());
+    assert!(
+        bench
+            .part
+            .read(at, WINDOW_BASE + GCCFG, Width::W32)
+            .is_err()
+    );
 }
 
 #[test]
@@ -374,9 +413,11 @@ fn a_pull_up_is_seen_while_the_cable_is_in_and_silence_suspends_with_or_without_
     assert_eq!(bench.read(DSTS) & 1, 1);
     let at = bench.at();
     assert!(!bench.part.drive_usb(at, |host, _| host.sees_device()));
-    bench.part.drive_usb(at, |host, now_ns| host.plug(now_ns));
+    bench.part.drive_usb(at, Host::plug);
     assert!(bench.part.drive_usb(at, |host, _| host.sees_device()));
-    bench.part.drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
+    bench
+        .part
+        .drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
     bench.wait(11 * MS);
     assert_eq!(bench.read(GINTSTS) & (USBRST | ENUMDNE), USBRST | ENUMDNE);
     assert_eq!(bench.read(DSTS) & 1, 0);
@@ -386,28 +427,36 @@ fn a_pull_up_is_seen_while_the_cable_is_in_and_silence_suspends_with_or_without_
     assert_eq!(bench.read(DSTS) >> 8 & 0x3FFF, frame + 10);
     bench.write(WINDOW_BASE + DCTL, 1 << 1);
     let at = bench.at();
-    assert!(!bench.part.drive_usb(at, |host, _| host.sees_device()), "soft disconnect");
+    assert!(
+        !bench.part.drive_usb(at, |host, _| host.sees_device()),
+        "soft disconnect"
+    );
 }
 
 /// Packets that endpoint 1 took in so many frames from a host that always has one, as soon as each is taken.
 fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
     let mut bench = Bench::connected();
     let at = bench.at();
-    bench.part.drive_usb(at, |host, now_ns| {
-        host.plug(now_ns);
-        host.reset_bus(now_ns, 10 * MS);
-    });
+    bench.part.drive_usb(at, Host::plug);
+    bench
+        .part
+        .drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
     bench.wait(10 * MS);
     let at = bench.at();
     bench.part.drive_usb(at, move |host, _| {
         host.break_packets(per_million, 3);
         // Each packet says which it is.
-        let data = (0..frames * 20).flat_map(|number| [number as u8; 64]).collect();
+        let data = (0..frames * 20)
+            .flat_map(|number| [number as u8; 64])
+            .collect();
         host.submit(Transfer::Out { endpoint: 1, data });
     });
     for (register, value) in [
         (GRXFSIZ, 64),
-        (doepctl(1), u64::from(64 | USBAEP | BULK | SD0PID | CNAK)),
+        (
+            doepctl(1),
+            u64::from(PACKET | USBAEP | BULK | SD0PID | CNAK),
+        ),
     ] {
         bench.write(WINDOW_BASE + register, value);
     }
@@ -447,10 +496,10 @@ fn packets_that_break_are_sent_again_and_taken_once_each_in_order() {
 fn a_device_that_does_not_answer_is_tried_three_times() {
     let mut bench = Bench::connected();
     let at = bench.at();
-    bench.part.drive_usb(at, |host, now_ns| {
-        host.plug(now_ns);
-        host.reset_bus(now_ns, 10 * MS);
-    });
+    bench.part.drive_usb(at, Host::plug);
+    bench
+        .part
+        .drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
     bench.wait(10 * MS);
     let at = bench.at();
     bench.part.drive_usb(at, |host, _| {

@@ -3,18 +3,34 @@
 
 use std::collections::VecDeque;
 
-use super::registers::*;
+use super::registers::{
+    ALL_FIFOS, CID, CTL, DAINT, DAINTMSK, DCFG, DCTL, DCTL_CGINAK, DCTL_CGONAK, DCTL_GINSTS,
+    DCTL_GONSTS, DCTL_SDIS, DCTL_SGINAK, DCTL_SGONAK, DIEP0, DIEPEMPMSK, DIEPINT_INEPNE,
+    DIEPINT_ITTXFE, DIEPINT_TXFE, DIEPMSK, DIEPTXF0, DIEPTXF1, DOEP0, DOEPINT_B2BSTUP,
+    DOEPINT_STUP, DOEPMSK, DSTS, DSTS_FULL_SPEED, DSTS_SUSPSTS, ENDPOINT_STEP, ENDPOINTS,
+    EPCTL_CNAK, EPCTL_DPID, EPCTL_EPDIS, EPCTL_EPENA, EPCTL_KEPT, EPCTL_NAKSTS, EPCTL_SD0PID,
+    EPCTL_SD1PID, EPCTL_SNAK, EPCTL_STALL, EPCTL_USBAEP, EPINT_EPDISD, EPINT_XFRC, FIFO_STEP,
+    FIFO0, GAHBCFG, GAHBCFG_DMAEN, GAHBCFG_GINTMSK, GAHBCFG_TXFELVL, GCCFG, GCCFG_PWRDWN,
+    GCCFG_VBDEN, GINTMSK, GINTSTS, GINTSTS_CIDSCHG, GINTSTS_CMOD, GINTSTS_ENUMDNE, GINTSTS_ESUSP,
+    GINTSTS_GINAKEFF, GINTSTS_GONAKEFF, GINTSTS_IEPINT, GINTSTS_LATCHED, GINTSTS_NPTXFE,
+    GINTSTS_OEPINT, GINTSTS_OTGINT, GINTSTS_PTXFE, GINTSTS_RXFLVL, GINTSTS_SOF, GINTSTS_USBRST,
+    GINTSTS_USBSUSP, GINTSTS_WKUPINT, GOTGCTL, GOTGCTL_BSVLD, GOTGCTL_BVALOEN, GOTGCTL_BVALOVAL,
+    GOTGINT, GRSTCTL, GRSTCTL_AHBIDL, GRSTCTL_CSRST, GRSTCTL_RXFFLSH, GRSTCTL_TXFFLSH, GRXFSIZ,
+    GRXSTSP, GRXSTSR, GUSBCFG, GUSBCFG_FHMOD, INT, OUT_DATA, OUT_DONE, PCGCCTL, SETUP_DATA,
+    SETUP_DONE, TSIZ, TSIZ_BYTES, TSIZ_PACKETS, TSIZ_PACKETS_SHIFT, TSIZ_SETUPS_SHIFT, TXFSTS, bit,
+};
 
 /// `CID` of this part's cores (section 57.14, OTG_CID).
 const CORE_ID: u32 = 0x2300;
-/// Words of the FIFO RAM (section 57.11).
+/// Words of the FIFO RAM: 4 Kbytes.
 const FIFO_WORDS: u32 = 1024;
 
-const DMA: &str = "RM0433 57.14, OTG_GAHBCFG: DMAEN is not modelled, the FIFOs are the core's to fill and empty";
+const DMA: &str =
+    "RM0433 57.14, OTG_GAHBCFG: DMAEN is not modelled, the FIFOs are the core's to fill and empty";
 const HOST_MODE: &str = "RM0433 57.14, OTG_GUSBCFG: FHMOD is not modelled, the core is a device";
-const OUT_DISABLED: &str =
-    "RM0433 57.14, OTG_DOEPCTLx: EPDIS without the global OUT NAK, which the manual asks for first; taken at once";
-const FIFO_OVERRUN: &str = "more words were written to a transmit FIFO than DTXFSTS had room for; they are lost";
+const OUT_DISABLED: &str = "RM0433 57.14, OTG_DOEPCTLx: EPDIS without the global OUT NAK, which the manual asks for first; taken at once";
+const FIFO_OVERRUN: &str =
+    "more words were written to a transmit FIFO than DTXFSTS had room for; they are lost";
 const FIFO_UNDERRUN: &str = "the receive FIFO was read without data; the read answers zero";
 const FIFO_LAYOUT: &str = "the FIFOs do not fit the FIFO RAM of 4 Kbytes";
 
@@ -70,6 +86,10 @@ struct Received {
 }
 
 #[derive(Clone, Copy, Debug, Default)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a bit of the register"
+)]
 struct Endpoint {
     kept: u32,
     active: bool,
@@ -277,7 +297,9 @@ impl Core {
         match offset {
             GOTGCTL => {
                 self.otg_control
-                    | if self.otg_control & (GOTGCTL_BVALOEN | GOTGCTL_BVALOVAL) == (GOTGCTL_BVALOEN | GOTGCTL_BVALOVAL) {
+                    | if self.otg_control & (GOTGCTL_BVALOEN | GOTGCTL_BVALOVAL)
+                        == (GOTGCTL_BVALOEN | GOTGCTL_BVALOVAL)
+                    {
                         GOTGCTL_BSVLD
                     } else {
                         0
@@ -305,7 +327,7 @@ impl Core {
             DAINTMSK => self.all_mask,
             DIEPEMPMSK => self.empty_mask,
             PCGCCTL => self.gating,
-            DIEPTXF1..0x124 if offset % 4 == 0 => {
+            DIEPTXF1..0x124 if offset.is_multiple_of(4) => {
                 self.transmit_sizes[(offset - DIEPTXF1) as usize / 4 + 1]
             }
             _ => self.peek_endpoint(offset),
@@ -362,7 +384,7 @@ impl Core {
             GCCFG => self.general_config = value,
             DCFG => {
                 self.device_config = value;
-                // Section 57.16, SetAddress: written before the status stage, which still goes to the old one.
+                // Section 57.15, SetAddress: written before the status stage, which still goes to the old one.
                 if !self.in_control {
                     self.take_address();
                 }
@@ -373,7 +395,7 @@ impl Core {
             DAINTMSK => self.all_mask = value,
             DIEPEMPMSK => self.empty_mask = value,
             PCGCCTL => self.gating = value,
-            DIEPTXF1..0x124 if offset % 4 == 0 => {
+            DIEPTXF1..0x124 if offset.is_multiple_of(4) => {
                 self.transmit_sizes[(offset - DIEPTXF1) as usize / 4 + 1] = value;
             }
             _ => self.write_endpoint(offset, value),
@@ -500,7 +522,11 @@ impl Core {
 
     fn all_interrupts(&self) -> u32 {
         (0..ENDPOINTS).fold(0, |all, index| {
-            let empty = if self.empty_mask & bit(index) != 0 { DIEPINT_TXFE } else { 0 };
+            let empty = if self.empty_mask & bit(index) != 0 {
+                DIEPINT_TXFE
+            } else {
+                0
+            };
             let input = self.in_interrupts(index) & (self.in_mask & !DIEPINT_TXFE | empty) != 0;
             let output = self.outputs[index].interrupts & self.out_mask != 0;
             all | u32::from(input) << index | u32::from(output) << (16 + index)
@@ -564,7 +590,10 @@ impl Core {
 
     fn held_words(&self) -> u32 {
         let entries = self.received.iter();
-        self.popped.len() as u32 + entries.map(|entry| 1 + entry.words.len() as u32).sum::<u32>()
+        self.popped.len() as u32
+            + entries
+                .map(|entry| 1 + entry.words.len() as u32)
+                .sum::<u32>()
     }
 
     fn has_room(&self, bytes: usize) -> bool {
@@ -702,7 +731,8 @@ impl Core {
                 endpoint.odd = !endpoint.odd;
                 endpoint.packets = endpoint.packets.saturating_sub(1);
                 endpoint.bytes = endpoint.bytes.saturating_sub(data.len() as u32);
-                let is_last = endpoint.packets == 0 || data.len() < endpoint.max_packet_bytes(index);
+                let is_last =
+                    endpoint.packets == 0 || data.len() < endpoint.max_packet_bytes(index);
                 endpoint.nak |= is_last;
                 self.receive(index, OUT_DATA, pid, data);
                 if is_last {

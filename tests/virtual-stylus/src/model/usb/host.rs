@@ -194,7 +194,6 @@ impl Pending {
                 endpoint: 0,
                 data: rest(data),
             },
-            (Transfer::Control { .. }, Stage::Data) => Packets::In { endpoint: 0 },
             // The status goes the other way than the data (section 8.5.3).
             (Transfer::Control { .. }, Stage::Status) if self.is_read() && self.asked() > 0 => {
                 Packets::Out {
@@ -202,7 +201,7 @@ impl Pending {
                     data: Vec::new(),
                 }
             }
-            (Transfer::Control { .. }, Stage::Status) => Packets::In { endpoint: 0 },
+            (Transfer::Control { .. }, _) => Packets::In { endpoint: 0 },
             (Transfer::Out { endpoint, data }, _) => Packets::Out {
                 endpoint: usize::from(*endpoint),
                 data: rest(data),
@@ -248,7 +247,11 @@ impl Pending {
     fn got(&mut self, data: &[u8]) -> Result<bool, TransferError> {
         let is_control = matches!(self.transfer, Transfer::Control { .. });
         if is_control && self.stage == Stage::Status {
-            return if data.is_empty() { Ok(true) } else { Err(TransferError::Babble) };
+            return if data.is_empty() {
+                Ok(true)
+            } else {
+                Err(TransferError::Babble)
+            };
         }
         self.received.extend(data);
         if self.received.len() > self.asked() {
@@ -267,7 +270,11 @@ impl Pending {
             Transfer::Control { data, .. } => data.len(),
             _ => 0,
         };
-        let has_data = if self.is_read() { self.asked() > 0 } else { data > 0 };
+        let has_data = if self.is_read() {
+            self.asked() > 0
+        } else {
+            data > 0
+        };
         self.stage = if has_data { Stage::Data } else { Stage::Status };
     }
 }
@@ -624,7 +631,11 @@ impl Host {
         if self.queue.is_empty() || self.refused_at == Some(core.changes()) {
             return None;
         }
-        if self.queue.values().all(|waiting| refused(&waiting[0], core)) {
+        if self
+            .queue
+            .values()
+            .all(|waiting| refused(&waiting[0], core))
+        {
             self.refused_at = Some(core.changes());
             return None;
         }
@@ -674,7 +685,11 @@ impl Host {
         let arrives = is_there && !self.chance.breaks();
         let (sent, took_ns) = match &packets {
             Packets::In { endpoint } => {
-                let answer = if arrives { core.token_in(*endpoint) } else { None };
+                let answer = if arrives {
+                    core.token_in(*endpoint)
+                } else {
+                    None
+                };
                 match answer {
                     None => (Sent::Unheard, nanos(TOKEN_BITS + TIMEOUT_BITS)),
                     Some(answer) => {
@@ -729,39 +744,40 @@ impl Host {
             sent,
         } = transaction;
         let outcome = match (&packets, sent) {
-            (_, Sent::Unheard) => Outcome::Broken,
-            (Packets::Setup(data), Sent::Heard { is_answered }) => {
-                match core.setup(*data) {
-                    Some(Handshake::Ack) if is_answered => Outcome::SetUp,
-                    _ => Outcome::Broken,
-                }
-            }
+            (Packets::Setup(data), Sent::Heard { is_answered }) => match core.setup(*data) {
+                Some(Handshake::Ack) if is_answered => Outcome::SetUp,
+                _ => Outcome::Broken,
+            },
             (Packets::Out { endpoint, data }, Sent::Heard { is_answered }) => {
                 match core.out(*endpoint, pid, data) {
-                    Some(_) if !is_answered => Outcome::Broken,
                     None => Outcome::Broken,
+                    Some(_) if !is_answered => Outcome::Broken,
                     Some(Handshake::Ack) => Outcome::Took(data.len()),
                     Some(Handshake::Nak) => Outcome::Refused,
                     Some(Handshake::Stall) => Outcome::Failed(TransferError::Stall),
                 }
             }
-            (Packets::In { .. }, Sent::Answered { arrives: false, .. }) => Outcome::Broken,
-            (Packets::In { endpoint }, Sent::Answered { answer, is_acknowledged, .. }) => {
-                match answer {
-                    InAnswer::Nak => Outcome::Refused,
-                    InAnswer::Stall => Outcome::Failed(TransferError::Stall),
-                    InAnswer::Data(found, data) => {
-                        if is_acknowledged {
-                            core.acknowledged(*endpoint);
-                        }
-                        if found == pid {
-                            Outcome::Got(data)
-                        } else {
-                            Outcome::Repeated
-                        }
+            (
+                Packets::In { endpoint },
+                Sent::Answered {
+                    answer,
+                    arrives: true,
+                    is_acknowledged,
+                },
+            ) => match answer {
+                InAnswer::Nak => Outcome::Refused,
+                InAnswer::Stall => Outcome::Failed(TransferError::Stall),
+                InAnswer::Data(found, data) => {
+                    if is_acknowledged {
+                        core.acknowledged(*endpoint);
+                    }
+                    if found == pid {
+                        Outcome::Got(data)
+                    } else {
+                        Outcome::Repeated
                     }
                 }
-            }
+            },
             _ => Outcome::Broken,
         };
         self.count(&outcome);
@@ -838,7 +854,9 @@ enum Outcome {
 fn refused(pending: &Pending, core: &Core) -> bool {
     match pending.packets() {
         Packets::Setup(_) => false,
-        Packets::Out { endpoint: 0, .. } | Packets::In { endpoint: 0 } if core.in_setup_stage() => false,
+        Packets::Out { endpoint: 0, .. } | Packets::In { endpoint: 0 } if core.in_setup_stage() => {
+            false
+        }
         Packets::Out { endpoint, data } => {
             core.answer_out(endpoint, data.len()) == Some(Handshake::Nak)
         }

@@ -4,10 +4,10 @@
 //! | What | Section |
 //! |---|---|
 //! | `GRSTCTL`: resets and flushes are done at once, the AHB is idle | 57.14 |
-//! | The line is pulled up while `GCCFG.PWRDWN` is set, `DCTL.SDIS` is clear and the session is valid by `GOTGCTL` | 57.5, 57.14 |
-//! | `GINTSTS`, `GINTMSK`, `GAHBCFG.GINTMSK`, `DAINT`, `DAINTMSK`, the endpoints' flags and masks, `DIEPEMPMSK`: one line, a level | 57.13 |
-//! | The receive FIFO: entries popped by `GRXSTSP`, data read through any FIFO's window, room for `GRXFSIZ` words | 57.11, 57.15 |
-//! | A transmit FIFO an endpoint, of `DIEPTXFx` words; `DTXFSTSx` | 57.11 |
+//! | The line is pulled up while `GCCFG.PWRDWN` is set, `DCTL.SDIS` is clear and the session is valid by `GOTGCTL` | 57.14 |
+//! | `GINTSTS`, `GINTMSK`, `GAHBCFG.GINTMSK`, `DAINT`, `DAINTMSK`, the endpoints' flags and masks, `DIEPEMPMSK`: one line, a level | 57.14 |
+//! | The receive FIFO: entries popped by `GRXSTSP`, data read through any FIFO's window, room for `GRXFSIZ` words | 57.14, 57.15 |
+//! | A transmit FIFO an endpoint, of `DIEPTXFx` words; `DTXFSTSx` | 57.14 |
 //! | `DxEPCTLx`, `DxEPTSIZx`: enable, disable, NAK, stall, packet and byte counts, data toggles | 57.14, 57.15 |
 //! | An OUT transfer ends with its last packet or one that is not full; the endpoint answers NAK from then on | 57.15 |
 //! | A SETUP is always taken, ends a stall of endpoint 0, sets both its NAKs, and is complete with the next token | 57.15 |
@@ -34,7 +34,9 @@ mod registers;
 
 use std::num::NonZeroU64;
 
-use rigless::device::{DeviceContext, ErasedDevice, InterruptChange, Level, RegisterFile, RequestChange};
+use rigless::device::{
+    DeviceContext, ErasedDevice, InterruptChange, Level, RegisterFile, RequestChange,
+};
 use rigless::soc::{Gate, RegisterSpec, Width, Window};
 use rigless::time::{EventId, VirtualNanos};
 
