@@ -1,7 +1,8 @@
 //! What the link over USB carries, and on which bus.
 
 use model_format::link::{
-    BLOCK_SAMPLES, MotionSource, RecordStartEndpoint, RecordStopEndpoint, StatusEndpoint,
+    BLOCK_SAMPLES, MotionSource, RecordSample, RecordStartEndpoint, RecordStopEndpoint,
+    StatusEndpoint,
 };
 use virtual_stylus::Options;
 use virtual_stylus::model::dac::Cause;
@@ -363,6 +364,14 @@ fn frames_that_nobody_fetches_are_dropped_whole_and_the_next_ones_arrive() {
         "in order, none twice"
     );
     assert!(sequences.max() > Some(10), "the host was away");
+    // One frame that began as another would show: the pins have the same levels all the time.
+    let mut samples =
+        (device.blocks.iter()).flat_map(|block| block.samples.map(RecordSample::from));
+    let first = samples.next().expect("there are blocks");
+    assert!(
+        samples.all(|sample| sample == first),
+        "samples of two frames in one"
+    );
     let status = device.status();
     assert!(status.usb.unsent > 0);
     assert_eq!((status.usb.malformed, status.usb.oversized), (0, 0));
