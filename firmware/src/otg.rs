@@ -9,7 +9,7 @@
 //! | reset the bus, or pull the cable, in the middle of a frame | what there is of it is joined to the next frame | a new session: both sides of the frame are dropped |
 //! | suspend the bus and reset it while the tasks are busy | the suspend is believed, and the device sleeps through its enumeration | forgotten with the reset |
 //!
-//! The driver of later releases mends the toggles and the late suspend.
+//! embassy has mended the toggles and the late suspend since, in no release yet.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;

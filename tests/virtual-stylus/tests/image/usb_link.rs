@@ -1,14 +1,15 @@
 //! What the link over USB carries, and on which bus.
 
 use model_format::link::{
-    BLOCK_SAMPLES, MotionSource, RecordSample, RecordStartEndpoint, RecordStopEndpoint,
-    StatusEndpoint,
+    ActivateEndpoint, BLOCK_SAMPLES, MotionSource, RecordSample, RecordStartEndpoint,
+    RecordStopEndpoint, SlotId, StatusEndpoint,
 };
+use postcard_rpc::Endpoint;
 use virtual_stylus::Options;
 use virtual_stylus::model::dac::Cause;
 use virtual_stylus::model::usb::host::Host;
 use virtual_stylus::motion::Motion;
-use virtual_stylus::usb_host::Request;
+use virtual_stylus::usb_host::{Request, Timing};
 
 use crate::device::{BULK_IN, BULK_OUT, Device, MS, PERIOD_NS, SECOND, announced};
 use crate::library;
@@ -86,6 +87,24 @@ fn an_upload_over_usb_while_playing_and_recording_moves_nothing_and_loses_nothin
     assert_even(&mut device);
     let activated = device.activate(committed.slot);
     assert_eq!(activated.library.crc32, announced(&large).crc32);
+    sleeps_through_nothing(&mut device, committed.slot);
+}
+
+/// The tasks of the device are busy with a large library while the bus is suspended, reset, and runs again.
+fn sleeps_through_nothing(device: &mut Device, slot: SlotId) {
+    device.usb().1.timing = Timing {
+        settle_ns: 0,
+        ..Timing::default()
+    };
+    // The library is checked in one go some 50 ms after it was asked for.
+    for micros in (18..34).map(|point| point * 2_000) {
+        device.send_frame(ActivateEndpoint::REQ_KEY, &slot);
+        device.run_for(MS / 2 + micros * 1_000);
+        (device.usb().0.usb(Host::suspend)).expect("the run goes on");
+        device.run_for(7 * MS / 2);
+        assert!(device.enumerate().is_ok(), "it sleeps, {micros} us later");
+        device.status();
+    }
 }
 
 #[test]
