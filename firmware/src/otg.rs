@@ -8,6 +8,7 @@
 //! | choose a configuration while a packet waits to be fetched | its FIFO is flushed and the endpoint stays enabled: nothing is sent ever after | the endpoint is disabled first |
 //! | reset the bus, or pull the cable, in the middle of a frame | what there is of it is joined to the next frame | a new session: both sides of the frame are dropped |
 //! | suspend the bus and reset it while the tasks are busy | the suspend is believed, and the device sleeps through its enumeration | forgotten with the reset |
+//! | speak to the device right after a reset, while the tasks are busy | it still has its old address and is silent | the interrupt's handler takes the address back |
 //!
 //! embassy has mended the toggles and the late suspend since, in no release yet.
 
@@ -106,12 +107,32 @@ impl Handler<typelevel::OTG_FS> for Watch {
         let raised = USB_OTG_FS.gintsts().read();
         // embassy's handler masks what its task then does; until that is done it is not another reset.
         if raised.usbrst() && USB_OTG_FS.gintmsk().read().usbrst() {
+            // The host soon speaks to address 0, whenever the task gets to it (USB 2.0, section 7.1.7.5).
+            USB_OTG_FS.dcfg().modify(|w| w.set_dad(0));
             otg_control::bus_was_reset();
             IN.end();
             OUT.end();
         }
         if raised.oepint() && USB_OTG_FS.doepint(0).read().stup() {
             otg_control::setup_came();
+        }
+    }
+}
+
+/// Keeps an ear open for resets of the bus while embassy's task has something else of the bus to do, after its handler.
+pub struct Listen;
+
+#[expect(
+    unsafe_code,
+    reason = "a handler of embassy's interrupts is unsafe to call; this one opens a mask"
+)]
+// SAFETY: it calls for nothing of its caller.
+impl Handler<typelevel::OTG_FS> for Listen {
+    // SAFETY: as above.
+    unsafe fn on_interrupt() {
+        // One that is pending has been heard, and stays masked until the task is done with it.
+        if !USB_OTG_FS.gintsts().read().usbrst() {
+            USB_OTG_FS.gintmsk().modify(|w| w.set_usbrst(true));
         }
     }
 }

@@ -23,7 +23,7 @@ use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::link;
 use crate::link_counters::USB;
-use crate::otg::{Driver, Input, Output, PACKET_BYTES, Watch};
+use crate::otg::{Driver, Input, Listen, Output, PACKET_BYTES, Watch};
 use crate::wire::{self, SendFrame, Wire};
 
 /// What a program on Windows looks for; the interface's own, made up once.
@@ -42,7 +42,7 @@ const VENDOR_CLASS: u8 = 0xFF;
 static OUT: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
 
 bind_interrupts!(struct Interrupts {
-    OTG_FS => Watch, usb::InterruptHandler<peripherals::USB_OTG_FS>;
+    OTG_FS => Watch, usb::InterruptHandler<peripherals::USB_OTG_FS>, Listen;
 });
 
 /// Starts the link, if the peripheral answers.

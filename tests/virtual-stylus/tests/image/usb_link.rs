@@ -102,7 +102,8 @@ fn sleeps_through_nothing(device: &mut Device, slot: SlotId) {
         device.run_for(MS / 2 + micros * 1_000);
         (device.usb().0.usb(Host::suspend)).expect("the run goes on");
         device.run_for(7 * MS / 2);
-        assert!(device.enumerate().is_ok(), "it sleeps, {micros} us later");
+        let read = device.enumerate();
+        assert!(read.is_ok(), "{read:?}, {micros} us later");
         device.status();
     }
 }
