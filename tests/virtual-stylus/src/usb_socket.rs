@@ -32,6 +32,8 @@ struct Program {
     bytes: VecDeque<u8>,
     out: VecDeque<TransferId>,
     input: VecDeque<TransferId>,
+    /// The most transfers from the device that waited.
+    most: usize,
 }
 
 impl UsbSocket {
@@ -68,6 +70,12 @@ impl UsbSocket {
             })
     }
 
+    /// Whether a program has had more transfers wait for the device than it has now, so that it is about to ask for more. A
+    /// run that goes on meanwhile is faster than its program.
+    pub fn is_ahead(&self) -> bool {
+        (self.program.as_ref()).is_some_and(|program| program.input.len() < program.most)
+    }
+
     /// Does what is due. Enumerates the device if it is not configured, which runs the stylus; it is plugged in again some
     /// time after its cable was pulled.
     ///
@@ -98,6 +106,7 @@ impl UsbSocket {
                 bytes: VecDeque::new(),
                 out: VecDeque::new(),
                 input: VecDeque::new(),
+                most: 0,
             });
         }
         if let (Some(program), Some(endpoints)) = (&mut self.program, self.endpoints)
@@ -143,6 +152,7 @@ impl Program {
                     };
                     self.input
                         .push_back(stylus.usb(move |host, _| host.submit(transfer))?);
+                    self.most = self.most.max(self.input.len());
                     continue;
                 }
                 Ok(Some(ToBus::ClearOut)) => FromBus::ClearedOut(

@@ -58,6 +58,12 @@ impl Running {
                 }
                 stylus.run_for(STEP_NS).expect("the run goes on");
                 socket.serve(&mut stylus).expect("the run goes on");
+                // On a busy computer the client gets its turn before time goes on.
+                let begin = Instant::now();
+                while socket.is_ahead() && begin.elapsed() < Duration::from_secs(2) {
+                    std::thread::sleep(Duration::from_micros(50));
+                    socket.serve(&mut stylus).expect("the run goes on");
+                }
                 clock.store(stylus.now_ns(), Ordering::Relaxed);
                 let ran = Duration::from_nanos(stylus.now_ns() - from_ns);
                 std::thread::sleep(ran.saturating_sub(began.elapsed()));
