@@ -7,6 +7,7 @@
 //! | [`update`], [`direction`], [`voice`], [`shared`] | one block every 2 ms, handed to the tick |
 //! | [`device`], [`library_ram`], [`storage`], [`flash`], [`flash_word`] | what `stylus_app` needs of the hardware |
 //! | [`link`], [`serial`], [`usb`] | requests, over two wires |
+//! | [`otg`], [`otg_control`] | what embassy's driver of the USB core does not survive by itself |
 //! | [`fault`], [`watchdog`], [`stack`] | the end, and why; what keeps from it |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
@@ -27,6 +28,8 @@ mod inputs;
 mod library_ram;
 mod link;
 mod link_counters;
+mod otg;
+mod otg_control;
 mod output;
 mod priority;
 mod serial;

@@ -10,7 +10,7 @@ use embassy_executor::Spawner;
 use embassy_futures::yield_now;
 use embassy_stm32::pac::{PWR, USB_OTG_FS};
 use embassy_stm32::peripherals::{self, PA11, PA12};
-use embassy_stm32::usb::{self, Driver};
+use embassy_stm32::usb;
 use embassy_stm32::{Peri, bind_interrupts, rcc, uid};
 use embassy_time::{Duration, Instant};
 use embassy_usb::driver::{Endpoint, EndpointError, EndpointIn, EndpointOut};
@@ -23,10 +23,8 @@ use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::link;
 use crate::link_counters::USB;
+use crate::otg::{Driver, Input, Listen, Output, PACKET_BYTES, Watch};
 use crate::wire::{self, SendFrame, Wire};
-
-/// Longest packet of a bulk endpoint at full speed, bytes (USB 2.0, section 5.8.3).
-const PACKET_BYTES: usize = 64;
 
 /// What a program on Windows looks for; the interface's own, made up once.
 const INTERFACE_GUIDS: &[&str] = &["{6D1F0C5A-9B0E-4C86-8F2B-51E6C2F5B0A7}"];
@@ -43,16 +41,14 @@ const VENDOR_CLASS: u8 = 0xFF;
 /// Bytes received by all endpoints and not yet taken.
 static OUT: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
 
-type UsbDriver = Driver<'static, peripherals::USB_OTG_FS>;
-
 bind_interrupts!(struct Interrupts {
-    OTG_FS => usb::InterruptHandler<peripherals::USB_OTG_FS>;
+    OTG_FS => Watch, usb::InterruptHandler<peripherals::USB_OTG_FS>, Listen;
 });
 
 /// Starts the link, if the peripheral answers.
 pub async fn start(
     spawner: Spawner,
-    usb: Peri<'static, peripherals::USB_OTG_FS>,
+    peripheral: Peri<'static, peripherals::USB_OTG_FS>,
     dp: Peri<'static, PA12>,
     dm: Peri<'static, PA11>,
 ) {
@@ -63,8 +59,8 @@ pub async fn start(
     let mut config = usb::Config::default();
     // The board's power does not come from this socket, and PA9, its VBUS, may be wired to something else.
     config.vbus_detection = false;
-    let driver = Driver::new_fs(usb, Interrupts, dp, dm, OUT.take(), config);
-    let (device, half, inlet) = describe(driver);
+    let driver = usb::Driver::new_fs(peripheral, Interrupts, dp, dm, OUT.take(), config);
+    let (device, half, inlet) = describe(Driver(driver));
     wire::USB.open(half).await;
     spawner.spawn(run(device).unwrap());
     spawner.spawn(serve(inlet).unwrap());
@@ -101,7 +97,7 @@ async fn answers() -> bool {
     becomes(|| !USB_OTG_FS.gintsts().read().cmod()).await
 }
 
-fn describe(driver: UsbDriver) -> (UsbDevice<'static, UsbDriver>, Half, Inlet) {
+fn describe(driver: Driver) -> (UsbDevice<'static, Driver>, Half, Inlet) {
     static CONFIG_DESCRIPTOR: ConstStaticCell<[u8; 64]> = ConstStaticCell::new([0; 64]);
     static BOS_DESCRIPTOR: ConstStaticCell<[u8; 64]> = ConstStaticCell::new([0; 64]);
     static MSOS_DESCRIPTOR: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
@@ -110,6 +106,11 @@ fn describe(driver: UsbDriver) -> (UsbDevice<'static, UsbDriver>, Half, Inlet) {
     config.manufacturer = Some("stylus");
     config.product = Some("stylus");
     config.serial_number = Some(uid::uid_hex());
+    // One interface, which says itself what it is, so nothing has to be put together from several.
+    config.device_class = 0;
+    config.device_sub_class = 0;
+    config.device_protocol = 0;
+    config.composite_with_iads = false;
     let mut builder = Builder::new(
         driver,
         config,
@@ -132,13 +133,16 @@ fn describe(driver: UsbDriver) -> (UsbDevice<'static, UsbDriver>, Half, Inlet) {
     drop(function);
     (
         builder.build(),
-        Half { endpoint: input },
+        Half {
+            endpoint: input,
+            unfinished: None,
+        },
         Inlet { endpoint: output },
     )
 }
 
 #[embassy_executor::task]
-async fn run(mut device: UsbDevice<'static, UsbDriver>) -> ! {
+async fn run(mut device: UsbDevice<'static, Driver>) -> ! {
     device.run().await
 }
 
@@ -150,19 +154,31 @@ async fn serve(inlet: Inlet) -> ! {
 
 /// The sending half.
 pub struct Half {
-    endpoint: <UsbDriver as embassy_usb::driver::Driver<'static>>::EndpointIn,
+    endpoint: Input,
+    /// The session of a frame that may not have gone out whole.
+    unfinished: Option<u32>,
 }
 
 impl SendFrame for Half {
     async fn send_frame(&mut self, frame: &[u8]) -> bool {
+        let session = Input::session();
+        // An empty packet ends what there is of it, so that this frame is not joined to it.
+        if self.unfinished == Some(session) && self.endpoint.write(&[]).await.is_err() {
+            return false;
+        }
+        self.unfinished = Some(session);
         // A last packet that is full is followed by an empty one, so that the host sees the end.
-        self.endpoint.write_transfer(frame, true).await.is_ok()
+        let sent = self.endpoint.write_transfer(frame, true).await.is_ok();
+        if sent {
+            self.unfinished = None;
+        }
+        sent
     }
 }
 
 /// The receiving half.
 pub struct Inlet {
-    endpoint: <UsbDriver as embassy_usb::driver::Driver<'static>>::EndpointOut,
+    endpoint: Output,
 }
 
 impl Inlet {

@@ -4,7 +4,8 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// Where a device is, as a user writes it: `usb[:SERIAL]`, `serial:PATH` or `tcp:HOST:PORT`.
+/// Where a device is, as a user writes it: `usb[:SERIAL]`, `serial:PATH`, `tcp:HOST:PORT` or
+/// `usb-virtual:HOST:PORT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LinkAddress {
     /// On USB, the only one or the one with this serial number.
@@ -17,8 +18,15 @@ pub enum LinkAddress {
         /// The port's device file or name.
         path: PathBuf,
     },
-    /// At a TCP port, as a virtual stylus is.
+    /// At a TCP port, as a virtual stylus's serial line is.
     Tcp {
+        /// Name or address of the host.
+        host: String,
+        /// The port.
+        port: u16,
+    },
+    /// On the USB of a virtual stylus, whose host is at a TCP port.
+    UsbVirtual {
         /// Name or address of the host.
         host: String,
         /// The port.
@@ -40,14 +48,19 @@ impl FromStr for LinkAddress {
                 serial: Some(serial.to_owned()),
             }),
             ("serial", Some(path)) if !path.is_empty() => Ok(Self::Serial { path: path.into() }),
-            ("tcp", Some(place)) => tcp(place).ok_or_else(|| unusable(text)),
+            ("tcp", Some(place)) => tcp(place)
+                .map(|(host, port)| Self::Tcp { host, port })
+                .ok_or_else(|| unusable(text)),
+            ("usb-virtual", Some(place)) => tcp(place)
+                .map(|(host, port)| Self::UsbVirtual { host, port })
+                .ok_or_else(|| unusable(text)),
             _ => Err(unusable(text)),
         }
     }
 }
 
 /// `HOST:PORT`; an IPv6 address stands in brackets.
-fn tcp(place: &str) -> Option<LinkAddress> {
+fn tcp(place: &str) -> Option<(String, u16)> {
     let (host, port) = place.rsplit_once(':')?;
     let bare = host
         .strip_prefix('[')
@@ -55,10 +68,8 @@ fn tcp(place: &str) -> Option<LinkAddress> {
     if host.is_empty() || (bare.is_none() && host.contains(':')) {
         return None;
     }
-    Some(LinkAddress::Tcp {
-        host: bare.unwrap_or(host).to_owned(),
-        port: port.parse().ok().filter(|&port| port > 0)?,
-    })
+    let port = port.parse().ok().filter(|&port| port > 0)?;
+    Some((bare.unwrap_or(host).to_owned(), port))
 }
 
 fn unusable(text: &str) -> String {
@@ -73,9 +84,17 @@ impl fmt::Display for LinkAddress {
                 serial: Some(serial),
             } => write!(f, "usb:{serial}"),
             Self::Serial { path } => write!(f, "serial:{}", path.display()),
-            Self::Tcp { host, port } if host.contains(':') => write!(f, "tcp:[{host}]:{port}"),
-            Self::Tcp { host, port } => write!(f, "tcp:{host}:{port}"),
+            Self::Tcp { host, port } => place(f, "tcp", host, *port),
+            Self::UsbVirtual { host, port } => place(f, "usb-virtual", host, *port),
         }
+    }
+}
+
+fn place(f: &mut fmt::Formatter<'_>, kind: &str, host: &str, port: u16) -> fmt::Result {
+    if host.contains(':') {
+        write!(f, "{kind}:[{host}]:{port}")
+    } else {
+        write!(f, "{kind}:{host}:{port}")
     }
 }
 
@@ -93,6 +112,8 @@ mod tests {
             "tcp:localhost:4000",
             "tcp:127.0.0.1:1",
             "tcp:[::1]:65535",
+            "usb-virtual:127.0.0.1:5556",
+            "usb-virtual:[::1]:5556",
         ] {
             let address: LinkAddress = text.parse().unwrap();
             assert_eq!(address.to_string(), text);
@@ -111,6 +132,8 @@ mod tests {
             "tcp:localhost:0",
             "tcp:localhost:70000",
             "tcp:::1:4000",
+            "usb-virtual",
+            "usb-virtual:localhost",
             "bluetooth:stylus",
         ] {
             let problem = text.parse::<LinkAddress>().unwrap_err();

@@ -6,7 +6,8 @@
 //! | module | does |
 //! |---|---|
 //! | `address` | where a device is, as a user writes it |
-//! | `open` | opens what an address names; `wire`, `usb` carry frames over it |
+//! | `open` | opens what an address names; `wire` and `bulk` carry frames over it |
+//! | `usb`, [`virtual_usb`] | the bulk endpoints of a stylus, and of a virtual one |
 //! | `version` | which side of two that differ is the older one |
 //! | [`Device`] | every request, with its timeout, as a function |
 //! | [`upload`] | a library to the device, resumed over broken links, read back |
@@ -18,6 +19,7 @@
 //! Over TCP and the serial port a frame is COBS-encoded and ended by a zero byte; over USB it is a bulk transfer.
 
 mod address;
+mod bulk;
 pub mod capture;
 mod device;
 mod error;
@@ -28,6 +30,7 @@ pub mod strokes;
 pub mod upload;
 mod usb;
 mod version;
+pub mod virtual_usb;
 mod wire;
 
 pub use address::LinkAddress;

@@ -14,7 +14,7 @@ use tokio_serial::{SerialPortBuilderExt, SerialStream};
 
 use super::error::{LinkError, Result};
 use super::wire::{CobsRx, CobsTx, Health, Spawn};
-use super::{LinkAddress, usb};
+use super::{LinkAddress, bulk, usb, virtual_usb};
 
 /// How long a TCP connection may take.
 const TCP_PATIENCE: Duration = Duration::from_secs(3);
@@ -33,8 +33,12 @@ pub(super) async fn open(address: &LinkAddress, health: &Arc<Health>) -> Result<
     let link = address.to_string();
     match address {
         LinkAddress::Usb { serial } => {
-            let (sender, receiver) = usb::open(serial.as_deref(), &link, health).await?;
-            Ok(client(sender, receiver))
+            let (output, input) = usb::open(serial.as_deref(), &link).await?;
+            transfers(output, input, &link, health).await
+        }
+        LinkAddress::UsbVirtual { host, port } => {
+            let (output, input) = virtual_usb::open(tcp(host, *port, &link).await?);
+            transfers(output, input, &link, health).await
         }
         LinkAddress::Serial { path } => {
             let (reader, writer) = tokio::io::split(serial(path, &link)?);
@@ -45,6 +49,20 @@ pub(super) async fn open(address: &LinkAddress, health: &Arc<Health>) -> Result<
             stream(reader, writer, &link, health).await
         }
     }
+}
+
+async fn transfers(
+    output: impl bulk::BulkOut,
+    input: impl bulk::BulkIn,
+    link: &str,
+    health: &Arc<Health>,
+) -> Result<Client> {
+    let opened = bulk::open(output, input, health).await;
+    let (sender, receiver) = opened.map_err(|failure| LinkError::Lost {
+        link: link.to_owned(),
+        reason: failure.to_string(),
+    })?;
+    Ok(client(sender, receiver))
 }
 
 async fn stream<R, W>(reader: R, writer: W, link: &str, health: &Arc<Health>) -> Result<Client>

@@ -53,8 +53,11 @@ pub fn upload(
         committing: false,
     };
     let (mut furthest, mut failures, mut retries) = (0, 0, 0);
-    let (slot, info) = loop {
-        let failure = match run.go_on(device, &mut progress) {
+    let (slot, info, textures) = loop {
+        let outcome = run
+            .go_on(device, &mut progress)
+            .and_then(|(slot, info)| Ok((slot, info, read_back(device, slot, &info, library)?)));
+        let failure = match outcome {
             Ok(done) => break done,
             Err(failure) if is_passing(&failure) => failure,
             Err(failure) => return Err(failure),
@@ -71,7 +74,6 @@ pub fn upload(
             device.reconnect()?;
         }
     };
-    let textures = read_back(device, slot, &info, library)?;
     Ok(Uploaded {
         slot,
         library: info,

@@ -1,22 +1,17 @@
-//! Frames as USB bulk transfers: a frame ends with a packet that is not full, or an empty one.
+//! The stylus on this computer's USB.
 
 use std::io;
-use std::sync::Arc;
 
-use model_format::link::{MAX_DEVICE_FRAME_BYTES, USB_PRODUCT_ID, USB_VENDOR_ID};
+use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
 use nusb::descriptors::TransferType;
 use nusb::transfer::{Buffer, Bulk, Completion, Direction, In, Out};
 use nusb::{DeviceInfo, Endpoint, ErrorKind, Interface};
-use postcard_rpc::host_client::{WireRx, WireTx};
 
+use super::bulk::{BulkIn, BulkOut};
 use super::error::{LinkError, Result};
-use super::wire::Health;
 
 /// Class of an interface that no standard describes (USB 2.0 section 9.6.5).
 const VENDOR_CLASS: u8 = 0xff;
-
-/// Transfers that wait for the device at any time, so that none of its frames waits for us.
-const WAITING_TRANSFERS: usize = 8;
 
 /// What Linux and Windows call a file that is not there.
 const NO_SUCH_FILE: u32 = 2;
@@ -29,8 +24,7 @@ const PERMISSION_REMEDY: &str = "copy host-tools/70-stylus.rules to /etc/udev/ru
 pub(super) async fn open(
     serial: Option<&str>,
     link: &str,
-    health: &Arc<Health>,
-) -> Result<(UsbTx, UsbRx)> {
+) -> Result<(Endpoint<Bulk, Out>, Endpoint<Bulk, In>)> {
     let devices = nusb::list_devices()
         .await
         .map_err(|failure| match failure.os_error() {
@@ -67,13 +61,7 @@ pub(super) async fn open(
     let input = interface
         .endpoint::<Bulk, In>(address(Direction::In)?)
         .map_err(|failure| refused(link, &failure))?;
-    Ok((
-        UsbTx {
-            endpoint: output,
-            health: health.clone(),
-        },
-        UsbRx::new(input, health.clone()),
-    ))
+    Ok((output, input))
 }
 
 fn choose(mut styluses: Vec<DeviceInfo>, wanted: Option<&str>) -> Result<DeviceInfo> {
@@ -126,62 +114,46 @@ fn refused(link: &str, failure: &nusb::Error) -> LinkError {
     }
 }
 
-/// The sending end.
-pub(super) struct UsbTx {
-    endpoint: Endpoint<Bulk, Out>,
-    health: Arc<Health>,
-}
+impl BulkOut for Endpoint<Bulk, Out> {
+    fn packet_bytes(&self) -> usize {
+        self.max_packet_size()
+    }
 
-impl WireTx for UsbTx {
-    type Error = io::Error;
+    fn submit(&mut self, data: Vec<u8>) {
+        Endpoint::submit(self, Buffer::from(data));
+    }
 
-    async fn send(&mut self, frame: Vec<u8>) -> io::Result<()> {
-        let is_full = frame.len().is_multiple_of(self.endpoint.max_packet_size());
-        self.endpoint.submit(Buffer::from(frame));
-        if is_full {
-            self.endpoint.submit(Buffer::new(0));
-        }
-        while self.endpoint.pending() > 0 {
-            let Completion { status, .. } = self.endpoint.next_complete().await;
-            status.inspect_err(|failure| self.health.end(failure))?;
-        }
-        Ok(())
+    fn pending(&self) -> usize {
+        Endpoint::pending(self)
+    }
+
+    async fn next(&mut self) -> io::Result<()> {
+        let Completion { status, .. } = self.next_complete().await;
+        Ok(status?)
+    }
+
+    async fn clear_halt(&mut self) -> io::Result<()> {
+        Ok(Endpoint::clear_halt(self).await?)
     }
 }
 
-/// The receiving end.
-pub(super) struct UsbRx {
-    endpoint: Endpoint<Bulk, In>,
-    health: Arc<Health>,
-}
-
-impl UsbRx {
-    fn new(mut endpoint: Endpoint<Bulk, In>, health: Arc<Health>) -> Self {
-        // A transfer takes whole packets.
-        let packet = endpoint.max_packet_size();
-        let length = MAX_DEVICE_FRAME_BYTES.next_multiple_of(packet);
-        for _ in 0..WAITING_TRANSFERS {
-            let buffer = endpoint.allocate(length);
-            endpoint.submit(buffer);
-        }
-        Self { endpoint, health }
+impl BulkIn for Endpoint<Bulk, In> {
+    fn packet_bytes(&self) -> usize {
+        self.max_packet_size()
     }
-}
 
-impl WireRx for UsbRx {
-    type Error = io::Error;
+    fn submit(&mut self, bytes: usize) {
+        let buffer = self.allocate(bytes);
+        Endpoint::submit(self, buffer);
+    }
 
-    async fn receive(&mut self) -> io::Result<Vec<u8>> {
-        loop {
-            let Completion { buffer, status, .. } = self.endpoint.next_complete().await;
-            status.inspect_err(|failure| self.health.end(failure))?;
-            let frame = buffer.to_vec();
-            let mut next = buffer;
-            next.clear();
-            self.endpoint.submit(next);
-            if !frame.is_empty() {
-                return Ok(frame);
-            }
-        }
+    async fn next(&mut self) -> io::Result<Vec<u8>> {
+        let Completion { buffer, status, .. } = self.next_complete().await;
+        status?;
+        Ok(buffer.to_vec())
+    }
+
+    async fn clear_halt(&mut self) -> io::Result<()> {
+        Ok(Endpoint::clear_halt(self).await?)
     }
 }

@@ -14,8 +14,10 @@ use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
 use crate::model::flash::{BASE, BYTES, Unreadable};
+use crate::model::usb;
 
 const FLASH: std::ops::Range<u64> = BASE as u64..BASE as u64 + BYTES as u64;
+const USB: std::ops::Range<u64> = usb::BASE..usb::BASE + usb::BYTES;
 /// The program status register as GDB numbers it; its low nine bits are the exception under way.
 const STATUS_REGISTER: usize = 16;
 const EXCEPTION: u32 = 0x1FF;
@@ -202,6 +204,11 @@ impl CoreBus for Seen<'_> {
             {
                 return None;
             }
+        }
+        if USB.contains(&access.address) {
+            let mut redirected = access;
+            redirected.address = access.address - usb::BASE + usb::WINDOW_BASE;
+            return self.bus.access(redirected, from_code);
         }
         self.bus.access(access, from_code)
     }

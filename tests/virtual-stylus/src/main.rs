@@ -1,4 +1,4 @@
-//! The virtual stylus by hand: the flashed image on an emulated part, with its serial line on a socket.
+//! The virtual stylus by hand: the flashed image on an emulated part, with its serial line and its USB on sockets.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -12,10 +12,12 @@ use virtual_stylus::model::flash::Contents;
 use virtual_stylus::motion::{Motion, MotionLine, read_csv};
 use virtual_stylus::pins::{FunctionPins, MID_SCALE};
 use virtual_stylus::tick::TickStatistics;
+use virtual_stylus::usb_socket::UsbSocket;
 use virtual_stylus::{Options, Report, ResetCause, VirtualStylus};
 
 /// How far the run goes between two looks at the wall clock.
 const STEP_NS: u64 = 1_000_000;
+const USB_STEP_NS: u64 = 125_000;
 const NANOS_PER_SECOND: f64 = 1e9;
 const REFERENCE_VOLTS: f64 = 3.3;
 const FULL_SCALE: f64 = 65_535.0;
@@ -33,6 +35,9 @@ struct Arguments {
     /// Put the serial line on this port of the loopback interface (0: any), for `stylus --link tcp:127.0.0.1:PORT`
     #[arg(long)]
     port: Option<u16>,
+    /// Plug USB into a host on this port of the loopback interface (0: any), for `stylus --link usb-virtual:127.0.0.1:PORT`
+    #[arg(long)]
+    usb_port: Option<u16>,
     /// Keep what the flash holds in this file, from run to run
     #[arg(long)]
     flash: Option<PathBuf>,
@@ -74,9 +79,15 @@ fn main() -> Result<()> {
         println!("serial line on 127.0.0.1:{}", stylus.listen(port)?);
         std::io::stdout().flush()?;
     }
+    let mut usb = arguments.usb_port.map(UsbSocket::listen).transpose()?;
+    if let Some(usb) = &usb {
+        println!("USB on 127.0.0.1:{}", usb.port()?);
+        std::io::stdout().flush()?;
+    }
     let end_ns = arguments.seconds.map_or(u64::MAX, nanos);
     let ran = run(
         &mut stylus,
+        usb.as_mut(),
         end_ns,
         arguments.fast,
         arguments.flash.as_deref(),
@@ -135,14 +146,24 @@ fn force_at(lines: &[MotionLine], time_s: f64) -> f64 {
     }
 }
 
-fn run(stylus: &mut VirtualStylus, end_ns: u64, fast: bool, flash: Option<&Path>) -> Result<()> {
+fn run(
+    stylus: &mut VirtualStylus,
+    mut usb: Option<&mut UsbSocket>,
+    end_ns: u64,
+    fast: bool,
+    flash: Option<&Path>,
+) -> Result<()> {
     /// How often the flash is written to its file, should the run be interrupted.
     const KEEP_EVERY: Duration = Duration::from_secs(5);
     let began = Instant::now();
     let mut kept = Instant::now();
     let mut operations = 0;
     while stylus.now_ns() < end_ns {
-        stylus.run_until((stylus.now_ns() + STEP_NS).min(end_ns))?;
+        let step_ns = if usb.is_some() { USB_STEP_NS } else { STEP_NS };
+        stylus.run_until((stylus.now_ns() + step_ns).min(end_ns))?;
+        if let Some(usb) = &mut usb {
+            usb.serve(stylus)?;
+        }
         let wall = Duration::from_nanos(stylus.now_ns());
         if let Some(ahead) = wall.checked_sub(began.elapsed()).filter(|_| !fast) {
             std::thread::sleep(ahead);

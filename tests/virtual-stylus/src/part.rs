@@ -3,9 +3,10 @@
 //! A reset of the part leaves RAM, the backup SRAM, the flash and the reset flags of `RCC_RSR` as they were, as section
 //! 8.4.4 and table 56 have it; only a power cut, which ends the run, loses RAM.
 
-use rigless::device::{Device, ErasedDevice, ResetCause};
+use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32h743::Stm32h743;
+use rigless::soc::stm32h743::generated::otg1_hs_global;
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
 use rigless::soc::stm32h743::peripherals::flash::Flash;
 use rigless::soc::stm32h743::peripherals::tim::{BASIC_TIMERS, Basic, General, TIMERS, Tim};
@@ -18,6 +19,8 @@ use crate::model::dac::Dac;
 use crate::model::encoder::Quadrature;
 use crate::model::flash::{Journal, Unreadable};
 use crate::model::trigger::TriggerOutput;
+use crate::model::usb::host::Host;
+use crate::model::usb::{self, Usb};
 use crate::model::watchdog::Watchdog;
 
 /// TIM6 among the basic timers, and TIM3 among the general ones.
@@ -32,6 +35,22 @@ struct Slots {
     encoder: usize,
     flash: usize,
     watchdog: usize,
+    usb: usize,
+    usb_reset: usize,
+}
+
+/// Hears of a reset of the USB core by the clock controller, which the core's window does not.
+#[derive(Debug, Default)]
+struct UsbReset {
+    asked: bool,
+}
+
+impl Device for UsbReset {
+    type Register = otg1_hs_global::Register;
+
+    fn reset_line(&mut self, _registers: &mut RegisterFile, _context: &mut DeviceContext<'_>) {
+        self.asked = true;
+    }
 }
 
 /// The part.
@@ -51,6 +70,9 @@ pub struct Part {
     pub flash: Extended<Flash, Journal>,
     /// IWDG1.
     pub watchdog: Watchdog,
+    /// The USB core, and the host at the other end of the cable.
+    pub usb: Usb,
+    usb_reset: UsbReset,
     slots: Slots,
 }
 
@@ -60,7 +82,9 @@ impl Part {
     /// # Errors
     /// The emulator's description of the part does not fit the models.
     pub fn new(pins: Box<dyn Pins>, unreadable: Unreadable) -> Result<Self, Error> {
-        let rest = Stm32h743::new()?;
+        let mut rest = Stm32h743::new()?;
+        let usb_slot = rest.bus_mut().add_window(usb::window())?;
+        let layout = rest.bus().slots()[usb_slot].peripheral().registers;
         let slot = |name| rest.bus().slot(name);
         let slots = Slots {
             dac: slot("DAC")?,
@@ -69,6 +93,8 @@ impl Part {
             encoder: slot("TIM3")?,
             flash: slot("Flash")?,
             watchdog: slot("IWDG")?,
+            usb: usb_slot,
+            usb_reset: slot(usb::GLOBAL)?,
         };
         Ok(Self {
             rest,
@@ -78,8 +104,16 @@ impl Part {
             encoder: Extended::new(Tim::new(TIMERS[TIM3]), Quadrature::default()),
             flash: Extended::new(Flash::new(), Journal::new(unreadable)),
             watchdog: Watchdog::default(),
+            usb: Usb::new(layout),
+            usb_reset: UsbReset::default(),
             slots,
         })
+    }
+
+    /// Has `work` done at `at` by the software of the host on USB.
+    pub fn drive_usb<T>(&mut self, at: VirtualNanos, work: impl FnOnce(&mut Host, u64) -> T) -> T {
+        let (_, mut context) = self.rest.bus_mut().drive(at, self.slots.usb);
+        self.usb.drive(&mut context, work)
     }
 
     /// Hands each pulse of the timer's trigger output to the converters, at its instant.
@@ -102,6 +136,9 @@ impl Mcu for Part {
     /// The runner asks for this after every call of a model and before anything else happens, so a trigger is heard at
     /// its own instant.
     fn bus_mut(&mut self) -> &mut Bus {
+        if std::mem::take(&mut self.usb_reset.asked) {
+            self.usb.core_reset();
+        }
         self.deliver_triggers();
         self.rest.bus_mut()
     }
@@ -124,6 +161,9 @@ impl Mcu for Part {
             .registers_mut();
         self.flash.inner.keep_options(options, registers);
         Device::reset(&mut self.watchdog);
+        self.usb_reset = UsbReset::default();
+        let (_, mut context) = self.rest.bus_mut().drive(at, self.slots.usb);
+        self.usb.part_reset(&mut context);
     }
 
     fn poll(&mut self, now: VirtualNanos) {
@@ -138,6 +178,8 @@ impl Mcu for Part {
             _ if slot == self.slots.encoder => &mut self.encoder,
             _ if slot == self.slots.flash => &mut self.flash,
             _ if slot == self.slots.watchdog => &mut self.watchdog,
+            _ if slot == self.slots.usb => &mut self.usb,
+            _ if slot == self.slots.usb_reset => &mut self.usb_reset,
             _ => return self.rest.split(slot),
         };
         (self.rest.bus_mut(), Some(own))

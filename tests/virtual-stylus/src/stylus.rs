@@ -22,6 +22,7 @@ use crate::error::{Error, Result};
 use crate::model::adc::{Pins, Sample};
 use crate::model::dac::Output;
 use crate::model::flash::{BASE, BYTES, Contents, Kind, Moment, Operation, Unreadable, WORD_BYTES};
+use crate::model::usb::host::Host as UsbHost;
 use crate::motion::Motion;
 use crate::pins::ConstantPins;
 use crate::serial::Sent;
@@ -396,6 +397,18 @@ impl VirtualStylus {
     /// The run is over, or the port cannot be listened on.
     pub fn listen(&mut self, port: u16) -> Result<u16> {
         self.board(move |board| board.listen(port))?
+    }
+
+    /// Has `work` done by the software of the host on USB, which gets the instant too.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn usb<T: Send + 'static>(
+        &mut self,
+        work: impl FnOnce(&mut UsbHost, u64) -> T + Send + 'static,
+    ) -> Result<T> {
+        let now = VirtualNanos(self.now_ns);
+        self.board(move |board| board.part.drive_usb(now, work))
     }
 
     /// Puts others on the converter's pins.

@@ -9,4 +9,5 @@ pub mod dac;
 pub mod encoder;
 pub mod flash;
 pub mod trigger;
+pub mod usb;
 pub mod watchdog;

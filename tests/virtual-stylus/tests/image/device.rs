@@ -1,20 +1,23 @@
-//! A host's end of the serial line, in virtual time.
+//! A host's end of the serial line or of USB, in virtual time.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
 use model_format::link::{
     ActivateEndpoint, Activated, InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, LIBRARY_CRC,
-    ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MotionSource, MuteReasons, PlayEndpoint, PlayError,
-    PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection, SlotId, Slots, SlotsEndpoint,
-    Status, StatusEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
+    ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionSource, MuteReasons,
+    PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection,
+    SlotId, Slots, SlotsEndpoint, Status, StatusEndpoint, TextureInfo, UploadBegin,
+    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted,
+    UploadProgress,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::{Endpoint, Key, Topic};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use virtual_stylus::model::dac::Output;
+use virtual_stylus::model::usb::host::TransferError;
+use virtual_stylus::usb_host::{BulkFrames, Descriptors, UsbHost};
 use virtual_stylus::{Options, VirtualStylus};
 
 pub const MS: u64 = 1_000_000;
@@ -26,6 +29,7 @@ pub const PERIOD_NS: u64 = 200_000;
 
 /// How far the run goes between two looks at the line.
 const STEP_NS: u64 = MS / 2;
+const USB_STEP_NS: u64 = MS / 10;
 /// How long an answer may take, flash included.
 const PATIENCE_NS: u64 = 20 * SECOND;
 /// Longer than a start takes.
@@ -54,10 +58,26 @@ struct Frame {
     body: Vec<u8>,
 }
 
+/// Addresses of the bulk endpoints, as the configuration's descriptor has them.
+pub const BULK_OUT: u8 = 0x01;
+pub const BULK_IN: u8 = 0x81;
+/// Transfers that wait for the device, as the product's client has them.
+const WAITING_TRANSFERS: usize = 8;
+
+/// What the host talks over.
+enum Line {
+    /// Bytes of a frame that is not whole yet.
+    Serial(Vec<u8>),
+    /// Bulk transfers, while there are any.
+    Usb(UsbHost, Option<BulkFrames>),
+}
+
 /// The virtual stylus and a host that talks to it.
 pub struct Device {
     pub stylus: VirtualStylus,
-    partial: Vec<u8>,
+    line: Line,
+    /// How far the run goes between two looks at the line, while an answer is waited for.
+    step_ns: u64,
     frames: VecDeque<Frame>,
     pub blocks: Vec<RecordBlock>,
     /// Frames that were no frames.
@@ -74,7 +94,8 @@ impl Device {
         let stylus = VirtualStylus::new(image, options).expect("the image fits the flash");
         Self {
             stylus,
-            partial: Vec::new(),
+            line: Line::Serial(Vec::new()),
+            step_ns: STEP_NS,
             frames: VecDeque::new(),
             blocks: Vec::new(),
             broken: 0,
@@ -90,6 +111,71 @@ impl Device {
         let mut device = Self::new(&product(), options);
         device.wait_for_start();
         device
+    }
+
+    /// The product's image, started, enumerated and answering over USB.
+    pub fn on_usb(options: Options) -> Self {
+        let mut device = Self::new(&product(), options);
+        device.line = Line::Usb(UsbHost::default(), None);
+        device.step_ns = USB_STEP_NS;
+        device.run_for(300 * MS);
+        device.enumerate().expect("it enumerates");
+        device.wait_for_start();
+        device
+    }
+
+    /// Enumerates the device on USB, and opens its bulk endpoints.
+    pub fn enumerate(&mut self) -> Result<Descriptors, TransferError> {
+        let Line::Usb(usb, bulk) = &mut self.line else {
+            panic!("it is not on USB");
+        };
+        *bulk = None;
+        let read = usb.enumerate(&mut self.stylus).expect("the run goes on")?;
+        self.open();
+        Ok(read)
+    }
+
+    /// The run and the host's software on USB.
+    pub fn usb(&mut self) -> (&mut VirtualStylus, &mut UsbHost) {
+        match &mut self.line {
+            Line::Usb(usb, _) => (&mut self.stylus, usb),
+            Line::Serial(_) => panic!("it is not on USB"),
+        }
+    }
+
+    /// Calls off what waits on the bulk endpoints, as when a program ends.
+    pub fn close(&mut self) {
+        let Line::Usb(usb, bulk) = &mut self.line else {
+            panic!("it is not on USB");
+        };
+        if let Some(open) = bulk.take() {
+            open.close(usb, &mut self.stylus).expect("the run goes on");
+        }
+    }
+
+    /// As [`Device::close`]; another program opens them.
+    pub fn reopen(&mut self) {
+        self.close();
+        self.open();
+    }
+
+    fn open(&mut self) {
+        let Line::Usb(_, bulk) = &mut self.line else {
+            panic!("it is not on USB");
+        };
+        let opened = BulkFrames::open(
+            &mut self.stylus,
+            BULK_OUT,
+            BULK_IN,
+            MAX_DEVICE_FRAME_BYTES,
+            WAITING_TRANSFERS,
+        );
+        *bulk = Some(opened.expect("the run goes on"));
+    }
+
+    /// Whether the bulk endpoints are open, and nothing has failed on them.
+    pub fn is_open(&self) -> bool {
+        matches!(self.line, Line::Usb(_, Some(_)))
     }
 
     /// Runs until the image answers.
@@ -122,11 +208,25 @@ impl Device {
         E: Endpoint<Response: DeserializeOwned>,
         R: Serialize,
     {
+        self.try_ask::<E, R>(request).expect("the link holds")
+    }
+
+    /// The answer; none if the link breaks before.
+    pub fn try_ask<E, R>(&mut self, request: &R) -> Option<E::Response>
+    where
+        E: Endpoint<Response: DeserializeOwned>,
+        R: Serialize,
+    {
         let sequence = self.send_frame(E::REQ_KEY, request);
         let end = self.stylus.now_ns() + PATIENCE_NS;
         loop {
             if let Some(body) = self.take_answer(E::RESP_KEY, sequence) {
-                return postcard::from_bytes(&body).expect("an answer of the type of its key");
+                return Some(
+                    postcard::from_bytes(&body).expect("an answer of the type of its key"),
+                );
+            }
+            if matches!(self.line, Line::Usb(_, None)) {
+                return None;
             }
             let now = self.stylus.now_ns();
             if now >= end {
@@ -134,7 +234,7 @@ impl Device {
                 let (told, resets) = (told.collect::<Vec<_>>(), self.stylus.resets());
                 panic!("{} is not answered; unasked: {told:?}; {resets:?}", E::PATH);
             }
-            self.run_for(STEP_NS);
+            self.run_for(self.step_ns);
         }
     }
 
@@ -160,8 +260,14 @@ impl Device {
         self.sequence
     }
 
-    /// Sends `frame` as one COBS frame.
+    /// Sends `frame` as one COBS frame, or one bulk transfer.
     pub fn send_raw(&mut self, frame: &[u8]) {
+        if let Line::Usb(_, bulk) = &mut self.line {
+            if let Some(bulk) = bulk {
+                bulk.send(&mut self.stylus, frame).expect("the run goes on");
+            }
+            return;
+        }
         let mut encoded = cobs::encode_vec(frame);
         encoded.push(0);
         self.send_bytes(&encoded);
@@ -192,29 +298,67 @@ impl Device {
     }
 
     fn listen(&mut self) {
+        if matches!(self.line, Line::Usb(..)) {
+            self.listen_on_usb();
+        } else {
+            self.listen_on_serial();
+        }
+    }
+
+    fn listen_on_usb(&mut self) {
+        let Line::Usb(usb, bulk) = &mut self.line else {
+            return;
+        };
+        let Some(open) = bulk else { return };
+        match open
+            .receive(usb, &mut self.stylus)
+            .expect("the run goes on")
+        {
+            Ok(frames) => {
+                for (_, frame) in frames {
+                    self.take_frame(&frame);
+                }
+            }
+            Err(_) => {
+                if let Some(open) = bulk.take() {
+                    open.close(usb, &mut self.stylus).expect("the run goes on");
+                }
+            }
+        }
+    }
+
+    fn listen_on_serial(&mut self) {
         let sent = self.stylus.receive().expect("the run goes on");
         for byte in sent.into_iter().map(|sent| sent.byte) {
+            let Line::Serial(partial) = &mut self.line else {
+                return;
+            };
             if byte != 0 {
-                self.partial.push(byte);
+                partial.push(byte);
                 continue;
             }
-            let encoded = std::mem::take(&mut self.partial);
+            let encoded = std::mem::take(partial);
             if encoded.is_empty() {
                 continue;
             }
-            let decoded = cobs::decode_vec(&encoded).ok();
-            let frame = decoded.as_deref().and_then(VarHeader::take_from_slice);
-            match frame {
-                Some((header, body)) if header.key == VarKey::Key8(RecordBlockTopic::TOPIC_KEY) => {
-                    let block = postcard::from_bytes(body).expect("a block under a block's key");
-                    self.blocks.push(block);
+            let decoded = cobs::decode_vec(&encoded).unwrap_or_default();
+            self.take_frame(&decoded);
+        }
+    }
+
+    fn take_frame(&mut self, frame: &[u8]) {
+        match VarHeader::take_from_slice(frame) {
+            Some((header, body)) if header.key == VarKey::Key8(RecordBlockTopic::TOPIC_KEY) => {
+                match postcard::from_bytes(body) {
+                    Ok(block) => self.blocks.push(block),
+                    Err(_) => self.broken += 1,
                 }
-                Some((header, body)) => self.frames.push_back(Frame {
-                    header,
-                    body: body.to_vec(),
-                }),
-                None => self.broken += 1,
             }
+            Some((header, body)) => self.frames.push_back(Frame {
+                header,
+                body: body.to_vec(),
+            }),
+            None => self.broken += 1,
         }
     }
 
@@ -297,6 +441,10 @@ impl Device {
     }
 
     /// Asks for a scene.
+    #[expect(
+        clippy::result_large_err,
+        reason = "a refusal comes with its arithmetic, as the link carries it"
+    )]
     pub fn play_scene(
         &mut self,
         scene: &str,

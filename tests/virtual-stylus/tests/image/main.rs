@@ -16,3 +16,8 @@ mod record;
 mod scenes;
 mod ticks;
 mod upload;
+mod usb;
+mod usb_client;
+mod usb_link;
+mod usb_mishaps;
+mod usb_requests;

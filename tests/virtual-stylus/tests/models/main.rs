@@ -7,3 +7,4 @@ mod probe;
 mod registers;
 mod resets;
 mod ticks;
+mod usb;

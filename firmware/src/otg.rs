@@ -1,0 +1,392 @@
+//! embassy's driver of the USB core, kept from what it does not survive (embassy-usb-synopsys-otg 0.3.3, embassy-usb 0.6.0).
+//!
+//! | what a host may do | what embassy makes of it | here |
+//! |---|---|---|
+//! | ask for an endpoint that is not there | a panic | the request is stalled ([`crate::otg_control`]) |
+//! | begin a control transfer before the last one ended, or reset the bus meanwhile | it waits for the last one for ever | the last one is given up ([`crate::otg_control`]) |
+//! | clear a halt, or choose a setting or configuration | toggles stay as they were, so a packet is lost (USB 2.0, sections 9.1.1.5 and 9.4.5) | they begin anew |
+//! | choose a configuration while a packet waits to be fetched | its FIFO is flushed and the endpoint stays enabled: nothing is sent ever after | the endpoint is disabled first |
+//! | reset the bus, or pull the cable, in the middle of a frame | what there is of it is joined to the next frame | a new session: both sides of the frame are dropped |
+//! | suspend the bus and reset it while the tasks are busy | the suspend is believed, and the device sleeps through its enumeration | forgotten with the reset |
+//! | speak to the device right after a reset, while the tasks are busy | it still has its old address and is silent | the interrupt's handler takes the address back |
+//!
+//! embassy has mended the toggles and the late suspend since, in no release yet.
+
+use core::future::{Future, poll_fn};
+use core::pin::pin;
+use core::sync::atomic::{AtomicU32, Ordering};
+use core::task::Poll;
+
+use embassy_futures::poll_once;
+use embassy_stm32::interrupt::typelevel::{self, Handler};
+use embassy_stm32::pac::USB_OTG_FS;
+use embassy_stm32::peripherals;
+use embassy_stm32::usb;
+use embassy_sync::waitqueue::AtomicWaker;
+use embassy_usb::driver::{
+    self, Bus as _, Direction, Endpoint, EndpointAddress, EndpointAllocError, EndpointError,
+    EndpointIn, EndpointInfo, EndpointOut, EndpointType, Event, Unsupported,
+};
+
+use crate::otg_control::{self, Pipe};
+
+/// Longest packet of an endpoint at full speed, bytes (USB 2.0, section 5.8.3).
+pub const PACKET_BYTES: usize = 64;
+
+/// Looks at a bit that the core clears within some cycles of its clocks (RM0433 section 57.14): far more than it takes, and
+/// less than a millisecond.
+const LOOKS: u32 = 5_000;
+
+/// embassy's driver.
+type Inner = usb::Driver<'static, peripherals::USB_OTG_FS>;
+type InnerBus = <Inner as driver::Driver<'static>>::Bus;
+type InnerIn = <Inner as driver::Driver<'static>>::EndpointIn;
+type InnerOut = <Inner as driver::Driver<'static>>::EndpointOut;
+
+/// The time from one configuration of an endpoint to what ends it. There is one bulk endpoint each way.
+pub struct Sessions {
+    count: AtomicU32,
+    changed: AtomicWaker,
+}
+
+/// Of the endpoint to the host.
+static IN: Sessions = Sessions::new();
+
+/// Of the endpoint from the host.
+static OUT: Sessions = Sessions::new();
+
+impl Sessions {
+    const fn new() -> Self {
+        Self {
+            count: AtomicU32::new(0),
+            changed: AtomicWaker::new(),
+        }
+    }
+
+    fn current(&self) -> u32 {
+        self.count.load(Ordering::Acquire)
+    }
+
+    /// Ends the session, and what waits in it.
+    fn end(&self) {
+        // Nothing else writes at the same time but the interrupt's handler, and either way it is another number.
+        self.count.fetch_add(1, Ordering::AcqRel);
+        self.changed.wake();
+    }
+
+    /// The outcome of `work`, unless the session ends before.
+    async fn within<T>(
+        &self,
+        session: u32,
+        work: impl Future<Output = Result<T, EndpointError>>,
+    ) -> Result<T, EndpointError> {
+        let mut work = pin!(work);
+        poll_fn(|context| {
+            self.changed.register(context.waker());
+            if self.current() == session {
+                work.as_mut().poll(context)
+            } else {
+                Poll::Ready(Err(EndpointError::Disabled))
+            }
+        })
+        .await
+    }
+}
+
+/// Sees resets of the bus and SETUP packets before embassy's handler does.
+pub struct Watch;
+
+#[expect(
+    unsafe_code,
+    reason = "a handler of embassy's interrupts is unsafe to call; this one reads registers and counts"
+)]
+// SAFETY: it calls for nothing of its caller.
+impl Handler<typelevel::OTG_FS> for Watch {
+    // SAFETY: as above.
+    unsafe fn on_interrupt() {
+        let raised = USB_OTG_FS.gintsts().read();
+        // embassy's handler masks what its task then does; until that is done it is not another reset.
+        if raised.usbrst() && USB_OTG_FS.gintmsk().read().usbrst() {
+            // The host soon speaks to address 0, whenever the task gets to it (USB 2.0, section 7.1.7.5).
+            USB_OTG_FS.dcfg().modify(|w| w.set_dad(0));
+            otg_control::bus_was_reset();
+            IN.end();
+            OUT.end();
+        }
+        if raised.oepint() && USB_OTG_FS.doepint(0).read().stup() {
+            otg_control::setup_came();
+        }
+    }
+}
+
+/// Keeps an ear open for resets of the bus while embassy's task has something else of the bus to do, after its handler.
+pub struct Listen;
+
+#[expect(
+    unsafe_code,
+    reason = "a handler of embassy's interrupts is unsafe to call; this one opens a mask"
+)]
+// SAFETY: it calls for nothing of its caller.
+impl Handler<typelevel::OTG_FS> for Listen {
+    // SAFETY: as above.
+    unsafe fn on_interrupt() {
+        // One that is pending has been heard, and stays masked until the task is done with it.
+        if !USB_OTG_FS.gintsts().read().usbrst() {
+            USB_OTG_FS.gintmsk().modify(|w| w.set_usbrst(true));
+        }
+    }
+}
+
+/// Waits, within bounds, until `done`.
+fn spin_until(done: impl Fn() -> bool) {
+    for _ in 0..LOOKS {
+        if done() {
+            return;
+        }
+    }
+    defmt::warn!("the USB core does not finish what it was told");
+}
+
+/// Takes back what endpoint `index` was to send. Interrupts stay on while the core does it.
+pub fn cancel_in(index: usize) {
+    critical_section::with(|_| {
+        if USB_OTG_FS.diepctl(index).read().epena() {
+            USB_OTG_FS.diepctl(index).modify(|w| {
+                w.set_snak(true);
+                w.set_epdis(true);
+            });
+        }
+    });
+    spin_until(|| !USB_OTG_FS.diepctl(index).read().epena());
+    critical_section::with(|_| {
+        USB_OTG_FS.grstctl().write(|w| {
+            w.set_txfflsh(true);
+            w.set_txfnum(index as u8);
+        });
+    });
+    spin_until(|| !USB_OTG_FS.grstctl().read().txfflsh());
+}
+
+/// The driver.
+pub struct Driver(pub Inner);
+
+impl driver::Driver<'static> for Driver {
+    type EndpointOut = Output;
+    type EndpointIn = Input;
+    type ControlPipe = Pipe;
+    type Bus = Bus;
+
+    fn alloc_endpoint_out(
+        &mut self,
+        kind: EndpointType,
+        address: Option<EndpointAddress>,
+        packet_bytes: u16,
+        interval_ms: u8,
+    ) -> Result<Output, EndpointAllocError> {
+        let inner = self
+            .0
+            .alloc_endpoint_out(kind, address, packet_bytes, interval_ms)?;
+        Ok(Output { inner, session: 0 })
+    }
+
+    fn alloc_endpoint_in(
+        &mut self,
+        kind: EndpointType,
+        address: Option<EndpointAddress>,
+        packet_bytes: u16,
+        interval_ms: u8,
+    ) -> Result<Input, EndpointAllocError> {
+        let inner = self
+            .0
+            .alloc_endpoint_in(kind, address, packet_bytes, interval_ms)?;
+        Ok(Input { inner })
+    }
+
+    fn start(self, packet_bytes: u16) -> (Bus, Pipe) {
+        let (bus, control) = self.0.start(packet_bytes);
+        (Bus(bus), Pipe::new(control))
+    }
+}
+
+/// The bus.
+pub struct Bus(InnerBus);
+
+impl Bus {
+    /// Puts a bulk endpoint into use, at the beginning: nothing of before in it, and an even packet due.
+    fn begin(&mut self, address: EndpointAddress) {
+        let index = address.index();
+        match address.direction() {
+            Direction::In => {
+                IN.end();
+                cancel_in(index);
+                self.0.endpoint_set_enabled(address, true);
+                critical_section::with(|_| {
+                    USB_OTG_FS
+                        .diepctl(index)
+                        .modify(|w| w.set_sd0pid_sevnfrm(true));
+                });
+            }
+            Direction::Out => {
+                OUT.end();
+                critical_section::with(|_| {
+                    self.0.endpoint_set_enabled(address, true);
+                    // No packet may come until its reader has dropped what it has of before.
+                    USB_OTG_FS.doepctl(index).modify(|w| {
+                        w.set_sd0pid_sevnfrm(true);
+                        w.set_snak(true);
+                    });
+                });
+            }
+        }
+    }
+
+    /// Takes a bulk endpoint out of use.
+    fn end(&mut self, address: EndpointAddress) {
+        let index = address.index();
+        match address.direction() {
+            Direction::In => {
+                cancel_in(index);
+                self.0.endpoint_set_enabled(address, false);
+                IN.end();
+            }
+            Direction::Out => {
+                // embassy would disable the endpoint, which calls for the global OUT NAK first (RM0433 section 57.14,
+                // OTG_DOEPCTLx.EPDIS); one that is not in use hears nothing anyway.
+                critical_section::with(|_| {
+                    USB_OTG_FS.doepctl(index).modify(|w| {
+                        w.set_snak(true);
+                        w.set_usbaep(false);
+                    });
+                });
+                OUT.end();
+            }
+        }
+    }
+
+    fn is_in_use(address: EndpointAddress) -> bool {
+        match address.direction() {
+            Direction::In => USB_OTG_FS.diepctl(address.index()).read().usbaep(),
+            Direction::Out => USB_OTG_FS.doepctl(address.index()).read().usbaep(),
+        }
+    }
+}
+
+impl driver::Bus for Bus {
+    async fn enable(&mut self) {
+        self.0.enable().await;
+    }
+
+    async fn disable(&mut self) {
+        self.0.disable().await;
+    }
+
+    async fn poll(&mut self) -> Event {
+        let event = self.0.poll().await;
+        if event == Event::Reset {
+            USB_OTG_FS.gintsts().write(|w| w.set_usbsusp(true));
+        }
+        event
+    }
+
+    fn endpoint_set_enabled(&mut self, address: EndpointAddress, enabled: bool) {
+        if enabled {
+            self.begin(address);
+        } else {
+            self.end(address);
+        }
+    }
+
+    fn endpoint_set_stalled(&mut self, address: EndpointAddress, stalled: bool) {
+        self.0.endpoint_set_stalled(address, stalled);
+        if !stalled && Self::is_in_use(address) {
+            self.begin(address);
+        }
+    }
+
+    fn endpoint_is_stalled(&mut self, address: EndpointAddress) -> bool {
+        self.0.endpoint_is_stalled(address)
+    }
+
+    async fn remote_wakeup(&mut self) -> Result<(), Unsupported> {
+        self.0.remote_wakeup().await
+    }
+}
+
+/// The endpoint from the host.
+pub struct Output {
+    inner: InnerOut,
+    session: u32,
+}
+
+impl Endpoint for Output {
+    fn info(&self) -> &EndpointInfo {
+        self.inner.info()
+    }
+
+    async fn wait_enabled(&mut self) {
+        loop {
+            self.inner.wait_enabled().await;
+            let session = OUT.current();
+            if session == self.session {
+                return;
+            }
+            // A packet of before that nobody has read would be taken for the first one of now, and the first one be lost.
+            let mut dropped = [0; PACKET_BYTES];
+            let _ = poll_once(self.inner.read(&mut dropped));
+            let index = self.inner.info().addr.index();
+            critical_section::with(|_| {
+                if OUT.current() == session {
+                    self.session = session;
+                    USB_OTG_FS.doepctl(index).modify(|w| w.set_cnak(true));
+                }
+            });
+        }
+    }
+}
+
+impl EndpointOut for Output {
+    /// One packet of this session; disabled once it has ended, until [`Output::wait_enabled`].
+    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, EndpointError> {
+        OUT.within(self.session, self.inner.read(buffer)).await
+    }
+}
+
+/// The endpoint to the host.
+pub struct Input {
+    inner: InnerIn,
+}
+
+impl Input {
+    /// The session that a frame is sent in.
+    pub fn session() -> u32 {
+        IN.current()
+    }
+}
+
+impl Endpoint for Input {
+    fn info(&self) -> &EndpointInfo {
+        self.inner.info()
+    }
+
+    async fn wait_enabled(&mut self) {
+        self.inner.wait_enabled().await;
+    }
+}
+
+impl EndpointIn for Input {
+    async fn write(&mut self, packet: &[u8]) -> Result<(), EndpointError> {
+        IN.within(IN.current(), self.inner.write(packet)).await
+    }
+
+    /// All packets in one session, or an error.
+    async fn write_transfer(&mut self, data: &[u8], ends: bool) -> Result<(), EndpointError> {
+        let session = IN.current();
+        for packet in data.chunks(PACKET_BYTES) {
+            IN.within(session, self.inner.write(packet)).await?;
+        }
+        if ends && data.len().is_multiple_of(PACKET_BYTES) {
+            IN.within(session, self.inner.write(&[])).await?;
+        }
+        Ok(())
+    }
+}

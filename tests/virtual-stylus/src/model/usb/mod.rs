@@ -1,0 +1,239 @@
+//! The USB core OTG2 in device mode, with its FIFOs filled and emptied by the firmware, at 0x4008 0000 (chapter 57), and a
+//! host at the other end of the cable.
+//!
+//! | What | Section |
+//! |---|---|
+//! | `GRSTCTL`: resets and flushes are done at once, the AHB is idle | 57.14 |
+//! | The line is pulled up while `GCCFG.PWRDWN` is set, `DCTL.SDIS` is clear and the session is valid by `GOTGCTL` | 57.14 |
+//! | `GINTSTS`, `GINTMSK`, `GAHBCFG.GINTMSK`, `DAINT`, `DAINTMSK`, the endpoints' flags and masks, `DIEPEMPMSK`: one line, a level | 57.14 |
+//! | The receive FIFO: entries popped by `GRXSTSP`, data read through any FIFO's window, room for `GRXFSIZ` words | 57.14, 57.15 |
+//! | A transmit FIFO an endpoint, of `DIEPTXFx` words; `DTXFSTSx` | 57.14 |
+//! | `DxEPCTLx`, `DxEPTSIZx`: enable, disable, NAK, stall, packet and byte counts, data toggles | 57.14, 57.15 |
+//! | An OUT transfer ends with its last packet or one that is not full; the endpoint answers NAK from then on | 57.15 |
+//! | A SETUP is always taken, ends a stall of endpoint 0, sets both its NAKs, and is complete with the next token | 57.15 |
+//! | A packet whose toggle is not due is acknowledged and dropped | USB 2.0, 8.6 |
+//! | A reset of the bus takes endpoints but 0 out of use and changes nothing else of them | 57.14, 57.15 |
+//! | Suspend after 3 ms of silence, with or without a cable, as the pull-up is the device's own; resume | 57.14 |
+//! | A reset of the part or by `RCC_AHB1RSTR` clears all of it | 8.7.29 |
+//!
+//! Where the manual is silent, the model takes what is harder on the firmware: an IN endpoint that is enabled stays so over a
+//! reset of the bus and over a SETUP, with what is in its FIFO. In one point it follows the drivers that work on such parts
+//! and not the letter: whether an OUT endpoint answers depends on its NAK, and not on `EPENA` and the packet count, which
+//! embassy's driver leaves alone for endpoint 0.
+//!
+//! Left out: host mode, OTG and its change of roles, DMA, high speed and the ULPI, isochronous endpoints and the end of a
+//! periodic frame, remote wakeup, LPM, battery charging, the sensing of VBUS, the clock and its 48 MHz, and the clocks that a
+//! reset or a flush takes. Where the firmware asks for one of these and would notice, the run's report says so (`told`).
+//!
+//! The emulator has no windows for the FIFOs, so the core's registers and FIFOs are one window at [`WINDOW_BASE`], to which
+//! `core.rs` sends what goes to [`BASE`].
+
+pub mod core;
+pub mod host;
+mod registers;
+
+use std::num::NonZeroU64;
+
+use rigless::device::{
+    DeviceContext, ErasedDevice, InterruptChange, Level, RegisterFile, RequestChange,
+};
+use rigless::soc::{Gate, RegisterSpec, Width, Window};
+use rigless::time::{EventId, VirtualNanos};
+
+use self::core::Core;
+use self::host::Host;
+
+/// Where the firmware finds the core (table 8).
+pub const BASE: u64 = 0x4008_0000;
+/// Bytes of it.
+pub const BYTES: u64 = 0x4_0000;
+/// Where the model is, in a range that the part leaves free.
+pub const WINDOW_BASE: u64 = 0x5F00_0000;
+/// Name of the window.
+pub const WINDOW: &str = "OTG2";
+/// The instance of the emulator's that hears of a reset by the clock controller.
+pub const GLOBAL: &str = "OTG2_HS_GLOBAL";
+
+/// Position of the core's interrupt (table 148: 101, OTG_FS global).
+const INTERRUPTS: &[u16] = &[101];
+
+/// The window for the emulator's bus.
+pub fn window() -> Window {
+    let size = NonZeroU64::new(BYTES).expect("not zero");
+    Window::new(WINDOW, WINDOW_BASE, size)
+        .gated(Gate::by("RCC", "AHB1ENR", "USB2OTGHSEN"))
+        .raising(INTERRUPTS)
+}
+
+/// The core, the cable and the host.
+#[derive(Debug)]
+pub struct Usb {
+    /// The core.
+    pub core: Core,
+    /// The host.
+    pub host: Host,
+    due: Option<(u64, EventId)>,
+    asserted: bool,
+    layout: &'static [RegisterSpec],
+}
+
+impl Usb {
+    /// As the power comes on, with the cable out; `layout` is the window's own, by which the emulator knows it.
+    pub fn new(layout: &'static [RegisterSpec]) -> Self {
+        Self {
+            core: Core::default(),
+            host: Host::default(),
+            due: None,
+            asserted: false,
+            layout,
+        }
+    }
+
+    /// Has `work` done by the host's software, and what follows from it.
+    pub fn drive<T>(
+        &mut self,
+        context: &mut DeviceContext<'_>,
+        work: impl FnOnce(&mut Host, u64) -> T,
+    ) -> T {
+        let done = work(&mut self.host, context.now().0);
+        self.settle(context);
+        done
+    }
+
+    /// The core was reset; the host and what it was about to do are as they were.
+    pub fn core_reset(&mut self) {
+        self.core = Core::default();
+    }
+
+    /// The part was reset: no event that was asked for will come.
+    pub fn part_reset(&mut self, context: &mut DeviceContext<'_>) {
+        self.due = None;
+        self.asserted = false;
+        self.core_reset();
+        self.settle(context);
+    }
+
+    fn settle(&mut self, context: &mut DeviceContext<'_>) {
+        let due_ns = self.host.advance(context.now().0, &mut self.core);
+        match (due_ns, self.due) {
+            (Some(due_ns), Some((at_ns, _))) if due_ns == at_ns => {}
+            (Some(due_ns), _) => {
+                self.due = Some((due_ns, context.schedule(VirtualNanos(due_ns))));
+            }
+            // An event that is no longer wanted still comes, and finds nothing to do.
+            (None, _) => self.due = None,
+        }
+        for (register, reason) in self.core.take_told() {
+            context.tell(register, reason);
+        }
+        let wanted = self.core.interrupt();
+        if wanted != self.asserted {
+            self.asserted = wanted;
+            context.interrupt(0, Level::from(wanted));
+        }
+    }
+}
+
+impl ErasedDevice for Usb {
+    fn layout(&self) -> &'static [RegisterSpec] {
+        self.layout
+    }
+
+    fn read(
+        &mut self,
+        _row: usize,
+        _registers: &mut RegisterFile,
+        _context: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
+        None
+    }
+
+    fn write(
+        &mut self,
+        _row: usize,
+        _value: u64,
+        _registers: &mut RegisterFile,
+        _context: &mut DeviceContext<'_>,
+    ) {
+    }
+
+    fn on_event(
+        &mut self,
+        event: EventId,
+        _registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        if self.due.take_if(|(_, due)| *due == event).is_some() {
+            self.settle(context);
+        }
+    }
+
+    fn on_request(
+        &mut self,
+        _request: RequestChange,
+        _registers: &mut RegisterFile,
+        _context: &mut DeviceContext<'_>,
+    ) {
+    }
+
+    fn on_interrupt(
+        &mut self,
+        _change: InterruptChange,
+        _registers: &mut RegisterFile,
+        _context: &mut DeviceContext<'_>,
+    ) {
+    }
+
+    fn on_clock(
+        &mut self,
+        _hz: u64,
+        _registers: &mut RegisterFile,
+        _context: &mut DeviceContext<'_>,
+    ) {
+    }
+
+    fn poll(&mut self, _registers: &mut RegisterFile, _context: &mut DeviceContext<'_>) {}
+
+    fn reset(&mut self) {
+        self.core_reset();
+    }
+
+    fn on_access(
+        &mut self,
+        _token: u64,
+        _value: u64,
+        _registers: &mut RegisterFile,
+        _context: &mut DeviceContext<'_>,
+    ) {
+    }
+
+    fn on_refused(
+        &mut self,
+        _token: u64,
+        _registers: &mut RegisterFile,
+        _context: &mut DeviceContext<'_>,
+    ) {
+    }
+
+    fn read_window(&mut self, offset: u64, _width: Width, context: &mut DeviceContext<'_>) -> u64 {
+        self.host.advance(context.now().0, &mut self.core);
+        let value = self.core.read(offset);
+        self.settle(context);
+        u64::from(value)
+    }
+
+    fn write_window(
+        &mut self,
+        offset: u64,
+        _width: Width,
+        value: u64,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.core.write(offset, value as u32);
+        self.settle(context);
+    }
+
+    fn peek_window(&self, offset: u64, _width: Width, _now: VirtualNanos) -> Option<u64> {
+        Some(u64::from(self.core.peek(offset)))
+    }
+}

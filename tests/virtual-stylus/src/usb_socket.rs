@@ -1,0 +1,210 @@
+//! The host on USB behind a socket: it enumerates the device, and does with bulk transfers what a program at the other end
+//! tells it (`--link usb-virtual:HOST:PORT`).
+
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+
+use host_tools::link::virtual_usb::{FromBus, ToBus, encode, take};
+
+use crate::error::{Error, Result};
+use crate::model::usb::host::{Transfer, TransferId};
+use crate::stylus::VirtualStylus;
+use crate::usb_host::{UsbHost, bulk_endpoints};
+
+/// How long a device stays unplugged before it is plugged in again, in virtual time.
+const UNPLUGGED_NS: u64 = 300_000_000;
+
+/// The host and its socket.
+#[derive(Debug)]
+pub struct UsbSocket {
+    listener: TcpListener,
+    usb: UsbHost,
+    /// Addresses of the endpoints to the device and from it, while it is configured.
+    endpoints: Option<[u8; 2]>,
+    program: Option<Program>,
+}
+
+/// A program that is connected.
+#[derive(Debug)]
+struct Program {
+    stream: TcpStream,
+    bytes: VecDeque<u8>,
+    out: VecDeque<TransferId>,
+    input: VecDeque<TransferId>,
+    /// The most transfers from the device that waited.
+    most: usize,
+}
+
+impl UsbSocket {
+    /// Listens on `port` of the loopback interface (0 for any).
+    ///
+    /// # Errors
+    /// The port cannot be listened on.
+    pub fn listen(port: u16) -> Result<Self> {
+        let told = |error: std::io::Error| Error::Port {
+            port,
+            reason: error.to_string(),
+        };
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(told)?;
+        listener.set_nonblocking(true).map_err(told)?;
+        Ok(Self {
+            listener,
+            usb: UsbHost::default(),
+            endpoints: None,
+            program: None,
+        })
+    }
+
+    /// The port.
+    ///
+    /// # Errors
+    /// The system does not tell.
+    pub fn port(&self) -> Result<u16> {
+        let address = self.listener.local_addr();
+        address
+            .map(|address| address.port())
+            .map_err(|error| Error::Port {
+                port: 0,
+                reason: error.to_string(),
+            })
+    }
+
+    /// Whether a program has had more transfers wait for the device than it has now, so that it is about to ask for more. A
+    /// run that goes on meanwhile is faster than its program.
+    pub fn is_ahead(&self) -> bool {
+        (self.program.as_ref()).is_some_and(|program| program.input.len() < program.most)
+    }
+
+    /// Does what is due. Enumerates the device if it is not configured, which runs the stylus; it is plugged in again some
+    /// time after its cable was pulled.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn serve(&mut self, stylus: &mut VirtualStylus) -> Result<()> {
+        let runs = stylus.usb(|host, _| host.is_running())?;
+        if self.endpoints.is_some() && !runs {
+            self.program = None;
+            self.endpoints = None;
+            stylus.run_for(UNPLUGGED_NS)?;
+        }
+        if self.endpoints.is_none() {
+            let read = self.usb.enumerate(stylus)?;
+            self.endpoints = read
+                .ok()
+                .and_then(|read| bulk_endpoints(&read.configuration));
+        }
+        if self.program.is_none()
+            && let Ok((stream, _)) = self.listener.accept()
+            && stream.set_nonblocking(true).is_ok()
+            && stream.set_nodelay(true).is_ok()
+            // Without a device there is nothing to open.
+            && self.endpoints.is_some()
+        {
+            self.program = Some(Program {
+                stream,
+                bytes: VecDeque::new(),
+                out: VecDeque::new(),
+                input: VecDeque::new(),
+                most: 0,
+            });
+        }
+        if let (Some(program), Some(endpoints)) = (&mut self.program, self.endpoints)
+            && !program.serve(endpoints, &mut self.usb, stylus)?
+        {
+            let ended = self.program.take();
+            let waiting: Vec<TransferId> = ended
+                .into_iter()
+                .flat_map(|program| program.out.into_iter().chain(program.input))
+                .collect();
+            self.usb.call_off(stylus, &waiting)?;
+        }
+        Ok(())
+    }
+}
+
+impl Program {
+    /// Whether the connection holds.
+    fn serve(
+        &mut self,
+        [output, input]: [u8; 2],
+        usb: &mut UsbHost,
+        stylus: &mut VirtualStylus,
+    ) -> Result<bool> {
+        if !self.read() {
+            return Ok(false);
+        }
+        loop {
+            let answer = match take(&mut self.bytes) {
+                Ok(None) => break,
+                Err(_) => return Ok(false),
+                Ok(Some(ToBus::Out(data))) => {
+                    let endpoint = output & 0x0F;
+                    let transfer = Transfer::Out { endpoint, data };
+                    self.out
+                        .push_back(stylus.usb(move |host, _| host.submit(transfer))?);
+                    continue;
+                }
+                Ok(Some(ToBus::In(bytes))) => {
+                    let transfer = Transfer::In {
+                        endpoint: input & 0x0F,
+                        bytes: bytes as usize,
+                    };
+                    self.input
+                        .push_back(stylus.usb(move |host, _| host.submit(transfer))?);
+                    self.most = self.most.max(self.input.len());
+                    continue;
+                }
+                Ok(Some(ToBus::ClearOut)) => FromBus::ClearedOut(
+                    (usb.clear_halt(stylus, output)?).map_err(|error| error.to_string()),
+                ),
+                Ok(Some(ToBus::ClearIn)) => FromBus::ClearedIn(
+                    (usb.clear_halt(stylus, input)?).map_err(|error| error.to_string()),
+                ),
+            };
+            if !self.write(&answer) {
+                return Ok(false);
+            }
+        }
+        while let Some(&id) = self.out.front()
+            && let Some(ended) = usb.take_ended(stylus, id)?
+        {
+            self.out.pop_front();
+            let ended = ended.result.map(|_| ()).map_err(|error| error.to_string());
+            if !self.write(&FromBus::Out(ended)) {
+                return Ok(false);
+            }
+        }
+        while let Some(&id) = self.input.front()
+            && let Some(ended) = usb.take_ended(stylus, id)?
+        {
+            self.input.pop_front();
+            let ended = ended.result.map_err(|error| error.to_string());
+            if !self.write(&FromBus::In(ended)) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Reads what has come; whether the connection holds.
+    fn read(&mut self) -> bool {
+        let mut buffer = [0; 4096];
+        loop {
+            match self.stream.read(&mut buffer) {
+                Ok(0) => return false,
+                Ok(count) => self.bytes.extend(&buffer[..count]),
+                Err(failure) if failure.kind() == ErrorKind::WouldBlock => return true,
+                Err(failure) if failure.kind() == ErrorKind::Interrupted => {}
+                Err(_) => return false,
+            }
+        }
+    }
+
+    /// Sends a message; whether the connection holds. A program that does not read is waited for.
+    fn write(&mut self, message: &FromBus) -> bool {
+        self.stream.set_nonblocking(false).is_ok()
+            && self.stream.write_all(&encode(message)).is_ok()
+            && self.stream.set_nonblocking(true).is_ok()
+    }
+}

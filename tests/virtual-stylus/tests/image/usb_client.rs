@@ -1,0 +1,220 @@
+//! The product's own client, `host-tools`' link, over the virtual bus.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use host_tools::link::capture::capture;
+use host_tools::link::play::{Drive, drive};
+use host_tools::link::upload::upload;
+use host_tools::link::{Device, LinkAddress, Patience};
+use model_format::link::{MotionSource, MuteReasons};
+use virtual_stylus::model::dac::{Cause, Output};
+use virtual_stylus::model::usb::host::Mishap;
+use virtual_stylus::motion::Motion;
+use virtual_stylus::usb_socket::UsbSocket;
+use virtual_stylus::{Reset, VirtualStylus};
+
+use crate::device::{MS, PERIOD_NS, play_request, product};
+use crate::library;
+
+/// Between two looks at the socket.
+const STEP_NS: u64 = MS / 8;
+/// The run may be slower than time is.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+type Job = Box<dyn FnOnce(&mut VirtualStylus) + Send>;
+
+/// A virtual stylus that runs by itself, no faster than time, with its USB on a socket.
+struct Running {
+    address: LinkAddress,
+    now_ns: Arc<AtomicU64>,
+    ends: Arc<AtomicBool>,
+    jobs: Sender<Job>,
+    thread: Option<JoinHandle<(Vec<Output>, Vec<Reset>)>>,
+}
+
+impl Running {
+    fn start() -> Self {
+        let socket = UsbSocket::listen(0).expect("a free port");
+        let port = socket.port().expect("it listens");
+        let (now_ns, ends) = (
+            Arc::new(AtomicU64::new(0)),
+            Arc::new(AtomicBool::new(false)),
+        );
+        let (jobs, orders) = channel::<Job>();
+        let (clock, over) = (now_ns.clone(), ends.clone());
+        let thread = std::thread::spawn(move || {
+            let mut socket = socket;
+            let mut stylus =
+                VirtualStylus::new(&product(), library::options()).expect("the image fits");
+            stylus.run_for(300 * MS).expect("the run goes on");
+            let (began, from_ns) = (Instant::now(), stylus.now_ns());
+            while !over.load(Ordering::Relaxed) {
+                for job in orders.try_iter() {
+                    job(&mut stylus);
+                }
+                stylus.run_for(STEP_NS).expect("the run goes on");
+                socket.serve(&mut stylus).expect("the run goes on");
+                // On a busy computer the client gets its turn before time goes on.
+                let begin = Instant::now();
+                while socket.is_ahead() && begin.elapsed() < Duration::from_secs(2) {
+                    std::thread::sleep(Duration::from_micros(50));
+                    socket.serve(&mut stylus).expect("the run goes on");
+                }
+                clock.store(stylus.now_ns(), Ordering::Relaxed);
+                let ran = Duration::from_nanos(stylus.now_ns() - from_ns);
+                std::thread::sleep(ran.saturating_sub(began.elapsed()));
+            }
+            let outputs = stylus.take_dac_record().expect("the run goes on");
+            (outputs, stylus.resets().expect("the run goes on"))
+        });
+        Self {
+            address: format!("usb-virtual:127.0.0.1:{port}")
+                .parse()
+                .expect("a link"),
+            now_ns,
+            ends,
+            jobs,
+            thread: Some(thread),
+        }
+    }
+
+    fn connect(&self) -> Device {
+        // Until it has started and is enumerated, there is nobody to connect to.
+        let begin = Instant::now();
+        loop {
+            match Device::connect(&self.address, Patience::scaled_to(PATIENCE)) {
+                Ok(device) => return device,
+                Err(failure) if begin.elapsed() > 3 * PATIENCE => panic!("{failure}"),
+                Err(_) => std::thread::sleep(Duration::from_millis(100)),
+            }
+        }
+    }
+
+    fn have(&self, job: impl FnOnce(&mut VirtualStylus) + Send + 'static) {
+        self.jobs.send(Box::new(job)).expect("it runs");
+    }
+
+    fn now_ms(&self) -> u64 {
+        self.now_ns.load(Ordering::Relaxed) / MS
+    }
+
+    /// Ends the run: no reset came, and no output was moved.
+    fn finish(mut self) {
+        self.ends.store(true, Ordering::Relaxed);
+        let (outputs, resets) = (self.thread.take())
+            .map(|thread| thread.join().expect("the run went on"))
+            .expect("it ends once");
+        assert_eq!(resets, []);
+        let triggered = outputs
+            .iter()
+            .filter(|output| output.cause == Cause::Trigger);
+        let instants: Vec<u64> = triggered.map(|output| output.at_ns).collect();
+        let uneven = (instants.windows(2)).find(|pair| pair[1] - pair[0] != PERIOD_NS);
+        assert_eq!(uneven, None, "instants that are not 200 us apart");
+    }
+}
+
+fn seconds() -> f64 {
+    if std::env::var_os("STYLUS_LONG").is_some() {
+        60.0
+    } else {
+        3.0
+    }
+}
+
+#[test]
+fn the_client_uploads_plays_records_and_reads_the_status_over_usb() {
+    let running = Running::start();
+    running.have(|stylus| {
+        (stylus.set_motion(Motion::steady(120.0, 0.01))).expect("the run goes on");
+    });
+    let mut device = running.connect();
+    let large = library::large();
+    let begin_ms = running.now_ms();
+    let uploaded = upload(&mut device, &large, |_| {}).expect("it is uploaded");
+    println!(
+        "{} bytes by the client, erasing, writing and reading back: {} ms of virtual time",
+        large.len(),
+        running.now_ms() - begin_ms
+    );
+    assert_eq!((uploaded.retries, uploaded.textures.len()), (0, 4));
+    device.activate(uploaded.slot).expect("it is activated");
+    let request = play_request("three", MotionSource::Sensors, 3);
+    device.play(&request).expect("it plays");
+    let plan = Drive {
+        motion: None,
+        rate_hz: 100,
+        duration: Some(Duration::from_secs(2)),
+    };
+    let mut mutes = Vec::new();
+    let driven = drive(
+        &device,
+        &plan,
+        || true,
+        |_, status| mutes.push(status.output.mute),
+    );
+    assert!(driven.expect("the link holds").keep_alives > 20);
+    assert!(mutes.contains(&MuteReasons::NONE), "{mutes:?}");
+    let recorded = capture(&device, seconds(), 0.0, || true, |_, _, _| {})
+        .expect("the link holds")
+        .expect("nobody stops it");
+    assert!(recorded.loss.is_none(), "{}", recorded.loss);
+    assert_eq!(recorded.holes, 0);
+    assert_eq!(recorded.samples.len(), (seconds() * 5_000.0) as usize);
+    device.stop().expect("it stops");
+    let status = device.status().expect("the link holds");
+    assert_eq!(status.tick.missed, 0);
+    assert_eq!(
+        (
+            status.usb.malformed,
+            status.usb.oversized,
+            status.usb.unsent
+        ),
+        (0, 0, 0)
+    );
+    drop(device);
+    // Another program finds nothing of this one's.
+    let again = running.connect();
+    assert_eq!(again.status().expect("the link holds").tick.missed, 0);
+    drop(again);
+    running.finish();
+}
+
+#[test]
+fn the_clients_upload_goes_on_after_the_cable_was_pulled_and_the_bus_reset() {
+    let running = Running::start();
+    let mut device = running.connect();
+    let other = library::other();
+    let mut chunks = 0;
+    let uploaded = upload(&mut device, &other, |_| {
+        chunks += 1;
+        if chunks % 6 == 3 {
+            let mishap = if chunks % 12 == 3 {
+                Mishap::Unplug
+            } else {
+                Mishap::Reset
+            };
+            running.have(move |stylus| {
+                stylus
+                    .usb(move |host, _| host.have(mishap, 4))
+                    .expect("the run goes on");
+            });
+        }
+    })
+    .expect("it is uploaded");
+    println!("{uploaded:?}");
+    assert!(uploaded.retries > 0);
+    assert_eq!(uploaded.textures, ["other"]);
+    let slots = device.slots().expect("the link holds");
+    assert_ne!(
+        slots.active,
+        Some(uploaded.slot),
+        "the old library is still active"
+    );
+    drop(device);
+    running.finish();
+}

@@ -1,0 +1,398 @@
+//! What the link over USB carries, and on which bus.
+
+use model_format::link::{
+    ActivateEndpoint, BLOCK_SAMPLES, MotionSource, RecordSample, RecordStartEndpoint,
+    RecordStopEndpoint, SlotId, StatusEndpoint,
+};
+use postcard_rpc::Endpoint;
+use virtual_stylus::Options;
+use virtual_stylus::model::dac::Cause;
+use virtual_stylus::model::usb::host::Host;
+use virtual_stylus::motion::Motion;
+use virtual_stylus::usb_host::{Request, Timing};
+
+use crate::device::{BULK_IN, BULK_OUT, Device, MS, PERIOD_NS, SECOND, announced};
+use crate::library;
+
+/// How long CI records; `STYLUS_LONG` asks for the whole minute.
+fn seconds() -> u64 {
+    if std::env::var_os("STYLUS_LONG").is_some() {
+        60
+    } else {
+        10
+    }
+}
+
+/// Instants of the converter's triggers, which nothing moves.
+fn assert_even(device: &mut Device) {
+    let outputs = device.dac().iter();
+    let instants: Vec<u64> = (outputs.filter(|output| output.cause == Cause::Trigger))
+        .map(|output| output.at_ns)
+        .collect();
+    let uneven = (instants.windows(2)).find(|pair| pair[1] - pair[0] != PERIOD_NS);
+    assert_eq!(uneven, None, "instants that are not 200 us apart");
+}
+
+/// Blocks in order, none left out.
+fn assert_whole(device: &Device) {
+    for (number, block) in device.blocks.iter().enumerate() {
+        assert_eq!(block.sequence as usize, number);
+        let ticks = (number * BLOCK_SAMPLES) as u64;
+        assert_eq!(block.first_tick, device.blocks[0].first_tick + ticks);
+        assert_eq!(block.lost_blocks, 0);
+    }
+}
+
+fn heard(device: &mut Device) {
+    device
+        .stylus
+        .set_motion(Motion::steady(120.0, 0.01))
+        .expect("the run goes on");
+    device.play_until_heard("lattice", MotionSource::Sensors, 5);
+}
+
+#[test]
+fn an_upload_over_usb_while_playing_and_recording_moves_nothing_and_loses_nothing() {
+    let mut device = Device::on_usb(library::options());
+    heard(&mut device);
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    let before = device.status();
+    let large = library::large();
+    assert!(large.len() > 380_000, "{} bytes", large.len());
+    let progress = device.begin_upload(&large);
+    let begun_ns = device.stylus.now_ns();
+    device.send_chunks(&large, progress, large.len());
+    let nanos = device.stylus.now_ns() - begun_ns;
+    let committed = device.upload(&large);
+    let after = device.status();
+    let stopped = device
+        .request::<RecordStopEndpoint>(&())
+        .expect("it is recorded");
+    println!(
+        "{} bytes in chunks, flash included, while playing and recording: {} ms of virtual time, {:.0} KB/s",
+        large.len(),
+        nanos / MS,
+        large.len() as f64 / nanos as f64 * 1e6
+    );
+    assert_eq!(after.tick.missed, 0);
+    assert_eq!(after.tick.late_frames, before.tick.late_frames);
+    assert_eq!(after.output.mute_counts, before.output.mute_counts);
+    assert_eq!(after.usb.unsent, 0);
+    assert_eq!(stopped.lost_blocks, 0);
+    device.run_for(20 * MS);
+    assert_eq!(device.blocks.len(), stopped.blocks as usize);
+    assert_whole(&device);
+    assert_even(&mut device);
+    let activated = device.activate(committed.slot);
+    assert_eq!(activated.library.crc32, announced(&large).crc32);
+    sleeps_through_nothing(&mut device, committed.slot);
+}
+
+/// The tasks of the device are busy with a large library while the bus is suspended, reset, and runs again.
+fn sleeps_through_nothing(device: &mut Device, slot: SlotId) {
+    device.usb().1.timing = Timing {
+        settle_ns: 0,
+        ..Timing::default()
+    };
+    // The library is checked in one go some 50 ms after it was asked for.
+    for micros in (18..34).map(|point| point * 2_000) {
+        device.send_frame(ActivateEndpoint::REQ_KEY, &slot);
+        device.run_for(MS / 2 + micros * 1_000);
+        (device.usb().0.usb(Host::suspend)).expect("the run goes on");
+        device.run_for(7 * MS / 2);
+        let read = device.enumerate();
+        assert!(read.is_ok(), "{read:?}, {micros} us later");
+        device.status();
+    }
+}
+
+#[test]
+fn a_recording_over_usb_loses_no_block() {
+    let mut device = Device::on_usb(Options::default());
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    let before = device
+        .usb()
+        .0
+        .usb(|host, _| host.traffic())
+        .expect("the run goes on");
+    device.run_for(seconds() * SECOND);
+    let after = device
+        .usb()
+        .0
+        .usb(|host, _| host.traffic())
+        .expect("the run goes on");
+    let stopped = device
+        .request::<RecordStopEndpoint>(&())
+        .expect("it is recorded");
+    device.run_for(20 * MS);
+    println!(
+        "{} s recorded: {} blocks, {} transactions",
+        seconds(),
+        stopped.blocks,
+        after.transactions - before.transactions
+    );
+    assert_eq!(stopped.lost_blocks, 0);
+    assert_eq!(device.blocks.len(), stopped.blocks as usize);
+    assert!(device.blocks.len() as u64 * BLOCK_SAMPLES as u64 >= seconds() * 5_000 - 100);
+    assert_whole(&device);
+    assert_eq!(device.status().tick.missed, 0);
+    assert_even(&mut device);
+}
+
+#[test]
+fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
+    // Three broken tries in a row end a transfer. With one packet in 200 that is once in a million transactions.
+    const PER_MILLION: u64 = 5_000;
+    let mut device = Device::on_usb(library::options());
+    device
+        .usb()
+        .0
+        .usb(|host, _| host.break_packets(PER_MILLION, 7))
+        .expect("the run goes on");
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    let other = library::other();
+    let committed = device.upload(&other);
+    device.run_for(3 * SECOND);
+    let stopped = device
+        .request::<RecordStopEndpoint>(&())
+        .expect("it is recorded");
+    device.run_for(20 * MS);
+    let traffic = device
+        .usb()
+        .0
+        .usb(|host, _| host.traffic())
+        .expect("the run goes on");
+    println!("{traffic:?}");
+    assert!(traffic.broken > 30 && traffic.repeated > 5, "{traffic:?}");
+    assert_eq!(device.blocks.len(), stopped.blocks as usize);
+    assert_whole(&device);
+    assert_eq!(device.broken, 0);
+    let status = device.status();
+    assert_eq!((status.usb.malformed, status.usb.oversized), (0, 0));
+    assert_eq!(
+        device.activate(committed.slot).library.crc32,
+        announced(&other).crc32
+    );
+}
+
+#[test]
+fn a_bus_that_breaks_many_packets_still_enumerates_within_some_tries() {
+    let mut device = Device::on_usb(Options::default());
+    for seed in 0..6 {
+        device
+            .usb()
+            .0
+            .usb(move |host, _| host.break_packets(100_000, seed))
+            .expect("the run goes on");
+        let tries = (1..=40).find(|_| device.enumerate().is_ok());
+        println!("seed {seed}: {tries:?}");
+        assert!(tries.is_some(), "seed {seed}");
+        device
+            .usb()
+            .0
+            .usb(|host, _| host.break_packets(0, 0))
+            .expect("the run goes on");
+        device.enumerate().expect("it enumerates");
+        device.status();
+        assert_eq!(device.stylus.resets().expect("the run goes on"), []);
+    }
+}
+
+#[test]
+fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
+    let mut device = Device::on_usb(library::options());
+    for millis in [1, 3, 4, 10, 200, 1_000] {
+        device.usb().0.usb(Host::suspend).expect("the run goes on");
+        device.run_for(millis * MS);
+        device
+            .usb()
+            .0
+            .usb(|host, now_ns| host.resume(now_ns, 20 * MS))
+            .expect("the run goes on");
+        device.run_for(30 * MS);
+        device.status();
+    }
+    // In the middle of a recording: what is sent meanwhile is lost and counted, and nothing that comes is broken.
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    device.run_for(100 * MS);
+    device.usb().0.usb(Host::suspend).expect("the run goes on");
+    device.run_for(2 * SECOND);
+    device
+        .usb()
+        .0
+        .usb(|host, now_ns| host.resume(now_ns, 20 * MS))
+        .expect("the run goes on");
+    device.run_for(200 * MS);
+    device
+        .request::<RecordStopEndpoint>(&())
+        .expect("it is recorded");
+    // The frame that was under way ends where it was.
+    assert!(device.broken <= 1, "{} frames are broken", device.broken);
+    let missing = device
+        .blocks
+        .windows(2)
+        .map(|pair| pair[1].sequence - pair[0].sequence - 1);
+    assert!(missing.sum::<u32>() > 0, "the host was away");
+    assert!(device.status().usb.unsent > 0);
+}
+
+#[test]
+fn after_a_halt_is_cleared_the_next_command_works() {
+    let mut device = Device::on_usb(library::options());
+    for halted in [&[BULK_OUT][..], &[BULK_IN], &[BULK_OUT, BULK_IN]] {
+        for round in 0..4 {
+            // An odd number of packets before, or an even one.
+            for _ in 0..round {
+                device.status();
+            }
+            for &endpoint in halted {
+                let (stylus, usb) = device.usb();
+                usb.control(stylus, Request::set_halt(endpoint), &[])
+                    .expect("the run goes on")
+                    .expect("it can be halted");
+                let status = Request {
+                    kind: 0x82,
+                    request: 0,
+                    value: 0,
+                    index: endpoint.into(),
+                    length: 2,
+                };
+                let told = usb.control(stylus, status, &[]).expect("the run goes on");
+                assert_eq!(told, Ok(vec![1, 0]));
+            }
+            // What waits ends in a stall.
+            let answer = device.try_ask::<StatusEndpoint, _>(&());
+            assert!(answer.is_none(), "{answer:?}");
+            for endpoint in [BULK_OUT, BULK_IN] {
+                let (stylus, usb) = device.usb();
+                usb.clear_halt(stylus, endpoint)
+                    .expect("the run goes on")
+                    .expect("it is there");
+            }
+            device.reopen();
+            device.status();
+        }
+    }
+}
+
+#[test]
+fn a_program_that_ends_in_the_middle_of_a_frame_leaves_nothing_to_the_next_one() {
+    let mut device = Device::on_usb(library::options());
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    for point in 0..24_u64 {
+        // A frame that all but fills the longest one, given up on its way.
+        device.send_raw(&[0x55; 900]);
+        device
+            .stylus
+            .run_for(point * 47_000)
+            .expect("the run goes on");
+        device.reopen();
+        for endpoint in [BULK_OUT, BULK_IN] {
+            let (stylus, usb) = device.usb();
+            usb.clear_halt(stylus, endpoint)
+                .expect("the run goes on")
+                .expect("it is there");
+        }
+        let broken = device.broken;
+        device.status();
+        assert_eq!(device.broken, broken, "point {point}");
+    }
+}
+
+#[test]
+fn a_setting_or_configuration_that_is_chosen_again_begins_anew() {
+    let mut device = Device::on_usb(library::options());
+    let interface = Request {
+        kind: 0x01,
+        request: 11,
+        value: 0,
+        index: 0,
+        length: 0,
+    };
+    for request in [Request::set_configuration(1), interface] {
+        for round in 0..6 {
+            for _ in 0..round {
+                device.status();
+            }
+            device
+                .request::<RecordStartEndpoint>(&())
+                .expect("nothing is recorded");
+            device.run_for(3 * MS);
+            device.reopen();
+            let (stylus, usb) = device.usb();
+            usb.control(stylus, request, &[])
+                .expect("the run goes on")
+                .expect("it can be chosen");
+            stylus
+                .usb(|host, _| [BULK_OUT, BULK_IN].map(|endpoint| host.reset_toggle(endpoint)))
+                .expect("the run goes on");
+            device
+                .request::<RecordStopEndpoint>(&())
+                .expect("it is recorded");
+            assert_eq!(device.broken, 0);
+        }
+    }
+    // Without a configuration there are no endpoints; with one there are again.
+    let (stylus, usb) = device.usb();
+    for value in [0, 1] {
+        usb.control(stylus, Request::set_configuration(value), &[])
+            .expect("the run goes on")
+            .expect("it can be chosen");
+    }
+    stylus
+        .usb(|host, _| [BULK_OUT, BULK_IN].map(|endpoint| host.reset_toggle(endpoint)))
+        .expect("the run goes on");
+    device.reopen();
+    device.status();
+    let report = device.stylus.report().expect("the run goes on");
+    let told: Vec<_> = (report.told.iter())
+        .filter(|told| !told.starts_with("RCC."))
+        .collect();
+    assert!(told.is_empty(), "{told:?}");
+}
+
+#[test]
+fn frames_that_nobody_fetches_are_dropped_whole_and_the_next_ones_arrive() {
+    let mut device = Device::on_usb(library::options());
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    for millis in [20, 90, 110, 350] {
+        device.run_for(50 * MS);
+        device.close();
+        device.run_for(millis * MS);
+        device.reopen();
+        let broken = device.broken;
+        device.run_for(50 * MS);
+        // The one that was under way ends where it was.
+        assert!(device.broken <= broken + 1, "after {millis} ms");
+        device.status();
+    }
+    let sequences = (device.blocks.windows(2)).map(|pair| pair[1].sequence - pair[0].sequence);
+    assert!(
+        sequences.clone().all(|apart| apart > 0),
+        "in order, none twice"
+    );
+    assert!(sequences.max() > Some(10), "the host was away");
+    // One frame that began as another would show: the pins have the same levels all the time.
+    let mut samples =
+        (device.blocks.iter()).flat_map(|block| block.samples.map(RecordSample::from));
+    let first = samples.next().expect("there are blocks");
+    assert!(
+        samples.all(|sample| sample == first),
+        "samples of two frames in one"
+    );
+    let status = device.status();
+    assert!(status.usb.unsent > 0);
+    assert_eq!((status.usb.malformed, status.usb.oversized), (0, 0));
+}

@@ -1,0 +1,199 @@
+//! Cables that are pulled and buses that are reset in the middle of anything: the device comes back, the next command works,
+//! and the library that was active stays.
+
+use model_format::link::{
+    LIBRARY_CRC, MAX_CHUNK_BYTES, MotionSource, RecordStartEndpoint, RecordStopEndpoint,
+    UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
+};
+use virtual_stylus::Options;
+use virtual_stylus::model::usb::host::Mishap;
+use virtual_stylus::motion::Motion;
+use virtual_stylus::usb_host::Timing;
+
+use crate::device::{Device, MS};
+use crate::library;
+use crate::power::state_of;
+
+const MISHAPS: [Mishap; 2] = [Mishap::Unplug, Mishap::Reset];
+
+/// A host in a hurry: what the device does not finish in time stays behind.
+const HURRIED: Timing = Timing {
+    settle_ns: 2 * MS,
+    reset_ns: 10 * MS,
+    recovery_ns: 2 * MS,
+};
+
+/// Has `mishap` happen after so many transactions.
+fn arm(device: &mut Device, mishap: Mishap, transactions: u64) {
+    device
+        .usb()
+        .0
+        .usb(move |host, _| host.have(mishap, transactions))
+        .expect("the run goes on");
+}
+
+fn has_happened(device: &mut Device) -> bool {
+    device
+        .usb()
+        .0
+        .usb(|host, _| host.has_happened())
+        .expect("the run goes on")
+}
+
+/// The device is back, and answers the first thing it is asked.
+fn comes_back(device: &mut Device, after: &str) {
+    assert!(
+        device.enumerate().is_ok(),
+        "it does not enumerate after {after}"
+    );
+    let status = device.status();
+    assert_eq!(status.tick.missed, 0, "after {after}");
+    assert_eq!(
+        device.stylus.resets().expect("the run goes on"),
+        [],
+        "after {after}"
+    );
+}
+
+#[test]
+fn a_mishap_anywhere_in_an_enumeration_does_not_keep_the_next_one() {
+    let mut device = Device::on_usb(Options::default());
+    device.usb().1.timing = HURRIED;
+    let mut points = 0;
+    for mishap in MISHAPS {
+        for transactions in 1.. {
+            arm(&mut device, mishap, transactions);
+            let _ = device.enumerate();
+            if !has_happened(&mut device) {
+                break;
+            }
+            points += 1;
+            comes_back(
+                &mut device,
+                &format!("{mishap:?} after {transactions} transactions"),
+            );
+        }
+    }
+    println!("{points} points");
+    assert!(points > 60, "{points} points");
+}
+
+/// Goes on with an upload of `library` until it is committed; whether the link held as long.
+fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
+    let begin = UploadBegin {
+        length: library.len() as u32,
+        crc32: LIBRARY_CRC.checksum(library),
+    };
+    let begun = device.try_ask::<UploadBeginEndpoint, _>(&begin)?;
+    let mut offset = begun.expect("the library fits a slot").next_offset as usize;
+    while offset < library.len() {
+        let chunk = UploadChunk {
+            offset: offset as u32,
+            data: &library[offset..library.len().min(offset + MAX_CHUNK_BYTES)],
+        };
+        let progress = device.try_ask::<UploadChunkEndpoint<'_>, _>(&chunk)?;
+        offset = progress.expect("the chunk that is due").next_offset as usize;
+    }
+    let committed = device.try_ask::<UploadCommitEndpoint, _>(&())?;
+    committed.expect("a valid library");
+    Some(())
+}
+
+#[test]
+fn a_mishap_anywhere_in_an_upload_leaves_the_active_library_and_the_upload_goes_on() {
+    const POINTS: u64 = 72;
+    let mut device = Device::on_usb(library::options());
+    let was = state_of(&mut device);
+    let libraries = [library::other(), library::small().to_vec()];
+    let (mut committed, mut cut) = (0, 0);
+    for point in 0..POINTS {
+        let mishap = MISHAPS[(point % 2) as usize];
+        device.usb().1.timing = if point % 3 == 0 {
+            Timing::default()
+        } else {
+            HURRIED
+        };
+        // Far enough to get on, near enough to be in the middle of a chunk as often as between two.
+        arm(&mut device, mishap, 1 + point * 37 % 97);
+        if go_on(&mut device, &libraries[committed % 2]).is_some() {
+            committed += 1;
+        }
+        if !has_happened(&mut device) {
+            // Between two uploads.
+            device.run_for(MS);
+            continue;
+        }
+        cut += 1;
+        comes_back(&mut device, &format!("{mishap:?} at point {point}"));
+        assert_eq!(state_of(&mut device), was, "{mishap:?} at point {point}");
+    }
+    println!("{cut} times cut, {committed} uploads came to their end");
+    assert!(cut > 48 && committed > 1);
+    device
+        .usb()
+        .0
+        .usb(|host, _| host.have(Mishap::Reset, u64::MAX / 2))
+        .expect("the run goes on");
+    let large = library::other();
+    let begun = device.upload(&large);
+    device.activate(begun.slot);
+}
+
+#[test]
+fn a_mishap_anywhere_in_a_stream_does_not_keep_the_next_one() {
+    const POINTS: u64 = 60;
+    let mut device = Device::on_usb(library::options());
+    device
+        .stylus
+        .set_motion(Motion::steady(120.0, 0.01))
+        .expect("the run goes on");
+    let was = state_of(&mut device);
+    for point in 0..POINTS {
+        let mishap = MISHAPS[(point % 2) as usize];
+        device.usb().1.timing = if point % 3 == 0 {
+            Timing::default()
+        } else {
+            HURRIED
+        };
+        device.blocks.clear();
+        device.play("lattice", MotionSource::Sensors, point);
+        device
+            .request::<RecordStartEndpoint>(&())
+            .expect("nothing is recorded");
+        arm(&mut device, mishap, 1 + point);
+        device.run_for(100 * MS);
+        assert!(!device.is_open(), "point {point}");
+        device.keep_alive(false);
+        let what = format!("{mishap:?} at point {point}");
+        comes_back(&mut device, &what);
+        assert_eq!(state_of(&mut device), was, "after {what}");
+        let sequences = device
+            .blocks
+            .windows(2)
+            .map(|pair| pair[1].sequence - pair[0].sequence);
+        assert!(
+            sequences.min() != Some(0),
+            "a block came twice after {what}"
+        );
+        assert_eq!(device.broken, 0, "after {what}");
+        device
+            .request::<RecordStopEndpoint>(&())
+            .expect("it is still recorded");
+        device.keep_alive(true);
+    }
+}
+
+#[test]
+fn a_reset_of_the_part_is_a_pulled_cable_to_the_host_and_the_device_comes_back() {
+    let mut device = Device::on_usb(library::options());
+    let was = state_of(&mut device);
+    for millis in [1, 7, 50] {
+        device.run_for(millis * MS);
+        device.stylus.reset_by_pin().expect("the run goes on");
+        device.run_for(MS);
+        assert!(!device.is_open(), "the pull-up is gone");
+        device.enumerate().expect("it enumerates");
+        assert_eq!(state_of(&mut device), was);
+    }
+    assert_eq!(device.stylus.resets().expect("the run goes on").len(), 3);
+}

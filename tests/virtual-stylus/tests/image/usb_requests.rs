@@ -1,0 +1,221 @@
+//! Control requests that no host should make, and hosts that do not finish what they began.
+
+use virtual_stylus::Options;
+use virtual_stylus::model::usb::host::{Transfer, TransferError};
+use virtual_stylus::usb_host::{Request, descriptor};
+
+use crate::device::{BULK_IN, BULK_OUT, Device, MS};
+
+/// By when a request is answered, one way or the other.
+const ANSWERED_NS: u64 = 100 * MS;
+
+/// One control request; how it ended.
+fn ask(device: &mut Device, request: Request, data: &[u8]) -> Result<Vec<u8>, TransferError> {
+    let (stylus, usb) = device.usb();
+    let transfer = Transfer::Control {
+        setup: request.bytes(),
+        data: data.to_vec(),
+    };
+    let id = stylus
+        .usb(move |host, _| host.submit(transfer))
+        .expect("the run goes on");
+    usb.wait(stylus, id, ANSWERED_NS)
+        .expect("the run goes on")
+        .map(|(_, data)| data)
+}
+
+/// The device answers a request that every device answers, as it always does.
+fn lives(device: &mut Device, after: &str) {
+    let request = Request::descriptor(descriptor::DEVICE, 0, 0, 18);
+    let read = ask(device, request, &[]);
+    assert_eq!(read.as_ref().map(Vec::len), Ok(18), "after {after}");
+    assert_eq!(device.stylus.resets().expect("the run goes on"), []);
+}
+
+fn request(kind: u8, request: u8, value: u16, index: u16, length: u16) -> Request {
+    Request {
+        kind,
+        request,
+        value,
+        index,
+        length,
+    }
+}
+
+/// What is asked, and its kind, request, value, index and length.
+const UNDESCRIBED: [(&str, [u16; 5]); 30] = [
+    ("a device qualifier, one speed", [0x80, 6, 0x0600, 0, 10]),
+    ("a descriptor of no type", [0x80, 6, 0x0000, 0, 64]),
+    ("a descriptor of another type", [0x80, 6, 0x4200, 0, 64]),
+    ("an interface by itself", [0x80, 6, 0x0400, 0, 9]),
+    ("a second configuration", [0x80, 6, 0x0201, 0, 64]),
+    ("a second device", [0x80, 6, 0x0101, 0, 18]),
+    ("another string", [0x80, 6, 0x03C8, 0x0409, 255]),
+    ("a string of old Windows'", [0x80, 6, 0x03EE, 0, 18]),
+    ("an address too high", [0x00, 5, 128, 0, 0]),
+    ("an address far too high", [0x00, 5, 300, 1, 0]),
+    ("another configuration", [0x00, 9, 2, 0, 0]),
+    ("a new descriptor", [0x00, 7, 0x0100, 0, 18]),
+    ("a synch frame", [0x82, 12, 0, 0x81, 2]),
+    ("another setting", [0x01, 11, 5, 0, 0]),
+    ("a setting of another interface", [0x01, 11, 0, 7, 0]),
+    ("the setting of another interface", [0x81, 10, 0, 7, 1]),
+    ("the status of another interface", [0x81, 0, 0, 255, 2]),
+    ("an interface beyond all", [0x81, 0, 0, 0x0100, 2]),
+    ("a test mode", [0x00, 3, 2, 0x0100, 0]),
+    ("another feature", [0x00, 3, 77, 0, 0]),
+    ("a class request", [0xA1, 33, 0, 0, 7]),
+    ("a class request with data", [0x21, 32, 0, 0, 7]),
+    ("another vendor code", [0xC0, 9, 0, 7, 64]),
+    ("another vendor index", [0xC0, 0, 0, 4, 64]),
+    ("a vendor request with data", [0x40, 0, 0, 8, 64]),
+    ("more data than fits", [0x40, 1, 0, 0, 200]),
+    ("far more data than fits", [0x40, 1, 0, 0, 4096]),
+    ("a reserved kind", [0xE0, 1, 2, 3, 4]),
+    ("a status of no length", [0x80, 0, 0, 0, 0]),
+    ("a descriptor of no length", [0x80, 6, 0x0100, 0, 0]),
+];
+
+/// What is asked of endpoints that are not there, or not used.
+const OF_AN_ENDPOINT: [(&str, [u16; 3]); 3] = [
+    ("the status", [0x82, 0, 2]),
+    ("a halt", [0x02, 3, 0]),
+    ("the end of a halt", [0x02, 1, 0]),
+];
+
+#[test]
+fn a_request_that_is_not_described_is_stalled_and_the_next_one_is_answered() {
+    let mut device = Device::on_usb(Options::default());
+    let endpoints = (2..16).chain(0x82..0x90).flat_map(|endpoint| {
+        OF_AN_ENDPOINT
+            .map(|(what, [kind, asked, length])| (what, [kind, asked, 0, endpoint, length]))
+    });
+    for (what, [kind, asked, value, index, length]) in UNDESCRIBED.into_iter().chain(endpoints) {
+        let request = request(kind as u8, asked as u8, value, index, length);
+        let bytes = if kind & 0x80 == 0 { length.into() } else { 0 };
+        let answer = ask(&mut device, request, &vec![0x5A; bytes]);
+        assert_eq!(answer, Err(TransferError::Stall), "{what}: {request:x?}");
+        lives(&mut device, what);
+    }
+    device.status();
+}
+
+#[test]
+fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
+    const REQUESTS: u32 = 3_000;
+    const NEAR: [(u8, u8); 11] = [
+        (0x80, 0),
+        (0x80, 6),
+        (0x80, 8),
+        (0x81, 0),
+        (0x81, 10),
+        (0x82, 0),
+        (0xC0, 0),
+        (0x00, 1),
+        (0x00, 3),
+        (0x02, 1),
+        (0x02, 3),
+    ];
+    const VALUES: [u16; 9] = [0, 1, 0x0100, 0x0200, 0x0300, 0x0301, 0x0302, 0x0600, 0x0F00];
+    const INDICES: [u16; 8] = [0, 1, 7, 0x01, 0x81, 0x09, 0x89, 0x0409];
+    let mut device = Device::on_usb(Options::default());
+    let mut state = 0x5EED_u64;
+    let mut next = move || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as u32
+    };
+    let (mut answered, mut stalled) = (0, 0);
+    for number in 0..REQUESTS {
+        // Half of them are near to what is described.
+        let near = next() % 2 == 0;
+        let (kind, asked) = if near {
+            NEAR[next() as usize % NEAR.len()]
+        } else {
+            (next() as u8, next() as u8)
+        };
+        let value = if near {
+            VALUES[next() as usize % VALUES.len()]
+        } else {
+            next() as u16
+        };
+        let index = if near {
+            INDICES[next() as usize % INDICES.len()]
+        } else {
+            next() as u16
+        };
+        let length = [0, 1, 2, 8, 18, 63, 64, 65, 255, 1024][next() as usize % 10];
+        let request = request(kind, asked, value, index, length);
+        // What would take the device away, or end what is being tested.
+        if matches!(kind, 0x00 | 0x80) && matches!(asked, 5 | 9) || kind == 1 && asked == 11 {
+            continue;
+        }
+        let bytes = if kind & 0x80 == 0 { length.into() } else { 0 };
+        let data: Vec<u8> = (0..bytes).map(|_| next() as u8).collect();
+        match ask(&mut device, request, &data) {
+            Ok(read) => {
+                answered += 1;
+                assert!(read.len() <= length.into(), "{request:x?}");
+            }
+            Err(TransferError::Stall) => stalled += 1,
+            Err(error) => panic!("number {number}, {request:x?}: {error}"),
+        }
+        if number % 50 == 0 {
+            lives(&mut device, &format!("number {number}, {request:x?}"));
+        }
+    }
+    println!("{answered} answered, {stalled} stalled");
+    assert!(answered > 300 && stalled > 1_000);
+    // Halts that were set among them are cleared as a program would.
+    for endpoint in [BULK_OUT, BULK_IN] {
+        let (stylus, usb) = device.usb();
+        usb.clear_halt(stylus, endpoint)
+            .expect("the run goes on")
+            .expect("it is there");
+    }
+    device.enumerate().expect("it enumerates");
+    device.status();
+    assert_eq!(device.stylus.resets().expect("the run goes on"), []);
+}
+
+#[test]
+fn a_control_transfer_that_is_given_up_anywhere_does_not_keep_the_next_one() {
+    let mut device = Device::on_usb(Options::default());
+    let long = Request::descriptor(descriptor::CONFIGURATION, 0, 0, 255);
+    let set = request(0xC0, 0, 0, 7, 512);
+    let written = request(0x40, 1, 0, 0, 64);
+    let status = Request::clear_halt(BULK_OUT);
+    for (request, data) in [(long, 0), (set, 0), (written, 64), (status, 0)] {
+        for point in 0..24 {
+            let transfer = Transfer::Control {
+                setup: request.bytes(),
+                data: vec![1; data],
+            };
+            let (stylus, _) = device.usb();
+            let id = stylus
+                .usb(move |host, _| host.submit(transfer))
+                .expect("the run goes on");
+            device
+                .stylus
+                .run_for(point * 17_000)
+                .expect("the run goes on");
+            device
+                .stylus
+                .usb(move |host, now_ns| host.cancel(id, now_ns))
+                .expect("the run goes on");
+            lives(
+                &mut device,
+                &format!("{request:x?} given up after {} us", point * 17),
+            );
+        }
+    }
+    // The device may have begun its toggles anew, and the host has not heard of it.
+    let (stylus, usb) = device.usb();
+    for endpoint in [BULK_OUT, BULK_IN] {
+        usb.clear_halt(stylus, endpoint)
+            .expect("the run goes on")
+            .expect("it is there");
+    }
+    device.status();
+}

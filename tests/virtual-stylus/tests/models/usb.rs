@@ -1,0 +1,518 @@
+//! The USB core, register by register, and the host at the other end of the cable.
+
+use rigless::emulator::{Error, Memory};
+use rigless::mcu::Operate;
+use rigless::soc::Width;
+use rigless::time::VirtualNanos;
+use virtual_stylus::model::flash::Unreadable;
+use virtual_stylus::model::usb::WINDOW_BASE;
+use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
+use virtual_stylus::model::usb::host::{Host, Transfer, TransferError};
+use virtual_stylus::part::Part;
+use virtual_stylus::pins::ConstantPins;
+
+const GAHBCFG: u64 = 0x008;
+const GRSTCTL: u64 = 0x010;
+const GINTSTS: u64 = 0x014;
+const GINTMSK: u64 = 0x018;
+const GRXSTSR: u64 = 0x01C;
+const GRXSTSP: u64 = 0x020;
+const GRXFSIZ: u64 = 0x024;
+const DIEPTXF0: u64 = 0x028;
+const GCCFG: u64 = 0x038;
+const DIEPTXF1: u64 = 0x104;
+const GOTGCTL: u64 = 0x000;
+const DCFG: u64 = 0x800;
+const DCTL: u64 = 0x804;
+const DSTS: u64 = 0x808;
+const DIEPMSK: u64 = 0x810;
+const DOEPMSK: u64 = 0x814;
+const DAINT: u64 = 0x818;
+const DAINTMSK: u64 = 0x81C;
+const DIEPEMPMSK: u64 = 0x834;
+const FIFO0: u64 = 0x1000;
+const FIFO1: u64 = 0x2000;
+
+const RXFLVL: u32 = 1 << 4;
+const USBSUSP: u32 = 1 << 11;
+const USBRST: u32 = 1 << 12;
+const ENUMDNE: u32 = 1 << 13;
+const IEPINT: u32 = 1 << 18;
+const OEPINT: u32 = 1 << 19;
+/// `MPSIZ`: 64 bytes.
+const PACKET: u32 = 0x40;
+const USBAEP: u32 = 1 << 15;
+const NAKSTS: u32 = 1 << 17;
+const BULK: u32 = 2 << 18;
+const STALL: u32 = 1 << 21;
+const CNAK: u32 = 1 << 26;
+const SNAK: u32 = 1 << 27;
+const SD0PID: u32 = 1 << 28;
+const EPDIS: u32 = 1 << 30;
+const EPENA: u32 = 1 << 31;
+
+fn diepctl(index: u64) -> u64 {
+    0x900 + 0x20 * index
+}
+
+fn diepint(index: u64) -> u64 {
+    diepctl(index) + 0x08
+}
+
+fn dieptsiz(index: u64) -> u64 {
+    diepctl(index) + 0x10
+}
+
+fn dtxfsts(index: u64) -> u64 {
+    diepctl(index) + 0x18
+}
+
+fn doepctl(index: u64) -> u64 {
+    0xB00 + 0x20 * index
+}
+
+fn doepint(index: u64) -> u64 {
+    doepctl(index) + 0x08
+}
+
+fn doeptsiz(index: u64) -> u64 {
+    doepctl(index) + 0x10
+}
+
+/// A core with endpoint 1 in use both ways, its FIFOs laid out, and all masks open.
+fn configured() -> Core {
+    let mut core = Core::default();
+    let bulk = PACKET | USBAEP | BULK | SD0PID;
+    for (register, value) in [
+        (GRXFSIZ, 64),
+        (DIEPTXF0, 16 << 16 | 64),
+        (DIEPTXF1, 16 << 16 | 0x50),
+        (GINTMSK, RXFLVL | USBRST | ENUMDNE | IEPINT | OEPINT),
+        (GAHBCFG, 1),
+        (DIEPMSK, 1),
+        (DOEPMSK, 1 << 3 | 1),
+        (DAINTMSK, u32::MAX),
+        (diepctl(1), bulk | 1 << 22 | SNAK),
+        (doepctl(1), bulk | CNAK | EPENA),
+        (doeptsiz(1), 1 << 19 | 64),
+    ] {
+        core.write(register, value);
+    }
+    core.write(GINTSTS, u32::MAX);
+    core
+}
+
+/// Has endpoint 1 send `words`.
+fn send(core: &mut Core, words: &[u32], bytes: u32) {
+    core.write(dieptsiz(1), 1 << 19 | bytes);
+    let control = core.peek(diepctl(1));
+    core.write(diepctl(1), control | CNAK | EPENA);
+    for &word in words {
+        core.write(FIFO1, word);
+    }
+}
+
+/// Reads the receive FIFO empty: the statuses' kinds, and the words of each.
+fn drain(core: &mut Core) -> Vec<(u32, Vec<u32>)> {
+    let mut entries = Vec::new();
+    while core.peek(GINTSTS) & RXFLVL != 0 {
+        let peeked = core.peek(GRXSTSR);
+        let status = core.read(GRXSTSP);
+        assert_eq!(status, peeked);
+        let words = (status >> 4 & 0x7FF).div_ceil(4);
+        let words = (0..words).map(|_| core.read(FIFO0)).collect();
+        entries.push((status >> 17 & 0xF, words));
+    }
+    entries
+}
+
+#[test]
+fn a_setup_is_taken_whatever_its_endpoint_does_and_is_complete_with_the_next_token() {
+    let mut core = configured();
+    core.write(diepctl(0), STALL);
+    core.write(doepctl(0), STALL | SNAK);
+    assert_eq!(core.answer_in(0), Some(InAnswer::Stall));
+    assert_eq!(core.setup([1, 2, 3, 4, 5, 6, 7, 8]), Some(Handshake::Ack));
+    assert_eq!(
+        core.answer_in(0),
+        Some(InAnswer::Nak),
+        "a SETUP ends the stall"
+    );
+    assert_eq!(drain(&mut core), [(0b0110, vec![0x0403_0201, 0x0807_0605])]);
+    assert_eq!(core.peek(doepint(0)) & 1 << 3, 0);
+    assert_eq!(core.token_in(0), Some(InAnswer::Nak));
+    assert_eq!(
+        core.peek(GINTSTS) & OEPINT,
+        0,
+        "the entry has to be popped first"
+    );
+    assert_eq!(drain(&mut core), [(0b0100, vec![])]);
+    assert_eq!(core.peek(doepint(0)) & 1 << 3, 1 << 3);
+    assert_eq!(core.peek(DAINT), 1 << 16);
+    assert_ne!(core.peek(GINTSTS) & OEPINT, 0);
+    assert!(core.interrupt());
+    core.write(doepint(0), 1 << 3);
+    assert_eq!(core.peek(GINTSTS) & OEPINT, 0);
+}
+
+#[test]
+fn an_out_endpoint_takes_what_it_was_set_up_for_and_refuses_until_its_nak_is_cleared() {
+    let mut core = configured();
+    let packet: Vec<u8> = (0..64).collect();
+    assert_eq!(core.out(1, Pid::Data0, &packet), Some(Handshake::Ack));
+    assert_eq!(core.out(1, Pid::Data1, &packet), Some(Handshake::Nak));
+    assert_ne!(core.peek(doepctl(1)) & NAKSTS, 0);
+    let entries = drain(&mut core);
+    assert_eq!(entries[0].0, 0b0010);
+    assert_eq!(
+        (entries[0].1[0], entries[0].1[15]),
+        (0x0302_0100, 0x3F3E_3D3C)
+    );
+    assert_eq!(entries[1], (0b0011, vec![]));
+    assert_eq!(core.peek(doepctl(1)) & EPENA, 0, "the transfer is complete");
+    core.write(doeptsiz(1), 1 << 19 | 64);
+    core.write(doepctl(1), core.peek(doepctl(1)) | CNAK);
+    // The same packet again: its acknowledgement was lost.
+    assert_eq!(core.out(1, Pid::Data0, &packet), Some(Handshake::Ack));
+    assert_eq!(drain(&mut core), [], "it is acknowledged and dropped");
+    assert_eq!(core.out(1, Pid::Data1, &[9, 8, 7]), Some(Handshake::Ack));
+    assert_eq!(
+        drain(&mut core),
+        [(0b0010, vec![0x0007_0809]), (0b0011, vec![])]
+    );
+}
+
+#[test]
+fn a_receive_fifo_without_room_refuses_data() {
+    let mut core = configured();
+    core.write(GRXFSIZ, 20);
+    assert_eq!(core.out(1, Pid::Data0, &[0; 64]), Some(Handshake::Ack));
+    core.write(doeptsiz(1), 1 << 19 | 64);
+    core.write(doepctl(1), core.peek(doepctl(1)) | CNAK);
+    assert_eq!(core.out(1, Pid::Data1, &[0; 64]), Some(Handshake::Nak));
+    drain(&mut core);
+    assert_eq!(core.out(1, Pid::Data1, &[0; 64]), Some(Handshake::Ack));
+    core.write(GRSTCTL, 1 << 4);
+    assert_eq!(drain(&mut core), [], "flushed");
+}
+
+#[test]
+fn an_in_endpoint_sends_whole_packets_and_again_until_they_are_acknowledged() {
+    let mut core = configured();
+    assert_eq!(core.token_in(1), Some(InAnswer::Nak));
+    assert_eq!(core.peek(dtxfsts(1)), 16);
+    send(&mut core, &[0x0403_0201], 6);
+    assert_eq!(
+        core.token_in(1),
+        Some(InAnswer::Nak),
+        "half of it is not there"
+    );
+    core.write(FIFO1, 0x0605);
+    assert_eq!(core.peek(dtxfsts(1)), 14);
+    let answer = Some(InAnswer::Data(Pid::Data0, vec![1, 2, 3, 4, 5, 6]));
+    assert_eq!(core.token_in(1), answer);
+    assert_eq!(
+        core.token_in(1),
+        answer,
+        "without an acknowledgement the same again"
+    );
+    assert_eq!(core.peek(diepctl(1)) & EPENA, EPENA);
+    core.acknowledged(1);
+    assert_eq!(core.peek(diepctl(1)) & EPENA, 0);
+    assert_eq!(core.peek(diepint(1)) & 1, 1);
+    assert_eq!(core.peek(DAINT), 1 << 1);
+    assert_ne!(core.peek(GINTSTS) & IEPINT, 0);
+    assert_eq!(core.token_in(1), Some(InAnswer::Nak));
+    // An empty packet, with the other toggle.
+    send(&mut core, &[], 0);
+    assert_eq!(core.token_in(1), Some(InAnswer::Data(Pid::Data1, vec![])));
+}
+
+#[test]
+fn a_disabled_or_flushed_in_endpoint_sends_nothing() {
+    let mut core = configured();
+    send(&mut core, &[7], 4);
+    core.write(GRSTCTL, 1 << 5 | 1 << 6);
+    assert_eq!(core.token_in(1), Some(InAnswer::Nak));
+    assert_eq!(
+        core.peek(diepctl(1)) & EPENA,
+        EPENA,
+        "a flush does not disable it"
+    );
+    core.write(diepctl(1), core.peek(diepctl(1)) | SNAK | EPDIS);
+    assert_eq!(core.peek(diepctl(1)) & EPENA, 0);
+    assert_eq!(core.peek(diepint(1)) & 2, 2);
+    send(&mut core, &[8], 4);
+    assert_eq!(
+        core.token_in(1),
+        Some(InAnswer::Data(Pid::Data0, vec![8, 0, 0, 0]))
+    );
+}
+
+#[test]
+fn an_empty_fifo_interrupts_only_where_it_was_asked_for() {
+    let mut core = configured();
+    assert_eq!(core.peek(DAINT), 0);
+    core.write(DIEPEMPMSK, 1 << 1);
+    assert_eq!(core.peek(DAINT), 1 << 1);
+    assert!(core.interrupt());
+    core.write(DAINTMSK, 1);
+    assert_eq!(core.peek(GINTSTS) & IEPINT, 0);
+    assert!(!core.interrupt());
+}
+
+#[test]
+fn a_stall_of_a_bulk_endpoint_lasts_until_it_is_cleared() {
+    let mut core = configured();
+    for control in [diepctl(1), doepctl(1)] {
+        core.write(control, core.peek(control) & !EPENA | STALL);
+    }
+    core.setup([0; 8]);
+    assert_eq!(core.token_in(1), Some(InAnswer::Stall));
+    assert_eq!(core.out(1, Pid::Data0, &[]), Some(Handshake::Stall));
+    for control in [diepctl(1), doepctl(1)] {
+        core.write(control, core.peek(control) & !STALL);
+    }
+    assert_eq!(core.token_in(1), Some(InAnswer::Nak));
+    assert_eq!(core.out(1, Pid::Data0, &[]), Some(Handshake::Ack));
+}
+
+#[test]
+fn a_reset_of_the_bus_takes_bulk_endpoints_out_of_use_and_nothing_else() {
+    let mut core = configured();
+    send(&mut core, &[7], 4);
+    core.bus_reset_begins();
+    assert_eq!(core.peek(GINTSTS) & (USBRST | ENUMDNE), USBRST);
+    core.bus_reset_ends();
+    assert_eq!(core.peek(GINTSTS) & (USBRST | ENUMDNE), USBRST | ENUMDNE);
+    assert_eq!(core.token_in(1), None);
+    assert_eq!(core.out(1, Pid::Data0, &[1]), None);
+    core.write(diepctl(1), core.peek(diepctl(1)) | USBAEP);
+    assert_eq!(
+        core.token_in(1),
+        Some(InAnswer::Data(Pid::Data0, vec![7, 0, 0, 0]))
+    );
+}
+
+#[test]
+fn a_new_address_counts_from_the_end_of_the_transfer_that_brought_it() {
+    let mut core = configured();
+    core.setup([0, 5, 9, 0, 0, 0, 0, 0]);
+    core.write(DCFG, 9 << 4);
+    assert_eq!(core.address(), 0);
+    core.write(dieptsiz(0), 1 << 19);
+    core.write(diepctl(0), CNAK | EPENA);
+    core.token_in(0);
+    drain(&mut core);
+    assert_eq!(core.token_in(0), Some(InAnswer::Data(Pid::Data1, vec![])));
+    core.acknowledged(0);
+    assert_eq!(core.address(), 9);
+    core.write(DCFG, 0);
+    assert_eq!(core.address(), 0);
+}
+
+/// No model here asks for memory.
+struct NoMemory;
+
+impl Memory for NoMemory {
+    fn read(&mut self, address: u64, width: Width) -> Result<u64, Error> {
+        Err(Error::Memory { address, width })
+    }
+
+    fn write(&mut self, address: u64, width: Width, _value: u64) -> Result<(), Error> {
+        Err(Error::Memory { address, width })
+    }
+}
+
+/// The part with a driver as small as can be: endpoint 1 takes and sends whatever comes.
+struct Bench {
+    part: Part,
+    now: u64,
+}
+
+const AHB1ENR: u64 = 0x5802_4400 + 0xD8;
+const AHB1RSTR: u64 = 0x5802_4400 + 0x80;
+const USB2OTG: u64 = 1 << 27;
+const MS: u64 = 1_000_000;
+
+impl Bench {
+    fn new() -> Self {
+        let part = Part::new(Box::new(ConstantPins([0; 20])), Unreadable::default()).unwrap();
+        let mut bench = Self { part, now: 0 };
+        bench.part.rest.set_supply(3300);
+        bench.write(AHB1ENR, USB2OTG);
+        bench
+    }
+
+    /// Pulled up, with a session.
+    fn connected() -> Self {
+        let mut bench = Self::new();
+        bench.write(WINDOW_BASE + GCCFG, 1 << 16);
+        bench.write(WINDOW_BASE + GOTGCTL, 0b11 << 6);
+        bench.write(WINDOW_BASE + DCTL, 0);
+        bench
+    }
+
+    fn at(&self) -> VirtualNanos {
+        VirtualNanos(self.now)
+    }
+
+    fn write(&mut self, address: u64, value: u64) {
+        self.part
+            .write(self.at(), address, Width::W32, value)
+            .unwrap();
+        self.part.settle(&mut NoMemory).unwrap();
+    }
+
+    fn read(&mut self, address: u64) -> u32 {
+        self.part
+            .read(self.at(), WINDOW_BASE + address, Width::W32)
+            .unwrap() as u32
+    }
+
+    /// To the next event, or `until_ns`.
+    fn step(&mut self, until_ns: u64) {
+        let next = self.part.next_event().map_or(until_ns, |next| next.0);
+        self.now = next.min(until_ns);
+        self.part.advance_to(self.at());
+        self.part.settle(&mut NoMemory).unwrap();
+    }
+
+    fn wait(&mut self, nanos: u64) {
+        let until_ns = self.now + nanos;
+        while self.now < until_ns {
+            self.step(until_ns);
+        }
+    }
+}
+
+#[test]
+fn a_core_without_its_clock_answers_nothing_and_one_that_is_reset_forgets() {
+    let mut bench = Bench::new();
+    bench.write(WINDOW_BASE + GCCFG, 1 << 16);
+    bench.write(AHB1RSTR, USB2OTG);
+    bench.write(AHB1RSTR, 0);
+    assert_eq!(bench.read(GCCFG), 0);
+    bench.write(AHB1ENR, 0);
+    let at = bench.at();
+    assert!(
+        bench
+            .part
+            .read(at, WINDOW_BASE + GCCFG, Width::W32)
+            .is_err()
+    );
+}
+
+#[test]
+fn a_pull_up_is_seen_while_the_cable_is_in_and_silence_suspends_with_or_without_it() {
+    let mut bench = Bench::connected();
+    bench.wait(2_900_000);
+    assert_eq!(bench.read(GINTSTS) & USBSUSP, 0);
+    bench.wait(200_000);
+    assert_eq!(bench.read(GINTSTS) & USBSUSP, USBSUSP);
+    assert_eq!(bench.read(DSTS) & 1, 1);
+    let at = bench.at();
+    assert!(!bench.part.drive_usb(at, |host, _| host.sees_device()));
+    bench.part.drive_usb(at, Host::plug);
+    assert!(bench.part.drive_usb(at, |host, _| host.sees_device()));
+    bench
+        .part
+        .drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
+    bench.wait(11 * MS);
+    assert_eq!(bench.read(GINTSTS) & (USBRST | ENUMDNE), USBRST | ENUMDNE);
+    assert_eq!(bench.read(DSTS) & 1, 0);
+    // Frames are counted, one a millisecond.
+    let frame = bench.read(DSTS) >> 8 & 0x3FFF;
+    bench.wait(10 * MS);
+    assert_eq!(bench.read(DSTS) >> 8 & 0x3FFF, frame + 10);
+    bench.write(WINDOW_BASE + DCTL, 1 << 1);
+    let at = bench.at();
+    assert!(
+        !bench.part.drive_usb(at, |host, _| host.sees_device()),
+        "soft disconnect"
+    );
+}
+
+/// Packets that endpoint 1 took in so many frames from a host that always has one, as soon as each is taken.
+fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
+    let mut bench = Bench::connected();
+    let at = bench.at();
+    bench.part.drive_usb(at, Host::plug);
+    bench
+        .part
+        .drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
+    bench.wait(10 * MS);
+    let at = bench.at();
+    bench.part.drive_usb(at, move |host, _| {
+        host.break_packets(per_million, 3);
+        // Each packet says which it is.
+        let data = (0..frames * 20)
+            .flat_map(|number| [number as u8; 64])
+            .collect();
+        host.submit(Transfer::Out { endpoint: 1, data });
+    });
+    for (register, value) in [
+        (GRXFSIZ, 64),
+        (
+            doepctl(1),
+            u64::from(PACKET | USBAEP | BULK | SD0PID | CNAK),
+        ),
+    ] {
+        bench.write(WINDOW_BASE + register, value);
+    }
+    let until = bench.now + frames * MS;
+    let mut numbers = Vec::new();
+    while bench.now < until {
+        bench.step(until);
+        while bench.read(GINTSTS) & RXFLVL != 0 {
+            let status = bench.read(GRXSTSP);
+            let words = (status >> 4 & 0x7FF).div_ceil(4);
+            let words: Vec<u32> = (0..words).map(|_| bench.read(FIFO0)).collect();
+            numbers.extend(words.first().map(|word| *word as u8));
+            let control = u64::from(bench.read(doepctl(1)));
+            bench.write(WINDOW_BASE + doepctl(1), control | u64::from(CNAK));
+        }
+    }
+    (numbers.len() as u64, numbers)
+}
+
+#[test]
+fn a_frame_carries_no_more_full_bulk_packets_than_full_speed_allows() {
+    // USB 2.0 table 5-9: at most 19 of 64 bytes.
+    let (packets, _) = taken(0, 20);
+    println!("{packets} packets in 20 frames");
+    assert!((16 * 20..=19 * 20).contains(&packets), "{packets}");
+}
+
+#[test]
+fn packets_that_break_are_sent_again_and_taken_once_each_in_order() {
+    let (packets, numbers) = taken(20_000, 60);
+    assert!(packets > 600, "{packets}");
+    let expected: Vec<u8> = (0..packets).map(|number| number as u8).collect();
+    assert_eq!(numbers, expected);
+}
+
+#[test]
+fn a_device_that_does_not_answer_is_tried_three_times() {
+    let mut bench = Bench::connected();
+    let at = bench.at();
+    bench.part.drive_usb(at, Host::plug);
+    bench
+        .part
+        .drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
+    bench.wait(10 * MS);
+    let at = bench.at();
+    bench.part.drive_usb(at, |host, _| {
+        host.set_address(5);
+        host.submit(Transfer::Control {
+            setup: [0x80, 6, 0, 1, 0, 0, 18, 0],
+            data: Vec::new(),
+        });
+    });
+    bench.wait(MS);
+    let at = bench.at();
+    let ended = bench.part.drive_usb(at, |host, _| host.take_completions());
+    assert_eq!(ended[0].result, Err(TransferError::NotAnswered));
+    let traffic = bench.part.drive_usb(at, |host, _| host.traffic());
+    assert_eq!((traffic.transactions, traffic.broken), (3, 3));
+}
