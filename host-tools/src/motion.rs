@@ -6,7 +6,9 @@
 //! 0.0,0,0.5
 //! 1.5,120,0.8
 //! ```
-//! Columns may stand in any order, and others beside them do not matter.
+//! Columns may stand in any order, and others beside them do not matter. A column `position_mm` tells the place on the path
+//! instead of the integral of the speed from 0 mm on; a column `contact`, 0 or 1, tells whether the tool touches instead of
+//! the force.
 
 use std::path::Path;
 
@@ -21,15 +23,22 @@ use crate::error::{Error, Result};
 pub struct MotionPath {
     /// At least one, in ascending order of time.
     points: Vec<Point>,
+    /// Whether the file told the place; else it is the integral of the speed.
+    tells_position: bool,
+    /// Whether the file told contact; else it follows from the force.
+    tells_contact: bool,
 }
 
-/// What is known of one moment. All three are finite.
+/// What is known of one moment. All numbers are finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Point {
     time_s: f64,
     /// Of either sign: the direction along the surface.
     speed_mm_s: f32,
     force_n: f32,
+    /// As the file tells it, or the integral of the speed.
+    position_mm: f64,
+    contact: bool,
 }
 
 impl MotionPath {
@@ -47,13 +56,18 @@ impl MotionPath {
             time_s: 0.0,
             speed_mm_s: speed.0,
             force_n: force.0,
+            position_mm: 0.0,
+            contact: false,
         };
         Ok(Self {
             points: vec![point],
+            tells_position: false,
+            tells_contact: false,
         })
     }
 
-    /// Reads a CSV file with the columns `time_s`, `speed_mm_s` and `force_n`; see the module's beginning.
+    /// Reads a CSV file with the columns `time_s`, `speed_mm_s` and `force_n`, and `position_mm` and `contact` if there are
+    /// such; see the module's beginning.
     ///
     /// Times begin at zero or later and rise from row to row.
     ///
@@ -80,7 +94,7 @@ impl MotionPath {
                 Ok(false) => break,
                 Err(error) => return Err(here(row_problem(&error))),
             }
-            let point = columns.point(&record).map_err(here)?;
+            let mut point = columns.point(&record).map_err(here)?;
             if let Some(before) = points.last()
                 && point.time_s <= before.time_s
             {
@@ -90,6 +104,13 @@ impl MotionPath {
                 );
                 return Err(here(problem));
             }
+            if columns.position.is_none() {
+                point.position_mm = points
+                    .last()
+                    .map_or(f64::from(point.speed_mm_s) * point.time_s, |before| {
+                        before.position_mm + before.path_mm(&point, point.time_s)
+                    });
+            }
             points.push(point);
         }
         if points.is_empty() {
@@ -98,7 +119,11 @@ impl MotionPath {
                 "no rows: a motion needs at least one below its header",
             ));
         }
-        Ok(Self { points })
+        Ok(Self {
+            points,
+            tells_position: columns.position.is_some(),
+            tells_contact: columns.contact.is_some(),
+        })
     }
 
     /// The motion at `time_s`, interpolated linearly between rows; before the first it is the first's, after the last the
@@ -131,9 +156,49 @@ impl MotionPath {
         (MillimetresPerSecond(speed_mm_s), Newton(force_n))
     }
 
+    /// The place on the path at `time_s`, mm: what the file tells, linear between rows and held at both ends, or the integral
+    /// of the speed as [`MotionPath::values_at`] interpolates it, from 0 mm at 0 s.
+    pub fn position_mm_at(&self, time_s: f64) -> f64 {
+        let after = self.points.partition_point(|point| point.time_s <= time_s);
+        let first = &self.points[0];
+        let Some(before) = after.checked_sub(1).map(|before| &self.points[before]) else {
+            return if self.tells_position {
+                first.position_mm
+            } else {
+                f64::from(first.speed_mm_s) * time_s
+            };
+        };
+        match self.points.get(after) {
+            Some(next) if self.tells_position => {
+                let fraction = (time_s - before.time_s) / (next.time_s - before.time_s);
+                before.position_mm + (next.position_mm - before.position_mm) * fraction
+            }
+            Some(next) => before.position_mm + before.path_mm(next, time_s),
+            None if self.tells_position => before.position_mm,
+            None => before.position_mm + f64::from(before.speed_mm_s) * (time_s - before.time_s),
+        }
+    }
+
+    /// Whether the tool touches at `time_s`, if the file tells: what the last row up to then says.
+    pub fn contact_at(&self, time_s: f64) -> Option<bool> {
+        let after = self.points.partition_point(|point| point.time_s <= time_s);
+        self.tells_contact
+            .then(|| self.points[after.saturating_sub(1)].contact)
+    }
+
     /// When the last row is, s; zero for a constant motion.
     pub fn duration_s(&self) -> f64 {
         self.points.last().map_or(0.0, |point| point.time_s)
+    }
+}
+
+impl Point {
+    /// The path from here until `time_s`, at most that of `next`, mm: the integral of a speed that changes evenly.
+    fn path_mm(&self, next: &Self, time_s: f64) -> f64 {
+        let (from, to) = (f64::from(self.speed_mm_s), f64::from(next.speed_mm_s));
+        let elapsed_s = time_s - self.time_s;
+        let reached = from + (to - from) * elapsed_s / (next.time_s - self.time_s);
+        0.5 * (from + reached) * elapsed_s
     }
 }
 
@@ -143,36 +208,40 @@ fn interpolate(from: f32, to: f32, fraction: f64) -> f32 {
     (from + (to - from) * fraction) as f32
 }
 
-/// Where the three columns are.
+/// Where the columns are.
 struct Columns {
     time: usize,
     speed: usize,
     force: usize,
+    position: Option<usize>,
+    contact: Option<usize>,
 }
 
 impl Columns {
     fn of(header: &StringRecord, path: &Path) -> Result<Self> {
-        let column = |name: &str| {
+        let optional = |name: &str| {
             let mut found = (0..header.len()).filter(|&index| &header[index] == name);
             match (found.next(), found.next()) {
-                (Some(index), None) => Ok(index),
-                (Some(_), Some(_)) => {
-                    Err(Error::file(path, format!("more than one column '{name}'")))
-                }
-                (None, _) => {
-                    let names: Vec<&str> = header.iter().collect();
-                    let problem = format!(
-                        "no column '{name}' in the header '{}': a motion has time_s, speed_mm_s and force_n",
-                        names.join(",")
-                    );
-                    Err(Error::file(path, problem))
-                }
+                (index, None) => Ok(index),
+                (_, Some(_)) => Err(Error::file(path, format!("more than one column '{name}'"))),
             }
+        };
+        let column = |name: &str| {
+            optional(name)?.ok_or_else(|| {
+                let names: Vec<&str> = header.iter().collect();
+                let problem = format!(
+                    "no column '{name}' in the header '{}': a motion has time_s, speed_mm_s and force_n",
+                    names.join(",")
+                );
+                Error::file(path, problem)
+            })
         };
         Ok(Self {
             time: column("time_s")?,
             speed: column("speed_mm_s")?,
             force: column("force_n")?,
+            position: optional("position_mm")?,
+            contact: optional("contact")?,
         })
     }
 
@@ -197,6 +266,17 @@ impl Columns {
             time_s,
             speed_mm_s: single(self.speed, "speed_mm_s")?,
             force_n: single(self.force, "force_n")?,
+            position_mm: match self.position {
+                Some(index) => single(index, "position_mm")?.into(),
+                None => 0.0,
+            },
+            contact: match self.contact.map(|index| &record[index]) {
+                None | Some("0") => false,
+                Some("1") => true,
+                Some(other) => {
+                    return Err(format!("contact is '{other}': it must be 0 or 1"));
+                }
+            },
         })
     }
 }
@@ -321,6 +401,47 @@ mod tests {
     }
 
     #[test]
+    fn the_path_is_the_integral_of_the_speed_unless_the_file_tells_it() {
+        let path = read("time_s,speed_mm_s,force_n\n1,100,1\n2,200,1\n4,-200,1\n").unwrap();
+        for (time_s, position_mm) in [
+            (0.0, 0.0),
+            (0.5, 50.0),
+            (1.0, 100.0),
+            (1.5, 162.5),
+            (2.0, 250.0),
+            (3.0, 350.0),
+            (4.0, 250.0),
+            (5.0, 50.0),
+        ] {
+            assert!(
+                (path.position_mm_at(time_s) - position_mm).abs() < 1e-9,
+                "{time_s} s: {}",
+                path.position_mm_at(time_s)
+            );
+        }
+        let told = read("time_s,position_mm,speed_mm_s,force_n\n1,-5,0,1\n3,7,0,1\n").unwrap();
+        for (time_s, position_mm) in [(0.0, -5.0), (1.0, -5.0), (2.0, 1.0), (9.0, 7.0)] {
+            assert!((told.position_mm_at(time_s) - position_mm).abs() < 1e-9);
+        }
+        let constant = MotionPath::constant(MillimetresPerSecond(-80.0), Newton(0.6)).unwrap();
+        assert!((constant.position_mm_at(2.0) + 160.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn contact_is_what_the_last_row_told_and_nothing_else() {
+        let path = read("time_s,contact,speed_mm_s,force_n\n1,0,9,1\n2,1,9,0\n3,0,9,1\n").unwrap();
+        let told: Vec<Option<bool>> = [0.5, 1.5, 2.0, 2.9, 3.0, 9.0]
+            .map(|time_s| path.contact_at(time_s))
+            .into();
+        let expected = [false, false, true, true, false, false].map(Some);
+        assert_eq!(told, expected);
+        let without = read("time_s,speed_mm_s,force_n\n1,9,1\n").unwrap();
+        assert_eq!(without.contact_at(1.0), None);
+        let error = read("time_s,contact,speed_mm_s,force_n\n1,yes,9,1\n").unwrap_err();
+        assert!(error.to_string().contains("contact is 'yes'"), "{error}");
+    }
+
+    #[test]
     fn a_time_before_the_beginning_is_refused() {
         let error = read("time_s,speed_mm_s,force_n\n-1,100,1\n").unwrap_err();
         assert_eq!(line_of(&error), 2);
@@ -367,9 +488,9 @@ mod tests {
             let mut time_s = 0.0;
             let points = rows.iter().map(|&(step, speed_mm_s, force_n)| {
                 time_s += step;
-                Point { time_s, speed_mm_s, force_n }
+                Point { time_s, speed_mm_s, force_n, position_mm: 0.0, contact: false }
             });
-            let path = MotionPath { points: points.collect() };
+            let path = MotionPath { points: points.collect(), tells_position: false, tells_contact: false };
             let before = path.points.iter().rev().find(|point| point.time_s <= moment);
             let after = path.points.iter().find(|point| point.time_s > moment);
             let ends = [before.or(after).unwrap(), after.or(before).unwrap()];

@@ -9,6 +9,7 @@ mod certificate;
 mod grid;
 mod orders;
 mod paper;
+mod scene;
 mod spectra;
 mod spectrogram;
 
@@ -22,6 +23,7 @@ pub use certificate::certificate_map;
 pub use grid::{GridCell, GridMap, grid_map};
 pub use orders::{OrderSeries, order_against_cost};
 pub use paper::{forward_prediction, grid_and_motion};
+pub use scene::{SceneRegion, SceneView, scene};
 pub use spectra::{SpectraView, time_and_frequency};
 pub use spectrogram::spectrograms;
 
@@ -42,6 +44,13 @@ impl Svg {
     /// The element's text.
     pub fn as_str(&self) -> &str {
         &self.0
+    }
+
+    /// The picture with `elements` over it: what plotters does not draw into an SVG, such as bitmaps.
+    fn with(&self, elements: &str) -> Self {
+        let text = self.as_str();
+        let (before, after) = text.split_at(text.rfind("</svg>").unwrap_or(text.len()));
+        Self(format!("{before}{elements}{after}"))
     }
 
     /// Writes the picture into a file, whole or not at all.
