@@ -123,7 +123,7 @@ impl Situation {
     /// The arithmetic in one line.
     pub fn sum(&self) -> String {
         let terms: Vec<String> = self.arithmetic.iter().map(ToString::to_string).collect();
-        terms.join(" + ")
+        terms.join("; ")
     }
 }
 
@@ -154,9 +154,9 @@ impl std::fmt::Display for Line {
             ..
         } = self;
         if *each == 0 {
-            write!(f, "{base} ({item})")
+            write!(f, "{item}: {base}")
         } else {
-            write!(f, "{base} + {count} x {each} ({item})")
+            write!(f, "{item}: {base} + {count} x {each}")
         }
     }
 }

@@ -68,12 +68,14 @@ impl SceneFile {
     pub fn compile(&self, library: &Library<'_>) -> Result<Compiled> {
         let root = Field::default();
         let surface_names = self.surface_names()?;
-        let (equaliser, design) = self.equaliser(&root.key("equaliser"))?;
+        let name = self.name(&root.key("name"))?;
+        let surfaces = self.surfaces(&root.key("surface"), library)?;
         let (regions, order) = self.regions(&root.key("region"), &surface_names)?;
-        let mut scene = Scene {
-            name: self.name(&root.key("name"))?,
+        let (equaliser, design) = self.equaliser(&root.key("equaliser"))?;
+        let scene = Scene {
+            name,
             sample_rate_hz: self.description.sample_rate_hz,
-            surfaces: heapless_vec(),
+            surfaces,
             regions,
             transition_mm: self.description.transition_mm,
             motion: match &self.description.constant_motion {
@@ -85,14 +87,6 @@ impl SceneFile {
             },
             equaliser,
         };
-        for (index, surface) in self.description.surfaces.iter().enumerate() {
-            let place = root.key("surface").item(index);
-            let surface = self.surface(&place, surface, library)?;
-            scene.surfaces.push(surface).map_err(|_| {
-                let problem = format!("a scene has at most {MAX_SURFACES} surfaces");
-                self.error(&place, problem)
-            })?;
-        }
         scene
             .validate(library)
             .map_err(|error| self.located(&error, &order))?;
@@ -144,6 +138,23 @@ impl SceneFile {
             names.push(name);
         }
         Ok(names)
+    }
+
+    fn surfaces(
+        &self,
+        place: &Field,
+        library: &Library<'_>,
+    ) -> Result<heapless::Vec<Surface, MAX_SURFACES>> {
+        let mut surfaces = heapless_vec();
+        for (index, surface) in self.description.surfaces.iter().enumerate() {
+            let place = place.item(index);
+            let surface = self.surface(&place, surface, library)?;
+            surfaces.push(surface).map_err(|_| {
+                let problem = format!("a scene has at most {MAX_SURFACES} surfaces");
+                self.error(&place, problem)
+            })?;
+        }
+        Ok(surfaces)
     }
 
     fn surface(

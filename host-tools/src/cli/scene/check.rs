@@ -53,10 +53,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Ok(());
     }
     Err(Error::Request(format!(
-        "scene '{}' takes {} = {} instructions of a tick, and there are {}: use fewer sections, or textures of a lower order",
+        "scene '{}' takes {} instructions of a tick ({}), and there are {}: use fewer sections, or textures of a lower order",
         report.scene,
-        report.worst_case.sum(),
         report.worst_case.instructions,
+        report.worst_case.sum(),
         report.budget_instructions
     )))
 }
@@ -66,8 +66,8 @@ pub fn headline(compiled: &Compiled) -> String {
     let scene = &compiled.scene;
     let path = match (scene.regions.first(), scene.regions.last()) {
         (Some(first), Some(last)) => format!(
-            "{} regions from {} to {} mm, transitions of {} mm",
-            scene.regions.len(),
+            "{} from {} to {} mm, transitions of {} mm",
+            counted(scene.regions.len(), "region"),
             first.start_mm,
             last.end_mm,
             scene.transition_mm
@@ -82,11 +82,19 @@ pub fn headline(compiled: &Compiled) -> String {
         } => format!("always {speed_mm_s} mm/s and {force_n} N"),
     };
     format!(
-        "scene '{}': {} surface(s), {path}; {motion}; equaliser of {} section(s)",
+        "scene '{}': {}, {path}; {motion}; {}",
         scene.name,
-        scene.surfaces.len(),
-        scene.equaliser.len()
+        counted(scene.surfaces.len(), "surface"),
+        match scene.equaliser.len() {
+            0 => "no equaliser".to_owned(),
+            sections => format!("equaliser of {}", counted(sections, "section")),
+        }
     )
+}
+
+fn counted(count: usize, what: &str) -> String {
+    let plural = if count == 1 { "" } else { "s" };
+    format!("{count} {what}{plural}")
 }
 
 /// What an equaliser does to its response, in a few lines.
@@ -129,7 +137,7 @@ fn text(compiled: &Compiled, report: &CostReport) -> String {
             .iter()
             .map(|section| {
                 vec![
-                    format!("{:?}", section.kind),
+                    section.kind.to_string(),
                     format!("{:.1}", section.frequency_hz),
                     format!("{:.2}", section.q),
                     format!("{:+.2}", section.gain_db),

@@ -30,6 +30,16 @@ pub enum SectionKind {
     HighShelf,
 }
 
+impl std::fmt::Display for SectionKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Peaking => "peaking",
+            Self::LowShelf => "low-shelf",
+            Self::HighShelf => "high-shelf",
+        })
+    }
+}
+
 /// A section of the equaliser.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Section {

@@ -6,7 +6,8 @@
 //! rates of force.
 //!
 //! **Rate of force.** A stylus takes it from one update of its motion to the next, so that how fast a force rises counts only
-//! over an update's interval. Here it is the same difference, averaged over where in an interval the contact may fall.
+//! over an update's interval. Here it is the same difference, averaged over where in an interval the contact may fall: a force
+//! that rises for longer than an interval counts for half of its slope, more or less, as it does on the stylus.
 
 mod fit;
 mod onset;
