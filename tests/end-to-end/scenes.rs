@@ -139,6 +139,24 @@ fn a_scene_of_one_texture_is_that_texture_sample_for_sample() {
 }
 
 #[test]
+fn place_and_contact_are_what_the_motion_tells() {
+    let bench = bench();
+    bench.write("two.toml", TWO);
+    let render = |rows: &str| {
+        let head = "time_s,speed_mm_s,force_n,position_mm,contact\n";
+        bench.write("m.csv", format!("{head}{rows}"));
+        bench.succeed("scene render two.toml --library cloths.lib --motion m.csv --out m.wav");
+        samples(&bench, "m.wav")
+    };
+    let sounds = |samples: &[f32]| samples.iter().any(|x| *x != 0.0);
+    assert!(sounds(&render("0,100,1,10,1\n0.5,100,1,30,1\n")));
+    let untouched = render("0,100,1,10,0\n0.5,100,1,30,0\n");
+    assert!(!sounds(&untouched), "the force alone makes no contact");
+    let beyond = render("0,100,1,90,1\n0.5,100,1,140,1\n");
+    assert!(!sounds(&beyond), "nothing lies beyond 80 mm");
+}
+
+#[test]
 fn compiling_replaces_scenes_of_the_same_name_and_leaves_all_else() {
     let bench = bench();
     bench.write("two.toml", TWO);
