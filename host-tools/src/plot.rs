@@ -10,6 +10,7 @@ mod frontier;
 mod grid;
 mod orders;
 mod paper;
+mod scene;
 mod spectra;
 mod spectrogram;
 
@@ -24,6 +25,7 @@ pub use frontier::{FrontPoint, FrontSeries, Quantity, front_chart};
 pub use grid::{GridCell, GridMap, grid_map};
 pub use orders::{OrderSeries, order_against_cost};
 pub use paper::{forward_prediction, grid_and_motion};
+pub use scene::{SceneRegion, SceneView, scene};
 pub use spectra::{SpectraView, time_and_frequency};
 pub use spectrogram::spectrograms;
 
@@ -44,6 +46,13 @@ impl Svg {
     /// The element's text.
     pub fn as_str(&self) -> &str {
         &self.0
+    }
+
+    /// The picture with `elements` over it: what plotters does not draw into an SVG, such as bitmaps.
+    fn with(&self, elements: &str) -> Self {
+        let text = self.as_str();
+        let (before, after) = text.split_at(text.rfind("</svg>").unwrap_or(text.len()));
+        Self(format!("{before}{elements}{after}"))
     }
 
     /// Writes the picture into a file, whole or not at all.

@@ -67,8 +67,9 @@ fn reports_for_scripts_are_json() {
     assert_eq!(report["trials"].as_array().unwrap().len(), 8);
     assert!(report["trials"][0]["energy_share"].as_f64().unwrap() > 0.98);
     let inspected = bench.succeed("inspect textures.lib --json");
-    let textures: serde_json::Value = serde_json::from_str(&inspected).unwrap();
-    assert_eq!(textures[0]["nodes"].as_array().unwrap().len(), 4);
+    let content: serde_json::Value = serde_json::from_str(&inspected).unwrap();
+    assert_eq!(content["textures"][0]["nodes"].as_array().unwrap().len(), 4);
+    assert_eq!(content["scenes"].as_array().unwrap().len(), 0);
 }
 
 #[test]

@@ -133,7 +133,7 @@ fn a_denser_grid_says_what_it_gains_and_is_a_library_like_any() {
     let nodes = |name: &str| {
         let text = bench.succeed(&format!("inspect {name} --json"));
         let library: serde_json::Value = serde_json::from_str(&text).unwrap();
-        library[0]["nodes"].as_array().unwrap().len()
+        library["textures"][0]["nodes"].as_array().unwrap().len()
     };
     assert!(nodes("dense.lib") > nodes("plain.lib"));
     let bytes = std::fs::metadata(bench.path("dense.lib")).unwrap().len();

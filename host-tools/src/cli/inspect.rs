@@ -3,8 +3,11 @@
 use std::path::PathBuf;
 
 use host_tools::error::Result;
-use model_format::{NodeFlags, Texture};
+use host_tools::scene::{CostReport, surface_names};
+use model_format::scene::{MotionOfScene, Scene};
+use model_format::{Library, NodeFlags, Texture};
 use serde::Serialize;
+use stylus_kernel::scene::cost;
 
 use super::table::table;
 
@@ -35,6 +38,87 @@ pub struct Summary {
     doubtful_nodes: usize,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     nodes: Vec<NodeSummary>,
+}
+
+/// A scene in a few words and numbers.
+#[derive(Serialize)]
+struct SceneSummary {
+    name: String,
+    surfaces: Vec<String>,
+    regions: usize,
+    constant_motion: bool,
+    /// What it calls for, but for textures.
+    effects: Vec<&'static str>,
+    /// Instructions of a tick at most, in the kernel's own model.
+    worst_case_instructions: u32,
+}
+
+/// Everything in a library.
+#[derive(Serialize)]
+struct Content {
+    textures: Vec<Summary>,
+    scenes: Vec<SceneSummary>,
+}
+
+impl SceneSummary {
+    fn of(scene: &Scene, library: &Library<'_>) -> Result<Self> {
+        let names = surface_names(scene, library);
+        let report = CostReport::new(scene, &names, library, cost::BUDGET)?;
+        let effects = [
+            (
+                "transitions",
+                scene.transition_mm > 0.0 && scene.regions.len() > 1,
+            ),
+            ("taps", scene.surfaces.iter().any(|s| s.tap.is_some())),
+            (
+                "stick-slip",
+                scene.surfaces.iter().any(|s| s.stick_slip.is_some()),
+            ),
+            ("equaliser", !scene.equaliser.is_empty()),
+        ];
+        Ok(Self {
+            name: scene.name.as_str().to_owned(),
+            surfaces: names,
+            regions: scene.regions.len(),
+            constant_motion: scene.motion != MotionOfScene::Followed,
+            effects: effects
+                .into_iter()
+                .filter_map(|(effect, is_there)| is_there.then_some(effect))
+                .collect(),
+            worst_case_instructions: report.worst_case.instructions,
+        })
+    }
+}
+
+/// A line a scene.
+fn scene_table(scenes: &[SceneSummary]) -> String {
+    let header = [
+        "scene",
+        "surfaces",
+        "regions",
+        "motion",
+        "effects",
+        "instructions at most",
+    ];
+    let rows: Vec<Vec<String>> = scenes
+        .iter()
+        .map(|scene| {
+            let motion = if scene.constant_motion {
+                "constant"
+            } else {
+                "the stylus's"
+            };
+            vec![
+                scene.name.clone(),
+                scene.surfaces.join(", "),
+                scene.regions.to_string(),
+                motion.to_owned(),
+                scene.effects.join(", "),
+                scene.worst_case_instructions.to_string(),
+            ]
+        })
+        .collect();
+    table(&header, &rows)
 }
 
 #[derive(Serialize)]
@@ -169,8 +253,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .textures()
         .map(|texture| Summary::of(&texture, arguments.json))
         .collect();
+    let scenes = library
+        .scenes()
+        .map(|scene| SceneSummary::of(&scene, &library))
+        .collect::<Result<Vec<_>>>()?;
     if arguments.json {
-        return super::print_json(&textures);
+        return super::print_json(&Content { textures, scenes });
     }
     super::print(&format!(
         "{}: {} texture(s), {} bytes, format version {}, checked\n",
@@ -180,5 +268,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         model_format::FORMAT_VERSION
     ))?;
     super::print(&summary_table(&textures))?;
-    super::print("\norder: lowest / middle / highest of the nodes")
+    super::print("\norder: lowest / middle / highest of the nodes")?;
+    if scenes.is_empty() {
+        return Ok(());
+    }
+    super::print(&format!("\n{}", scene_table(&scenes)))
 }

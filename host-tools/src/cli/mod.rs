@@ -6,6 +6,7 @@ mod densify;
 mod device;
 mod evaluate;
 mod fit;
+mod fit_tap;
 mod frontier;
 mod import_hatt;
 mod input;
@@ -13,6 +14,7 @@ mod inspect;
 mod leave_one_out;
 mod render;
 mod report;
+mod scene;
 mod segment;
 mod simulate_rig;
 mod stress;
@@ -57,6 +59,10 @@ enum Command {
     Segment(segment::Arguments),
     /// Make HaTT's model files a library
     ImportHatt(import_hatt::Arguments),
+    /// Check, compile, render and draw scenes: surfaces along a path, with effects
+    Scene(scene::Arguments),
+    /// Find a scene's tap transient in recordings of taps
+    FitTap(fit_tap::Arguments),
     /// Prove a library's textures stable at every point of their grids
     Certify(certify::Arguments),
     /// Play the hard cases by the device's kernel and check what it promises
@@ -80,6 +86,8 @@ pub fn run() -> ExitCode {
         Command::Report(arguments) => report::run(&arguments),
         Command::Segment(arguments) => segment::run(&arguments),
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
+        Command::Scene(arguments) => scene::run(&arguments),
+        Command::FitTap(arguments) => fit_tap::run(&arguments),
         Command::Certify(arguments) => certify::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),

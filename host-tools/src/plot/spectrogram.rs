@@ -38,8 +38,8 @@ pub fn spectrograms(
     }
     let len = recorded.len().min(synthesised.len());
     let highest_hz = highest_hz.min(0.5 * rate_hz);
-    let panels =
-        [recorded, synthesised].map(|signal| levels_db(&signal[..len], rate_hz, highest_hz));
+    let panels = [recorded, synthesised]
+        .map(|signal| levels_db(&signal[..len], rate_hz, highest_hz, WINDOW_S));
     let top_db = panels
         .iter()
         .flat_map(|panel| panel.iter().flatten())
@@ -63,20 +63,18 @@ pub fn spectrograms(
         }
         draw_bar(&bar, top_db)
     })?;
-    // plotters draws no bitmaps into an SVG; they are put before the closing tag, in the frames drawn for them.
-    let text = svg.as_str();
-    let end = text.rfind("</svg>").unwrap_or(text.len());
-    Ok(Svg(format!(
-        "{}{}{}",
-        &text[..end],
-        images.concat(),
-        &text[end..]
-    )))
+    // In the frames drawn for them.
+    Ok(svg.with(&images.concat()))
 }
 
-/// One column a window, its levels from the lowest frequency up, dB.
-fn levels_db(signal: &[f64], rate_hz: f64, highest_hz: f64) -> Vec<Vec<f64>> {
-    let window = ((WINDOW_S * rate_hz) as usize).clamp(2, signal.len().max(2));
+/// One column a window of `window_s`, its levels from the lowest frequency up, dB.
+pub(super) fn levels_db(
+    signal: &[f64],
+    rate_hz: f64,
+    highest_hz: f64,
+    window_s: f64,
+) -> Vec<Vec<f64>> {
+    let window = ((window_s * rate_hz) as usize).clamp(2, signal.len().max(2));
     let spare = signal.len().saturating_sub(window);
     let columns = (4 * spare / window + 1).min(COLUMNS);
     let weights: Vec<f64> = (0..window)
@@ -174,7 +172,7 @@ fn colour(share: f64) -> [u8; 3] {
 }
 
 /// The panel as a PNG, a pixel a window and bin.
-fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
+pub(super) fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
     let (width, height) = (panel.len(), panel[0].len());
     let mut pixels = Vec::with_capacity(3 * width * height);
     for bin in (0..height).rev() {
@@ -192,7 +190,8 @@ fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
     Ok(bytes)
 }
 
-fn image((x, y, width, height): (i32, i32, i32, i32), png: &[u8]) -> String {
+/// The element that shows a PNG in a frame: left, top, width, height in drawn pixels.
+pub(super) fn image((x, y, width, height): (i32, i32, i32, i32), png: &[u8]) -> String {
     format!(
         "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" preserveAspectRatio=\"none\" \
          href=\"data:image/png;base64,{}\"/>\n",
@@ -229,7 +228,7 @@ mod tests {
         let line: Vec<f64> = (0..10_000)
             .map(|n| (TAU * 300.0 * f64::from(n) / 5000.0).sin())
             .collect();
-        for column in levels_db(&line, 5000.0, 1000.0) {
+        for column in levels_db(&line, 5000.0, 1000.0, WINDOW_S) {
             let peak = (0..column.len())
                 .max_by(|a, b| column[*a].total_cmp(&column[*b]))
                 .unwrap();

@@ -57,7 +57,6 @@
 //! texture leaves the other trials as they were.
 
 mod contact;
-mod field;
 mod folder;
 mod measurement;
 mod output;

@@ -13,11 +13,11 @@ use rand::RngExt;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
-use super::random::StreamKey;
+use super::random::{StreamKey, drawn};
 use super::*;
 
 /// What most scenes here share: speeds, forces, drum.
-const PROTOCOL: &str = r#"
+pub(super) const PROTOCOL: &str = r#"
 name = "test"
 [recording]
 sample_rate_hz = 5000
@@ -28,7 +28,7 @@ forces_n = [0.0, 0.2, 0.8, 1.4]
 circumference_mm = 300.0
 "#;
 
-const TOOL: &str = r"
+pub(super) const TOOL: &str = r"
 [tool]
 tip_radius_mm = 1.5
 [[tool.mode]]
@@ -42,20 +42,20 @@ participation_m_s2_per_n = [5.0, 3.0, -9.0]
 tip_participation_m_s2_per_n = 8.0
 ";
 
-const STRIP: &str = r#"
+pub(super) const STRIP: &str = r#"
 [[texture]]
 name = "strip"
 effective_modulus_mpa = 1000.0
 "#;
 
-const WEAVE: &str = r"
+pub(super) const WEAVE: &str = r"
 [[texture.weave]]
 wavelength_mm = 0.6
 amplitude_um = 1.0
 harmonics = [0.5, -0.3]
 ";
 
-const ROUGHNESS: &str = r"
+pub(super) const ROUGHNESS: &str = r"
 [texture.roughness]
 rms_um = 0.5
 hurst = 0.7
@@ -87,7 +87,7 @@ const CLIPPING: &str = r"
 range_g = 0.1
 ";
 
-fn scene(parts: &[&str]) -> Scene {
+pub(super) fn scene(parts: &[&str]) -> Scene {
     Scene::from_toml(Path::new("test.toml"), &parts.concat()).unwrap()
 }
 
@@ -355,6 +355,35 @@ fn each_effect_adds_the_same_whatever_else_the_scene_names() {
                 assert_eq!(of(&all, i), quiet + of(&noise, i));
             }
         }
+    }
+}
+
+#[test]
+fn a_scene_draws_for_the_effects_it_names_and_for_nothing_else() {
+    let drawn = |parts: &[&str]| {
+        drawn::take();
+        trials(parts, 5);
+        drawn::take()
+    };
+    let still = [PROTOCOL, STRIP];
+    assert!(drawn(&still).is_empty());
+    assert!(drawn(&[PROTOCOL, TOOL, STRIP]).is_empty(), "a flat surface");
+    for constant in [OFFSET, CLIPPING] {
+        assert!(drawn(&[&still[..], &[constant]].concat()).is_empty());
+    }
+    // 16 trials, 4 of them without force; noise has a stream an axis.
+    for (part, effect, streams) in [
+        (TREMOR, "tremor", 16),
+        (HUM, "hum", 16),
+        (NOISE, "noise", 48),
+    ] {
+        let alone = drawn(&[&still[..], &[part]].concat());
+        assert_eq!(alone, BTreeMap::from([(effect.to_owned(), streams)]));
+    }
+    for (part, effect) in [(WEAVE, "weave position"), (ROUGHNESS, "roughness")] {
+        let alone = drawn(&[PROTOCOL, TOOL, STRIP, part]);
+        let start = ("start".to_owned(), 12);
+        assert_eq!(alone, BTreeMap::from([(effect.to_owned(), 1), start]));
     }
 }
 

@@ -23,7 +23,7 @@ pub struct Strip<'a> {
     texture: &'a Texture,
     key: StreamKey,
     surface: Surface,
-    /// One for each speed; none where the surface is flat.
+    /// One for each speed; none where there is nothing to be felt: a flat surface, no tool, or never a force.
     passes: Vec<Pass>,
 }
 
@@ -82,8 +82,13 @@ impl<'a> Strip<'a> {
         let description = scene.description();
         let texture = &description.textures[texture];
         let surface = Surface::new(&description.drum, texture, seed);
+        let touches = description
+            .recording
+            .forces_n
+            .iter()
+            .any(|force_n| *force_n > 0.0);
         let passes = match &description.tool {
-            Some(tool) if !surface.is_flat() => description
+            Some(tool) if touches && !surface.is_flat() => description
                 .recording
                 .speeds_mm_s
                 .par_iter()
@@ -115,18 +120,20 @@ impl<'a> Strip<'a> {
         let speed_mm_s = recording.speeds_mm_s[speed];
         let force_n = recording.forces_n[force];
         let key = self.key.number(speed_mm_s).number(force_n);
-        let contact = self.description.tool.as_ref().and_then(|tool| {
-            Contact::hertz(
+        let felt = self.passes.get(speed).and_then(|pass| {
+            let tool = self.description.tool.as_ref()?;
+            let contact = Contact::hertz(
                 tool.tip_radius_mm,
                 self.texture.effective_modulus_mpa,
                 force_n,
-            )
+            )?;
+            Some((pass, contact))
         });
-        let mut samples_m_s2 = match (contact, self.passes.get(speed)) {
-            (Some(contact), Some(pass)) => {
+        let mut samples_m_s2 = match felt {
+            Some((pass, contact)) => {
                 pass.vibration(&self.surface, self.texture.loss_factor, &contact, key)
             }
-            _ => std::array::from_fn(|_| vec![0.0; recording.samples()]),
+            None => std::array::from_fn(|_| vec![0.0; recording.samples()]),
         };
         let clipped = measurement::apply(
             &self.description.measurement,
@@ -197,5 +204,25 @@ impl Pass {
             }
         }
         axes.map(|coefficients| self.sampler.real_part(&coefficients))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{PROTOCOL, ROUGHNESS, STRIP, TOOL, WEAVE, scene};
+    use super::*;
+
+    fn passes(parts: &[&str]) -> usize {
+        Strip::new(&scene(parts), 0, 1).passes.len()
+    }
+
+    #[test]
+    fn a_pass_is_built_for_each_speed_only_where_something_is_felt() {
+        let untouched = PROTOCOL.replace("[0.0, 0.2, 0.8, 1.4]", "[0.0]");
+        assert_eq!(passes(&[PROTOCOL, TOOL, STRIP, WEAVE]), 4);
+        assert_eq!(passes(&[PROTOCOL, TOOL, STRIP, ROUGHNESS]), 4);
+        assert_eq!(passes(&[PROTOCOL, TOOL, STRIP]), 0, "a flat surface");
+        assert_eq!(passes(&[PROTOCOL, STRIP]), 0, "no tool");
+        assert_eq!(passes(&[&untouched, TOOL, STRIP, WEAVE]), 0, "no force");
     }
 }

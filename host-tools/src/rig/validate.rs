@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use super::contact::Contact;
-use super::field::{Checked, Field, line_at, line_of};
 use super::scene::{Description, Measurement, Mode, Recording, Roughness, Texture, Tool, Weave};
 use super::surface::{highest_roughness_term, highest_weave_term};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::field::{Checked, Field, from_toml};
 use model_format::limits::{MAX_AXIS_LEN, MAX_SAMPLE_RATE_HZ, MAX_TEXTURES};
 
 /// Longest trial, s.
@@ -18,15 +18,8 @@ const MAX_TERMS: f64 = 1_048_576.0;
 
 /// Reads and checks a scene; `path` is only named in errors.
 pub(super) fn parse(path: &Path, text: &str) -> Result<Description> {
-    let description: Description = toml::from_str(text).map_err(|failure| {
-        let start = failure.span().map_or(0, |span| span.start);
-        let problem = failure.message().trim_end().replace('\n', "; ");
-        Error::line(path, line_at(text, start), problem)
-    })?;
-    check(&description).map_err(|fault| {
-        let line = line_of(text, &fault.field);
-        Error::line(path, line, format!("{}: {}", fault.field, fault.problem))
-    })?;
+    let description: Description = from_toml(path, text)?;
+    check(&description).map_err(|fault| fault.field.error(path, text, fault.problem))?;
     Ok(description)
 }
 

@@ -1,11 +1,28 @@
-//! Places of values in a scene's text, and the checks that name them.
+//! TOML texts: reading them, places of values in them, and the checks that name those.
+
+use std::path::Path;
 
 use model_format::limits::MAX_NAME_BYTES;
+use serde::de::DeserializeOwned;
 use toml::de::DeTable;
+
+use crate::error::{Error, Result};
+
+/// Reads TOML `text`; `path` is only named in errors.
+///
+/// # Errors
+/// Text that is not TOML, a field that is unknown, missing, or of the wrong type, with the line.
+pub(crate) fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
+    toml::from_str(text).map_err(|failure| {
+        let start = failure.span().map_or(0, |span| span.start);
+        let problem = failure.message().trim_end().replace('\n', "; ");
+        Error::line(path, line_at(text, start), problem)
+    })
+}
 
 /// The place of a value, as the keys and positions that lead to it.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Field(Vec<Step>);
+pub(crate) struct Field(Vec<Step>);
 
 #[derive(Debug, Clone, Copy)]
 enum Step {
@@ -14,12 +31,17 @@ enum Step {
 }
 
 impl Field {
-    pub(super) fn key(&self, key: &'static str) -> Self {
+    pub(crate) fn key(&self, key: &'static str) -> Self {
         self.with(Step::Key(key))
     }
 
-    pub(super) fn item(&self, index: usize) -> Self {
+    pub(crate) fn item(&self, index: usize) -> Self {
         self.with(Step::Item(index))
+    }
+
+    /// An error at this place of `text`, which is that of `path`.
+    pub(crate) fn error(&self, path: &Path, text: &str, problem: impl std::fmt::Display) -> Error {
+        Error::line(path, line_of(text, self), format!("{self}: {problem}"))
     }
 
     fn with(&self, step: Step) -> Self {
@@ -44,12 +66,12 @@ impl std::fmt::Display for Field {
 }
 
 /// A value that is out of its range.
-pub(super) struct Fault {
-    pub(super) field: Field,
-    pub(super) problem: String,
+pub(crate) struct Fault {
+    pub(crate) field: Field,
+    pub(crate) problem: String,
 }
 
-pub(super) type Checked = std::result::Result<(), Fault>;
+pub(crate) type Checked = std::result::Result<(), Fault>;
 
 impl Field {
     fn fault(&self, problem: impl Into<String>) -> Fault {
@@ -59,7 +81,7 @@ impl Field {
         }
     }
 
-    pub(super) fn require(&self, holds: bool, problem: impl FnOnce() -> String) -> Checked {
+    pub(crate) fn require(&self, holds: bool, problem: impl FnOnce() -> String) -> Checked {
         if holds {
             Ok(())
         } else {
@@ -68,33 +90,33 @@ impl Field {
     }
 
     /// Not NaN, over `low`, at most `high`.
-    pub(super) fn over(&self, value: f64, low: f64, high: f64) -> Checked {
+    pub(crate) fn over(&self, value: f64, low: f64, high: f64) -> Checked {
         self.require(value > low && value <= high, || {
             format!("must be over {low} and at most {high}, and is {value}")
         })
     }
 
     /// Not NaN, from `low` to `high`.
-    pub(super) fn within(&self, value: f64, low: f64, high: f64) -> Checked {
+    pub(crate) fn within(&self, value: f64, low: f64, high: f64) -> Checked {
         self.require((low..=high).contains(&value), || {
             format!("must be from {low} to {high}, and is {value}")
         })
     }
 
-    pub(super) fn each_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
+    pub(crate) fn each_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
         values
             .iter()
             .enumerate()
             .try_for_each(|(index, value)| self.item(index).within(*value, low, high))
     }
 
-    pub(super) fn count(&self, count: usize, least: usize, most: usize) -> Checked {
+    pub(crate) fn count(&self, count: usize, least: usize, most: usize) -> Checked {
         self.require((least..=most).contains(&count), || {
             format!("must have {least} to {most} entries, and has {count}")
         })
     }
 
-    pub(super) fn ascending(&self, values: &[f64]) -> Checked {
+    pub(crate) fn ascending(&self, values: &[f64]) -> Checked {
         for (index, pair) in values.windows(2).enumerate() {
             self.item(index + 1).require(pair[0] < pair[1], || {
                 format!(
@@ -107,7 +129,7 @@ impl Field {
     }
 
     /// A name that can be a folder and a field of a table everywhere.
-    pub(super) fn name(&self, name: &str) -> Checked {
+    pub(crate) fn name(&self, name: &str) -> Checked {
         self.require(!name.is_empty(), || "must not be empty".into())?;
         self.require(name.len() <= MAX_NAME_BYTES, || {
             format!(
@@ -131,13 +153,13 @@ impl Field {
 }
 
 /// The line, from 1, of a byte of `text`.
-pub(super) fn line_at(text: &str, byte: usize) -> u64 {
+fn line_at(text: &str, byte: usize) -> u64 {
     let before = text.get(..byte).unwrap_or(text);
     1 + before.matches('\n').count() as u64
 }
 
 /// The line of a field, or of the nearest thing around it that the text holds.
-pub(super) fn line_of(text: &str, field: &Field) -> u64 {
+pub(crate) fn line_of(text: &str, field: &Field) -> u64 {
     let Ok(document) = DeTable::parse(text) else {
         return 1;
     };

@@ -1,0 +1,159 @@
+//! `stylus scene check`
+
+use host_tools::error::{Error, Result};
+use host_tools::scene::{Compiled, CostReport, Situation, equaliser};
+use model_format::scene::MotionOfScene;
+use serde::Serialize;
+use stylus_kernel::scene::cost;
+
+use super::super::table::table;
+use super::source::Source;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    source: Source,
+    /// Instructions that a tick has for the scene
+    #[arg(long, value_name = "INSTRUCTIONS", default_value_t = cost::BUDGET)]
+    budget: u32,
+    /// Print everything as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Everything that a check finds.
+#[derive(Serialize)]
+struct Checked<'a> {
+    #[serde(flatten)]
+    cost: &'a CostReport,
+    /// How the equaliser was found, if it undoes a response.
+    equaliser: Option<&'a equaliser::Design>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let path = arguments.source.library_path()?;
+    let bytes = super::super::read_library(path)?;
+    let library = super::super::decode_library(path, &bytes)?;
+    let compiled = arguments.source.compile(&library)?;
+    let report = CostReport::new(
+        &compiled.scene,
+        &compiled.surface_names,
+        &library,
+        arguments.budget,
+    )?;
+    if arguments.json {
+        super::super::print_json(&Checked {
+            cost: &report,
+            equaliser: compiled.design.as_ref(),
+        })?;
+    } else {
+        super::super::print(&text(&compiled, &report))?;
+    }
+    if report.fits {
+        return Ok(());
+    }
+    Err(Error::Request(format!(
+        "scene '{}' takes {} instructions of a tick ({}), and there are {}: use fewer sections, or textures of a lower order",
+        report.scene,
+        report.worst_case.instructions,
+        report.worst_case.sum(),
+        report.budget_instructions
+    )))
+}
+
+/// What a scene is, in a line.
+pub fn headline(compiled: &Compiled) -> String {
+    let scene = &compiled.scene;
+    let path = match (scene.regions.first(), scene.regions.last()) {
+        (Some(first), Some(last)) => format!(
+            "{} from {} to {} mm, transitions of {} mm",
+            counted(scene.regions.len(), "region"),
+            first.start_mm,
+            last.end_mm,
+            scene.transition_mm
+        ),
+        _ => "the first everywhere".to_owned(),
+    };
+    let motion = match scene.motion {
+        MotionOfScene::Followed => "the stylus's own motion".to_owned(),
+        MotionOfScene::Constant {
+            speed_mm_s,
+            force_n,
+        } => format!("always {speed_mm_s} mm/s and {force_n} N"),
+    };
+    format!(
+        "scene '{}': {}, {path}; {motion}; {}",
+        scene.name,
+        counted(scene.surfaces.len(), "surface"),
+        match scene.equaliser.len() {
+            0 => "no equaliser".to_owned(),
+            sections => format!("equaliser of {}", counted(sections, "section")),
+        }
+    )
+}
+
+fn counted(count: usize, what: &str) -> String {
+    let plural = if count == 1 { "" } else { "s" };
+    format!("{count} {what}{plural}")
+}
+
+/// What an equaliser does to its response, in a few lines.
+pub fn equaliser_text(design: &equaliser::Design) -> String {
+    let [low_hz, high_hz] = design.band_hz;
+    let deviation = |deviation: &equaliser::Deviation| {
+        format!(
+            "{:.2} dB RMS, {:.1} dB at most",
+            deviation.rms_db, deviation.largest_db
+        )
+    };
+    format!(
+        "equaliser from {low_hz:.0} to {high_hz:.0} Hz, highest gain {:.1} dB\n  \
+         off flat before     {}\n  \
+         off flat after      {}\n  \
+         the limit leaves    {}",
+        design.max_gain_db,
+        deviation(&design.before),
+        deviation(&design.after),
+        deviation(&design.limit_leaves)
+    )
+}
+
+fn text(compiled: &Compiled, report: &CostReport) -> String {
+    let row = |situation: &Situation| {
+        vec![
+            situation.when.clone(),
+            situation.instructions.to_string(),
+            situation.sum(),
+        ]
+    };
+    let mut rows: Vec<Vec<String>> = report.typical.iter().map(row).collect();
+    rows.push(row(&report.worst_case));
+    let mut lines = vec![headline(compiled)];
+    if let Some(design) = &compiled.design {
+        lines.push(equaliser_text(design));
+        lines.push(String::new());
+        let sections: Vec<Vec<String>> = design
+            .sections
+            .iter()
+            .map(|section| {
+                vec![
+                    section.kind.to_string(),
+                    format!("{:.1}", section.frequency_hz),
+                    format!("{:.2}", section.q),
+                    format!("{:+.2}", section.gain_db),
+                ]
+            })
+            .collect();
+        lines.push(table(&["section", "Hz", "Q", "dB"], &sections));
+    }
+    lines.push(String::new());
+    let header = ["situation", "instructions", "arithmetic"];
+    lines.push(table(&header, &rows));
+    let share = f64::from(report.worst_case.instructions) / f64::from(report.budget_instructions);
+    lines.push(format!(
+        "\nThe worst case takes {:.0} % of the {} instructions that a tick has for a scene.",
+        100.0 * share,
+        report.budget_instructions
+    ));
+    lines.join("\n")
+}

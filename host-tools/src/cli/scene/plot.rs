@@ -1,0 +1,68 @@
+//! `stylus scene plot`
+
+use std::path::PathBuf;
+
+use host_tools::error::Result;
+use host_tools::plot::{self, Caption, SceneRegion, SceneView};
+use host_tools::scene::Hand;
+use host_tools::scene::SceneRendering;
+use model_format::{OutputSample, Provenance};
+
+use super::super::input::positive;
+use super::source::{Along, Source, plan, provenance};
+
+/// Longest stretch that is drawn, s: a spectrogram has no more columns than are seen.
+const LONGEST_S: f64 = 600.0;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    source: Source,
+    #[command(flatten)]
+    along: Along,
+    /// Picture to write
+    #[arg(long, value_name = "SVG")]
+    out: PathBuf,
+    /// Highest frequency of the spectrogram, in hertz
+    #[arg(long, value_name = "HZ", value_parser = positive, default_value_t = 1000.0)]
+    highest: f64,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let path = arguments.source.library_path()?;
+    let bytes = super::super::read_library(path)?;
+    let library = super::super::decode_library(path, &bytes)?;
+    let compiled = arguments.source.compile(&library)?;
+    let (motion, seconds) = arguments.along.motion()?;
+    let seconds = seconds.min(LONGEST_S);
+    let plan = plan(&compiled, &library)?;
+    let rendering = SceneRendering::new(plan, &motion, seconds, arguments.along.seed)?;
+    let rate_hz = f64::from(rendering.sample_rate_hz());
+    let samples_m_s2: Vec<f64> = rendering
+        .map(|sample: OutputSample| f64::from(sample.metres_per_second_squared().0))
+        .collect();
+    let regions: Vec<SceneRegion> = compiled
+        .scene
+        .regions
+        .iter()
+        .map(|region| SceneRegion {
+            start_mm: region.start_mm.into(),
+            end_mm: region.end_mm.into(),
+            surface: region.surface.into(),
+        })
+        .collect();
+    let caption = Caption {
+        title: &format!("{} along a motion", compiled.scene.name),
+        simulated: provenance(&compiled, &library) == Provenance::Simulated,
+    };
+    let view = SceneView {
+        surface_names: &compiled.surface_names,
+        regions: &regions,
+        hand: Hand::new(&motion),
+        samples_m_s2: &samples_m_s2,
+        rate_hz,
+        highest_hz: arguments.highest,
+    };
+    plot::scene(&caption, &view)?.write(&arguments.out)?;
+    super::super::print(&format!("-> {}", arguments.out.display()))
+}

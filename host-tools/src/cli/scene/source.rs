@@ -1,0 +1,155 @@
+//! A scene on a command line: a text with the library of its textures, or one of a library's own; and the motion along it.
+
+use std::path::{Path, PathBuf};
+
+use host_tools::error::{Error, Result};
+use host_tools::motion::MotionPath;
+use host_tools::scene::{Compiled, SceneFile, surface_names};
+use model_format::{Library, MillimetresPerSecond, Newton, Provenance};
+use stylus_kernel::scene::Plan;
+
+use super::super::input::not_negative;
+
+/// Which scene.
+#[derive(clap::Args)]
+pub struct Source {
+    /// A scene's text, whose name ends in .toml, or a library with scenes
+    #[arg(value_name = "SCENE.toml|LIB")]
+    file: PathBuf,
+    /// The library that has the textures of a scene's text
+    #[arg(long, value_name = "LIB")]
+    library: Option<PathBuf>,
+    /// Which of the library's scenes, if it has more than one
+    #[arg(long, value_name = "NAME")]
+    scene: Option<String>,
+}
+
+impl Source {
+    /// Whether it is a scene's text.
+    fn is_text(&self) -> bool {
+        is_text(&self.file)
+    }
+
+    /// The library's file.
+    ///
+    /// # Errors
+    /// A text without a library, or a library with another.
+    pub fn library_path(&self) -> Result<&Path> {
+        match (&self.library, self.is_text()) {
+            (Some(library), true) => Ok(library),
+            (None, false) => Ok(&self.file),
+            (None, true) => Err(Error::Request(format!(
+                "{}: give the library that has its textures with --library",
+                self.file.display()
+            ))),
+            (Some(_), false) => Err(Error::Request(format!(
+                "{}: --library goes with a scene's text, whose name ends in .toml",
+                self.file.display()
+            ))),
+        }
+    }
+
+    /// The scene, checked against `library`, which is the file at [`Source::library_path`].
+    ///
+    /// # Errors
+    /// What is wrong with the text, or that the library has no such scene.
+    pub fn compile(&self, library: &Library<'_>) -> Result<Compiled> {
+        if self.is_text() {
+            let compiled = SceneFile::read(&self.file)?.compile(library)?;
+            let other = self.scene.as_deref();
+            if let Some(other) = other.filter(|name| *name != compiled.scene.name.as_str()) {
+                return Err(Error::file(
+                    &self.file,
+                    format!("holds the scene '{}', not '{other}'", compiled.scene.name),
+                ));
+            }
+            return Ok(compiled);
+        }
+        let names: Vec<String> = library
+            .scenes()
+            .map(|scene| scene.name.as_str().to_owned())
+            .collect();
+        let found = match &self.scene {
+            Some(name) => library.scene(name),
+            None if names.len() == 1 => library.scenes().next(),
+            None => None,
+        };
+        let Some(scene) = found else {
+            let problem = match (&self.scene, names.is_empty()) {
+                (_, true) => "has no scenes; put some in with 'stylus scene compile'".to_owned(),
+                (Some(name), _) => format!("has no scene '{name}'; it has {}", names.join(", ")),
+                (None, _) => format!("tell which with --scene: {}", names.join(", ")),
+            };
+            return Err(Error::file(&self.file, problem));
+        };
+        Ok(Compiled {
+            surface_names: surface_names(&scene, library),
+            scene,
+            design: None,
+        })
+    }
+}
+
+/// Whether a file is a scene's text.
+pub fn is_text(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default();
+    extension.eq_ignore_ascii_case("toml")
+}
+
+/// The plan of a scene.
+pub fn plan<'a>(compiled: &Compiled, library: &Library<'a>) -> Result<Plan<'a>> {
+    let scene = &compiled.scene;
+    Plan::new(scene, library)
+        .map_err(|error| Error::Request(format!("scene '{}': {error}", scene.name)))
+}
+
+/// Where the textures of a scene come from: simulated if any of them is.
+pub fn provenance(compiled: &Compiled, library: &Library<'_>) -> Provenance {
+    let mut textures = compiled.scene.surfaces.iter().filter_map(|surface| {
+        let texture = usize::from(surface.texture?);
+        library.textures().nth(texture)
+    });
+    if textures.any(|texture| texture.provenance() == Provenance::Simulated) {
+        Provenance::Simulated
+    } else {
+        Provenance::Recorded
+    }
+}
+
+/// What the hand does.
+#[derive(clap::Args)]
+pub struct Along {
+    /// A motion: CSV with time_s, speed_mm_s, force_n, and position_mm and contact if they do not follow from those
+    #[arg(long, value_name = "CSV", conflicts_with_all = ["speed", "force"])]
+    motion: Option<PathBuf>,
+    /// A constant tangential speed instead, in mm/s
+    #[arg(long, value_name = "MM_S", value_parser = not_negative, requires = "force", required_unless_present = "motion")]
+    speed: Option<f64>,
+    /// A constant normal force, in newtons
+    #[arg(long, value_name = "N", value_parser = not_negative, requires = "speed", required_unless_present = "motion")]
+    force: Option<f64>,
+    /// How long, in seconds [default: the motion's duration]
+    #[arg(long, value_name = "S", value_parser = super::super::input::positive, required_unless_present = "motion")]
+    seconds: Option<f64>,
+    /// Seed of the noise: the same seed gives the same samples
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+impl Along {
+    /// The motion, and for how long, s.
+    ///
+    /// # Errors
+    /// A motion that cannot be read.
+    pub fn motion(&self) -> Result<(MotionPath, f64)> {
+        let motion = match &self.motion {
+            Some(path) => MotionPath::from_csv(path)?,
+            None => MotionPath::constant(
+                MillimetresPerSecond(self.speed.unwrap_or(0.0) as f32),
+                Newton(self.force.unwrap_or(0.0) as f32),
+            )?,
+        };
+        let seconds = self.seconds.unwrap_or_else(|| motion.duration_s());
+        Ok((motion, seconds))
+    }
+}

@@ -1,0 +1,469 @@
+//! The fit of sections to the inverse of a response.
+
+use model_format::scene::Biquad;
+use model_format::scene::limits::{MAX_EQUALISER_GAIN, MAX_SECTIONS};
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use super::section::{MAX_SECTION_GAIN_DB, Section, SectionKind, stored_level_db};
+use super::{Fault, Response};
+
+/// Limit on the gain where a scene names none, dB.
+pub const DEFAULT_MAX_GAIN_DB: f64 = 12.0;
+
+/// Frequencies at which the level is fitted.
+const POINTS: usize = 200;
+
+/// Highest frequency that a section can be put to, as a share of the sample rate.
+const HIGHEST_SHARE: f64 = 0.45;
+
+/// What a section more must take off the RMS deviation, dB: each costs instructions in every tick.
+const LEAST_GAIN_OF_A_SECTION_DB: f64 = 0.05;
+
+/// Rounds of Levenberg-Marquardt after each section.
+const ROUNDS: usize = 60;
+
+/// Quality factors of fitted sections: above, a peak is narrower than what a response tells; a shelf above 1 overshoots.
+const PEAKING_QS: [f64; 2] = [0.3, 12.0];
+
+/// See [`PEAKING_QS`].
+const SHELF_QS: [f64; 2] = [0.3, 1.0];
+
+/// What is asked of an equaliser.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Request {
+    /// Most gain at any frequency, dB.
+    pub max_gain_db: f64,
+    /// Most sections.
+    pub max_sections: usize,
+    /// Where the band begins, Hz; the response's lowest frequency if none.
+    pub lowest_hz: Option<f64>,
+    /// Where it ends, Hz; the response's highest frequency or what the sample rate allows if none.
+    pub highest_hz: Option<f64>,
+}
+
+/// An equaliser that was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Design {
+    /// Its sections, those that lower first, so that nothing saturates between them.
+    pub sections: Vec<Section>,
+    /// The same, as they are stored.
+    #[serde(skip)]
+    pub biquads: Vec<Biquad>,
+    /// The band that is undone, Hz.
+    pub band_hz: [f64; 2],
+    /// The response's mean level over it, dB.
+    pub mean_level_db: f64,
+    /// Largest gain at any frequency, dB.
+    pub max_gain_db: f64,
+    /// How far the response is from flat.
+    pub before: Deviation,
+    /// How far response and equaliser together are from flat, computed from what is stored.
+    pub after: Deviation,
+    /// How far they would be if only the limit on the gain were in the way.
+    pub limit_leaves: Deviation,
+    /// Levels over the band.
+    pub curve: Vec<CurvePoint>,
+}
+
+/// How far a level is from its mean over the band, evenly over the logarithm of the frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Deviation {
+    /// Root of the mean square, dB.
+    pub rms_db: f64,
+    /// Largest, dB.
+    pub largest_db: f64,
+}
+
+/// Levels at one frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CurvePoint {
+    /// The frequency, Hz.
+    pub frequency_hz: f64,
+    /// The response, about its mean, dB.
+    pub response_db: f64,
+    /// The equaliser, dB.
+    pub equaliser_db: f64,
+}
+
+impl Deviation {
+    fn of(levels_db: &[f64]) -> Self {
+        let mean = mean(levels_db);
+        let off = levels_db.iter().map(|level| level - mean);
+        let square: f64 = off.clone().map(|off| off * off).sum();
+        Self {
+            rms_db: (square / levels_db.len() as f64).sqrt(),
+            largest_db: off.fold(0.0, |largest, off| largest.max(off.abs())),
+        }
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Finds the equaliser that undoes `response` at `rate_hz`.
+///
+/// # Errors
+/// A limit, a count or a band that cannot be.
+pub fn design(response: &Response, rate_hz: f64, request: &Request) -> Result<Design, Fault> {
+    let band_hz = check(response, rate_hz, request)?;
+    let [low, high] = band_hz.map(f64::ln);
+    let frequencies: Vec<f64> = (0..POINTS)
+        .map(|n| (low + (high - low) * n as f64 / (POINTS - 1) as f64).exp())
+        .collect();
+    let levels: Vec<f64> = frequencies
+        .iter()
+        .map(|&hz| response.level_db(hz))
+        .collect();
+    let mean_level_db = mean(&levels);
+    let off: Vec<f64> = levels.iter().map(|level| level - mean_level_db).collect();
+    let target: Vec<f64> = off
+        .iter()
+        .map(|off| (-off).clamp(-MAX_SECTION_GAIN_DB, request.max_gain_db))
+        .collect();
+    let fit = Fit {
+        rate_hz,
+        band_hz,
+        frequencies: &frequencies,
+        target: &target,
+    };
+    let mut sections = fit.sections(request.max_sections);
+    // Whatever lowers comes first, so that no partial gain is above the final one for long.
+    sections.sort_by(|a, b| a.gain_db.total_cmp(&b.gain_db));
+    let (sections, biquads) = within_limits(&sections, rate_hz, request.max_gain_db);
+    let of_all = |frequency_hz: f64| -> f64 {
+        let share = frequency_hz / rate_hz;
+        biquads
+            .iter()
+            .map(|section| stored_level_db(section, share))
+            .sum()
+    };
+    let curve: Vec<CurvePoint> = frequencies
+        .iter()
+        .zip(&off)
+        .map(|(&frequency_hz, &response_db)| CurvePoint {
+            frequency_hz,
+            response_db,
+            equaliser_db: of_all(frequency_hz),
+        })
+        .collect();
+    let together: Vec<f64> = curve
+        .iter()
+        .map(|point| point.response_db + point.equaliser_db)
+        .collect();
+    let limited: Vec<f64> = off
+        .iter()
+        .zip(&target)
+        .map(|(off, gain)| off + gain)
+        .collect();
+    Ok(Design {
+        band_hz,
+        mean_level_db,
+        max_gain_db: everywhere(rate_hz)
+            .map(&of_all)
+            .fold(f64::NEG_INFINITY, f64::max),
+        before: Deviation::of(&off),
+        after: Deviation::of(&together),
+        limit_leaves: Deviation::of(&limited),
+        sections,
+        biquads,
+        curve,
+    })
+}
+
+fn check(response: &Response, rate_hz: f64, request: &Request) -> Result<[f64; 2], Fault> {
+    let highest_gain_db = 20.0 * MAX_EQUALISER_GAIN.log10();
+    if !(0.0..=highest_gain_db).contains(&request.max_gain_db) {
+        let problem = format!(
+            "is {}; it must be 0 to {highest_gain_db:.1}",
+            request.max_gain_db
+        );
+        return Err(Fault::new("max_gain_db", problem));
+    }
+    if !(1..=MAX_SECTIONS).contains(&request.max_sections) {
+        let problem = format!(
+            "is {}; it must be 1 to {MAX_SECTIONS}",
+            request.max_sections
+        );
+        return Err(Fault::new("max_sections", problem));
+    }
+    let points = response.points();
+    let (first, last) = (points[0].0, points[points.len() - 1].0);
+    let most = HIGHEST_SHARE * rate_hz;
+    let low = request.lowest_hz.unwrap_or(first.max(0.001 * rate_hz));
+    let high = request.highest_hz.unwrap_or(last.min(most));
+    let known = first..=last;
+    if request.lowest_hz.is_some() && !(known.contains(&low) && low >= 0.0002 * rate_hz) {
+        let problem = format!(
+            "is {low}; the response is told from {first} to {last} Hz, and at {rate_hz} Hz there is nothing to be done below {} Hz",
+            0.0002 * rate_hz
+        );
+        return Err(Fault::new("lowest_hz", problem));
+    }
+    if request.highest_hz.is_some() && !(known.contains(&high) && high <= most) {
+        let problem = format!(
+            "is {high}; the response is told from {first} to {last} Hz, and at {rate_hz} Hz there is nothing to be done above {most} Hz"
+        );
+        return Err(Fault::new("highest_hz", problem));
+    }
+    if high < 1.5 * low {
+        let key = if request.highest_hz.is_some() {
+            "highest_hz"
+        } else if request.lowest_hz.is_some() {
+            "lowest_hz"
+        } else {
+            "response"
+        };
+        let problem =
+            format!("leaves a band from {low} to {high} Hz; it must span a factor of 1.5");
+        return Err(Fault::new(key, problem));
+    }
+    Ok([low, high])
+}
+
+/// The sections, with their gains all lowered by as much as it takes to keep the limits, and as they are stored.
+///
+/// At no gain they are the identity, which keeps them, so that there is such an amount.
+fn within_limits(
+    sections: &[Section],
+    rate_hz: f64,
+    max_gain_db: f64,
+) -> (Vec<Section>, Vec<Biquad>) {
+    const HALVINGS: usize = 24;
+    let scaled = |share: f64| {
+        let sections: Vec<Section> = sections
+            .iter()
+            .map(|section| Section {
+                gain_db: share * section.gain_db,
+                ..*section
+            })
+            .collect();
+        let biquads: Option<Vec<Biquad>> =
+            sections.iter().map(|s| s.biquad(rate_hz).ok()).collect();
+        biquads
+            .filter(|biquads| keeps_limits(biquads, rate_hz, max_gain_db))
+            .map(|biquads| (sections, biquads))
+    };
+    if let Some(whole) = scaled(1.0) {
+        return whole;
+    }
+    let (mut low, mut high) = (0.0, 1.0);
+    let mut best = (Vec::new(), Vec::new());
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        match scaled(middle) {
+            Some(found) => (low, best) = (middle, found),
+            None => high = middle,
+        }
+    }
+    best
+}
+
+/// Whether poles are within the format's limit, the cascade within `max_gain_db`, and all up to each section within the
+/// format's largest gain.
+fn keeps_limits(biquads: &[Biquad], rate_hz: f64, max_gain_db: f64) -> bool {
+    /// What rounding to stored steps may add.
+    const ROUNDING_DB: f64 = 1e-3;
+    let format_db = 20.0 * MAX_EQUALISER_GAIN.log10() - 0.05;
+    biquads.iter().all(Biquad::poles_are_within_limit)
+        && everywhere(rate_hz).all(|frequency_hz| {
+            let share = frequency_hz / rate_hz;
+            let mut sum = 0.0;
+            let partial = biquads.iter().all(|section| {
+                let own = stored_level_db(section, share);
+                sum += own;
+                own <= format_db && sum <= format_db
+            });
+            partial && sum <= max_gain_db + ROUNDING_DB
+        })
+}
+
+/// Frequencies over all of the band, denser where they are low.
+fn everywhere(rate_hz: f64) -> impl Iterator<Item = f64> {
+    const INTERVALS: u32 = 2000;
+    (0..=INTERVALS).map(move |n| 0.5 * rate_hz * (f64::from(n) / f64::from(INTERVALS)).powi(3))
+}
+
+/// The levels that sections are to have.
+struct Fit<'a> {
+    rate_hz: f64,
+    band_hz: [f64; 2],
+    frequencies: &'a [f64],
+    target: &'a [f64],
+}
+
+impl Fit<'_> {
+    /// At most `most` sections, found one by one.
+    fn sections(&self, most: usize) -> Vec<Section> {
+        let mut sections: Vec<Section> = Vec::new();
+        let mut error = self.error(&self.residual(&sections));
+        while sections.len() < most {
+            let tried = self.candidates(&sections).map(|candidate| {
+                let mut tried = sections.clone();
+                tried.push(candidate);
+                let error = self.refine(&mut tried);
+                (error, tried)
+            });
+            let best = tried
+                .into_iter()
+                .filter(|(error, _)| error.is_finite())
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((found, better)) = best else { break };
+            if found > error - LEAST_GAIN_OF_A_SECTION_DB {
+                break;
+            }
+            (sections, error) = (better, found);
+        }
+        sections
+    }
+
+    /// A section of each kind where it may help most.
+    fn candidates(&self, sections: &[Section]) -> [Section; 3] {
+        let residual = self.residual(sections);
+        let worst = (0..residual.len())
+            .max_by(|&a, &b| residual[a].abs().total_cmp(&residual[b].abs()))
+            .unwrap_or(0);
+        let [low, high] = self.band_hz;
+        let third = (high / low).cbrt();
+        let section = |kind, frequency_hz, q, gain_db| {
+            self.within_bounds(Section {
+                kind,
+                frequency_hz,
+                q,
+                gain_db,
+            })
+        };
+        [
+            section(
+                SectionKind::Peaking,
+                self.frequencies[worst],
+                1.5,
+                residual[worst],
+            ),
+            section(SectionKind::LowShelf, low * third, 0.7, residual[0]),
+            section(
+                SectionKind::HighShelf,
+                high / third,
+                0.7,
+                residual[residual.len() - 1],
+            ),
+        ]
+    }
+
+    /// What is still missing, dB, at each frequency.
+    fn residual(&self, sections: &[Section]) -> DVector<f64> {
+        let levels = self
+            .frequencies
+            .iter()
+            .zip(self.target)
+            .map(|(&hz, target)| {
+                let level: f64 = sections.iter().map(|s| s.level_db(self.rate_hz, hz)).sum();
+                target - level
+            });
+        DVector::from_iterator(self.frequencies.len(), levels)
+    }
+
+    /// Its RMS, dB.
+    fn error(&self, residual: &DVector<f64>) -> f64 {
+        residual.norm() / (self.frequencies.len() as f64).sqrt()
+    }
+
+    /// Improves all sections together by Levenberg-Marquardt with a numerical Jacobian (Marquardt, *An algorithm for
+    /// least-squares estimation of nonlinear parameters*, J. SIAM 11, 1963), each step brought back within bounds; the
+    /// error that is left, dB.
+    fn refine(&self, sections: &mut Vec<Section>) -> f64 {
+        let mut residual = self.residual(sections);
+        let mut damping = 1e-2;
+        for _ in 0..ROUNDS {
+            let jacobian = self.jacobian(sections);
+            let square = jacobian.tr_mul(&jacobian);
+            let gradient = jacobian.tr_mul(&residual);
+            let mut damped = square.clone();
+            for place in 0..damped.nrows() {
+                damped[(place, place)] += damping * square[(place, place)].max(1e-9);
+            }
+            let Some(step) = damped.cholesky().map(|matrix| matrix.solve(&gradient)) else {
+                break;
+            };
+            let tried: Vec<Section> = sections
+                .iter()
+                .enumerate()
+                .map(|(index, section)| {
+                    let part = [0, 1, 2].map(|own| step[3 * index + own].clamp(-3.0, 3.0));
+                    self.within_bounds(moved(section, part))
+                })
+                .collect();
+            let left = self.residual(&tried);
+            if left.norm() < residual.norm() {
+                let gained = 1.0 - left.norm() / residual.norm();
+                (*sections, residual) = (tried, left);
+                damping = (damping / 5.0).max(1e-9);
+                if gained < 1e-5 {
+                    break;
+                }
+            } else {
+                damping *= 5.0;
+                if damping > 1e9 {
+                    break;
+                }
+            }
+        }
+        self.error(&residual)
+    }
+
+    /// How the level at each frequency goes with ln f, ln Q and gain of each section.
+    fn jacobian(&self, sections: &[Section]) -> DMatrix<f64> {
+        const STEP: f64 = 1e-4;
+        let mut jacobian = DMatrix::zeros(self.frequencies.len(), 3 * sections.len());
+        for (index, section) in sections.iter().enumerate() {
+            for own in 0..3 {
+                let aside = |sign: f64| {
+                    let mut part = [0.0; 3];
+                    part[own] = sign * STEP;
+                    moved(section, part)
+                };
+                let (above, below) = (aside(1.0), aside(-1.0));
+                for (row, &hz) in self.frequencies.iter().enumerate() {
+                    let change =
+                        above.level_db(self.rate_hz, hz) - below.level_db(self.rate_hz, hz);
+                    jacobian[(row, 3 * index + own)] = change / (2.0 * STEP);
+                }
+            }
+        }
+        jacobian
+    }
+
+    fn within_bounds(&self, section: Section) -> Section {
+        /// 1 - ρ of the format's limit on poles, with room for rounding.
+        const LEAST_DAMPING: f64 = 1.1e-3;
+        let [low, high] = self.band_hz;
+        let frequency_hz = section.frequency_hz.clamp(low, high);
+        let gain_db = section
+            .gain_db
+            .clamp(-MAX_SECTION_GAIN_DB + 1.0, MAX_SECTION_GAIN_DB - 1.0);
+        let [least, most] = match section.kind {
+            SectionKind::Peaking => PEAKING_QS,
+            SectionKind::LowShelf | SectionKind::HighShelf => SHELF_QS,
+        };
+        // The pole radius of a peak is about 1 - sin(w) / (2 Q A), A the root of its gain.
+        let narrowest = (std::f64::consts::TAU * frequency_hz / self.rate_hz).sin()
+            / (2.0 * 10f64.powf(gain_db / 40.0) * LEAST_DAMPING);
+        Section {
+            kind: section.kind,
+            frequency_hz,
+            q: section.q.clamp(least, most.min(narrowest.max(least))),
+            gain_db,
+        }
+    }
+}
+
+/// A section with ln f, ln Q and gain (dB) changed by so much.
+fn moved(section: &Section, [ln_frequency, ln_q, gain_db]: [f64; 3]) -> Section {
+    Section {
+        kind: section.kind,
+        frequency_hz: section.frequency_hz * ln_frequency.exp(),
+        q: section.q * ln_q.exp(),
+        gain_db: section.gain_db + gain_db,
+    }
+}

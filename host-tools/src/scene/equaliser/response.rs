@@ -1,0 +1,211 @@
+//! The measured response of an actuator: from a table, or from a recording of a sweep.
+
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+
+use model_format::Provenance;
+use realfft::RealFftPlanner;
+use realfft::num_complex::Complex;
+
+use crate::error::{Error, Result};
+use crate::recording::{self, Trial};
+
+/// Fewest points of a response.
+const FEWEST_POINTS: usize = 4;
+
+/// Frames of a window on a sweep: lines 2.4 Hz apart at 5 kHz.
+const WINDOW: usize = 2048;
+
+/// Longest sweep that is read, s.
+const LONGEST_SWEEP_S: f64 = 600.0;
+
+/// Points in an octave that a sweep's response is brought down to.
+const POINTS_AN_OCTAVE: f64 = 24.0;
+
+/// Coherence of drive and acceleration below which a frequency is left out.
+const LEAST_COHERENCE: f64 = 0.5;
+
+/// Level of an actuator over frequency.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Response {
+    path: PathBuf,
+    /// Frequency, Hz, ascending, and level, dB.
+    points: Vec<(f64, f64)>,
+}
+
+impl Response {
+    /// Reads a response.
+    ///
+    /// A CSV file has the columns `frequency_hz`, ascending, and `magnitude_db`; comments begin with `#`. A WAV file is a
+    /// recording of a sweep (or of noise) in two channels, the drive and the acceleration that it made; the response is
+    /// H1, the cross-spectrum over the drive's power (Bendat and Piersol, *Random Data*, 2010, ch. 6), where they are
+    /// coherent.
+    ///
+    /// # Errors
+    /// A file that cannot be read or holds no such thing.
+    pub fn read(path: &Path) -> Result<Self> {
+        let extension = path.extension().unwrap_or_default().to_string_lossy();
+        if extension.eq_ignore_ascii_case("wav") {
+            let trial = Trial {
+                file: path.to_owned(),
+                texture: String::new(),
+                speed_mm_s: 0.0,
+                force_n: 0.0,
+                scale_m_s2: 1.0,
+                start_s: 0.0,
+                duration_s: Some(LONGEST_SWEEP_S),
+                sample_rate_hz: None,
+                provenance: Provenance::Recorded,
+            };
+            let samples = recording::read(&trial)?;
+            let [drive, acceleration] = samples.axes.as_slice() else {
+                let problem = format!(
+                    "has {} channel(s); a sweep has two, the drive and the acceleration",
+                    samples.axes.len()
+                );
+                return Err(Error::file(path, problem));
+            };
+            let rate_hz = f64::from(recording::MODEL_RATE_HZ);
+            let points = of_sweep(drive, acceleration, rate_hz);
+            return Self::of_points(path, points);
+        }
+        let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+        Self::from_csv(path, &text)
+    }
+
+    /// Takes a response from CSV `text`; `path` is only named in errors.
+    ///
+    /// # Errors
+    /// What [`Response::read`] refuses of a CSV file.
+    pub fn from_csv(path: &Path, text: &str) -> Result<Self> {
+        let mut reader = csv::ReaderBuilder::new()
+            .comment(Some(b'#'))
+            .trim(csv::Trim::All)
+            .from_reader(text.as_bytes());
+        let header = reader
+            .headers()
+            .map_err(|failure| recording::csv_error(path, failure))?
+            .clone();
+        let column = |name: &str| {
+            let found = header.iter().position(|field| field == name);
+            found.ok_or_else(|| {
+                let problem =
+                    format!("no column '{name}': a response has frequency_hz and magnitude_db");
+                Error::file(path, problem)
+            })
+        };
+        let (frequency, magnitude) = (column("frequency_hz")?, column("magnitude_db")?);
+        let mut points: Vec<(f64, f64)> = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(|failure| recording::csv_error(path, failure))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let number = |index: usize| {
+                let value: Option<f64> = record[index].parse().ok();
+                value.filter(|value| value.is_finite()).ok_or_else(|| {
+                    let (name, text) = (&header[index], &record[index]);
+                    let problem = format!("{name} is '{text}', which is not a finite number");
+                    Error::line(path, line, problem)
+                })
+            };
+            let (frequency_hz, level_db) = (number(frequency)?, number(magnitude)?);
+            let before_hz = points.last().map_or(0.0, |point| point.0);
+            if frequency_hz <= before_hz {
+                let problem = format!(
+                    "frequency_hz is {frequency_hz} after {before_hz}: frequencies are above 0 and rise"
+                );
+                return Err(Error::line(path, line, problem));
+            }
+            points.push((frequency_hz, level_db));
+        }
+        Self::of_points(path, points)
+    }
+
+    fn of_points(path: &Path, points: Vec<(f64, f64)>) -> Result<Self> {
+        if points.len() < FEWEST_POINTS {
+            let problem = format!(
+                "tells the response at {} frequencies; at least {FEWEST_POINTS} are needed",
+                points.len()
+            );
+            return Err(Error::file(path, problem));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            points,
+        })
+    }
+
+    /// The file that it was read from.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Frequency, Hz, ascending, and level, dB.
+    pub fn points(&self) -> &[(f64, f64)] {
+        &self.points
+    }
+
+    /// The level at `frequency_hz`, dB: linear over the logarithm of the frequency, held at both ends.
+    pub fn level_db(&self, frequency_hz: f64) -> f64 {
+        let after = self.points.partition_point(|point| point.0 <= frequency_hz);
+        match (after.checked_sub(1), self.points.get(after)) {
+            (Some(before), Some(next)) => {
+                let before = self.points[before];
+                let share = (frequency_hz / before.0).ln() / (next.0 / before.0).ln();
+                before.1 + (next.1 - before.1) * share
+            }
+            (None, Some(first)) => first.1,
+            (_, None) => self.points[self.points.len() - 1].1,
+        }
+    }
+}
+
+/// H1 of `acceleration` over `drive`, averaged over windows and, in power, over shares of an octave.
+pub(super) fn of_sweep(drive: &[f64], acceleration: &[f64], rate_hz: f64) -> Vec<(f64, f64)> {
+    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(WINDOW);
+    let bins = WINDOW / 2 + 1;
+    let spectrum = |signal: &[f64]| {
+        let mut windowed: Vec<f64> = signal
+            .iter()
+            .enumerate()
+            .map(|(n, x)| x * (0.5 - 0.5 * (TAU * n as f64 / WINDOW as f64).cos()))
+            .collect();
+        let mut spectrum = forward.make_output_vec();
+        forward
+            .process(&mut windowed, &mut spectrum)
+            .expect("the lengths are the plan's own");
+        spectrum
+    };
+    let mut cross = vec![Complex::<f64>::default(); bins];
+    let (mut of_drive, mut of_acceleration) = (vec![0.0; bins], vec![0.0; bins]);
+    for begin in (0..(drive.len() + 1).saturating_sub(WINDOW)).step_by(WINDOW / 4) {
+        let x = spectrum(&drive[begin..begin + WINDOW]);
+        let y = spectrum(&acceleration[begin..begin + WINDOW]);
+        for bin in 0..bins {
+            cross[bin] += x[bin].conj() * y[bin];
+            of_drive[bin] += x[bin].norm_sqr();
+            of_acceleration[bin] += y[bin].norm_sqr();
+        }
+    }
+    let loudest = of_drive.iter().copied().fold(0.0, f64::max);
+    let coherent = |bin: &usize| {
+        let bin = *bin;
+        // What the drive did not reach has a response of nothing but noise, coherent by chance.
+        of_drive[bin] > 1e-6 * loudest
+            && cross[bin].norm_sqr() >= LEAST_COHERENCE * of_drive[bin] * of_acceleration[bin]
+    };
+    let band = |bin: &usize| ((*bin as f64).log2() * POINTS_AN_OCTAVE).round() as i64;
+    let kept: Vec<usize> = (1..bins - 1).filter(coherent).collect();
+    kept.chunk_by(|a, b| band(a) == band(b))
+        .map(|bins| {
+            let count = bins.len() as f64;
+            let log_hz: f64 = bins.iter().map(|&bin| (bin as f64).ln()).sum();
+            let power: f64 = bins
+                .iter()
+                .map(|&bin| (cross[bin] / of_drive[bin]).norm_sqr())
+                .sum();
+            let frequency_hz = (log_hz / count).exp() * rate_hz / WINDOW as f64;
+            (frequency_hz, 10.0 * (power / count).log10())
+        })
+        .filter(|point| point.1.is_finite())
+        .collect()
+}

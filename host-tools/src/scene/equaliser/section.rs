@@ -1,0 +1,119 @@
+//! One section: from what it does to the coefficients that are stored.
+
+use std::f64::consts::TAU;
+
+use biquad::{Coefficients, Hertz, Type};
+use model_format::scene::Biquad;
+use serde::{Deserialize, Serialize};
+
+use super::Fault;
+
+/// Frequencies of a section, as shares of the sample rate: below, it would take longer than a second at 5 kHz; above, there is
+/// no room for its upper flank.
+const FREQUENCY_SHARES: [f64; 2] = [0.0002, 0.45];
+
+/// Quality factors that a scene may ask for.
+const QS: [f64; 2] = [0.1, 50.0];
+
+/// Largest gain of a section, dB, to either side: a little less than what the format takes.
+pub(super) const MAX_SECTION_GAIN_DB: f64 = 24.0;
+
+/// What a section does around its frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SectionKind {
+    /// Raises or lowers what is near.
+    Peaking,
+    /// Raises or lowers what is below.
+    LowShelf,
+    /// Raises or lowers what is above.
+    HighShelf,
+}
+
+impl std::fmt::Display for SectionKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Peaking => "peaking",
+            Self::LowShelf => "low-shelf",
+            Self::HighShelf => "high-shelf",
+        })
+    }
+}
+
+/// A section of the equaliser.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Section {
+    /// What it does.
+    pub kind: SectionKind,
+    /// Where, Hz: its middle.
+    pub frequency_hz: f64,
+    /// How narrow it is.
+    pub q: f64,
+    /// By how much, dB.
+    pub gain_db: f64,
+}
+
+impl Section {
+    /// The section as it is stored, at `rate_hz`.
+    ///
+    /// # Errors
+    /// A frequency, quality factor or gain out of its range.
+    pub fn biquad(&self, rate_hz: f64) -> Result<Biquad, Fault> {
+        let frequencies = FREQUENCY_SHARES.map(|share| share * rate_hz);
+        within("frequency_hz", self.frequency_hz, frequencies, "Hz")?;
+        within("q", self.q, QS, "")?;
+        let gains = [-MAX_SECTION_GAIN_DB, MAX_SECTION_GAIN_DB];
+        within("gain_db", self.gain_db, gains, "dB")?;
+        self.coefficients(rate_hz)
+            .and_then(|c| Biquad::from_f64([c.b0, c.b1, c.b2], [c.a1, c.a2]))
+            .ok_or_else(|| Fault::new("gain_db", "its coefficients do not fit the stored format"))
+    }
+
+    /// Its level at `frequency_hz`, dB, before it is stored.
+    pub(super) fn level_db(&self, rate_hz: f64, frequency_hz: f64) -> f64 {
+        self.coefficients(rate_hz).map_or(f64::NAN, |c| {
+            let numerator = [c.b0, c.b1, c.b2];
+            level_db(numerator, [c.a1, c.a2], frequency_hz / rate_hz)
+        })
+    }
+
+    /// Those of the section, if the crate can compute them.
+    fn coefficients(&self, rate_hz: f64) -> Option<Coefficients<f64>> {
+        let kind = match self.kind {
+            SectionKind::Peaking => Type::PeakingEQ(self.gain_db),
+            SectionKind::LowShelf => Type::LowShelf(self.gain_db),
+            SectionKind::HighShelf => Type::HighShelf(self.gain_db),
+        };
+        let rate = Hertz::<f64>::from_hz(rate_hz).ok()?;
+        let frequency = Hertz::<f64>::from_hz(self.frequency_hz).ok()?;
+        Coefficients::from_params(kind, rate, frequency, self.q).ok()
+    }
+}
+
+/// Level of a stored section, dB, at `share` of the sample rate.
+pub(super) fn stored_level_db(section: &Biquad, share: f64) -> f64 {
+    level_db(section.numerator(), section.denominator(), share)
+}
+
+fn level_db(numerator: [f64; 3], [a1, a2]: [f64; 2], share: f64) -> f64 {
+    let half = (0.5 * TAU * share).sin().powi(2);
+    // |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle, by the square of the half angle's sine, so that nothing cancels at low
+    // frequencies.
+    let square = |[c0, c1, c2]: [f64; 3]| {
+        let sum = c0 + c1 + c2;
+        sum * sum - 4.0 * (c0 * c1 + 4.0 * c0 * c2 + c1 * c2) * half + 16.0 * c0 * c2 * half * half
+    };
+    10.0 * (square(numerator) / square([1.0, a1, a2])).log10()
+}
+
+fn within(key: &'static str, value: f64, [low, high]: [f64; 2], unit: &str) -> Result<(), Fault> {
+    // A NaN is in no range.
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    let problem = format!("is {value} {unit}; it must be finite and {low} to {high}");
+    Err(Fault::new(
+        key,
+        problem.replace("  ", " ").replace(" ;", ";"),
+    ))
+}

@@ -1,0 +1,79 @@
+//! Scenes in a library that is there already.
+
+use model_format::scene::Scene;
+use model_format::{
+    Certificate, CodeSpec, Coefficients, Library, NodeSpec, Texture, TextureSpec,
+    encode_with_scenes,
+};
+
+use crate::error::{Error, Result};
+
+/// The bytes of `library` with `scenes`; those of the same name are replaced, others stay as they are.
+///
+/// # Errors
+/// A scene that its library cannot hold.
+pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {
+    let textures: Vec<TextureSpec> = library
+        .textures()
+        .map(|texture| texture_spec(&texture))
+        .collect();
+    let is_replaced = |old: &Scene| scenes.iter().any(|new| new.name == old.name);
+    let mut all: Vec<Scene> = library.scenes().filter(|old| !is_replaced(old)).collect();
+    all.extend_from_slice(scenes);
+    encode_with_scenes(&textures, &all)
+        .map_err(|error| Error::Model(format!("the library cannot hold these scenes: {error}")))
+}
+
+/// A texture to be written as it was read.
+pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
+    let codes = |coefficients: Coefficients<'_>| match coefficients {
+        Coefficients::Lattice(codes) => {
+            CodeSpec::Lattice(codes.iter().map(|code| i16::from_le_bytes(*code)).collect())
+        }
+        Coefficients::Direct16 { exponent, codes } => CodeSpec::Direct16 {
+            exponent,
+            codes: codes.iter().map(|code| i16::from_le_bytes(*code)).collect(),
+        },
+        Coefficients::Direct32 { exponent, codes } => CodeSpec::Direct32 {
+            exponent,
+            codes: codes.iter().map(|code| i32::from_le_bytes(*code)).collect(),
+        },
+    };
+    TextureSpec {
+        name: texture.name().to_owned(),
+        sample_rate_hz: texture.sample_rate_hz(),
+        structure: texture.structure(),
+        provenance: texture.provenance(),
+        speed_axis_mm_s: texture.speed_axis().values().collect(),
+        force_axis_n: texture.force_axis().values().collect(),
+        nodes: texture
+            .nodes()
+            .map(|node| NodeSpec {
+                output_power: node.output_power,
+                prediction_error_power: node.prediction_error_power,
+                flags: node.flags,
+                codes: codes(node.coefficients),
+            })
+            .collect(),
+        cell_margins: match texture.certificate() {
+            Certificate::DirectForm { cell_margins } => cell_margins.to_vec(),
+            Certificate::None | Certificate::Lattice { .. } => Vec::new(),
+        },
+    }
+}
+
+/// What the surfaces of a scene from a library are called: a library holds their textures' names and no others.
+pub fn surface_names(scene: &Scene, library: &Library<'_>) -> Vec<String> {
+    let surfaces = scene.surfaces.iter().enumerate();
+    surfaces
+        .map(|(index, surface)| {
+            let texture = surface
+                .texture
+                .and_then(|texture| library.textures().nth(usize::from(texture)));
+            match texture {
+                Some(texture) => texture.name().to_owned(),
+                None => format!("surface {}", index + 1),
+            }
+        })
+        .collect()
+}

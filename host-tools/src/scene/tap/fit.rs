@@ -1,0 +1,185 @@
+//! The decaying sine that is nearest to what rings.
+
+use std::f64::consts::TAU;
+
+use realfft::RealFftPlanner;
+
+/// Decays that a search begins with, s.
+const DECAYS_S: [f64; 12] = [
+    0.0006, 0.0012, 0.0025, 0.004, 0.007, 0.012, 0.02, 0.035, 0.06, 0.12, 0.3, 0.8,
+];
+
+/// Frequencies that a search begins with, as multiples of the loudest line's.
+const AROUND: [f64; 9] = [0.7, 0.8, 0.88, 0.95, 1.0, 1.05, 1.12, 1.25, 1.4];
+
+/// Rounds of the search after that.
+const ROUNDS: usize = 40;
+
+/// A · exp(-t/τ) · sin(2πft + φ).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ringing {
+    /// f, Hz.
+    pub frequency_hz: f64,
+    /// τ, s.
+    pub decay_s: f64,
+    /// A, in the signal's unit.
+    pub amplitude: f64,
+    /// φ, rad.
+    pub phase_rad: f64,
+    /// Share of the signal's power that it leaves.
+    pub residual: f64,
+}
+
+/// The decaying sine that leaves least of `signal` in the least-squares sense.
+///
+/// Amplitude and phase are linear for a given frequency and decay, and are eliminated (variable projection: Golub and
+/// Pereyra, SIAM J. Numer. Anal. 10, 1973), so that only those two are searched for: from the loudest line of the spectrum
+/// and a spread of decays, then by Gauss-Newton with a damping.
+pub fn fit(signal: &[f64], rate_hz: f64) -> Ringing {
+    let power: f64 = signal.iter().map(|x| x * x).sum();
+    let silent = Ringing {
+        frequency_hz: 0.0,
+        decay_s: 0.0,
+        amplitude: 0.0,
+        phase_rad: 0.0,
+        residual: 1.0,
+    };
+    if signal.len() < 8 || power <= 0.0 {
+        return silent;
+    }
+    let line_hz = loudest_line_hz(signal, rate_hz);
+    let mut best: Option<Projection> = None;
+    for decay_s in DECAYS_S {
+        for around in AROUND {
+            let tried = Projection::new(signal, rate_hz, around * line_hz, decay_s);
+            if best.as_ref().is_none_or(|best| tried.left < best.left) {
+                best = Some(tried);
+            }
+        }
+    }
+    let Some(start) = best else { return silent };
+    let found = refine(signal, rate_hz, start);
+    Ringing {
+        frequency_hz: found.frequency_hz,
+        decay_s: found.decay_s,
+        amplitude: found.cosine.hypot(found.sine),
+        phase_rad: found.cosine.atan2(found.sine),
+        residual: found.left / power,
+    }
+}
+
+/// The best amplitudes of a frequency and a decay, and what they leave.
+struct Projection {
+    frequency_hz: f64,
+    decay_s: f64,
+    cosine: f64,
+    sine: f64,
+    residual: Vec<f64>,
+    left: f64,
+}
+
+impl Projection {
+    fn new(signal: &[f64], rate_hz: f64, frequency_hz: f64, decay_s: f64) -> Self {
+        let wave = |n: usize| {
+            let time_s = n as f64 / rate_hz;
+            let (sin, cos) = (TAU * frequency_hz * time_s).sin_cos();
+            let envelope = (-time_s / decay_s).exp();
+            (envelope * cos, envelope * sin)
+        };
+        let (mut cc, mut cs, mut ss, mut cx, mut sx) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        let waves: Vec<(f64, f64)> = (0..signal.len()).map(wave).collect();
+        for (&(c, s), x) in waves.iter().zip(signal) {
+            cc += c * c;
+            cs += c * s;
+            ss += s * s;
+            cx += c * x;
+            sx += s * x;
+        }
+        let determinant = cc * ss - cs * cs;
+        // Where both waves are one, only the first is taken.
+        let (cosine, sine) = if determinant > 1e-12 * cc * ss {
+            (
+                (ss * cx - cs * sx) / determinant,
+                (cc * sx - cs * cx) / determinant,
+            )
+        } else {
+            (cx / cc, 0.0)
+        };
+        let residual: Vec<f64> = waves
+            .iter()
+            .zip(signal)
+            .map(|(&(c, s), x)| x - cosine * c - sine * s)
+            .collect();
+        let left = residual.iter().map(|r| r * r).sum();
+        Self {
+            frequency_hz,
+            decay_s,
+            cosine,
+            sine,
+            residual,
+            left,
+        }
+    }
+}
+
+/// Goes on from `best` until a step gains nothing.
+fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
+    const STEP: f64 = 1e-5;
+    let at = |ln_frequency: f64, ln_decay: f64| {
+        let frequency_hz = ln_frequency.exp().clamp(1.0, 0.5 * rate_hz);
+        let decay_s = ln_decay.exp().clamp(1e-4, 10.0);
+        Projection::new(signal, rate_hz, frequency_hz, decay_s)
+    };
+    let mut damping = 1e-3;
+    for _ in 0..ROUNDS {
+        let (f, d) = (best.frequency_hz.ln(), best.decay_s.ln());
+        let by_f = at(f + STEP, d);
+        let by_d = at(f, d + STEP);
+        let (mut ff, mut fd, mut dd, mut fr, mut dr) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (n, r) in best.residual.iter().enumerate() {
+            let (jf, jd) = ((by_f.residual[n] - r) / STEP, (by_d.residual[n] - r) / STEP);
+            ff += jf * jf;
+            fd += jf * jd;
+            dd += jd * jd;
+            fr += jf * r;
+            dr += jd * r;
+        }
+        let (a, b) = (ff * (1.0 + damping), dd * (1.0 + damping));
+        let determinant = a * b - fd * fd;
+        if determinant <= 0.0 || determinant.is_nan() {
+            break;
+        }
+        let step_f = -(b * fr - fd * dr) / determinant;
+        let step_d = -(a * dr - fd * fr) / determinant;
+        let tried = at(f + step_f.clamp(-0.5, 0.5), d + step_d.clamp(-1.0, 1.0));
+        if tried.left < best.left {
+            let gained = 1.0 - tried.left / best.left;
+            best = tried;
+            damping = (damping / 4.0).max(1e-9);
+            if gained < 1e-12 {
+                break;
+            }
+        } else {
+            damping *= 4.0;
+            if damping > 1e6 {
+                break;
+            }
+        }
+    }
+    best
+}
+
+/// Frequency of the loudest line of the spectrum, Hz, on a grid four times as fine as the signal's length gives.
+fn loudest_line_hz(signal: &[f64], rate_hz: f64) -> f64 {
+    let len = (4 * signal.len()).next_power_of_two();
+    let mut padded = signal.to_vec();
+    padded.resize(len, 0.0);
+    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(len);
+    let mut spectrum = forward.make_output_vec();
+    forward
+        .process(&mut padded, &mut spectrum)
+        .expect("the lengths are the plan's own");
+    let loudest = (1..spectrum.len())
+        .max_by(|&a, &b| spectrum[a].norm_sqr().total_cmp(&spectrum[b].norm_sqr()));
+    loudest.unwrap_or(1) as f64 * rate_hz / len as f64
+}

@@ -1,0 +1,278 @@
+//! Tap transients from recordings: where impacts are, and the decaying sine that each left ringing.
+//!
+//! What the stylus plays at an impact is a · exp(-t/τ) · sin(2πft), a the gain times the rate of force
+//! ([`model_format::scene::Tap`]). From each impact of a recording f, τ and a are found by least squares; f and τ of all
+//! together are their medians, the gain is that of the line through the origin that is nearest to the amplitudes over the
+//! rates of force.
+//!
+//! **Rate of force.** A stylus takes it from one update of its motion to the next, so that how fast a force rises counts only
+//! over an update's interval. Here it is the same difference, averaged over where in an interval the contact may fall: a force
+//! that rises for longer than an interval counts for half of its slope, more or less, as it does on the stylus.
+
+mod fit;
+mod onset;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use model_format::Provenance;
+use model_format::scene::limits::{
+    MAX_TAP_GAIN, MAX_TAP_M_S2, MAX_TAP_SHARE_OF_RATE, MIN_TAP_HZ, TAP_DECAY_S,
+};
+use serde::Serialize;
+use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+use stylus_kernel::scene::ContactDetector;
+
+pub use fit::{Ringing, fit};
+pub use onset::onsets;
+
+use crate::error::{Error, Result};
+use crate::freehand;
+use crate::recording::{self, MODEL_RATE_HZ, Trial};
+use crate::reduction::{Reduction, reduce};
+
+/// Longest recording that is read, s.
+const LONGEST_S: f64 = 600.0;
+
+/// How much of what rings after an impact is looked at, s.
+const WINDOW_S: f64 = 0.3;
+
+/// Share of the power after an impact that a decaying sine may leave: with more it is no sine.
+const MAX_RESIDUAL: f64 = 0.5;
+
+/// How far contact, as the force tells it, may be from where the acceleration begins, s.
+const CONTACT_WITHIN_S: f64 = 0.02;
+
+/// Room of the limit above the loudest tap that was recorded.
+const LIMIT_ROOM: f64 = 1.25;
+
+/// A recording of taps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Taps {
+    /// What to call it.
+    pub name: String,
+    /// Acceleration, m/s².
+    pub samples_m_s2: Vec<f64>,
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Force at each sample, N, if it was recorded.
+    pub force_n: Option<Vec<f64>>,
+    /// Rate of force of all of its impacts, N/s, if it is told.
+    pub force_rate_n_s: Option<f64>,
+    /// Whether it says that it is simulated.
+    pub is_simulated: bool,
+}
+
+/// One impact.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Impact {
+    /// Its recording.
+    pub recording: String,
+    /// When, s.
+    pub time_s: f64,
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// Time constant of the decay, s.
+    pub decay_s: f64,
+    /// Amplitude at the beginning, m/s².
+    pub amplitude_m_s2: f64,
+    /// Share of the power that the decaying sine leaves.
+    pub residual: f64,
+    /// Rate of force at contact, N/s.
+    pub force_rate_n_s: Option<f64>,
+    /// Why it does not count, if it does not.
+    pub left_out: Option<String>,
+}
+
+/// What all impacts together give.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TapFit {
+    /// The impacts, in their order.
+    pub impacts: Vec<Impact>,
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// Time constant of the decay, s.
+    pub decay_s: f64,
+    /// Amplitude for a rate of force, m/s² per N/s, if a rate of force is known of any impact.
+    pub gain_m_s2_per_n_s: Option<f64>,
+    /// RMS of what the amplitudes are off from the gain's line, as a share of their own RMS.
+    pub gain_scatter: Option<f64>,
+    /// The limit on the amplitude, m/s²: a quarter above the loudest.
+    pub limit_m_s2: f64,
+    /// Whether any recording is simulated.
+    pub is_simulated: bool,
+}
+
+impl Taps {
+    /// Reads a recording. A CSV file with a column `force_n` is one of a free hand, as `record-strokes` writes it, with
+    /// `time_s` and `speed_mm_s`; anything else is a recording as `fit` takes it. `scale_m_s2` is the acceleration that a
+    /// sample of 1 stands for.
+    ///
+    /// # Errors
+    /// A file that cannot be read or holds no samples.
+    pub fn read(path: &Path, scale_m_s2: f64, reduction: Reduction) -> Result<Self> {
+        let name = path.display().to_string();
+        let extension = path.extension().unwrap_or_default().to_string_lossy();
+        let unusable = |error: crate::reduction::NoSuchAxis| Error::file(path, error.to_string());
+        if extension.eq_ignore_ascii_case("csv") && has_force(path)? {
+            let mut recording = freehand::read(path, None, scale_m_s2)?;
+            let reduced = reduce(&mut recording.axes, reduction).map_err(unusable)?;
+            return Ok(Self {
+                name,
+                samples_m_s2: reduced.signal,
+                rate_hz: recording.rate_hz,
+                force_n: Some(recording.force_n),
+                force_rate_n_s: None,
+                is_simulated: recording.is_simulated,
+            });
+        }
+        let trial = Trial {
+            file: path.to_owned(),
+            texture: String::new(),
+            speed_mm_s: 0.0,
+            force_n: 0.0,
+            scale_m_s2,
+            start_s: 0.0,
+            duration_s: Some(LONGEST_S),
+            sample_rate_hz: None,
+            provenance: Provenance::Recorded,
+        };
+        let mut samples = recording::read(&trial)?;
+        let reduced = reduce(&mut samples.axes, reduction).map_err(unusable)?;
+        Ok(Self {
+            name,
+            samples_m_s2: reduced.signal,
+            rate_hz: f64::from(MODEL_RATE_HZ),
+            force_n: None,
+            force_rate_n_s: None,
+            is_simulated: false,
+        })
+    }
+
+    fn impacts(&self) -> Vec<Impact> {
+        let begins = onsets(&self.samples_m_s2, self.rate_hz);
+        let longest = (WINDOW_S * self.rate_hz) as usize;
+        let ends = begins.iter().skip(1).copied();
+        let ends = ends.chain([self.samples_m_s2.len()]);
+        let windows = begins.iter().zip(ends);
+        windows
+            .map(|(&begin, end)| {
+                let window = &self.samples_m_s2[begin..end.min(begin + longest)];
+                let ringing = fit(window, self.rate_hz);
+                Impact {
+                    recording: self.name.clone(),
+                    time_s: begin as f64 / self.rate_hz,
+                    frequency_hz: ringing.frequency_hz,
+                    decay_s: ringing.decay_s,
+                    amplitude_m_s2: ringing.amplitude,
+                    residual: ringing.residual,
+                    force_rate_n_s: self.force_rate_n_s.or_else(|| self.force_rate(begin)),
+                    left_out: why_left_out(&ringing),
+                }
+            })
+            .collect()
+    }
+
+    /// Rate of force of the contact near sample `begin`, as a stylus would find it; see the module's head.
+    fn force_rate(&self, begin: usize) -> Option<f64> {
+        let force = self.force_n.as_ref()?;
+        let interval_s = f64::from(UPDATE_INTERVAL_SAMPLES) / f64::from(MODEL_RATE_HZ);
+        let interval = ((interval_s * self.rate_hz).round() as usize).max(1);
+        let within = (CONTACT_WITHIN_S * self.rate_hz) as usize;
+        let bound = f64::from(ContactDetector::BEGINS_N);
+        let first = begin.saturating_sub(within).max(interval);
+        let last = (begin + within).min(force.len().saturating_sub(interval));
+        let contact = (first..last).find(|&at| force[at - 1] <= bound && force[at] > bound)?;
+        let rises =
+            (0..interval).map(|phase| force[contact + phase] - force[contact + phase - interval]);
+        let rate = rises.sum::<f64>() / interval as f64 / (interval as f64 / self.rate_hz);
+        (rate > 0.0).then_some(rate)
+    }
+}
+
+fn why_left_out(ringing: &Ringing) -> Option<String> {
+    let highest_hz = f64::from(MODEL_RATE_HZ) * f64::from(MAX_TAP_SHARE_OF_RATE);
+    let [shortest_s, longest_s] = TAP_DECAY_S.map(f64::from);
+    if ringing.residual > MAX_RESIDUAL || ringing.residual.is_nan() {
+        Some("no decaying sine".into())
+    } else if !(f64::from(MIN_TAP_HZ)..=highest_hz).contains(&ringing.frequency_hz) {
+        Some(format!("not from {MIN_TAP_HZ} to {highest_hz} Hz"))
+    } else if !(shortest_s..=longest_s).contains(&ringing.decay_s) {
+        Some(format!("no decay from {shortest_s} to {longest_s} s"))
+    } else {
+        None
+    }
+}
+
+impl TapFit {
+    /// What the impacts of `recordings` have in common.
+    ///
+    /// # Errors
+    /// No impact, or none that is a decaying sine.
+    pub fn new(recordings: &[Taps]) -> Result<Self> {
+        let impacts: Vec<Impact> = recordings.iter().flat_map(Taps::impacts).collect();
+        let counted = || impacts.iter().filter(|impact| impact.left_out.is_none());
+        if counted().next().is_none() {
+            let problem = if impacts.is_empty() {
+                "no impact is louder than the noise: record taps with a pause before each"
+            } else {
+                "no impact left a decaying sine ringing: record taps on something hard, without moving along it"
+            };
+            return Err(Error::Request(problem.into()));
+        }
+        let loudest = counted().map(|i| i.amplitude_m_s2).fold(0.0, f64::max);
+        let rated: Vec<(f64, f64)> = counted()
+            .filter_map(|impact| Some((impact.force_rate_n_s?, impact.amplitude_m_s2)))
+            .collect();
+        let (gain, scatter) = gain_through_origin(&rated).unzip();
+        Ok(Self {
+            frequency_hz: median(counted().map(|impact| impact.frequency_hz).collect()),
+            decay_s: median(counted().map(|impact| impact.decay_s).collect()),
+            gain_m_s2_per_n_s: gain.map(|gain: f64| gain.min(f64::from(MAX_TAP_GAIN))),
+            gain_scatter: scatter,
+            limit_m_s2: (LIMIT_ROOM * loudest).min(f64::from(MAX_TAP_M_S2)),
+            is_simulated: recordings.iter().any(|recording| recording.is_simulated),
+            impacts,
+        })
+    }
+}
+
+/// The gain g that is nearest to amplitudes = g · rates, and the RMS of what they are off as a share of their RMS.
+fn gain_through_origin(rated: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let square: f64 = rated.iter().map(|(rate, _)| rate * rate).sum();
+    let product: f64 = rated.iter().map(|(rate, amplitude)| rate * amplitude).sum();
+    if square <= 0.0 {
+        return None;
+    }
+    let gain = product / square;
+    let off: f64 = rated
+        .iter()
+        .map(|(rate, a)| (a - gain * rate).powi(2))
+        .sum();
+    let all: f64 = rated.iter().map(|(_, a)| a * a).sum();
+    Some((gain, (off / all).sqrt()))
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    if values.len().is_multiple_of(2) {
+        0.5 * (values[middle - 1] + values[middle])
+    } else {
+        values[middle]
+    }
+}
+
+/// Whether a CSV file's header names a force.
+fn has_force(path: &Path) -> Result<bool> {
+    let mut reader = csv::ReaderBuilder::new()
+        .comment(Some(b'#'))
+        .trim(csv::Trim::All)
+        .from_path(path)
+        .map_err(|failure| recording::csv_error(path, failure))?;
+    let header = reader
+        .headers()
+        .map_err(|failure| recording::csv_error(path, failure))?;
+    Ok(header.iter().any(|name| name == "force_n"))
+}

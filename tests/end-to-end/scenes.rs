@@ -1,0 +1,622 @@
+//! Scenes from their text to what the stylus plays, by the command.
+
+mod support;
+
+use host_tools::spectrum::PowerSpectrum;
+use model_format::Library;
+use support::{Bench, RATE_HZ, all_pole, noise, wav};
+
+/// A library of two textures at two speeds and forces.
+fn bench() -> Bench {
+    let bench = Bench::new();
+    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
+    for (texture, pole) in [("silk", 0.5), ("felt", -0.6)] {
+        for (speed, force) in [(50, 0.5), (50, 1.0), (150, 0.5), (150, 1.0)] {
+            let seed = speed * 10 + (force * 10.0) as u64;
+            let signal = all_pole(&[-pole * 1.2, 0.7], &noise(seed, 10_000));
+            let loud: Vec<f64> = signal.iter().map(|x| 3.0 * x).collect();
+            let name = format!("{texture}-{speed}-{force}.wav");
+            bench.write(&format!("set/{name}"), wav(&[&loud], RATE_HZ));
+            list.push_str(&format!("{name},{texture},{speed},{force}\n"));
+        }
+    }
+    bench.write("set/trials.csv", list);
+    bench.succeed("fit set --out cloths.lib");
+    bench
+}
+
+const TWO: &str = "\
+# Two cloths.
+name = \"two\"
+transition_mm = 4
+
+[[surface]]
+texture = \"silk\"
+gain = 0.5
+[surface.tap]
+frequency_hz = 240
+decay_s = 0.012
+gain_m_s2_per_n_s = 0.1
+limit_m_s2 = 40
+
+[[surface]]
+name = \"sticky\"
+texture = \"felt\"
+[surface.stick_slip]
+period_mm = 1.5
+duty = 0.4
+depth = 0.9
+below_mm_s = 60
+above_n = 0.5
+
+[[region]]
+surface = \"silk\"
+start_mm = 0
+end_mm = 40
+
+[[region]]
+surface = \"sticky\"
+start_mm = 40
+end_mm = 80
+
+[[equaliser.section]]
+kind = \"peaking\"
+frequency_hz = 150
+q = 2
+gain_db = -6
+";
+
+const STROKE: &str =
+    "time_s,speed_mm_s,force_n\n0,0,0\n0.1,0,0\n0.104,80,0.8\n1.0,80,0.8\n1.1,0,0\n1.6,0,0\n";
+
+fn samples(bench: &Bench, name: &str) -> Vec<f32> {
+    let reader = hound::WavReader::open(bench.path(name)).unwrap();
+    assert_eq!(reader.spec().sample_rate, RATE_HZ);
+    reader.into_samples().map(Result::unwrap).collect()
+}
+
+fn json(text: &str) -> serde_json::Value {
+    serde_json::from_str(text).unwrap()
+}
+
+#[test]
+fn a_scene_goes_into_a_library_and_plays_from_there_as_from_its_text() {
+    let bench = bench();
+    bench.write("two.toml", TWO);
+    bench.write("stroke.csv", STROKE);
+    let checked = bench.succeed("scene check two.toml --library cloths.lib");
+    assert!(checked.contains("on sticky, sticking"), "{checked}");
+    let compiled = bench.succeed("scene compile two.toml --library cloths.lib --out scenes.lib");
+    assert!(compiled.contains("2 texture(s), 1 scene(s)"), "{compiled}");
+    let inspected = bench.succeed("inspect scenes.lib");
+    for word in [
+        "two",
+        "silk, felt",
+        "transitions, taps, stick-slip, equaliser",
+    ] {
+        assert!(inspected.contains(word), "{inspected}");
+    }
+    bench.succeed("scene render scenes.lib --scene two --motion stroke.csv --out a.wav");
+    bench.succeed("scene render two.toml --library cloths.lib --motion stroke.csv --out b.wav");
+    let (a, b) = (samples(&bench, "a.wav"), samples(&bench, "b.wav"));
+    assert_eq!(a, b);
+    assert!(a[..500].iter().all(|x| *x == 0.0), "before contact");
+    assert!(a[600..5000].iter().any(|x| x.abs() > 0.1));
+    assert!(
+        a[7500..].iter().all(|x| *x == 0.0),
+        "after the tool was lifted"
+    );
+    bench.succeed("scene plot scenes.lib --motion stroke.csv --out two.svg");
+    let svg = std::fs::read_to_string(bench.path("two.svg")).unwrap();
+    assert!(svg.contains("felt") && svg.contains("<image") && !svg.contains("SIMULATED"));
+}
+
+#[test]
+fn a_scene_of_one_texture_is_that_texture_sample_for_sample() {
+    let bench = bench();
+    bench.write(
+        "plain.toml",
+        "name = \"plain\"\n[[surface]]\ntexture = \"felt\"\n",
+    );
+    bench.write(
+        "steady.toml",
+        "name = \"steady\"\n[constant_motion]\nspeed_mm_s = 90\nforce_n = 0.7\n[[surface]]\ntexture = \"felt\"\n",
+    );
+    bench.write(
+        "m.csv",
+        "time_s,speed_mm_s,force_n\n0,0,0.1\n1,200,1\n2,-20,0.2\n",
+    );
+    bench.succeed("render cloths.lib --texture felt --motion m.csv --out texture.wav --seed 4");
+    bench.succeed(
+        "scene render plain.toml --library cloths.lib --motion m.csv --out scene.wav --seed 4",
+    );
+    assert_eq!(samples(&bench, "texture.wav"), samples(&bench, "scene.wav"));
+    bench.succeed(
+        "render cloths.lib --texture felt --speed 90 --force 0.7 --seconds 1 --out texture.wav",
+    );
+    bench.succeed("scene render steady.toml --library cloths.lib --speed 20 --force 1 --seconds 1 --out scene.wav");
+    assert_eq!(samples(&bench, "texture.wav"), samples(&bench, "scene.wav"));
+}
+
+#[test]
+fn place_and_contact_are_what_the_motion_tells() {
+    let bench = bench();
+    bench.write("two.toml", TWO);
+    let render = |rows: &str| {
+        let head = "time_s,speed_mm_s,force_n,position_mm,contact\n";
+        bench.write("m.csv", format!("{head}{rows}"));
+        bench.succeed("scene render two.toml --library cloths.lib --motion m.csv --out m.wav");
+        samples(&bench, "m.wav")
+    };
+    let sounds = |samples: &[f32]| samples.iter().any(|x| *x != 0.0);
+    assert!(sounds(&render("0,100,1,10,1\n0.5,100,1,30,1\n")));
+    let untouched = render("0,100,1,10,0\n0.5,100,1,30,0\n");
+    assert!(!sounds(&untouched), "the force alone makes no contact");
+    let beyond = render("0,100,1,90,1\n0.5,100,1,140,1\n");
+    assert!(!sounds(&beyond), "nothing lies beyond 80 mm");
+}
+
+#[test]
+fn compiling_replaces_scenes_of_the_same_name_and_leaves_all_else() {
+    let bench = bench();
+    bench.write("two.toml", TWO);
+    bench.write(
+        "other.toml",
+        "name = \"other\"\n[[surface]]\ntexture = \"silk\"\n",
+    );
+    bench.succeed("scene compile two.toml other.toml --library cloths.lib --out a.lib");
+    bench.write(
+        "other.toml",
+        "name = \"other\"\n[[surface]]\ntexture = \"silk\"\ngain = 0.25\n",
+    );
+    bench.succeed("scene compile other.toml --library a.lib --out b.lib");
+    let read = |name: &str| std::fs::read(bench.path(name)).unwrap();
+    let (plain, a, b) = (read("cloths.lib"), read("a.lib"), read("b.lib"));
+    let (a, b) = (Library::decode(&a).unwrap(), Library::decode(&b).unwrap());
+    assert_eq!((a.scene_count(), b.scene_count()), (2, 2));
+    assert_eq!(a.scene("two"), b.scene("two"));
+    assert_eq!(b.scene("other").unwrap().surfaces[0].gain, 0.25);
+    // Without scenes, the same bytes as before.
+    let plain = Library::decode(&plain).unwrap();
+    let again = host_tools::scene::with_scenes(&plain, &[]).unwrap();
+    assert_eq!(again, read("cloths.lib"));
+    let message = bench.refuse("scene compile two.toml two.toml --library cloths.lib --out c.lib");
+    assert!(message.contains("its scene is called 'two'"), "{message}");
+    assert!(!bench.path("c.lib").exists());
+}
+
+/// A line of [`TWO`], what stands there instead, and what is said of it.
+const FAULTS: &[(&str, &str, &str)] = &[
+    ("name = \"two\"", "nam = \"two\"", "unknown field `nam`"),
+    ("name = \"two\"", "name = \"\"", "the name is empty"),
+    (
+        "transition_mm = 4",
+        "transition_mm = nan",
+        "transition is NaN mm",
+    ),
+    (
+        "transition_mm = 4",
+        "transition_mm = 1e40",
+        "transition is inf mm",
+    ),
+    (
+        "transition_mm = 4",
+        "transition_mm = \"4\"",
+        "invalid type: string",
+    ),
+    (
+        "texture = \"silk\"",
+        "texture = \"satin\"",
+        "no texture 'satin'; it has silk, felt",
+    ),
+    ("gain = 0.5", "gain = -1", "gain is -1"),
+    ("gain = 0.5", "gain = 60", "makes its texture too loud"),
+    ("[surface.tap]", "[surface.thump]", "unknown field `thump`"),
+    (
+        "frequency_hz = 240",
+        "frequency_hz = 2400",
+        "frequency is 2400 Hz; it must be finite and 10 to 2250",
+    ),
+    ("decay_s = 0.012", "decay_s = 0", "decay is 0 s"),
+    ("limit_m_s2 = 40", "limit_m_s2 = inf", "limit is inf"),
+    ("texture = \"felt\"", "", "stick-slip modulates a texture"),
+    (
+        "name = \"sticky\"",
+        "name = \"silk\"",
+        "surface 1 is called 'silk' already",
+    ),
+    ("duty = 0.4", "duty = 0", "duty is 0"),
+    ("below_mm_s = 60", "below_mm_s = 0", "below is 0 mm/s"),
+    (
+        "surface = \"sticky\"",
+        "surface = \"stick\"",
+        "no surface 'stick'; it has silk, sticky",
+    ),
+    (
+        "start_mm = 40",
+        "start_mm = 39",
+        "it begins at 39 mm, before the region in line 24 ends at 40 mm",
+    ),
+    (
+        "end_mm = 80",
+        "end_mm = 40",
+        "it ends at 40 mm, which is not beyond",
+    ),
+    (
+        "kind = \"peaking\"",
+        "kind = \"notch\"",
+        "unknown variant `notch`",
+    ),
+    (
+        "frequency_hz = 150",
+        "frequency_hz = 4000",
+        "is 4000 Hz; it must be finite and 1 to 2250",
+    ),
+    (
+        "frequency_hz = 150",
+        "frequency_hz = 2",
+        "a pole lies beyond",
+    ),
+    ("q = 2", "q = nan", "is NaN"),
+    ("gain_db = -6", "gain_db = 30", "is 30 dB"),
+];
+
+#[test]
+fn what_is_wrong_with_a_scene_is_said_with_its_line() {
+    let bench = bench();
+    for (good, bad, problem) in FAULTS {
+        let (good, bad, problem) = (*good, *bad, *problem);
+        assert_eq!(TWO.matches(&format!("{good}\n")).count(), 1, "{good}");
+        // What is taken out leaves its line.
+        let text = TWO.replacen(good, bad, 1);
+        bench.write("bad.toml", &text);
+        let message = bench.refuse("scene check bad.toml --library cloths.lib");
+        let line = 1 + TWO.lines().position(|line| line == good).unwrap();
+        // What is missing is said of the table that misses it, and a pole of its section.
+        let table = match bad {
+            "" => {
+                1 + TWO
+                    .lines()
+                    .position(|line| line == "[surface.stick_slip]")
+                    .unwrap()
+            }
+            "frequency_hz = 2" => {
+                1 + TWO
+                    .lines()
+                    .position(|line| line == "[[equaliser.section]]")
+                    .unwrap()
+            }
+            _ => line,
+        };
+        let start = format!("stylus: bad.toml, line {table}: ");
+        assert!(
+            message.starts_with(&start) && message.contains(problem),
+            "{good} -> {bad}: {message}"
+        );
+    }
+}
+
+#[test]
+fn what_a_scene_lacks_is_said_where_it_should_be() {
+    let bench = bench();
+    for (text, line, problem) in [
+        ("name = \"x\"\n", 1, "no surface"),
+        (
+            "name = \"x\"\n[[surface]]\ntexture = \"silk\"\n\n[equaliser]\n",
+            5,
+            "needs a response",
+        ),
+        (
+            "name = \"x\"\n[[surface]]\ntexture = \"silk\"\n[equaliser]\nresponse = \"none.csv\"\n",
+            0,
+            "none.csv: cannot read",
+        ),
+        (
+            "name = \"x\"\n[[surface]]\ntexture = \"silk\"\n[equaliser]\nmax_gain_db = 3\n",
+            5,
+            "goes with a response",
+        ),
+        ("name = \"x\"\n[[surface]\n", 2, ""),
+        (
+            "name = \"x\"\nsample_rate_hz = 4000\n[[surface]]\ntexture = \"silk\"\n",
+            4,
+            "5000 Hz and the scene for 4000 Hz",
+        ),
+    ] {
+        bench.write("bad.toml", text);
+        let message = bench.refuse("scene check bad.toml --library cloths.lib");
+        assert!(message.contains(problem), "{text}: {message}");
+        if line > 0 {
+            assert!(
+                message.starts_with(&format!("stylus: bad.toml, line {line}: ")),
+                "{text}: {message}"
+            );
+        }
+    }
+}
+
+#[test]
+fn too_many_of_something_are_refused_where_they_begin() {
+    let bench = bench();
+    let surfaces = (0..17).fold(String::new(), |text, n| {
+        text + &format!("[[surface]]\nname = \"s{n}\"\ntexture = \"silk\"\n")
+    });
+    bench.write("many.toml", format!("name = \"many\"\n{surfaces}"));
+    let message = bench.refuse("scene check many.toml --library cloths.lib");
+    assert!(
+        message.contains("line 50: surface[17]: a scene has at most 16"),
+        "{message}"
+    );
+    let regions = (0..33).fold(String::new(), |text, n| {
+        text + &format!(
+            "[[region]]\nsurface = \"silk\"\nstart_mm = {n}\nend_mm = {}\n",
+            n + 1
+        )
+    });
+    bench.write(
+        "many.toml",
+        format!("name = \"many\"\n[[surface]]\ntexture = \"silk\"\n{regions}"),
+    );
+    let message = bench.refuse("scene check many.toml --library cloths.lib");
+    assert!(
+        message.contains("region[33]: a scene has at most 32"),
+        "{message}"
+    );
+}
+
+#[test]
+fn regions_may_be_named_in_any_order() {
+    let bench = bench();
+    bench.write("two.toml", TWO);
+    let (head, regions) = TWO.split_at(TWO.find("[[region]]").unwrap());
+    let (regions, tail) = regions.split_at(regions.find("[[equaliser").unwrap());
+    let (first, second) = regions.split_at(regions.rfind("[[region]]").unwrap());
+    bench.write("turned.toml", format!("{head}{second}{first}{tail}"));
+    bench.succeed("scene compile two.toml --library cloths.lib --out a.lib");
+    bench.succeed("scene compile turned.toml --library cloths.lib --out b.lib");
+    let read = |name: &str| std::fs::read(bench.path(name)).unwrap();
+    assert_eq!(read("a.lib"), read("b.lib"));
+}
+
+#[test]
+fn a_scene_above_the_budget_is_refused_with_its_arithmetic() {
+    let bench = bench();
+    bench.write("two.toml", TWO);
+    let report = json(&bench.succeed("scene check two.toml --library cloths.lib --json"));
+    let worst = report["worst_case"]["instructions"].as_u64().unwrap();
+    assert_eq!(report["fits"], true);
+    let lines = report["worst_case"]["arithmetic"].as_array().unwrap();
+    let sum: u64 = lines
+        .iter()
+        .map(|line| {
+            let number = |key: &str| line[key].as_u64().unwrap();
+            assert_eq!(
+                number("base") + number("each") * number("count"),
+                number("instructions")
+            );
+            number("instructions")
+        })
+        .sum();
+    assert_eq!(sum, worst);
+    for situation in report["typical"].as_array().unwrap() {
+        assert!(
+            situation["instructions"].as_u64().unwrap() < worst,
+            "{situation}"
+        );
+    }
+    bench.succeed(&format!(
+        "scene check two.toml --library cloths.lib --budget {worst}"
+    ));
+    let message = bench.refuse(&format!(
+        "scene check two.toml --library cloths.lib --budget {}",
+        worst - 1
+    ));
+    assert!(
+        message.contains(&format!("takes {worst} instructions")) && message.contains("mix: "),
+        "{message}"
+    );
+}
+
+#[test]
+fn what_a_scene_does_not_call_for_is_not_in_its_cost() {
+    let bench = bench();
+    bench.write(
+        "plain.toml",
+        "name = \"plain\"\n[[surface]]\ntexture = \"felt\"\n",
+    );
+    let report = json(&bench.succeed("scene check plain.toml --library cloths.lib --json"));
+    let lines = report["worst_case"]["arithmetic"].as_array().unwrap();
+    let items: Vec<&str> = lines
+        .iter()
+        .map(|line| line["item"].as_str().unwrap())
+        .collect();
+    assert_eq!(items, ["mix", "felt, normalised lattice"]);
+    let silence = report["typical"][0]["arithmetic"].as_array().unwrap();
+    assert_eq!(silence.len(), 1);
+}
+
+#[test]
+fn an_equaliser_undoes_its_response_in_what_is_played() {
+    let bench = bench();
+    // A resonance 14 dB high at 160 Hz.
+    let mut response = String::from("frequency_hz,magnitude_db\n");
+    for n in 0..60 {
+        let hz = 30.0 * 50f64.powf(f64::from(n) / 59.0);
+        let share = hz / 160.0;
+        let level = -10.0 * ((1.0 - share * share).powi(2) + (share / 5.0).powi(2)).log10();
+        response.push_str(&format!("{hz},{level}\n"));
+    }
+    bench.write("coil.csv", response);
+    let plain = "name = \"plain\"\n[[surface]]\ntexture = \"silk\"\n";
+    bench.write("plain.toml", plain);
+    bench.write(
+        "equal.toml",
+        format!("{plain}[equaliser]\nresponse = \"coil.csv\"\nmax_gain_db = 9\nhighest_hz = 600\n"),
+    );
+    let report = json(&bench.succeed("scene check equal.toml --library cloths.lib --json"));
+    let design = &report["equaliser"];
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    assert!(number(&design["max_gain_db"]) <= 9.01, "{design}");
+    let (before, after) = (
+        number(&design["before"]["rms_db"]),
+        number(&design["after"]["rms_db"]),
+    );
+    assert!(after < 0.5 * before, "{before} dB -> {after} dB");
+    let motion = "--speed 100 --force 0.7 --seconds 40";
+    for name in ["plain", "equal"] {
+        bench.succeed(&format!(
+            "scene render {name}.toml --library cloths.lib {motion} --out {name}.wav"
+        ));
+    }
+    let spectrum = |name: &str| {
+        let signal: Vec<f64> = samples(&bench, name).into_iter().map(f64::from).collect();
+        PowerSpectrum::welch(&signal, RATE_HZ.into())
+    };
+    let (plain, equal) = (spectrum("plain.wav"), spectrum("equal.wav"));
+    let mut compared = 0;
+    for point in design["curve"].as_array().unwrap() {
+        let hz = number(&point["frequency_hz"]);
+        if hz < 60.0 {
+            continue;
+        }
+        let band = |spectrum: &PowerSpectrum| spectrum.power_between(hz - 8.0, hz + 8.0);
+        let level = 10.0 * (band(&equal) / band(&plain)).log10();
+        let expected = number(&point["equaliser_db"]);
+        assert!(
+            (level - expected).abs() < 0.8,
+            "{hz} Hz: {level} dB, not {expected}"
+        );
+        compared += 1;
+    }
+    assert!(compared > 50);
+}
+
+#[test]
+fn a_tap_that_was_rendered_is_found_again() {
+    let bench = bench();
+    bench.write(
+        "plate.toml",
+        "name = \"plate\"\n[[surface]]\n[surface.tap]\nfrequency_hz = 310\ndecay_s = 0.009\n\
+         gain_m_s2_per_n_s = 0.2\nlimit_m_s2 = 100\n",
+    );
+    // 0.5 N within an update's 2 ms: 250 N/s.
+    let mut motion = String::from("time_s,speed_mm_s,force_n\n0,0,0\n");
+    for begin_s in [0.2, 0.6, 1.0] {
+        let (risen, end) = (begin_s + 0.002, begin_s + 0.1);
+        motion.push_str(&format!(
+            "{begin_s},0,0\n{risen},0,0.5\n{end},0,0.5\n{},0,0\n",
+            end + 0.01
+        ));
+    }
+    motion.push_str("1.5,0,0\n");
+    bench.write("taps.csv", motion);
+    bench.succeed("scene render plate.toml --library cloths.lib --motion taps.csv --out taps.wav");
+    let found = json(&bench.succeed("fit-tap taps.wav --force-rates 250 --json"));
+    assert_eq!(found["impacts"].as_array().unwrap().len(), 3, "{found}");
+    for (key, expected, tolerance) in [
+        ("frequency_hz", 310.0, 0.5),
+        ("decay_s", 0.009, 0.0001),
+        ("gain_m_s2_per_n_s", 0.2, 0.01),
+    ] {
+        let value = found[key].as_f64().unwrap();
+        assert!((value - expected).abs() < tolerance, "{key} is {value}");
+    }
+    // What is printed can be pasted into a scene, and plays the same taps.
+    let printed = bench.succeed("fit-tap taps.wav --force-rates 250");
+    let table = &printed[printed.find("[surface.tap]").unwrap()..];
+    bench.write(
+        "again.toml",
+        format!("name = \"again\"\n[[surface]]\n{table}"),
+    );
+    bench.succeed("scene check again.toml --library cloths.lib");
+    let message = bench.refuse("fit-tap taps.wav --force-rates 250,250");
+    assert!(message.contains("2 values for 1 recordings"), "{message}");
+}
+
+#[test]
+fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
+    let bench = Bench::new();
+    let scene = bench.succeed("simulate-rig --print-scene");
+    let scene: Vec<&str> = scene
+        .lines()
+        .map(|line| match line.split('=').next().unwrap_or("").trim() {
+            "speeds_mm_s" => "speeds_mm_s = [40, 120, 200]",
+            "forces_n" => "forces_n = [0.2, 0.6, 1.2]",
+            _ => line,
+        })
+        .collect();
+    bench.write("rig.toml", scene.join("\n"));
+    bench.succeed("simulate-rig --scene rig.toml --out rig");
+    bench.succeed("fit rig --out rig.lib");
+    let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    for name in [
+        "steady-denim.toml",
+        "four-cloths.toml",
+        "equalised-taps.toml",
+        "voice-coil.csv",
+        "across.csv",
+        "tapping.csv",
+    ] {
+        bench.write(name, std::fs::read(shipped.join(name)).unwrap());
+    }
+    let compiled = bench.succeed(
+        "scene compile steady-denim.toml four-cloths.toml equalised-taps.toml --library rig.lib --out scenes.lib",
+    );
+    assert!(compiled.contains("3 scene(s)"), "{compiled}");
+    let render = |scene: &str, arguments: &str| {
+        let text =
+            format!("scene render {scene}.toml --library rig.lib {arguments} --out {scene}.wav");
+        assert!(bench.succeed(&text).contains("SIMULATED"));
+        samples(&bench, &format!("{scene}.wav"))
+    };
+    let rms = |samples: &[f32]| {
+        let power: f32 = samples.iter().map(|x| x * x).sum();
+        (power / samples.len() as f32).sqrt()
+    };
+    let steady = render("steady-denim", "--speed 0 --force 0.5 --seconds 1");
+    assert!(
+        rms(&steady[2500..]) > 0.5,
+        "constant motion plays whatever the speed"
+    );
+
+    let cloths = render("four-cloths", "--motion across.csv");
+    let of = |begin_s: f64, end_s: f64| {
+        let at = |s: f64| (s * f64::from(RATE_HZ)) as usize;
+        rms(&cloths[at(begin_s)..at(end_s)])
+    };
+    assert_eq!(of(0.0, 0.28), 0.0);
+    for (begin_s, end_s) in [(0.7, 1.0), (1.4, 1.7), (2.4, 2.9), (3.4, 3.8)] {
+        assert!(
+            of(begin_s, end_s) > 0.05,
+            "silent from {begin_s} to {end_s} s"
+        );
+    }
+    assert_eq!(of(4.5, 4.8), 0.0, "lifted");
+
+    let taps = render("equalised-taps", "--motion tapping.csv");
+    let peak = |begin_s: f64| {
+        let begin = (begin_s * f64::from(RATE_HZ)) as usize;
+        taps[begin..begin + 150]
+            .iter()
+            .fold(0.0f32, |peak, x| peak.max(x.abs()))
+    };
+    let peaks = [0.3, 0.7, 1.1, 1.5].map(peak);
+    assert!(
+        peaks.windows(2).all(|pair| pair[1] > 1.5 * pair[0]),
+        "{peaks:?}"
+    );
+    assert!(taps[..1490].iter().all(|x| *x == 0.0));
+    assert!(taps[taps.len() - 500..].iter().all(|x| *x == 0.0));
+
+    for (scene, motion) in [
+        ("four cloths", "across.csv"),
+        ("equalised taps", "tapping.csv"),
+    ] {
+        let file = scene.replace(' ', "-");
+        bench.succeed(&format!(
+            "scene plot {file}.toml --library rig.lib --motion {motion} --out {file}.svg"
+        ));
+        let svg = std::fs::read_to_string(bench.path(&format!("{file}.svg"))).unwrap();
+        assert!(svg.contains("SIMULATED") && svg.contains("<image"));
+    }
+}
