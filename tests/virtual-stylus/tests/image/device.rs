@@ -450,13 +450,13 @@ impl Device {
         scene: &str,
         motion: MotionSource,
         seed: u64,
-    ) -> Result<Playing, PlayError> {
+    ) -> Result<Playing, Box<PlayError>> {
         self.keep_alive(true);
         let request = PlayRequest {
             selection: Selection::Scene(scene.try_into().expect("a scene's name fits")),
             ..play_request("", motion, seed)
         };
-        self.request::<PlayEndpoint>(&request)
+        self.request::<PlayEndpoint>(&request).map_err(Box::new)
     }
 
     /// Plays and waits until nothing mutes it.

@@ -312,7 +312,7 @@ fn a_scene_that_is_not_there_is_refused_and_what_is_played_goes_on() {
     let told = PlayError::NoSuchScene {
         name: name("no such scene"),
     };
-    assert_eq!(missing, Err(told));
+    assert_eq!(missing, Err(Box::new(told)));
     let output = device.status().output;
     let activity = Activity::Playing {
         selection: Selection::Scene(name("tap")),
