@@ -42,6 +42,8 @@ pub struct Director<'a> {
     seed: u64,
     slots: [Slot<'a>; SLOTS],
     tap: Option<Resonance>,
+    /// The contact that began with the block that is played, and is to be heard.
+    touched: Option<Touch>,
     /// Whether the block that is played begins with a strike, which may not have been seen to ring.
     struck: bool,
     /// Whether the block that is played feeds the equaliser.
@@ -80,6 +82,15 @@ struct Slot<'a> {
     stick_slip: Option<StickSlipFrame>,
 }
 
+/// A contact whose tap is yet to be struck.
+#[derive(Clone, Copy, Debug)]
+struct Touch {
+    /// On which surface.
+    surface: usize,
+    /// The rate of force of the block in which it began, N/s.
+    rate_n_s: f32,
+}
+
 /// A surface that is to sound, and its gain in steps of 2⁻¹⁶, which is not 0.
 #[derive(Clone, Copy, Debug)]
 struct Wanted {
@@ -106,6 +117,7 @@ impl<'a> Director<'a> {
             seed,
             slots: [Slot::default(), Slot::default()],
             tap: None,
+            touched: None,
             struck: false,
             fed: false,
             fading: None,
@@ -156,7 +168,8 @@ impl<'a> Director<'a> {
         let located = self.locate(&interaction);
         let moment = self.moment(&interaction, samples, left);
         self.direct_voices(&self.wanted(&located), moment, voices, block);
-        self.direct_tap(self.impact(&interaction, &located), ringing, block);
+        let impact = self.impact(&interaction, &located);
+        self.direct_tap(impact, ringing, block);
         self.direct_equaliser(ringing, block);
         self.direct_fade(moment, block);
         self.before = Some(Before {
@@ -182,7 +195,7 @@ impl<'a> Director<'a> {
         for slot in &mut self.slots {
             slot.surface = None;
         }
-        (self.tap, self.fading) = (None, None);
+        (self.tap, self.touched, self.fading) = (None, None, None);
         (self.struck, self.fed) = (false, false);
         true
     }
@@ -232,21 +245,29 @@ impl<'a> Director<'a> {
 
     /// The tap of an impact: contact that was not there in the block before, on what has the greater weight. Contact from the
     /// beginning is none.
+    ///
+    /// It is struck one block after contact, at the larger rate of force of the two. Where in a block contact falls is
+    /// chance, and of a force that begins to rise at its end little is seen in it.
     fn impact(
-        &self,
+        &mut self,
         interaction: &Interaction,
         located: &[Located],
     ) -> Option<(Resonance, Strike)> {
-        let before = self.before.as_ref()?;
-        if before.interaction.contact || !interaction.contact {
-            return None;
-        }
-        // The one that lies there comes first, and is not the lighter one.
-        let surface = usize::from(located.first()?.surface);
-        let planned = self.plan.surfaces.get(surface)?.tap?;
+        let before = self.before?;
         let seconds = before.samples.max(1) as f32 / self.plan.sample_rate_hz as f32;
         let rise = interaction.motion.force_n() - before.interaction.motion.force_n();
-        let strike = Strike::new(&planned.tap, rise / seconds);
+        let rate_n_s = rise / seconds;
+        let touched = self.touched.take();
+        if interaction.contact && !before.interaction.contact {
+            // The one that lies there comes first, and is not the lighter one.
+            self.touched = located.first().map(|there| Touch {
+                surface: usize::from(there.surface),
+                rate_n_s,
+            });
+        }
+        let touch = touched?;
+        let planned = self.plan.surfaces.get(touch.surface)?.tap?;
+        let strike = Strike::new(&planned.tap, touch.rate_n_s.max(rate_n_s));
         (!strike.is_silent()).then_some((planned.resonance, strike))
     }
 

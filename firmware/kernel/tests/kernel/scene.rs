@@ -397,6 +397,31 @@ fn contact_has_a_hysteresis() {
     }
 }
 
+/// A finger that comes down anywhere between two updates, its force rising for some milliseconds.
+#[test]
+fn a_tap_is_as_loud_wherever_between_two_updates_contact_falls() {
+    let bytes = library(&[]);
+    let mut scene = single(2);
+    scene.surfaces[0].texture = None;
+    scene.surfaces[0].tap = Some(tap(200.0, 0.02));
+    let peak_at = |phase: u16| {
+        let mut player = player(&bytes, &scene, 1);
+        let contact = 100 + phase;
+        let force = |n: u16| (f32::from(n.saturating_sub(contact)) * 0.01).min(0.3);
+        let blocks = (0..200u16).map(|index| force(index * UPDATE_INTERVAL_SAMPLES as u16));
+        let samples = blocks.flat_map(|force| {
+            let there = Interaction::new(motion(0.0, force), 0.0, force > 0.02);
+            block(&mut player, there.expect("all is finite"))
+        });
+        peak(&samples.collect::<Vec<_>>())
+    };
+    let peaks: Vec<f64> = (0..10).map(peak_at).collect();
+    let (low, high) = peaks.iter().fold((f64::MAX, 0.0f64), |(low, high), &peak| {
+        (low.min(peak), high.max(peak))
+    });
+    assert!(low > 1.0 && high < 1.01 * low, "{peaks:?}");
+}
+
 /// A tap on a smooth surface: silence, then a transient that begins at nothing.
 #[test]
 fn a_tap_sounds_on_contact_alone_and_scales_with_the_rate_of_force() {

@@ -5,9 +5,9 @@
 //! together are their medians, the gain is that of the line through the origin that is nearest to the amplitudes over the
 //! rates of force.
 //!
-//! **Rate of force.** A stylus takes it from one update of its motion to the next, so that how fast a force rises counts only
-//! over an update's interval. Here it is the same difference, averaged over where in an interval the contact may fall: a force
-//! that rises for longer than an interval counts for half of its slope, more or less, as it does on the stylus.
+//! **Rate of force.** A stylus takes it from one update of its motion to the next: the larger one of the update that sees
+//! contact and of the next ([`stylus_kernel::scene::Director`]). Here it is the same, averaged over where between two updates
+//! contact may fall.
 
 mod fit;
 mod onset;
@@ -182,10 +182,10 @@ impl Taps {
         let within = (CONTACT_WITHIN_S * self.rate_hz) as usize;
         let bound = f64::from(ContactDetector::BEGINS_N);
         let first = begin.saturating_sub(within).max(interval);
-        let last = (begin + within).min(force.len().saturating_sub(interval));
+        let last = (begin + within).min(force.len().saturating_sub(2 * interval));
         let contact = (first..last).find(|&at| force[at - 1] <= bound && force[at] > bound)?;
-        let rises =
-            (0..interval).map(|phase| force[contact + phase] - force[contact + phase - interval]);
+        let rise = |end: usize| force[end] - force[end - interval];
+        let rises = (contact..contact + interval).map(|end| rise(end).max(rise(end + interval)));
         let rate = rises.sum::<f64>() / interval as f64 / (interval as f64 / self.rate_hz);
         (rate > 0.0).then_some(rate)
     }
