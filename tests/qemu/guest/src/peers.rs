@@ -1,9 +1,11 @@
 //! All-pole filters of order 400 as others make them, to be traced beside ours: idsp's cascades of second-order sections, and
-//! what plain Rust in single precision comes to; and ours without what is around them. Like those of [`crate::counted`], the functions are found by their names.
+//! what plain Rust in single precision comes to; and ours without what is around them. Like those of [`crate::counted`], the
+//! functions are found by their names.
 //!
 //! The filter alone is counted, without excitation and level.
 #![expect(
     clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
     clippy::cast_precision_loss,
     reason = "coefficients are made up, and any do"
 )]

@@ -441,10 +441,6 @@ impl Device {
     }
 
     /// Asks for a scene.
-    #[expect(
-        clippy::result_large_err,
-        reason = "a refusal comes with its arithmetic, as the link carries it"
-    )]
     pub fn play_scene(
         &mut self,
         scene: &str,
