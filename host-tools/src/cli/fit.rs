@@ -85,6 +85,7 @@ struct Report<'a> {
     added_lines: Option<&'a [AddedLine]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     removed_nodes: Option<&'a LeaveOneOut>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     budget: Option<&'a [Concession]>,
 }
 
