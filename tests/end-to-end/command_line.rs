@@ -265,6 +265,16 @@ fn damaged_libraries_are_refused_by_every_command_with_the_place() {
 }
 
 #[test]
+fn a_folder_that_is_not_there_is_not_taken_for_a_recording_of_the_wrong_kind() {
+    let bench = Bench::new();
+    for command in ["fit nowhere --out a.lib", "frontier --data nowhere --out a"] {
+        let message = bench.refuse(command);
+        assert!(message.contains("nowhere: cannot"), "{message}");
+        assert!(message.contains("No such file"), "{message}");
+    }
+}
+
+#[test]
 fn arguments_out_of_range_are_refused() {
     let bench = small_set();
     for arguments in [

@@ -139,6 +139,27 @@ fn a_scene_of_one_texture_is_that_texture_sample_for_sample() {
 }
 
 #[test]
+fn a_scene_of_constant_motion_is_rendered_without_another_and_a_followed_one_asks_for_it() {
+    let bench = bench();
+    let steady = "name = \"steady\"\n[constant_motion]\nspeed_mm_s = 90\nforce_n = 0.7\n[[surface]]\ntexture = \"silk\"\n";
+    bench.write("steady.toml", steady);
+    let render = "scene render steady.toml --library cloths.lib";
+    bench.succeed(&format!("{render} --seconds 1 --out alone.wav"));
+    bench.succeed(&format!(
+        "{render} --speed 90 --force 0.7 --seconds 1 --out told.wav"
+    ));
+    let alone = samples(&bench, "alone.wav");
+    assert!(alone.len() == 5000 && alone.iter().any(|x| x.abs() > 0.1));
+    assert_eq!(alone, samples(&bench, "told.wav"));
+    let endless = bench.refuse(&format!("{render} --out no.wav"));
+    assert!(endless.contains("give --seconds"), "{endless}");
+    bench.write("two.toml", TWO);
+    let still = bench.refuse("scene render two.toml --library cloths.lib --seconds 1 --out no.wav");
+    assert!(still.contains("give --motion CSV"), "{still}");
+    assert!(!bench.path("no.wav").exists());
+}
+
+#[test]
 fn place_and_contact_are_what_the_motion_tells() {
     let bench = bench();
     bench.write("two.toml", TWO);

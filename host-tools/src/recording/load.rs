@@ -62,6 +62,8 @@ pub fn read(trial: &Trial) -> Result<Samples> {
         "wav" | "wave" => wav::read(path, &cut)?,
         "csv" | "txt" => csv_file::read(path, &cut, trial.sample_rate_hz)?,
         other => {
+            // A name that was mistyped is a file that is not there before it is one of the wrong kind.
+            std::fs::metadata(path).map_err(Error::io("read", path))?;
             let problem = format!("'{other}' files are not known; give .wav or .csv");
             return Err(Error::file(path, problem));
         }

@@ -33,7 +33,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bytes = super::super::read_library(path)?;
     let library = super::super::decode_library(path, &bytes)?;
     let compiled = arguments.source.compile(&library)?;
-    let (motion, seconds) = arguments.along.motion()?;
+    let (motion, seconds) = arguments.along.motion(&compiled.scene)?;
     let seconds = seconds.min(LONGEST_S);
     let plan = plan(&compiled, &library)?;
     let rendering = SceneRendering::new(plan, &motion, seconds, arguments.along.seed)?;

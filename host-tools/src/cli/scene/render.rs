@@ -28,7 +28,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bytes = super::super::read_library(path)?;
     let library = super::super::decode_library(path, &bytes)?;
     let compiled = arguments.source.compile(&library)?;
-    let (motion, seconds) = arguments.along.motion()?;
+    let (motion, seconds) = arguments.along.motion(&compiled.scene)?;
     let plan = plan(&compiled, &library)?;
     let format = arguments
         .pcm16

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use host_tools::error::{Error, Result};
 use host_tools::motion::MotionPath;
 use host_tools::scene::{Compiled, SceneFile, surface_names};
+use model_format::scene::{MotionOfScene, Scene};
 use model_format::{Library, MillimetresPerSecond, Newton, Provenance};
 use stylus_kernel::scene::Plan;
 
@@ -123,13 +124,13 @@ pub struct Along {
     #[arg(long, value_name = "CSV", conflicts_with_all = ["speed", "force"])]
     motion: Option<PathBuf>,
     /// A constant tangential speed instead, in mm/s
-    #[arg(long, value_name = "MM_S", value_parser = not_negative, requires = "force", required_unless_present = "motion")]
+    #[arg(long, value_name = "MM_S", value_parser = not_negative, requires = "force")]
     speed: Option<f64>,
     /// A constant normal force, in newtons
-    #[arg(long, value_name = "N", value_parser = not_negative, requires = "speed", required_unless_present = "motion")]
+    #[arg(long, value_name = "N", value_parser = not_negative, requires = "speed")]
     force: Option<f64>,
     /// How long, in seconds [default: the motion's duration]
-    #[arg(long, value_name = "S", value_parser = super::super::input::positive, required_unless_present = "motion")]
+    #[arg(long, value_name = "S", value_parser = super::super::input::positive)]
     seconds: Option<f64>,
     /// Seed of the noise: the same seed gives the same samples
     #[arg(long, default_value_t = 1)]
@@ -137,19 +138,42 @@ pub struct Along {
 }
 
 impl Along {
-    /// The motion, and for how long, s.
+    /// The motion, and for how long, s. A scene of constant motion needs no other.
     ///
     /// # Errors
-    /// A motion that cannot be read.
-    pub fn motion(&self) -> Result<(MotionPath, f64)> {
-        let motion = match &self.motion {
-            Some(path) => MotionPath::from_csv(path)?,
-            None => MotionPath::constant(
-                MillimetresPerSecond(self.speed.unwrap_or(0.0) as f32),
-                Newton(self.force.unwrap_or(0.0) as f32),
-            )?,
+    /// A motion that cannot be read, or that nobody tells; a constant one without a duration.
+    pub fn motion(&self, scene: &Scene) -> Result<(MotionPath, f64)> {
+        let constant = match (self.speed.zip(self.force), scene.motion) {
+            (Some((speed, force)), _) => Some((speed as f32, force as f32)),
+            (
+                None,
+                MotionOfScene::Constant {
+                    speed_mm_s,
+                    force_n,
+                },
+            ) => Some((speed_mm_s, force_n)),
+            (None, MotionOfScene::Followed) => None,
         };
-        let seconds = self.seconds.unwrap_or_else(|| motion.duration_s());
+        let name = &scene.name;
+        let motion = match (&self.motion, constant) {
+            (Some(path), _) => MotionPath::from_csv(path)?,
+            (None, Some((speed, force))) => {
+                MotionPath::constant(MillimetresPerSecond(speed), Newton(force))?
+            }
+            (None, None) => {
+                return Err(Error::Request(format!(
+                    "scene '{name}' follows the hand: give --motion CSV, or --speed, --force and --seconds"
+                )));
+            }
+        };
+        let Some(seconds) = self.seconds.or_else(|| {
+            let has_end = self.motion.is_some();
+            has_end.then(|| motion.duration_s())
+        }) else {
+            return Err(Error::Request(format!(
+                "scene '{name}': a constant motion has no end: give --seconds"
+            )));
+        };
         Ok((motion, seconds))
     }
 }
