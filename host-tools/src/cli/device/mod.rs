@@ -8,6 +8,7 @@ pub mod monitor;
 pub mod play;
 pub mod record;
 pub mod record_strokes;
+mod sensing;
 pub mod settings;
 pub mod status;
 pub mod stop;

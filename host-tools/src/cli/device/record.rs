@@ -6,20 +6,20 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
-use host_tools::error::{Error, Result};
+use host_tools::error::Result;
 use host_tools::fit::{self, Analysis};
 use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Capture, Level, Loss, capture};
 use host_tools::link::set::{Folder, Point};
 use host_tools::progress;
 use host_tools::recording::TRIAL_DURATION_S;
-use model_format::Provenance;
 use model_format::limits::MAX_ORDER;
 use model_format::link::RecordSample;
 use serde::Serialize;
 
 use super::Link;
 use super::interrupt::Interrupt;
+use super::sensing::Sensing;
 use crate::cli::input::{not_negative, positive};
 use crate::cli::table::table;
 
@@ -32,10 +32,6 @@ pub(super) const LIVE_SAMPLES: usize = 500;
 /// By how much the measured speed or force may differ from the wanted one.
 const TOLERANCE: f64 = 0.1;
 
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is a flag of the command line"
-)]
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Folder of the recording set; trials that are in it already are not recorded again
@@ -58,23 +54,14 @@ pub struct Arguments {
     /// Leave out so much at a trial's beginning, in seconds
     #[arg(long, value_name = "S", value_parser = not_negative, default_value_t = 0.5)]
     settle: f64,
-    /// Scales of the accelerometer's axes instead of the settings', in m/s² per volt: one for all, or X,Y,Z
-    #[arg(
-        long,
-        value_name = "M_S2_PER_V",
-        value_delimiter = ',',
-        allow_negative_numbers = true
-    )]
-    scale: Vec<f64>,
     /// Record again what is in the folder already
     #[arg(long)]
     again: bool,
     /// Begin each trial without asking, and keep whatever comes
     #[arg(long)]
     yes: bool,
-    /// The stylus is a virtual one: mark the recordings as simulated
-    #[arg(long)]
-    simulated: bool,
+    #[command(flatten)]
+    sensing: Sensing,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
@@ -166,32 +153,6 @@ fn points(arguments: &Arguments) -> Result<Vec<Point>> {
     Ok(points)
 }
 
-/// By the device's settings, with `scale` in place of theirs for the accelerometer if there is any: one value for all axes, or
-/// one for each.
-pub(super) fn calibration(device: &Device, scale: &[f64]) -> Result<Calibration> {
-    let calibration = Calibration::new(&device.settings()?, self::scale(scale)?);
-    let mut scales = calibration.m_s2_per_code.iter();
-    if scales.all(|scale| scale.abs() <= 0.0) {
-        return Err(Error::Request(
-            "the accelerometer's scale is zero: set acceleration-per-volt-x, -y, -z, or give --scale"
-                .to_owned(),
-        ));
-    }
-    Ok(calibration)
-}
-
-fn scale(values: &[f64]) -> Result<Option<[f64; 3]>> {
-    match values {
-        [] => Ok(None),
-        [all] => Ok(Some([*all; 3])),
-        [x, y, z] => Ok(Some([*x, *y, *z])),
-        other => Err(Error::Request(format!(
-            "--scale takes one value or three, not {}",
-            other.len()
-        ))),
-    }
-}
-
 enum Outcome {
     Recorded(Row),
     /// Recorded, and enough for now.
@@ -211,7 +172,7 @@ struct Session<'a> {
 impl<'a> Session<'a> {
     fn open(arguments: &'a Arguments) -> Result<Self> {
         let device = arguments.link.connect()?;
-        let calibration = calibration(&device, &arguments.scale)?;
+        let calibration = arguments.sensing.calibration(&device)?;
         Ok(Self {
             arguments,
             device,
@@ -295,11 +256,7 @@ impl<'a> Session<'a> {
     }
 
     fn keep(&self, folder: &mut Folder, point: &Point, capture: &Capture) -> Result<Row> {
-        let provenance = if self.arguments.simulated {
-            Provenance::Simulated
-        } else {
-            Provenance::Recorded
-        };
+        let provenance = self.arguments.sensing.provenance();
         let trial = folder.add(point, capture, &self.calibration, provenance)?;
         let analysis = fit::analyse(&trial, &fit::Options::default(), MAX_ORDER)?;
         let rate_hz = f64::from(capture.rate_hz);

@@ -6,13 +6,13 @@ use host_tools::error::{Error, Result};
 use host_tools::link::capture::{Level, Loss};
 use host_tools::link::strokes;
 use host_tools::progress;
-use model_format::Provenance;
 use model_format::link::RecordSample;
 use serde::Serialize;
 
 use super::Link;
 use super::interrupt::Interrupt;
-use super::record::{LIVE_SAMPLES, calibration, live};
+use super::record::{LIVE_SAMPLES, live};
+use super::sensing::Sensing;
 use crate::cli::input::positive;
 
 #[derive(clap::Args)]
@@ -22,20 +22,11 @@ pub struct Arguments {
     /// How long; Ctrl-C ends it sooner and keeps what is there, in seconds
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 60.0)]
     seconds: f64,
-    /// Scales of the accelerometer's axes instead of the settings', in m/s² per volt: one for all, or X,Y,Z
-    #[arg(
-        long,
-        value_name = "M_S2_PER_V",
-        value_delimiter = ',',
-        allow_negative_numbers = true
-    )]
-    scale: Vec<f64>,
     /// Write over a file that is there
     #[arg(long)]
     again: bool,
-    /// The stylus is a virtual one: mark the recording as simulated
-    #[arg(long)]
-    simulated: bool,
+    #[command(flatten)]
+    sensing: Sensing,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
@@ -59,7 +50,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::file(&arguments.file, problem));
     }
     let device = arguments.link.connect()?;
-    let calibration = calibration(&device, &arguments.scale)?;
+    let calibration = arguments.sensing.calibration(&device)?;
     let interrupt = Interrupt::listen()?;
     let bar = progress::bar(100, "recording; Ctrl-C ends it");
     let heard = |samples: &[Option<RecordSample>], wanted: usize, rate_hz: u32| {
@@ -75,11 +66,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if strokes.samples.is_empty() {
         return Err(Error::Request("nothing was recorded".to_owned()));
     }
-    let provenance = if arguments.simulated {
-        Provenance::Simulated
-    } else {
-        Provenance::Recorded
-    };
+    let provenance = arguments.sensing.provenance();
     strokes.write(&arguments.file, &calibration, provenance)?;
     let there: Vec<RecordSample> = strokes.samples.iter().flatten().copied().collect();
     let rate_hz = f64::from(strokes.rate_hz);
