@@ -3,6 +3,7 @@
 use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
+use stylus_kernel::arithmetic::TURN_TAPS;
 
 use super::FilterStructure;
 
@@ -118,9 +119,6 @@ pub struct Cost {
     pub update: UpdateCost,
 }
 
-/// A direct form sums in turns: what is between two measured orders may cost as much as the next multiple of this many taps.
-const TURN_TAPS: usize = 40;
-
 impl Costs {
     /// The table of `tests/qemu/costs.json`, which is part of this program.
     pub fn measured() -> &'static Self {
@@ -148,7 +146,8 @@ impl Costs {
         if order > highest.order {
             return None;
         }
-        // No dearer than the next measured order, whatever the turns.
+        // A direct form sums in turns: what is between two measured orders may cost as much as the next multiple. No dearer than
+        // the next measured order, whatever the turns.
         let next = entries[entries.partition_point(|entry| entry.order < order)].order;
         let order = if structure.is_direct() {
             order.next_multiple_of(TURN_TAPS).min(next)

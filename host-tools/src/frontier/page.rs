@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use stylus_kernel::arithmetic::TURN_TAPS;
+
 use super::costs::Origin;
 use super::{
     CLOCKS_HZ, Filter, FilterStructure, Frontier, INTERVALS, Point, interval_ms, moving, share,
@@ -469,9 +471,10 @@ fn notes(frontier: &Frontier) -> Vec<String> {
         "Refused by fit are textures whose direct form is unstable between its nodes; such a choice is on no front of motion, and its \
          error there is that of the other textures."
             .to_owned(),
-        "Between measured orders instructions and cycles are on a straight line; a direct form's are those of the next multiple \
-         of 40 taps. Per node, the time is that of the highest order: a texture's tick takes the same time wherever the hand is."
-            .to_owned(),
+        format!(
+            "Between measured orders instructions and cycles are on a straight line; a direct form's are those of the next multiple \
+         of {TURN_TAPS} taps. Per node, the time is that of the highest order: a texture's tick takes the same time wherever the hand is."
+        ),
         "Time with updates: at worst, updates that stay in a cell take the share of the dearest that their instructions are. \
          Updates run below the sample's priority; only the sample has to be done in 200 µs."
             .to_owned(),
