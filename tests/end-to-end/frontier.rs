@@ -2,15 +2,16 @@
 
 mod support;
 
-use host_tools::fit::Order;
-use host_tools::frontier::costs::{Core, Costs};
-use host_tools::frontier::{
-    self, Filter, FilterStructure, Frontier, INTERVALS, Material, Options, Prepared,
+use host_tools::dsp::linear_prediction::step_up;
+use host_tools::evaluation::frontier;
+use host_tools::evaluation::frontier::costs::{Core, Costs};
+use host_tools::evaluation::frontier::{
+    Filter, FilterStructure, Frontier, INTERVALS, Material, Options, Prepared,
 };
-use host_tools::linear_prediction::step_up;
+use host_tools::evaluation::stress::cases::{Length, suite};
+use host_tools::fit::Order;
 use host_tools::recording::RecordingSet;
 use host_tools::rig::{self, Scene};
-use host_tools::stress::cases::{Length, suite};
 use serde_json::Value;
 use support::{Bench, RATE_HZ, all_pole, noise, text, wav};
 
@@ -162,7 +163,7 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     );
     for peer in &Costs::measured().peers {
         assert!(
-            page.contains(&host_tools::html::escaped(&peer.name)),
+            page.contains(&host_tools::report::html::escaped(&peer.name)),
             "{}",
             peer.name
         );
