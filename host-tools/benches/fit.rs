@@ -8,7 +8,6 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use host_tools::dsp::autocorrelation::Autocorrelation;
 use host_tools::dsp::linear_prediction::{Prediction, corrected};
 use host_tools::dsp::reduction::{Reduction, reduce};
-use host_tools::fit;
 use host_tools::texture::quantise::StructureChoice;
 use model_format::{Library, MillimetresPerSecond, Newton};
 use rand::SeedableRng;

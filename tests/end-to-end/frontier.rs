@@ -3,7 +3,6 @@
 mod support;
 
 use host_tools::dsp::linear_prediction::step_up;
-use host_tools::evaluation::frontier;
 use host_tools::evaluation::frontier::costs::{Core, Costs};
 use host_tools::evaluation::frontier::{
     Filter, FilterStructure, Frontier, INTERVALS, Material, Options, Prepared,
@@ -138,8 +137,8 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
 
 fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     let page = bench.path("page.html");
-    let pictures = frontier::pictures(frontier).unwrap();
-    frontier::write_page(frontier, &pictures, &page).unwrap();
+    let pictures = host_tools::report::frontier_page::pictures(frontier).unwrap();
+    host_tools::report::frontier_page::write(frontier, &pictures, &page).unwrap();
     let page = std::fs::read_to_string(page).unwrap();
     assert_eq!(page.matches("<svg").count(), 4);
     for structure in FilterStructure::ALL {

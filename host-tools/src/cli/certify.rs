@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use host_tools::certificate::{self, Cell, Finding, Report, SAMPLES_A_SIDE, Stored};
-use host_tools::error::{Error, Result};
-use host_tools::plot::{Caption, certificate_map};
+use host_tools::report::plot::{Caption, certificate_map};
+use host_tools::support::error::{Error, Result};
+use host_tools::texture::certificate;
+use host_tools::texture::certificate::{Cell, Finding, Report, SAMPLES_A_SIDE, Stored};
 use model_format::Library;
 
 use super::table::table;
@@ -35,7 +36,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         source,
     })?;
     let textures: Vec<_> = match &arguments.texture {
-        Some(name) => vec![host_tools::evaluate::texture_named(&library, name)?],
+        Some(name) => vec![host_tools::evaluation::evaluate::texture_named(
+            &library, name,
+        )?],
         None => library.textures().collect(),
     };
     let reports: Vec<Report> = textures.iter().map(certificate::certify).collect();

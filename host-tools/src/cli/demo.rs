@@ -3,13 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use host_tools::error::{Error, Result};
-use host_tools::evaluate;
-use host_tools::motion::MotionPath;
+use host_tools::evaluation::evaluate;
+use host_tools::fit;
+use host_tools::playing::motion::MotionPath;
+use host_tools::playing::render::{WavFormat, render_wav};
 use host_tools::recording::RecordingSet;
-use host_tools::render::{WavFormat, render_wav};
+use host_tools::report::evaluation_page as report;
 use host_tools::rig::{self, Scene};
-use host_tools::{atomic_file, fit, report};
+use host_tools::support::atomic_file;
+use host_tools::support::error::{Error, Result};
 use model_format::{Library, MillimetresPerSecond, Newton};
 
 use super::inspect::{Summary, summary_table};

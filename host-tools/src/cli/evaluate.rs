@@ -2,14 +2,17 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
-use host_tools::evaluate::{self, Evaluation};
+use host_tools::dsp::reduction::Reduction;
+use host_tools::dsp::spectrum::{AMPLITUDE_JND_DB, DEFAULT_SMOOTHING_WIDTH_HZ};
+use host_tools::evaluation::evaluate;
+use host_tools::evaluation::evaluate::Evaluation;
+use host_tools::evaluation::leave_one_out;
+use host_tools::evaluation::leave_one_out::Around;
 use host_tools::fit::Order;
-use host_tools::leave_one_out::{self, Around};
 use host_tools::recording::RecordingSet;
-use host_tools::reduction::Reduction;
-use host_tools::spectrum::{AMPLITUDE_JND_DB, DEFAULT_SMOOTHING_WIDTH_HZ};
-use host_tools::{atomic_file, progress, report};
+use host_tools::report::evaluation_page as report;
+use host_tools::support::error::Result;
+use host_tools::support::{atomic_file, progress};
 use model_format::Library;
 
 use super::input::{Recordings, not_negative, positive};

@@ -2,16 +2,19 @@
 
 use std::path::PathBuf;
 
-use host_tools::budget::{self, Budget, Concession};
-use host_tools::densify::AddedLine;
-use host_tools::error::{Error, Result};
-use host_tools::fit::{self, Estimator, Fit, Order, StructureChoice, TrialReport};
-use host_tools::frontier::costs::Core;
-use host_tools::leave_one_out::LeaveOneOut;
+use host_tools::dsp::reduction::Reduction;
+use host_tools::evaluation::budget;
+use host_tools::evaluation::budget::{Budget, Concession};
+use host_tools::evaluation::frontier::costs::Core;
+use host_tools::evaluation::leave_one_out::LeaveOneOut;
+use host_tools::fit;
+use host_tools::fit::densify::AddedLine;
+use host_tools::fit::{Estimator, Fit, Order, TrialReport};
 use host_tools::recording::RecordingSet;
-use host_tools::reduction::Reduction;
-use host_tools::triage::SILENCE_FLOOR_M_S2;
-use host_tools::{atomic_file, progress};
+use host_tools::recording::triage::SILENCE_FLOOR_M_S2;
+use host_tools::support::error::{Error, Result};
+use host_tools::support::{atomic_file, progress};
+use host_tools::texture::quantise::StructureChoice;
 use model_format::TextureSpec;
 
 use super::input::{Recordings, not_negative, positive};

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::{Error, Result};
-use host_tools::reduction::Reduction;
+use host_tools::dsp::reduction::Reduction;
 use host_tools::scene::tap::{TapFit, Taps};
+use host_tools::support::error::{Error, Result};
 
 use super::input::positive;
 use super::table::table;

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use host_tools::atomic_file;
-use host_tools::error::{Error, Result};
-use host_tools::hatt::convert::{ConvertedNode, Options, ROLL_OFF_DB_PER_OCTAVE, convert};
-use host_tools::hatt::read::read;
+use host_tools::fit::hatt::convert::{ConvertedNode, Options, ROLL_OFF_DB_PER_OCTAVE, convert};
+use host_tools::fit::hatt::read::read;
+use host_tools::support::atomic_file;
+use host_tools::support::error::{Error, Result};
 
 use super::table::table;
 

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
 use host_tools::scene::{CostReport, surface_names};
+use host_tools::support::error::Result;
 use model_format::scene::{MotionOfScene, Scene};
 use model_format::{Library, NodeFlags, Texture};
 use serde::Serialize;

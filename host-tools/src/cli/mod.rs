@@ -26,7 +26,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use host_tools::error::{Error, Result};
+use host_tools::support::error::{Error, Result};
 use model_format::Library;
 
 /// What a failure that the user can mend ends with: a file, a value or a request that cannot be used.

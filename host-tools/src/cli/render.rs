@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
-use host_tools::evaluate::texture_named;
-use host_tools::motion::MotionPath;
-use host_tools::render::{WavFormat, render_wav};
+use host_tools::evaluation::evaluate::texture_named;
+use host_tools::playing::motion::MotionPath;
+use host_tools::playing::render::{WavFormat, render_wav};
+use host_tools::support::error::Result;
 use model_format::{MillimetresPerSecond, Newton};
 
 use super::input::{not_negative, positive};

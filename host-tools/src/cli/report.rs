@@ -2,14 +2,17 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
+use host_tools::dsp::reduction::Reduction;
+use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
+use host_tools::evaluation::leave_one_out;
+use host_tools::evaluation::leave_one_out::{Prepared, Row};
+use host_tools::evaluation::{evaluate, takes};
 use host_tools::fit::{self, Order};
-use host_tools::leave_one_out::{self, Prepared, Row};
 use host_tools::recording::RecordingSet;
-use host_tools::reduction::Reduction;
-use host_tools::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
-use host_tools::whole_report::{self, Inputs};
-use host_tools::{evaluate, progress, takes};
+use host_tools::report::whole_page as whole_report;
+use host_tools::report::whole_page::Inputs;
+use host_tools::support::error::Result;
+use host_tools::support::progress;
 
 use super::input::{Recordings, not_negative};
 

@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::{Error, Result};
-use host_tools::freehand::{self, GridAxis, Options, Segmentation, Tolerance};
+use host_tools::recording::freehand;
+use host_tools::recording::freehand::{GridAxis, Options, Segmentation, Tolerance};
+use host_tools::support::error::{Error, Result};
 
 use super::input::positive;
 

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::{Error, Result};
 use host_tools::rig::{self, Scene};
+use host_tools::support::error::{Error, Result};
 
 #[derive(clap::Args)]
 pub struct Arguments {

@@ -1,8 +1,9 @@
 //! `stylus stress`
 
-use host_tools::error::{Error, Result};
-use host_tools::progress;
-use host_tools::stress::{self, Outcome, Rest, cases};
+use host_tools::evaluation::stress;
+use host_tools::evaluation::stress::{Outcome, Rest, cases};
+use host_tools::support::error::{Error, Result};
+use host_tools::support::progress;
 
 use super::table::table;
 

@@ -1,6 +1,6 @@
 //! `stylus activate`
 
-use host_tools::error::{Error, Result};
+use host_tools::support::error::{Error, Result};
 use model_format::link::{SlotId, SlotState, Slots};
 use serde::Serialize;
 

@@ -1,7 +1,7 @@
 //! `stylus list`
 
-use host_tools::error::Result;
 use host_tools::link::Device;
+use host_tools::support::error::Result;
 use model_format::link::{SceneInfo, SlotId, SlotState, TextureInfo};
 use serde::Serialize;
 

@@ -17,8 +17,8 @@ pub mod upload;
 use std::time::Duration;
 
 use clap::Subcommand;
-use host_tools::error::Result;
 use host_tools::link::{Device, LinkAddress, Patience};
+use host_tools::support::error::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::input::positive;

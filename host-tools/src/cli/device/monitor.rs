@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use host_tools::error::{Error, Result};
 use host_tools::link::LinkError;
 use host_tools::link::capture::{Calibration, Level, Loss, Stream};
+use host_tools::support::error::{Error, Result};
 use model_format::link::{RecordError, Status};
 use serde::Serialize;
 

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::builder::RangedU64ValueParser;
-use host_tools::error::{Error, Result};
 use host_tools::link::Device;
 use host_tools::link::play::{Drive, Driven, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
-use host_tools::motion::MotionPath;
+use host_tools::playing::motion::MotionPath;
+use host_tools::support::error::{Error, Result};
 use model_format::link::{Activity, MotionSource, PlayRequest, Selection, Status, TextureName};
 use model_format::scene::SceneName;
 use model_format::{MillimetresPerSecond, Newton};

@@ -6,13 +6,13 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
-use host_tools::error::Result;
 use host_tools::fit::{self, Analysis};
 use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Capture, Level, Loss, capture};
 use host_tools::link::set::{Folder, Point};
-use host_tools::progress;
 use host_tools::recording::TRIAL_DURATION_S;
+use host_tools::support::error::Result;
+use host_tools::support::progress;
 use model_format::limits::MAX_ORDER;
 use model_format::link::RecordSample;
 use serde::Serialize;

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::{Error, Result};
 use host_tools::link::capture::{Level, Loss};
 use host_tools::link::strokes;
-use host_tools::progress;
+use host_tools::support::error::{Error, Result};
+use host_tools::support::progress;
 use model_format::link::RecordSample;
 use serde::Serialize;
 

@@ -1,7 +1,7 @@
 //! `stylus settings`
 
 use clap::Subcommand;
-use host_tools::error::{Error, Result};
+use host_tools::support::error::{Error, Result};
 use model_format::link::{Setting, SettingChange, Settings};
 use serde::Serialize;
 

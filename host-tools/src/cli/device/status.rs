@@ -1,6 +1,6 @@
 //! `stylus status`
 
-use host_tools::error::Result;
+use host_tools::support::error::Result;
 use model_format::link::{
     Activity, DeviceInfo, LinkCounters, MotionSource, MuteReason, OutputStatus, Status, UploadState,
 };

@@ -1,6 +1,6 @@
 //! `stylus stop`
 
-use host_tools::error::Result;
+use host_tools::support::error::Result;
 use serde::Serialize;
 
 use super::Link;

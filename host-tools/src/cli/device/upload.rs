@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
 use host_tools::link::upload::upload;
-use host_tools::progress;
+use host_tools::support::error::Result;
+use host_tools::support::progress;
 use serde::Serialize;
 
 use super::Link;

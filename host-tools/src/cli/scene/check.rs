@@ -1,7 +1,7 @@
 //! `stylus scene check`
 
-use host_tools::error::{Error, Result};
 use host_tools::scene::{Compiled, CostReport, Situation, equaliser};
+use host_tools::support::error::{Error, Result};
 use model_format::scene::MotionOfScene;
 use serde::Serialize;
 use stylus_kernel::scene::cost;

@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
-use host_tools::plot::{self, Caption, SceneRegion, SceneView};
+use host_tools::report::plot;
+use host_tools::report::plot::{Caption, SceneRegion, SceneView};
 use host_tools::scene::Hand;
 use host_tools::scene::SceneRendering;
+use host_tools::support::error::Result;
 use model_format::{OutputSample, Provenance};
 
 use super::super::input::positive;

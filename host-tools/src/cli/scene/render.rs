@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
-use host_tools::render::{WavFormat, write_wav};
+use host_tools::playing::render::{WavFormat, write_wav};
 use host_tools::scene::SceneRendering;
+use host_tools::support::error::Result;
 
 use super::super::input::positive;
 use super::source::{Along, Source, plan, provenance};

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::error::{Error, Result};
-use host_tools::motion::MotionPath;
+use host_tools::playing::motion::MotionPath;
 use host_tools::scene::{Compiled, SceneFile, surface_names};
+use host_tools::support::error::{Error, Result};
 use model_format::scene::{MotionOfScene, Scene};
 use model_format::{Library, MillimetresPerSecond, Newton, Provenance};
 use stylus_kernel::scene::Plan;
