@@ -9,6 +9,8 @@ use host_tools::texture::certificate::{Cell, Finding, Report, SAMPLES_A_SIDE, St
 use model_format::Library;
 
 use super::table::table;
+use crate::cli::library_file::read_library;
+use crate::cli::output::{print, print_json};
 
 /// How many cells that fail are shown one by one.
 const SHOWN_FAILURES: usize = 10;
@@ -29,7 +31,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let bytes = super::read_library(&arguments.library)?;
+    let bytes = read_library(&arguments.library)?;
     // What a stylus refuses can be looked into here.
     let library = Library::decode_uncertified(&bytes).map_err(|source| Error::Library {
         path: arguments.library.clone(),
@@ -46,7 +48,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         draw(&reports, path)?;
     }
     if arguments.json {
-        super::print_json(&reports)?;
+        print_json(&reports)?;
     } else {
         show(&reports)?;
     }
@@ -103,13 +105,13 @@ fn show(reports: &[Report]) -> Result<()> {
         "stored",
     ];
     let rows: Vec<Vec<String>> = reports.iter().map(row).collect();
-    super::print(&table(&header, &rows))?;
+    print(&table(&header, &rows))?;
     for report in reports {
         for cell in report.failures().iter().take(SHOWN_FAILURES) {
-            super::print(&format!("texture '{}', FAILS: {cell}", report.texture))?;
+            print(&format!("texture '{}', FAILS: {cell}", report.texture))?;
         }
     }
-    super::print(&legend(reports))
+    print(&legend(reports))
 }
 
 fn row(report: &Report) -> Vec<String> {

@@ -20,6 +20,8 @@ use model_format::TextureSpec;
 use super::input::{Recordings, not_negative, positive};
 use super::inspect::Summary;
 use super::table::table;
+use crate::cli::library_file::decode_library;
+use crate::cli::output::{print, print_json};
 
 /// Verdicts that `--drop` takes.
 const DROPPABLE: [&str; 7] = [
@@ -127,13 +129,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         bytes = encoded(&denser.densified.specs)?;
     }
     atomic_file::write(&arguments.out, &bytes)?;
-    let library = super::decode_library(&arguments.out, &bytes)?;
+    let library = decode_library(&arguments.out, &bytes)?;
     let textures: Vec<Summary> = library
         .textures()
         .map(|t| Summary::of(&t, arguments.json))
         .collect();
     if arguments.json {
-        return super::print_json(&Report {
+        return print_json(&Report {
             library: arguments.out.display().to_string(),
             bytes: bytes.len(),
             warnings: &fit.warnings,
@@ -145,14 +147,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         });
     }
     show_verdicts(&fit);
-    super::print(&super::inspect::summary_table(&textures))?;
+    print(&super::inspect::summary_table(&textures))?;
     if let Some(denser) = &denser {
-        super::print(&format!("\n{}", super::densify::summary(denser)))?;
+        print(&format!("\n{}", super::densify::summary(denser)))?;
     }
     if let (Some(concessions), Some(budget)) = (&concessions, &budget) {
-        super::print(&format!("\n{}", given_up(concessions, budget)))?;
+        print(&format!("\n{}", given_up(concessions, budget)))?;
     }
-    super::print(&format!(
+    print(&format!(
         "\n{} trials -> {} ({} bytes); the axes' energy kept: {}",
         fit.trials.len(),
         arguments.out.display(),

@@ -13,6 +13,7 @@ use host_tools::support::{atomic_file, progress};
 
 use super::input::not_negative;
 use super::table::table;
+use crate::cli::output::{print, to_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -77,14 +78,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ] {
         picture.write(&out.join(name))?;
     }
-    atomic_file::write(
-        &out.join("frontier.json"),
-        super::to_json(&frontier).as_bytes(),
-    )?;
+    atomic_file::write(&out.join("frontier.json"), to_json(&frontier).as_bytes())?;
     let page = out.join("index.html");
     frontier_page::write(&frontier, &pictures, &page)?;
-    super::print(&summary(&frontier))?;
-    super::print(&format!("\n{}", page.display()))
+    print(&summary(&frontier))?;
+    print(&format!("\n{}", page.display()))
 }
 
 /// An order that a library holds.

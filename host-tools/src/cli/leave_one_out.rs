@@ -12,14 +12,15 @@ use host_tools::support::{atomic_file, progress};
 use host_tools::texture::domain::Method;
 
 use super::table::table;
+use crate::cli::output::{print, to_json};
 
 /// Tests, prints the tables, and writes all figures where asked.
 pub fn run(set: &RecordingSet, options: &Options, json: Option<&Path>) -> Result<()> {
     let test = removed_node_test(set, &Row::all(), options)?;
     if let Some(path) = json {
-        atomic_file::write(path, super::to_json(&test).as_bytes())?;
+        atomic_file::write(path, to_json(&test).as_bytes())?;
     }
-    super::print(&tables(&test))
+    print(&tables(&test))
 }
 
 /// Tests with a progress bar.

@@ -15,6 +15,8 @@ use host_tools::support::error::Result;
 use host_tools::support::progress;
 
 use super::input::{Recordings, not_negative};
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::print;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -46,7 +48,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let set = arguments.recordings.open()?;
     let bytes = if let Some(path) = &arguments.library {
-        super::read_library(path)?
+        read_library(path)?
     } else {
         let options = fit::Options {
             order: arguments.order,
@@ -56,7 +58,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         super::fit::fit_library(&set, &options)?.1
     };
     let path = arguments.library.clone().unwrap_or_default();
-    let library = super::decode_library(&path, &bytes)?;
+    let library = decode_library(&path, &bytes)?;
     let options = evaluate::Options {
         reduction: arguments.reduce,
         smoothing_hz: arguments.smoothing,
@@ -108,5 +110,5 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         ""
     };
-    super::print(&format!("{}{origin}", arguments.out.display()))
+    print(&format!("{}{origin}", arguments.out.display()))
 }

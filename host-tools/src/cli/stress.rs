@@ -6,6 +6,7 @@ use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 
 use super::table::table;
+use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -31,9 +32,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let outcomes = stress::run(&cases, || bar.inc(1))?;
     bar.finish_and_clear();
     if arguments.json {
-        super::print_json(&outcomes)?;
+        print_json(&outcomes)?;
     } else {
-        super::print(&summary(&outcomes))?;
+        print(&summary(&outcomes))?;
     }
     let broken = outcomes
         .iter()

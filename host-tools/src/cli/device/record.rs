@@ -17,10 +17,11 @@ use model_format::limits::MAX_ORDER;
 use model_format::link::RecordSample;
 use serde::Serialize;
 
-use super::Link;
+use super::connection::Link;
 use super::interrupt::Interrupt;
 use super::sensing::Sensing;
 use crate::cli::input::{not_negative, positive};
+use crate::cli::output::{print, print_json};
 use crate::cli::table::table;
 
 /// How often the wish to end is looked for.
@@ -137,9 +138,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         left_out,
     };
     if arguments.json {
-        return crate::cli::print_json(&report);
+        return print_json(&report);
     }
-    crate::cli::print(&text(&report))
+    print(&text(&report))
 }
 
 fn points(arguments: &Arguments) -> Result<Vec<Point>> {
