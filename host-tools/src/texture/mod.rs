@@ -7,3 +7,4 @@ pub mod domain;
 pub mod grid;
 pub mod quantise;
 pub mod recorded_spectra;
+pub mod stored;

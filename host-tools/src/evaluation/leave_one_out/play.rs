@@ -3,7 +3,7 @@
 use model_format::{Library, MillimetresPerSecond, Newton, Provenance, TextureSpec, limits};
 use serde::Serialize;
 
-use super::Options;
+use super::options::Options;
 use crate::support::error::{Error, Result};
 
 use crate::dsp::MODEL_RATE_HZ;
