@@ -14,9 +14,11 @@ use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
+use crate::texture::library::uncertified_library;
+use crate::texture::quantise::StructureChoice;
 
-/// How much of a synthesis is left out before it is compared, s: filters start from rest.
-const WARM_UP_S: f64 = 0.5;
+/// Beginning of a synthesis that no comparison uses, s, because filters start from rest.
+pub(super) const WARM_UP_S: f64 = 0.5;
 
 /// The range over which the log-spectral distance is taken, Hz.
 pub const DISTANCE_RANGE_HZ: (f64, f64) = (30.0, 1000.0);
@@ -170,6 +172,17 @@ pub fn compare(
     seed: u64,
 ) -> Result<Comparison> {
     let (recorded, _) = fit::signal(trial, options.reduction)?;
+    play_beside(recorded, trial, texture, options, seed)
+}
+
+/// Plays `trial` from `texture` for at least as long as its reduced signal `recorded`.
+fn play_beside(
+    recorded: Vec<f64>,
+    trial: &Trial,
+    texture: Texture<'_>,
+    options: &Options,
+    seed: u64,
+) -> Result<Comparison> {
     let rate_hz = f64::from(MODEL_RATE_HZ);
     if texture.sample_rate_hz() != MODEL_RATE_HZ {
         return Err(Error::Request(format!(
@@ -318,26 +331,37 @@ pub fn cost_by_order(
     orders: &[usize],
     options: &Options,
 ) -> Result<Vec<(usize, f64)>> {
+    let Some(&highest) = orders.iter().max() else {
+        return Ok(Vec::new());
+    };
     let alone = RecordingSet {
         trials: vec![trial.clone()],
         is_listed: true,
     };
+    let fit_options = fit::Options {
+        order: fit::Order::Fixed(highest),
+        reduction: options.reduction,
+        ..fit::Options::default()
+    };
+    let (analysis, recorded) = fit::analyse_with_signal(trial, &fit_options, highest)?;
+    let fit = fit::fit_analysed(&alone, &[analysis], &fit_options)?;
+    let fitted = &fit.textures[0];
     let costs = orders.par_iter().map(|&order| {
-        let fit_options = fit::Options {
-            order: fit::Order::Fixed(order),
-            reduction: options.reduction,
-            ..fit::Options::default()
-        };
-        let fit = fit::fit(&alone, &fit_options, || ())?;
-        let reached = fit.textures[0].grid.models[0].reflection.len();
-        let bytes = model_format::encode(&fit.specs)
+        let mut grid = fitted.grid.clone();
+        // Levinson-Durbin's model of a lower order is the first stages of that of a higher one.
+        let reflection = &mut grid.models[0].reflection;
+        reflection.truncate(order);
+        if reflection.len() < order {
+            return Ok(None);
+        }
+        let bytes = uncertified_library(&fitted.name, &grid, StructureChoice::Lattice)?;
+        let library = Library::decode_uncertified(&bytes)
             .map_err(|failure| Error::Model(failure.to_string()))?;
-        let library =
-            Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
         let texture = texture_named(&library, &trial.texture)?;
-        let comparison = compare(trial, texture, options, options.seed)?;
-        let cost = judge(trial, &comparison, options).cost;
-        Ok(cost.filter(|_| reached == order).map(|cost| (order, cost)))
+        let comparison = play_beside(recorded.clone(), trial, texture, options, options.seed)?;
+        Ok(judge(trial, &comparison, options)
+            .cost
+            .map(|cost| (order, cost)))
     });
     let costs = costs.collect::<Result<Vec<_>>>()?;
     Ok(costs.into_iter().flatten().collect())

@@ -7,7 +7,7 @@ use crate::recording::triage::Verdict;
 use crate::recording::{self, Trial};
 use crate::support::error::{Error, Result};
 
-use super::{Estimator, Options};
+use super::options::{Estimator, Options};
 use crate::dsp::log_spectrum::LogSpectrum;
 
 /// What a fit keeps of a trial.
@@ -54,6 +54,18 @@ pub fn signal(trial: &Trial, reduction: Reduction) -> Result<(Vec<f64>, f64)> {
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
 pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Analysis> {
+    Ok(analyse_with_signal(trial, options, max_order)?.0)
+}
+
+/// As [`analyse`], with the reduced signal, m/s², beside the analysis.
+///
+/// # Errors
+/// A file that cannot be used, or without the axis that was asked for.
+pub fn analyse_with_signal(
+    trial: &Trial,
+    options: &Options,
+    max_order: usize,
+) -> Result<(Analysis, Vec<f64>)> {
     let mut samples = recording::read(trial)?;
     let mut verdicts = triage::samples(&samples);
     let fingerprint = triage::fingerprint(&samples.axes);
@@ -80,7 +92,7 @@ pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Ana
         Estimator::Rectangular => autocorrelation.lags,
         Estimator::Multitaper => multitaper_lags(&reduced.signal, autocorrelation.lags),
     };
-    Ok(Analysis {
+    let analysis = Analysis {
         samples: reduced.signal.len(),
         power,
         mean_m_s2,
@@ -89,7 +101,8 @@ pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Ana
         mains_line_hz,
         fingerprint,
         lags,
-    })
+    };
+    Ok((analysis, reduced.signal))
 }
 
 /// As many lags as `plain`, from tapered spectra, with the power of `plain`.

@@ -25,7 +25,7 @@ pub mod still;
 mod structure;
 
 pub use material::Material;
-pub use options::{CLOCKS_HZ, FITS, INTERVALS, ORDERS, Options};
+pub use options::{CLOCKS_HZ, INTERVALS, ORDERS, Options};
 pub use prepared::Prepared;
 pub use results::{Filter, Frontier, Point, interval_ms, share};
 pub use structure::{FilterStructure, Voice};

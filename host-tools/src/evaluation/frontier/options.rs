@@ -13,9 +13,6 @@ pub const INTERVALS: [usize; 6] = [1, 2, 5, 10, 25, 50];
 /// Clocks that a sample's time is shown for, Hz.
 pub const CLOCKS_HZ: [f64; 3] = [80e6, 168e6, 480e6];
 
-/// How often the material is fitted: at the highest order, and with orders by two criteria.
-pub const FITS: usize = 3;
-
 /// How to compare.
 #[derive(Clone, Debug)]
 pub struct Options {

@@ -39,19 +39,19 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Fits the one half of `material` and reads the other; `progress` is told of each trial analysed, [`FITS`] times.
+    /// Fits the one half of `material` and reads the other; `progress` is told of each trial analysed.
     ///
     /// # Errors
     /// A recording that cannot be used; material without a node that sounds.
     pub fn new(material: &Material, options: &Options, progress: impl Fn() + Sync) -> Result<Self> {
-        let fit_at = |order| {
-            let options = fit::Options {
-                order,
-                reduction: options.reduction,
-                ..fit::Options::default()
-            };
-            fit::fit(&material.fit, &options, &progress)
+        let at = |order| fit::Options {
+            order,
+            reduction: options.reduction,
+            ..fit::Options::default()
         };
+        let highest_order = at(Order::Fixed(model_format::limits::MAX_ORDER));
+        let analyses = fit::analyse_set(&material.fit, &highest_order, &progress)?;
+        let fit_at = |order| fit::fit_analysed(&material.fit, &analyses, &at(order));
         let highest = fit_at(Order::Fixed(model_format::limits::MAX_ORDER))?;
         let bayesian = fit_at(Order::Auto)?;
         let akaike = Order::AtMost(model_format::limits::MAX_ORDER);

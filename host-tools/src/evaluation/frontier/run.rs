@@ -1,13 +1,13 @@
 //! The comparison itself: every structure at every order, at rest, in motion and on the hard cases.
 
-use model_format::{Library, Provenance, TextureSpec, encode_uncertified};
+use model_format::Library;
 use rayon::prelude::*;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::support::error::{Error, Result};
 use crate::texture::certificate;
 use crate::texture::grid::Grid;
-use crate::texture::quantise::{StructureChoice, nodes as quantised_nodes};
+use crate::texture::library::uncertified_library;
+use crate::texture::quantise::StructureChoice;
 
 use super::costs::{Core, Cost, Costs};
 use super::fronts::mark_fronts;
@@ -134,18 +134,20 @@ impl Prepared {
                     forces_n: vec![force_n],
                     models: vec![model.clone()],
                 };
-                let played = match encoded(&self.names[*texture], &alone, structure.stored_as()) {
-                    Err(_) if structure.is_direct() => Ok(None),
-                    Err(failure) => Err(failure),
-                    Ok(bytes) => {
-                        let playing = Playing {
-                            smoothing_hz: options.smoothing_hz,
-                            synthesis_s: options.synthesis_s,
-                            seed: options.seed.wrapping_add(index as u64),
-                        };
-                        still::play(structure, &bytes, recording, &playing).map(Some)
-                    }
-                };
+                let played =
+                    match uncertified_library(&self.names[*texture], &alone, structure.stored_as())
+                    {
+                        Err(_) if structure.is_direct() => Ok(None),
+                        Err(failure) => Err(failure),
+                        Ok(bytes) => {
+                            let playing = Playing {
+                                smoothing_hz: options.smoothing_hz,
+                                synthesis_s: options.synthesis_s,
+                                seed: options.seed.wrapping_add(index as u64),
+                            };
+                            still::play(structure, &bytes, recording, &playing).map(Some)
+                        }
+                    };
                 progress();
                 played
             });
@@ -188,7 +190,7 @@ impl Prepared {
     }
 
     fn library(&self, fitted: &Fitted, texture: usize, stored: StructureChoice) -> Result<Vec<u8>> {
-        encoded(&self.names[texture], &fitted.grids[texture], stored)
+        uncertified_library(&self.names[texture], &fitted.grids[texture], stored)
     }
 }
 
@@ -256,22 +258,6 @@ fn cycles(cost: &Cost, moved: Option<&Moving>, interval: usize) -> (f64, f64) {
         cost.sample.best_cycles + (same + new) * cost.update.best_cycles,
         cost.sample.worst_cycles + (same * least + new) * cost.update.worst_cycles,
     )
-}
-
-fn encoded(name: &str, grid: &Grid, stored: StructureChoice) -> Result<Vec<u8>> {
-    let spec = TextureSpec {
-        name: name.to_owned(),
-        sample_rate_hz: MODEL_RATE_HZ,
-        structure: stored.structure(),
-        // It is never written anywhere.
-        provenance: Provenance::Simulated,
-        speed_axis_mm_s: grid.speeds_mm_s.clone(),
-        force_axis_n: grid.forces_n.clone(),
-        nodes: quantised_nodes(name, grid, stored)?,
-        cell_margins: Vec::new(),
-    };
-    // Whether it is stable between its nodes is asked where it is moved.
-    encode_uncertified(&[spec]).map_err(|failure| Error::Model(failure.to_string()))
 }
 
 fn decoded(bytes: &[u8]) -> Result<Library<'_>> {

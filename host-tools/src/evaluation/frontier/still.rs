@@ -10,13 +10,11 @@ use super::structure::{FilterStructure, Voice};
 use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::evaluation::evaluate::WARM_UP_S;
 use crate::evaluation::evaluate::rms;
 use crate::evaluation::stress::reference::{Deviation, FloatDirect, FloatLattice};
 use crate::support::error::{Error, Result};
 use crate::texture::stored::predictor;
-
-/// How much is left out before anything is compared, s: filters start from rest.
-const WARM_UP_S: f64 = 0.5;
 
 /// How long the float64 filter goes along after that, s.
 const REFERENCE_S: f64 = 1.0;

@@ -50,12 +50,12 @@ impl<'a> Prepared<'a> {
             reduction: options.reduction,
             ..fit::Options::default()
         };
-        let Fit { textures, .. } = fit::fit(set, &fit_options, || ())?;
-        let signals = set
-            .trials
-            .par_iter()
-            .map(|trial| Ok(fit::signal(trial, options.reduction)?.0))
-            .collect::<Result<Vec<_>>>()?;
+        let read = set.trials.par_iter().map(|trial| {
+            fit::analyse_with_signal(trial, &fit_options, fit_options.order.highest())
+        });
+        let (analyses, signals): (Vec<_>, Vec<_>) =
+            read.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        let Fit { textures, .. } = fit::fit_analysed(set, &analyses, &fit_options)?;
         let textures = textures
             .into_iter()
             .map(|texture| {
