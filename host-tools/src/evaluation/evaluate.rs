@@ -1,4 +1,4 @@
-//! How near the stylus comes to recordings: each trial is played by the device's own kernel at its speed and force, and
+//! Comparison with recordings: each trial is played by the device's own kernel at its speed and force, and
 //! compared with what was recorded.
 
 use model_format::{Library, MillimetresPerSecond, Newton, Texture};
@@ -23,14 +23,14 @@ pub(super) const WARM_UP_S: f64 = 0.5;
 /// The range over which the log-spectral distance is taken, Hz.
 pub const DISTANCE_RANGE_HZ: (f64, f64) = (30.0, 1000.0);
 
-/// How to evaluate.
+/// Options of an evaluation.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// From three axes to one; as for the fit.
     pub reduction: Reduction,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
     pub smoothing_hz: f64,
-    /// How long each synthesis is, s; at least as long as the recording. Longer ones tell the bands' levels better.
+    /// Duration of each synthesis, s; at least that of the recording. Longer ones give more exact levels of bands.
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise.
     pub seed: u64,
@@ -47,7 +47,7 @@ impl Default for Options {
     }
 }
 
-/// How near the stylus comes to one trial.
+/// The comparison of one trial.
 #[derive(Clone, Debug, Serialize)]
 pub struct TrialEvaluation {
     /// The recording.
@@ -64,7 +64,7 @@ pub struct TrialEvaluation {
     pub synthesised_rms_m_s2: f64,
     /// The paper's cost C, equation (6); none where the recording or the stylus is silent.
     pub cost: Option<f64>,
-    /// What C would be for a perfect model of broadband noise, whose synthesis is noise of its own.
+    /// C of a perfect model of broadband noise, which is not 0 because its synthesis is noise of its own.
     pub cost_floor: f64,
     /// Level of the synthesis over that of the recording in each third-octave band from 20 to 1000 Hz, dB.
     pub band_errors_db: [Option<f64>; BAND_COUNT],
@@ -75,7 +75,7 @@ pub struct TrialEvaluation {
 }
 
 impl TrialEvaluation {
-    /// Whether the stylus plays nothing here.
+    /// Returns whether the stylus plays nothing here.
     pub fn is_silent(&self) -> bool {
         self.cost.is_none()
     }
@@ -121,14 +121,14 @@ impl TextureEvaluation {
     }
 }
 
-/// What an evaluation gives, with what is needed to read it.
+/// The outcome of an evaluation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Evaluation {
     /// The kernel that smooths amplitudes for C.
     pub smoothing: String,
     /// The bands' nominal centre frequencies, Hz.
     pub bands_hz: [&'static str; BAND_COUNT],
-    /// Whether any recording behind it is simulated.
+    /// True if any recording behind it is simulated.
     pub simulated: bool,
     /// A line a texture.
     pub textures: Vec<TextureEvaluation>,

@@ -10,12 +10,12 @@ use crate::support::error::{Error, Result};
 use super::options::{Estimator, Options};
 use crate::dsp::log_spectrum::LogSpectrum;
 
-/// What a fit keeps of a trial.
+/// The statistics of a trial that a fit keeps.
 #[derive(Clone, Debug)]
 pub struct Analysis {
     /// Biased autocorrelation of the reduced signal from lag 0 on, (m/s²)².
     pub lags: Vec<f64>,
-    /// How many samples it is of.
+    /// Number of samples that it comes from.
     pub samples: usize,
     /// Variance of the reduced signal, (m/s²)².
     pub power: f64,
@@ -23,7 +23,7 @@ pub struct Analysis {
     pub mean_m_s2: f64,
     /// Share of the axes' energy that the reduced signal keeps.
     pub energy_share: f64,
-    /// What the trial by itself tells triage.
+    /// Findings of triage on the trial by itself.
     pub verdicts: Vec<Verdict>,
     /// A line at a mains frequency, Hz; whether it is hum, the other trials tell.
     pub mains_line_hz: Option<f64>,
@@ -32,7 +32,7 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Whether triage found it silent.
+    /// Returns whether triage found it silent.
     pub fn is_silent(&self) -> bool {
         self.verdicts.contains(&Verdict::Silent)
     }

@@ -32,7 +32,7 @@ pub struct Pictures {
 /// Draws them.
 ///
 /// # Errors
-/// That a picture cannot be laid out.
+/// A picture that cannot be laid out.
 pub fn pictures(frontier: &Frontier) -> Result<Pictures> {
     let caption = |title| Caption {
         title,

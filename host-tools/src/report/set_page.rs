@@ -23,15 +23,15 @@ use crate::texture::grid::as_written;
 /// A stretch of a recording in the picture of its prediction, s.
 const PREDICTION_S: f64 = 0.1;
 
-/// What the page is about.
+/// The contents of the page.
 pub struct Inputs<'a> {
     /// The recordings.
     pub set: &'a RecordingSet,
-    /// What the stylus has for them.
+    /// The library that they were compared with.
     pub library: &'a Library<'a>,
-    /// How near it comes to them.
+    /// The comparison.
     pub evaluation: &'a Evaluation,
-    /// How that was found.
+    /// Options of the comparison.
     pub options: &'a evaluate::Options,
     /// The removed-node test with the set it was made from; none where no node lies between others.
     pub test: Option<RemovedNodeTest<'a>>,

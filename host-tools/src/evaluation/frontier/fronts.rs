@@ -3,7 +3,7 @@
 use super::pareto;
 use super::results::{Filter, Frontier};
 
-/// What must be gained for more time to be worth a word: less is the scatter of the measurement.
+/// Least gains that count for more time: less is the scatter of the measurement.
 mod worth {
     /// Of C.
     pub const COST: f64 = 0.005;

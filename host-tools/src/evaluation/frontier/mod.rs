@@ -1,5 +1,5 @@
-//! What accuracy costs in time: every structure, order and interval of updates, with its error and its cycles, and which of
-//! them no other beats in both.
+//! Accuracy against time: every structure, order and update interval, with its error and its cycles, and the Pareto front
+//! of both.
 //!
 //! **At rest** ([`still`]): the nodes of textures, played by the kernel and its variants, against recordings that the fit has
 //! not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample. **Hard cases**

@@ -25,7 +25,7 @@ const PRESSES_HZ: f64 = 1.3;
 /// Length of a frame, s.
 pub const FRAME_S: f64 = 0.1;
 
-/// How long the hand rubs, s.
+/// Duration of the rubbing, s.
 const SECONDS: f64 = 4.0;
 
 /// A level below that of the frame's strongest band that nobody feels beside it, dB.
@@ -74,7 +74,7 @@ impl Rub {
 /// Levels by frame and band, (m/s²)².
 pub type Frames = Vec<[f64; BAND_COUNT]>;
 
-/// What one texture's rubbing came to.
+/// The outcome of rubbing one texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Moving {
     /// Sum of the squared errors, dB².

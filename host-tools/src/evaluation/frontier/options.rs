@@ -13,7 +13,7 @@ pub const INTERVALS: [usize; 6] = [1, 2, 5, 10, 25, 50];
 /// Clocks that a sample's time is shown for, Hz.
 pub const CLOCKS_HZ: [f64; 3] = [80e6, 168e6, 480e6];
 
-/// How to compare.
+/// Options of a comparison.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Orders that are the same for all nodes.
@@ -22,7 +22,7 @@ pub struct Options {
     pub reduction: Reduction,
     /// Width of C's smoothing, Hz.
     pub smoothing_hz: f64,
-    /// How long each synthesis at rest is, s.
+    /// Duration of each synthesis at rest, s.
     pub synthesis_s: f64,
     /// Of the noise.
     pub seed: u64,

@@ -25,7 +25,7 @@ pub(super) struct Fitted {
     pub(super) grids: Vec<Grid>,
 }
 
-/// What is fitted and read, before anything is played.
+/// Fits and held-out recordings, before anything is played.
 pub struct Prepared {
     pub(super) names: Vec<String>,
     pub(super) fitted: Vec<Fitted>,

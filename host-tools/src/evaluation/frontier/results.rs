@@ -11,12 +11,12 @@ use super::options::CLOCKS_HZ;
 use super::still::Still;
 use super::structure::FilterStructure;
 
-/// What a structure at an order costs and achieves.
+/// A structure at an order, with its costs and errors.
 #[derive(Clone, Debug, Serialize)]
 pub struct Filter {
     /// The structure.
     pub structure: FilterStructure,
-    /// How the order was chosen.
+    /// Choice of the order.
     pub order: Order,
     /// The highest order of any node, which a sample's time goes by.
     pub highest_order: usize,
@@ -34,7 +34,7 @@ pub struct Filter {
     pub library_bytes_a_node: usize,
     /// RAM for two frames' coefficients and the state, bytes.
     pub ram_bytes: usize,
-    /// Whether nothing cheaper has as low a C, all nodes being held.
+    /// True if it plays all nodes and nothing cheaper has as low a C.
     pub on_cost_front: bool,
 }
 
@@ -68,9 +68,9 @@ pub struct Point {
     pub best_cycles: f64,
     /// The same at worst.
     pub worst_cycles: f64,
-    /// Whether nothing cheaper has as low an error, all textures being held.
+    /// True if it plays all textures and nothing cheaper has as low an error.
     pub on_front: bool,
-    /// Whether nothing cheaper that holds every hard case has as low an error.
+    /// True if it holds every hard case and nothing cheaper that does has as low an error.
     pub on_safe_front: bool,
 }
 
@@ -99,9 +99,9 @@ pub fn share(cycles: f64, clock_hz: f64) -> f64 {
 /// Everything.
 #[derive(Clone, Debug, Serialize)]
 pub struct Frontier {
-    /// What was fitted and what was held out.
+    /// Description of the fitted and the held-out recordings.
     pub material: String,
-    /// Whether any recording is simulated.
+    /// True if any recording is simulated.
     pub simulated: bool,
     /// The textures.
     pub textures: Vec<String>,

@@ -16,7 +16,7 @@ use crate::evaluation::stress::reference::{Deviation, FloatDirect, FloatLattice}
 use crate::support::error::{Error, Result};
 use crate::texture::stored::predictor;
 
-/// How long the float64 filter goes along after that, s.
+/// Duration of the float64 reference after that, s.
 const REFERENCE_S: f64 = 1.0;
 
 /// One node, played.
@@ -57,12 +57,12 @@ pub struct Still {
     pub saturations: u32,
 }
 
-/// How nodes are played.
+/// Options of playing nodes.
 #[derive(Clone, Copy, Debug)]
 pub struct Playing {
     /// Width of C's smoothing, Hz.
     pub smoothing_hz: f64,
-    /// How long each synthesis is, s.
+    /// Duration of each synthesis, s.
     pub synthesis_s: f64,
     /// Of the noise.
     pub seed: u64,

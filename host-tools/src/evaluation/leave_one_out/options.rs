@@ -9,7 +9,7 @@ use crate::fit::Order;
 /// Widths of the kernel that smooths amplitudes for C, Hz, over which its dependence is shown.
 pub const SMOOTHING_WIDTHS_HZ: [f64; 7] = [0.0, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0];
 
-/// Which neighbours a removed node is predicted from.
+/// The neighbours that a removed node is predicted from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Around {
@@ -22,18 +22,18 @@ pub enum Around {
     Force,
 }
 
-/// How to test.
+/// Options of the test.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// From three axes to one.
     pub reduction: Reduction,
     /// Order of the models; the paper's is 400 for all.
     pub order: Order,
-    /// Which neighbours predict.
+    /// Neighbours that predict.
     pub around: Around,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
     pub smoothing_hz: f64,
-    /// How long each synthesis is at least, s.
+    /// Shortest duration of a synthesis, s.
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise, the same for every method.
     pub seed: u64,

@@ -34,7 +34,7 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// What silence scores: everything of the recording is missing.
+    /// Returns the score of silence, which lacks everything of the recording.
     pub fn silence(widths: usize) -> Self {
         Self {
             cost: 1.0,

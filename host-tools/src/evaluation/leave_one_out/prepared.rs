@@ -43,7 +43,7 @@ impl<'a> Prepared<'a> {
     /// Reads and fits `set`.
     ///
     /// # Errors
-    /// What [`fit::fit`] says, and a set without any inner node.
+    /// Those of [`fit::fit`], and a set without any inner node.
     pub fn new(set: &'a RecordingSet, options: &Options) -> Result<Self> {
         let fit_options = fit::Options {
             order: options.order,
@@ -87,7 +87,7 @@ impl<'a> Prepared<'a> {
         Ok(prepared)
     }
 
-    /// How many nodes will be removed.
+    /// Returns the number of nodes that will be removed.
     pub fn count(&self, around: Around) -> usize {
         self.targets(around).len()
     }
@@ -126,7 +126,7 @@ impl PreparedTexture {
         self.sounds((speed, force)).then_some((speed, force))
     }
 
-    /// Whether a node was recorded and is not silent.
+    /// Returns whether a node was recorded and is not silent.
     fn sounds(&self, place: (usize, usize)) -> bool {
         let flags = self.model(place).flags;
         let without = [
@@ -137,7 +137,7 @@ impl PreparedTexture {
         !without.iter().any(|&flag| flags.contains(flag)) && self.field.spectrum(place).is_some()
     }
 
-    /// What the node at `place` is predicted from.
+    /// Returns the neighbours that the node at `place` is predicted from.
     pub(super) fn neighbours(&self, place: (usize, usize), around: Around) -> Vec<Neighbour<'_>> {
         let (speed, force) = place;
         let (speeds, forces) = (&self.grid.speeds_mm_s, &self.grid.forces_n);

@@ -11,7 +11,7 @@ use super::play::{self, Judged, Voice};
 use super::prepared::{Prepared, PreparedTexture, Target};
 use super::results::{Outcome, Row};
 
-/// What of a row makes its sound. The level is a gain behind the filter: methods that differ by it alone are one
+/// The part of a row that determines its timbre. The level is a gain behind the filter: methods that differ by it alone are one
 /// synthesis, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Timbre {
@@ -26,7 +26,7 @@ pub(super) struct Removal<'p, 's> {
     target: Target,
     options: &'p Options,
     neighbours: Vec<Neighbour<'p>>,
-    /// What was played so far.
+    /// Syntheses so far.
     pub(super) voices: Vec<(Timbre, Option<Voice>)>,
 }
 

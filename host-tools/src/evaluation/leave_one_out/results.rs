@@ -34,7 +34,7 @@ impl Row {
         }
     }
 
-    /// Whether the dependence of C on the smoothing is shown of it.
+    /// Returns whether its C is shown for every width of the smoothing.
     pub(super) fn is_followed(self) -> bool {
         [
             Self::Interpolated(Method::PAPER),
@@ -66,17 +66,17 @@ pub struct Removed {
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
-    /// What each row of [`LeaveOneOut::rows`] comes to.
+    /// The outcome of each row of [`LeaveOneOut::rows`].
     pub outcomes: Vec<Outcome>,
 }
 
-/// How near a prediction comes to the recording.
+/// The comparison of a prediction with the recording.
 #[derive(Clone, Debug, Serialize)]
 pub struct Outcome {
     /// The synthesis against the recording.
     #[serde(flatten)]
     pub judged: Judged,
-    /// Whether the device could play the prediction.
+    /// True if the device could play the prediction.
     pub is_playable: bool,
     /// Order of the predicted model.
     pub order: usize,
@@ -84,18 +84,18 @@ pub struct Outcome {
     pub excitation_error: Option<f64>,
 }
 
-/// What the test gives.
+/// The outcome of the test.
 #[derive(Clone, Debug, Serialize)]
 pub struct LeaveOneOut {
     /// The kernel that smooths amplitudes for C.
     pub smoothing: String,
     /// Order of the interpolated models.
     pub order: String,
-    /// Which neighbours predicted.
+    /// Neighbours that predict.
     pub around: Around,
-    /// Whether any recording behind it is simulated.
+    /// True if any recording behind it is simulated.
     pub simulated: bool,
-    /// How nodes were predicted.
+    /// Ways of predicting a node.
     pub rows: Vec<Row>,
     /// Widths, Hz, over which [`Judged::costs_by_width`] goes.
     pub smoothing_widths_hz: Vec<f64>,

@@ -2,13 +2,13 @@
 
 use model_format::THETA_STEP_RAD;
 
-/// What a lattice must hold: dB from the node's power.
+/// Largest difference of a lattice's level from the node's power, dB.
 pub const LEVEL_DB: f64 = 0.2;
-/// What a lattice must hold: dB above the noise of its arithmetic; see [`snr_limit_db`].
+/// Least signal-to-noise ratio of a lattice's arithmetic, dB; see [`snr_limit_db`].
 pub const SNR_DB: f64 = 108.0;
-/// What a lattice must hold: standard errors of the mean from zero.
+/// Largest mean of a lattice's output, in standard errors.
 pub const MEAN_STANDARD_ERRORS: f64 = 4.0;
-/// What a lattice must hold: dB between fitted and stored spectrum; see [`spectrum_limit_db`].
+/// Largest difference between fitted and stored spectrum of a lattice, dB; see [`spectrum_limit_db`].
 pub const SPECTRUM_DB: f64 = 0.05;
 
 /// Largest pole radius up to which [`SNR_DB`] is promised.

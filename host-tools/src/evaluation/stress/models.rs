@@ -19,7 +19,7 @@ const RATE_HZ: f64 = MODEL_RATE_HZ as f64;
 /// A model by its reflection coefficients, with a name.
 #[derive(Clone, Debug)]
 pub struct NamedModel {
-    /// How the table calls it.
+    /// Name in tables.
     pub name: String,
     /// Reflection coefficients, the first stage first.
     pub reflection: Vec<f64>,
@@ -114,7 +114,7 @@ pub const FORCES_N: [f32; 2] = [0.5, 1.0];
 /// A library of one texture: of one node, or of four, speed-major, with their output powers, (m/s²)².
 ///
 /// # Errors
-/// What the structure cannot hold, as `fit` would tell.
+/// A model that the structure cannot hold, in the words of `fit`.
 pub fn library(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> Result<Vec<u8>> {
     let side = if nodes.len() == 1 { 1 } else { 2 };
     let model = |(model, power): &(&NamedModel, f64)| Model {

@@ -7,7 +7,7 @@ use super::limits::{
     LEVEL_DB, MEAN_STANDARD_ERRORS, SNR_DB, SPECTRUM_DB, snr_limit_db, spectrum_limit_db,
 };
 
-/// What came of a case in a structure.
+/// The outcome of a case in a structure.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Outcome {
     /// Models and motion.
@@ -16,9 +16,9 @@ pub struct Outcome {
     pub structure: String,
     /// Largest pole radius of the models.
     pub pole_radius: f64,
-    /// How many samples were driven.
+    /// Number of driven samples.
     pub samples: usize,
-    /// Why `fit` would not make such a texture, if so; then nothing was played.
+    /// The reason for which `fit` refuses such a texture, if it does; then nothing was played.
     pub refused: Option<String>,
     /// Samples in which any signal of the state was at full scale while driven.
     pub saturated: usize,
@@ -38,12 +38,12 @@ pub struct Outcome {
     pub glitched: Rest,
 }
 
-/// What came after the drive.
+/// The time after the drive.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Rest {
     /// Samples until nothing was left in the state; `None` if there was something to the end.
     pub silent_after: Option<usize>,
-    /// How many samples the end was.
+    /// Longest wait for silence, samples.
     pub limit: usize,
     /// Samples at which the state's norm grew, without any input.
     pub growing: usize,
@@ -54,7 +54,7 @@ pub struct Rest {
 }
 
 impl Outcome {
-    /// What a lattice promises and this does not hold, each in a few words.
+    /// Returns the promises of a lattice that this breaks, each in a few words.
     pub fn broken(&self) -> Vec<String> {
         if let Some(refusal) = &self.refused {
             return vec![format!("refused: {refusal}")];
@@ -101,17 +101,17 @@ impl Outcome {
         broken
     }
 
-    /// Whether SNR and spectrum are within what is promised of all but narrow lines.
+    /// Returns whether SNR and spectrum are within the limits of all but narrow lines.
     pub fn is_within_common_limits(&self) -> bool {
         self.snr_db.is_none_or(|snr| snr >= SNR_DB) && self.spectrum_db <= SPECTRUM_DB
     }
 
-    /// Whether the promises of SNR and spectrum are the weaker ones of narrow lines.
+    /// Returns whether SNR and spectrum have the weaker limits of narrow lines.
     pub fn is_narrow(&self) -> bool {
         snr_limit_db(self.pole_radius) < SNR_DB || spectrum_limit_db(self.pole_radius) > SPECTRUM_DB
     }
 
-    /// Whether it is the structure that all of this is promised of.
+    /// Returns whether it is the structure that gives these promises.
     pub fn is_lattice(&self) -> bool {
         self.structure == Structure::NormalisedLattice.to_string()
     }

@@ -17,7 +17,7 @@ use super::player::{Player, player};
 use super::reference::{Deviation, FloatDirect, FloatLattice, Mean};
 use super::{models, spectrum};
 
-/// How much louder than ever the third run is driven: from an RMS of an eighth of full scale to one of a third.
+/// Gain of the overdrive: from an RMS of an eighth of full scale to one of a third.
 const OVERDRIVE: f64 = 8.0 / 3.0;
 
 /// One standard deviation of the excitation.
@@ -203,11 +203,11 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// What a float64 filter gives.
+/// One sample of a float64 filter.
 struct Exact {
-    /// What the newest signal of the state should be.
+    /// Exact value of the newest signal of the state.
     state: f64,
-    /// What the output should be in level, m/s².
+    /// Exact value of the output, m/s².
     output: f64,
 }
 

@@ -39,7 +39,7 @@ const HEADER_BYTES: usize = 64 + limits::MAX_NAME_BYTES;
 pub struct AddedLine {
     /// The texture.
     pub texture: String,
-    /// Whether it is of one speed or of one force.
+    /// The axis that the line's value belongs to.
     pub direction: Direction,
     /// The speed, mm/s, or the force, N.
     pub value: f32,
@@ -47,7 +47,7 @@ pub struct AddedLine {
     pub promised_gain: f64,
 }
 
-/// What densifying gives.
+/// A denser grid per texture.
 #[derive(Clone, Debug)]
 pub struct Densified {
     /// The textures, ready to be encoded.

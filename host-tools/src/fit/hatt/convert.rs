@@ -21,13 +21,13 @@ use crate::texture::grid::Grid;
 use crate::texture::library::texture_spec;
 use crate::texture::quantise::StructureChoice;
 
-/// How fast the spectrum falls where the models say nothing.
+/// Slope of the spectrum where the models say nothing.
 pub const ROLL_OFF_DB_PER_OCTAVE: f64 = 48.0;
 
 /// Worst error of a third octave that the order of a node may leave, dB.
 const ECONOMY_DB: f64 = 0.5;
 
-/// How many nodes the rectangle has.
+/// Numbers of nodes of the rectangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Speeds, evenly from the highest down to a share of it, the lowest above zero.
@@ -51,7 +51,7 @@ pub struct ConvertedNode {
     pub worst_band_db: Option<f64>,
     /// Error of the level within the models' own band, dB; none of silence.
     pub level_db: Option<f64>,
-    /// Whether the place lies outside of all triangles and took over the nearest place within.
+    /// True for a place outside of all triangles, which takes over the nearest place within.
     pub is_extrapolated: bool,
 }
 

@@ -23,7 +23,7 @@ const DECADES: f64 = 5.0;
 /// Cells are of one size, whatever the steps of the axes, which stand at the cells' borders.
 ///
 /// # Errors
-/// That the picture cannot be laid out.
+/// A picture that cannot be laid out.
 pub fn certificate_map(caption: &Caption<'_>, report: &Certification) -> Result<Svg> {
     let direct = |cell: &Cell| matches!(cell.finding, Finding::Direct { .. });
     let Some(first) = report.cells.first() else {
@@ -101,7 +101,7 @@ fn draw_cell(area: &Area<'_>, place: [(i32, i32); 2], cell: &Cell) -> Drawn {
     Ok(())
 }
 
-/// Where cells are, in drawn pixels.
+/// Places of cells, in drawn pixels.
 struct Layout {
     columns: usize,
     rows: usize,

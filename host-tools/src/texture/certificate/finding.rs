@@ -3,14 +3,14 @@
 use model_format::{CELL_MARGIN_STEPS_PER_OCTAVE, UNCERTIFIED_CELL};
 use serde::Serialize;
 
-/// What is found of a texture.
+/// The findings on a texture.
 #[derive(Clone, Debug, Serialize)]
 pub struct Certification {
     /// The texture's name.
     pub texture: String,
     /// Its structure.
     pub structure: String,
-    /// Whether it is computed from a simulated rig's recordings.
+    /// True for a texture that comes from simulated recordings.
     pub simulated: bool,
     /// Values of the speed axis, mm/s.
     pub speeds_mm_s: Vec<f32>,
@@ -18,9 +18,9 @@ pub struct Certification {
     pub forces_n: Vec<f32>,
     /// All cells, speed-major.
     pub cells: Vec<Cell>,
-    /// Whether every cell holds.
+    /// True if every cell holds.
     pub holds: bool,
-    /// Whether the library holds a certificate, and the same one.
+    /// The library's own certificate, compared with this one.
     pub stored: Stored,
 }
 
@@ -36,18 +36,18 @@ pub enum Stored {
     Different,
 }
 
-/// What lies between neighbouring nodes.
+/// The area between neighbouring nodes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Cell {
     /// Lowest and highest speed, mm/s; equal where the axis has one value.
     pub speeds_mm_s: [f32; 2],
     /// Lowest and highest force, N.
     pub forces_n: [f32; 2],
-    /// What was found.
+    /// The finding.
     pub finding: Finding,
 }
 
-/// What was found of a cell.
+/// The finding on a cell.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
 pub enum Finding {
@@ -61,7 +61,7 @@ pub enum Finding {
         /// A proved lower bound, over the whole cell and the whole unit circle, of |A|: coefficients off by less, added up,
         /// would be stable too. `None` where the proof fails.
         proved_margin: Option<f64>,
-        /// Where the proof came no further, Hz.
+        /// Frequency at which the proof ended, Hz.
         critical_frequency_hz: Option<f64>,
         /// The sampled point of the largest pole radius.
         worst: Point,
@@ -80,7 +80,7 @@ pub struct Point {
 }
 
 impl Cell {
-    /// Whether every point of the cell is stable, as far as it is proved and sampled.
+    /// Returns whether every point of the cell is stable, by the proof and by the samples.
     pub fn holds(&self) -> bool {
         match &self.finding {
             Finding::Lattice { .. } => true,
@@ -109,7 +109,7 @@ impl Cell {
 }
 
 impl std::fmt::Display for Cell {
-    /// Where the cell is, and what is wrong with it.
+    /// Writes the place of the cell and the fault in it.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let ([low_speed, high_speed], [low_force, high_force]) = (self.speeds_mm_s, self.forces_n);
         write!(
@@ -153,7 +153,7 @@ impl Certification {
         failures
     }
 
-    /// What a library stores of a direct form: a byte a cell. Nothing of a lattice, which needs nothing stored.
+    /// Returns the bytes that a library stores: one per cell of a direct form, none of a lattice.
     pub fn cell_margins(&self) -> Vec<u8> {
         let direct = |cell: &&Cell| matches!(cell.finding, Finding::Direct { .. });
         let direct = self.cells.iter().filter(direct);

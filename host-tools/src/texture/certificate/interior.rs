@@ -6,7 +6,7 @@ use crate::dsp::linear_prediction::step_down;
 /// Steps along each side of a cell between sampled points.
 pub const SAMPLES_PER_SIDE: u32 = 8;
 
-/// How exactly a pole radius is found.
+/// Tolerance of a pole radius.
 const RADIUS_TOLERANCE: f64 = 1e-7;
 
 /// Largest pole radius that is looked for; nodes with Σ|h| of 1024 cannot have a larger one than 1024.
@@ -87,7 +87,7 @@ fn radius_above(a: &[f64], bound: f64) -> Option<f64> {
     (high > bound).then_some(high)
 }
 
-/// Whether all zeros are within `radius`: A(z · radius) is stable.
+/// Returns whether all zeros are within `radius`, that is, whether A(z · radius) is stable.
 fn all_within(a: &[f64], radius: f64) -> bool {
     let mut power = 1.0;
     let scaled: Vec<f64> = a[1..]

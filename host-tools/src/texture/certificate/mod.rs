@@ -124,7 +124,7 @@ pub fn certified(mut spec: TextureSpec) -> Result<TextureSpec> {
     Ok(spec)
 }
 
-/// Where a cell is, and its nodes: index on the speed axis and on the force axis, the kernel's order, none twice.
+/// The place of a cell and its nodes (index on the speed axis, on the force axis) in the kernel's order, none twice.
 struct CellCorners {
     speeds_mm_s: [f32; 2],
     forces_n: [f32; 2],
