@@ -1,4 +1,4 @@
-//! Orders within a budget of cycles a sample, and what they give up.
+//! Orders within a budget of cycles per sample, and what they give up.
 //!
 //! The time of a sample is that of the highest order of a texture's nodes, wherever the hand is: so that the path of a tick does
 //! not depend on the data, a frame has as many stages, or sums as many taps, as any node of its texture. A budget

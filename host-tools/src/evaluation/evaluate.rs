@@ -130,7 +130,7 @@ pub struct Evaluation {
     pub bands_hz: [&'static str; BAND_COUNT],
     /// True if any recording behind it is simulated.
     pub simulated: bool,
-    /// A line a texture.
+    /// One line per texture.
     pub textures: Vec<TextureEvaluation>,
     /// Every trial, in the order of the set.
     pub trials: Vec<TrialEvaluation>,

@@ -26,6 +26,6 @@ pub struct Fit {
     pub specs: Vec<TextureSpec>,
     /// The textures before quantisation, in the same order.
     pub textures: Vec<FittedTexture>,
-    /// Notes for the user, a line each.
+    /// Notes for the user, one line each.
     pub warnings: Vec<String>,
 }

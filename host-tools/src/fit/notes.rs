@@ -11,7 +11,7 @@ use super::trial_report::TrialReport;
 /// for.
 const LARGE_MEAN: f64 = 1.0;
 
-/// Returns the notes on texture `name`, a line each.
+/// Returns the notes on texture `name`, one line each.
 pub(super) fn of(
     name: &str,
     grid: &Grid,

@@ -31,7 +31,7 @@ pub struct Filter {
     /// On a Cortex-M7: instructions counted, cycles bounded by the Cortex-M4's.
     pub m7: Cost,
     /// Flash that a node takes in a library, bytes.
-    pub library_bytes_a_node: usize,
+    pub library_bytes_per_node: usize,
     /// RAM for two frames' coefficients and the state, bytes.
     pub ram_bytes: usize,
     /// True if it plays all nodes and nothing cheaper has as low a C.
@@ -64,7 +64,7 @@ pub struct Point {
     pub total_error_db: f64,
     /// Samples at full scale while rubbing.
     pub saturations: u32,
-    /// Cycles a sample on a Cortex-M4, updates included, at best.
+    /// Cycles per sample on a Cortex-M4, updates included, at best.
     pub best_cycles: f64,
     /// The same at worst.
     pub worst_cycles: f64,

@@ -64,7 +64,7 @@ impl Prepared {
                 refused_textures: refused.map(|(_, name)| name.clone()).collect(),
                 m4: cost(Core::M4)?,
                 m7: cost(Core::M7)?,
-                library_bytes_a_node: structure.library_bytes_a_node(fitted.highest_order),
+                library_bytes_per_node: structure.library_bytes_per_node(fitted.highest_order),
                 ram_bytes: structure.ram_bytes(fitted.highest_order),
                 on_cost_front: false,
             };
@@ -246,11 +246,11 @@ fn rubbed(
     Ok(points.collect())
 }
 
-/// Cycles a sample, updates included, at best and at worst. At worst those that stay in their cell take that share of the dearest
+/// Cycles per sample, updates included, at best and at worst. At worst those that stay in their cell take that share of the dearest
 /// which their instructions are; at best all are as cheap as the cheapest.
 fn cycles(cost: &Cost, moved: Option<&Moving>, interval: usize) -> (f64, f64) {
     let (same, new) = match moved {
-        Some(moved) => moved.updates_a_sample(),
+        Some(moved) => moved.updates_per_sample(),
         None => (1.0 / interval as f64, 0.0),
     };
     let least = cost.update.instructions_least / cost.update.instructions_most;

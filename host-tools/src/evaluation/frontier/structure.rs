@@ -88,7 +88,7 @@ impl FilterStructure {
     }
 
     /// Bytes of flash that a node's coefficients take in a library.
-    pub fn library_bytes_a_node(self, order: usize) -> usize {
+    pub fn library_bytes_per_node(self, order: usize) -> usize {
         order * self.stored_as().structure().coefficient_bytes()
     }
 

@@ -16,10 +16,9 @@ const SNR_RADIUS: f64 = 0.999;
 
 /// The SNR that is promised of models of this pole radius, dB.
 ///
-/// What truncation takes from a signal it takes in proportion to no more than a step a stage and sample, always toward zero: it
-/// damps. A line that rings for 1/(1 - r) samples adds that up, in phase with itself, so that each tenth of 1 - r beyond
-/// 0.999 costs 20 dB. 3 dB more are for lines that have not rung up yet. The level stays; at radius 0.99999 it is off by two
-/// thousandths of a dB.
+/// Truncation takes at most one step per stage and sample from a signal, always toward zero, so it damps. A line that rings
+/// for 1/(1 - r) samples adds that up in phase. Each tenth of 1 - r beyond 0.999 therefore costs 20 dB; 3 dB more are for
+/// lines that have not rung up yet. The level stays: at radius 0.99999 it is off by two thousandths of a dB.
 pub fn snr_limit_db(pole_radius: f64) -> f64 {
     let beyond = (1.0 - SNR_RADIUS) / (1.0 - pole_radius).max(f64::MIN_POSITIVE);
     // Not for 0.999 itself and the rounding of it.

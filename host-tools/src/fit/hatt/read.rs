@@ -17,7 +17,7 @@ const MOST_NUMBERS: usize = 100_000;
 /// A file's models.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Toolkit {
-    /// Samples a second at which the models hold.
+    /// Samples per second at which the models hold.
     pub sample_rate_hz: f64,
     /// Highest speed of the recordings, mm/s.
     pub max_speed_mm_s: f64,

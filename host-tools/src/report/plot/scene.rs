@@ -48,7 +48,7 @@ pub struct SceneView<'a> {
     pub hand: Hand<'a>,
     /// Samples that are played, m/s².
     pub samples_m_s2: &'a [f64],
-    /// Its samples a second.
+    /// Its samples per second.
     pub rate_hz: f64,
     /// Highest frequency of the spectrogram, Hz.
     pub highest_hz: f64,

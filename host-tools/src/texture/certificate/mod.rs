@@ -7,7 +7,7 @@
 //! the level could prevent.
 //!
 //! **Direct form, proved.** At a point of a cell the filter is 1/A with A = Σ w(k) A(k), a weighted mean of the cell's nodes,
-//! rounded to the kernel's coefficients: that moves |A| by no more than half a step a tap, which all distances from 0 here
+//! rounded to the kernel's coefficients: that moves |A| by no more than half a step per tap, which all distances from 0 here
 //! leave room for.
 //! 1. On no edge of the cell (four sides, two diagonals) does A have a zero on the unit circle: for no frequency is 0 on
 //!    the segment from A(j) to A(k) in the complex plane, which is the segment lemma's condition that A(j)/A(k) is never
