@@ -30,7 +30,8 @@ pub use library::{
     Texture, UNCERTIFIED_CELL,
 };
 pub use units::{
-    AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample, Volt,
+    AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample,
+    SAMPLE_RATE_HZ, Volt,
 };
 pub use wire::{FORMAT_VERSION, Provenance, Structure};
 
