@@ -1,9 +1,9 @@
-//! The half of a scene that decides, once a block, below the tick.
+//! The half of a scene that decides, once per block, below the tick.
 //!
-//! A **slot** holds a voice: two frames, of which one may be played while the other is computed, and a playback. A surface
-//! that is to sound gets a slot and keeps it while it does; one that is not wanted any more fades within a block. A slot's
-//! playback is taken up for another texture only after a block in which the slot was not played, when it is the director's.
-//! So there are never more than two voices, whatever the tool jumps to; a third surface waits a block for a slot.
+//! A **slot** holds a voice: two frames, of which one may be played while the other is computed, and a playback. A
+//! surface that is to sound gets a slot and keeps it as long as it sounds; one that is no longer wanted fades within a
+//! block. A slot's playback changes its texture only after a block in which the tick did not play the slot. There are
+//! therefore never more than two voices, however far the tool jumps; a third surface waits one block for a slot.
 
 use model_format::Texture;
 
@@ -18,35 +18,35 @@ use crate::grid::{Motion, ONE};
 use crate::level::{Levels, Ramp};
 use crate::synthesis::{Frame, Playback};
 
-/// Where the voices are kept. On a device the tick has a share in them; what the director asks for is never the tick's at
-/// that time.
+/// Storage of the voices. On a device it is shared with the tick; the director never asks for a part that the tick uses
+/// at that time.
 pub trait Voices {
     /// Frame `buffer` of `slot`, which the block that is played does not use.
     fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame>;
 
-    /// The levels of frame `buffer` of `slot`, which the block that is played may use, with `left` samples of its ramps to
-    /// come.
+    /// The levels of frame `buffer` of `slot`, which the block that is played may use, with `left` samples of its
+    /// ramps to come.
     fn levels(&self, slot: usize, buffer: usize, left: u32) -> Levels;
 
     /// The playback of `slot`, which the block that is played does not use.
     fn playback(&mut self, slot: usize) -> &mut Option<Playback>;
 }
 
-/// Decides what each block takes.
+/// Decides the stages of each block.
 #[derive(Clone, Debug)]
 pub struct Director<'a> {
     plan: Plan<'a>,
     next_plan: Option<Plan<'a>>,
-    /// How many plans were played, this one included.
+    /// Number of plans played, this one included.
     plans: u32,
     seed: u64,
     slots: [Slot<'a>; SLOTS],
     tap: Option<Resonance>,
-    /// The contact that began with the block that is played, and is to be heard.
+    /// The contact that began with the block that is played, and whose tap is to be struck.
     touched: Option<Touch>,
-    /// Whether the block that is played begins with a strike, which may not have been seen to ring.
+    /// True if the block that is played begins with a strike, which `ringing` may not show yet.
     struck: bool,
-    /// Whether the block that is played feeds the equaliser.
+    /// True if the block that is played feeds the equaliser.
     fed: bool,
     /// The fade of the block that is played.
     fading: Option<Ramp>,
@@ -62,19 +62,19 @@ struct Before {
 
 #[derive(Clone, Debug, Default)]
 struct Slot<'a> {
-    /// Whose state the playback holds.
+    /// The texture whose state the playback holds.
     texture: Option<PlannedTexture<'a>>,
     /// The surface that sounds here, or last did.
     surface: Option<u8>,
-    /// Which frame is played, or last was.
+    /// Index of the frame that is played, or last was.
     buffer: usize,
-    /// Which frames were made for the texture.
+    /// True for each frame that was made for the texture.
     made: [bool; 2],
-    /// Whether the block that is played uses the slot.
+    /// True if the block that is played uses the slot.
     played: bool,
-    /// Whether the frame began with that block; if not, its ramps are at their ends.
+    /// True if the frame began with that block; otherwise its ramps are at their ends.
     began: bool,
-    /// What the frame was computed for.
+    /// The motion that the frame was computed for.
     motion: Option<Motion>,
     /// The gain at the end of the frame's ramp, in steps of 2⁻¹⁶.
     gain: u32,
@@ -85,20 +85,20 @@ struct Slot<'a> {
 /// A contact whose tap is yet to be struck.
 #[derive(Clone, Copy, Debug)]
 struct Touch {
-    /// On which surface.
+    /// Index of the surface.
     surface: usize,
-    /// The rate of force of the block in which it began, N/s.
+    /// Rate of force of the block in which it began, N/s.
     rate_n_s: f32,
 }
 
-/// A surface that is to sound, and its gain in steps of 2⁻¹⁶, which is not 0.
+/// A surface that is to sound, with its gain in steps of 2⁻¹⁶, which is not 0.
 #[derive(Clone, Copy, Debug)]
 struct Wanted {
     surface: u8,
     gain: u32,
 }
 
-/// What a block is decided from.
+/// The inputs of a block's decision.
 #[derive(Clone, Copy)]
 struct Moment {
     motion: Motion,
@@ -108,7 +108,7 @@ struct Moment {
 }
 
 impl<'a> Director<'a> {
-    /// For `plan`; the same `seed` gives the same samples, always and everywhere.
+    /// A director of `plan`. The same `seed` gives the same samples on every machine.
     pub fn new(plan: Plan<'a>, seed: u64) -> Self {
         Self {
             plan,
@@ -125,13 +125,13 @@ impl<'a> Director<'a> {
         }
     }
 
-    /// From the next block on `plan` is played instead, as soon as what sounds has faded: one block later, and one more where a
-    /// voice needs a slot that was played until then.
+    /// Changes to `plan` from the next block on, as soon as what sounds has faded. That takes one block, and one more
+    /// if a voice needs a slot that was played until then.
     pub fn switch(&mut self, plan: Plan<'a>) {
         self.next_plan = Some(plan);
     }
 
-    /// Whether a plan waits for what sounds to fade.
+    /// Returns whether a plan waits for what sounds to fade.
     pub fn is_switching(&self) -> bool {
         self.next_plan.is_some()
     }
@@ -141,13 +141,12 @@ impl<'a> Director<'a> {
         &self.plan
     }
 
-    /// Decides what the block of `samples` samples takes that follows the one that is played, writes it to `block`, and
-    /// computes its frames.
+    /// Decides the stages of the next block, of `samples` samples, writes them to `block`, and computes its frames.
     ///
-    /// `ringing` is what [`super::ScenePlayback::ringing`] said after the block that is played had begun, and `left` how many
-    /// samples of that one's ramps will not be played: 0 where blocks are played to their end.
+    /// `ringing` is the value of [`super::ScenePlayback::ringing`] after the block that is played had begun. `left`
+    /// is the number of samples of that block's ramps that will not be played: 0 if blocks are played to their end.
     ///
-    /// The work is that of at most two [`Frame::update`]s and some thousand instructions, in bounded time.
+    /// The work is bounded: at most two [`Frame::update`]s and some thousand instructions.
     pub fn next_block(
         &mut self,
         interaction: Interaction,
@@ -178,7 +177,8 @@ impl<'a> Director<'a> {
         });
     }
 
-    /// Takes up the plan that waits, once nothing sounds; whether what still rings unheard is to be forgotten.
+    /// Changes to the plan that waits, once nothing sounds. Returns true if it did, and what still rings is to be
+    /// reset.
     fn take_up_next_plan(&mut self, left: u32, ringing: Ringing) -> bool {
         let faded = self.fading.is_some_and(|ramp| ramp.value(left) == 0);
         let feeds = self.fed && !self.plan.equaliser.is_empty();
@@ -200,7 +200,7 @@ impl<'a> Director<'a> {
         true
     }
 
-    /// What lies under the tool; nothing without contact, and nothing while the plan is to be exchanged.
+    /// The surfaces under the tool; none without contact, and none while a plan waits.
     fn locate(&self, interaction: &Interaction) -> heapless::Vec<Located, 2> {
         if interaction.contact && self.next_plan.is_none() {
             self.plan.path.locate(interaction.position_mm())
@@ -243,11 +243,11 @@ impl<'a> Director<'a> {
         }
     }
 
-    /// The tap of an impact: contact that was not there in the block before, on what has the greater weight. Contact from the
-    /// beginning is none.
+    /// The tap of an impact: a contact that was not there in the block before, on the surface of greater weight.
+    /// Contact from the beginning is no impact.
     ///
-    /// It is struck one block after contact, at the larger rate of force of the two. Where in a block contact falls is
-    /// chance, and of a force that begins to rise at its end little is seen in it.
+    /// The tap is struck one block after contact, at the larger rate of force of the two blocks. Contact falls
+    /// anywhere in a block, and a force that begins to rise at the block's end shows little of its rate in it.
     fn impact(
         &mut self,
         interaction: &Interaction,
@@ -259,7 +259,7 @@ impl<'a> Director<'a> {
         let rate_n_s = rise / seconds;
         let touched = self.touched.take();
         if interaction.contact && !before.interaction.contact {
-            // The one that lies there comes first, and is not the lighter one.
+            // The surface at the position itself comes first, and never has the smaller weight.
             self.touched = located.first().map(|there| Touch {
                 surface: usize::from(there.surface),
                 rate_n_s,
@@ -293,8 +293,8 @@ impl<'a> Director<'a> {
         }
     }
 
-    /// Gives the surface of `one` a slot, if it has none and there is one: a slot that is silent, that no other wanted surface
-    /// has, and whose playback is of the same texture or not the tick's.
+    /// Gives the surface of `one` a slot, if it has none and one is free: a slot that is silent, that no other wanted
+    /// surface has, and whose playback holds the same texture or is not used by the tick.
     fn find_slot(
         &mut self,
         one: Wanted,
@@ -341,7 +341,7 @@ impl<'a> Director<'a> {
         }
     }
 
-    /// Takes slot `index` to `gain`; its stage, if it is to be played.
+    /// Takes slot `index` to `gain`, and returns its stage if it is to be played.
     fn direct_slot(
         &mut self,
         index: usize,
@@ -356,7 +356,7 @@ impl<'a> Director<'a> {
             (slot.played, slot.stick_slip) = (false, None);
             return None;
         }
-        // What fades out keeps the coefficients that it has.
+        // A voice that fades out keeps its coefficients.
         let motion = if gain == 0 {
             slot.motion.unwrap_or(moment.motion)
         } else {
@@ -429,7 +429,7 @@ impl<'a> Director<'a> {
         self.fed = feeds;
     }
 
-    /// Fades what the voices' own levels do not, while a plan waits.
+    /// Fades tap and equaliser while a plan waits; the voices fade by their own levels.
     fn direct_fade(&mut self, moment: Moment, block: &mut Block) {
         let rings = |stage: &Stage| matches!(stage, Stage::Tap(_) | Stage::Equaliser);
         if self.next_plan.is_none() || !block.stages.iter().any(rings) {
@@ -446,25 +446,26 @@ impl<'a> Director<'a> {
 }
 
 impl Slot<'_> {
-    /// Whether anything is to be heard of it at the end of the block that is played, of which `left` samples are left out.
+    /// Returns whether the slot is audible at the end of the block that is played, of which `left` samples are left
+    /// out.
     fn sounds(&self, left: u32) -> bool {
         self.played && (self.gain > 0 || self.left(left) > 0)
     }
 
-    /// Samples of the frame's ramps that are left out with `left` of the block's.
+    /// Number of samples of the frame's ramps that are left out with `left` of the block's.
     fn left(&self, left: u32) -> u32 {
         if self.played && self.began { left } else { 0 }
     }
 }
 
-/// Each slot has noise of its own; the first that of the seed itself.
+/// The seed of a slot's own noise. The first slot has `seed` itself.
 fn seed_of(seed: u64, slot: usize) -> u64 {
     /// 2⁶⁴ divided by the golden ratio: seeds of neighbouring numbers stay apart.
     const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
     seed.wrapping_add(STEP.wrapping_mul(slot as u64))
 }
 
-/// Whether both are the same texture of the same library: the same bytes at the same place.
+/// Returns whether both are the same texture of the same library: the same bytes at the same address.
 fn is_same(one: &Texture<'_>, other: &Texture<'_>) -> bool {
     core::ptr::eq(one.name(), other.name())
 }
