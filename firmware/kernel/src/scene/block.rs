@@ -75,6 +75,12 @@ impl Block {
         }
     }
 
+    /// Adds a stage to the list.
+    pub(super) fn push(&mut self, stage: Stage) {
+        // There is room for one of each.
+        let _ = self.stages.push(stage);
+    }
+
     /// The stages that the tick runs per sample, in their order.
     pub fn stages(&self) -> &[Stage] {
         &self.stages

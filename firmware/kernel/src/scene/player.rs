@@ -5,10 +5,11 @@ use core::marker::PhantomData;
 use model_format::OutputSample;
 
 use super::block::{Block, SLOTS};
-use super::director::{Director, Voices};
+use super::director::Director;
 use super::interaction::Interaction;
 use super::plan::Plan;
 use super::playback::ScenePlayback;
+use super::slots::Voices;
 use crate::arithmetic::{Arithmetic, Portable};
 use crate::level::Levels;
 use crate::synthesis::{Frame, Playback};
@@ -17,7 +18,7 @@ use crate::synthesis::{Frame, Playback};
 #[derive(Clone, Debug)]
 pub struct ScenePlayer<'a, A: Arithmetic = Portable> {
     director: Director<'a>,
-    voices: Slots,
+    voices: OwnVoices,
     playback: ScenePlayback,
     block: Block,
     arithmetic: PhantomData<A>,
@@ -25,12 +26,12 @@ pub struct ScenePlayer<'a, A: Arithmetic = Portable> {
 
 /// The voices, none of them shared.
 #[derive(Clone, Debug)]
-struct Slots {
+struct OwnVoices {
     frames: [[Option<Frame>; 2]; SLOTS],
     playbacks: [Option<Playback>; SLOTS],
 }
 
-impl Voices for Slots {
+impl Voices for OwnVoices {
     fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame> {
         &mut self.frames[slot][buffer]
     }
@@ -55,7 +56,7 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
                 clippy::large_stack_arrays,
                 reason = "a host's stack holds two voices; a device keeps them where it wants"
             )]
-            voices: Slots {
+            voices: OwnVoices {
                 frames: [const { [const { None }; 2] }; SLOTS],
                 playbacks: [const { None }; SLOTS],
             },
@@ -81,7 +82,7 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
     /// The next sample.
     #[inline]
     pub fn next_sample(&mut self) -> OutputSample {
-        let Slots { frames, playbacks } = &mut self.voices;
+        let OwnVoices { frames, playbacks } = &mut self.voices;
         self.playback.next_sample(&self.block, |voice| {
             let slot = usize::from(voice.slot);
             match (
