@@ -113,7 +113,8 @@ proptest! {
 
     #[test]
     fn the_fade_is_zero_at_rest_one_on_the_grid_and_rises_between(
-        (speeds, forces) in (axis(), axis()), speed in choice(), force in choice(), shares in (0.0f32..1.0, 0.0f32..1.0),
+        (speeds, forces) in (axis(), axis()), speed in choice(), force in choice(),
+        shares in (0.0f32..1.0, 0.0f32..1.0),
     ) {
         let bytes = grid(&speeds, &forces);
         let texture = texture(&bytes);

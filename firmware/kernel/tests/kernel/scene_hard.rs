@@ -178,7 +178,8 @@ proptest! {
     ) {
         let bytes = library(&[]);
         // Two voices of at most 2 m/s² RMS and 8 deviations, the taps' limit, and the equaliser's largest gain.
-        let bound = (2.0 * 16.0 + 20.0) * if scene.equaliser.is_empty() && second.equaliser.is_empty() { 1.0 } else { 40.0 };
+        let equalised = !(scene.equaliser.is_empty() && second.equaliser.is_empty());
+        let bound = (2.0 * 16.0 + 20.0) * if equalised { 40.0 } else { 1.0 };
         let mut player = player(&bytes, &scene, seed);
         let cost = plan(&bytes, &scene).worst_case();
         let switch_at = interactions.len() / 2;

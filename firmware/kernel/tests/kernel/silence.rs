@@ -82,7 +82,8 @@ proptest! {
             }),
             1 => vec(-THETA_OF_0_9999..=THETA_OF_0_9999, MAX_ORDER),
         ],
-        (largest, backward) in (1i32..2048).prop_flat_map(|largest| (Just(largest), vec(-largest..=largest, MAX_ORDER))),
+        (largest, backward) in (1i32..2048)
+            .prop_flat_map(|largest| (Just(largest), vec(-largest..=largest, MAX_ORDER))),
     ) {
         let rotations: Vec<Rotation> = codes.into_iter().map(rotation).collect();
         let mut state = state(&backward);
