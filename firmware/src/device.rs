@@ -9,9 +9,8 @@ use core::fmt::Write;
 use embassy_stm32::uid;
 use heapless::String;
 use model_format::link::{
-    DeviceInfo, Fault, FaultKind, FaultText, LinkCounters, MotionSource, PROTOCOL_VERSION,
-    PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
-    SCHEMA_HASH, Selection, Settings, TickCounters,
+    DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayRequest, RecordCounters,
+    RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection, Settings, TickCounters,
 };
 use model_format::{FORMAT_VERSION, Library};
 use stylus_app::control::{Device, ResetReport, TickReport};
@@ -23,10 +22,10 @@ use stylus_app::storage::LoadFault;
 use stylus_kernel::scene::Plan;
 use stylus_kernel::scene::cost::BUDGET;
 
-use crate::clock::CORE_HZ;
-use crate::library_ram::LibraryRam;
-use crate::link_counters::{SERIAL, USB};
-use crate::{direction, fault, tick, update, voice};
+use crate::boot::clock::CORE_HZ;
+use crate::play::library_ram::LibraryRam;
+use crate::play::{direction, update, voice};
+use crate::tick;
 
 /// Everything of the hardware's but flash and wires.
 pub struct Hardware {
@@ -34,6 +33,7 @@ pub struct Hardware {
     /// Turns samples into blocks.
     pub recorder: Recorder<'static>,
     reset: ResetReport,
+    link_counters: fn() -> [LinkCounters; 2],
     settings: Settings,
     muted: bool,
     /// The first tick that has seen the present mute.
@@ -42,13 +42,18 @@ pub struct Hardware {
 
 impl Hardware {
     /// With nothing played and nothing recorded; there is one, as there is one recorder's end of the queue.
-    pub fn new(recorder: Recorder<'static>, reset: ResetReport) -> Self {
+    pub fn new(
+        recorder: Recorder<'static>,
+        reset: ResetReport,
+        link_counters: fn() -> [LinkCounters; 2],
+    ) -> Self {
         // SAFETY: this runs once: whoever calls it has given its only recorder away.
         let library = unsafe { LibraryRam::new() };
         Self {
             library,
             recorder,
             reset,
+            link_counters,
             settings: Settings::default(),
             muted: true,
             muted_since: 0,
@@ -123,7 +128,7 @@ impl Device for Hardware {
     }
 
     fn link_counters(&self) -> [LinkCounters; 2] {
-        [USB.get(), SERIAL.get()]
+        (self.link_counters)()
     }
 
     fn reset_report(&self) -> ResetReport {
@@ -210,96 +215,4 @@ impl Device for Hardware {
 /// `text`, or nothing if it does not fit.
 fn text<const N: usize>(text: &str) -> String<N> {
     String::try_from(text).unwrap_or_default()
-}
-
-/// How this start came about, from what the processor and the memory kept.
-pub fn reset_report(flags: ResetFlags, before: fault::Before) -> ResetReport {
-    let caught = before.caught.map(|caught| Fault {
-        kind: match caught.kind {
-            fault::Kind::HardFault => FaultKind::HardFault,
-            fault::Kind::Nmi => FaultKind::Nmi,
-            fault::Kind::Panic => FaultKind::Panic,
-            fault::Kind::UnexpectedInterrupt => FaultKind::UnexpectedInterrupt,
-            fault::Kind::TickStopped => FaultKind::TickStopped,
-            fault::Kind::ExecutorStopped => FaultKind::ExecutorStopped,
-        },
-        program_counter: caught.program_counter,
-        detail: caught.detail,
-        text: place_in_words(&caught),
-    });
-    let reason = match flags {
-        ResetFlags::PowerOn => ResetReason::PowerOn,
-        ResetFlags::Brownout => ResetReason::Brownout,
-        ResetFlags::Watchdog => ResetReason::Watchdog,
-        ResetFlags::Software if before.new_fault => ResetReason::Fault,
-        ResetFlags::Software => ResetReason::Software,
-        ResetFlags::Pin => ResetReason::Pin,
-        ResetFlags::Unknown => ResetReason::Unknown,
-    };
-    ResetReport {
-        reason,
-        resets: before.resets,
-        fault: caught,
-    }
-}
-
-/// File and line of a panic, the file's end if it is long; of anything else return addresses in hexadecimal, the newest
-/// first, for `addr2line` on the image's file.
-fn place_in_words(caught: &fault::Caught) -> FaultText {
-    /// What a line's number and the colon need at most.
-    const LINE_CHARACTERS: usize = 8;
-    let mut text = FaultText::new();
-    if let Some((file, line)) = fault::place(caught.location) {
-        let left_out = file.len().saturating_sub(text.capacity() - LINE_CHARACTERS);
-        // Fits. A name with letters of several bytes may be cut within one, then the line alone is told.
-        let _ = write!(text, "{}:{line}", file.get(left_out..).unwrap_or_default());
-        return text;
-    }
-    for &address in caught.trace.iter().filter(|&&address| address != 0) {
-        let separator = if text.is_empty() { "" } else { " " };
-        if write!(text, "{separator}{address:08x}").is_err() {
-            break;
-        }
-    }
-    text
-}
-
-/// What the processor says about the last reset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
-pub enum ResetFlags {
-    /// Power came.
-    PowerOn,
-    /// Power dipped.
-    Brownout,
-    /// The independent watchdog.
-    Watchdog,
-    /// The processor itself.
-    Software,
-    /// The reset pin.
-    Pin,
-    /// None of these.
-    Unknown,
-}
-
-impl ResetFlags {
-    /// Reads and clears RCC_RSR (RM0433 section 8.7.38). Other resets set the pin's flag too, and power all of them, so the
-    /// order counts.
-    pub fn take() -> Self {
-        let rsr = embassy_stm32::pac::RCC.rsr();
-        let flags = rsr.read();
-        rsr.modify(|w| w.set_rmvf(true));
-        if flags.porrstf() {
-            Self::PowerOn
-        } else if flags.borrstf() {
-            Self::Brownout
-        } else if flags.iwdg1rstf() {
-            Self::Watchdog
-        } else if flags.sftrstf() {
-            Self::Software
-        } else if flags.pinrstf() {
-            Self::Pin
-        } else {
-            Self::Unknown
-        }
-    }
 }

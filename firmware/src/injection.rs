@@ -11,7 +11,7 @@ use embassy_stm32::interrupt::Interrupt;
 use embassy_stm32::pac::TIM6;
 use postcard_rpc::Key;
 
-use crate::clock::CORE_HZ;
+use crate::boot::clock::CORE_HZ;
 
 /// The topic's path.
 pub const PATH: &str = "stylus/fault-injection";

@@ -1,48 +1,33 @@
 //! The stylus's image for the STM32H743 on a NUCLEO-H743ZI2.
 //!
-//! | module | what |
+//! | room | content |
 //! |---|---|
-//! | [`startup`], [`clock`], [`priority`] | from reset to running |
-//! | [`tick`], [`inputs`], [`output`] | one sample, 5000 times a second |
-//! | [`update`], [`direction`], [`voice`], [`shared`] | one block every 2 ms, handed to the tick |
-//! | [`device`], [`library_ram`], [`storage`], [`flash`], [`flash_word`] | what `stylus_app` needs of the hardware |
-//! | [`link`], [`serial`], [`usb`] | requests, over two wires |
-//! | [`otg`], [`otg_control`] | what embassy's driver of the USB core does not survive by itself |
-//! | [`fault`], [`watchdog`], [`stack`] | the end, and why; what keeps from it |
+//! | [`boot`] | from reset to running: memory, clocks, interrupt priorities, cause of the reset |
+//! | [`play`] | one block every 2 ms, handed to the tick |
+//! | [`tick`] | one sample, 5000 times per second |
+//! | [`fault`] | ends of the program, their reasons, and the guards: handlers, watchdog, stack |
+//! | [`flash`] | library slots and settings in flash |
+//! | [`device`] | the hardware as `stylus_app::control` sees it |
+//! | [`link`] | requests, over two wires |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! The pins stand at the head of [`inputs`], [`output`], [`serial`] and [`usb`]; LED LD1 on PB0 blinks while all is well, LD3
-//! on PB14 lights after a fault.
+//! Rooms import downward only: `link` imports `device`; `device` imports `flash` and `fault`; `fault` imports `tick`; `tick`
+//! imports `play`; all may import `boot`, which imports none. `main` alone sees all of them.
+//!
+//! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
+//! blinks while all is well, LD3 on PB14 lights after a fault.
 #![no_std]
 #![no_main]
 
-mod clock;
+mod boot;
 mod device;
-mod direction;
 mod fault;
 mod flash;
-mod flash_word;
 #[cfg(feature = "fault-injection")]
 mod injection;
-mod inputs;
-mod library_ram;
 mod link;
-mod link_counters;
-mod otg;
-mod otg_control;
-mod output;
-mod priority;
-mod serial;
-mod shared;
-mod stack;
-mod startup;
-mod storage;
+mod play;
 mod tick;
-mod update;
-mod usb;
-mod voice;
-mod watchdog;
-mod wire;
 
 use defmt_rtt as _;
 use panic_probe as _;
@@ -58,8 +43,15 @@ use stylus_app::inputs::InputConfig;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety;
 
-use crate::device::{Hardware, ResetFlags, reset_report};
-use crate::wire::Wire;
+use crate::boot::reset::ResetFlags;
+use crate::boot::{clock, priority, startup};
+use crate::device::Hardware;
+use crate::fault::{record, report, stack, watchdog};
+use crate::flash::word;
+use crate::link::wire::{self, Wire};
+use crate::link::{counters, recording, requests, serial, storage, usb};
+use crate::play::update;
+use crate::tick::inputs;
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
@@ -68,9 +60,9 @@ async fn main(spawner: Spawner) {
     };
     startup::prepare_memory(&mut core.SCB, &mut core.CPUID);
     startup::start_cycle_counter(&mut core.DCB, &mut core.DWT);
-    flash_word::enable_bus_fault(&mut core.SCB);
+    word::enable_bus_fault(&mut core.SCB);
     let flags = ResetFlags::take();
-    let before = fault::take(flags == ResetFlags::PowerOn, flags == ResetFlags::Watchdog);
+    let before = record::take(flags == ResetFlags::PowerOn, flags == ResetFlags::Watchdog);
     let p = embassy_stm32::init(clock::config());
     priority::assign();
     watchdog::start(p.IWDG1);
@@ -99,7 +91,11 @@ async fn main(spawner: Spawner) {
     );
     priority::enable();
 
-    let hardware = Hardware::new(Recorder::new(consumer), reset_report(flags, before));
+    let hardware = Hardware::new(
+        Recorder::new(consumer),
+        report::reset_report(flags, before),
+        counters::all,
+    );
     let fault_led = if before.caught.is_some() {
         Level::High
     } else {
@@ -108,7 +104,7 @@ async fn main(spawner: Spawner) {
     core::mem::forget(Output::new(p.PB14, fault_led, Speed::Low));
     spawner.spawn(blink(Output::new(p.PB0, Level::Low, Speed::Low)).unwrap());
     storage::start(spawner, hardware).await;
-    spawner.spawn(link::record::stream().unwrap());
+    spawner.spawn(recording::stream().unwrap());
     if let Ok((half, inlet)) = serial::open(p.USART3, p.PD8, p.PD9) {
         wire::SERIAL.open(half).await;
         spawner.spawn(serve_serial(inlet).unwrap());
@@ -121,7 +117,7 @@ async fn main(spawner: Spawner) {
 #[embassy_executor::task]
 async fn serve_serial(inlet: serial::Inlet) -> ! {
     static BUFFER: ConstStaticCell<serial::Buffer> = ConstStaticCell::new(serial::EMPTY);
-    link::serve(Wire::Serial, inlet, BUFFER.take()).await
+    requests::serve(Wire::Serial, inlet, BUFFER.take()).await
 }
 
 /// Shows that the executor lives, and now and then how much stack was needed and how warm the coil is.

@@ -17,8 +17,8 @@ use postcard_rpc::header::VarHeader;
 use postcard_rpc::server::{WireRx, WireRxErrorKind};
 use static_cell::ConstStaticCell;
 
-use crate::link_counters::SERIAL;
-use crate::wire::SendFrame;
+use crate::link::counters::SERIAL;
+use crate::link::wire::SendFrame;
 
 /// Longest COBS frame of `length` bytes, with the zero: one byte more for every 254, and one.
 const fn encoded(length: usize) -> usize {

@@ -6,7 +6,7 @@
 use embassy_time::Timer;
 use model_format::link::{
     ActivateEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListSceneEndpoint,
-    MotionEndpoint, MotionTopic, PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlockTopic,
+    MotionEndpoint, MotionTopic, PlayEndpoint, PlayError, PlayRequest, Playing,
     RecordStartEndpoint, RecordStopEndpoint, SettingsGetEndpoint, SettingsResetEndpoint,
     SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint, UploadAbortEndpoint,
     UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
@@ -20,11 +20,9 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 use stylus_app::control::Control;
 
-use crate::storage::{self, Job, with_control};
-use crate::wire::Wire;
-
-/// Keys are sent whole.
-const KEY_KIND: VarKeyKind = VarKeyKind::Key8;
+use crate::link::recording;
+use crate::link::storage::{self, Job, with_control};
+use crate::link::wire::{KEY_KIND, Wire};
 
 type Result = core::result::Result<(), WireTxErrorKind>;
 
@@ -161,7 +159,7 @@ impl Dispatch for Requests {
             }
             RecordStartEndpoint::REQ_KEY => {
                 asked
-                    .answer::<RecordStartEndpoint>(|()| record::start(self.wire))
+                    .answer::<RecordStartEndpoint>(|()| recording::start(self.wire))
                     .await
             }
             RecordStopEndpoint::REQ_KEY => {
@@ -243,52 +241,5 @@ pub async fn serve<R: WireRx>(wire: Wire, inlet: R, buffer: &'static mut [u8]) -
         // A wire that was lost comes back: what waits for it is in the wire itself.
         server.run().await;
         Timer::after_millis(10).await;
-    }
-}
-
-/// Streams of recordings.
-pub mod record {
-    use core::cell::Cell;
-
-    use embassy_sync::blocking_mutex::Mutex;
-    use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
-    use model_format::link::{RecordError, RecordStarted};
-    use stylus_app::control::{Control, Device};
-
-    use super::{KEY_KIND, RecordBlockTopic, Sender, Timer, VarSeq, Wire, with_control};
-
-    /// Where blocks go.
-    static LISTENER: Mutex<ThreadModeRawMutex, Cell<Wire>> = Mutex::new(Cell::new(Wire::Serial));
-
-    /// Starts a recording for the host on `wire`.
-    ///
-    /// # Errors
-    /// One is under way.
-    pub fn start(wire: Wire) -> Result<RecordStarted, RecordError> {
-        let started = with_control(Control::record_start)?;
-        LISTENER.lock(|listener| listener.set(wire));
-        Ok(started)
-    }
-
-    /// Sends blocks as they come, and keeps the queue from filling when nobody records.
-    #[embassy_executor::task]
-    pub async fn stream() -> ! {
-        loop {
-            let block = with_control(|control| {
-                let device = control.device();
-                let now = device.now();
-                device.recorder.next_block(now)
-            });
-            let Some(block) = block else {
-                // A block comes every 6.4 ms.
-                Timer::after_millis(2).await;
-                continue;
-            };
-            let sender = Sender::new(LISTENER.lock(Cell::get), KEY_KIND);
-            // One that is not taken in time is counted by its wire, and missed by its number.
-            let _ = sender
-                .publish::<RecordBlockTopic>(VarSeq::Seq4(block.sequence), &block)
-                .await;
-        }
     }
 }

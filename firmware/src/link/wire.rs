@@ -8,11 +8,14 @@ use postcard_rpc::header::{VarHeader, VarKeyKind};
 use postcard_rpc::server::{WireTx, WireTxErrorKind};
 use serde::Serialize;
 
-use crate::link_counters::Counters;
-use crate::{link_counters, serial, usb};
+use crate::link::counters::{self, Counters};
+use crate::link::{serial, usb};
 
 /// How long a frame may take: the longest one takes 12 ms on the serial wire.
 const SEND_LIMIT: Duration = Duration::from_millis(100);
+
+/// Length of keys on the wire: they are sent whole.
+pub const KEY_KIND: VarKeyKind = VarKeyKind::Key8;
 
 /// One frame before it is sent.
 pub type Frame = [u8; MAX_DEVICE_FRAME_BYTES];
@@ -75,10 +78,10 @@ fn encode<T: Serialize + ?Sized>(
 }
 
 /// The serial link's outlet.
-pub static SERIAL: Outlet<serial::Half> = Outlet::new(&link_counters::SERIAL);
+pub static SERIAL: Outlet<serial::Half> = Outlet::new(&counters::SERIAL);
 
 /// The USB link's outlet.
-pub static USB: Outlet<usb::Half> = Outlet::new(&link_counters::USB);
+pub static USB: Outlet<usb::Half> = Outlet::new(&counters::USB);
 
 /// Which way a frame goes to the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,8 +96,8 @@ impl Wire {
     /// What this link counts.
     pub fn counters(self) -> &'static Counters {
         match self {
-            Self::Serial => &link_counters::SERIAL,
-            Self::Usb => &link_counters::USB,
+            Self::Serial => &counters::SERIAL,
+            Self::Usb => &counters::USB,
         }
     }
 

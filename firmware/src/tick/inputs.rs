@@ -19,7 +19,7 @@ use embassy_stm32::peripherals::{self, PA3, PA6, PB1, PC0, PC1, PC7};
 use embassy_stm32::timer::qei::{self, Qei};
 use model_format::AdcCode;
 
-use crate::clock::TIMER_HZ;
+use crate::boot::clock::TIMER_HZ;
 
 /// Channels in the order of the sequence: acceleration X, Y, Z, and force.
 const CHANNELS: [u8; 4] = [15, 10, 11, 5];

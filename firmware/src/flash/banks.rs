@@ -30,9 +30,10 @@ use model_format::limits::SLOT_BYTES;
 use stylus_app::settings::SETTINGS_RANGE;
 use stylus_app::slots::MappedFlash;
 
-use crate::clock::CORE_HZ;
-use crate::flash_word::{self, WORD_BYTES};
-use crate::{priority, watchdog};
+use crate::boot::clock::CORE_HZ;
+use crate::boot::priority;
+use crate::fault::watchdog;
+use crate::flash::word::{self, WORD_BYTES};
 
 /// A sector, bytes (RM0433 table 8).
 const SECTOR_BYTES: u32 = 128 * 1024;
@@ -153,7 +154,7 @@ impl Bank {
         while !rest.is_empty() {
             let within = at as usize % WORD_BYTES;
             let word = at - within as u32;
-            let read = flash_word::read(word).ok_or(FlashError::Unreadable { address: word })?;
+            let read = word::read(word).ok_or(FlashError::Unreadable { address: word })?;
             let length = rest.len().min(WORD_BYTES - within);
             let (now, later) = rest.split_at_mut(length);
             now.copy_from_slice(&read[within..within + length]);

@@ -15,7 +15,7 @@ use core::sync::atomic::{AtomicBool, Ordering, compiler_fence};
 use stylus_app::inputs::Follower;
 use stylus_kernel::scene::{Director, Plan};
 
-use crate::shared::Handed;
+use crate::play::shared::Handed;
 
 /// What decides, and how it follows the hand.
 pub struct Direction {

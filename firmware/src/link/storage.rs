@@ -28,8 +28,8 @@ use stylus_app::slots::SlotStore;
 use stylus_app::storage::{LoadFault, Stage, Storage};
 
 use crate::device::Hardware;
-use crate::flash::{Bank2, SettingsFlash};
-use crate::wire::Wire;
+use crate::flash::banks::{Bank2, SettingsFlash};
+use crate::link::wire::Wire;
 
 static CONTROL: Mutex<ThreadModeRawMutex, RefCell<Option<Control<Hardware>>>> =
     Mutex::new(RefCell::new(None));

@@ -10,8 +10,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use model_format::link::MotionSource;
 use stylus_app::inputs::{self, InputConfig, Timed};
 
-use crate::shared::OfHandler;
-use crate::{direction, voice};
+use crate::play::shared::OfHandler;
+use crate::play::{direction, voice};
 
 /// Whether the motion that is followed was too old when it was last looked at.
 static STALE: AtomicBool = AtomicBool::new(true);

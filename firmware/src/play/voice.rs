@@ -20,8 +20,8 @@ use stylus_kernel::scene::{
 };
 use stylus_kernel::{Frame, Levels, Playback, UPDATE_INTERVAL_SAMPLES};
 
-use crate::priority;
-use crate::shared::Handed;
+use crate::boot::priority;
+use crate::play::shared::Handed;
 
 /// One of the two blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -21,10 +21,10 @@ use postcard_rpc::header::VarHeader;
 use postcard_rpc::server::{WireRx, WireRxErrorKind};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::link;
-use crate::link_counters::USB;
-use crate::otg::{Driver, Input, Listen, Output, PACKET_BYTES, Watch};
-use crate::wire::{self, SendFrame, Wire};
+use crate::link::counters::USB;
+use crate::link::otg::driver::{Driver, Input, Listen, Output, PACKET_BYTES, Watch};
+use crate::link::requests;
+use crate::link::wire::{self, SendFrame, Wire};
 
 /// What a program on Windows looks for; the interface's own, made up once.
 const INTERFACE_GUIDS: &[&str] = &["{6D1F0C5A-9B0E-4C86-8F2B-51E6C2F5B0A7}"];
@@ -149,7 +149,7 @@ async fn run(mut device: UsbDevice<'static, Driver>) -> ! {
 #[embassy_executor::task]
 async fn serve(inlet: Inlet) -> ! {
     static BUFFER: StaticCell<[u8; MAX_HOST_FRAME_BYTES]> = StaticCell::new();
-    link::serve(Wire::Usb, inlet, BUFFER.init([0; MAX_HOST_FRAME_BYTES])).await
+    requests::serve(Wire::Usb, inlet, BUFFER.init([0; MAX_HOST_FRAME_BYTES])).await
 }
 
 /// The sending half.

@@ -11,26 +11,14 @@ use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peri, pac, peripherals};
 use embassy_time::{Duration, Ticker};
 
-use crate::fault;
+use crate::fault::record;
+use crate::tick::alive;
 
 /// How long the watchdog waits, µs.
 const TIMEOUT_US: u32 = 250_000;
 
 /// How often it is fed.
 const FEED: Duration = Duration::from_millis(20);
-
-/// Counts ticks; moved on by the tick.
-static TICKS: AtomicU32 = AtomicU32::new(0);
-
-/// The tick lives.
-#[inline(always)]
-pub fn tick_lives() {
-    // The tick alone writes it, so this need not be one access.
-    TICKS.store(
-        TICKS.load(Ordering::Relaxed).wrapping_add(1),
-        Ordering::Relaxed,
-    );
-}
 
 /// Starts the watchdog; from now on nothing stops it. A halted processor of a debugger's does, so that it can be looked at.
 pub fn start(watchdog: Peri<'static, peripherals::IWDG1>) {
@@ -42,12 +30,12 @@ pub fn start(watchdog: Peri<'static, peripherals::IWDG1>) {
 #[embassy_executor::task]
 pub async fn feed() -> ! {
     let mut ticker = Ticker::every(FEED);
-    let mut before = TICKS.load(Ordering::Relaxed);
+    let mut before = alive::ended();
     loop {
         ticker.next().await;
-        let now = TICKS.load(Ordering::Relaxed);
+        let now = alive::ended();
         if now == before {
-            fault::tick_stopped();
+            record::note_tick_stopped();
         } else {
             reload();
         }
@@ -59,7 +47,7 @@ pub async fn feed() -> ! {
 #[inline(always)]
 pub fn feed_while_ticking() {
     static BEFORE: AtomicU32 = AtomicU32::new(0);
-    let now = TICKS.load(Ordering::Relaxed);
+    let now = alive::ended();
     if now != BEFORE.swap(now, Ordering::Relaxed) {
         reload();
     }

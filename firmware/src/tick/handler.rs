@@ -28,10 +28,10 @@ use stylus_app::safety;
 use stylus_app::status::Histogram;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 
-use crate::clock::{CORE_HZ, TIMER_HZ};
-use crate::shared::OfHandler;
-use crate::voice::{self, Noted, Place, Played};
-use crate::{fault, inputs, output, watchdog};
+use crate::boot::clock::{CORE_HZ, TIMER_HZ};
+use crate::play::shared::OfHandler;
+use crate::play::voice::{self, Noted, Place, Played};
+use crate::tick::{alive, inputs, output};
 
 /// Cycles of the processor in a tick.
 const PERIOD_CYCLES: u32 = CORE_HZ / SAMPLE_RATE_HZ;
@@ -178,7 +178,7 @@ pub fn stop() {
 #[unsafe(link_section = ".itcm.tick")]
 extern "C" fn TIM6_DAC() {
     let begin = DWT::cycle_count();
-    fault::tick_begins();
+    alive::begin();
     // Zero clears a flag of a timer, one leaves it.
     TIM6.sr().write(|w| w.set_uif(false));
     // SAFETY: this is the handler whose value it is.
@@ -188,8 +188,7 @@ extern "C" fn TIM6_DAC() {
         crate::injection::in_tick();
         tick.histogram.count(DWT::cycle_count().wrapping_sub(begin));
     }
-    watchdog::tick_lives();
-    fault::tick_ends();
+    alive::end();
 }
 
 impl Tick {

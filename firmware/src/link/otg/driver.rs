@@ -1,16 +1,4 @@
-//! embassy's driver of the USB core, kept from what it does not survive (embassy-usb-synopsys-otg 0.3.3, embassy-usb 0.6.0).
-//!
-//! | what a host may do | what embassy makes of it | here |
-//! |---|---|---|
-//! | ask for an endpoint that is not there | a panic | the request is stalled ([`crate::otg_control`]) |
-//! | begin a control transfer before the last one ended, or reset the bus meanwhile | it waits for the last one for ever | the last one is given up ([`crate::otg_control`]) |
-//! | clear a halt, or choose a setting or configuration | toggles stay as they were, so a packet is lost (USB 2.0, sections 9.1.1.5 and 9.4.5) | they begin anew |
-//! | choose a configuration while a packet waits to be fetched | its FIFO is flushed and the endpoint stays enabled: nothing is sent ever after | the endpoint is disabled first |
-//! | reset the bus, or pull the cable, in the middle of a frame | what there is of it is joined to the next frame | a new session: both sides of the frame are dropped |
-//! | suspend the bus and reset it while the tasks are busy | the suspend is believed, and the device sleeps through its enumeration | forgotten with the reset |
-//! | speak to the device right after a reset, while the tasks are busy | it still has its old address and is silent | the interrupt's handler takes the address back |
-//!
-//! embassy has mended the toggles and the late suspend since, in no release yet.
+//! The driver: endpoints with sessions, and a bus that begins them anew. The table in [`crate::link::otg`] says why.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -28,7 +16,7 @@ use embassy_usb::driver::{
     EndpointIn, EndpointInfo, EndpointOut, EndpointType, Event, Unsupported,
 };
 
-use crate::otg_control::{self, Pipe};
+use crate::link::otg::control::{self, Pipe};
 
 /// Longest packet of an endpoint at full speed, bytes (USB 2.0, section 5.8.3).
 pub const PACKET_BYTES: usize = 64;
@@ -109,12 +97,12 @@ impl Handler<typelevel::OTG_FS> for Watch {
         if raised.usbrst() && USB_OTG_FS.gintmsk().read().usbrst() {
             // The host soon speaks to address 0, whenever the task gets to it (USB 2.0, section 7.1.7.5).
             USB_OTG_FS.dcfg().modify(|w| w.set_dad(0));
-            otg_control::bus_was_reset();
+            control::bus_was_reset();
             IN.end();
             OUT.end();
         }
         if raised.oepint() && USB_OTG_FS.doepint(0).read().stup() {
-            otg_control::setup_came();
+            control::setup_came();
         }
     }
 }

@@ -14,6 +14,11 @@ pub static SERIAL: Counters = Counters::new();
 /// The USB link's.
 pub static USB: Counters = Counters::new();
 
+/// Counters of both links: USB, serial.
+pub fn all() -> [LinkCounters; 2] {
+    [USB.get(), SERIAL.get()]
+}
+
 impl Counters {
     const fn new() -> Self {
         Self(Mutex::new(Cell::new(LinkCounters {
@@ -26,7 +31,7 @@ impl Counters {
     }
 
     /// The counters.
-    pub fn get(&self) -> LinkCounters {
+    fn get(&self) -> LinkCounters {
         critical_section::with(|section| self.0.borrow(section).get())
     }
 
