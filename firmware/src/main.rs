@@ -111,13 +111,29 @@ async fn main(spawner: Spawner) {
     } else {
         defmt::error!("the clock does not give the serial port's rate");
     }
-    usb::start(spawner, p.USB_OTG_FS, p.PA12, p.PA11).await;
+    if let Some((device, half, inlet)) = usb::open(p.USB_OTG_FS, p.PA12, p.PA11).await {
+        wire::USB.open(half).await;
+        spawner.spawn(run_usb(device).unwrap());
+        spawner.spawn(serve_usb(inlet).unwrap());
+    }
 }
 
 #[embassy_executor::task]
 async fn serve_serial(inlet: serial::Inlet) -> ! {
     static BUFFER: ConstStaticCell<serial::Buffer> = ConstStaticCell::new(serial::EMPTY);
     requests::serve(Wire::Serial, inlet, BUFFER.take()).await
+}
+
+#[embassy_executor::task]
+async fn run_usb(mut device: usb::Device) -> ! {
+    device.run().await
+}
+
+#[embassy_executor::task]
+async fn serve_usb(inlet: usb::Inlet) -> ! {
+    static BUFFER: ConstStaticCell<usb::Buffer> =
+        ConstStaticCell::new([0; size_of::<usb::Buffer>()]);
+    requests::serve(Wire::Usb, inlet, BUFFER.take()).await
 }
 
 /// Shows that the executor lives, and now and then how much stack was needed and how warm the coil is.

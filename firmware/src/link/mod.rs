@@ -5,6 +5,7 @@
 
 pub mod counters;
 pub mod otg;
+pub mod outlet;
 pub mod recording;
 pub mod requests;
 pub mod serial;

@@ -18,7 +18,7 @@ use postcard_rpc::server::{WireRx, WireRxErrorKind};
 use static_cell::ConstStaticCell;
 
 use crate::link::counters::SERIAL;
-use crate::link::wire::SendFrame;
+use crate::link::outlet::SendFrame;
 
 /// Longest COBS frame of `length` bytes, with the zero: one byte more for every 254, and one.
 const fn encoded(length: usize) -> usize {

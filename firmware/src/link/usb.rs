@@ -6,7 +6,6 @@
 //! embassy's driver waits for the peripheral without a bound. So it is asked first, within bounds, whether it answers at all;
 //! a device without it has its serial link.
 
-use embassy_executor::Spawner;
 use embassy_futures::yield_now;
 use embassy_stm32::pac::{PWR, USB_OTG_FS};
 use embassy_stm32::peripherals::{self, PA11, PA12};
@@ -19,12 +18,12 @@ use embassy_usb::{Builder, Config, UsbDevice};
 use model_format::link::{MAX_HOST_FRAME_BYTES, USB_PRODUCT_ID, USB_VENDOR_ID};
 use postcard_rpc::header::VarHeader;
 use postcard_rpc::server::{WireRx, WireRxErrorKind};
-use static_cell::{ConstStaticCell, StaticCell};
+use static_cell::ConstStaticCell;
 
 use crate::link::counters::USB;
-use crate::link::otg::driver::{Driver, Input, Listen, Output, PACKET_BYTES, Watch};
-use crate::link::requests;
-use crate::link::wire::{self, SendFrame, Wire};
+use crate::link::otg::core::PACKET_BYTES;
+use crate::link::otg::driver::{Driver, Input, Listen, Output, Watch};
+use crate::link::outlet::SendFrame;
 
 /// What a program on Windows looks for; the interface's own, made up once.
 const INTERFACE_GUIDS: &[&str] = &["{6D1F0C5A-9B0E-4C86-8F2B-51E6C2F5B0A7}"];
@@ -45,25 +44,24 @@ bind_interrupts!(struct Interrupts {
     OTG_FS => Watch, usb::InterruptHandler<peripherals::USB_OTG_FS>, Listen;
 });
 
-/// Starts the link, if the peripheral answers.
-pub async fn start(
-    spawner: Spawner,
+/// The device on the bus, whose task is [`UsbDevice::run`].
+pub type Device = UsbDevice<'static, Driver>;
+
+/// Sets the link up: device, sender and receiver; none if the peripheral does not answer.
+pub async fn open(
     peripheral: Peri<'static, peripherals::USB_OTG_FS>,
     dp: Peri<'static, PA12>,
     dm: Peri<'static, PA11>,
-) {
+) -> Option<(Device, Half, Inlet)> {
     if !answers().await {
         defmt::warn!("USB does not answer: it stays off");
-        return;
+        return None;
     }
     let mut config = usb::Config::default();
     // The board's power does not come from this socket, and PA9, its VBUS, may be wired to something else.
     config.vbus_detection = false;
     let driver = usb::Driver::new_fs(peripheral, Interrupts, dp, dm, OUT.take(), config);
-    let (device, half, inlet) = describe(Driver(driver));
-    wire::USB.open(half).await;
-    spawner.spawn(run(device).unwrap());
-    spawner.spawn(serve(inlet).unwrap());
+    Some(describe(Driver(driver)))
 }
 
 /// Whether `ready` becomes true in time.
@@ -97,7 +95,7 @@ async fn answers() -> bool {
     becomes(|| !USB_OTG_FS.gintsts().read().cmod()).await
 }
 
-fn describe(driver: Driver) -> (UsbDevice<'static, Driver>, Half, Inlet) {
+fn describe(driver: Driver) -> (Device, Half, Inlet) {
     static CONFIG_DESCRIPTOR: ConstStaticCell<[u8; 64]> = ConstStaticCell::new([0; 64]);
     static BOS_DESCRIPTOR: ConstStaticCell<[u8; 64]> = ConstStaticCell::new([0; 64]);
     static MSOS_DESCRIPTOR: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
@@ -141,16 +139,8 @@ fn describe(driver: Driver) -> (UsbDevice<'static, Driver>, Half, Inlet) {
     )
 }
 
-#[embassy_executor::task]
-async fn run(mut device: UsbDevice<'static, Driver>) -> ! {
-    device.run().await
-}
-
-#[embassy_executor::task]
-async fn serve(inlet: Inlet) -> ! {
-    static BUFFER: StaticCell<[u8; MAX_HOST_FRAME_BYTES]> = StaticCell::new();
-    requests::serve(Wire::Usb, inlet, BUFFER.init([0; MAX_HOST_FRAME_BYTES])).await
-}
+/// Buffer for a frame from the host.
+pub type Buffer = [u8; MAX_HOST_FRAME_BYTES];
 
 /// The sending half.
 pub struct Half {

@@ -16,7 +16,7 @@ use embassy_sync::waitqueue::AtomicWaker;
 use embassy_usb::control::Request;
 use embassy_usb::driver::{self, ControlPipe, EndpointError};
 
-use crate::link::otg::driver::{PACKET_BYTES, cancel_in};
+use crate::link::otg::core::{PACKET_BYTES, cancel_in};
 
 type Inner =
     <usb::Driver<'static, peripherals::USB_OTG_FS> as driver::Driver<'static>>::ControlPipe;

@@ -17,13 +17,7 @@ use embassy_usb::driver::{
 };
 
 use crate::link::otg::control::{self, Pipe};
-
-/// Longest packet of an endpoint at full speed, bytes (USB 2.0, section 5.8.3).
-pub const PACKET_BYTES: usize = 64;
-
-/// Looks at a bit that the core clears within some cycles of its clocks (RM0433 section 57.14): far more than it takes, and
-/// less than a millisecond.
-const LOOKS: u32 = 5_000;
+use crate::link::otg::core::{PACKET_BYTES, cancel_in};
 
 /// embassy's driver.
 type Inner = usb::Driver<'static, peripherals::USB_OTG_FS>;
@@ -123,36 +117,6 @@ impl Handler<typelevel::OTG_FS> for Listen {
             USB_OTG_FS.gintmsk().modify(|w| w.set_usbrst(true));
         }
     }
-}
-
-/// Waits, within bounds, until `done`.
-fn spin_until(done: impl Fn() -> bool) {
-    for _ in 0..LOOKS {
-        if done() {
-            return;
-        }
-    }
-    defmt::warn!("the USB core does not finish what it was told");
-}
-
-/// Takes back what endpoint `index` was to send. Interrupts stay on while the core does it.
-pub fn cancel_in(index: usize) {
-    critical_section::with(|_| {
-        if USB_OTG_FS.diepctl(index).read().epena() {
-            USB_OTG_FS.diepctl(index).modify(|w| {
-                w.set_snak(true);
-                w.set_epdis(true);
-            });
-        }
-    });
-    spin_until(|| !USB_OTG_FS.diepctl(index).read().epena());
-    critical_section::with(|_| {
-        USB_OTG_FS.grstctl().write(|w| {
-            w.set_txfflsh(true);
-            w.set_txfnum(index as u8);
-        });
-    });
-    spin_until(|| !USB_OTG_FS.grstctl().read().txfflsh());
 }
 
 /// The driver.

@@ -16,4 +16,5 @@
 //! embassy has mended the toggles and the late suspend since, in no release yet.
 
 pub mod control;
+pub mod core;
 pub mod driver;
