@@ -21,6 +21,7 @@
 extern crate std;
 
 pub mod control;
+pub mod flash;
 pub mod inputs;
 pub mod player;
 pub mod recorder;
@@ -32,8 +33,7 @@ pub mod storage;
 pub mod upload;
 mod words;
 
-/// Ticks a second: samples are read, computed and put out at this rate.
-pub const SAMPLE_RATE_HZ: u32 = 5_000;
+pub use model_format::SAMPLE_RATE_HZ;
 
-/// Ticks in a millisecond.
+/// Ticks per millisecond: there is one tick per sample.
 pub const TICKS_PER_MS: u32 = SAMPLE_RATE_HZ / 1_000;

@@ -12,6 +12,8 @@ use sequential_storage::Error;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};
 
+use crate::flash::WORD_BYTES;
+
 /// Where settings are kept, bytes from the start of bank 1: its last two sectors of 128 KB. The code ends before them.
 ///
 /// While one of them is erased or written, code of the same bank waits; the tick runs from ITCM and does not.
@@ -19,9 +21,6 @@ pub const SETTINGS_RANGE: Range<u32> = 0x000c_0000..0x0010_0000;
 
 /// Room for a key and a value, in whole flash words.
 const BUFFER_BYTES: usize = 64;
-
-/// The largest flash word.
-const MAX_WORD_BYTES: usize = 32;
 
 type NoCache = Cache<Uncached, Uncached, Uncached, u8>;
 
@@ -146,7 +145,7 @@ impl<F: NorFlash> ReadNorFlash for Tolerant<F> {
     const READ_SIZE: usize = F::WRITE_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
-        const { assert!(F::WRITE_SIZE <= MAX_WORD_BYTES, "a flash word fits") };
+        const { assert!(F::WRITE_SIZE <= WORD_BYTES, "a flash word fits") };
         for (index, word) in bytes.chunks_mut(F::WRITE_SIZE).enumerate() {
             let at = offset + (index * F::WRITE_SIZE) as u32;
             if self.0.read(at, word).await.is_err() {

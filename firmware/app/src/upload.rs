@@ -10,7 +10,8 @@ use model_format::link::{
     UploadError, UploadProgress, UploadState,
 };
 
-use crate::slots::{MappedFlash, SealFault, SlotStore, WORD_BYTES, WriteFault};
+use crate::flash::WORD_BYTES;
+use crate::slots::{MappedFlash, SealFault, SlotStore, WriteFault};
 
 const _: () =
     assert!(CHUNK_ALIGN.is_multiple_of(WORD_BYTES) && MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));

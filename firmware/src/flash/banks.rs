@@ -27,19 +27,14 @@ use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use model_format::limits::SLOT_BYTES;
+use stylus_app::flash::{BANK_BYTES, SECTOR_BYTES, WORD_BYTES};
 use stylus_app::settings::SETTINGS_RANGE;
 use stylus_app::slots::MappedFlash;
 
 use crate::boot::clock::CORE_HZ;
 use crate::boot::priority;
 use crate::fault::watchdog;
-use crate::flash::word::{self, WORD_BYTES};
-
-/// A sector, bytes (RM0433 table 8).
-const SECTOR_BYTES: u32 = 128 * 1024;
-
-/// Either bank, bytes.
-const BANK_BYTES: u32 = 1024 * 1024;
+use crate::flash::word;
 
 /// Longest erasure of a sector, twice what DS12110 allows (table 60, parallelism of 8 bits).
 const ERASE_LIMIT: Duration = Duration::from_secs(8);
@@ -183,7 +178,7 @@ impl Bank {
         self.registers().cr().modify(|w| {
             w.set_pg(false);
             w.set_ser(true);
-            w.set_snb((offset / SECTOR_BYTES) as u8);
+            w.set_snb((offset as usize / SECTOR_BYTES) as u8);
         });
         self.registers().cr().modify(|w| w.set_start(true));
     }
@@ -307,7 +302,7 @@ impl ReadNorFlash for Bank2 {
 
 impl NorFlash for Bank2 {
     const WRITE_SIZE: usize = WORD_BYTES;
-    const ERASE_SIZE: usize = SECTOR_BYTES as usize;
+    const ERASE_SIZE: usize = SECTOR_BYTES;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         check(from, length(from, to)?, Self::ERASE_SIZE, Self::RANGE)?;
@@ -319,7 +314,7 @@ impl NorFlash for Bank2 {
             let waited = Self::wait(ERASE_LIMIT, Some(Duration::from_millis(1))).await;
             BANK_2.end()?;
             waited?;
-            BANK_2.forget(sector..sector + SECTOR_BYTES);
+            BANK_2.forget(sector..sector + SECTOR_BYTES as u32);
         }
         Ok(())
     }
@@ -375,13 +370,13 @@ impl ReadNorFlash for SettingsFlash {
     }
 
     fn capacity(&self) -> usize {
-        BANK_BYTES as usize
+        BANK_BYTES
     }
 }
 
 impl NorFlash for SettingsFlash {
     const WRITE_SIZE: usize = WORD_BYTES;
-    const ERASE_SIZE: usize = SECTOR_BYTES as usize;
+    const ERASE_SIZE: usize = SECTOR_BYTES;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         check(from, length(from, to)?, Self::ERASE_SIZE, SETTINGS_RANGE)?;
@@ -390,7 +385,7 @@ impl NorFlash for SettingsFlash {
             let done = erase_without_code(sector);
             BANK_1.end()?;
             done?;
-            BANK_1.forget(sector..sector + SECTOR_BYTES);
+            BANK_1.forget(sector..sector + SECTOR_BYTES as u32);
             yield_now().await;
         }
         Ok(())

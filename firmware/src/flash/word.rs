@@ -16,9 +16,7 @@ use core::mem::MaybeUninit;
 use cortex_m::peripheral::SCB;
 use cortex_m::peripheral::scb::{Exception, SystemHandler};
 use embassy_stm32::pac::FLASH;
-
-/// Bytes of a flash word: what is programmed at once and has one error-correcting code (RM0433 section 4.3.9).
-pub const WORD_BYTES: usize = 32;
+use stylus_app::flash::WORD_BYTES;
 
 // SAFETY: by the procedure call standard: r0 is the source, r1 the destination, r0 the result; r2 is the caller's to lose.
 // A load of the eight that faults is resumed at `flash_word_failed` with nothing but r2 undefined. The handler changes the

@@ -3,7 +3,7 @@
 use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::{Deserialize, Serialize};
 
-use super::WORD_BYTES;
+use crate::flash::WORD_BYTES;
 
 /// The header's version. It changes when an older firmware could misread a newer slot.
 pub const HEADER_VERSION: u16 = 1;

@@ -26,14 +26,12 @@ use model_format::{Library, NodeFlags, Texture};
 
 use crate::words::in_words;
 
+pub use crate::flash::WORD_BYTES;
 pub use header::HEADER_VERSION;
 use header::{Header, Read};
 
 #[cfg(doc)]
 use embedded_storage_async::nor_flash::ReadNorFlash;
-
-/// Flash word of the STM32H743, bytes: what is programmed at once and shares one ECC (RM0433 section 4.3.9).
-pub const WORD_BYTES: usize = 32;
 
 /// Bytes between two chances for others to run, while a slot is read.
 const STRIDE_BYTES: usize = 4096;
