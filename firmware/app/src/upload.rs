@@ -237,7 +237,7 @@ fn bytes_error(slot: SlotId, fault: SlotFault) -> UploadError {
             operation: model_format::link::FlashOperation::Read,
             offset,
         },
-        // The header was written a moment ago with what was checked, so another one means that it did not stay.
+        // Faults of a header alone: a commit writes one, and reads back the word that it wrote.
         SlotFault::Unfinished | SlotFault::HeaderVersion { .. } | SlotFault::Length { .. } => {
             UploadError::ReadBack {
                 slot,

@@ -261,6 +261,20 @@ impl<F: MappedFlash> SlotStore<F> {
         self.index[slot.index()] = Index::EMPTY;
     }
 
+    /// Notes that `slot` holds the library of `header`, which was validated and lists `index`.
+    fn set_valid(&mut self, slot: SlotId, header: Header, index: Index) -> SlotInfo {
+        let info = SlotInfo {
+            sequence: header.sequence,
+            length: header.length,
+            crc32: header.crc32,
+            textures: index.textures.len() as u8,
+            scenes: index.scenes.len() as u8,
+        };
+        self.states[slot.index()] = SlotState::Valid(info);
+        self.index[slot.index()] = index;
+        info
+    }
+
     /// Erases the sector of `slot` that holds `offset`.
     pub(crate) async fn erase_sector(
         &mut self,
@@ -321,7 +335,7 @@ impl<F: MappedFlash> SlotStore<F> {
         self.check_bytes(slot, length, crc32)
             .await
             .map_err(SealFault::Bytes)?;
-        self.check_library(slot, length).map_err(SealFault::Bytes)?;
+        let index = self.check_library(slot, length).map_err(SealFault::Bytes)?;
         let newest = self.newest().and_then(|slot| self.library(slot));
         let header = Header {
             sequence: newest
@@ -333,51 +347,38 @@ impl<F: MappedFlash> SlotStore<F> {
         self.write(slot, HEADER_OFFSET, &header.word())
             .await
             .map_err(SealFault::Write)?;
-        self.scan(slot).await;
-        match &self.states[slot.index()] {
-            SlotState::Valid(info) => Ok(*info),
-            SlotState::Faulty(fault) => Err(SealFault::Bytes(fault.clone())),
-            SlotState::Empty | SlotState::Receiving => Err(SealFault::Bytes(SlotFault::Unfinished)),
-        }
+        Ok(self.set_valid(slot, header, index))
     }
 
     /// Finds out what is in `slot`.
     async fn scan(&mut self, slot: SlotId) {
-        self.index[slot.index()] = Index::EMPTY;
-        self.states[slot.index()] = match self.read_slot(slot).await {
-            Ok(state) => state,
-            Err(fault) => SlotState::Faulty(fault),
-        };
+        match self.read_slot(slot).await {
+            Ok(Some((header, index))) => {
+                self.set_valid(slot, header, index);
+            }
+            Ok(None) => self.set_state(slot, SlotState::Empty),
+            Err(fault) => self.set_state(slot, SlotState::Faulty(fault)),
+        }
     }
 
-    async fn read_slot(&mut self, slot: SlotId) -> Result<SlotState, SlotFault> {
+    /// Header and index of the library in `slot`; none if the slot is empty.
+    async fn read_slot(&mut self, slot: SlotId) -> Result<Option<(Header, Index)>, SlotFault> {
         let word = self.read_word(slot, HEADER_OFFSET).await;
         let word = word.ok_or(SlotFault::Unreadable {
             offset: HEADER_OFFSET,
         })?;
         let header = match Header::read(&word) {
             Read::Header(header) => header,
-            Read::Blank if self.is_blank(slot).await? => return Ok(SlotState::Empty),
+            Read::Blank if self.is_blank(slot).await? => return Ok(None),
             Read::Blank | Read::Damaged => return Err(SlotFault::Unfinished),
             Read::Version(found) => return Err(SlotFault::HeaderVersion { found }),
         };
-        let Header {
-            sequence,
-            length,
-            crc32,
-        } = header;
+        let Header { length, crc32, .. } = header;
         if length == 0 || length as usize > MAX_LIBRARY_BYTES {
             return Err(SlotFault::Length { length });
         }
         self.check_bytes(slot, length, crc32).await?;
-        self.index[slot.index()] = self.check_library(slot, length)?;
-        Ok(SlotState::Valid(SlotInfo {
-            sequence,
-            length,
-            crc32,
-            textures: self.index[slot.index()].textures.len() as u8,
-            scenes: self.index[slot.index()].scenes.len() as u8,
-        }))
+        Ok(Some((header, self.check_library(slot, length)?)))
     }
 
     /// Whether a slot without header was never begun: a library would begin in its first word.
