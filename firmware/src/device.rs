@@ -8,23 +8,24 @@ use core::fmt::Write;
 
 use embassy_stm32::uid;
 use heapless::String;
+use model_format::FORMAT_VERSION;
 use model_format::link::{
-    DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayRequest, RecordCounters,
-    RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection, Settings, TickCounters,
+    DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
+    RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection, Settings,
+    TickCounters,
 };
-use model_format::{FORMAT_VERSION, Library};
-use stylus_app::control::{Device, ResetReport, TickReport};
+use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
 use stylus_app::recorder::Recorder;
 use stylus_app::safety;
 use stylus_app::status::Histogram;
 use stylus_app::storage::LoadFault;
-use stylus_kernel::scene::Plan;
 use stylus_kernel::scene::cost::BUDGET;
 
 use crate::boot::clock::CORE_HZ;
+use crate::play::direction::{self, Next};
 use crate::play::library_ram::LibraryRam;
-use crate::play::{direction, update, voice};
+use crate::play::{update, voice};
 use crate::tick;
 
 /// Everything of the hardware's but flash and wires.
@@ -66,27 +67,14 @@ impl Hardware {
     /// It is not one.
     pub fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
         self.clear();
-        // SAFETY: the only textures that outlive a call are the director's, and that was just forgotten.
+        // SAFETY: only the director and the next plan hold textures beyond a call, and both were just forgotten.
         unsafe { self.library.load(library) }
-    }
-
-    /// The plan of what is asked for, and how the hand is followed through it; none if it is not there or cannot be played.
-    fn plan(&self, selection: &Selection) -> Option<(Plan<'static>, Follower)> {
-        let library = self.library.library()?;
-        match selection {
-            Selection::Texture(name) => {
-                let plan = Plan::of_texture(library.texture(name)?);
-                Some((plan, Follower::new(false)))
-            }
-            Selection::Scene(name) => {
-                let plan = Plan::new(&library.scene(name)?, &library).ok()?;
-                Some((plan, Follower::new(true)))
-            }
-        }
     }
 }
 
 impl Device for Hardware {
+    type Plan = Next;
+
     fn info(&self) -> DeviceInfo {
         let mut build = String::new();
         // Fits; if it did not, less would be told.
@@ -135,14 +123,6 @@ impl Device for Hardware {
         self.reset.clone()
     }
 
-    fn library(&self) -> Option<Library<'_>> {
-        self.library.library()
-    }
-
-    fn scene_budget(&self) -> u32 {
-        BUDGET
-    }
-
     fn is_at_rest(&self) -> bool {
         tick::is_at_rest(self.muted_since)
     }
@@ -158,24 +138,32 @@ impl Device for Hardware {
         }
     }
 
-    fn start(&mut self, request: &PlayRequest, config: safety::Config) {
-        self.clear();
-        let Some((plan, follower)) = self.plan(&request.selection) else {
-            return;
-        };
+    fn plan(&self, selection: &Selection) -> Result<Next, PlayError> {
+        let library = self.library.library().ok_or(PlayError::NoLibrary)?;
+        Ok(Next {
+            plan: plan_of(selection, &library, BUDGET)?,
+            follower: Follower::new(matches!(selection, Selection::Scene(_))),
+        })
+    }
+
+    fn prepare(&mut self, plan: Next) {
+        direction::prepare(plan);
+    }
+
+    fn start(&mut self, request: &PlayRequest, config: safety::Config) -> Result<(), NotPrepared> {
+        tick::stop();
         // SAFETY: the tick was told to play nothing, and tasks cannot be here in the middle of it.
         unsafe {
             voice::clear();
-            direction::start(plan, follower, request.seed);
+            direction::start(request.seed)?;
         }
         tick::configure(config);
         tick::play();
+        Ok(())
     }
 
-    fn switch(&mut self, request: &PlayRequest) {
-        if let Some((plan, follower)) = self.plan(&request.selection) {
-            direction::switch(plan, follower);
-        }
+    fn switch(&mut self, _request: &PlayRequest, plan: Next) {
+        direction::switch(plan);
     }
 
     fn clear(&mut self) {

@@ -22,6 +22,9 @@ use stylus_kernel::scene::cost::OverBudget;
 
 /// What the hardware's side tells and does. Nothing here waits.
 pub trait Device {
+    /// A texture or scene that is ready to be played.
+    type Plan;
+
     /// What this device is.
     fn info(&self) -> DeviceInfo;
 
@@ -37,12 +40,6 @@ pub trait Device {
     /// How the last reset came about.
     fn reset_report(&self) -> ResetReport;
 
-    /// The library in RAM, if one is there.
-    fn library(&self) -> Option<Library<'_>>;
-
-    /// Instructions that a scene may take of a tick.
-    fn scene_budget(&self) -> u32;
-
     /// Whether the tick has the output at rest, having seen the mute of the last [`Device::set_mute`].
     fn is_at_rest(&self) -> bool;
 
@@ -52,12 +49,24 @@ pub trait Device {
     /// Tells the tick to be mute or not.
     fn set_mute(&mut self, muted: bool);
 
-    /// At rest: play what `request` asks for, which is there and can be played, from silence, with `config`.
-    fn start(&mut self, request: &PlayRequest, config: Config);
+    /// The plan of `selection`, by [`plan_of`] from the library in RAM.
+    ///
+    /// # Errors
+    /// There is no library, or the texture or scene cannot be played.
+    fn plan(&self, selection: &Selection) -> Result<Self::Plan, PlayError>;
 
-    /// While something of the same library is played: play what `request` asks for, which is there and can be played, as soon
-    /// as the director has faded what sounds.
-    fn switch(&mut self, request: &PlayRequest);
+    /// Keeps `plan` for [`Device::start`], in place of one that was prepared before. What is played goes on.
+    fn prepare(&mut self, plan: Self::Plan);
+
+    /// At rest: plays the prepared plan, that of `request`, from silence, with `config`.
+    ///
+    /// # Errors
+    /// No plan was prepared; nothing is played then.
+    fn start(&mut self, request: &PlayRequest, config: Config) -> Result<(), NotPrepared>;
+
+    /// While something of the same library is played: plays `plan`, that of `request`, as soon as the director has faded
+    /// what sounds.
+    fn switch(&mut self, request: &PlayRequest, plan: Self::Plan);
 
     /// At rest: play nothing.
     fn clear(&mut self);
@@ -86,6 +95,10 @@ pub trait Device {
     /// What the recorder has counted.
     fn record_counters(&self) -> RecordCounters;
 }
+
+/// No plan was there to be started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotPrepared;
 
 /// What the tick tells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,7 +174,9 @@ impl<D: Device> Control<D> {
         match action {
             Some(Action::Start(request)) => {
                 let config = Config::new(&self.settings, request.gain);
-                self.device.start(&request, config);
+                if self.device.start(&request, config).is_err() {
+                    self.player.not_started();
+                }
             }
             Some(Action::Clear) => self.device.clear(),
             None => {}
@@ -230,12 +245,13 @@ impl<D: Device> Control<D> {
     /// # Errors
     /// What keeps the texture or scene from being played; what was played before goes on.
     pub fn play(&mut self, request: PlayRequest) -> Result<Playing, PlayError> {
-        self.check_play(&request)?;
+        let plan = self.plan(&request)?;
         let begin = self.player.play(request.clone());
         let begin = begin.map_err(|_| PlayError::Busy)?;
         self.device.set_motion_source(request.motion);
-        if begin == Begin::Switch {
-            self.device.switch(&request);
+        match begin {
+            Begin::Switch => self.device.switch(&request, plan),
+            Begin::AtRest => self.device.prepare(plan),
         }
         self.tell_mute();
         Ok(Playing {
@@ -244,7 +260,7 @@ impl<D: Device> Control<D> {
         })
     }
 
-    fn check_play(&self, request: &PlayRequest) -> Result<(), PlayError> {
+    fn plan(&self, request: &PlayRequest) -> Result<D::Plan, PlayError> {
         // A comparison with NaN is false.
         if !(0.0..=MAX_PLAY_GAIN).contains(&request.gain) {
             return Err(PlayError::Gain { gain: request.gain });
@@ -255,8 +271,7 @@ impl<D: Device> Control<D> {
         if self.active.is_none() {
             return Err(PlayError::NoLibrary);
         }
-        let library = self.device.library().ok_or(PlayError::NoLibrary)?;
-        check_selection(&request.selection, &library, self.device.scene_budget())
+        self.device.plan(&request.selection)
     }
 
     /// `StopEndpoint`.
@@ -366,12 +381,15 @@ impl<D: Device> Control<D> {
     }
 }
 
-/// Whether `selection` is in `library` and can be played, taking at most `budget` instructions of a tick.
-fn check_selection(
+/// The plan of `selection` from `library`, which takes at most `budget` instructions per tick.
+///
+/// # Errors
+/// The library lacks the texture or scene; its sample rate is not the device's; the scene is invalid or over the budget.
+pub fn plan_of<'l>(
     selection: &Selection,
-    library: &Library<'_>,
+    library: &Library<'l>,
     budget: u32,
-) -> Result<(), PlayError> {
+) -> Result<Plan<'l>, PlayError> {
     let of_this_rate = |texture_hz: u32| {
         let device_hz = SAMPLE_RATE_HZ;
         if texture_hz == device_hz {
@@ -387,7 +405,7 @@ fn check_selection(
             let missing = || PlayError::NoSuchTexture { name: name.clone() };
             let texture = library.texture(name).ok_or_else(missing)?;
             of_this_rate(texture.sample_rate_hz())?;
-            within(&Plan::of_texture(texture), budget)
+            within(Plan::of_texture(texture), budget)
         }
         Selection::Scene(name) => {
             let missing = || PlayError::NoSuchScene { name: name.clone() };
@@ -396,16 +414,17 @@ fn check_selection(
             let plan = Plan::new(&scene, library).map_err(|error| PlayError::InvalidScene {
                 reason: in_words(&error),
             })?;
-            within(&plan, budget)
+            within(plan, budget)
         }
     }
 }
 
-fn within(plan: &Plan<'_>, budget: u32) -> Result<(), PlayError> {
+fn within(plan: Plan<'_>, budget: u32) -> Result<Plan<'_>, PlayError> {
     let refused = |OverBudget { cost, budget }| PlayError::OverBudget {
         instructions: cost.instructions(),
         budget,
         arithmetic: in_words(&cost),
     };
-    plan.within(budget).map(|_| ()).map_err(refused)
+    plan.within(budget).map_err(refused)?;
+    Ok(plan)
 }

@@ -162,6 +162,13 @@ impl Player {
         self.set(MuteReason::Fault, true);
     }
 
+    /// Nothing was there to be started: idle, and muted as after a fault, because status must not say that it plays.
+    pub fn not_started(&mut self) {
+        self.phase = Phase::Idle;
+        self.set(MuteReason::NotPlaying, true);
+        self.fault();
+    }
+
     /// Takes account of `observed`; what is to be done now. Called every millisecond or so, and after it the tick is to be
     /// told of [`Player::mute`].
     pub fn poll(&mut self, observed: Observed) -> Option<Action> {

@@ -1,34 +1,38 @@
-//! Who decides what is played: the director, and what is to be played next.
+//! The director, which decides each block, and the plan that follows the one it plays.
 //!
-//! Whose turn it is:
-//! - **The director** is the update's while the tick plays, and the tasks' otherwise: an update that finds nothing played does
-//!   not touch it.
-//! - **What is next** is the update's while [`WAITS`] says so, and the tasks' otherwise. Tasks take it back by clearing that; the
-//!   update interrupts them, but they never interrupt it, so it has taken all or nothing.
+//! Owners:
+//! - **The director** belongs to the update while the tick plays, and to the tasks otherwise: an update that finds nothing
+//!   played does not touch it.
+//! - **The next plan** belongs to the update while [`WAITS`] is set, and to the tasks otherwise. Tasks take it back by
+//!   clearing that flag. The update interrupts tasks, but they never interrupt it, so it has taken all of the plan or
+//!   nothing.
 //!
-//! Both are some kilobytes, which the tick does not touch; they lie in SRAM 4.
-#![expect(unsafe_code, reason = "values that go from hand to hand; see above")]
+//! Each is some kilobytes, which the tick does not touch. Both lie in SRAM 4.
+#![expect(unsafe_code, reason = "values that change owners; see above")]
 
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering, compiler_fence};
 
+use stylus_app::control::NotPrepared;
 use stylus_app::inputs::Follower;
 use stylus_kernel::scene::{Director, Plan};
 
 use crate::play::shared::Handed;
 
-/// What decides, and how it follows the hand.
+/// The director of what is played, and the follower of the hand.
 pub struct Direction {
-    /// What decides.
+    /// The director.
     pub director: Director<'static>,
-    /// How the hand is followed.
+    /// The follower of the hand.
     pub follower: Follower,
 }
 
-/// What is to be played next.
-struct Next {
-    plan: Plan<'static>,
-    follower: Follower,
+/// A plan that is ready to be played, and the follower of the hand through it.
+pub struct Next {
+    /// The plan.
+    pub plan: Plan<'static>,
+    /// A follower that has seen nothing yet.
+    pub follower: Follower,
 }
 
 #[unsafe(link_section = ".sram4.direction")]
@@ -36,46 +40,72 @@ static DIRECTION: Handed<MaybeUninit<Direction>> = Handed::new(MaybeUninit::unin
 #[unsafe(link_section = ".sram4.next")]
 static NEXT: Handed<MaybeUninit<Next>> = Handed::new(MaybeUninit::uninit());
 
-/// Whether there is a director.
+/// True while there is a director.
 static DIRECTS: AtomicBool = AtomicBool::new(false);
 
-/// Whether something is to be played next.
+/// True while the next plan is there for the update.
 static WAITS: AtomicBool = AtomicBool::new(false);
 
-/// Lets `plan` be decided from silence; `seed` is its noise's. For tasks, while nothing is played.
+/// True while the next plan is there for [`start`]. Only tasks use this flag.
+static PREPARED: AtomicBool = AtomicBool::new(false);
+
+/// Keeps `next` for [`start`]. For tasks.
+pub fn prepare(next: Next) {
+    write_next(next);
+    PREPARED.store(true, Ordering::Relaxed);
+}
+
+/// Plays the prepared plan from silence, with noise from `seed`. For tasks, while nothing is played.
+///
+/// # Errors
+/// No plan was prepared; there is no director then.
 ///
 /// # Safety
 /// The tick does not play.
-pub unsafe fn start(plan: Plan<'static>, follower: Follower, seed: u64) {
+pub unsafe fn start(seed: u64) -> Result<(), NotPrepared> {
+    DIRECTS.store(false, Ordering::Relaxed);
     WAITS.store(false, Ordering::Relaxed);
-    // SAFETY: the caller vouches that it is the tasks' turn. What was there has nothing to drop.
+    if !PREPARED.swap(false, Ordering::Relaxed) {
+        return Err(NotPrepared);
+    }
+    // SAFETY: it was prepared, so it was written, and nothing waits, so it is the tasks'; it is read once.
+    let Next { plan, follower } = unsafe { NEXT.get().assume_init_read() };
+    // SAFETY: the tick does not play, so the director is the tasks'. The one before has nothing to drop.
     unsafe { DIRECTION.get() }.write(Direction {
         director: Director::new(plan, seed),
         follower,
     });
     DIRECTS.store(true, Ordering::Release);
+    Ok(())
 }
 
-/// Forgets the director, and all textures with it. For tasks, while nothing is played.
+/// Forgets the director and the next plan, and all textures with them. For tasks, while nothing is played.
 ///
 /// # Safety
 /// The tick does not play.
 pub unsafe fn clear() {
+    PREPARED.store(false, Ordering::Relaxed);
     WAITS.store(false, Ordering::Relaxed);
     DIRECTS.store(false, Ordering::Release);
 }
 
-/// From the next update on, `plan` waits for what is played to fade. For tasks.
-pub fn switch(plan: Plan<'static>, follower: Follower) {
-    WAITS.store(false, Ordering::Relaxed);
-    // The update, which may come at any instruction, must find all of it or nothing.
-    compiler_fence(Ordering::SeqCst);
-    // SAFETY: nothing waits, so it is the tasks' turn, and there is one task that calls this at a time.
-    unsafe { NEXT.get() }.write(Next { plan, follower });
+/// Hands `next` to the director at the next update; the director fades what is played. For tasks.
+pub fn switch(next: Next) {
+    write_next(next);
     WAITS.store(true, Ordering::Release);
 }
 
-/// The director, after it was told of what waits.
+/// Replaces the next plan, which is then for nobody.
+fn write_next(next: Next) {
+    PREPARED.store(false, Ordering::Relaxed);
+    WAITS.store(false, Ordering::Relaxed);
+    // The update may come at any instruction, and must find all of the plan or nothing.
+    compiler_fence(Ordering::SeqCst);
+    // SAFETY: nothing waits, so it is the tasks', and one task at a time calls this. What was there has nothing to drop.
+    unsafe { NEXT.get() }.write(next);
+}
+
+/// The director, after it was told of the plan that waits.
 ///
 /// # Safety
 /// Called by the update, once each time it runs, while the tick plays.
@@ -83,10 +113,10 @@ pub unsafe fn directed() -> Option<&'static mut Direction> {
     if !DIRECTS.load(Ordering::Acquire) {
         return None;
     }
-    // SAFETY: it is the update's turn, and there is a director, so it was written.
+    // SAFETY: the tick plays, so it is the update's, and there is a director, so it was written.
     let direction = unsafe { DIRECTION.get().assume_init_mut() };
     if WAITS.swap(false, Ordering::AcqRel) {
-        // SAFETY: it waited, so it was written, and it is the update's turn; it is read once.
+        // SAFETY: it waited, so it was written and is the update's; it is read once.
         let Next { plan, follower } = unsafe { NEXT.get().assume_init_read() };
         direction.director.switch(plan);
         direction.follower = follower;
