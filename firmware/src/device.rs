@@ -1,7 +1,7 @@
 //! The hardware as `stylus_app::control` sees it.
 #![expect(
     unsafe_code,
-    reason = "what is played is exchanged while the tick plays nothing"
+    reason = "the voices are exchanged while the tick plays nothing"
 )]
 
 use core::fmt::Write;
@@ -28,27 +28,28 @@ use crate::play::library_ram::LibraryRam;
 use crate::play::{update, voice};
 use crate::tick;
 
-/// Everything of the hardware's but flash and wires.
+/// All hardware except flash and wires.
 pub struct Hardware {
     library: LibraryRam,
-    /// Turns samples into blocks.
+    /// The recorder, which packs samples into blocks.
     pub recorder: Recorder<'static>,
     reset: ResetReport,
     link_counters: fn() -> [LinkCounters; 2],
     settings: Settings,
     muted: bool,
-    /// The first tick that has seen the present mute.
+    /// Number of the first tick that has seen the present mute.
     muted_since: u64,
 }
 
 impl Hardware {
-    /// With nothing played and nothing recorded; there is one, as there is one recorder's end of the queue.
+    /// Hardware that plays and records nothing. There is one, because there is one consuming end of the recorder's
+    /// queue.
     pub fn new(
         recorder: Recorder<'static>,
         reset: ResetReport,
         link_counters: fn() -> [LinkCounters; 2],
     ) -> Self {
-        // SAFETY: this runs once: whoever calls it has given its only recorder away.
+        // SAFETY: this runs once, because the caller gives its only recorder away.
         let library = unsafe { LibraryRam::new() };
         Self {
             library,
@@ -61,10 +62,10 @@ impl Hardware {
         }
     }
 
-    /// Copies `library` to where it is played from. Nothing is played.
+    /// Copies `library` to the RAM that it is played from. Nothing is played then.
     ///
     /// # Errors
-    /// It is not one.
+    /// The bytes are not a library.
     pub fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
         self.clear();
         // SAFETY: only the director and the next plan hold textures beyond a call, and both were just forgotten.
@@ -77,7 +78,7 @@ impl Device for Hardware {
 
     fn info(&self) -> DeviceInfo {
         let mut build = String::new();
-        // Fits; if it did not, less would be told.
+        // Fits; a longer text would be cut.
         let _ = write!(build, "{}, STM32H743ZI", env!("STYLUS_PROFILE"));
         DeviceInfo {
             product: text("stylus"),
@@ -95,7 +96,7 @@ impl Device for Hardware {
     }
 
     fn tick_report(&self) -> TickReport {
-        let Some(report) = tick::report() else {
+        let Some(tick) = tick::snapshot() else {
             return TickReport {
                 counters: TickCounters::default(),
                 histogram: Histogram::new().report(CORE_HZ),
@@ -106,12 +107,12 @@ impl Device for Hardware {
             };
         };
         TickReport {
-            counters: report.counters,
-            histogram: report.histogram.report(CORE_HZ),
+            counters: tick.counters,
+            histogram: tick.histogram.report(CORE_HZ),
             saturations: voice::saturations(),
-            safety: report.safety.counters(),
-            thermal_load_permille: report.safety.thermal_load_permille(),
-            thermal_gain_permille: report.safety.thermal_gain_permille(),
+            safety: tick.safety.counters(),
+            thermal_load_permille: tick.safety.thermal_load_permille(),
+            thermal_gain_permille: tick.safety.thermal_gain_permille(),
         }
     }
 
@@ -152,7 +153,7 @@ impl Device for Hardware {
 
     fn start(&mut self, request: &PlayRequest, config: safety::Config) -> Result<(), NotPrepared> {
         tick::stop();
-        // SAFETY: the tick was told to play nothing, and tasks cannot be here in the middle of it.
+        // SAFETY: the tick was told to play nothing, and no task runs in the middle of a tick.
         unsafe {
             voice::clear();
             direction::start(request.seed)?;
@@ -200,7 +201,7 @@ impl Device for Hardware {
     }
 }
 
-/// `text`, or nothing if it does not fit.
+/// `text`, or an empty text if it does not fit.
 fn text<const N: usize>(text: &str) -> String<N> {
     String::try_from(text).unwrap_or_default()
 }

@@ -11,8 +11,8 @@
 //! | [`link`] | requests, over two wires |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! Rooms import downward only: `link` imports `device`; `device` imports `flash` and `fault`; `fault` imports `tick`; `tick`
-//! imports `play`; all may import `boot`, which imports none. `main` alone sees all of them.
+//! Rooms import downward only: `link` imports `device`; `device` imports `flash` and `fault`; `fault` imports `tick`;
+//! `tick` imports `play`; all may import `boot`, which imports none. `main` alone sees all of them.
 //!
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
 //! blinks while all is well, LD3 on PB14 lights after a fault.
@@ -81,7 +81,7 @@ async fn main(spawner: Spawner) {
     });
     static SAMPLES: ConstStaticCell<SampleQueue> = ConstStaticCell::new(Queue::new());
     let (producer, consumer) = SAMPLES.take().split();
-    // What the tick starts with, until the settings are read.
+    // The defaults hold until the settings are read.
     let settings = Settings::default();
     update::start(InputConfig::new(&settings));
     tick::start(
@@ -105,23 +105,23 @@ async fn main(spawner: Spawner) {
     spawner.spawn(blink(Output::new(p.PB0, Level::Low, Speed::Low)).unwrap());
     storage::start(spawner, hardware).await;
     spawner.spawn(recording::stream().unwrap());
-    if let Ok((half, inlet)) = serial::open(p.USART3, p.PD8, p.PD9) {
-        wire::SERIAL.open(half).await;
-        spawner.spawn(serve_serial(inlet).unwrap());
+    if let Ok((sender, receiver)) = serial::open(p.USART3, p.PD8, p.PD9) {
+        wire::SERIAL.open(sender).await;
+        spawner.spawn(serve_serial(receiver).unwrap());
     } else {
-        defmt::error!("the clock does not give the serial port's rate");
+        defmt::error!("serial link: the clock cannot give the baud rate; the link stays off");
     }
-    if let Some((device, half, inlet)) = usb::open(p.USB_OTG_FS, p.PA12, p.PA11).await {
-        wire::USB.open(half).await;
+    if let Some((device, sender, receiver)) = usb::open(p.USB_OTG_FS, p.PA12, p.PA11).await {
+        wire::USB.open(sender).await;
         spawner.spawn(run_usb(device).unwrap());
-        spawner.spawn(serve_usb(inlet).unwrap());
+        spawner.spawn(serve_usb(receiver).unwrap());
     }
 }
 
 #[embassy_executor::task]
-async fn serve_serial(inlet: serial::Inlet) -> ! {
+async fn serve_serial(receiver: serial::Receiver) -> ! {
     static BUFFER: ConstStaticCell<serial::Buffer> = ConstStaticCell::new(serial::EMPTY);
-    requests::serve(Wire::Serial, inlet, BUFFER.take()).await
+    requests::serve(Wire::Serial, receiver, BUFFER.take()).await
 }
 
 #[embassy_executor::task]
@@ -130,13 +130,13 @@ async fn run_usb(mut device: usb::Device) -> ! {
 }
 
 #[embassy_executor::task]
-async fn serve_usb(inlet: usb::Inlet) -> ! {
+async fn serve_usb(receiver: usb::Receiver) -> ! {
     static BUFFER: ConstStaticCell<usb::Buffer> =
         ConstStaticCell::new([0; size_of::<usb::Buffer>()]);
-    requests::serve(Wire::Usb, inlet, BUFFER.take()).await
+    requests::serve(Wire::Usb, receiver, BUFFER.take()).await
 }
 
-/// Shows that the executor lives, and now and then how much stack was needed and how warm the coil is.
+/// Blinks while the executor runs, and logs every ten seconds the stack used and the load of the coil.
 #[embassy_executor::task]
 async fn blink(mut led: Output<'static>) -> ! {
     const BLINKS: u32 = 20;
@@ -146,12 +146,12 @@ async fn blink(mut led: Output<'static>) -> ! {
             Timer::after_millis(500).await;
         }
         let (used, bytes) = stack::used();
-        defmt::info!("stack: {} of {} bytes were used", used, bytes);
-        if let Some(report) = tick::report() {
-            let load = f32::from(report.safety.thermal_load_permille().max(1)) / 1000.0;
-            // For people: a logarithm to a tenth is enough.
+        defmt::info!("stack: {} of {} bytes used", used, bytes);
+        if let Some(tick) = tick::snapshot() {
+            let load = f32::from(tick.safety.thermal_load_permille().max(1)) / 1000.0;
+            // For people to read, so a logarithm exact to a tenth is enough.
             let decibel = 10.0 * load.log10();
-            defmt::info!("the coil is {} dB above its power limit", decibel);
+            defmt::info!("coil: {} dB above its power limit", decibel);
         }
     }
 }

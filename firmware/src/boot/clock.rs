@@ -1,4 +1,4 @@
-//! The clocks, RM0433 chapter 8.
+//! Clock configuration, RM0433 chapter 8.
 
 use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllDiv, PllMul, PllPreDiv,
@@ -6,13 +6,14 @@ use embassy_stm32::rcc::{
 };
 use embassy_stm32::time::Hertz;
 
-/// The core's clock.
+/// Clock of the core, Hz.
 pub const CORE_HZ: u32 = 400_000_000;
 
-/// The clock of the timers on APB1: twice the bus's.
+/// Clock of the timers on APB1, Hz: twice the bus's.
 pub const TIMER_HZ: u32 = 200_000_000;
 
-/// 400 MHz from the 8 MHz that the board's probe gives; buses at 100 MHz; USB from HSI48, trimmed by the host's frames.
+/// The configuration: core at 400 MHz from the 8 MHz of the board's probe, buses at 100 MHz, USB from HSI48, which the
+/// host's frames trim.
 pub fn config() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     let rcc = &mut config.rcc;

@@ -1,38 +1,38 @@
-//! Who interrupts whom.
+//! Interrupt priorities.
 //!
-//! | priority | who | why |
+//! | priority | handler | deadline |
 //! |---|---|---|
-//! | 0 | the tick (TIM6_DAC) | one sample within 200 µs |
-//! | 2 | the serial port (USART3) | its FIFO holds 170 µs, less than an update may take |
-//! | 4 | the update (SWPMI1, pended by software) | one frame within 2 ms |
-//! | 8 | everything of embassy's: time, USB | wakes tasks |
-//! | none | tasks, in thread mode | may be late |
+//! | 0 | tick (TIM6_DAC) | one sample per 200 µs |
+//! | 2 | serial port (USART3) | its FIFO holds 170 µs, less than an update may take |
+//! | 4 | update (SWPMI1, pended by software) | one block per 2 ms |
+//! | 8 | embassy's handlers: time, USB | none: they wake tasks |
+//! | none | tasks, in thread mode | none |
 //!
 //! Priorities are the upper four bits of eight (RM0433 section 19.1); smaller is more urgent.
 #![expect(
     unsafe_code,
-    reason = "a priority that is raised can break what masks interrupts by priority; nothing here does"
+    reason = "a raised priority can break code that masks interrupts by priority; no code here does"
 )]
 
 use cortex_m::peripheral::NVIC;
 use embassy_stm32::interrupt::{Interrupt, InterruptExt, Priority};
 
-/// The interrupt of the tick: TIM6's update.
+/// Interrupt of the tick: TIM6's update event.
 pub const TICK: Interrupt = Interrupt::TIM6_DAC;
 
-/// The interrupt of the update: that of a peripheral the product does not use, pended by the tick.
+/// Interrupt of the update, pended by the tick: that of a peripheral which the product does not use.
 pub const UPDATE: Interrupt = Interrupt::SWPMI1;
 
-/// The interrupt of the serial port.
+/// Interrupt of the serial port.
 pub const SERIAL: Interrupt = Interrupt::USART3;
 
-/// What has an interrupt here and is none of these.
+/// All other interrupts in use.
 const TASKS: [Interrupt; 3] = [Interrupt::TIM2, Interrupt::OTG_FS, Interrupt::FLASH];
 
-/// Masks the interrupts of tasks but the serial port's, as BASEPRI has it, and leaves tick and update.
+/// Value of BASEPRI that masks all interrupts except those of tick, update and serial port.
 pub const TASKS_MASK: u8 = 8 << 4;
 
-/// Sets all priorities. Embassy gives its own the highest one, so this comes right after its initialisation.
+/// Sets all priorities, right after embassy's initialisation, because embassy gives its own interrupts the highest one.
 pub fn assign() {
     for interrupt in TASKS {
         interrupt.set_priority(Priority::P8);
@@ -42,16 +42,16 @@ pub fn assign() {
     TICK.set_priority(Priority::P0);
 }
 
-/// Lets tick and update run.
+/// Enables tick and update.
 pub fn enable() {
     for interrupt in [UPDATE, TICK] {
         interrupt.unpend();
-        // SAFETY: what the handlers use is in place, and no critical section masks by priority.
+        // SAFETY: everything that the handlers use is initialised, and no critical section masks by priority.
         unsafe { interrupt.enable() };
     }
 }
 
-/// Has the update run as soon as nothing more urgent does.
+/// Requests the update, which runs as soon as nothing more urgent does.
 #[inline(always)]
 pub fn pend_update() {
     NVIC::pend(UPDATE);

@@ -1,8 +1,8 @@
 //! Handlers of faults: the output goes to mid-scale, the reason is recorded, the processor resets.
 //!
-//! A panic takes the same way. panic-probe masks interrupts and executes UDF, which is a HardFault some twenty instructions
-//! after the panic, before anything is formatted or logged. panic-probe's own printing is left off, because it would come
-//! before mid-scale. The panic's `Location`, which the stack points to, tells its file and line.
+//! A panic takes the same way. panic-probe masks interrupts and executes UDF, which is a HardFault some twenty
+//! instructions after the panic, before anything is formatted or logged. panic-probe's own printing is left off,
+//! because it would come before mid-scale. The panic's `Location`, which the stack points to, tells its file and line.
 #![expect(unsafe_code, reason = "handlers of exceptions")]
 
 use cortex_m::peripheral::SCB;

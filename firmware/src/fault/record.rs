@@ -1,8 +1,8 @@
 //! The record of a fault, which outlives the reset that follows it.
 //!
-//! It lies in memory that a start does not touch, and is believed when its checksum is right, because power-on leaves noise
-//! there. It is written in whole words, so that no word waits in the memory's buffer for its error-correcting code when
-//! the reset comes (AN5342, section 2).
+//! It lies in memory that a start does not touch, and is believed when its checksum is right, because power-on leaves
+//! noise there. It is written in whole words, so that no word waits in the memory's buffer for its error-correcting
+//! code when the reset comes (AN5342, section 2).
 #![expect(unsafe_code, reason = "memory that outlives a reset")]
 
 use core::cell::UnsafeCell;

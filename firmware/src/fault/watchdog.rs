@@ -1,7 +1,8 @@
-//! The independent watchdog, RM0433 chapter 46: fed only while tick and executor both live.
+//! The independent watchdog, RM0433 chapter 46: fed only while tick and executor both run.
 //!
-//! It has a clock of its own. One task feeds it, so a hanging executor starves it; the task looks whether the tick has
-//! moved on, so a hanging tick does. The reset takes DAC and pins with it, and the start puts the output to mid-scale.
+//! It has a clock of its own. A task feeds it, so an executor that hangs starves it. The task feeds only if the tick
+//! has moved on, so a tick that hangs starves it too. The reset includes DAC and pins, and the start puts the output to
+//! mid-scale.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -14,13 +15,13 @@ use embassy_time::{Duration, Ticker};
 use crate::fault::record;
 use crate::tick::alive;
 
-/// How long the watchdog waits, µs.
+/// Timeout of the watchdog, µs.
 const TIMEOUT_US: u32 = 250_000;
 
-/// How often it is fed.
+/// Interval between two feeds.
 const FEED: Duration = Duration::from_millis(20);
 
-/// Starts the watchdog; from now on nothing stops it. A halted processor of a debugger's does, so that it can be looked at.
+/// Starts the watchdog. From then on only a debugger that halts the processor stops it.
 pub fn start(watchdog: Peri<'static, peripherals::IWDG1>) {
     pac::DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
     IndependentWatchdog::new(watchdog, TIMEOUT_US).unleash();
@@ -43,7 +44,7 @@ pub async fn feed() -> ! {
     }
 }
 
-/// For a wait that lets no task run: feeds if the tick has moved on since the last call.
+/// Feeds the watchdog if the tick has moved on since the last call, for a wait during which no task runs.
 #[inline(always)]
 pub fn feed_while_ticking() {
     static BEFORE: AtomicU32 = AtomicU32::new(0);

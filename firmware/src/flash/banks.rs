@@ -1,16 +1,17 @@
-//! Flash by the NorFlash traits: bank 2 with the library slots, and of bank 1 the two sectors of the settings.
+//! Drivers of the flash banks for the NorFlash traits: the library slots of bank 2, and the two settings sectors of
+//! bank 1.
 //!
-//! embassy-stm32 waits for an erasure, a second or two, without giving way, and turns an uncorrectable word into a hard
-//! fault; so this is written by RM0433 section 4.3. Every wait is bounded. What was written is read back from the array
-//! itself: the cache is told to forget it.
+//! embassy-stm32's own driver waits for an erasure, a second or two, without yielding, and turns an uncorrectable word
+//! into a hard fault. This one follows RM0433 section 4.3. Every wait is bounded. A read after a write comes from the
+//! array itself, because the cache lines are invalidated.
 //!
-//! - **Bank 2** is erased and written while everything else goes on: code runs from bank 1, the tick from ITCM.
-//! - **Bank 1** holds the code, whose fetches wait while it is busy. The wait for it is in ITCM and masks the interrupts of
-//!   tasks, whose handlers lie in flash; tick and update go on. So do not write settings while anything else matters: a
-//!   changed one takes a tenth of a millisecond, but every few thousandth of them an erasure.
+//! - **Bank 2** is erased and written while everything else runs: code runs from bank 1, the tick from ITCM.
+//! - **Bank 1** holds the code, whose fetches stall while the bank is busy. The wait for it runs from ITCM and masks
+//!   the interrupts of tasks, whose handlers lie in flash; tick and update go on. Settings must therefore be written
+//!   only while nothing else matters: a change takes a tenth of a millisecond, and one in a few thousand an erasure.
 #![expect(
     unsafe_code,
-    reason = "the flash's registers change memory, and its memory is read where it lies"
+    reason = "the flash's registers change memory, and the memory is read in place"
 )]
 
 use core::ops::Range;
@@ -36,32 +37,32 @@ use crate::boot::priority;
 use crate::fault::watchdog;
 use crate::flash::word;
 
-/// Longest erasure of a sector, twice what DS12110 allows (table 60, parallelism of 8 bits).
+/// Longest erasure of a sector: twice the maximum of DS12110 (table 60, parallelism of 8 bits).
 const ERASE_LIMIT: Duration = Duration::from_secs(8);
 
-/// Longest programming of a flash word, many times what DS12110 allows.
+/// Longest programming of a flash word: many times the maximum of DS12110.
 const PROGRAM_LIMIT: Duration = Duration::from_millis(10);
 
-/// Why flash did not do what it was asked.
+/// Failure of a flash operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
 pub enum FlashError {
-    /// Outside of what this is for, or not whole words or sectors.
+    /// A range outside this part of the flash, or not of whole words or sectors.
     Range(OutOfRange),
-    /// A word cannot be read: its code has two errors.
+    /// A word that cannot be read, because its error-correcting code found two errors.
     Unreadable {
-        /// Where it is in the processor's memory.
+        /// Address of the word.
         address: u32,
     },
-    /// The flash reports a fault: its status register.
+    /// A fault that the flash reports.
     Refused {
-        /// FLASH_SR.
+        /// Value of FLASH_SR.
         status: u32,
     },
-    /// It is busy for longer than it may be.
+    /// The flash is busy for longer than it may be.
     Timeout,
 }
 
-/// A place or length that is not possible.
+/// Reason why a range is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
 pub enum OutOfRange {
     /// Not whole words or sectors.
@@ -75,7 +76,7 @@ impl core::fmt::Display for FlashError {
         match self {
             Self::Range(_) => write!(
                 f,
-                "not a place of this flash that can be read, erased or written so"
+                "the range lies outside this part of the flash or is not of whole words or sectors"
             ),
             Self::Unreadable { address } => write!(
                 f,
@@ -102,7 +103,7 @@ impl NorFlashError for FlashError {
     }
 }
 
-/// Whether `length` bytes from `offset` lie in `within`, in whole units of `unit` bytes.
+/// Checks that `length` bytes from `offset` lie in `within`, in whole units of `unit` bytes.
 fn check(offset: u32, length: usize, unit: usize, within: Range<u32>) -> Result<(), FlashError> {
     if !(offset as usize).is_multiple_of(unit) || !length.is_multiple_of(unit) {
         return Err(FlashError::Range(OutOfRange::NotAligned));
@@ -114,14 +115,14 @@ fn check(offset: u32, length: usize, unit: usize, within: Range<u32>) -> Result<
     Ok(())
 }
 
-/// Length of `from` to `to`, bytes.
+/// Length of the range from `from` to `to`, bytes.
 fn length(from: u32, to: u32) -> Result<usize, FlashError> {
     to.checked_sub(from)
         .map(|length| length as usize)
         .ok_or(FlashError::Range(OutOfRange::OutOfBounds))
 }
 
-/// One bank.
+/// A bank, with its registers.
 #[derive(Clone, Copy)]
 struct Bank {
     index: usize,
@@ -142,7 +143,7 @@ impl Bank {
         pac::FLASH.bank(self.index)
     }
 
-    /// Reads words that may fault.
+    /// Reads bytes of words that may fault.
     fn read(self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         let mut at = self.address + offset;
         let mut rest = bytes;
@@ -159,7 +160,8 @@ impl Bank {
         Ok(())
     }
 
-    /// Makes ready for an erasure or a word: unlocked, idle, no old fault (RM0433 sections 4.3.9 and 4.3.10).
+    /// Prepares an erasure or a word: checks that the bank is idle, clears old faults, unlocks (RM0433 sections 4.3.9
+    /// and 4.3.10).
     fn prepare(self) -> Result<(), FlashError> {
         let registers = self.registers();
         if registers.sr().read().qw() {
@@ -183,7 +185,8 @@ impl Bank {
         self.registers().cr().modify(|w| w.set_start(true));
     }
 
-    /// Writes `word` at `offset`, erased, in this bank; it is programmed when all of it is there. In ITCM, for bank 1.
+    /// Writes `word` at `offset`, which is erased. The bank programs it when all of it has arrived. For bank 1 this is
+    /// inlined into ITCM.
     #[inline(always)]
     fn begin_program(self, offset: u32, word: &[u32; WORD_BYTES / 4]) {
         self.registers().cr().modify(|w| {
@@ -191,16 +194,16 @@ impl Bank {
             w.set_pg(true);
         });
         cortex_m::asm::dsb();
-        let place = (self.address + offset) as *mut u32;
+        let start = (self.address + offset) as *mut u32;
         for (index, &part) in word.iter().enumerate() {
-            // SAFETY: the callers have checked that this is a word of theirs; nobody holds a reference to it, since those
-            // are shared and programming takes the flash exclusively.
-            unsafe { place.add(index).write_volatile(part) };
+            // SAFETY: the callers have checked that the word is in their range. Nothing holds a reference to it,
+            // because references are shared borrows and programming borrows the flash exclusively.
+            unsafe { start.add(index).write_volatile(part) };
         }
         cortex_m::asm::dsb();
     }
 
-    /// What came of an operation that has ended; locks the bank.
+    /// Locks the bank and returns the result of the operation that has ended.
     fn end(self) -> Result<(), FlashError> {
         let registers = self.registers();
         let status = registers.sr().read();
@@ -216,10 +219,10 @@ impl Bank {
         Ok(())
     }
 
-    /// Makes the cache forget `range`, which has changed below it.
+    /// Invalidates the cache lines of `range`, which has changed in the array.
     fn forget(self, range: Range<u32>) {
-        // SAFETY: the only owner of SCB has given it up after the start; cache maintenance is a write of an address to a
-        // register. Flash is never dirty in the cache: it is not written through the cache but for programming.
+        // SAFETY: the only owner of SCB has dropped it after the start, and cache maintenance is a write of an address
+        // to a register. Flash is never dirty in the cache, because only programming writes to it.
         unsafe {
             let mut scb = cortex_m::Peripherals::steal().SCB;
             let address = (self.address + range.start) as usize;
@@ -228,7 +231,7 @@ impl Bank {
     }
 }
 
-/// Clears the end of an operation and every fault.
+/// Clears the end-of-operation flag and every fault.
 fn clear(registers: Registers) {
     registers.ccr().write(|w| {
         w.set_clr_eop(true);
@@ -259,7 +262,7 @@ pub struct Bank2(());
 impl Bank2 {
     const RANGE: Range<u32> = 0..2 * SLOT_BYTES as u32;
 
-    /// The only one.
+    /// The only value of this type.
     ///
     /// # Safety
     /// Called once.
@@ -270,7 +273,7 @@ impl Bank2 {
     async fn wait(limit: Duration, pause: Option<Duration>) -> Result<(), FlashError> {
         let begin = Instant::now();
         while BANK_2.registers().sr().read().qw() {
-            // Saturating: a time driver that is late by half a period is no reason to end.
+            // Saturating, because the time driver may be late by half a period.
             if Instant::now().saturating_duration_since(begin) > limit {
                 return Err(FlashError::Timeout);
             }
@@ -307,7 +310,7 @@ impl NorFlash for Bank2 {
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         check(from, length(from, to)?, Self::ERASE_SIZE, Self::RANGE)?;
         for sector in (from..to).step_by(Self::ERASE_SIZE) {
-            // One that was given up half way ends first.
+            // An erasure whose caller gave up ends first.
             Self::wait(ERASE_LIMIT, Some(Duration::from_millis(1))).await?;
             BANK_2.prepare()?;
             BANK_2.begin_erase(sector);
@@ -338,17 +341,18 @@ impl MappedFlash for Bank2 {
     fn bytes(&self, range: Range<u32>) -> Result<&[u8], FlashError> {
         check(range.start, length(range.start, range.end)?, 1, Self::RANGE)?;
         let start = (BANK_2.address + range.start) as *const u8;
-        // SAFETY: this is flash for as long as the processor runs, and it changes only by methods that take this value
-        // exclusively. Reading it does not fault: by the contract of the trait the caller has read every word before.
+        // SAFETY: this is flash for as long as the processor runs, and it changes only by methods that borrow this
+        // value exclusively. A read does not fault, because by the contract of the trait the caller has read every word
+        // before.
         Ok(unsafe { slice::from_raw_parts(start, range.len()) })
     }
 }
 
-/// The settings' sectors of bank 1. Offsets are the bank's; nothing outside them is ever erased or written.
+/// The settings' sectors of bank 1. Offsets count from the start of the bank.
 pub struct SettingsFlash(());
 
 impl SettingsFlash {
-    /// The only one.
+    /// The only value of this type.
     ///
     /// # Safety
     /// Called once.
@@ -405,7 +409,7 @@ impl NorFlash for SettingsFlash {
     }
 }
 
-/// Erases the sector of bank 1 at `offset` from ITCM, and waits for it there.
+/// Erases the sector of bank 1 at `offset` and waits for it, in ITCM.
 #[inline(never)]
 #[unsafe(link_section = ".itcm.flash_erase")]
 fn erase_without_code(offset: u32) -> Result<(), FlashError> {
@@ -416,7 +420,7 @@ fn erase_without_code(offset: u32) -> Result<(), FlashError> {
     done
 }
 
-/// Programs a word of bank 1 at `offset` from ITCM, and waits for it there.
+/// Programs a word of bank 1 at `offset` and waits for it, in ITCM.
 #[inline(never)]
 #[unsafe(link_section = ".itcm.flash_program")]
 fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) -> Result<(), FlashError> {
@@ -427,7 +431,7 @@ fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) -> Result<(),
     done
 }
 
-/// Waits for bank 1, at most `limit_ms`; keeps the watchdog content as long as the tick goes on.
+/// Waits for bank 1, at most `limit_ms`, and feeds the watchdog as long as the tick goes on.
 #[inline(always)]
 fn wait_without_code(limit_ms: u32) -> Result<(), FlashError> {
     for _ in 0..limit_ms {
@@ -442,7 +446,7 @@ fn wait_without_code(limit_ms: u32) -> Result<(), FlashError> {
     Err(FlashError::Timeout)
 }
 
-/// What was masked before.
+/// Masks as they were before.
 #[derive(Clone, Copy)]
 struct Masked {
     priorities: u8,
@@ -457,14 +461,14 @@ fn mask_tasks() -> Masked {
         serial: !NVIC::is_enabled(priority::SERIAL),
     };
     NVIC::mask(priority::SERIAL);
-    // SAFETY: no critical section of this program masks by priority; tick and update are more urgent than this.
+    // SAFETY: no critical section of this program masks by priority; tick and update are more urgent than the mask.
     unsafe { basepri::write(priority::TASKS_MASK) };
     before
 }
 
 #[inline(always)]
 fn unmask(before: Masked) {
-    // SAFETY: both become what they were.
+    // SAFETY: both return to their state before `mask_tasks`.
     unsafe {
         basepri::write(before.priorities);
         if !before.serial {

@@ -1,13 +1,14 @@
-//! Reading a flash word that may not be readable.
+//! Reads of a flash word that may not be readable.
 //!
-//! Power that goes while a word of 32 bytes is programmed can leave it with an error that its code cannot correct. Reading
-//! it is then answered with a bus error (RM0433 section 4.3.12), for a load a precise one: the processor takes BusFault at
-//! the load itself. The loads of this module are known to the handler, which has them return failure; BusFault anywhere
-//! else ends as HardFault does. Unlike a read with FAULTMASK set and CCR.BFHFNMIGN, this masks no interrupt, so the tick is
-//! not put off. BFAR is not used: on revisions Y and W of the part it may be wrong here (ES0392, 2.2.6).
+//! A power loss while a word of 32 bytes is programmed can leave it with an error that its code cannot correct. A read
+//! of such a word is answered with a bus error (RM0433 section 4.3.12), which is precise for a load: the processor
+//! takes BusFault at the load itself. The handler knows the loads of this module and makes them return failure;
+//! BusFault anywhere else ends as HardFault does. Unlike a read with FAULTMASK set and CCR.BFHFNMIGN, this masks no
+//! interrupt, so it does not delay the tick. BFAR is not used, because on revisions Y and W of the part it may be wrong
+//! here (ES0392, 2.2.6).
 #![expect(
     unsafe_code,
-    reason = "reads of memory that may fault, and the handler that lets them"
+    reason = "reads of memory that may fault, and the handler that resumes them"
 )]
 
 use core::arch::global_asm;
@@ -18,10 +19,10 @@ use cortex_m::peripheral::scb::{Exception, SystemHandler};
 use embassy_stm32::pac::FLASH;
 use stylus_app::flash::WORD_BYTES;
 
-// SAFETY: by the procedure call standard: r0 is the source, r1 the destination, r0 the result; r2 is the caller's to lose.
-// A load of the eight that faults is resumed at `flash_word_failed` with nothing but r2 undefined. The handler changes the
-// saved program counter in that case only: it lies 24 bytes up in the frame, with or without a floating-point part (ARM DDI
-// 0403E, B1.5.7), on the main stack, the only one in use.
+// SAFETY: by the procedure call standard: r0 is the source, r1 the destination, r0 the result; r2 is the caller's to
+// lose. A load of the eight that faults is resumed at `flash_word_failed` with nothing but r2 undefined. The handler
+// changes the saved program counter in that case only: it lies 24 bytes up in the frame, with or without a
+// floating-point part (ARM DDI 0403E, B1.5.7), on the main stack, the only one in use.
 global_asm!(
     ".section .text.flash_word_read, \"ax\", %progbits",
     ".global flash_word_read",
@@ -53,7 +54,7 @@ global_asm!(
     "    cmp r0, r1",
     "    bhs 2f",
     "    str r1, [sp, #24]",
-    // What is found in CFSR's byte of BusFault is written back, which clears it (ARM DDI 0403E, B3.2.15).
+    // Writing CFSR's byte of BusFault back clears it (ARM DDI 0403E, B3.2.15).
     "    ldr r0, =0xE000ED29",
     "    ldrb r1, [r0]",
     "    strb r1, [r0]",
@@ -65,11 +66,11 @@ global_asm!(
 );
 
 unsafe extern "C" {
-    /// Copies a flash word; 0 if it could be read.
+    /// Copies a flash word and returns 0, or 1 if it cannot be read.
     fn flash_word_read(source: *const u32, destination: *mut u32) -> u32;
 }
 
-/// Lets BusFault be itself, below the tick's priority; without this it would be a HardFault.
+/// Enables BusFault, below the tick's priority; without this a bus fault would be a HardFault.
 pub fn enable_bus_fault(scb: &mut SCB) {
     // SAFETY: no critical section masks by priority.
     unsafe { scb.set_priority(SystemHandler::BusFault, 0x80) };
@@ -82,7 +83,7 @@ pub fn read(address: u32) -> Option<[u8; WORD_BYTES]> {
     // SAFETY: the source is flash, aligned, and read by loads that may fault; the destination has eight words.
     let failed = unsafe { flash_word_read(address as *const u32, word.as_mut_ptr().cast()) };
     if failed != 0 {
-        // Told already. Each bank has its own flag.
+        // The return value reports the error, so its flags are cleared. Each bank has its own.
         for bank in 0..2 {
             FLASH.bank(bank).ccr().write(|w| w.set_clr_dbeccerr(true));
         }
@@ -91,8 +92,8 @@ pub fn read(address: u32) -> Option<[u8; WORD_BYTES]> {
     // SAFETY: all eight words were written.
     let word = unsafe { word.assume_init() };
     let mut bytes = [0; WORD_BYTES];
-    for (place, word) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(word) {
-        *place = word.to_le_bytes();
+    for (part, word) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(word) {
+        *part = word.to_le_bytes();
     }
     Some(bytes)
 }

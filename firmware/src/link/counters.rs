@@ -1,4 +1,4 @@
-//! What each link counts.
+//! Counters of each link.
 
 use core::cell::Cell;
 
@@ -8,10 +8,10 @@ use model_format::link::LinkCounters;
 /// Counters of one link.
 pub struct Counters(Mutex<Cell<LinkCounters>>);
 
-/// The serial link's.
+/// Counters of the serial link.
 pub static SERIAL: Counters = Counters::new();
 
-/// The USB link's.
+/// Counters of the USB link.
 pub static USB: Counters = Counters::new();
 
 /// Counters of both links: USB, serial.
@@ -30,12 +30,12 @@ impl Counters {
         })))
     }
 
-    /// The counters.
+    /// Values of the counters.
     fn get(&self) -> LinkCounters {
         critical_section::with(|section| self.0.borrow(section).get())
     }
 
-    /// Counts one more of what `which` picks.
+    /// Adds one to the counter that `which` selects.
     pub fn count(&self, which: impl FnOnce(&mut LinkCounters) -> &mut u32) {
         critical_section::with(|section| {
             let cell = self.0.borrow(section);

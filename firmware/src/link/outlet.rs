@@ -11,23 +11,23 @@ use crate::link::counters::Counters;
 /// Longest time that a frame may take: the longest frame takes 12 ms on the serial wire.
 const SEND_LIMIT: Duration = Duration::from_millis(100);
 
-/// One frame before it is sent.
+/// Buffer of one frame before it is sent.
 pub type Frame = [u8; MAX_DEVICE_FRAME_BYTES];
 
-/// What takes frames to the host: a link's sending half and its buffer, one frame at a time.
+/// The sender of a link and its buffer. One frame is sent at a time.
 pub struct Outlet<S> {
     inner: Mutex<ThreadModeRawMutex, Option<(S, Frame)>>,
     counters: &'static Counters,
 }
 
-/// A link's sending half.
+/// Sender of a link.
 pub trait SendFrame {
-    /// Sends one frame; false if the link does not take it.
+    /// Sends one frame; returns false if the link does not take it.
     async fn send_frame(&mut self, frame: &[u8]) -> bool;
 }
 
 impl<S: SendFrame> Outlet<S> {
-    /// Not yet open; frames are dropped and counted as unsent.
+    /// An outlet that is not open: its frames are dropped and counted as unsent.
     pub const fn new(counters: &'static Counters) -> Self {
         Self {
             inner: Mutex::new(None),
@@ -35,9 +35,9 @@ impl<S: SendFrame> Outlet<S> {
         }
     }
 
-    /// Opens it.
-    pub async fn open(&self, half: S) {
-        *self.inner.lock().await = Some((half, [0; MAX_DEVICE_FRAME_BYTES]));
+    /// Opens the outlet onto `sender`.
+    pub async fn open(&self, sender: S) {
+        *self.inner.lock().await = Some((sender, [0; MAX_DEVICE_FRAME_BYTES]));
     }
 
     /// Sends the frame that `write` puts into the buffer.
@@ -50,14 +50,14 @@ impl<S: SendFrame> Outlet<S> {
     ) -> Result<(), WireTxErrorKind> {
         let sent = with_timeout(SEND_LIMIT, async {
             let mut inner = self.inner.lock().await;
-            let (half, frame) = inner.as_mut()?;
+            let (sender, frame) = inner.as_mut()?;
             let length = write(frame)?;
-            half.send_frame(&frame[..length]).await.then_some(())
+            sender.send_frame(&frame[..length]).await.then_some(())
         });
         if let Ok(Some(())) = sent.await {
             return Ok(());
         }
-        // A frame that is lost is counted and the link goes on: it may come back at any moment.
+        // The loss is counted, and the link goes on, because the host may come back at any time.
         self.counters.count(|counters| &mut counters.unsent);
         Err(WireTxErrorKind::Other)
     }

@@ -1,7 +1,7 @@
-//! Requests: what a frame asks for is done, or handed to the task of the storage, and answered on the wire it came by.
+//! Dispatch of requests: each is served at once or handed to the storage task, and answered on the wire it came by.
 //!
-//! Whatever comes in, the answer is the endpoint's, or an error of postcard-rpc's with the request's sequence number: an
-//! unknown key, a body that is not of the key's type, or a storage that has enough to do. A topic is not answered.
+//! Every request gets the answer of its endpoint, or an error of postcard-rpc with its sequence number: for an unknown
+//! key, a body that is not of the key's type, or a full queue of the storage. A topic is not answered.
 
 use embassy_time::Timer;
 use model_format::link::{
@@ -26,21 +26,21 @@ use crate::link::wire::{KEY_KIND, Wire};
 
 type Result = core::result::Result<(), WireTxErrorKind>;
 
-/// What a link asks for.
-pub struct Requests {
+/// Dispatcher of the requests of one wire.
+pub struct Dispatcher {
     wire: Wire,
 }
 
-/// One request: where its answer goes, and what it says.
-struct Asked<'a> {
+/// One request: its body, and the way of its answer.
+struct Request<'a> {
     wire: Wire,
     tx: &'a Sender<Wire>,
     sequence: VarSeq,
     body: &'a [u8],
 }
 
-impl Asked<'_> {
-    /// The request's body; a host that says something in a known type is there, so the link is alive.
+impl Request<'_> {
+    /// Decodes the body. A body of a known type shows that a host is there, so the link counts as alive.
     fn read<'b, T: Deserialize<'b>>(&'b self) -> core::result::Result<T, WireError> {
         let read = postcard::from_bytes(self.body).map_err(|_| WireError::DeserFailed)?;
         self.wire.counters().count(|counters| &mut counters.frames);
@@ -55,7 +55,7 @@ impl Asked<'_> {
         self.tx.error(self.sequence, error).await
     }
 
-    /// Answers at once.
+    /// Answers with the result of `work`, at once.
     async fn answer<'b, E>(&'b self, work: impl FnOnce(E::Request) -> E::Response) -> Result
     where
         E: Endpoint,
@@ -68,14 +68,14 @@ impl Asked<'_> {
         }
     }
 
-    /// Has the storage answer.
+    /// Queues the job for the storage task, which answers.
     async fn hand_over<'b, T: Deserialize<'b>>(
         &'b self,
         job: impl FnOnce(T) -> Option<Job>,
     ) -> Result {
         match self.read().map(job) {
             Ok(Some(job)) => {
-                if storage::ask(job, self.tx.clone(), self.sequence) {
+                if storage::queue(job, self.tx.clone(), self.sequence) {
                     return Ok(());
                 }
                 self.tx.error(self.sequence, WireError::FailedToSpawn).await
@@ -85,7 +85,7 @@ impl Asked<'_> {
         }
     }
 
-    /// Takes a message that is not answered.
+    /// Passes a message, which is not answered, to `work`.
     fn take<'b, T>(&'b self, work: impl FnOnce(T::Message))
     where
         T: Topic,
@@ -101,7 +101,7 @@ impl Asked<'_> {
     }
 }
 
-/// `PlayEndpoint`.
+/// Serves `PlayEndpoint`.
 #[expect(
     clippy::result_large_err,
     reason = "without allocation the answer is as large as its longest text"
@@ -110,7 +110,7 @@ fn play(request: PlayRequest) -> core::result::Result<Playing, PlayError> {
     with_control(|control| control.play(request))
 }
 
-impl Dispatch for Requests {
+impl Dispatch for Dispatcher {
     type Tx = Wire;
 
     fn min_key_len(&self) -> VarKeyKind {
@@ -118,127 +118,133 @@ impl Dispatch for Requests {
     }
 
     async fn handle(&mut self, tx: &Sender<Wire>, header: &VarHeader, body: &[u8]) -> Result {
-        let asked = Asked {
+        let request = Request {
             wire: self.wire,
             tx,
             sequence: header.seq_no,
             body,
         };
         let VarKey::Key8(key) = header.key else {
-            return asked.refuse(WireError::KeyTooSmall).await;
+            return request.refuse(WireError::KeyTooSmall).await;
         };
         match key {
-            PingEndpoint::REQ_KEY => asked.answer::<PingEndpoint>(|number| number).await,
+            PingEndpoint::REQ_KEY => request.answer::<PingEndpoint>(|number| number).await,
             InfoEndpoint::REQ_KEY => {
-                asked
+                request
                     .answer::<InfoEndpoint>(|()| with_control(|control| control.info()))
                     .await
             }
             StatusEndpoint::REQ_KEY => {
-                asked
+                request
                     .answer::<StatusEndpoint>(|()| with_control(|control| control.status()))
                     .await
             }
             UploadProgressEndpoint::REQ_KEY => {
-                asked
+                request
                     .answer::<UploadProgressEndpoint>(|()| with_control(|control| control.upload()))
                     .await
             }
-            PlayEndpoint::REQ_KEY => asked.answer::<PlayEndpoint>(play).await,
+            PlayEndpoint::REQ_KEY => request.answer::<PlayEndpoint>(play).await,
             StopEndpoint::REQ_KEY => {
-                asked
+                request
                     .answer::<StopEndpoint>(|()| with_control(Control::stop))
                     .await
             }
             MotionEndpoint::REQ_KEY => {
-                asked
+                request
                     .answer::<MotionEndpoint>(|motion| {
                         with_control(|control| control.motion(motion))
                     })
                     .await
             }
             RecordStartEndpoint::REQ_KEY => {
-                asked
+                request
                     .answer::<RecordStartEndpoint>(|()| recording::start(self.wire))
                     .await
             }
             RecordStopEndpoint::REQ_KEY => {
-                asked
+                request
                     .answer::<RecordStopEndpoint>(|()| with_control(Control::record_stop))
                     .await
             }
             SettingsGetEndpoint::REQ_KEY => {
-                asked
+                request
                     .answer::<SettingsGetEndpoint>(|()| {
                         Ok(with_control(|control| control.settings()))
                     })
                     .await
             }
-            _ => self.handle_storage_or_topic(&asked, key).await,
+            _ => self.handle_storage_or_topic(&request, key).await,
         }
     }
 }
 
-impl Requests {
-    /// For the host on `wire`.
+impl Dispatcher {
+    /// A dispatcher for the host on `wire`.
     pub const fn new(wire: Wire) -> Self {
         Self { wire }
     }
 
-    async fn handle_storage_or_topic(&self, asked: &Asked<'_>, key: postcard_rpc::Key) -> Result {
+    async fn handle_storage_or_topic(
+        &self,
+        request: &Request<'_>,
+        key: postcard_rpc::Key,
+    ) -> Result {
         match key {
             UploadBeginEndpoint::REQ_KEY => {
-                asked.hand_over(|begin| Some(Job::UploadBegin(begin))).await
+                request
+                    .hand_over(|begin| Some(Job::UploadBegin(begin)))
+                    .await
             }
             UploadChunkEndpoint::REQ_KEY => {
-                asked
+                request
                     .hand_over(|UploadChunk { offset, data }| Job::chunk(offset, data))
                     .await
             }
-            UploadCommitEndpoint::REQ_KEY => asked.hand_over(|()| Some(Job::UploadCommit)).await,
-            UploadAbortEndpoint::REQ_KEY => asked.hand_over(|()| Some(Job::UploadAbort)).await,
-            SlotsEndpoint::REQ_KEY => asked.hand_over(|()| Some(Job::Slots)).await,
-            ListEndpoint::REQ_KEY => asked.hand_over(|request| Some(Job::List(request))).await,
+            UploadCommitEndpoint::REQ_KEY => request.hand_over(|()| Some(Job::UploadCommit)).await,
+            UploadAbortEndpoint::REQ_KEY => request.hand_over(|()| Some(Job::UploadAbort)).await,
+            SlotsEndpoint::REQ_KEY => request.hand_over(|()| Some(Job::Slots)).await,
+            ListEndpoint::REQ_KEY => request.hand_over(|list| Some(Job::List(list))).await,
             ListSceneEndpoint::REQ_KEY => {
-                asked
-                    .hand_over(|request| Some(Job::ListScene(request)))
-                    .await
+                request.hand_over(|list| Some(Job::ListScene(list))).await
             }
-            ActivateEndpoint::REQ_KEY => asked.hand_over(|slot| Some(Job::Activate(slot))).await,
+            ActivateEndpoint::REQ_KEY => request.hand_over(|slot| Some(Job::Activate(slot))).await,
             SettingsSetEndpoint::REQ_KEY => {
-                asked
+                request
                     .hand_over(|change| Some(Job::SettingsSet(change)))
                     .await
             }
-            SettingsResetEndpoint::REQ_KEY => asked.hand_over(|()| Some(Job::SettingsReset)).await,
+            SettingsResetEndpoint::REQ_KEY => {
+                request.hand_over(|()| Some(Job::SettingsReset)).await
+            }
             MotionTopic::TOPIC_KEY => {
-                // One that is not finite is dropped; by the endpoint of the same name it would be told.
-                asked.take::<MotionTopic>(|motion| {
+                // A motion that is not finite is dropped. The endpoint of the same name would report it.
+                request.take::<MotionTopic>(|motion| {
                     let _ = with_control(|control| control.motion(motion));
                 });
                 Ok(())
             }
             KeepAliveTopic::TOPIC_KEY => {
-                asked.take::<KeepAliveTopic>(|()| ());
+                request.take::<KeepAliveTopic>(|()| ());
                 Ok(())
             }
             #[cfg(feature = "fault-injection")]
             crate::injection::KEY => {
-                if let Ok(fault) = asked.read() {
+                if let Ok(fault) = request.read() {
                     crate::injection::inject(fault);
                 }
                 Ok(())
             }
-            _ => asked.refuse(WireError::UnknownKey).await,
+            _ => request.refuse(WireError::UnknownKey).await,
         }
     }
 }
 
-/// Serves the host on `wire` for ever; frames come from `inlet` and are put into `buffer`.
-pub async fn serve<R: WireRx>(wire: Wire, inlet: R, buffer: &'static mut [u8]) -> ! {
-    let mut server = Server::new(wire, inlet, buffer, Requests::new(wire), KEY_KIND);
+/// Serves the host on `wire` forever. Frames come from `receiver`, into `buffer`.
+pub async fn serve<R: WireRx>(wire: Wire, receiver: R, buffer: &'static mut [u8]) -> ! {
+    let mut server = Server::new(wire, receiver, buffer, Dispatcher::new(wire), KEY_KIND);
     loop {
-        // A wire that was lost comes back: what waits for it is in the wire itself.
+        // Runs until the wire is lost. The receiver waits until the wire is back.
         server.run().await;
         Timer::after_millis(10).await;
     }

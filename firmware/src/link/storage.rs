@@ -1,8 +1,8 @@
-//! Flash and what is played, for all links: [`Control`] behind a lock that is never held across a wait, [`Storage`] in a task
-//! of its own.
+//! The application, for both links: [`Control`] behind a lock that is never held across a wait, and [`Storage`] in a
+//! task of its own, because requests that need flash may take seconds.
 #![expect(
     unsafe_code,
-    reason = "the only owners of the flash are made here, once"
+    reason = "the only owners of the flash are created here, once"
 )]
 
 use core::cell::RefCell;
@@ -34,26 +34,26 @@ use crate::link::wire::Wire;
 static CONTROL: Mutex<ThreadModeRawMutex, RefCell<Option<Control<Hardware>>>> =
     Mutex::new(RefCell::new(None));
 
-/// Does `what` with the device; nothing of what is done there waits. The device is there once [`start`] has returned.
+/// Calls `what` with the device's control, which never waits. It exists once [`start`] has returned.
 pub fn with_control<R>(what: impl FnOnce(&mut Control<Hardware>) -> R) -> R {
     CONTROL.lock(|control| {
         if let Some(control) = control.borrow_mut().as_mut() {
             what(control)
         } else {
-            defmt::unreachable!("links and polls begin after the start")
+            defmt::unreachable!("links and polls begin after storage::start")
         }
     })
 }
 
-/// What takes the flash.
+/// A request that needs the flash.
 #[expect(
     clippy::large_enum_variant,
-    reason = "a few are reserved once, each for the largest"
+    reason = "the queue reserves a few, each for the largest"
 )]
 pub enum Job {
     /// `UploadBeginEndpoint`.
     UploadBegin(UploadBegin),
-    /// `UploadChunkEndpoint`: where, and what.
+    /// `UploadChunkEndpoint`: offset and bytes.
     UploadChunk(u32, Vec<u8, MAX_CHUNK_BYTES>),
     /// `UploadCommitEndpoint`.
     UploadCommit,
@@ -74,7 +74,7 @@ pub enum Job {
 }
 
 impl Job {
-    /// A chunk of an upload; none if it is longer than one may be.
+    /// A chunk of an upload; none if it is longer than [`MAX_CHUNK_BYTES`].
     pub fn chunk(offset: u32, data: &[u8]) -> Option<Self> {
         Vec::from_slice(data)
             .ok()
@@ -82,19 +82,19 @@ impl Job {
     }
 }
 
-/// A job with where its answer goes.
-struct Request {
+/// A job with the way of its answer.
+struct QueuedJob {
     job: Job,
     to: Sender<Wire>,
     sequence: VarSeq,
 }
 
-/// Jobs that may wait: a host asks for one after the other, and there are two wires.
-static REQUESTS: Channel<ThreadModeRawMutex, Request, 4> = Channel::new();
+/// Jobs that wait. A host sends the next request after the answer, and there are two wires, so four are enough.
+static QUEUE: Channel<ThreadModeRawMutex, QueuedJob, 4> = Channel::new();
 
-/// Has `job` done and answered; false if too many wait already.
-pub fn ask(job: Job, to: Sender<Wire>, sequence: VarSeq) -> bool {
-    REQUESTS.try_send(Request { job, to, sequence }).is_ok()
+/// Queues `job`, to be done and answered; returns false if the queue is full.
+pub fn queue(job: Job, to: Sender<Wire>, sequence: VarSeq) -> bool {
+    QUEUE.try_send(QueuedJob { job, to, sequence }).is_ok()
 }
 
 type Stores = Storage<Bank2, SettingsFlash>;
@@ -102,21 +102,21 @@ type Stores = Storage<Bank2, SettingsFlash>;
 #[unsafe(link_section = ".sram4.stores")]
 static STORES: StaticCell<Stores> = StaticCell::new();
 
-/// Opens the stores, makes the newest library the active one, and lets requests be served.
+/// Opens the stores, activates the newest library, and starts the tasks that poll and that serve jobs.
 pub async fn start(spawner: Spawner, hardware: Hardware) {
-    // SAFETY: this is the one place, and it runs once.
+    // SAFETY: nothing else calls them, and this runs once.
     let (slots, settings) = unsafe { (Bank2::new(), SettingsFlash::new()) };
     let settings = SettingsStore::open(settings, SETTINGS_RANGE).await;
     let control = Control::new(hardware, settings.settings(), settings.is_faulty());
-    CONTROL.lock(|place| *place.borrow_mut() = Some(control));
+    CONTROL.lock(|cell| *cell.borrow_mut() = Some(control));
     spawner.spawn(poll().unwrap());
     let stores = STORES.init(Storage::new(SlotStore::open(slots).await, settings));
-    let active = stores.activate_newest(&mut Shared).await;
-    defmt::info!("a library is active: {}", active.is_some());
+    let active = stores.activate_newest(&mut ControlStage).await;
+    defmt::info!("library active: {}", active.is_some());
     spawner.spawn(serve(stores).unwrap());
 }
 
-/// Moves the player on.
+/// Polls the control every millisecond.
 #[embassy_executor::task]
 async fn poll() -> ! {
     let mut ticker = Ticker::every(Duration::from_millis(1));
@@ -126,12 +126,12 @@ async fn poll() -> ! {
     }
 }
 
-/// Does one job after the other.
+/// Does the queued jobs, one after the other.
 #[embassy_executor::task]
 async fn serve(stores: &'static mut Stores) -> ! {
     loop {
-        let Request { job, to, sequence } = REQUESTS.receive().await;
-        // An answer that is not taken is counted by its wire; the host asks again.
+        let QueuedJob { job, to, sequence } = QUEUE.receive().await;
+        // The wire counts an answer that it cannot send. The host repeats its request.
         let _ = work(stores, job, &to, sequence).await;
     }
 }
@@ -142,7 +142,7 @@ async fn work(
     to: &Sender<Wire>,
     sequence: VarSeq,
 ) -> Result<(), WireTxErrorKind> {
-    let stage = &mut Shared;
+    let stage = &mut ControlStage;
     match job {
         Job::UploadBegin(begin) => {
             let answer = stores.upload_begin(stage, begin).await;
@@ -193,9 +193,9 @@ async fn work(
 }
 
 /// The rest of the device, as storage sees it.
-struct Shared;
+struct ControlStage;
 
-impl Stage for Shared {
+impl Stage for ControlStage {
     fn begin_activation(&mut self) -> Result<(), ActivateError> {
         with_control(Control::begin_activation)
     }

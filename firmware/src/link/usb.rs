@@ -1,10 +1,11 @@
-//! The USB link: full speed on PA11 (DM) and PA12 (DP), one interface of the vendor's class with a bulk endpoint each way.
+//! The USB link: full speed on PA11 (DM) and PA12 (DP), one interface of the vendor's class with a bulk endpoint each
+//! way.
 //!
-//! A frame is a bulk transfer, ended by a packet that is not full. Windows finds its own driver by the descriptors of Microsoft
-//! OS 2.0 (WinUSB), the others need none.
+//! A frame is a bulk transfer, ended by a packet that is not full. Windows selects its own driver (WinUSB) by the
+//! descriptors of Microsoft OS 2.0; other systems need no driver.
 //!
-//! embassy's driver waits for the peripheral without a bound. So it is asked first, within bounds, whether it answers at all;
-//! a device without it has its serial link.
+//! embassy's driver waits for the peripheral without a bound. Therefore this module first tests, within bounds, that
+//! the peripheral answers; if it does not, the device has its serial link only.
 
 use embassy_futures::yield_now;
 use embassy_stm32::pac::{PWR, USB_OTG_FS};
@@ -22,29 +23,29 @@ use static_cell::ConstStaticCell;
 
 use crate::link::counters::USB;
 use crate::link::otg::core::PACKET_BYTES;
-use crate::link::otg::driver::{Driver, Input, Listen, Output, Watch};
+use crate::link::otg::driver::{BulkIn, BulkOut, Driver, Listen, Watch};
 use crate::link::outlet::SendFrame;
 
-/// What a program on Windows looks for; the interface's own, made up once.
+/// Identifier by which programs on Windows find the interface; generated once, for this interface.
 const INTERFACE_GUIDS: &[&str] = &["{6D1F0C5A-9B0E-4C86-8F2B-51E6C2F5B0A7}"];
 
-/// Longest wait for the peripheral. A change to device mode takes 25 ms (RM0433, OTG_GUSBCFG.FDMOD).
+/// Longest wait for the peripheral, which takes 25 ms to change to device mode (RM0433, OTG_GUSBCFG.FDMOD).
 const READY_LIMIT: Duration = Duration::from_millis(100);
 
-/// Identification numbers of cores that embassy's driver knows and this part may have (RM0433, OTG_CID).
+/// Core identifiers that embassy's driver supports and this part may have (RM0433, OTG_CID).
 const CORES: [u32; 5] = [0x2000, 0x2100, 0x2300, 0x3000, 0x3100];
 
-/// A class that no standard describes (USB 2.0, section 9.6.1).
+/// Class of vendor-specific interfaces (USB 2.0, section 9.6.1).
 const VENDOR_CLASS: u8 = 0xFF;
 
-/// Bytes received by all endpoints and not yet taken.
+/// Buffer of the bytes received by all endpoints and not yet read.
 static OUT: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
 
 bind_interrupts!(struct Interrupts {
     OTG_FS => Watch, usb::InterruptHandler<peripherals::USB_OTG_FS>, Listen;
 });
 
-/// The device on the bus, whose task is [`UsbDevice::run`].
+/// Device on the bus, which [`UsbDevice::run`] serves.
 pub type Device = UsbDevice<'static, Driver>;
 
 /// Sets the link up: device, sender and receiver; none if the peripheral does not answer.
@@ -52,19 +53,19 @@ pub async fn open(
     peripheral: Peri<'static, peripherals::USB_OTG_FS>,
     dp: Peri<'static, PA12>,
     dm: Peri<'static, PA11>,
-) -> Option<(Device, Half, Inlet)> {
+) -> Option<(Device, Sender, Receiver)> {
     if !answers().await {
-        defmt::warn!("USB does not answer: it stays off");
+        defmt::warn!("USB link: the peripheral does not answer; the link stays off");
         return None;
     }
     let mut config = usb::Config::default();
-    // The board's power does not come from this socket, and PA9, its VBUS, may be wired to something else.
+    // The socket does not power the board, and PA9, its VBUS, may have another use.
     config.vbus_detection = false;
     let driver = usb::Driver::new_fs(peripheral, Interrupts, dp, dm, OUT.take(), config);
     Some(describe(Driver(driver)))
 }
 
-/// Whether `ready` becomes true in time.
+/// Waits until `ready` is true, and returns false if that takes longer than [`READY_LIMIT`].
 async fn becomes(ready: impl Fn() -> bool) -> bool {
     let begin = Instant::now();
     while !ready() {
@@ -76,7 +77,7 @@ async fn becomes(ready: impl Fn() -> bool) -> bool {
     true
 }
 
-/// Whether the peripheral does all that embassy's driver waits for.
+/// Returns true if the peripheral does everything that embassy's driver waits for.
 async fn answers() -> bool {
     PWR.cr3().modify(|w| w.set_usb33den(true));
     if !becomes(|| PWR.cr3().read().usb33rdy()).await {
@@ -95,7 +96,7 @@ async fn answers() -> bool {
     becomes(|| !USB_OTG_FS.gintsts().read().cmod()).await
 }
 
-fn describe(driver: Driver) -> (Device, Half, Inlet) {
+fn describe(driver: Driver) -> (Device, Sender, Receiver) {
     static CONFIG_DESCRIPTOR: ConstStaticCell<[u8; 64]> = ConstStaticCell::new([0; 64]);
     static BOS_DESCRIPTOR: ConstStaticCell<[u8; 64]> = ConstStaticCell::new([0; 64]);
     static MSOS_DESCRIPTOR: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
@@ -104,7 +105,7 @@ fn describe(driver: Driver) -> (Device, Half, Inlet) {
     config.manufacturer = Some("stylus");
     config.product = Some("stylus");
     config.serial_number = Some(uid::uid_hex());
-    // One interface, which says itself what it is, so nothing has to be put together from several.
+    // The one interface declares its class itself, so the device needs neither class nor association descriptors.
     config.device_class = 0;
     config.device_sub_class = 0;
     config.device_protocol = 0;
@@ -131,33 +132,33 @@ fn describe(driver: Driver) -> (Device, Half, Inlet) {
     drop(function);
     (
         builder.build(),
-        Half {
+        Sender {
             endpoint: input,
             unfinished: None,
         },
-        Inlet { endpoint: output },
+        Receiver { endpoint: output },
     )
 }
 
 /// Buffer for a frame from the host.
 pub type Buffer = [u8; MAX_HOST_FRAME_BYTES];
 
-/// The sending half.
-pub struct Half {
-    endpoint: Input,
-    /// The session of a frame that may not have gone out whole.
+/// Sender of frames.
+pub struct Sender {
+    endpoint: BulkIn,
+    /// Session of a frame of which only a part may have gone out.
     unfinished: Option<u32>,
 }
 
-impl SendFrame for Half {
+impl SendFrame for Sender {
     async fn send_frame(&mut self, frame: &[u8]) -> bool {
-        let session = Input::session();
-        // An empty packet ends what there is of it, so that this frame is not joined to it.
+        let session = BulkIn::session();
+        // An empty packet ends that part, so that this frame is not joined to it.
         if self.unfinished == Some(session) && self.endpoint.write(&[]).await.is_err() {
             return false;
         }
         self.unfinished = Some(session);
-        // A last packet that is full is followed by an empty one, so that the host sees the end.
+        // If the last packet is full, an empty one follows, so that the host sees the end.
         let sent = self.endpoint.write_transfer(frame, true).await.is_ok();
         if sent {
             self.unfinished = None;
@@ -166,13 +167,13 @@ impl SendFrame for Half {
     }
 }
 
-/// The receiving half.
-pub struct Inlet {
-    endpoint: Output,
+/// Receiver of frames.
+pub struct Receiver {
+    endpoint: BulkOut,
 }
 
-impl Inlet {
-    /// One transfer; its length, or none if it did not fit.
+impl Receiver {
+    /// Receives one transfer and returns its length; none if it does not fit.
     async fn transfer(&mut self, buffer: &mut [u8]) -> Result<Option<usize>, EndpointError> {
         let mut length = 0;
         let mut fits = true;
@@ -180,8 +181,8 @@ impl Inlet {
             let mut packet = [0; PACKET_BYTES];
             let received = self.endpoint.read(&mut packet).await?;
             match buffer.get_mut(length..length + received) {
-                Some(place) if fits => {
-                    place.copy_from_slice(&packet[..received]);
+                Some(rest) if fits => {
+                    rest.copy_from_slice(&packet[..received]);
                     length += received;
                 }
                 _ => fits = false,
@@ -193,7 +194,7 @@ impl Inlet {
     }
 }
 
-impl WireRx for Inlet {
+impl WireRx for Receiver {
     type Error = WireRxErrorKind;
 
     async fn wait_connection(&mut self) {

@@ -1,4 +1,4 @@
-//! Frames of postcard-rpc on their way to the host, whichever wire they take.
+//! Frames of postcard-rpc to the host, over either wire.
 
 use postcard_rpc::header::{VarHeader, VarKeyKind};
 use postcard_rpc::server::{WireTx, WireTxErrorKind};
@@ -11,7 +11,7 @@ use crate::link::{serial, usb};
 /// Length of keys on the wire: they are sent whole.
 pub const KEY_KIND: VarKeyKind = VarKeyKind::Key8;
 
-/// Header and message in `frame`; their length.
+/// Writes header and message into `frame` and returns their length.
 fn encode<T: Serialize + ?Sized>(
     header: &VarHeader,
     message: &T,
@@ -23,13 +23,13 @@ fn encode<T: Serialize + ?Sized>(
     Some(head + body)
 }
 
-/// The serial link's outlet.
-pub static SERIAL: Outlet<serial::Half> = Outlet::new(&counters::SERIAL);
+/// Outlet of the serial link.
+pub static SERIAL: Outlet<serial::Sender> = Outlet::new(&counters::SERIAL);
 
-/// The USB link's outlet.
-pub static USB: Outlet<usb::Half> = Outlet::new(&counters::USB);
+/// Outlet of the USB link.
+pub static USB: Outlet<usb::Sender> = Outlet::new(&counters::USB);
 
-/// Which way a frame goes to the host.
+/// Wire that a frame takes to the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wire {
     /// USART3.
@@ -39,7 +39,7 @@ pub enum Wire {
 }
 
 impl Wire {
-    /// What this link counts.
+    /// Counters of this wire's link.
     pub fn counters(self) -> &'static Counters {
         match self {
             Self::Serial => &counters::SERIAL,
@@ -78,12 +78,12 @@ impl WireTx for Wire {
         .await
     }
 
-    /// Logs go over RTT, not over a link.
+    /// Does nothing: logs go over RTT, not over a link.
     async fn send_log_str(&self, _kind: VarKeyKind, _text: &str) -> Result<(), WireTxErrorKind> {
         Ok(())
     }
 
-    /// Logs go over RTT, not over a link.
+    /// Does nothing: logs go over RTT, not over a link.
     async fn send_log_fmt(
         &self,
         _kind: VarKeyKind,

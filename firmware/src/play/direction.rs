@@ -1,8 +1,8 @@
 //! The director, which decides each block, and the plan that follows the one it plays.
 //!
 //! Owners:
-//! - **The director** belongs to the update while the tick plays, and to the tasks otherwise: an update that finds nothing
-//!   played does not touch it.
+//! - **The director** belongs to the update while the tick plays, and to the tasks otherwise: an update that finds
+//!   nothing played does not touch it.
 //! - **The next plan** belongs to the update while [`WAITS`] is set, and to the tasks otherwise. Tasks take it back by
 //!   clearing that flag. The update interrupts tasks, but they never interrupt it, so it has taken all of the plan or
 //!   nothing.
@@ -101,7 +101,8 @@ fn write_next(next: Next) {
     WAITS.store(false, Ordering::Relaxed);
     // The update may come at any instruction, and must find all of the plan or nothing.
     compiler_fence(Ordering::SeqCst);
-    // SAFETY: nothing waits, so it is the tasks', and one task at a time calls this. What was there has nothing to drop.
+    // SAFETY: nothing waits, so it is the tasks', and one task at a time calls this. What was there has nothing to
+    // drop.
     unsafe { NEXT.get() }.write(next);
 }
 

@@ -13,16 +13,16 @@ unsafe extern "C" {
     static _axisram_end: u8;
 }
 
-/// The memory and what is in it.
+/// The memory, and the library in it.
 pub struct LibraryRam {
     library: Option<Library<'static>>,
 }
 
 impl LibraryRam {
-    /// Empty.
+    /// Memory without a library.
     ///
     /// # Safety
-    /// Called once: this owns the AXI SRAM, in which the linker puts nothing.
+    /// Called once, because this owns the AXI SRAM, in which the linker puts nothing.
     pub const unsafe fn new() -> Self {
         Self { library: None }
     }
@@ -30,17 +30,17 @@ impl LibraryRam {
     /// Copies `bytes` and decodes them.
     ///
     /// # Errors
-    /// Too many bytes, or what was copied is no library; there is none then.
+    /// There are too many bytes, or they are not a library; the memory has none then.
     ///
     /// # Safety
-    /// Nothing of what [`LibraryRam::library`] gave is used any longer.
+    /// No library, texture or scene that [`LibraryRam::library`] returned is used any longer.
     pub unsafe fn load(&mut self, bytes: &[u8]) -> Result<(), LoadFault> {
         self.library = None;
         if bytes.len() > MAX_LIBRARY_BYTES {
             return Err(LoadFault);
         }
-        // SAFETY: `memory.x` gives it 512 KB, which `tests/memory_map.rs` holds against MAX_LIBRARY_BYTES; the library before
-        // is gone and its textures are not used, by the caller's word. It is written before it is read.
+        // SAFETY: `memory.x` gives it 512 KB, which `tests/memory_map.rs` compares with MAX_LIBRARY_BYTES. By the
+        // caller's contract nothing of the library before is used. The bytes are written before they are read.
         let memory: &'static mut [u8] = unsafe {
             let start = addr_of_mut!(_axisram_start);
             start.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len());
@@ -51,7 +51,7 @@ impl LibraryRam {
         Ok(())
     }
 
-    /// The library.
+    /// The library, if there is one.
     pub fn library(&self) -> Option<Library<'static>> {
         self.library
     }

@@ -1,4 +1,5 @@
-//! The part of playing that is decided below the tick: one block every 2 ms, from the library in RAM, handed to the tick.
+//! The part of playing that is decided below the tick: one block every 2 ms, from the library in RAM, handed to the
+//! tick.
 //!
 //! Invariant: everything shared with the tick has one owner at any time, by the protocol at the head of its module; no
 //! lock is taken.

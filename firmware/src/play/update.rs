@@ -1,8 +1,8 @@
-//! The update: every 2 ms, below the tick and above all tasks, what the hand does becomes the next block.
+//! The update: every 2 ms, below the tick and above all tasks, it turns the motion of the hand into the next block.
 
 #![expect(
     unsafe_code,
-    reason = "a vector's name, its place in memory, and what is the update's"
+    reason = "a vector's name, its place in memory, and values that the update owns"
 )]
 
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -13,23 +13,23 @@ use stylus_app::inputs::{self, InputConfig, Timed};
 use crate::play::shared::OfHandler;
 use crate::play::{direction, voice};
 
-/// Whether the motion that is followed was too old when it was last looked at.
+/// True if the motion that is followed was too old at the last update.
 static STALE: AtomicBool = AtomicBool::new(true);
 
-/// What updates are computed from, besides what the tick notes.
+/// Inputs of an update besides the tick's note.
 pub struct Update {
-    /// What turns counts and codes into speed and force.
+    /// Conversion of counts and codes to speed and force.
     pub config: InputConfig,
-    /// Which motion is followed.
+    /// Source of the motion that is followed.
     pub source: MotionSource,
     /// The last motion from the host.
     pub host: Timed,
 }
 
-/// None before the start.
+/// The inputs; none before [`start`].
 static UPDATE: OfHandler<Option<Update>> = OfHandler::new(None);
 
-/// Lets updates be computed, from nothing so far.
+/// Sets the inputs, with no motion yet.
 pub fn start(config: InputConfig) {
     UPDATE.with(|_, update| {
         *update = Some(Update {
@@ -40,12 +40,12 @@ pub fn start(config: InputConfig) {
     });
 }
 
-/// Whether the motion that is followed was too old at the last update.
+/// Returns true if the motion that is followed was too old at the last update.
 pub fn is_stale() -> bool {
     STALE.load(Ordering::Relaxed)
 }
 
-/// Changes what updates are computed from, before the next one.
+/// Changes the inputs before the next update.
 pub fn change(change: impl FnOnce(&mut Update)) {
     UPDATE.with(|_, update| {
         if let Some(update) = update {
@@ -56,14 +56,15 @@ pub fn change(change: impl FnOnce(&mut Update)) {
 
 /// The update's interrupt, pended by the tick. **Deadline: 2 ms, until the next block.**
 ///
-/// What bounds it: two voices at a time, the highest order of their textures, four nodes around the motion, and the ticks that
-/// interrupt it. If it is late, the block before goes on with its ramps at their ends, and `status` counts it.
+/// Its time is bounded by two voices at a time, the highest order of their textures, four nodes around the motion, and
+/// the ticks that interrupt it. If it is late, the block before goes on with its ramps at their ends, and `status`
+/// counts it.
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.update")]
 extern "C" fn SWPMI1() {
-    // SAFETY: this is the update, and the tick has asked for it.
+    // SAFETY: this is the update, which the tick has requested.
     let noted = unsafe { voice::noted() };
-    // SAFETY: this is the handler whose value it is.
+    // SAFETY: this is the handler that owns the value.
     if let Some(update) = unsafe { UPDATE.in_handler() } {
         let sensors = noted.sensors.motion(&update.config);
         let chosen = inputs::choose(update.source, sensors, update.host);
@@ -73,7 +74,7 @@ extern "C" fn SWPMI1() {
             if let Some(direction) = unsafe { direction::directed() } {
                 let follower = &mut direction.follower;
                 let interaction = follower.follow(chosen, &noted.sensors, &update.config);
-                // SAFETY: as above; this is the director of what is played.
+                // SAFETY: as above; this is the director of the block that is played.
                 unsafe { voice::direct(&mut direction.director, interaction, played) };
             }
         }

@@ -1,14 +1,15 @@
-//! What is played: for each voice two frames and a playback, for all of them two blocks and what rings. The tick plays one block
+//! State of what is played: two frames and a playback per voice, two blocks, and the ringing. The tick plays one block
 //! while the update decides the other.
 //!
-//! Whose turn it is:
-//! - **The block that is played, the frames and playbacks that it names, and what rings** are the tick's while it plays
-//!   ([`crate::tick::play`]). The update may look at those frames too: the tick changes none.
-//! - **The other block, the other frames and playbacks, and what the tick has noted** are the update's from the tick's request
-//!   until it says that it is ready, and the tick's otherwise. Which ones these are is the director's care, see
+//! Owners:
+//! - **The block that is played, the frames and playbacks that it names, and the ringing** belong to the tick while it
+//!   plays ([`crate::tick::play`]). The update may read those frames too, because the tick changes none.
+//! - **The other block, the other frames and playbacks, and the tick's note** belong to the update from the tick's
+//!   request until [`ready`], and to the tick otherwise. The director keeps them apart, see
 //!   [`stylus_kernel::scene::Voices`].
-//! - **All of it** is the tasks' while the tick does not play: an update that finds nothing played touches none of it.
-#![expect(unsafe_code, reason = "values that go from hand to hand; see above")]
+//! - **All of it** belongs to the tasks while the tick does not play: an update that finds nothing played touches none
+//!   of it.
+#![expect(unsafe_code, reason = "values that change owners; see above")]
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -23,17 +24,17 @@ use stylus_kernel::{Frame, Levels, Playback, UPDATE_INTERVAL_SAMPLES};
 use crate::boot::priority;
 use crate::play::shared::Handed;
 
-/// One of the two blocks.
+/// Index of one of the two blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum BlockIndex {
     /// The first.
     First,
     /// The second.
     Second,
 }
 
-impl Place {
-    /// The one that this is not.
+impl BlockIndex {
+    /// The index of the other block.
     #[inline(always)]
     pub const fn other(self) -> Self {
         match self {
@@ -43,23 +44,23 @@ impl Place {
     }
 }
 
-/// What the tick notes for an update.
+/// The tick's note for an update.
 #[derive(Clone, Copy)]
 pub struct Noted {
-    /// The sensors.
+    /// Values of the sensors.
     pub sensors: Sensors,
-    /// The tick.
+    /// Number of the tick.
     pub tick: u64,
-    /// What is played, if anything.
+    /// The block that is played, if any.
     pub playing: Option<Played>,
 }
 
-/// What is played while an update decides what follows.
+/// The block that is played while an update decides the next one.
 #[derive(Clone, Copy)]
 pub struct Played {
-    /// The block.
-    pub place: Place,
-    /// What rang when it began.
+    /// Index of the block.
+    pub block: BlockIndex,
+    /// The ringing when the block began.
     pub ringing: Ringing,
 }
 
@@ -74,15 +75,15 @@ static NOTED: Handed<Noted> = Handed::new(Noted {
     playing: None,
 });
 
-/// Whether it is the update's turn.
+/// True while the update owns its part.
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// Makes both blocks silent and forgets what was played. For tasks, while nothing is played.
+/// Makes both blocks silent and forgets the voices. For tasks, while nothing is played.
 ///
 /// # Safety
 /// The tick does not play.
 pub unsafe fn clear() {
-    // SAFETY: the caller vouches that it is the tasks' turn.
+    // SAFETY: by the caller's contract all of it is the tasks'.
     unsafe {
         for block in &BLOCKS {
             *block.get() = Block::silent();
@@ -94,11 +95,11 @@ pub unsafe fn clear() {
     }
 }
 
-/// How many samples were at full scale since [`clear`], in voices, their sum, or the equaliser.
+/// Number of samples at full scale since [`clear`], in voices, their sum, or the equaliser.
 pub fn saturations() -> u32 {
-    // Words that the tick may be writing: with interrupts masked it is not.
+    // The tick may write these words, but not while interrupts are masked.
     critical_section::with(|_| {
-        // SAFETY: neither the tick nor the update runs meanwhile.
+        // SAFETY: interrupts are masked, so neither the tick nor the update runs.
         let (scene, playbacks) =
             unsafe { (SCENE.look(), PLAYBACKS.each_ref().map(|one| one.look())) };
         let voices = playbacks.into_iter().flatten().map(Playback::saturations);
@@ -106,17 +107,17 @@ pub fn saturations() -> u32 {
     })
 }
 
-/// The next sample of the block in `place`.
+/// The next sample of block `index`.
 ///
 /// # Safety
-/// Called by the tick, which plays `place`.
+/// Called by the tick, which plays that block.
 #[inline(always)]
-pub unsafe fn next_sample(place: Place) -> OutputSample {
-    // SAFETY: the caller is whose turn it is.
-    let (scene, block) = unsafe { (SCENE.get(), BLOCKS[place as usize].look()) };
+pub unsafe fn next_sample(index: BlockIndex) -> OutputSample {
+    // SAFETY: by the caller's contract both are the tick's.
+    let (scene, block) = unsafe { (SCENE.get(), BLOCKS[index as usize].look()) };
     scene.next_sample(block, |voice| {
         let (slot, buffer) = indices(voice);
-        // SAFETY: they are named by the block that is played.
+        // SAFETY: the block that is played names them.
         let (playback, frame) = unsafe { (PLAYBACKS[slot].get(), FRAMES[slot][buffer].look()) };
         match (playback, frame) {
             (Some(playback), Some(frame)) => playback.next_sample::<CortexM>(frame),
@@ -125,16 +126,16 @@ pub unsafe fn next_sample(place: Place) -> OutputSample {
     })
 }
 
-/// Begins the block in `place`, which was not played before; what rings then.
+/// Begins block `index`, which was not played before, and returns the ringing at its beginning.
 ///
 /// # Safety
 /// Called by the tick, while it plays and the update is ready.
 #[inline(always)]
-pub unsafe fn begin_block(place: Place) -> Ringing {
-    // SAFETY: the caller is whose turn it is.
-    let (scene, block) = unsafe { (SCENE.get(), BLOCKS[place as usize].look()) };
+pub unsafe fn begin_block(index: BlockIndex) -> Ringing {
+    // SAFETY: by the caller's contract both are the tick's.
+    let (scene, block) = unsafe { (SCENE.get(), BLOCKS[index as usize].look()) };
     scene.begin_block(block, |voice| {
-        // SAFETY: it is named by the block that is played.
+        // SAFETY: the block that is played names it.
         if let Some(playback) = unsafe { PLAYBACKS[indices(voice).0].get() } {
             playback.begin_frame(UPDATE_INTERVAL_SAMPLES);
         }
@@ -142,7 +143,7 @@ pub unsafe fn begin_block(place: Place) -> Ringing {
     scene.ringing()
 }
 
-/// Slot and buffer of a stage, in range whatever it says.
+/// Slot and buffer of a stage, reduced to their ranges, so that no index panics.
 #[inline(always)]
 fn indices(voice: VoiceStage) -> (usize, usize) {
     (
@@ -151,68 +152,68 @@ fn indices(voice: VoiceStage) -> (usize, usize) {
     )
 }
 
-/// Whether the update has done what it was last asked for.
+/// True if the update has finished the tick's last request.
 #[inline(always)]
 pub fn is_ready() -> bool {
     !REQUESTED.load(Ordering::Acquire)
 }
 
-/// Hands what is noted to the update.
+/// Hands `noted` to the update and requests it.
 ///
 /// # Safety
 /// Called by the tick, while the update is ready.
 #[inline(always)]
 pub unsafe fn request(noted: Noted) {
-    // SAFETY: it is not the update's turn.
+    // SAFETY: the update is ready, so the note is the tick's.
     unsafe { *NOTED.get() = noted };
     REQUESTED.store(true, Ordering::Release);
     priority::pend_update();
 }
 
-/// What the tick has noted.
+/// The tick's note.
 ///
 /// # Safety
 /// Called by the update, before [`ready`].
 pub unsafe fn noted() -> Noted {
-    // SAFETY: it is the update's turn.
+    // SAFETY: before `ready` the note is the update's.
     *unsafe { NOTED.look() }
 }
 
-/// Has `director` decide the block that follows `played`.
+/// Lets `director` decide the block that follows `played`.
 ///
 /// # Safety
 /// Called by the update, before [`ready`], with the director of what is played.
 pub unsafe fn direct(director: &mut Director<'_>, interaction: Interaction, played: Played) {
-    // SAFETY: it is the update's turn.
-    let block = unsafe { BLOCKS[played.place.other() as usize].get() };
+    // SAFETY: before `ready` the other block is the update's.
+    let block = unsafe { BLOCKS[played.block.other() as usize].get() };
     let ringing = played.ringing;
-    // Blocks are played to their end.
+    // Every block is played to its end, so the next one begins with no samples left over.
     director.next_block(
         interaction,
         UPDATE_INTERVAL_SAMPLES,
         0,
         ringing,
-        &mut Shared,
+        &mut SharedVoices,
         block,
     );
 }
 
-/// The update has done what it was asked for.
+/// Reports that the update has finished.
 pub fn ready() {
     REQUESTED.store(false, Ordering::Release);
 }
 
 /// The voices, as the director sees them during an update.
-struct Shared;
+struct SharedVoices;
 
-impl Voices for Shared {
+impl Voices for SharedVoices {
     fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame> {
-        // SAFETY: it is the update's turn, and the director asks for what the block that is played does not name.
+        // SAFETY: the director asks only for what the block that is played does not name, which is the update's.
         unsafe { FRAMES[slot][buffer].get() }
     }
 
     fn levels(&self, slot: usize, buffer: usize, left: u32) -> Levels {
-        // SAFETY: of a frame that is played nobody changes anything, and the other is the update's.
+        // SAFETY: nothing changes a frame that is played, and the other frame is the update's.
         let frame = unsafe { FRAMES[slot][buffer].look() };
         frame
             .as_ref()

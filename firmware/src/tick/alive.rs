@@ -8,8 +8,8 @@ use core::sync::atomic::{AtomicU32, Ordering};
 /// Number of ticks that have ended, modulo 2³².
 static ENDED: AtomicU32 = AtomicU32::new(0);
 
-/// [`RUNNING_MARK`] while the tick runs. It outlives a reset, so that a tick that never ends is told from an executor that
-/// hangs.
+/// [`RUNNING_MARK`] while the tick runs. It outlives a reset, so that a tick that never ends is told from an executor
+/// that hangs.
 #[unsafe(link_section = ".uninit.tick_running")]
 static RUNNING: AtomicU32 = AtomicU32::new(0);
 

@@ -1,16 +1,17 @@
-//! The tick: one sample, 5000 times a second.
+//! The tick: one sample, 5000 times per second.
 //!
-//! TIM6 counts 200 µs. Its update is the trigger of everything: it moves the DAC's holding register to the output, starts
-//! the converter's sequence, and interrupts. The handler reads what was converted after the trigger before, computes a
-//! sample, and writes it for the trigger to come. So the instants of sampling and output are the timer's alone, and what was
-//! on the pins at one trigger can be answered two triggers later.
+//! TIM6 counts 200 µs. Its update event is the trigger: it moves the DAC's holding register to the output, starts the
+//! converter's sequence, and interrupts. The handler reads the conversions of the previous trigger, computes a sample,
+//! and writes it for the next trigger. So the timer alone sets the instants of sampling and output, and a signal on the
+//! pins at one trigger can be answered two triggers later.
 //!
-//! Its code is in ITCM and everything that it touches in DTCM; the build fails where a call or an address of it leads to
-//! flash. It takes no lock, logs nothing, and does the same work whatever the data; what is played decides how much.
+//! Its code is in ITCM and everything that it touches in DTCM; the build fails if a call or an address in it leads to
+//! flash. It takes no lock and logs nothing. The number of instructions depends on the block that is played, never on
+//! the data.
 
 #![expect(
     unsafe_code,
-    reason = "a vector's name, its place in memory, and what is the tick's"
+    reason = "a vector's name, its place in memory, and values that the tick owns"
 )]
 
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -30,18 +31,18 @@ use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 
 use crate::boot::clock::{CORE_HZ, TIMER_HZ};
 use crate::play::shared::OfHandler;
-use crate::play::voice::{self, Noted, Place, Played};
+use crate::play::voice::{self, BlockIndex, Noted, Played};
 use crate::tick::{alive, inputs, output};
 
-/// Cycles of the processor in a tick.
+/// Cycles of the processor per tick.
 const PERIOD_CYCLES: u32 = CORE_HZ / SAMPLE_RATE_HZ;
 
-/// Cycles of TIM6 in a tick.
+/// Cycles of TIM6 per tick.
 const PERIOD_TIMER: u32 = TIMER_HZ / SAMPLE_RATE_HZ;
 
 const _: () = assert!(PERIOD_TIMER <= 1 << 16 && PERIOD_TIMER * SAMPLE_RATE_HZ == TIMER_HZ);
 
-/// All that a tick changes but what is played.
+/// State of the tick, except for the voices.
 pub struct Tick {
     safety: safety::State,
     config: safety::Config,
@@ -50,35 +51,35 @@ pub struct Tick {
     encoder: Encoder,
     sensors: Sensors,
     tap: Tap<'static>,
-    /// Ticks of the block under way.
+    /// Number of ticks in the present block.
     phase: u32,
-    /// Which block is played, if anything is.
-    playing: Option<Place>,
-    /// Whether playing begins with the next block.
+    /// The block that is played, if any.
+    playing: Option<BlockIndex>,
+    /// True if playing begins with the next block.
     begins: bool,
-    /// Whether the update was asked for a block that follows the one that is played.
-    asked: bool,
+    /// True if the update was requested to decide the block after the one that is played.
+    requested: bool,
     /// The processor's cycle at the last trigger.
     trigger: u32,
 }
 
 static TICK: OfHandler<Option<Tick>> = OfHandler::new(None);
 
-/// Whether the output is muted.
+/// True while the output is to be mute.
 static MUTED: AtomicBool = AtomicBool::new(true);
 
-/// What is to be known of the tick, copied in one moment.
+/// Counters and state of the tick, copied at one instant.
 #[derive(Clone, Copy)]
-pub struct Report {
-    /// What it counts.
+pub struct Snapshot {
+    /// Counters of the tick.
     pub counters: TickCounters,
-    /// How long it takes.
+    /// Histogram of the tick's duration.
     pub histogram: Histogram,
-    /// The safety stages.
+    /// State of the safety stages.
     pub safety: safety::State,
 }
 
-/// Starts TIM6, and with it sampling and output; `tap` takes what is recorded. The cycle counter must run.
+/// Starts TIM6, and with it sampling and output; `tap` takes the samples to record. The cycle counter must run.
 pub fn start(_timer: Peri<'static, peripherals::TIM6>, tap: Tap<'static>, config: safety::Config) {
     rcc::enable_and_reset::<peripherals::TIM6>();
     TICK.with(|_, tick| {
@@ -93,7 +94,7 @@ pub fn start(_timer: Peri<'static, peripherals::TIM6>, tap: Tap<'static>, config
             phase: 0,
             playing: None,
             begins: false,
-            asked: false,
+            requested: false,
             trigger: DWT::cycle_count(),
         });
     });
@@ -101,22 +102,22 @@ pub fn start(_timer: Peri<'static, peripherals::TIM6>, tap: Tap<'static>, config
     output::follow_timer();
     TIM6.psc().write_value(0);
     TIM6.arr().write(|w| w.set_arr((PERIOD_TIMER - 1) as u16));
-    // RM0433 section 41.4.2: TRGO on update; section 41.4.1: only an overflow is an update event.
+    // TRGO on an update event (RM0433 section 41.4.2), which only an overflow causes (section 41.4.1).
     TIM6.cr2().modify(|w| w.set_mms(Mms::UPDATE));
     TIM6.cr1().modify(|w| w.set_urs(Urs::COUNTER_ONLY));
     TIM6.dier().modify(|w| w.set_uie(true));
     TIM6.cr1().modify(|w| w.set_cen(true));
 }
 
-/// Ticks since the start.
+/// Number of ticks since the start.
 pub fn now() -> u64 {
     TICK.with(|_, tick| tick.as_ref().map_or(0, |tick| tick.counters.ticks))
 }
 
-/// What the tick counts.
-pub fn report() -> Option<Report> {
+/// Counters and state of the tick; none before the start.
+pub fn snapshot() -> Option<Snapshot> {
     TICK.with(|_, tick| {
-        tick.as_ref().map(|tick| Report {
+        tick.as_ref().map(|tick| Snapshot {
             counters: tick.counters,
             histogram: tick.histogram,
             safety: tick.safety,
@@ -124,7 +125,7 @@ pub fn report() -> Option<Report> {
     })
 }
 
-/// Mutes the output, or lets it be heard, from the next tick on; that tick's number at the earliest.
+/// Mutes or unmutes the output from the next tick on, and returns the number of that tick at the earliest.
 pub fn set_muted(muted: bool) -> u64 {
     TICK.with(|_, tick| {
         MUTED.store(muted, Ordering::Relaxed);
@@ -132,7 +133,7 @@ pub fn set_muted(muted: bool) -> u64 {
     })
 }
 
-/// Whether the output was at mid-scale, with the ramp down, at `since` or a later tick.
+/// Returns true if the output was at mid-scale, with the mute ramp down, at tick `since` or a later one.
 pub fn is_at_rest(since: u64) -> bool {
     TICK.with(|_, tick| {
         tick.as_ref()
@@ -140,7 +141,7 @@ pub fn is_at_rest(since: u64) -> bool {
     })
 }
 
-/// From the next tick on, the safety stages do this.
+/// Sets the configuration of the safety stages from the next tick on.
 pub fn configure(config: safety::Config) {
     TICK.with(|_, tick| {
         if let Some(tick) = tick {
@@ -149,7 +150,7 @@ pub fn configure(config: safety::Config) {
     });
 }
 
-/// From the next block on, the tick plays what [`voice`] holds.
+/// Lets the tick play the voices of [`voice`] from the next block on.
 pub fn play() {
     TICK.with(|_, tick| {
         if let Some(tick) = tick {
@@ -158,7 +159,7 @@ pub fn play() {
     });
 }
 
-/// From now on the tick plays nothing. The output should be at rest before.
+/// Stops playing at once. The output should be at rest before.
 pub fn stop() {
     TICK.with(|_, tick| {
         if let Some(tick) = tick {
@@ -170,18 +171,18 @@ pub fn stop() {
 
 /// The tick's interrupt. **Deadline: 200 µs, until the next trigger.**
 ///
-/// What bounds it: the stages of the block, whose worst case was held against a budget when the plan was taken up; the safety stages, the queue and the counters take the
-/// same at every tick. It begins late by at most the longest critical section. If it ends after the next trigger, the DAC has
-/// put out the sample before once more, the tick is counted as missed, and the one after begins at once. `status` shows the
-/// count and how long ticks take.
+/// Its time is bounded by the stages of the block, whose worst case was compared with a budget before the plan was
+/// accepted. The safety stages, the queue and the counters take the same at every tick. It begins late by at most the
+/// longest critical section. If it ends after the next trigger, the DAC has repeated the previous sample, the tick is
+/// counted as missed, and the next one begins at once. `status` shows the count and the duration of ticks.
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.tick")]
 extern "C" fn TIM6_DAC() {
     let begin = DWT::cycle_count();
     alive::begin();
-    // Zero clears a flag of a timer, one leaves it.
+    // A zero clears a flag of a timer, a one leaves it.
     TIM6.sr().write(|w| w.set_uif(false));
-    // SAFETY: this is the handler whose value it is.
+    // SAFETY: this is the handler that owns the value.
     if let Some(tick) = unsafe { TICK.in_handler() } {
         tick.run(begin);
         #[cfg(feature = "fault-injection")]
@@ -211,7 +212,7 @@ impl Tick {
         self.phase = (self.phase + 1) % UPDATE_INTERVAL_SAMPLES;
         let sample = match self.playing {
             // SAFETY: this is the tick, and it plays this block.
-            Some(place) => unsafe { voice::next_sample(place) },
+            Some(block) => unsafe { voice::next_sample(block) },
             None => OutputSample::SILENCE,
         };
         let muted = MUTED.load(Ordering::Relaxed);
@@ -224,10 +225,10 @@ impl Tick {
         self.tap.put(now, sample);
     }
 
-    /// Counts the triggers since the last tick: one, or more if some were missed.
+    /// Counts the triggers since the last tick: one, or more if ticks were missed.
     ///
-    /// The cycle of the trigger is that of the handler's beginning less what the timer has counted since, so how late the
-    /// handler begins does not matter.
+    /// The cycle of the trigger is that of the handler's beginning minus the timer's count since, so the latency of the
+    /// handler does not matter.
     #[inline(always)]
     fn count_periods(&mut self, begin: u32, since_trigger: u32) {
         let trigger = begin.wrapping_sub(since_trigger * (CORE_HZ / TIMER_HZ));
@@ -239,30 +240,30 @@ impl Tick {
         self.counters.missed = self.counters.missed.saturating_add(periods - 1);
     }
 
-    /// Takes the block that was decided during the last one, and has the next one decided from what the hand does now.
+    /// Begins the block that was decided during the last one, and requests the next one from the present motion.
     ///
-    /// So a motion that is noted at the beginning of one block is heard from the beginning of the next. If the update has not
-    /// done, the block before goes on.
+    /// So a motion that is noted at the beginning of one block sounds from the beginning of the next. If the update has
+    /// not finished, the block before goes on.
     #[inline(always)]
     fn begin_block(&mut self, now: u64) {
         self.sensors.end_block();
         if core::mem::take(&mut self.begins) {
-            self.playing = Some(Place::First);
-            self.asked = false;
+            self.playing = Some(BlockIndex::First);
+            self.requested = false;
         }
         if !voice::is_ready() {
             let late = u32::from(self.playing.is_some());
             self.counters.late_frames = self.counters.late_frames.saturating_add(late);
             return;
         }
-        if self.asked {
-            self.playing = self.playing.map(Place::other);
+        if self.requested {
+            self.playing = self.playing.map(BlockIndex::other);
         }
-        self.asked = true;
-        let playing = self.playing.map(|place| {
+        self.requested = true;
+        let playing = self.playing.map(|block| {
             // SAFETY: this is the tick, which plays, and the update is ready.
-            let ringing = unsafe { voice::begin_block(place) };
-            Played { place, ringing }
+            let ringing = unsafe { voice::begin_block(block) };
+            Played { block, ringing }
         });
         let noted = Noted {
             sensors: self.sensors,

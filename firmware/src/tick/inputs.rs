@@ -1,14 +1,14 @@
-//! What the tick reads: four channels of ADC1, started by TIM6, and the encoder's count.
+//! Inputs of the tick: four channels of ADC1, started by TIM6, and the encoder's count.
 //!
-//! | signal | pin | where it goes |
+//! | signal | pin | input |
 //! |---|---|---|
 //! | acceleration X, Y, Z | PA3, PC0, PC1 | ADC1 INP15, INP10, INP11 |
 //! | normal force | PB1 | ADC1 INP5 |
 //! | encoder A, B | PA6, PC7 | TIM3 CH1, CH2 |
 //!
-//! embassy-stm32 calibrates and enables the converter and sets the encoder's timer up. It has no injected sequence for this
-//! converter, so that is set here, by RM0433 sections 25.4.19 to 25.4.22. A trigger starts the sequence; its four results
-//! stand in JDR1 to JDR4 until the next one overwrites them.
+//! embassy-stm32 calibrates and enables the converter and configures the encoder's timer. It does not support an
+//! injected sequence of this converter, so this module sets one up by RM0433 sections 25.4.19 to 25.4.22. A trigger
+//! starts the sequence; its four results stay in JDR1 to JDR4 until the next sequence overwrites them.
 
 use embassy_stm32::Peri;
 use embassy_stm32::adc::Adc;
@@ -27,8 +27,8 @@ const CHANNELS: [u8; 4] = [15, 10, 11, 5];
 /// TIM6_TRGO as a trigger of injected sequences (RM0433 table 212, jadc_ext_trg14).
 const TRIGGER_TIM6: u8 = 14;
 
-/// When the first result of a sequence arrives, ticks of TIM6 after the trigger: 64.5 and 8.5 cycles of the converter at
-/// 12.5 MHz, half of what the clock tree gives it (revision V; RM0433 section 25.4.3), less two microseconds for reading.
+/// Arrival of the first result of a sequence, cycles of TIM6 after the trigger: 64.5 + 8.5 cycles of the converter at
+/// 12.5 MHz, half of its clock in the clock tree (revision V; RM0433 section 25.4.3), minus 2 µs for reading.
 const FIRST_RESULT: u32 = TIMER_HZ / 12_500_000 * 73 - TIMER_HZ / 500_000;
 
 /// The pins and peripherals of all inputs.
@@ -51,7 +51,7 @@ pub struct Pins {
     pub encoder_b: Peri<'static, PC7>,
 }
 
-/// Sets everything up and arms the sequence; TIM6 starts it from its first trigger on.
+/// Sets up all inputs and arms the sequence, which TIM6 starts at each trigger.
 pub fn start(pins: Pins) {
     let Pins {
         adc,
@@ -63,7 +63,7 @@ pub fn start(pins: Pins) {
         encoder_a,
         encoder_b,
     } = pins;
-    // Dropped, a `Flex` leaves its pin analogue.
+    // A `Flex` that is dropped leaves its pin analogue.
     drop((
         Flex::new(acceleration_x),
         Flex::new(acceleration_y),
@@ -72,13 +72,13 @@ pub fn start(pins: Pins) {
     ));
     let _ = Adc::new(adc);
     arm_sequence();
-    // Many encoders have open collectors.
+    // Pull-ups, because many encoders have open collectors.
     let config = qei::Config {
         ch1_pull: Pull::Up,
         ch2_pull: Pull::Up,
         ..Default::default()
     };
-    // Dropped, it would stop the timer.
+    // Forgotten, because a `Qei` that is dropped stops the timer.
     core::mem::forget(Qei::new(timer, encoder_a, encoder_b, config));
 }
 
@@ -93,7 +93,7 @@ fn arm_sequence() {
             .modify(|w| w.set_smp(channel % 10, SampleTime::CYCLES64_5));
     }
     ADC1.cfgr().modify(|w| {
-        // One sequence for ever: without the queue, JSQR holds it (RM0433 section 25.4.21).
+        // The sequence never changes: without the queue, JSQR holds it (RM0433 section 25.4.21).
         w.set_jqdis(true);
         w.set_jqm(Jqm::MODE0);
     });
@@ -108,7 +108,7 @@ fn arm_sequence() {
     ADC1.cr().modify(|w| w.set_jadstart(true));
 }
 
-/// What was on the pins at the trigger before this one.
+/// Signals on the pins at the previous trigger.
 #[derive(Clone, Copy, Debug)]
 pub struct Inputs {
     /// Acceleration along X, Y, Z.
@@ -117,9 +117,9 @@ pub struct Inputs {
     pub force: AdcCode,
     /// The encoder's count, which wraps.
     pub encoder: u16,
-    /// Whether the conversions are all of that trigger: they had ended, and no later one has overwritten a result yet.
+    /// True if all conversions are of that trigger: they had ended, and no later one has overwritten a result yet.
     pub complete: bool,
-    /// Time since the trigger, ticks of TIM6.
+    /// Time since the trigger, cycles of TIM6.
     pub since_trigger: u32,
 }
 
@@ -129,7 +129,7 @@ pub fn encoder_count() -> u16 {
     TIM3.cnt().read().cnt()
 }
 
-/// Reads all inputs; to be called within a few microseconds of a trigger.
+/// Reads all inputs, within a few microseconds of a trigger.
 #[inline(always)]
 pub fn read() -> Inputs {
     let encoder = encoder_count();

@@ -1,8 +1,8 @@
-//! The control pipe: requests that embassy would not survive are stalled, and a transfer that its host has given up is given
-//! up here too.
+//! The control pipe: it stalls requests that embassy would not survive, and ends a transfer that the host has
+//! abandoned.
 //!
-//! A host that begins another transfer sends another SETUP packet; the one before is over then, however far it was (USB 2.0,
-//! section 5.5.5). So is any transfer after a reset of the bus.
+//! A host that begins another transfer sends another SETUP packet, which ends the transfer before at any stage (USB
+//! 2.0, section 5.5.5). A reset of the bus ends any transfer too.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -21,42 +21,42 @@ use crate::link::otg::core::{PACKET_BYTES, cancel_in};
 type Inner =
     <usb::Driver<'static, peripherals::USB_OTG_FS> as driver::Driver<'static>>::ControlPipe;
 
-/// Numbers of the device's endpoints go up to this one.
+/// Largest number of an endpoint of the device.
 const LAST_ENDPOINT: u8 = 1;
 
-/// Descriptor types that the device has with an index of zero alone (USB 2.0 table 9-5, and 15, BOS). A device qualifier is
-/// not among them: this device has one speed (section 9.6.2).
+/// Descriptor types that exist with index zero only (USB 2.0 table 9-5, and 15, BOS). A device qualifier is not among
+/// them, because this device has one speed (section 9.6.2).
 const SINGLE_DESCRIPTORS: [u8; 3] = [1, 2, 15];
 
-/// The type of string descriptors, which have indices.
+/// Type of string descriptors, which have indices.
 const STRING_DESCRIPTOR: u8 = 3;
 
-/// Resets of the bus.
+/// Number of resets of the bus.
 static RESETS: AtomicU32 = AtomicU32::new(0);
 
-/// SETUP packets.
+/// Number of SETUP packets.
 static SETUPS: AtomicU32 = AtomicU32::new(0);
 
-/// Resets before the last SETUP packet.
+/// Number of resets before the last SETUP packet.
 static RESETS_AT_SETUP: AtomicU32 = AtomicU32::new(0);
 
-/// Wakes what waits for the host to go on with a transfer.
+/// Waker of the task that waits for the host to continue a transfer.
 static BROKEN_OFF: AtomicWaker = AtomicWaker::new();
 
-/// A reset of the bus came. Called by the interrupt's handler alone.
+/// Counts a reset of the bus. Called by the interrupt's handler only.
 pub fn bus_was_reset() {
     RESETS.fetch_add(1, Ordering::Relaxed);
     BROKEN_OFF.wake();
 }
 
-/// A SETUP packet came. Called by the interrupt's handler alone.
+/// Counts a SETUP packet. Called by the interrupt's handler only.
 pub fn setup_came() {
     RESETS_AT_SETUP.store(RESETS.load(Ordering::Relaxed), Ordering::Relaxed);
     SETUPS.fetch_add(1, Ordering::Relaxed);
     BROKEN_OFF.wake();
 }
 
-/// What has happened on the bus.
+/// Numbers of resets and SETUP packets so far.
 fn now() -> (u32, u32) {
     (
         RESETS.load(Ordering::Relaxed),
@@ -64,7 +64,7 @@ fn now() -> (u32, u32) {
     )
 }
 
-/// Whether embassy's stack may see the request of this SETUP packet.
+/// Returns true if embassy's stack can handle the request of this SETUP packet.
 fn is_answerable(setup: [u8; 8]) -> bool {
     let [
         kind,
@@ -78,17 +78,17 @@ fn is_answerable(setup: [u8; 8]) -> bool {
     ] = setup;
     let is_read = kind & 0x80 != 0;
     if is_read && length == 0 && length_high == 0 {
-        // embassy would never end it.
+        // embassy would never end this transfer.
         return false;
     }
     match kind & 0x7F {
-        // Of the device.
+        // Requests to the device.
         0x00 if is_read && request == Request::GET_DESCRIPTOR => {
             detail == STRING_DESCRIPTOR || SINGLE_DESCRIPTORS.contains(&detail) && value == 0
         }
-        // Of an interface.
+        // Requests to an interface.
         0x01 => index_high == 0,
-        // Of an endpoint; endpoint 0 has no halt that a host sets.
+        // Requests to an endpoint. A host cannot halt endpoint 0.
         0x02 => {
             let number = index & 0x7F;
             index_high == 0 && number <= LAST_ENDPOINT && (is_read || number != 0)
@@ -100,12 +100,12 @@ fn is_answerable(setup: [u8; 8]) -> bool {
 /// The control pipe.
 pub struct Pipe {
     inner: Inner,
-    /// What had happened as the transfer under way began.
+    /// Value of [`now`] when the present transfer began.
     began: (u32, u32),
 }
 
 impl Pipe {
-    /// Around embassy's.
+    /// A pipe around embassy's.
     pub fn new(inner: Inner) -> Self {
         Self {
             inner,
@@ -113,23 +113,23 @@ impl Pipe {
         }
     }
 
-    /// The next SETUP packet that no reset has made void.
+    /// The next SETUP packet that no reset has invalidated.
     async fn next(&mut self) -> [u8; 8] {
         poll_fn(|context| {
             let happened = now();
             let has_come = happened.1 != self.began.1;
             if has_come {
-                // An answer of the transfer before that nobody fetched.
+                // An answer of the transfer before that the host has not fetched.
                 cancel_in(0);
             }
             critical_section::with(|_| {
                 if now() != happened {
-                    // Something more has come meanwhile.
+                    // Another packet or reset has come meanwhile.
                     context.waker().wake_by_ref();
                     return Poll::Pending;
                 }
                 if has_come {
-                    // A packet of the transfer before that nobody read.
+                    // An unread packet of the transfer before.
                     let mut dropped = [0; PACKET_BYTES];
                     let _ = poll_once(self.inner.data_out(&mut dropped, true, true));
                 }
@@ -149,7 +149,7 @@ impl Pipe {
     }
 }
 
-/// The outcome of `work`, a part of the transfer that began when `began` had happened; none once its host has given it up.
+/// The result of `work`, a part of the transfer that began at `began`; none once the host has abandoned the transfer.
 async fn unless_broken_off<T>(began: (u32, u32), work: impl Future<Output = T>) -> Option<T> {
     let mut work = pin!(work);
     poll_fn(|context| {
@@ -200,7 +200,7 @@ impl ControlPipe for Pipe {
     }
 
     async fn reject(&mut self) {
-        // A stall that came late would be the next transfer's.
+        // A stall that came late would hit the next transfer.
         let _ = unless_broken_off(self.began, self.inner.reject()).await;
     }
 

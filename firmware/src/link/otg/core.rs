@@ -1,12 +1,13 @@
-//! The USB core itself, below endpoints and control pipe: its packet length, and how a packet to the host is taken back.
+//! The USB core itself, below endpoints and control pipe: its packet length, and how a packet to the host is taken
+//! back.
 
 use embassy_stm32::pac::USB_OTG_FS;
 
 /// Longest packet of an endpoint at full speed, bytes (USB 2.0, section 5.8.3).
 pub const PACKET_BYTES: usize = 64;
 
-/// Number of times that a bit is read which the core clears within some cycles of its clocks (RM0433 section 57.14): far
-/// more than it takes, and less than a millisecond.
+/// Number of times that a bit is read which the core clears within some cycles of its clocks (RM0433 section 57.14):
+/// far more than it takes, and less than a millisecond.
 const READS: u32 = 5_000;
 
 /// Waits until `done`, for at most [`READS`] reads.

@@ -25,16 +25,17 @@ type InnerBus = <Inner as driver::Driver<'static>>::Bus;
 type InnerIn = <Inner as driver::Driver<'static>>::EndpointIn;
 type InnerOut = <Inner as driver::Driver<'static>>::EndpointOut;
 
-/// The time from one configuration of an endpoint to what ends it. There is one bulk endpoint each way.
+/// Sessions of an endpoint. A session lasts from one configuration of the endpoint until anything ends it. There is one
+/// bulk endpoint each way.
 pub struct Sessions {
     count: AtomicU32,
     changed: AtomicWaker,
 }
 
-/// Of the endpoint to the host.
+/// Sessions of the endpoint to the host.
 static IN: Sessions = Sessions::new();
 
-/// Of the endpoint from the host.
+/// Sessions of the endpoint from the host.
 static OUT: Sessions = Sessions::new();
 
 impl Sessions {
@@ -49,14 +50,14 @@ impl Sessions {
         self.count.load(Ordering::Acquire)
     }
 
-    /// Ends the session, and what waits in it.
+    /// Ends the session, and every wait in it.
     fn end(&self) {
-        // Nothing else writes at the same time but the interrupt's handler, and either way it is another number.
+        // Only the interrupt's handler may write at the same time, and either order gives a new number.
         self.count.fetch_add(1, Ordering::AcqRel);
         self.changed.wake();
     }
 
-    /// The outcome of `work`, unless the session ends before.
+    /// The result of `work`, or an error if the session ends before.
     async fn within<T>(
         &self,
         session: u32,
@@ -75,21 +76,21 @@ impl Sessions {
     }
 }
 
-/// Sees resets of the bus and SETUP packets before embassy's handler does.
+/// Handler that sees resets of the bus and SETUP packets before embassy's handler does.
 pub struct Watch;
 
 #[expect(
     unsafe_code,
-    reason = "a handler of embassy's interrupts is unsafe to call; this one reads registers and counts"
+    reason = "handlers of embassy's interrupts are unsafe to call; this one reads registers and counts"
 )]
-// SAFETY: it calls for nothing of its caller.
+// SAFETY: it requires nothing of its caller.
 impl Handler<typelevel::OTG_FS> for Watch {
     // SAFETY: as above.
     unsafe fn on_interrupt() {
         let raised = USB_OTG_FS.gintsts().read();
-        // embassy's handler masks what its task then does; until that is done it is not another reset.
+        // embassy's handler masks the reset until its task has served it, so a masked one is not another reset.
         if raised.usbrst() && USB_OTG_FS.gintmsk().read().usbrst() {
-            // The host soon speaks to address 0, whenever the task gets to it (USB 2.0, section 7.1.7.5).
+            // The host soon uses address 0, maybe before the task has run (USB 2.0, section 7.1.7.5).
             USB_OTG_FS.dcfg().modify(|w| w.set_dad(0));
             control::bus_was_reset();
             IN.end();
@@ -101,18 +102,19 @@ impl Handler<typelevel::OTG_FS> for Watch {
     }
 }
 
-/// Keeps an ear open for resets of the bus while embassy's task has something else of the bus to do, after its handler.
+/// Handler that unmasks resets of the bus after embassy's handler, which masks them while its task serves another
+/// event.
 pub struct Listen;
 
 #[expect(
     unsafe_code,
-    reason = "a handler of embassy's interrupts is unsafe to call; this one opens a mask"
+    reason = "handlers of embassy's interrupts are unsafe to call; this one clears a mask"
 )]
-// SAFETY: it calls for nothing of its caller.
+// SAFETY: it requires nothing of its caller.
 impl Handler<typelevel::OTG_FS> for Listen {
     // SAFETY: as above.
     unsafe fn on_interrupt() {
-        // One that is pending has been heard, and stays masked until the task is done with it.
+        // A reset that is pending has been seen, and stays masked until the task has served it.
         if !USB_OTG_FS.gintsts().read().usbrst() {
             USB_OTG_FS.gintmsk().modify(|w| w.set_usbrst(true));
         }
@@ -123,8 +125,8 @@ impl Handler<typelevel::OTG_FS> for Listen {
 pub struct Driver(pub Inner);
 
 impl driver::Driver<'static> for Driver {
-    type EndpointOut = Output;
-    type EndpointIn = Input;
+    type EndpointOut = BulkOut;
+    type EndpointIn = BulkIn;
     type ControlPipe = Pipe;
     type Bus = Bus;
 
@@ -134,11 +136,11 @@ impl driver::Driver<'static> for Driver {
         address: Option<EndpointAddress>,
         packet_bytes: u16,
         interval_ms: u8,
-    ) -> Result<Output, EndpointAllocError> {
+    ) -> Result<BulkOut, EndpointAllocError> {
         let inner = self
             .0
             .alloc_endpoint_out(kind, address, packet_bytes, interval_ms)?;
-        Ok(Output { inner, session: 0 })
+        Ok(BulkOut { inner, session: 0 })
     }
 
     fn alloc_endpoint_in(
@@ -147,11 +149,11 @@ impl driver::Driver<'static> for Driver {
         address: Option<EndpointAddress>,
         packet_bytes: u16,
         interval_ms: u8,
-    ) -> Result<Input, EndpointAllocError> {
+    ) -> Result<BulkIn, EndpointAllocError> {
         let inner = self
             .0
             .alloc_endpoint_in(kind, address, packet_bytes, interval_ms)?;
-        Ok(Input { inner })
+        Ok(BulkIn { inner })
     }
 
     fn start(self, packet_bytes: u16) -> (Bus, Pipe) {
@@ -164,7 +166,7 @@ impl driver::Driver<'static> for Driver {
 pub struct Bus(InnerBus);
 
 impl Bus {
-    /// Puts a bulk endpoint into use, at the beginning: nothing of before in it, and an even packet due.
+    /// Puts a bulk endpoint into use from the beginning: no packet of the time before in it, and an even packet due.
     fn begin(&mut self, address: EndpointAddress) {
         let index = address.index();
         match address.direction() {
@@ -182,7 +184,7 @@ impl Bus {
                 OUT.end();
                 critical_section::with(|_| {
                     self.0.endpoint_set_enabled(address, true);
-                    // No packet may come until its reader has dropped what it has of before.
+                    // No packet may come until the reader has dropped the packets of the time before.
                     USB_OTG_FS.doepctl(index).modify(|w| {
                         w.set_sd0pid_sevnfrm(true);
                         w.set_snak(true);
@@ -202,8 +204,8 @@ impl Bus {
                 IN.end();
             }
             Direction::Out => {
-                // embassy would disable the endpoint, which calls for the global OUT NAK first (RM0433 section 57.14,
-                // OTG_DOEPCTLx.EPDIS); one that is not in use hears nothing anyway.
+                // embassy would disable the endpoint, which requires the global OUT NAK first (RM0433 section 57.14,
+                // OTG_DOEPCTLx.EPDIS). An endpoint that is not in use receives nothing anyway.
                 critical_section::with(|_| {
                     USB_OTG_FS.doepctl(index).modify(|w| {
                         w.set_snak(true);
@@ -265,12 +267,12 @@ impl driver::Bus for Bus {
 }
 
 /// The endpoint from the host.
-pub struct Output {
+pub struct BulkOut {
     inner: InnerOut,
     session: u32,
 }
 
-impl Endpoint for Output {
+impl Endpoint for BulkOut {
     fn info(&self) -> &EndpointInfo {
         self.inner.info()
     }
@@ -282,7 +284,8 @@ impl Endpoint for Output {
             if session == self.session {
                 return;
             }
-            // A packet of before that nobody has read would be taken for the first one of now, and the first one be lost.
+            // An unread packet of the session before would be taken for the first one of this session, which would be
+            // lost.
             let mut dropped = [0; PACKET_BYTES];
             let _ = poll_once(self.inner.read(&mut dropped));
             let index = self.inner.info().addr.index();
@@ -296,26 +299,27 @@ impl Endpoint for Output {
     }
 }
 
-impl EndpointOut for Output {
-    /// One packet of this session; disabled once it has ended, until [`Output::wait_enabled`].
+impl EndpointOut for BulkOut {
+    /// Reads one packet of this session. Once the session has ended, the endpoint is disabled until
+    /// [`BulkOut::wait_enabled`].
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, EndpointError> {
         OUT.within(self.session, self.inner.read(buffer)).await
     }
 }
 
 /// The endpoint to the host.
-pub struct Input {
+pub struct BulkIn {
     inner: InnerIn,
 }
 
-impl Input {
-    /// The session that a frame is sent in.
+impl BulkIn {
+    /// The present session.
     pub fn session() -> u32 {
         IN.current()
     }
 }
 
-impl Endpoint for Input {
+impl Endpoint for BulkIn {
     fn info(&self) -> &EndpointInfo {
         self.inner.info()
     }
@@ -325,12 +329,12 @@ impl Endpoint for Input {
     }
 }
 
-impl EndpointIn for Input {
+impl EndpointIn for BulkIn {
     async fn write(&mut self, packet: &[u8]) -> Result<(), EndpointError> {
         IN.within(IN.current(), self.inner.write(packet)).await
     }
 
-    /// All packets in one session, or an error.
+    /// Writes all packets in one session.
     async fn write_transfer(&mut self, data: &[u8], ends: bool) -> Result<(), EndpointError> {
         let session = IN.current();
         for packet in data.chunks(PACKET_BYTES) {
