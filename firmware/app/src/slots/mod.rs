@@ -261,8 +261,9 @@ impl<F: MappedFlash> SlotStore<F> {
         self.index[slot.index()] = Index::EMPTY;
     }
 
-    /// Notes that `slot` holds the library of `header`, which was validated and lists `index`.
-    fn set_valid(&mut self, slot: SlotId, header: Header, index: Index) -> SlotInfo {
+    /// Notes that `slot` holds the library of `header`, which was validated and whose content is noted.
+    fn set_valid(&mut self, slot: SlotId, header: Header) -> SlotInfo {
+        let index = &self.index[slot.index()];
         let info = SlotInfo {
             sequence: header.sequence,
             length: header.length,
@@ -271,7 +272,6 @@ impl<F: MappedFlash> SlotStore<F> {
             scenes: index.scenes.len() as u8,
         };
         self.states[slot.index()] = SlotState::Valid(info);
-        self.index[slot.index()] = index;
         info
     }
 
@@ -335,7 +335,8 @@ impl<F: MappedFlash> SlotStore<F> {
         self.check_bytes(slot, length, crc32)
             .await
             .map_err(SealFault::Bytes)?;
-        let index = self.check_library(slot, length).map_err(SealFault::Bytes)?;
+        // Noted now, so that the future of this call does not hold it over the write. A listing asks for the state first.
+        self.index[slot.index()] = self.check_library(slot, length).map_err(SealFault::Bytes)?;
         let newest = self.newest().and_then(|slot| self.library(slot));
         let header = Header {
             sequence: newest
@@ -347,22 +348,22 @@ impl<F: MappedFlash> SlotStore<F> {
         self.write(slot, HEADER_OFFSET, &header.word())
             .await
             .map_err(SealFault::Write)?;
-        Ok(self.set_valid(slot, header, index))
+        Ok(self.set_valid(slot, header))
     }
 
     /// Finds out what is in `slot`.
     async fn scan(&mut self, slot: SlotId) {
         match self.read_slot(slot).await {
-            Ok(Some((header, index))) => {
-                self.set_valid(slot, header, index);
+            Ok(Some(header)) => {
+                self.set_valid(slot, header);
             }
             Ok(None) => self.set_state(slot, SlotState::Empty),
             Err(fault) => self.set_state(slot, SlotState::Faulty(fault)),
         }
     }
 
-    /// Header and index of the library in `slot`; none if the slot is empty.
-    async fn read_slot(&mut self, slot: SlotId) -> Result<Option<(Header, Index)>, SlotFault> {
+    /// Header of the library in `slot`, whose content is noted; none if the slot is empty.
+    async fn read_slot(&mut self, slot: SlotId) -> Result<Option<Header>, SlotFault> {
         let word = self.read_word(slot, HEADER_OFFSET).await;
         let word = word.ok_or(SlotFault::Unreadable {
             offset: HEADER_OFFSET,
@@ -378,7 +379,8 @@ impl<F: MappedFlash> SlotStore<F> {
             return Err(SlotFault::Length { length });
         }
         self.check_bytes(slot, length, crc32).await?;
-        Ok(Some((header, self.check_library(slot, length)?)))
+        self.index[slot.index()] = self.check_library(slot, length)?;
+        Ok(Some(header))
     }
 
     /// Whether a slot without header was never begun: a library would begin in its first word.
