@@ -111,10 +111,13 @@ async fn main(spawner: Spawner) {
     } else {
         defmt::error!("serial link: the clock cannot give the baud rate; the link stays off");
     }
-    if let Some((device, sender, receiver)) = usb::open(p.USB_OTG_FS, p.PA12, p.PA11).await {
+    if usb::answers().await {
+        let (device, sender, receiver) = usb::open(p.USB_OTG_FS, p.PA12, p.PA11);
         wire::USB.open(sender).await;
         spawner.spawn(run_usb(device).unwrap());
         spawner.spawn(serve_usb(receiver).unwrap());
+    } else {
+        defmt::warn!("USB link: the peripheral does not answer; the link stays off");
     }
 }
 

@@ -48,21 +48,17 @@ bind_interrupts!(struct Interrupts {
 /// Device on the bus, which [`UsbDevice::run`] serves.
 pub type Device = UsbDevice<'static, Driver>;
 
-/// Sets the link up: device, sender and receiver; none if the peripheral does not answer.
-pub async fn open(
+/// Sets the link up: device, sender and receiver. The peripheral must have been found by [`answers`].
+pub fn open(
     peripheral: Peri<'static, peripherals::USB_OTG_FS>,
     dp: Peri<'static, PA12>,
     dm: Peri<'static, PA11>,
-) -> Option<(Device, Sender, Receiver)> {
-    if !answers().await {
-        defmt::warn!("USB link: the peripheral does not answer; the link stays off");
-        return None;
-    }
+) -> (Device, Sender, Receiver) {
     let mut config = usb::Config::default();
     // The socket does not power the board, and PA9, its VBUS, may have another use.
     config.vbus_detection = false;
     let driver = usb::Driver::new_fs(peripheral, Interrupts, dp, dm, OUT.take(), config);
-    Some(describe(Driver(driver)))
+    describe(Driver(driver))
 }
 
 /// Waits until `ready` is true, and returns false if that takes longer than [`READY_LIMIT`].
@@ -78,7 +74,7 @@ async fn becomes(ready: impl Fn() -> bool) -> bool {
 }
 
 /// Returns true if the peripheral does everything that embassy's driver waits for.
-async fn answers() -> bool {
+pub async fn answers() -> bool {
     PWR.cr3().modify(|w| w.set_usb33den(true));
     if !becomes(|| PWR.cr3().read().usb33rdy()).await {
         return false;
