@@ -10,7 +10,7 @@ use tasks::error::{Error, Result};
 use tasks::firmware::Image;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::{Toolchain, check_clippy};
-use tasks::{compare, costs, firmware, lint, qemu, virtual_stylus};
+use tasks::{compare, costs, firmware, lint, qemu, tables, virtual_stylus};
 
 /// Tasks around the microcontroller's core.
 #[derive(Parser)]
@@ -57,6 +57,14 @@ enum Task {
         #[arg(last = true)]
         arguments: Vec<OsString>,
     },
+    /// Write the tables of figures in the pages: those named, or all that take no build and no emulator
+    Tables {
+        /// Names of tables
+        names: Vec<String>,
+        /// Write nothing, and fail with page and row where a table is not what this would write
+        #[arg(long, conflicts_with = "names")]
+        check: bool,
+    },
     /// Lint all that runs on the target; every warning fails
     CheckTarget,
     /// Lint the virtual stylus; every warning fails
@@ -81,6 +89,8 @@ fn main() -> ExitCode {
         }
         Task::TestVirtualStylus { long, arguments } => Toolchain::find()
             .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
+        Task::Tables { check: true, .. } => tables::check_instant(),
+        Task::Tables { names, .. } => write_tables(names),
         Task::CheckVirtualStylus => virtual_stylus::lint(),
         Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),
     };
@@ -138,6 +148,19 @@ fn build_firmware(image: Image) -> Result<PathBuf> {
     print!("{}", firmware::memory(&file)?);
     println!("{}", file.display());
     Ok(file)
+}
+
+/// Writes the tables called `names`, or, where none is, those that take no build.
+fn write_tables(mut names: Vec<String>) -> Result<()> {
+    let asked = names.len();
+    names.retain(|name| name != tables::TICKS);
+    if names.len() < asked {
+        virtual_stylus::write_ticks(&Toolchain::find()?)?;
+        if names.is_empty() {
+            return Ok(());
+        }
+    }
+    tables::write(&names, |name| println!("{name}: written"))
 }
 
 /// Counts, shows and writes.

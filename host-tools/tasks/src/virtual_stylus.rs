@@ -10,7 +10,7 @@ use std::process::Command;
 use crate::error::{Error, Result};
 use crate::firmware::{self, Image};
 use crate::toolchain::{TARGET, Toolchain};
-use crate::{process, workspace};
+use crate::{costs, process, tables, workspace};
 
 fn folder() -> PathBuf {
     workspace::root().join("tests/virtual-stylus")
@@ -41,23 +41,48 @@ pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<()> {
 }
 
 /// Builds the images and runs all tests on the virtual stylus; `long` asks for the long ones, `arguments` go to the tests.
+/// Holds the page's table of memory against the image.
+///
+/// # Errors
+/// Something does not build, a test fails, or the page is not of this image.
+pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result<()> {
+    let product = firmware::build(toolchain, Image::Product)?;
+    let memory = firmware::memory(&product)?;
+    print!("{memory}");
+    let compiler = costs::compiler(toolchain)?;
+    let made = tables::memory::table_of(&memory, &compiler);
+    if !tables::check_made(tables::memory::NAME, &made, &compiler)? {
+        println!("rustc {compiler} is not the one of the page's table of memory: not compared");
+    }
+    let mut test = tests(toolchain, product)?;
+    if long {
+        test.env("STYLUS_LONG", "1");
+    }
+    process::run(test.arg("--").args(arguments))
+}
+
+/// Has the tests that count ticks write the page's table.
 ///
 /// # Errors
 /// Something does not build, or a test fails.
-pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result<()> {
+pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
-    print!("{}", firmware::memory(&product)?);
+    let mut test = tests(toolchain, product)?;
+    test.env("STYLUS_WRITE_TABLES", "1");
+    process::run(test.args(["--test", "image", "--", "ticks::"]))
+}
+
+/// The tests on the virtual stylus, with what they need, for the product's image in the file `product`.
+fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
     let mut test = cargo("test");
     test.env("STYLUS_IMAGE", product);
+    test.env("STYLUS_COMPILER", costs::compiler(toolchain)?);
     test.env(
         "STYLUS_FAULT_IMAGE",
         firmware::build(toolchain, Image::FaultInjection)?,
     );
     test.env("VIRTUAL_STYLUS_PROBE_IMAGE", build_probe(toolchain)?);
-    if long {
-        test.env("STYLUS_LONG", "1");
-    }
-    process::run(test.arg("--").args(arguments))
+    Ok(test)
 }
 
 /// Lints the virtual stylus; every warning is a failure.
