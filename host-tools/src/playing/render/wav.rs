@@ -1,141 +1,17 @@
-//! A texture played on the host: the very samples that the stylus plays, to look at and to listen to.
-//!
-//! The samples come from the stylus's own kernel, with the motion taken over as often as on the device.
+//! Samples as a mono WAV file, whole or not at all.
 
 use std::path::Path;
 
 use hound::{SampleFormat, WavSpec, WavWriter};
 use model_format::{OutputSample, Texture};
-use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
+use super::samples::{Rendering, exact_m_s2};
 use crate::playing::motion::MotionPath;
 use crate::support::error::{Error, Result};
 use crate::support::{atomic_file, progress};
 
-/// Longest rendering, s: a day.
-pub const MAX_SECONDS: f64 = 24.0 * 3600.0;
-
 /// Room that a WAV file's headers take of the 4 GiB that its lengths can count, bytes, with some to spare.
 const WAV_HEADER_ROOM: u64 = 1024;
-
-/// A texture as it is played along a motion, sample by sample; nothing is kept.
-///
-/// The same texture, motion and seed give the same samples, always and everywhere.
-#[derive(Clone, Debug)]
-pub struct Rendering<'a> {
-    synthesis: Synthesis<'a>,
-    motion: &'a MotionPath,
-    position: usize,
-    len: usize,
-}
-
-impl<'a> Rendering<'a> {
-    /// `seconds` of `texture`, from rest.
-    ///
-    /// # Errors
-    /// A duration that is not a number, is shorter than a sample, or longer than [`MAX_SECONDS`].
-    pub fn new(
-        texture: Texture<'a>,
-        motion: &'a MotionPath,
-        seconds: f64,
-        seed: u64,
-    ) -> Result<Self> {
-        let samples = (seconds * f64::from(texture.sample_rate_hz())).round();
-        if !(seconds <= MAX_SECONDS && samples >= 1.0) {
-            return Err(Error::Request(format!(
-                "cannot render {seconds} s: ask for at least one sample and at most {MAX_SECONDS} s"
-            )));
-        }
-        Ok(Self {
-            synthesis: Synthesis::new(texture, seed),
-            motion,
-            position: 0,
-            len: samples as usize,
-        })
-    }
-
-    /// How many samples were at the kernel's full scale so far.
-    pub fn saturations(&self) -> u32 {
-        self.synthesis.saturations()
-    }
-
-    /// Samples a second.
-    pub fn sample_rate_hz(&self) -> u32 {
-        self.synthesis.texture().sample_rate_hz()
-    }
-}
-
-impl Iterator for Rendering<'_> {
-    type Item = OutputSample;
-
-    fn next(&mut self) -> Option<OutputSample> {
-        if self.position == self.len {
-            return None;
-        }
-        if self
-            .position
-            .is_multiple_of(UPDATE_INTERVAL_SAMPLES as usize)
-        {
-            let time_s = self.position as f64 / f64::from(self.sample_rate_hz());
-            self.synthesis
-                .follow(self.motion.at(time_s), UPDATE_INTERVAL_SAMPLES);
-        }
-        self.position += 1;
-        Some(self.synthesis.next_sample())
-    }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        let left = self.len - self.position;
-        (left, Some(left))
-    }
-}
-
-impl ExactSizeIterator for Rendering<'_> {}
-
-/// A rendering in memory.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Rendered {
-    /// Samples a second.
-    pub sample_rate_hz: u32,
-    /// What the stylus plays.
-    pub samples: Vec<OutputSample>,
-    /// How many of the samples were at the kernel's full scale.
-    pub saturations: u32,
-}
-
-impl Rendered {
-    /// The samples in m/s², exactly.
-    pub fn accelerations_m_s2(&self) -> Vec<f64> {
-        self.samples
-            .iter()
-            .map(|&sample| exact_m_s2(sample))
-            .collect()
-    }
-}
-
-/// A sample in m/s²; double precision holds every one of them exactly.
-fn exact_m_s2(sample: OutputSample) -> f64 {
-    f64::from(sample.0) / f64::from(1u32 << OutputSample::FRACTION_BITS)
-}
-
-/// Renders `seconds` of `texture` along `motion` into memory; for more than minutes see [`render_wav`].
-///
-/// # Errors
-/// A duration that [`Rendering::new`] refuses.
-pub fn render(
-    texture: Texture<'_>,
-    motion: &MotionPath,
-    seconds: f64,
-    seed: u64,
-) -> Result<Rendered> {
-    let mut rendering = Rendering::new(texture, motion, seconds, seed)?;
-    let samples = rendering.by_ref().collect();
-    Ok(Rendered {
-        sample_rate_hz: rendering.sample_rate_hz(),
-        samples,
-        saturations: rendering.saturations(),
-    })
-}
 
 /// How samples are written.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -270,136 +146,10 @@ pub fn render_wav(
 
 #[cfg(test)]
 mod tests {
+    use super::super::samples::render;
+    use super::super::test_library::{library, sweep, texture};
     use super::*;
-    use model_format::{
-        CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance,
-        Structure, TextureSpec, encode,
-    };
     use proptest::prelude::*;
-
-    /// A grid of two speeds by two forces whose nodes differ in level and in colour.
-    fn library(sample_rate_hz: u32) -> Vec<u8> {
-        let node = |output_power: f32, codes: &[i16]| NodeSpec {
-            output_power,
-            prediction_error_power: output_power / 2.0,
-            flags: NodeFlags::NONE,
-            codes: CodeSpec::Lattice(codes.to_vec()),
-        };
-        let texture = TextureSpec {
-            name: "test".into(),
-            sample_rate_hz,
-            structure: Structure::NormalisedLattice,
-            provenance: Provenance::Simulated,
-            speed_axis_mm_s: vec![50.0, 100.0],
-            force_axis_n: vec![0.5, 1.0],
-            nodes: vec![
-                node(1.0, &[9000, -20_000]),
-                node(4.0, &[3000]),
-                node(9.0, &[]),
-                node(16.0, &[-9000, 500, 20_000]),
-            ],
-            cell_margins: Vec::new(),
-        };
-        encode(&[texture]).unwrap()
-    }
-
-    fn texture(library: &[u8]) -> Texture<'_> {
-        Library::decode(library).unwrap().texture("test").unwrap()
-    }
-
-    fn constant(speed_mm_s: f32, force_n: f32) -> MotionPath {
-        MotionPath::constant(MillimetresPerSecond(speed_mm_s), Newton(force_n)).unwrap()
-    }
-
-    /// A motion across the whole grid and down to rest.
-    fn sweep() -> MotionPath {
-        let file = tempfile::NamedTempFile::new().unwrap();
-        let rows = "time_s,speed_mm_s,force_n\n0,0,0.2\n0.2,120,1.1\n0.3,60,0.4\n0.4,0,0\n";
-        std::fs::write(file.path(), rows).unwrap();
-        MotionPath::from_csv(file.path()).unwrap()
-    }
-
-    #[test]
-    fn a_rendering_is_what_the_kernel_plays_when_it_follows_the_motion_as_on_the_device() {
-        let library = library(5000);
-        let motion = sweep();
-        let rendered = render(texture(&library), &motion, 0.4, 11).unwrap();
-        let mut kernel: Synthesis<'_> = Synthesis::new(texture(&library), 11);
-        let mut played = Vec::new();
-        for update in 0..200 {
-            kernel.follow(
-                motion.at(f64::from(update) * 0.002),
-                UPDATE_INTERVAL_SAMPLES,
-            );
-            played.extend((0..UPDATE_INTERVAL_SAMPLES).map(|_| kernel.next_sample()));
-        }
-        assert_eq!(rendered.samples, played);
-        assert_eq!((rendered.sample_rate_hz, rendered.saturations), (5000, 0));
-    }
-
-    #[test]
-    fn a_seed_gives_its_own_samples_and_the_same_each_time() {
-        let library = library(5000);
-        let render = |seed| render(texture(&library), &sweep(), 0.3, seed).unwrap();
-        assert_eq!(render(1), render(1));
-        assert_ne!(render(1), render(2));
-    }
-
-    #[test]
-    fn a_node_is_rendered_at_its_own_power() {
-        let library = library(5000);
-        for (speed_mm_s, force_n, power) in [
-            (50.0, 0.5, 1.0),
-            (50.0, 1.0, 4.0),
-            (100.0, 0.5, 9.0),
-            (300.0, 3.0, 16.0),
-        ] {
-            let rendered =
-                render(texture(&library), &constant(speed_mm_s, force_n), 40.0, 5).unwrap();
-            let values = rendered.accelerations_m_s2();
-            let mean_square =
-                values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
-            assert!(
-                (mean_square / power - 1.0).abs() < 0.05,
-                "{mean_square}, not {power}"
-            );
-        }
-    }
-
-    #[test]
-    fn a_hand_at_rest_feels_nothing() {
-        let library = library(5000);
-        let rendered = render(texture(&library), &constant(0.0, 1.0), 0.1, 5).unwrap();
-        assert!(
-            rendered
-                .samples
-                .iter()
-                .all(|sample| *sample == OutputSample::SILENCE)
-        );
-    }
-
-    #[test]
-    fn durations_that_make_no_sense_are_refused() {
-        let library = library(5000);
-        for seconds in [
-            0.0,
-            -1.0,
-            1e-5,
-            f64::NAN,
-            f64::INFINITY,
-            MAX_SECONDS * 1.001,
-        ] {
-            let error = render(texture(&library), &constant(80.0, 0.7), seconds, 1).unwrap_err();
-            assert!(matches!(error, Error::Request(_)), "{seconds}");
-        }
-        let motion = constant(80.0, 0.7);
-        assert_eq!(
-            Rendering::new(texture(&library), &motion, MAX_SECONDS, 1)
-                .unwrap()
-                .len(),
-            432_000_000
-        );
-    }
 
     #[test]
     fn a_float_wav_holds_the_samples_in_metres_per_second_squared() {
