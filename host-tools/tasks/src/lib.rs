@@ -12,6 +12,7 @@ pub mod lint;
 pub mod process;
 pub mod qemu;
 pub mod report;
+pub mod target;
 pub mod toolchain;
 pub mod virtual_stylus;
 pub mod workspace;
