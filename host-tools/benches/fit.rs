@@ -5,10 +5,10 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use host_tools::autocorrelation::Autocorrelation;
-use host_tools::fit::{self, StructureChoice};
-use host_tools::linear_prediction::{Prediction, corrected};
-use host_tools::reduction::{Reduction, reduce};
+use host_tools::dsp::autocorrelation::Autocorrelation;
+use host_tools::dsp::linear_prediction::{Prediction, corrected};
+use host_tools::dsp::reduction::{Reduction, reduce};
+use host_tools::texture::quantise::StructureChoice;
 use model_format::{Library, MillimetresPerSecond, Newton};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -67,12 +67,12 @@ fn synthesis(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("synthesis");
     group.throughput(Throughput::Elements(SAMPLES_A_ROUND as u64));
     for structure in [StructureChoice::Lattice, StructureChoice::Direct] {
-        let model = fit::Model {
+        let model = host_tools::dsp::model::Model {
             reflection: prediction.reflection.clone(),
             output_power: lags[0],
             flags: model_format::NodeFlags::NONE,
         };
-        let grid = fit::Grid {
+        let grid = host_tools::texture::grid::Grid {
             speeds_mm_s: vec![50.0, 150.0],
             forces_n: vec![0.5, 1.0],
             models: vec![model; 4],
@@ -84,7 +84,8 @@ fn synthesis(criterion: &mut Criterion) {
             provenance: model_format::Provenance::Simulated,
             speed_axis_mm_s: grid.speeds_mm_s.clone(),
             force_axis_n: grid.forces_n.clone(),
-            nodes: fit::quantised_nodes("bench", &grid, structure).expect("the model is stable"),
+            nodes: host_tools::texture::quantise::nodes("bench", &grid, structure)
+                .expect("the model is stable"),
             cell_margins: Vec::new(),
         };
         let bytes = model_format::encode_uncertified(&[spec]).expect("the texture is sound");

@@ -4,9 +4,11 @@ mod support;
 
 use std::process::Command;
 
-use host_tools::leave_one_out::{self, Method, Prepared, Row};
+use host_tools::evaluation::leave_one_out;
+use host_tools::evaluation::leave_one_out::{Prepared, Row};
 use host_tools::recording::RecordingSet;
 use host_tools::rig::{self, Scene};
+use host_tools::texture::domain::Method;
 use support::{Bench, RATE_HZ, all_pole, noise, text};
 
 /// A simulated set of five speeds and three forces, of denim alone.

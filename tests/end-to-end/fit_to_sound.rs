@@ -2,11 +2,13 @@
 
 mod support;
 
-use host_tools::fit::{self, Order, StructureChoice};
-use host_tools::motion::MotionPath;
+use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
+use host_tools::fit;
+use host_tools::fit::Order;
+use host_tools::playing::motion::MotionPath;
+use host_tools::playing::render::render;
 use host_tools::recording::RecordingSet;
-use host_tools::render::render;
-use host_tools::spectrum::{band_edges_hz, band_powers};
+use host_tools::texture::quantise::StructureChoice;
 use model_format::{Library, MillimetresPerSecond, Newton};
 use support::{Bench, RATE_HZ, all_pole, noise, wav};
 

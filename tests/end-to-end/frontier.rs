@@ -2,15 +2,15 @@
 
 mod support;
 
-use host_tools::fit::Order;
-use host_tools::frontier::costs::{Core, Costs};
-use host_tools::frontier::{
-    self, Filter, FilterStructure, Frontier, INTERVALS, Material, Options, Prepared,
+use host_tools::dsp::linear_prediction::step_up;
+use host_tools::evaluation::frontier::costs::{Core, Costs};
+use host_tools::evaluation::frontier::{
+    Filter, FilterStructure, Frontier, INTERVALS, Material, Options, Prepared,
 };
-use host_tools::linear_prediction::step_up;
+use host_tools::evaluation::stress::cases::{Length, suite};
+use host_tools::fit::Order;
 use host_tools::recording::RecordingSet;
 use host_tools::rig::{self, Scene};
-use host_tools::stress::cases::{Length, suite};
 use serde_json::Value;
 use support::{Bench, RATE_HZ, all_pole, noise, text, wav};
 
@@ -137,8 +137,8 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
 
 fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     let page = bench.path("page.html");
-    let pictures = frontier::pictures(frontier).unwrap();
-    frontier::write_page(frontier, &pictures, &page).unwrap();
+    let pictures = host_tools::report::frontier_page::pictures(frontier).unwrap();
+    host_tools::report::frontier_page::write(frontier, &pictures, &page).unwrap();
     let page = std::fs::read_to_string(page).unwrap();
     assert_eq!(page.matches("<svg").count(), 4);
     for structure in FilterStructure::ALL {
@@ -162,7 +162,7 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     );
     for peer in &Costs::measured().peers {
         assert!(
-            page.contains(&host_tools::html::escaped(&peer.name)),
+            page.contains(&host_tools::report::html::escaped(&peer.name)),
             "{}",
             peer.name
         );

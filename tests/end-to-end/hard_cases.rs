@@ -4,11 +4,13 @@ mod support;
 
 use std::sync::OnceLock;
 
-use host_tools::certificate::{Finding, Stored, certified, certify};
-use host_tools::fit::StructureChoice;
-use host_tools::linear_prediction::{step_down, step_up};
-use host_tools::stress::models::{self, NamedModel, fixtures, resonance};
-use host_tools::stress::{self, Outcome, cases};
+use host_tools::dsp::linear_prediction::{step_down, step_up};
+use host_tools::evaluation::stress;
+use host_tools::evaluation::stress::models;
+use host_tools::evaluation::stress::models::{NamedModel, fixtures, resonance};
+use host_tools::evaluation::stress::{Outcome, cases};
+use host_tools::texture::certificate::{Finding, Stored, certified, certify};
+use host_tools::texture::quantise::StructureChoice;
 use model_format::{
     Certificate, CodeSpec, Coefficients, Library, NodeSpec, Problem, Provenance, Texture,
     TextureSpec,

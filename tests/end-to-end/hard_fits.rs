@@ -9,8 +9,8 @@ mod support;
 
 use std::f64::consts::TAU;
 
-use host_tools::autocorrelation::Autocorrelation;
-use host_tools::linear_prediction::{Prediction, WHITE_NOISE_CORRECTION, corrected, step_up};
+use host_tools::dsp::autocorrelation::Autocorrelation;
+use host_tools::dsp::linear_prediction::{Prediction, WHITE_NOISE_CORRECTION, corrected, step_up};
 use serde_json::Value;
 use support::{Bench, RATE_HZ, all_pole, noise, wav};
 

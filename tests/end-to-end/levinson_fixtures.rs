@@ -1,6 +1,6 @@
 //! Levinson-Durbin against 60-digit arithmetic, on order-400 autocorrelations that are hard.
 
-use host_tools::linear_prediction::{Prediction, error_share, step_down, step_up};
+use host_tools::dsp::linear_prediction::{Prediction, error_share, step_down, step_up};
 use serde_json::Value;
 
 const FIXTURES: &str = include_str!("../fixtures/levinson-order-400.json");

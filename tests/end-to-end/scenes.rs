@@ -2,7 +2,7 @@
 
 mod support;
 
-use host_tools::spectrum::PowerSpectrum;
+use host_tools::dsp::spectrum::PowerSpectrum;
 use model_format::Library;
 use support::{Bench, RATE_HZ, all_pole, noise, wav};
 

@@ -2,12 +2,15 @@
 
 use std::path::PathBuf;
 
-use host_tools::certificate::{self, Cell, Finding, Report, SAMPLES_A_SIDE, Stored};
-use host_tools::error::{Error, Result};
-use host_tools::plot::{Caption, certificate_map};
+use host_tools::report::plot::{Caption, certificate_map};
+use host_tools::support::error::{Error, Result};
+use host_tools::texture::certificate;
+use host_tools::texture::certificate::{Cell, Finding, Report, SAMPLES_A_SIDE, Stored};
 use model_format::Library;
 
 use super::table::table;
+use crate::cli::library_file::read_library;
+use crate::cli::output::{print, print_json};
 
 /// How many cells that fail are shown one by one.
 const SHOWN_FAILURES: usize = 10;
@@ -28,14 +31,16 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let bytes = super::read_library(&arguments.library)?;
+    let bytes = read_library(&arguments.library)?;
     // What a stylus refuses can be looked into here.
     let library = Library::decode_uncertified(&bytes).map_err(|source| Error::Library {
         path: arguments.library.clone(),
         source,
     })?;
     let textures: Vec<_> = match &arguments.texture {
-        Some(name) => vec![host_tools::evaluate::texture_named(&library, name)?],
+        Some(name) => vec![host_tools::evaluation::evaluate::texture_named(
+            &library, name,
+        )?],
         None => library.textures().collect(),
     };
     let reports: Vec<Report> = textures.iter().map(certificate::certify).collect();
@@ -43,7 +48,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         draw(&reports, path)?;
     }
     if arguments.json {
-        super::print_json(&reports)?;
+        print_json(&reports)?;
     } else {
         show(&reports)?;
     }
@@ -100,13 +105,13 @@ fn show(reports: &[Report]) -> Result<()> {
         "stored",
     ];
     let rows: Vec<Vec<String>> = reports.iter().map(row).collect();
-    super::print(&table(&header, &rows))?;
+    print(&table(&header, &rows))?;
     for report in reports {
         for cell in report.failures().iter().take(SHOWN_FAILURES) {
-            super::print(&format!("texture '{}', FAILS: {cell}", report.texture))?;
+            print(&format!("texture '{}', FAILS: {cell}", report.texture))?;
         }
     }
-    super::print(&legend(reports))
+    print(&legend(reports))
 }
 
 fn row(report: &Report) -> Vec<String> {

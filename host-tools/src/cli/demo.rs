@@ -3,16 +3,20 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use host_tools::error::{Error, Result};
-use host_tools::evaluate;
-use host_tools::motion::MotionPath;
+use host_tools::evaluation::evaluate;
+use host_tools::fit;
+use host_tools::playing::motion::MotionPath;
+use host_tools::playing::render::{WavFormat, render_wav};
 use host_tools::recording::RecordingSet;
-use host_tools::render::{WavFormat, render_wav};
+use host_tools::report::evaluation_page as report;
 use host_tools::rig::{self, Scene};
-use host_tools::{atomic_file, fit, report};
+use host_tools::support::atomic_file;
+use host_tools::support::error::{Error, Result};
 use model_format::{Library, MillimetresPerSecond, Newton};
 
 use super::inspect::{Summary, summary_table};
+use crate::cli::library_file::decode_library;
+use crate::cli::output::print;
 
 /// The motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
 const STROKE: &str = "\
@@ -44,7 +48,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let out = arguments.out.as_path();
     std::fs::create_dir_all(out).map_err(Error::io("create", out))?;
     let step = |number: u32, what: &str| {
-        super::print(&format!(
+        print(&format!(
             "\n[{number}/4, {:.1} s] {what}",
             begin.elapsed().as_secs_f64()
         ))
@@ -53,18 +57,18 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let recordings = out.join("recordings");
     step(1, "stylus simulate-rig: the paper's protocol, SIMULATED")?;
     let simulated = rig::simulate_to_folder(&Scene::paper(), arguments.seed, &recordings)?;
-    super::print(simulated.to_string().trim_end())?;
+    print(simulated.to_string().trim_end())?;
 
     step(2, "stylus fit: a model a node, its order chosen by BIC")?;
     let set = RecordingSet::open(&[recordings])?;
     let (fit, bytes) = super::fit::fit_library(&set, &fit::Options::default())?;
     let path = out.join("textures.lib");
     atomic_file::write(&path, &bytes)?;
-    let library = super::decode_library(&path, &bytes)?;
+    let library = decode_library(&path, &bytes)?;
     let textures: Vec<Summary> = library.textures().map(|t| Summary::of(&t, false)).collect();
-    super::print(&summary_table(&textures))?;
+    print(&summary_table(&textures))?;
     for warning in &fit.warnings {
-        super::print(&format!("warning: {warning}"))?;
+        print(&format!("warning: {warning}"))?;
     }
 
     step(
@@ -76,12 +80,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ..evaluate::Options::default()
     };
     let evaluation = super::evaluate::evaluate_set(&set, &library, &options)?;
-    super::print(&super::evaluate::summary(&evaluation))?;
+    print(&super::evaluate::summary(&evaluation))?;
     let page = report::write(&set, &library, &evaluation, &options, &out.join("report"))?;
 
     step(4, "stylus render: each texture along one stroke")?;
     render_all(&library, arguments.seed, out)?;
-    super::print(&format!(
+    print(&format!(
         "\nDone in {:.1} s. Look at {}, listen to {}",
         begin.elapsed().as_secs_f64(),
         page.display(),
@@ -107,7 +111,7 @@ fn render_all(library: &Library<'_>, seed: u64, out: &Path) -> Result<()> {
         ] {
             let path = folder.join(format!("{name}_{suffix}_simulated.wav"));
             render_wav(texture, motion, seconds, seed, &path, format)?;
-            super::print(&path.display().to_string())?;
+            print(&path.display().to_string())?;
         }
     }
     Ok(())

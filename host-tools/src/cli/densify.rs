@@ -1,11 +1,14 @@
 //! `stylus fit --densify`
 
-use host_tools::densify::{self, AddedLine, Densified, Direction};
-use host_tools::error::Result;
+use host_tools::evaluation::leave_one_out;
+use host_tools::evaluation::leave_one_out::{LeaveOneOut, Row, summarise};
+use host_tools::fit::densify;
+use host_tools::fit::densify::{AddedLine, Densified, Direction};
 use host_tools::fit::{self, Fit};
-use host_tools::leave_one_out::{self, LeaveOneOut, Method, Row, summarise};
-use host_tools::progress;
 use host_tools::recording::RecordingSet;
+use host_tools::support::error::Result;
+use host_tools::support::progress;
+use host_tools::texture::domain::Method;
 
 use super::leave_one_out::removed_node_test;
 use super::table::table;

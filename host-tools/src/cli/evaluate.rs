@@ -2,18 +2,23 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
-use host_tools::evaluate::{self, Evaluation};
+use host_tools::dsp::reduction::Reduction;
+use host_tools::dsp::spectrum::{AMPLITUDE_JND_DB, DEFAULT_SMOOTHING_WIDTH_HZ};
+use host_tools::evaluation::evaluate;
+use host_tools::evaluation::evaluate::Evaluation;
+use host_tools::evaluation::leave_one_out;
+use host_tools::evaluation::leave_one_out::Around;
 use host_tools::fit::Order;
-use host_tools::leave_one_out::{self, Around};
 use host_tools::recording::RecordingSet;
-use host_tools::reduction::Reduction;
-use host_tools::spectrum::{AMPLITUDE_JND_DB, DEFAULT_SMOOTHING_WIDTH_HZ};
-use host_tools::{atomic_file, progress, report};
+use host_tools::report::evaluation_page as report;
+use host_tools::support::error::Result;
+use host_tools::support::{atomic_file, progress};
 use model_format::Library;
 
 use super::input::{Recordings, not_negative, positive};
 use super::table::table;
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::{print, to_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -68,8 +73,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         };
         return super::leave_one_out::run(&set, &options, arguments.json.as_deref());
     };
-    let bytes = super::read_library(path)?;
-    let library = super::decode_library(path, &bytes)?;
+    let bytes = read_library(path)?;
+    let library = decode_library(path, &bytes)?;
     let default = evaluate::Options::default();
     let options = evaluate::Options {
         reduction: arguments.reduce,
@@ -79,16 +84,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     let evaluation = evaluate_set(&set, &library, &options)?;
     if let Some(path) = &arguments.json {
-        atomic_file::write(path, super::to_json(&evaluation).as_bytes())?;
+        atomic_file::write(path, to_json(&evaluation).as_bytes())?;
     }
-    super::print(&summary(&evaluation))?;
+    print(&summary(&evaluation))?;
     if let Some(others) = &arguments.takes {
         let table = super::takes::compare(&set, others, &evaluation, arguments.reduce)?;
-        super::print(&format!("\n{table}"))?;
+        print(&format!("\n{table}"))?;
     }
     if let Some(folder) = &arguments.report {
         let page = report::write(&set, &library, &evaluation, &options, folder)?;
-        super::print(&format!("\nreport: {}", page.display()))?;
+        print(&format!("\nreport: {}", page.display()))?;
     }
     Ok(())
 }

@@ -2,21 +2,26 @@
 
 use std::path::PathBuf;
 
-use host_tools::budget::{self, Budget, Concession};
-use host_tools::densify::AddedLine;
-use host_tools::error::{Error, Result};
-use host_tools::fit::{self, Estimator, Fit, Order, StructureChoice, TrialReport};
-use host_tools::frontier::costs::Core;
-use host_tools::leave_one_out::LeaveOneOut;
+use host_tools::dsp::reduction::Reduction;
+use host_tools::evaluation::budget;
+use host_tools::evaluation::budget::{Budget, Concession};
+use host_tools::evaluation::frontier::costs::Core;
+use host_tools::evaluation::leave_one_out::LeaveOneOut;
+use host_tools::fit;
+use host_tools::fit::densify::AddedLine;
+use host_tools::fit::{Estimator, Fit, Order, TrialReport};
 use host_tools::recording::RecordingSet;
-use host_tools::reduction::Reduction;
-use host_tools::triage::SILENCE_FLOOR_M_S2;
-use host_tools::{atomic_file, progress};
+use host_tools::recording::triage::SILENCE_FLOOR_M_S2;
+use host_tools::support::error::{Error, Result};
+use host_tools::support::{atomic_file, progress};
+use host_tools::texture::quantise::StructureChoice;
 use model_format::TextureSpec;
 
 use super::input::{Recordings, not_negative, positive};
 use super::inspect::Summary;
 use super::table::table;
+use crate::cli::library_file::decode_library;
+use crate::cli::output::{print, print_json};
 
 /// Verdicts that `--drop` takes.
 const DROPPABLE: [&str; 7] = [
@@ -124,13 +129,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         bytes = encoded(&denser.densified.specs)?;
     }
     atomic_file::write(&arguments.out, &bytes)?;
-    let library = super::decode_library(&arguments.out, &bytes)?;
+    let library = decode_library(&arguments.out, &bytes)?;
     let textures: Vec<Summary> = library
         .textures()
         .map(|t| Summary::of(&t, arguments.json))
         .collect();
     if arguments.json {
-        return super::print_json(&Report {
+        return print_json(&Report {
             library: arguments.out.display().to_string(),
             bytes: bytes.len(),
             warnings: &fit.warnings,
@@ -142,14 +147,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         });
     }
     show_verdicts(&fit);
-    super::print(&super::inspect::summary_table(&textures))?;
+    print(&super::inspect::summary_table(&textures))?;
     if let Some(denser) = &denser {
-        super::print(&format!("\n{}", super::densify::summary(denser)))?;
+        print(&format!("\n{}", super::densify::summary(denser)))?;
     }
     if let (Some(concessions), Some(budget)) = (&concessions, &budget) {
-        super::print(&format!("\n{}", given_up(concessions, budget)))?;
+        print(&format!("\n{}", given_up(concessions, budget)))?;
     }
-    super::print(&format!(
+    print(&format!(
         "\n{} trials -> {} ({} bytes); the axes' energy kept: {}",
         fit.trials.len(),
         arguments.out.display(),

@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::{Error, Result};
-use host_tools::reduction::Reduction;
+use host_tools::dsp::reduction::Reduction;
 use host_tools::scene::tap::{TapFit, Taps};
+use host_tools::support::error::{Error, Result};
 
 use super::input::positive;
 use super::table::table;
+use crate::cli::output::{print, print_json};
 
 /// Rate of force that is taken where none is known, N/s.
 const ASSUMED_FORCE_RATE_N_S: f64 = 100.0;
@@ -48,9 +49,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let fit = TapFit::new(&recordings)?;
     if arguments.json {
-        return super::print_json(&fit);
+        return print_json(&fit);
     }
-    super::print(&text(&fit))?;
+    print(&text(&fit))?;
     if fit.gain_m_s2_per_n_s.is_none() {
         eprintln!(
             "warning: no rate of force is known, so the gain is a guess; record the force, or give --force-rates"

@@ -2,15 +2,18 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::{Error, Result};
-use host_tools::frontier::{self, Frontier, Material, Options, Point, Prepared};
+use host_tools::dsp::reduction::Reduction;
+use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
+use host_tools::evaluation::frontier;
+use host_tools::evaluation::frontier::{Frontier, Material, Options, Point, Prepared};
 use host_tools::recording::RecordingSet;
-use host_tools::reduction::Reduction;
-use host_tools::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
-use host_tools::{atomic_file, progress};
+use host_tools::report::frontier_page;
+use host_tools::support::error::{Error, Result};
+use host_tools::support::{atomic_file, progress};
 
 use super::input::not_negative;
 use super::table::table;
+use crate::cli::output::{print, to_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -66,7 +69,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bar = progress::bar(prepared.work() as u64, "comparing");
     let frontier = prepared.run(&options, || bar.inc(1))?;
     bar.finish_and_clear();
-    let pictures = frontier::pictures(&frontier)?;
+    let pictures = frontier_page::pictures(&frontier)?;
     for (name, picture) in [
         ("error-against-time.svg", &pictures.total),
         ("cost-against-time.svg", &pictures.cost),
@@ -75,14 +78,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ] {
         picture.write(&out.join(name))?;
     }
-    atomic_file::write(
-        &out.join("frontier.json"),
-        super::to_json(&frontier).as_bytes(),
-    )?;
+    atomic_file::write(&out.join("frontier.json"), to_json(&frontier).as_bytes())?;
     let page = out.join("index.html");
-    frontier::write_page(&frontier, &pictures, &page)?;
-    super::print(&summary(&frontier))?;
-    super::print(&format!("\n{}", page.display()))
+    frontier_page::write(&frontier, &pictures, &page)?;
+    print(&summary(&frontier))?;
+    print(&format!("\n{}", page.display()))
 }
 
 /// An order that a library holds.

@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use host_tools::atomic_file;
-use host_tools::error::{Error, Result};
-use host_tools::hatt::convert::{ConvertedNode, Options, ROLL_OFF_DB_PER_OCTAVE, convert};
-use host_tools::hatt::read::read;
+use host_tools::fit::hatt::convert::{ConvertedNode, Options, ROLL_OFF_DB_PER_OCTAVE, convert};
+use host_tools::fit::hatt::read::read;
+use host_tools::support::atomic_file;
+use host_tools::support::error::{Error, Result};
 
 use super::table::table;
+use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -67,7 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     })?;
     atomic_file::write(&arguments.out, &bytes)?;
     if arguments.json {
-        return super::print_json(&reports);
+        return print_json(&reports);
     }
     for report in &reports {
         let number = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.2}"));
@@ -102,9 +103,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             "level dB",
             "",
         ];
-        super::print(&format!("{}\n{}\n", report.texture, table(&header, &rows)))?;
+        print(&format!("{}\n{}\n", report.texture, table(&header, &rows)))?;
     }
-    super::print(&format!(
+    print(&format!(
         "{} textures -> {} ({} bytes); errors are of the conversion, within the models' own band; above it the level \
          falls by {ROLL_OFF_DB_PER_OCTAVE} dB an octave",
         reports.len(),

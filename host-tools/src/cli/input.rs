@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::{Error, Result};
 use host_tools::recording::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet};
+use host_tools::support::error::{Error, Result};
 
 /// Which recordings, and what is to be known of those that do not tell.
 #[derive(clap::Args)]

@@ -2,14 +2,16 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
 use host_tools::scene::{CostReport, surface_names};
+use host_tools::support::error::Result;
 use model_format::scene::{MotionOfScene, Scene};
 use model_format::{Library, NodeFlags, Texture};
 use serde::Serialize;
 use stylus_kernel::scene::cost;
 
 use super::table::table;
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -247,8 +249,8 @@ pub fn summary_table(textures: &[Summary]) -> String {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let bytes = super::read_library(&arguments.library)?;
-    let library = super::decode_library(&arguments.library, &bytes)?;
+    let bytes = read_library(&arguments.library)?;
+    let library = decode_library(&arguments.library, &bytes)?;
     let textures: Vec<Summary> = library
         .textures()
         .map(|texture| Summary::of(&texture, arguments.json))
@@ -258,19 +260,19 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .map(|scene| SceneSummary::of(&scene, &library))
         .collect::<Result<Vec<_>>>()?;
     if arguments.json {
-        return super::print_json(&Content { textures, scenes });
+        return print_json(&Content { textures, scenes });
     }
-    super::print(&format!(
+    print(&format!(
         "{}: {} texture(s), {} bytes, format version {}, checked\n",
         arguments.library.display(),
         library.len(),
         bytes.len(),
         model_format::FORMAT_VERSION
     ))?;
-    super::print(&summary_table(&textures))?;
-    super::print("\norder: lowest / middle / highest of the nodes")?;
+    print(&summary_table(&textures))?;
+    print("\norder: lowest / middle / highest of the nodes")?;
     if scenes.is_empty() {
         return Ok(());
     }
-    super::print(&format!("\n{}", scene_table(&scenes)))
+    print(&format!("\n{}", scene_table(&scenes)))
 }

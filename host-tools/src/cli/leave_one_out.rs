@@ -2,23 +2,25 @@
 
 use std::path::Path;
 
-use host_tools::error::Result;
-use host_tools::leave_one_out::{
-    LeaveOneOut, Method, Options, PAPER_TABLE_I, Prepared, Row, SMOOTHING_WIDTHS_HZ, summarise,
+use host_tools::dsp::spectrum::AMPLITUDE_JND_DB;
+use host_tools::evaluation::leave_one_out::{
+    LeaveOneOut, Options, PAPER_TABLE_I, Prepared, Row, SMOOTHING_WIDTHS_HZ, summarise,
 };
 use host_tools::recording::RecordingSet;
-use host_tools::spectrum::AMPLITUDE_JND_DB;
-use host_tools::{atomic_file, progress};
+use host_tools::support::error::Result;
+use host_tools::support::{atomic_file, progress};
+use host_tools::texture::domain::Method;
 
 use super::table::table;
+use crate::cli::output::{print, to_json};
 
 /// Tests, prints the tables, and writes all figures where asked.
 pub fn run(set: &RecordingSet, options: &Options, json: Option<&Path>) -> Result<()> {
     let test = removed_node_test(set, &Row::all(), options)?;
     if let Some(path) = json {
-        atomic_file::write(path, super::to_json(&test).as_bytes())?;
+        atomic_file::write(path, to_json(&test).as_bytes())?;
     }
-    super::print(&tables(&test))
+    print(&tables(&test))
 }
 
 /// Tests with a progress bar.
@@ -88,7 +90,7 @@ fn table_one(test: &LeaveOneOut) -> String {
                 .iter()
                 .map(|c| percent(c.mean_cost, c.cost_deviation)),
         );
-        let mean = |of: fn(&host_tools::leave_one_out::PaperColumn) -> f64| {
+        let mean = |of: fn(&host_tools::evaluation::leave_one_out::PaperColumn) -> f64| {
             columns.iter().map(|c| of(c)).sum::<f64>() / columns.len() as f64
         };
         row.push(percent(mean(|c| c.mean_cost), mean(|c| c.cost_deviation)));

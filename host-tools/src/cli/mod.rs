@@ -12,6 +12,8 @@ mod import_hatt;
 mod input;
 mod inspect;
 mod leave_one_out;
+mod library_file;
+mod output;
 mod render;
 mod report;
 mod scene;
@@ -21,13 +23,11 @@ mod stress;
 mod table;
 mod takes;
 
-use std::io::{self, Write};
-use std::path::Path;
+use std::io;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use host_tools::error::{Error, Result};
-use model_format::Library;
+use host_tools::support::error::Error;
 
 /// What a failure that the user can mend ends with: a file, a value or a request that cannot be used.
 const EXIT_UNUSABLE: u8 = 2;
@@ -105,35 +105,4 @@ pub fn run() -> ExitCode {
             ExitCode::from(EXIT_UNUSABLE)
         }
     }
-}
-
-/// Prints to standard output; `println!` would panic when the reader has gone.
-fn print(text: &str) -> Result<()> {
-    let mut output = io::stdout().lock();
-    output
-        .write_all(text.as_bytes())
-        .and_then(|()| output.write_all(b"\n"))
-        .map_err(Error::io("write to", Path::new("standard output")))
-}
-
-/// Prints a value as JSON.
-fn print_json(value: &impl serde::Serialize) -> Result<()> {
-    print(&to_json(value))
-}
-
-fn to_json(value: &impl serde::Serialize) -> String {
-    serde_json::to_string_pretty(value).expect("reports have text keys only")
-}
-
-/// Reads a library's bytes.
-fn read_library(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(Error::io("read", path))
-}
-
-/// Decodes a library, with its file's name in the error.
-fn decode_library<'a>(path: &Path, bytes: &'a [u8]) -> Result<Library<'a>> {
-    Library::decode(bytes).map_err(|source| Error::Library {
-        path: path.to_owned(),
-        source,
-    })
 }

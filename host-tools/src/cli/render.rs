@@ -2,13 +2,15 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
-use host_tools::evaluate::texture_named;
-use host_tools::motion::MotionPath;
-use host_tools::render::{WavFormat, render_wav};
+use host_tools::evaluation::evaluate::texture_named;
+use host_tools::playing::motion::MotionPath;
+use host_tools::playing::render::{WavFormat, render_wav};
+use host_tools::support::error::Result;
 use model_format::{MillimetresPerSecond, Newton};
 
 use super::input::{not_negative, positive};
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::print;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -41,8 +43,8 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let bytes = super::read_library(&arguments.library)?;
-    let library = super::decode_library(&arguments.library, &bytes)?;
+    let bytes = read_library(&arguments.library)?;
+    let library = decode_library(&arguments.library, &bytes)?;
     let texture = texture_named(&library, &arguments.texture)?;
     let motion = match &arguments.motion {
         Some(path) => MotionPath::from_csv(path)?,
@@ -65,7 +67,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         &arguments.out,
         format,
     )?;
-    super::print(&format!(
+    print(&format!(
         "{}: {} samples of '{}' ({}) at {} Hz",
         arguments.out.display(),
         summary.wav.samples,

@@ -2,16 +2,21 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
+use host_tools::dsp::reduction::Reduction;
+use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
+use host_tools::evaluation::leave_one_out;
+use host_tools::evaluation::leave_one_out::{Prepared, Row};
+use host_tools::evaluation::{evaluate, takes};
 use host_tools::fit::{self, Order};
-use host_tools::leave_one_out::{self, Prepared, Row};
 use host_tools::recording::RecordingSet;
-use host_tools::reduction::Reduction;
-use host_tools::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
-use host_tools::whole_report::{self, Inputs};
-use host_tools::{evaluate, progress, takes};
+use host_tools::report::whole_page as whole_report;
+use host_tools::report::whole_page::Inputs;
+use host_tools::support::error::Result;
+use host_tools::support::progress;
 
 use super::input::{Recordings, not_negative};
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::print;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -43,7 +48,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let set = arguments.recordings.open()?;
     let bytes = if let Some(path) = &arguments.library {
-        super::read_library(path)?
+        read_library(path)?
     } else {
         let options = fit::Options {
             order: arguments.order,
@@ -53,7 +58,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         super::fit::fit_library(&set, &options)?.1
     };
     let path = arguments.library.clone().unwrap_or_default();
-    let library = super::decode_library(&path, &bytes)?;
+    let library = decode_library(&path, &bytes)?;
     let options = evaluate::Options {
         reduction: arguments.reduce,
         smoothing_hz: arguments.smoothing,
@@ -105,5 +110,5 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         ""
     };
-    super::print(&format!("{}{origin}", arguments.out.display()))
+    print(&format!("{}{origin}", arguments.out.display()))
 }

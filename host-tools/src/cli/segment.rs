@@ -2,10 +2,12 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::{Error, Result};
-use host_tools::freehand::{self, GridAxis, Options, Segmentation, Tolerance};
+use host_tools::recording::freehand;
+use host_tools::recording::freehand::{GridAxis, Options, Segmentation, Tolerance};
+use host_tools::support::error::{Error, Result};
 
 use super::input::positive;
+use crate::cli::output::print;
 
 /// How many pieces that are off the grid are shown one by one.
 const SHOWN: usize = 10;
@@ -102,7 +104,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         ""
     };
-    super::print(&format!(
+    print(&format!(
         "{:.0} % of the motion in contact is steady: {} pieces at {} nodes -> {}{origin}",
         100.0 * cut.steady_share,
         cut.placed.len(),

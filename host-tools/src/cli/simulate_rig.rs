@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::{Error, Result};
+use crate::cli::output::print;
 use host_tools::rig::{self, Scene};
+use host_tools::support::error::{Error, Result};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -30,9 +31,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     };
     let Some(out) = arguments.out.as_deref().filter(|_| !arguments.print_scene) else {
-        return super::print(scene.text().trim_end());
+        return print(scene.text().trim_end());
     };
     let summary = rig::simulate_to_folder(&scene, arguments.seed, out)?;
-    super::print(summary.to_string().trim_end())?;
-    super::print(&format!("-> {}", out.display()))
+    print(summary.to_string().trim_end())?;
+    print(&format!("-> {}", out.display()))
 }

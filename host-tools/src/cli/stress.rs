@@ -1,10 +1,12 @@
 //! `stylus stress`
 
-use host_tools::error::{Error, Result};
-use host_tools::progress;
-use host_tools::stress::{self, Outcome, Rest, cases};
+use host_tools::evaluation::stress;
+use host_tools::evaluation::stress::{Outcome, Rest, cases};
+use host_tools::support::error::{Error, Result};
+use host_tools::support::progress;
 
 use super::table::table;
+use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -30,9 +32,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let outcomes = stress::run(&cases, || bar.inc(1))?;
     bar.finish_and_clear();
     if arguments.json {
-        super::print_json(&outcomes)?;
+        print_json(&outcomes)?;
     } else {
-        super::print(&summary(&outcomes))?;
+        print(&summary(&outcomes))?;
     }
     let broken = outcomes
         .iter()

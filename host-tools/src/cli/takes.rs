@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use host_tools::error::Result;
-use host_tools::evaluate::Evaluation;
+use host_tools::dsp::reduction::Reduction;
+use host_tools::evaluation::evaluate::Evaluation;
+use host_tools::evaluation::takes;
+use host_tools::evaluation::takes::TakeDistance;
 use host_tools::recording::RecordingSet;
-use host_tools::reduction::Reduction;
-use host_tools::takes::{self, TakeDistance};
+use host_tools::support::error::Result;
 
 use super::table::table;
 

@@ -1,149 +1,31 @@
 //! From a recording set to the textures of a library: each trial is read, reduced to one axis, triaged and correlated;
 //! each node of a texture's grid gets a linear predictor from its trials; holes of the grid are filled.
 
+pub mod densify;
+mod fitted;
 mod grid;
+pub mod hatt;
+mod holes;
 mod notes;
-mod quantise;
+mod options;
 mod trial;
+mod trial_report;
 
 use model_format::{Provenance, TextureSpec};
 use rayon::prelude::*;
-use serde::Serialize;
 
-use crate::certificate;
-use crate::error::{Error, Result};
-use crate::recording::{MODEL_RATE_HZ, RecordingSet, Trial};
-use crate::reduction::Reduction;
-use crate::triage::{self, SILENCE_FLOOR_M_S2, Verdict};
+use crate::dsp::MODEL_RATE_HZ;
+use crate::recording::triage;
+use crate::recording::triage::Verdict;
+use crate::recording::{RecordingSet, Trial};
+use crate::support::error::{Error, Result};
+use crate::texture::certificate;
+use crate::texture::quantise;
 
-pub use grid::{Grid, Model};
-pub use quantise::{StructureChoice, nodes as quantised_nodes};
+pub use fitted::{Fit, FittedTexture};
+pub use options::{Estimator, Options, Order};
 pub use trial::{Analysis, analyse, signal};
-
-/// How a model's order is chosen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Order {
-    /// For each node by the Bayesian information criterion, at most 400.
-    Auto,
-    /// For each node by Akaike's criterion, which spends more on accuracy, at most this one: what a budget of cycles leaves.
-    AtMost(usize),
-    /// The same for all nodes, as in the paper (whose order is 400).
-    Fixed(usize),
-}
-
-impl Order {
-    /// The highest order that it allows.
-    pub fn highest(self) -> usize {
-        match self {
-            Self::Auto => model_format::limits::MAX_ORDER,
-            Self::AtMost(order) | Self::Fixed(order) => order,
-        }
-    }
-}
-
-impl std::str::FromStr for Order {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        const MAX_ORDER: usize = model_format::limits::MAX_ORDER;
-        match text.parse::<usize>() {
-            _ if text == "auto" => Ok(Self::Auto),
-            Ok(order) if order <= MAX_ORDER => Ok(Self::Fixed(order)),
-            _ => Err(format!("must be 'auto' or 0 to {MAX_ORDER}")),
-        }
-    }
-}
-
-/// How a recording's autocorrelation is estimated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Estimator {
-    /// Biased, of the recording as it was cut out, as in the paper: the finest lines, and leakage from strong ones.
-    #[default]
-    Rectangular,
-    /// From seven sine tapers: lines are 4 Hz wide, and next to nothing leaks into weak parts of the spectrum.
-    Multitaper,
-}
-
-/// How to fit.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// Orders of the models.
-    pub order: Order,
-    /// Estimate of the autocorrelation.
-    pub estimator: Estimator,
-    /// Structure of the models in the library.
-    pub structure: StructureChoice,
-    /// From three axes to one.
-    pub reduction: Reduction,
-    /// RMS below which a trial is silent, m/s².
-    pub silence_floor_m_s2: f64,
-    /// Names of verdicts whose trials are left out, to be filled from their neighbours.
-    pub drop: Vec<String>,
-    /// Refuse a set in which any trial has a verdict.
-    pub strict: bool,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            order: Order::Auto,
-            estimator: Estimator::Rectangular,
-            structure: StructureChoice::Lattice,
-            reduction: Reduction::Pca,
-            silence_floor_m_s2: SILENCE_FLOOR_M_S2,
-            drop: Vec::new(),
-            strict: false,
-        }
-    }
-}
-
-/// What became of a trial.
-#[derive(Clone, Debug, Serialize)]
-pub struct TrialReport {
-    /// The file.
-    pub file: String,
-    /// Its texture.
-    pub texture: String,
-    /// Tangential speed, mm/s.
-    pub speed_mm_s: f64,
-    /// Normal force, N.
-    pub force_n: f64,
-    /// RMS of the reduced signal, m/s².
-    pub rms_m_s2: f64,
-    /// Largest magnitude of an axis's mean, which was removed, m/s².
-    pub mean_m_s2: f64,
-    /// Share of the axes' energy that the reduced signal keeps.
-    pub energy_share: f64,
-    /// What triage found; nothing is ok.
-    pub verdicts: Vec<Verdict>,
-    /// Whether the fit used it.
-    pub used: bool,
-}
-
-/// A fitted texture.
-#[derive(Clone, Debug)]
-pub struct FittedTexture {
-    /// Name.
-    pub name: String,
-    /// Where its recordings came from.
-    pub provenance: Provenance,
-    /// Its models.
-    pub grid: Grid,
-}
-
-/// What a fit gives.
-#[derive(Clone, Debug)]
-pub struct Fit {
-    /// Every trial, in the order of the set.
-    pub trials: Vec<TrialReport>,
-    /// The textures, ready to be encoded.
-    pub specs: Vec<TextureSpec>,
-    /// The textures before quantisation, in the same order.
-    pub textures: Vec<FittedTexture>,
-    /// What the user should know, a line each.
-    pub warnings: Vec<String>,
-}
+pub use trial_report::TrialReport;
 
 /// Fits `set`, telling `progress` of each trial done.
 ///

@@ -2,7 +2,10 @@
 
 use model_format::NodeFlags;
 
-use super::{Grid, Options, Order, TrialReport};
+use crate::texture::grid::Grid;
+
+use super::options::{Options, Order};
+use super::trial_report::TrialReport;
 
 /// A mean this many times the RMS is more than an offset of an amplifier: gravity, or a sensor that is not what it is taken
 /// for.

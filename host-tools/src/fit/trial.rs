@@ -1,13 +1,14 @@
 //! One trial: from its file to the statistics that a model is fitted to.
 
-use crate::autocorrelation::Autocorrelation;
-use crate::error::{Error, Result};
+use crate::dsp::autocorrelation::Autocorrelation;
+use crate::dsp::reduction::{Reduction, reduce};
+use crate::recording::triage;
+use crate::recording::triage::Verdict;
 use crate::recording::{self, Trial};
-use crate::reduction::{Reduction, reduce};
-use crate::triage::{self, Verdict};
+use crate::support::error::{Error, Result};
 
 use super::{Estimator, Options};
-use crate::log_spectrum::LogSpectrum;
+use crate::dsp::log_spectrum::LogSpectrum;
 
 /// What a fit keeps of a trial.
 #[derive(Clone, Debug)]

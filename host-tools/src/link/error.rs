@@ -179,7 +179,7 @@ boxed! {
     Play(PlayError),
 }
 
-impl From<LinkError> for crate::error::Error {
+impl From<LinkError> for crate::support::error::Error {
     fn from(failure: LinkError) -> Self {
         Self::Request(failure.to_string())
     }

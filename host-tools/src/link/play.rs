@@ -9,7 +9,7 @@ use model_format::link::{KEEP_ALIVE_MS, MotionSample, MotionSource, Status};
 
 use super::Device;
 use super::error::Result;
-use crate::motion::MotionPath;
+use crate::playing::motion::MotionPath;
 
 /// Fastest rate of motions, Hz.
 pub const MAX_MOTION_RATE_HZ: u32 = 1_000;

@@ -14,9 +14,9 @@ use model_format::Provenance;
 use model_format::limits::MAX_NAME_BYTES;
 
 use super::capture::{Calibration, Capture};
-use crate::atomic_file;
-use crate::error::{Error, Result};
 use crate::recording::{RecordingSet, TRIALS_FILE, Trial};
+use crate::support::atomic_file;
+use crate::support::error::{Error, Result};
 
 /// Header of the lists that are written here.
 const HEADER: &str = "file,texture,speed_mm_s,force_n,scale_m_s2,simulated";

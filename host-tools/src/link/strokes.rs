@@ -1,5 +1,5 @@
 //! A free hand's strokes: the record stream as it comes, with the speed and force of every moment, for
-//! [`crate::freehand`] to cut.
+//! [`crate::recording::freehand`] to cut.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -10,7 +10,7 @@ use model_format::link::RecordSample;
 use super::Device;
 use super::capture::{Calibration, Loss, Stream};
 use super::error::Result;
-use crate::atomic_file;
+use crate::support::atomic_file;
 
 /// The encoder's counts of so long are taken together, s: at 5 kHz a slow hand moves it by less than one a sample.
 const SPEED_WINDOW_S: f64 = 0.02;
@@ -84,7 +84,7 @@ impl Strokes {
             .collect()
     }
 
-    /// Writes a CSV file that [`crate::freehand::read`] takes: `time_s`, the axes in m/s², `speed_mm_s`, `force_n`. A lost
+    /// Writes a CSV file that [`crate::recording::freehand::read`] takes: `time_s`, the axes in m/s², `speed_mm_s`, `force_n`. A lost
     /// sample is not a number, so that no piece goes across it.
     ///
     /// # Errors
@@ -94,7 +94,7 @@ impl Strokes {
         path: &Path,
         calibration: &Calibration,
         provenance: Provenance,
-    ) -> crate::error::Result<()> {
+    ) -> crate::support::error::Result<()> {
         let mut text = match provenance {
             Provenance::Simulated => String::from("# SIMULATED\n"),
             Provenance::Recorded => String::new(),
@@ -160,7 +160,7 @@ mod tests {
         strokes(400..450)
             .write(&path, &CALIBRATION, Provenance::Simulated)
             .unwrap();
-        let read = crate::freehand::read(&path, None, 1.0).unwrap();
+        let read = crate::recording::freehand::read(&path, None, 1.0).unwrap();
         assert!(read.is_simulated);
         assert_eq!((read.rate_hz, read.axes.len()), (5000.0, 3));
         for n in 0..1000 {

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::load::Source;
+use super::MAX_CHANNELS;
 use super::set::csv_error;
-use super::{Cut, MAX_CHANNELS};
-use crate::error::{Error, Result};
+use super::source::{Cut, Source};
+use crate::support::error::{Error, Result};
 
 /// The column that tells when each line was sampled, s.
 const TIME_COLUMN: &str = "time_s";

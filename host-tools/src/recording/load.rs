@@ -2,50 +2,13 @@
 
 use std::path::Path;
 
+use super::clipping::clipped_share;
+use super::samples::Samples;
 use super::set::Trial;
-use super::{MODEL_RATE_HZ, TRIAL_DURATION_S, csv_file, resample, wav};
-use crate::error::{Error, Result};
-use crate::triage;
-
-/// Which part of a file to use, s.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cut {
-    /// Where it begins.
-    pub start_s: f64,
-    /// How long it is at most.
-    pub duration_s: f64,
-}
-
-impl Cut {
-    /// First frame and the one after the last, at `rate_hz`.
-    pub(super) fn frames(&self, rate_hz: f64) -> (usize, usize) {
-        let first = (self.start_s * rate_hz).round() as usize;
-        let count = (self.duration_s * rate_hz).round() as usize;
-        (first, first.saturating_add(count))
-    }
-}
-
-/// What a file holds, at its own rate, from the cut's first frame on.
-#[derive(Clone, Debug)]
-pub struct Source {
-    /// Its sample rate, Hz.
-    pub rate_hz: f64,
-    /// The frame that the channels begin at.
-    pub first_frame: usize,
-    /// One to three channels of one length.
-    pub channels: Vec<Vec<f64>>,
-}
-
-/// The samples of a trial.
-#[derive(Clone, Debug)]
-pub struct Samples {
-    /// One to three axes of one length, at [`MODEL_RATE_HZ`], m/s².
-    pub axes: Vec<Vec<f64>>,
-    /// The file's own sample rate, Hz.
-    pub source_rate_hz: f64,
-    /// Share of the file's own samples that are cut off at the ends of their range, of the worst axis.
-    pub clipped_share: f64,
-}
+use super::source::Cut;
+use super::{TRIAL_DURATION_S, csv_file, resample, wav};
+use crate::dsp::MODEL_RATE_HZ;
+use crate::support::error::{Error, Result};
 
 /// Reads the samples of `trial`.
 ///
@@ -74,7 +37,7 @@ pub fn read(trial: &Trial) -> Result<Samples> {
         return Err(Error::file(path, problem));
     }
     check_finite(path, &axes, source.first_frame)?;
-    let clipped_share = triage::clipped_share(&axes);
+    let clipped_share = clipped_share(&axes);
     let rate_hz = source.rate_hz;
     if (rate_hz - f64::from(MODEL_RATE_HZ)).abs() > 0.0 {
         axes = at_model_rate(path, &axes, rate_hz)?;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use csv::StringRecord;
 use model_format::Provenance;
 
-use crate::error::{Error, Result};
+use crate::support::error::{Error, Result};
 
 /// The list of trials in a recording set's folder.
 pub const TRIALS_FILE: &str = "trials.csv";

@@ -10,9 +10,9 @@ use symphonia::core::io::{MediaSourceStream, MediaSourceStreamOptions};
 use symphonia::default::codecs::PcmDecoder;
 use symphonia::default::formats::WavReader;
 
-use super::load::Source;
-use super::{Cut, MAX_CHANNELS};
-use crate::error::{Error, Result};
+use super::MAX_CHANNELS;
+use super::source::{Cut, Source};
+use crate::support::error::{Error, Result};
 
 /// Reads the part of a WAV file that `cut` asks for, every sample exactly: float samples as they are, integer ones
 /// divided by their full scale.

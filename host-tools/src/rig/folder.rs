@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use crate::support::error::{Error, Result};
 
 /// Says that the set is simulated; written before any recording.
 pub(super) const MARKER: &str = "SIMULATED.txt";
@@ -91,7 +91,7 @@ fn list(out: &Path) -> Result<Contents> {
     Ok(contents)
 }
 
-/// What [`crate::atomic_file`] leaves behind when the machine stops in the middle.
+/// What [`crate::support::atomic_file`] leaves behind when the machine stops in the middle.
 const TEMPORARY_PREFIX: &str = ".stylus-";
 
 fn is_recording(path: &Path) -> Result<bool> {

@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use super::folder::{self, MARKER, MARKER_START, RECORDING_PREFIX, SCENE, TRIALS};
 use super::scene::{Description, Scene};
 use super::trial::{Strip, Trial};
-use crate::error::{Error, Result};
-use crate::{atomic_file, progress};
+use crate::support::error::{Error, Result};
+use crate::support::{atomic_file, progress};
 
 /// What a run wrote.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::validate;
-use crate::error::Result;
+use crate::support::error::Result;
 
 /// A scene that was read and checked; the only way to make one is from its text, which it keeps.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,7 +18,7 @@ impl Scene {
     /// Reads a scene from TOML `text`; `path` is only named in errors.
     ///
     /// # Errors
-    /// [`Error::Line`](crate::error::Error::Line): text that is not TOML, a field that is unknown, missing, or of the
+    /// [`Error::Line`](crate::support::error::Error::Line): text that is not TOML, a field that is unknown, missing, or of the
     /// wrong type, or a value out of its range, with the line and the field.
     pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
         let description = validate::parse(path, text)?;

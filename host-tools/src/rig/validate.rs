@@ -5,8 +5,8 @@ use std::path::Path;
 use super::contact::Contact;
 use super::scene::{Description, Measurement, Mode, Recording, Roughness, Texture, Tool, Weave};
 use super::surface::{highest_roughness_term, highest_weave_term};
-use crate::error::Result;
-use crate::field::{Checked, Field, from_toml};
+use crate::support::error::Result;
+use crate::support::toml_field::{Checked, Field, from_toml};
 use model_format::limits::{MAX_AXIS_LEN, MAX_SAMPLE_RATE_HZ, MAX_TEXTURES};
 
 /// Longest trial, s.

@@ -6,7 +6,7 @@ use serde::Serialize;
 use stylus_kernel::scene::Plan;
 use stylus_kernel::scene::cost::{Cost, Item, Term};
 
-use crate::error::{Error, Result};
+use crate::support::error::{Error, Result};
 
 /// A scene's cost against a budget, in instructions of each tick, by the kernel's own model.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Deserialize;
 
 use super::equaliser::SectionKind;
-use crate::recording::MODEL_RATE_HZ;
+use crate::dsp::MODEL_RATE_HZ;
 
 /// A scene's content.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

@@ -11,8 +11,8 @@ use model_format::scene::{
 
 use super::description::{Description, SurfaceDescription};
 use super::equaliser::{self, Design, Response, Section};
-use crate::error::{Error, Result};
-use crate::field::{Field, from_toml, line_of};
+use crate::support::error::{Error, Result};
+use crate::support::toml_field::{Field, from_toml, line_of};
 
 /// The text of a scene, read but not yet looked up in a library.
 #[derive(Clone, Debug, PartialEq)]

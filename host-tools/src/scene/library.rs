@@ -6,7 +6,7 @@ use model_format::{
     encode_with_scenes,
 };
 
-use crate::error::{Error, Result};
+use crate::support::error::{Error, Result};
 
 /// The bytes of `library` with `scenes`; those of the same name are replaced, others stay as they are.
 ///

@@ -4,9 +4,9 @@ use model_format::OutputSample;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::{ContactDetector, Interaction, Plan, ScenePlayer};
 
-use crate::error::{Error, Result};
-use crate::motion::MotionPath;
-use crate::render::MAX_SECONDS;
+use crate::playing::motion::MotionPath;
+use crate::playing::render::MAX_SECONDS;
+use crate::support::error::{Error, Result};
 
 /// The hand of a motion, as a scene follows it: its place and whether it touches go with speed and force.
 #[derive(Clone, Debug)]

@@ -2,7 +2,8 @@
 
 use std::sync::LazyLock;
 
-use host_tools::frontier::{FilterStructure, costs as frontier};
+use host_tools::evaluation::frontier::FilterStructure;
+use host_tools::evaluation::frontier::costs as frontier;
 use qemu_tests::costs::{Core, Costs, Structure};
 use tasks::costs::{self, Guest};
 use tasks::guest::Processor;

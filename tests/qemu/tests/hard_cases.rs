@@ -3,9 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use host_tools::fit::StructureChoice;
-use host_tools::stress::cases::{Case, Length, suite};
-use host_tools::stress::models::library;
+use host_tools::evaluation::stress::cases::{Case, Length, suite};
+use host_tools::evaluation::stress::models::library;
+use host_tools::texture::quantise::StructureChoice;
 use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
 use kernel_vectors::{HardCase, report};
 use model_format::Library;

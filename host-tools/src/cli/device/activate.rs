@@ -1,10 +1,11 @@
 //! `stylus activate`
 
-use host_tools::error::{Error, Result};
+use host_tools::support::error::{Error, Result};
 use model_format::link::{SlotId, SlotState, Slots};
 use serde::Serialize;
 
-use super::Link;
+use super::connection::Link;
+use crate::cli::output::{print, print_json};
 
 /// A slot on the command line.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -52,14 +53,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let activated = device.activate(slot)?;
     let library = activated.library;
     if arguments.json {
-        return crate::cli::print_json(&Report {
+        return print_json(&Report {
             slot: activated.slot.to_string(),
             crc32: library.crc32,
             sequence: library.sequence,
             textures: library.textures,
         });
     }
-    crate::cli::print(&format!(
+    print(&format!(
         "slot {} is active: {} texture(s), checksum {:08x}",
         activated.slot, library.textures, library.crc32
     ))

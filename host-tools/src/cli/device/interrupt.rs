@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use host_tools::error::{Error, Result};
+use host_tools::support::error::{Error, Result};
 
 /// What a process that is ended in the middle ends with.
 const EXIT_IMPATIENT: i32 = 2;

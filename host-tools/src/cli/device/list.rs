@@ -1,11 +1,12 @@
 //! `stylus list`
 
-use host_tools::error::Result;
 use host_tools::link::Device;
+use host_tools::support::error::Result;
 use model_format::link::{SceneInfo, SlotId, SlotState, TextureInfo};
 use serde::Serialize;
 
-use super::Link;
+use super::connection::Link;
+use crate::cli::output::{print, print_json};
 use crate::cli::table::table;
 
 #[derive(clap::Args)]
@@ -68,10 +69,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
     let slots = read(&device)?;
     if arguments.json {
-        return crate::cli::print_json(&slots);
+        return print_json(&slots);
     }
     let texts: Vec<String> = slots.iter().map(text).collect();
-    crate::cli::print(&texts.join("\n\n"))
+    print(&texts.join("\n\n"))
 }
 
 fn read(device: &Device) -> Result<Vec<Slot>> {

@@ -1,9 +1,11 @@
 //! The commands that talk to a stylus.
 
 pub mod activate;
+mod connection;
 mod histogram;
 mod interrupt;
 pub mod list;
+mod live_line;
 pub mod monitor;
 pub mod play;
 pub mod record;
@@ -14,14 +16,8 @@ pub mod status;
 pub mod stop;
 pub mod upload;
 
-use std::time::Duration;
-
 use clap::Subcommand;
-use host_tools::error::Result;
-use host_tools::link::{Device, LinkAddress, Patience};
-use indicatif::{ProgressBar, ProgressStyle};
-
-use super::input::positive;
+use host_tools::support::error::Result;
 
 #[derive(Subcommand)]
 pub enum Command {
@@ -61,44 +57,4 @@ pub fn run(command: &Command) -> Result<()> {
         Command::Monitor(arguments) => monitor::run(arguments),
         Command::Settings(arguments) => settings::run(arguments),
     }
-}
-
-/// Which stylus.
-#[derive(clap::Args)]
-pub struct Link {
-    /// The stylus: usb, usb:SERIAL, serial:PATH or tcp:HOST:PORT
-    #[arg(
-        long,
-        value_name = "LINK",
-        env = "STYLUS_LINK",
-        default_value = "usb",
-        global = true
-    )]
-    link: LinkAddress,
-    /// Wait so long for an answer, in seconds; 16 times as long where flash is written [default: 1]
-    #[arg(long, value_name = "S", value_parser = positive, global = true)]
-    timeout: Option<f64>,
-}
-
-impl Link {
-    /// Connects.
-    ///
-    /// # Errors
-    /// What [`Device::connect`] says.
-    pub fn connect(&self) -> Result<Device> {
-        let patience = match self.timeout {
-            // Longer than a day is for ever, and adds up without overflow.
-            Some(seconds) => Patience::scaled_to(Duration::from_secs_f64(seconds.min(86_400.0))),
-            None => Patience::default(),
-        };
-        Ok(Device::connect(&self.link, patience)?)
-    }
-}
-
-/// A line that tells what goes on, on standard error, for as long as it takes; hidden where no person looks.
-fn live_line(what: &'static str) -> ProgressBar {
-    let style = ProgressStyle::with_template("{spinner} {msg}").expect("the template is fixed");
-    ProgressBar::new_spinner()
-        .with_style(style)
-        .with_message(what)
 }

@@ -2,16 +2,18 @@
 
 use std::time::{Duration, Instant};
 
-use host_tools::error::{Error, Result};
 use host_tools::link::LinkError;
 use host_tools::link::capture::{Calibration, Level, Loss, Stream};
+use host_tools::support::error::{Error, Result};
 use model_format::link::{RecordError, Status};
 use serde::Serialize;
 
-use super::Link;
+use super::connection::Link;
 use super::interrupt::Interrupt;
+use super::live_line::live_line;
 use super::status::output;
 use crate::cli::input::positive;
+use crate::cli::output::print;
 
 /// How often the wish to end is looked for.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -55,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
         Err(failure) => return Err(failure.into()),
     };
-    let line = super::live_line("watching; Ctrl-C ends");
+    let line = live_line("watching; Ctrl-C ends");
     let begin = Instant::now();
     let mut shown = 0;
     let is_over = || {
@@ -146,9 +148,9 @@ fn show(sight: &Sight, json: bool, line: &indicatif::ProgressBar) -> Result<()> 
     if json {
         let text =
             serde_json::to_string(sight).map_err(|failure| Error::Request(failure.to_string()))?;
-        crate::cli::print(&text)
+        print(&text)
     } else if line.is_hidden() {
-        crate::cli::print(&sight.text())
+        print(&sight.text())
     } else {
         line.set_message(sight.text());
         Ok(())
@@ -159,5 +161,5 @@ fn tell(loss: &Loss, json: bool) -> Result<()> {
     if json || loss.is_none() {
         return Ok(());
     }
-    crate::cli::print(&format!("{loss}"))
+    print(&format!("{loss}"))
 }

@@ -4,19 +4,21 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::builder::RangedU64ValueParser;
-use host_tools::error::{Error, Result};
 use host_tools::link::Device;
 use host_tools::link::play::{Drive, Driven, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
-use host_tools::motion::MotionPath;
+use host_tools::playing::motion::MotionPath;
+use host_tools::support::error::{Error, Result};
 use model_format::link::{Activity, MotionSource, PlayRequest, Selection, Status, TextureName};
 use model_format::scene::SceneName;
 use model_format::{MillimetresPerSecond, Newton};
 use serde::Serialize;
 
-use super::Link;
+use super::connection::Link;
 use super::interrupt::Interrupt;
+use super::live_line::live_line;
 use super::status::output;
 use crate::cli::input::{not_negative, positive};
+use crate::cli::output::{print, print_json};
 
 /// What `--motion` takes beside a file's name.
 const SENSORS: &str = "sensors";
@@ -97,7 +99,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }
     if arguments.json {
-        return crate::cli::print_json(&Report {
+        return print_json(&Report {
             texture: arguments.texture.as_deref(),
             scene: arguments.scene.as_deref(),
             driven,
@@ -113,7 +115,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             driven.skipped, plan.rate_hz
         );
     }
-    crate::cli::print(&format!(
+    print(&format!(
         "played {} for {:.1} s ({} motions, {} keep-alives); stopped, the output is at rest",
         request.selection, driven.seconds, driven.motions, driven.keep_alives
     ))
@@ -169,7 +171,7 @@ fn selection(arguments: &Arguments) -> Result<Selection> {
 }
 
 fn keep_playing(device: &Device, plan: &Drive, interrupt: &Interrupt) -> Result<Driven> {
-    let line = super::live_line("playing; Ctrl-C stops");
+    let line = live_line("playing; Ctrl-C stops");
     let mut ended = false;
     let goes_on = std::cell::Cell::new(true);
     let heard = |driven: &Driven, status: &Status| {

@@ -6,21 +6,22 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
-use host_tools::error::Result;
 use host_tools::fit::{self, Analysis};
 use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Capture, Level, Loss, capture};
 use host_tools::link::set::{Folder, Point};
-use host_tools::progress;
 use host_tools::recording::TRIAL_DURATION_S;
+use host_tools::support::error::Result;
+use host_tools::support::progress;
 use model_format::limits::MAX_ORDER;
 use model_format::link::RecordSample;
 use serde::Serialize;
 
-use super::Link;
+use super::connection::Link;
 use super::interrupt::Interrupt;
 use super::sensing::Sensing;
 use crate::cli::input::{not_negative, positive};
+use crate::cli::output::{print, print_json};
 use crate::cli::table::table;
 
 /// How often the wish to end is looked for.
@@ -137,9 +138,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         left_out,
     };
     if arguments.json {
-        return crate::cli::print_json(&report);
+        return print_json(&report);
     }
-    crate::cli::print(&text(&report))
+    print(&text(&report))
 }
 
 fn points(arguments: &Arguments) -> Result<Vec<Point>> {

@@ -2,18 +2,19 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::{Error, Result};
 use host_tools::link::capture::{Level, Loss};
 use host_tools::link::strokes;
-use host_tools::progress;
+use host_tools::support::error::{Error, Result};
+use host_tools::support::progress;
 use model_format::link::RecordSample;
 use serde::Serialize;
 
-use super::Link;
+use super::connection::Link;
 use super::interrupt::Interrupt;
 use super::record::{LIVE_SAMPLES, live};
 use super::sensing::Sensing;
 use crate::cli::input::positive;
+use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -78,9 +79,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         loss: strokes.loss,
     };
     if arguments.json {
-        return crate::cli::print_json(&report);
+        return print_json(&report);
     }
-    crate::cli::print(&format!(
+    print(&format!(
         "{:.1} s of {:.3} m/s² RMS -> {}; {}",
         report.seconds, report.level.rms_m_s2, report.file, report.loss
     ))

@@ -1,8 +1,8 @@
 //! What the sensors' codes stand for, for the commands that record.
 
-use host_tools::error::{Error, Result};
 use host_tools::link::Device;
 use host_tools::link::capture::Calibration;
+use host_tools::support::error::{Error, Result};
 use model_format::Provenance;
 
 /// How what a stylus senses is to be understood.

@@ -1,11 +1,12 @@
 //! `stylus settings`
 
 use clap::Subcommand;
-use host_tools::error::{Error, Result};
+use host_tools::support::error::{Error, Result};
 use model_format::link::{Setting, SettingChange, Settings};
 use serde::Serialize;
 
-use super::Link;
+use super::connection::Link;
+use crate::cli::output::{print, print_json};
 use crate::cli::table::table;
 
 #[derive(clap::Args)]
@@ -98,7 +99,7 @@ fn show(settings: &Settings, only: Option<Setting>, json: bool) -> Result<()> {
         .filter(|change| only.is_none_or(|only| only == change.setting));
     let rows: Vec<Row> = wanted.map(Row::from).collect();
     if json {
-        return crate::cli::print_json(&rows);
+        return print_json(&rows);
     }
     let cells: Vec<Vec<String>> = rows
         .iter()
@@ -112,7 +113,7 @@ fn show(settings: &Settings, only: Option<Setting>, json: bool) -> Result<()> {
             ]
         })
         .collect();
-    crate::cli::print(&table(
+    print(&table(
         &["setting", "value", "unit", "range", "default"],
         &cells,
     ))

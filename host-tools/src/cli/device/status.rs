@@ -1,13 +1,14 @@
 //! `stylus status`
 
-use host_tools::error::Result;
+use host_tools::support::error::Result;
 use model_format::link::{
     Activity, DeviceInfo, LinkCounters, MotionSource, MuteReason, OutputStatus, Status, UploadState,
 };
 use serde::Serialize;
 
-use super::Link;
+use super::connection::Link;
 use super::histogram;
+use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -31,14 +32,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
     let status = device.status()?;
     if arguments.json {
-        return crate::cli::print_json(&Report {
+        return print_json(&Report {
             link: device.address().to_string(),
             device: device.info(),
             muted: status.output.mute.iter().map(|r| r.to_string()).collect(),
             status: &status,
         });
     }
-    crate::cli::print(&text(device.info(), &status))
+    print(&text(device.info(), &status))
 }
 
 /// All of it, a line a subject.

@@ -1,9 +1,10 @@
 //! `stylus stop`
 
-use host_tools::error::Result;
+use host_tools::support::error::Result;
 use serde::Serialize;
 
-use super::Link;
+use super::connection::Link;
+use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -28,7 +29,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         device.record_stop()?;
     }
     if arguments.json {
-        return crate::cli::print_json(&Report {
+        return print_json(&Report {
             was_playing,
             was_recording,
         });
@@ -39,5 +40,5 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         (false, true) => "stopped recording; nothing was played",
         (false, false) => "nothing was played or recorded",
     };
-    crate::cli::print(&format!("{what}; the output is at rest"))
+    print(&format!("{what}; the output is at rest"))
 }

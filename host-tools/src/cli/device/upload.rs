@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
 use host_tools::link::upload::upload;
-use host_tools::progress;
+use host_tools::support::error::Result;
+use host_tools::support::progress;
 use serde::Serialize;
 
-use super::Link;
+use super::connection::Link;
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -40,9 +42,9 @@ struct Report<'a> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let bytes = crate::cli::read_library(&arguments.library)?;
+    let bytes = read_library(&arguments.library)?;
     if !arguments.unchecked {
-        crate::cli::decode_library(&arguments.library, &bytes)?;
+        decode_library(&arguments.library, &bytes)?;
     }
     let mut device = arguments.link.connect()?;
     if !arguments.unchecked {
@@ -55,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         device.activate(uploaded.slot)?;
     }
     if arguments.json {
-        return crate::cli::print_json(&Report {
+        return print_json(&Report {
             library: arguments.library.display().to_string(),
             bytes: uploaded.library.length,
             crc32: uploaded.library.crc32,
@@ -79,7 +81,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             uploaded.retries
         );
     }
-    crate::cli::print(&format!(
+    print(&format!(
         "{} -> slot {} ({} bytes, read back): {}{}",
         arguments.library.display(),
         uploaded.slot,

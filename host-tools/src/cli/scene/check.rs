@@ -1,13 +1,15 @@
 //! `stylus scene check`
 
-use host_tools::error::{Error, Result};
 use host_tools::scene::{Compiled, CostReport, Situation, equaliser};
+use host_tools::support::error::{Error, Result};
 use model_format::scene::MotionOfScene;
 use serde::Serialize;
 use stylus_kernel::scene::cost;
 
-use super::super::table::table;
 use super::source::Source;
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::{print, print_json};
+use crate::cli::table::table;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -32,8 +34,8 @@ struct Checked<'a> {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let path = arguments.source.library_path()?;
-    let bytes = super::super::read_library(path)?;
-    let library = super::super::decode_library(path, &bytes)?;
+    let bytes = read_library(path)?;
+    let library = decode_library(path, &bytes)?;
     let compiled = arguments.source.compile(&library)?;
     let report = CostReport::new(
         &compiled.scene,
@@ -42,12 +44,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         arguments.budget,
     )?;
     if arguments.json {
-        super::super::print_json(&Checked {
+        print_json(&Checked {
             cost: &report,
             equaliser: compiled.design.as_ref(),
         })?;
     } else {
-        super::super::print(&text(&compiled, &report))?;
+        print(&text(&compiled, &report))?;
     }
     if report.fits {
         return Ok(());

@@ -2,14 +2,16 @@
 
 use std::path::PathBuf;
 
-use host_tools::atomic_file;
-use host_tools::error::{Error, Result};
 use host_tools::scene::{CostReport, SceneFile, with_scenes};
+use host_tools::support::atomic_file;
+use host_tools::support::error::{Error, Result};
 use model_format::Library;
 use model_format::scene::Scene;
 use stylus_kernel::scene::cost;
 
 use super::check::headline;
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::print;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -25,8 +27,8 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let bytes = super::super::read_library(&arguments.library)?;
-    let library = super::super::decode_library(&arguments.library, &bytes)?;
+    let bytes = read_library(&arguments.library)?;
+    let library = decode_library(&arguments.library, &bytes)?;
     let mut scenes: Vec<Scene> = Vec::new();
     let mut lines = Vec::new();
     for path in &arguments.scenes {
@@ -56,13 +58,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let written = with_scenes(&library, &scenes)?;
     // What is uploaded is what the stylus will decode.
-    let checked = super::super::decode_library(&arguments.out, &written)
-        .map(|l: Library<'_>| l.scene_count())?;
+    let checked = decode_library(&arguments.out, &written).map(|l: Library<'_>| l.scene_count())?;
     atomic_file::write(&arguments.out, &written)?;
     for line in lines {
-        super::super::print(&line)?;
+        print(&line)?;
     }
-    super::super::print(&format!(
+    print(&format!(
         "-> {}: {} texture(s), {checked} scene(s), {} bytes",
         arguments.out.display(),
         library.len(),

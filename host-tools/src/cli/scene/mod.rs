@@ -7,7 +7,7 @@ mod render;
 mod source;
 
 use clap::Subcommand;
-use host_tools::error::Result;
+use host_tools::support::error::Result;
 
 #[derive(clap::Args)]
 pub struct Arguments {

@@ -2,14 +2,17 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
-use host_tools::plot::{self, Caption, SceneRegion, SceneView};
+use host_tools::report::plot;
+use host_tools::report::plot::{Caption, SceneRegion, SceneView};
 use host_tools::scene::Hand;
 use host_tools::scene::SceneRendering;
+use host_tools::support::error::Result;
 use model_format::{OutputSample, Provenance};
 
-use super::super::input::positive;
 use super::source::{Along, Source, plan, provenance};
+use crate::cli::input::positive;
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::print;
 
 /// Longest stretch that is drawn, s: a spectrogram has no more columns than are seen.
 const LONGEST_S: f64 = 600.0;
@@ -30,8 +33,8 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let path = arguments.source.library_path()?;
-    let bytes = super::super::read_library(path)?;
-    let library = super::super::decode_library(path, &bytes)?;
+    let bytes = read_library(path)?;
+    let library = decode_library(path, &bytes)?;
     let compiled = arguments.source.compile(&library)?;
     let (motion, seconds) = arguments.along.motion(&compiled.scene)?;
     let seconds = seconds.min(LONGEST_S);
@@ -64,5 +67,5 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         highest_hz: arguments.highest,
     };
     plot::scene(&caption, &view)?.write(&arguments.out)?;
-    super::super::print(&format!("-> {}", arguments.out.display()))
+    print(&format!("-> {}", arguments.out.display()))
 }

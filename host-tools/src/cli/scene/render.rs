@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
-use host_tools::error::Result;
-use host_tools::render::{WavFormat, write_wav};
+use host_tools::playing::render::{WavFormat, write_wav};
 use host_tools::scene::SceneRendering;
+use host_tools::support::error::Result;
 
-use super::super::input::positive;
 use super::source::{Along, Source, plan, provenance};
+use crate::cli::input::positive;
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::print;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -25,8 +27,8 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let path = arguments.source.library_path()?;
-    let bytes = super::super::read_library(path)?;
-    let library = super::super::decode_library(path, &bytes)?;
+    let bytes = read_library(path)?;
+    let library = decode_library(path, &bytes)?;
     let compiled = arguments.source.compile(&library)?;
     let (motion, seconds) = arguments.along.motion(&compiled.scene)?;
     let plan = plan(&compiled, &library)?;
@@ -38,7 +40,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut rendering = SceneRendering::new(plan, &motion, seconds, arguments.along.seed)?;
     let rate_hz = rendering.sample_rate_hz();
     let summary = write_wav(&arguments.out, rate_hz, format, rendering.by_ref())?;
-    super::super::print(&format!(
+    print(&format!(
         "{}: {} samples of the scene '{}' ({}) at {rate_hz} Hz",
         arguments.out.display(),
         summary.samples,

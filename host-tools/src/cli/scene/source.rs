@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::error::{Error, Result};
-use host_tools::motion::MotionPath;
+use host_tools::playing::motion::MotionPath;
 use host_tools::scene::{Compiled, SceneFile, surface_names};
+use host_tools::support::error::{Error, Result};
 use model_format::scene::{MotionOfScene, Scene};
 use model_format::{Library, MillimetresPerSecond, Newton, Provenance};
 use stylus_kernel::scene::Plan;
 
-use super::super::input::not_negative;
+use crate::cli::input::not_negative;
 
 /// Which scene.
 #[derive(clap::Args)]
@@ -130,7 +130,7 @@ pub struct Along {
     #[arg(long, value_name = "N", value_parser = not_negative, requires = "speed")]
     force: Option<f64>,
     /// How long, in seconds [default: the motion's duration]
-    #[arg(long, value_name = "S", value_parser = super::super::input::positive)]
+    #[arg(long, value_name = "S", value_parser = crate::cli::input::positive)]
     seconds: Option<f64>,
     /// Seed of the noise: the same seed gives the same samples
     #[arg(long, default_value_t = 1)]

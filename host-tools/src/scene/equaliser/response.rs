@@ -7,8 +7,8 @@ use model_format::Provenance;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
-use crate::error::{Error, Result};
 use crate::recording::{self, Trial};
+use crate::support::error::{Error, Result};
 
 /// Fewest points of a response.
 const FEWEST_POINTS: usize = 4;
@@ -65,7 +65,7 @@ impl Response {
                 );
                 return Err(Error::file(path, problem));
             };
-            let rate_hz = f64::from(recording::MODEL_RATE_HZ);
+            let rate_hz = f64::from(crate::dsp::MODEL_RATE_HZ);
             let points = of_sweep(drive, acceleration, rate_hz);
             return Self::of_points(path, points);
         }

@@ -27,10 +27,12 @@ use stylus_kernel::scene::ContactDetector;
 pub use fit::{Ringing, fit};
 pub use onset::onsets;
 
-use crate::error::{Error, Result};
-use crate::freehand;
-use crate::recording::{self, MODEL_RATE_HZ, Trial};
-use crate::reduction::{Reduction, reduce};
+use crate::dsp::MODEL_RATE_HZ;
+use crate::dsp::reduction::{Reduction, reduce};
+use crate::recording;
+use crate::recording::Trial;
+use crate::recording::freehand;
+use crate::support::error::{Error, Result};
 
 /// Longest recording that is read, s.
 const LONGEST_S: f64 = 600.0;
@@ -114,7 +116,8 @@ impl Taps {
     pub fn read(path: &Path, scale_m_s2: f64, reduction: Reduction) -> Result<Self> {
         let name = path.display().to_string();
         let extension = path.extension().unwrap_or_default().to_string_lossy();
-        let unusable = |error: crate::reduction::NoSuchAxis| Error::file(path, error.to_string());
+        let unusable =
+            |error: crate::dsp::reduction::NoSuchAxis| Error::file(path, error.to_string());
         if extension.eq_ignore_ascii_case("csv") && has_force(path)? {
             let mut recording = freehand::read(path, None, scale_m_s2)?;
             let reduced = reduce(&mut recording.axes, reduction).map_err(unusable)?;

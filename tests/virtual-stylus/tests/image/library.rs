@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use host_tools::certificate::certified;
+use host_tools::texture::certificate::certified;
 use model_format::limits::MAX_ORDER;
 use model_format::{CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode};
 use virtual_stylus::Options;

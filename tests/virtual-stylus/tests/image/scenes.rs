@@ -79,7 +79,7 @@ fn texture(name: &str, structure: Structure, order: u32) -> TextureSpec {
         cell_margins: Vec::new(),
         nodes: (0..4).map(node).collect(),
     };
-    host_tools::certificate::certified(spec).expect("its coefficients are small")
+    host_tools::texture::certificate::certified(spec).expect("its coefficients are small")
 }
 
 fn name(name: &str) -> SceneName {

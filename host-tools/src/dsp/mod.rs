@@ -1,0 +1,17 @@
+//! Signal processing: spectra, linear prediction, and the reduction of three axes to one.
+//!
+//! Invariant: slices in, numbers out. No files, no command line, no progress, no format of a library.
+
+pub mod autocorrelation;
+pub mod line_spectral_frequencies;
+pub mod linear_prediction;
+pub mod log_spectrum;
+pub mod model;
+pub mod reduction;
+pub mod spectrum;
+mod transform;
+
+pub(crate) use transform::with_planner;
+
+/// Sample rate of the models and of the stylus, Hz.
+pub const MODEL_RATE_HZ: u32 = 5000;

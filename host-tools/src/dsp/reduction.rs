@@ -1,0 +1,264 @@
+//! From three axes to one.
+//!
+//! Hands do not tell the direction of high-frequency vibrations, so one axis is enough to play them.
+
+use nalgebra::{Matrix3, Vector3};
+use realfft::num_complex::Complex;
+use serde::{Deserialize, Serialize};
+
+use crate::dsp::with_planner;
+
+/// A way from three axes to one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Reduction {
+    /// Projection on the first principal component, as in the paper.
+    Pca,
+    /// DFT321 (Landin, Romano, McMahan, Kuchenbecker, EuroHaptics 2010): the spectrum whose power is the sum of the
+    /// axes' powers at every frequency, with the phase of the axes' sum. Keeps all of the energy.
+    Dft321,
+    /// The first channel alone.
+    X,
+    /// The second channel alone.
+    Y,
+    /// The third channel alone.
+    Z,
+}
+
+/// One axis, and how much of the axes' energy it has.
+#[derive(Clone, Debug)]
+pub struct Reduced {
+    /// The signal, with a mean of zero, m/s².
+    pub signal: Vec<f64>,
+    /// Its energy as a share of that of all axes about their means; 1 if they have none.
+    pub energy_share: f64,
+}
+
+/// Why axes cannot be reduced: the one that was asked for is not there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no axis {wanted}: the recording has {channels} channel(s)")]
+pub struct NoSuchAxis {
+    /// The axis, from 1.
+    pub wanted: usize,
+    /// How many there are.
+    pub channels: usize,
+}
+
+/// Removes the mean of each of `axes` (one to three, of one length) and brings them down to one.
+///
+/// # Errors
+/// An axis that is not there.
+pub fn reduce(axes: &mut [Vec<f64>], by: Reduction) -> Result<Reduced, NoSuchAxis> {
+    for axis in axes.iter_mut() {
+        remove_mean(axis);
+    }
+    let total: f64 = axes.iter().map(|axis| energy(axis)).sum();
+    let mut signal = match by {
+        Reduction::Pca => principal_component(axes),
+        Reduction::Dft321 => dft321(axes),
+        Reduction::X => single(axes, 0)?,
+        Reduction::Y => single(axes, 1)?,
+        Reduction::Z => single(axes, 2)?,
+    };
+    remove_mean(&mut signal);
+    let energy_share = if total > 0.0 {
+        (energy(&signal) / total).min(1.0)
+    } else {
+        1.0
+    };
+    Ok(Reduced {
+        signal,
+        energy_share,
+    })
+}
+
+fn single(axes: &[Vec<f64>], index: usize) -> Result<Vec<f64>, NoSuchAxis> {
+    let missing = NoSuchAxis {
+        wanted: index + 1,
+        channels: axes.len(),
+    };
+    axes.get(index).cloned().ok_or(missing)
+}
+
+/// Subtracts the mean; of a constant exactly nothing is left.
+fn remove_mean(signal: &mut [f64]) {
+    let Some(&first) = signal.first() else {
+        return;
+    };
+    // About the first sample, so that a large offset costs no digits.
+    let mean = first + signal.iter().map(|x| x - first).sum::<f64>() / signal.len() as f64;
+    for sample in signal {
+        *sample -= mean;
+    }
+}
+
+fn energy(signal: &[f64]) -> f64 {
+    signal.iter().map(|x| x * x).sum()
+}
+
+fn principal_component(axes: &[Vec<f64>]) -> Vec<f64> {
+    let [axis] = axes else {
+        let direction = principal_direction(axes);
+        let mut signal = vec![0.0; axes.first().map_or(0, Vec::len)];
+        for (axis, weight) in axes.iter().zip(&direction) {
+            for (sum, sample) in signal.iter_mut().zip(axis) {
+                *sum += weight * sample;
+            }
+        }
+        return signal;
+    };
+    axis.clone()
+}
+
+/// Direction of the greatest variance, a unit vector; its largest component is positive, so that the sign does not
+/// depend on the eigenvalue solver.
+fn principal_direction(axes: &[Vec<f64>]) -> Vector3<f64> {
+    let mut covariance = Matrix3::zeros();
+    for (row, a) in axes.iter().enumerate() {
+        for (column, b) in axes.iter().enumerate().skip(row) {
+            let sum: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+            covariance[(row, column)] = sum;
+            covariance[(column, row)] = sum;
+        }
+    }
+    let eigen = covariance.symmetric_eigen();
+    let direction: Vector3<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into();
+    let largest = direction[direction.iamax()];
+    if largest < 0.0 { -direction } else { direction }
+}
+
+fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
+    let length = axes.first().map_or(0, Vec::len);
+    if length == 0 {
+        return Vec::new();
+    }
+    let (forward, inverse) = with_planner(|planner| {
+        (
+            planner.plan_fft_forward(length),
+            planner.plan_fft_inverse(length),
+        )
+    });
+    let mut power = vec![0.0; length / 2 + 1];
+    let mut sum = vec![Complex::new(0.0, 0.0); length / 2 + 1];
+    for axis in axes {
+        let (mut input, mut spectrum) = (axis.clone(), forward.make_output_vec());
+        forward
+            .process(&mut input, &mut spectrum)
+            .expect("lengths come from the plan");
+        for ((power, sum), bin) in power.iter_mut().zip(&mut sum).zip(spectrum) {
+            *power += bin.norm_sqr();
+            *sum += bin;
+        }
+    }
+    for (bin, power) in sum.iter_mut().zip(power) {
+        // Where the axes cancel there is no phase to take; the energy is kept all the same.
+        let magnitude = bin.norm();
+        *bin = if magnitude > 0.0 {
+            *bin * (power.sqrt() / magnitude)
+        } else {
+            Complex::new(power.sqrt(), 0.0)
+        };
+    }
+    // The first bin of a real signal is real, and so is the last of an even length.
+    sum[0].im = 0.0;
+    if length.is_multiple_of(2) {
+        sum[length / 2].im = 0.0;
+    }
+    let mut signal = inverse.make_output_vec();
+    inverse
+        .process(&mut sum, &mut signal)
+        .expect("lengths come from the plan");
+    for sample in &mut signal {
+        *sample /= length as f64;
+    }
+    signal
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use rand::{RngExt, SeedableRng};
+
+    fn noise(seed: u64, length: usize) -> Vec<f64> {
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
+        (0..length).map(|_| rng.random_range(-1.0..1.0)).collect()
+    }
+
+    fn centred_energy(axes: &[Vec<f64>]) -> f64 {
+        let mut axes = axes.to_vec();
+        axes.iter_mut().for_each(|axis| remove_mean(axis));
+        axes.iter().map(|axis| energy(axis)).sum()
+    }
+
+    proptest! {
+        #[test]
+        fn dft321_keeps_all_energy(seed: u64, length in 2usize..600, channels in 1usize..=3) {
+            let mut axes: Vec<_> = (0..channels as u64).map(|c| noise(seed ^ c, length)).collect();
+            let before = centred_energy(&axes);
+            let reduced = reduce(&mut axes, Reduction::Dft321).unwrap();
+            prop_assert!((energy(&reduced.signal) / before - 1.0).abs() < 1e-9);
+            prop_assert!((reduced.energy_share - 1.0).abs() < 1e-9);
+        }
+
+        #[test]
+        fn pca_keeps_at_least_any_single_axis_and_at_most_all(seed: u64, gain in 0.0..4.0) {
+            let mut axes: Vec<_> = (0..3).map(|c| noise(seed ^ c, 200)).collect();
+            axes[1].iter_mut().for_each(|x| *x *= gain);
+            let total = centred_energy(&axes);
+            let largest = axes.iter().map(|a| centred_energy(std::slice::from_ref(a))).fold(0.0, f64::max);
+            let reduced = reduce(&mut axes, Reduction::Pca).unwrap();
+            prop_assert!(energy(&reduced.signal) >= largest * (1.0 - 1e-9));
+            prop_assert!(energy(&reduced.signal) <= total * (1.0 + 1e-9));
+        }
+    }
+
+    #[test]
+    fn pca_finds_the_direction_of_motion_on_a_line() {
+        let base = noise(3, 500);
+        let scaled = |gain: f64| base.iter().map(|x| gain * x + 7.0).collect::<Vec<_>>();
+        let mut axes = vec![scaled(1.0), scaled(-2.0), scaled(2.0)];
+        let reduced = reduce(&mut axes, Reduction::Pca).unwrap();
+        assert!((reduced.energy_share - 1.0).abs() < 1e-12);
+        let expected = centred_energy(&[base]) * 9.0;
+        assert!((energy(&reduced.signal) / expected - 1.0).abs() < 1e-9);
+    }
+
+    /// A magnitude without its phase would fold the signal to one side; opposite axes have no sum to take a phase from.
+    #[test]
+    fn dft321_of_opposite_axes_is_neither_rectified_nor_lost() {
+        let x = noise(5, 1000);
+        let mut axes = vec![x.clone(), x.iter().map(|v| -v).collect()];
+        let reduced = reduce(&mut axes, Reduction::Dft321).unwrap();
+        assert!((energy(&reduced.signal) / (2.0 * centred_energy(&[x])) - 1.0).abs() < 1e-9);
+        assert!(reduced.signal.iter().any(|&v| v < 0.0) && reduced.signal.iter().any(|&v| v > 0.0));
+        let mut same = vec![noise(6, 1000); 3];
+        let alone = same[0].clone();
+        let tripled = reduce(&mut same, Reduction::Dft321).unwrap().signal;
+        let mut expected = alone;
+        remove_mean(&mut expected);
+        for (got, want) in tripled.iter().zip(expected) {
+            assert!((got - want * 3f64.sqrt()).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn an_axis_that_is_not_there_is_said() {
+        let failure = reduce(&mut [vec![1.0, 2.0]], Reduction::Z).unwrap_err();
+        assert_eq!(
+            failure,
+            NoSuchAxis {
+                wanted: 3,
+                channels: 1
+            }
+        );
+    }
+
+    #[test]
+    fn nothing_is_left_of_a_constant() {
+        for by in [Reduction::Pca, Reduction::Dft321, Reduction::X] {
+            let reduced = reduce(&mut [vec![0.1; 1001]], by).unwrap();
+            assert!(reduced.signal.iter().all(|&x| x.abs() <= 0.0), "{by:?}");
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! The hard cases at an order: does a structure hold what the stylus promises of its lattice, and if not, how bad does it get.
+
+use serde::Serialize;
+
+use super::FilterStructure;
+use super::players::player_of;
+use crate::evaluation::stress;
+use crate::evaluation::stress::Outcome;
+use crate::evaluation::stress::cases::Case;
+use crate::support::error::Result;
+
+/// How a case ended, from good to bad.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// All that is promised held.
+    Held,
+    /// Something is left for ever when the drive stops, below a hundredth of full scale.
+    Residue,
+    /// Level, noise or spectrum are beyond what is promised, or the state's norm grows.
+    Inaccurate,
+    /// It was at full scale while driven as it is meant to be.
+    Saturates,
+    /// `fit` would not make such a texture.
+    Refused,
+    /// It goes on loudly for ever when the drive stops.
+    Latches,
+}
+
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Held => "held",
+            Self::Residue => "never quite silent",
+            Self::Inaccurate => "inaccurate",
+            Self::Saturates => "saturates",
+            Self::Refused => "refused",
+            Self::Latches => "latches",
+        })
+    }
+}
+
+/// What came of all cases.
+#[derive(Clone, Debug, Serialize)]
+pub struct HardCases {
+    /// How many held.
+    pub held: usize,
+    /// Of how many.
+    pub cases: usize,
+    /// How the worst ended.
+    pub worst: Verdict,
+    /// Its name.
+    pub worst_case: String,
+}
+
+/// A share of full scale that is loud.
+const LOUD: f64 = 0.01;
+
+/// `case` with models of at most `order`.
+pub fn of_order(case: &Case, order: usize) -> Case {
+    let mut case = case.clone();
+    for (model, _) in &mut case.models {
+        model.reflection.truncate(order);
+    }
+    case
+}
+
+/// Plays `case` by `structure`.
+///
+/// # Errors
+/// A lattice that makes no library, which none does.
+pub fn play(case: &Case, structure: FilterStructure) -> Result<Verdict> {
+    let mut case = case.clone();
+    // Its signals have other scales than a normalised lattice's, which change with the coefficients.
+    if structure == FilterStructure::TwoMultiplierLattice32 && !case.is_still() {
+        case.with_reference = false;
+    }
+    let mut outcome = stress::play_with(&case, structure.stored_as(), |texture| {
+        player_of(structure, texture)
+    })?;
+    if !structure.is_shipped() {
+        outcome.structure = structure.to_string();
+    }
+    Ok(verdict(&outcome))
+}
+
+fn verdict(outcome: &Outcome) -> Verdict {
+    let rests = [outcome.stopped, outcome.overdriven, outcome.glitched];
+    let endless = || rests.iter().filter(|rest| rest.silent_after.is_none());
+    if outcome.refused.is_some() {
+        Verdict::Refused
+    } else if endless().any(|rest| rest.left > LOUD) {
+        Verdict::Latches
+    } else if outcome.saturated > 0 {
+        Verdict::Saturates
+    } else if outcome.broken().is_empty() {
+        Verdict::Held
+    } else if endless().next().is_some() && outcome.broken().len() == endless().count() {
+        Verdict::Residue
+    } else {
+        Verdict::Inaccurate
+    }
+}
+
+/// Sums up the verdicts of cases with their names, at least one.
+pub fn summarise(verdicts: &[(&str, Verdict)]) -> HardCases {
+    let held = verdicts
+        .iter()
+        .filter(|(_, verdict)| *verdict == Verdict::Held);
+    let mut worst = verdicts[0];
+    for &other in verdicts {
+        if other.1 > worst.1 {
+            worst = other;
+        }
+    }
+    HardCases {
+        held: held.count(),
+        cases: verdicts.len(),
+        worst: worst.1,
+        worst_case: if worst.1 == Verdict::Held {
+            String::new()
+        } else {
+            worst.0.to_owned()
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluation::stress::cases::{Length, suite};
+
+    #[test]
+    fn the_shipped_lattice_holds_every_hard_case_at_every_order_and_the_others_do_not() {
+        let cases = suite(Length::Short);
+        let quick = |case: &&Case| case.pole_radius() < 0.9999;
+        let verdicts = |structure, order| -> Vec<Verdict> {
+            let cases = cases.iter().filter(quick).map(|case| of_order(case, order));
+            cases.map(|case| play(&case, structure).unwrap()).collect()
+        };
+        for order in [10, 50] {
+            let lattice = verdicts(FilterStructure::NormalisedLattice32, order);
+            assert!(
+                lattice.iter().all(|&verdict| verdict == Verdict::Held),
+                "{lattice:?}"
+            );
+            for structure in FilterStructure::ALL {
+                if structure != FilterStructure::NormalisedLattice32 {
+                    let others = verdicts(structure, order);
+                    assert!(
+                        others.iter().any(|&verdict| verdict > Verdict::Held),
+                        "{structure}"
+                    );
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! The variants with their state laid open, for the hard cases.
+
+use model_format::limits::MAX_ORDER;
+use model_format::{OutputSample, Texture};
+use stylus_kernel::Motion;
+use stylus_kernel::excitation::Excitation;
+use stylus_kernel::grid::GridPoint;
+use stylus_kernel::lattice::LatticeFrame;
+use stylus_kernel::rotation::Rotation;
+use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
+use stylus_kernel::variants::two_multiplier::{self, TwoMultiplierFrame, TwoMultiplierState};
+
+use super::FilterStructure;
+use crate::evaluation::stress::player::{Player, player};
+
+/// A player of `structure` for `texture`, which is stored as it asks for.
+pub fn player_of(structure: FilterStructure, texture: &Texture<'_>) -> Box<dyn Player> {
+    let stages = texture.max_order();
+    match structure {
+        FilterStructure::TwoMultiplierLattice32 => Box::new(TwoMultiplier {
+            exact: LatticeFrame::silent(stages),
+            frame: TwoMultiplierFrame::silent(stages),
+            state: TwoMultiplierState::new(),
+            stages,
+        }),
+        FilterStructure::NormalisedLattice16 => Box::new(Lattice16 {
+            exact: LatticeFrame::silent(stages),
+            frame: Lattice16Frame::silent(stages),
+            state: Lattice16State::new(),
+            stages,
+        }),
+        _ => player(texture),
+    }
+}
+
+struct TwoMultiplier {
+    /// What a float64 filter goes by: θ as it is stored.
+    exact: LatticeFrame,
+    frame: TwoMultiplierFrame,
+    state: TwoMultiplierState,
+    stages: usize,
+}
+
+struct Lattice16 {
+    /// What a float64 filter goes by: θ as it is stored.
+    exact: LatticeFrame,
+    frame: Lattice16Frame,
+    state: Lattice16State,
+    stages: usize,
+}
+
+fn energy(signals: impl Iterator<Item = i64>) -> u128 {
+    let squares = signals.map(|signal| u128::from(signal.unsigned_abs()).pow(2));
+    squares.sum()
+}
+
+fn full_scale(noise: &mut Excitation, (low, high): (i32, i32)) -> i32 {
+    if noise.next_sample() < 0 { low } else { high }
+}
+
+impl Player for TwoMultiplier {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+        let point = GridPoint::locate(texture, motion);
+        self.exact.update(texture, &point, self.exact.levels(0), 1);
+        self.frame.update(texture, &point, self.frame.levels(0), 1);
+    }
+
+    fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
+        self.state.next_sample(&self.frame, excitation, 0)
+    }
+
+    /// Its full scale is 2²⁹, and it is kept doubled.
+    fn newest(&self) -> i32 {
+        self.state.doubled(1)[0].saturating_mul(1 << (31 - two_multiplier::FULL_SCALE_BITS - 1))
+    }
+
+    fn energy(&self) -> u128 {
+        let signals = self.state.doubled(self.stages).iter();
+        energy(signals.map(|&signal| i64::from(signal)))
+    }
+
+    fn is_at_full_scale(&self) -> bool {
+        const FULL_SCALE: i32 = 2 << two_multiplier::FULL_SCALE_BITS;
+        let full = |&g: &i32| g >= FULL_SCALE - 2 || g == -FULL_SCALE;
+        self.state.doubled(self.stages).iter().any(full)
+    }
+
+    fn glitch(&mut self, noise: &mut Excitation) {
+        let ends = (i32::MIN, i32::MAX);
+        let state = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ends));
+        self.state = TwoMultiplierState::from_backward(state);
+    }
+
+    fn rotations(&self) -> &[Rotation] {
+        self.exact.rotations()
+    }
+}
+
+impl Player for Lattice16 {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+        let point = GridPoint::locate(texture, motion);
+        self.exact.update(texture, &point, self.exact.levels(0), 1);
+        self.frame.update(texture, &point, self.frame.levels(0), 1);
+    }
+
+    fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
+        self.state.next_sample(&self.frame, excitation, 0)
+    }
+
+    fn newest(&self) -> i32 {
+        i32::from(self.state.backward(1)[0]) << 16
+    }
+
+    fn energy(&self) -> u128 {
+        let signals = self.state.backward(self.stages).iter();
+        energy(signals.map(|&signal| i64::from(signal)))
+    }
+
+    fn is_at_full_scale(&self) -> bool {
+        let full = |&g: &i16| g == i16::MAX || g == i16::MIN;
+        self.state.backward(self.stages).iter().any(full)
+    }
+
+    fn glitch(&mut self, noise: &mut Excitation) {
+        let ends = (i32::from(i16::MIN), i32::from(i16::MAX));
+        let state = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ends) as i16);
+        self.state = Lattice16State::from_backward(state);
+    }
+
+    fn rotations(&self) -> &[Rotation] {
+        self.exact.rotations()
+    }
+}

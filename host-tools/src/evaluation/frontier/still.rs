@@ -1,0 +1,193 @@
+//! Accuracy at rest: each node is played at its own speed and force and compared with a recording that the fit has not
+//! seen, and with the same filter in float64.
+
+use model_format::{Coefficients, Library, MillimetresPerSecond, Newton, THETA_STEP_RAD, Texture};
+use serde::Serialize;
+use stylus_kernel::excitation::{self, Excitation};
+use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
+
+use super::structure::{FilterStructure, Voice};
+use crate::dsp::MODEL_RATE_HZ;
+use crate::dsp::spectrum;
+use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::evaluation::evaluate::rms;
+use crate::evaluation::stress::predictor;
+use crate::evaluation::stress::reference::{Deviation, FloatDirect, FloatLattice};
+use crate::support::error::{Error, Result};
+
+/// How much is left out before anything is compared, s: filters start from rest.
+const WARM_UP_S: f64 = 0.5;
+
+/// How long the float64 filter goes along after that, s.
+const REFERENCE_S: f64 = 1.0;
+
+/// One node, played.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Node {
+    /// The paper's cost C against the recording that was held out.
+    pub cost: Option<f64>,
+    /// Mean square of the bands' errors against it, dB².
+    pub band_square_db: f64,
+    /// Bands within the JND.
+    pub within: usize,
+    /// Bands compared.
+    pub bands: usize,
+    /// Signal to noise against float64 with the stored coefficients, dB.
+    pub snr_db: f64,
+    /// Samples at full scale.
+    pub saturations: u32,
+}
+
+/// All nodes in a few numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Still {
+    /// Nodes played.
+    pub nodes: usize,
+    /// Nodes that the structure cannot hold.
+    pub refused: usize,
+    /// Mean of C; not a number where no node could be played.
+    pub cost: f64,
+    /// RMS of the errors in third-octave bands, dB.
+    pub band_error_db: f64,
+    /// Share of bands within the JND.
+    pub bands_within_jnd: f64,
+    /// SNR of the noisiest node, dB.
+    pub lowest_snr_db: f64,
+    /// Mean SNR, dB.
+    pub mean_snr_db: f64,
+    /// Samples at full scale.
+    pub saturations: u32,
+}
+
+/// How nodes are played.
+#[derive(Clone, Copy, Debug)]
+pub struct Playing {
+    /// Width of C's smoothing, Hz.
+    pub smoothing_hz: f64,
+    /// How long each synthesis is, s.
+    pub synthesis_s: f64,
+    /// Of the noise.
+    pub seed: u64,
+}
+
+/// Plays the only node of the library `bytes` and compares it with `recording`, m/s².
+///
+/// # Errors
+/// Bytes that are no library, which `encode` does not make.
+pub fn play(
+    structure: FilterStructure,
+    bytes: &[u8],
+    recording: &[f64],
+    playing: &Playing,
+) -> Result<Node> {
+    let library =
+        Library::decode_uncertified(bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let texture = library.textures().next().expect("one was encoded");
+    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let in_samples = |seconds: f64| (seconds * rate_hz) as usize;
+    let warm_up = in_samples(WARM_UP_S);
+    let mut voice = Voice::new(structure, texture, playing.seed);
+    let speed = MillimetresPerSecond(texture.speed_axis().value(0));
+    let force = Newton(texture.force_axis().value(0));
+    let motion = Motion::new(speed, force).map_err(|error| Error::Model(error.to_string()))?;
+    voice.follow(motion, UPDATE_INTERVAL_SAMPLES);
+    let length = warm_up + recording.len().max(in_samples(playing.synthesis_s));
+    let synthesis: Vec<f64> = (0..length).map(|_| voice.next_m_s2()).collect();
+    let mut reference = Reference::of(&texture, playing.seed);
+    let mut deviation = Deviation::default();
+    for (n, &played) in synthesis
+        .iter()
+        .enumerate()
+        .take(warm_up + in_samples(REFERENCE_S))
+    {
+        let exact = reference.next_m_s2();
+        if n >= warm_up {
+            deviation.add(exact, played);
+        }
+    }
+    let played = &synthesis[warm_up..];
+    let errors = spectrum::band_errors_db(recording, played, rate_hz);
+    let errors: Vec<f64> = errors.into_iter().flatten().collect();
+    let squares: f64 = errors.iter().map(|error| error * error).sum();
+    let within = errors
+        .iter()
+        .filter(|error| error.abs() <= AMPLITUDE_JND_DB);
+    Ok(Node {
+        cost: spectrum::spectral_cost(recording, played, rate_hz, playing.smoothing_hz)
+            .filter(|_| rms(recording) > 0.0),
+        band_square_db: squares / errors.len().max(1) as f64,
+        within: within.count(),
+        bands: errors.len(),
+        snr_db: deviation.snr_db(),
+        saturations: voice.saturations(),
+    })
+}
+
+/// Sums up nodes; `None` is one that the structure cannot hold.
+pub fn summarise(nodes: &[Option<Node>]) -> Still {
+    let played: Vec<&Node> = nodes.iter().flatten().collect();
+    let mean = |values: &mut dyn Iterator<Item = f64>| {
+        let (sum, count) =
+            values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+        sum / count
+    };
+    let bands: usize = played.iter().map(|node| node.bands).sum();
+    let within: usize = played.iter().map(|node| node.within).sum();
+    let snrs = || played.iter().map(|node| node.snr_db);
+    Still {
+        nodes: played.len(),
+        refused: nodes.len() - played.len(),
+        cost: mean(&mut played.iter().filter_map(|node| node.cost)),
+        band_error_db: mean(&mut played.iter().map(|node| node.band_square_db)).sqrt(),
+        bands_within_jnd: within as f64 / bands.max(1) as f64,
+        lowest_snr_db: snrs().reduce(f64::min).unwrap_or(f64::NAN),
+        mean_snr_db: mean(&mut snrs()),
+        saturations: played.iter().map(|node| node.saturations).sum(),
+    }
+}
+
+/// A node's filter in float64, with its stored coefficients, and the same noise.
+struct Reference {
+    filter: FloatFilter,
+    /// m/s² for a standard deviation of the excitation.
+    gain: f64,
+    noise: Excitation,
+}
+
+enum FloatFilter {
+    Lattice(FloatLattice),
+    Direct(FloatDirect),
+}
+
+impl Reference {
+    fn of(texture: &Texture<'_>, seed: u64) -> Self {
+        let node = texture.node(0, 0);
+        let (filter, power) = match node.coefficients {
+            Coefficients::Lattice(codes) => {
+                let theta = |&code: &[u8; 2]| f64::from(i16::from_le_bytes(code)) * THETA_STEP_RAD;
+                let reflection: Vec<f64> = codes.iter().map(|code| theta(code).sin()).collect();
+                let mut lattice = FloatLattice::new(reflection.len());
+                lattice.reflect_by(&reflection);
+                (FloatFilter::Lattice(lattice), node.output_power)
+            }
+            direct => (
+                FloatFilter::Direct(FloatDirect::new(predictor(direct))),
+                node.prediction_error_power,
+            ),
+        };
+        Self {
+            filter,
+            gain: f64::from(power).sqrt(),
+            noise: Excitation::new(seed),
+        }
+    }
+
+    fn next_m_s2(&mut self) -> f64 {
+        const DEVIATION: f64 = (1u64 << excitation::FRACTION_BITS) as f64;
+        let driven = f64::from(self.noise.next_sample()) / DEVIATION * self.gain;
+        match &mut self.filter {
+            FloatFilter::Lattice(lattice) => lattice.filter(driven),
+            FloatFilter::Direct(direct) => direct.filter(driven),
+        }
+    }
+}

@@ -1,0 +1,277 @@
+//! The structures that are compared, and how each is stored and played.
+
+use std::mem::size_of;
+
+use model_format::{OutputSample, Texture};
+use serde::{Deserialize, Serialize};
+use stylus_kernel::excitation::Excitation;
+use stylus_kernel::grid::GridPoint;
+use stylus_kernel::rotation::Rotation;
+use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State, Rotation16};
+use stylus_kernel::variants::two_multiplier::{TwoMultiplierFrame, TwoMultiplierState};
+use stylus_kernel::{Motion, Synthesis};
+
+use crate::texture::quantise::StructureChoice;
+
+/// A structure and its word length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum FilterStructure {
+    /// Direct form, stored in 16 bits and played in 32.
+    #[serde(rename = "direct_form_16")]
+    DirectForm16,
+    /// Direct form in 32 bits.
+    #[serde(rename = "direct_form_32")]
+    DirectForm32,
+    /// Two-multiplier lattice in 32 bits; not shipped.
+    #[serde(rename = "two_multiplier_lattice_32")]
+    TwoMultiplierLattice32,
+    /// Normalised lattice in 16 bits; not shipped.
+    #[serde(rename = "normalised_lattice_16")]
+    NormalisedLattice16,
+    /// Normalised lattice in 32 bits, the stylus's default.
+    #[serde(rename = "normalised_lattice_32")]
+    NormalisedLattice32,
+}
+
+impl std::fmt::Display for FilterStructure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::DirectForm16 => "direct form, 16 bits",
+            Self::DirectForm32 => "direct form, 32 bits",
+            Self::TwoMultiplierLattice32 => "two-multiplier lattice, 32 bits",
+            Self::NormalisedLattice16 => "normalised lattice, 16 bits",
+            Self::NormalisedLattice32 => "normalised lattice, 32 bits",
+        })
+    }
+}
+
+impl From<StructureChoice> for FilterStructure {
+    fn from(choice: StructureChoice) -> Self {
+        match choice {
+            StructureChoice::Lattice => Self::NormalisedLattice32,
+            StructureChoice::Direct => Self::DirectForm32,
+            StructureChoice::Direct16 => Self::DirectForm16,
+        }
+    }
+}
+
+impl FilterStructure {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::DirectForm16,
+        Self::DirectForm32,
+        Self::TwoMultiplierLattice32,
+        Self::NormalisedLattice16,
+        Self::NormalisedLattice32,
+    ];
+
+    /// Whether it sums over past outputs.
+    pub fn is_direct(self) -> bool {
+        matches!(self, Self::DirectForm16 | Self::DirectForm32)
+    }
+
+    /// Whether the stylus plays it.
+    pub fn is_shipped(self) -> bool {
+        !matches!(
+            self,
+            Self::TwoMultiplierLattice32 | Self::NormalisedLattice16
+        )
+    }
+
+    /// How its textures are stored: all lattices alike.
+    pub fn stored_as(self) -> StructureChoice {
+        match self {
+            Self::DirectForm16 => StructureChoice::Direct16,
+            Self::DirectForm32 => StructureChoice::Direct,
+            _ => StructureChoice::Lattice,
+        }
+    }
+
+    /// Bytes of flash that a node's coefficients take in a library.
+    pub fn library_bytes_a_node(self, order: usize) -> usize {
+        order * self.stored_as().structure().coefficient_bytes()
+    }
+
+    /// Bytes of RAM for the coefficients of two frames, one played and one in the making, and for the state.
+    pub fn ram_bytes(self, order: usize) -> usize {
+        const FRAMES: usize = 2;
+        let lattice = |stage: usize, signal: usize| FRAMES * order * stage + (order + 1) * signal;
+        // The history is written twice so that it never wraps.
+        let direct = (FRAMES + 2) * order * size_of::<i32>();
+        match self {
+            Self::DirectForm16 | Self::DirectForm32 => direct,
+            Self::TwoMultiplierLattice32 => lattice(size_of::<i32>(), size_of::<i32>()),
+            Self::NormalisedLattice16 => lattice(size_of::<Rotation16>(), size_of::<i16>()),
+            Self::NormalisedLattice32 => lattice(size_of::<Rotation>(), size_of::<i32>()),
+        }
+    }
+}
+
+/// A texture being played by a structure, from rest; a seed gives the same noise in all of them.
+pub enum Voice<'a> {
+    /// The very synthesis of the stylus.
+    Shipped(Box<Synthesis<'a>>),
+    /// A variant.
+    TwoMultiplier(Box<Variant<'a, TwoMultiplierFrame, TwoMultiplierState>>),
+    /// A variant.
+    Lattice16(Box<Variant<'a, Lattice16Frame, Lattice16State>>),
+}
+
+/// What a variant needs to be played.
+pub struct Variant<'a, F, S> {
+    texture: Texture<'a>,
+    frame: F,
+    state: S,
+    excitation: Excitation,
+    left: u32,
+    saturations: u32,
+}
+
+impl<'a, F, S: Default> Variant<'a, F, S> {
+    fn new(texture: Texture<'a>, seed: u64, frame: F) -> Self {
+        Self {
+            texture,
+            frame,
+            state: S::default(),
+            excitation: Excitation::new(seed),
+            left: 0,
+            saturations: 0,
+        }
+    }
+}
+
+impl<'a> Voice<'a> {
+    /// `texture`, stored as `structure` asks for, at rest.
+    pub fn new(structure: FilterStructure, texture: Texture<'a>, seed: u64) -> Self {
+        let stages = texture.max_order();
+        match structure {
+            FilterStructure::TwoMultiplierLattice32 => {
+                let frame = TwoMultiplierFrame::silent(stages);
+                Self::TwoMultiplier(Box::new(Variant::new(texture, seed, frame)))
+            }
+            FilterStructure::NormalisedLattice16 => {
+                let frame = Lattice16Frame::silent(stages);
+                Self::Lattice16(Box::new(Variant::new(texture, seed, frame)))
+            }
+            _ => Self::Shipped(Box::new(Synthesis::new(texture, seed))),
+        }
+    }
+
+    /// Takes over a motion; the level goes there in `samples` samples.
+    pub fn follow(&mut self, motion: Motion, samples: u32) {
+        match self {
+            Self::Shipped(synthesis) => synthesis.follow(motion, samples),
+            Self::TwoMultiplier(variant) => {
+                let Variant {
+                    texture,
+                    frame,
+                    left,
+                    ..
+                } = variant.as_mut();
+                let point = GridPoint::locate(texture, motion);
+                frame.update(texture, &point, frame.levels(*left), samples);
+                *left = samples;
+            }
+            Self::Lattice16(variant) => {
+                let Variant {
+                    texture,
+                    frame,
+                    left,
+                    ..
+                } = variant.as_mut();
+                let point = GridPoint::locate(texture, motion);
+                frame.update(texture, &point, frame.levels(*left), samples);
+                *left = samples;
+            }
+        }
+    }
+
+    /// The next sample.
+    pub fn next_sample(&mut self) -> OutputSample {
+        match self {
+            Self::Shipped(synthesis) => synthesis.next_sample(),
+            Self::TwoMultiplier(variant) => {
+                let Variant {
+                    frame,
+                    state,
+                    excitation,
+                    left,
+                    saturations,
+                    ..
+                } = variant.as_mut();
+                *left = left.saturating_sub(1);
+                let (output, full) = state.next_sample(frame, excitation.next_sample(), *left);
+                *saturations += u32::from(full);
+                output
+            }
+            Self::Lattice16(variant) => {
+                let Variant {
+                    frame,
+                    state,
+                    excitation,
+                    left,
+                    saturations,
+                    ..
+                } = variant.as_mut();
+                *left = left.saturating_sub(1);
+                let (output, full) = state.next_sample(frame, excitation.next_sample(), *left);
+                *saturations += u32::from(full);
+                output
+            }
+        }
+    }
+
+    /// The next sample, m/s², exactly.
+    pub fn next_m_s2(&mut self) -> f64 {
+        f64::from(self.next_sample().0) / f64::from(1u32 << OutputSample::FRACTION_BITS)
+    }
+
+    /// How many samples were at full scale.
+    pub fn saturations(&self) -> u32 {
+        match self {
+            Self::Shipped(synthesis) => synthesis.saturations(),
+            Self::TwoMultiplier(variant) => variant.saturations,
+            Self::Lattice16(variant) => variant.saturations,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluation::stress::models::{fixtures, library};
+    use model_format::{Library, MillimetresPerSecond, Newton};
+
+    /// The same θ, the same noise, the same level: only the arithmetic differs.
+    #[test]
+    fn all_lattices_play_the_same_to_within_their_words() {
+        let models = fixtures();
+        let nodes: Vec<_> = [0, 1, 3, 0].map(|index| (&models[index], 4.0)).to_vec();
+        let bytes = library(&nodes, StructureChoice::Lattice).unwrap();
+        let library = Library::decode_uncertified(&bytes).unwrap();
+        let texture = library.textures().next().unwrap();
+        let play = |structure| {
+            let mut voice = Voice::new(structure, texture, 7);
+            let play = |n: u16| {
+                if n.is_multiple_of(10) {
+                    let speed = MillimetresPerSecond(150.0 + f32::from(n) / 100.0);
+                    voice.follow(Motion::new(speed, Newton(0.7)).unwrap(), 10);
+                }
+                voice.next_m_s2()
+            };
+            (0..5000).map(play).collect::<Vec<f64>>()
+        };
+        let exact = play(FilterStructure::NormalisedLattice32);
+        let power: f64 = exact.iter().map(|x| x * x).sum();
+        for (structure, least_db) in [
+            (FilterStructure::TwoMultiplierLattice32, 40.0),
+            (FilterStructure::NormalisedLattice16, 40.0),
+        ] {
+            let other = play(structure);
+            let error: f64 = exact.iter().zip(other).map(|(a, b)| (a - b).powi(2)).sum();
+            let snr_db = 10.0 * (power / error).log10();
+            println!("{structure}: {snr_db:.1} dB");
+            assert!(snr_db > least_db, "{structure}: {snr_db} dB");
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! A model played by the device's kernel, and compared with a recording.
+
+use model_format::{Library, MillimetresPerSecond, Newton, Provenance, TextureSpec, limits};
+use serde::Serialize;
+
+use super::Options;
+use crate::support::error::{Error, Result};
+
+use crate::dsp::MODEL_RATE_HZ;
+use crate::dsp::model::Model;
+use crate::dsp::spectrum;
+use crate::dsp::spectrum::BAND_COUNT;
+use crate::playing::motion::MotionPath;
+use crate::playing::render::render;
+use crate::texture::grid::Grid;
+use crate::texture::quantise::{self, StructureChoice};
+
+/// How much of a synthesis is left out before it is compared, s: filters start from rest.
+const WARM_UP_S: f64 = 0.5;
+
+/// The place of the one node of a library made for a test; any in contact and in motion.
+const PLACE: (f32, f32) = (100.0, 1.0);
+
+/// A synthesis against a recording.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Judged {
+    /// The paper's cost C, equation (6).
+    pub cost: f64,
+    /// C with other widths of the smoothing, where they were asked for.
+    pub costs_by_width: Vec<f64>,
+    /// Level of the synthesis over that of the recording in each third-octave band from 20 to 1000 Hz, dB.
+    pub band_errors_db: [Option<f64>; BAND_COUNT],
+    /// Log-spectral distance from 30 to 1000 Hz in sliding third octaves, dB.
+    pub log_spectral_distance_db: Option<f64>,
+}
+
+impl Judged {
+    /// What silence scores: everything of the recording is missing.
+    pub fn silence(widths: usize) -> Self {
+        Self {
+            cost: 1.0,
+            costs_by_width: vec![1.0; widths],
+            band_errors_db: [None; BAND_COUNT],
+            log_spectral_distance_db: None,
+        }
+    }
+}
+
+/// A model and what the device plays of it.
+#[derive(Clone, Debug)]
+pub struct Voice {
+    /// The model.
+    pub model: Model,
+    synthesised: Vec<f64>,
+}
+
+impl Voice {
+    /// Plays `model` in `structure` by the device's kernel. `None` if the structure cannot hold the model.
+    ///
+    /// # Errors
+    /// A duration that the renderer refuses.
+    pub fn of(
+        model: Model,
+        structure: StructureChoice,
+        options: &Options,
+        seed: u64,
+    ) -> Result<Option<Self>> {
+        let synthesised = synthesis(&model, structure, options.synthesis_s, seed)?;
+        Ok(synthesised.map(|synthesised| Self { model, synthesised }))
+    }
+
+    /// The synthesis at another power, (m/s²)²; `None` if that is too loud for the device.
+    pub fn at_power(&self, power: f64) -> Option<Vec<f64>> {
+        let gain = (power / self.model.output_power).sqrt();
+        let playable = gain.is_finite() && power <= f64::from(limits::MAX_OUTPUT_POWER);
+        playable.then(|| self.synthesised.iter().map(|x| gain * x).collect())
+    }
+}
+
+/// `seconds` of `model` as the device plays it, m/s², after a warm-up; `None` if the structure cannot hold it.
+///
+/// # Errors
+/// A duration that the renderer refuses.
+pub fn synthesis(
+    model: &Model,
+    structure: StructureChoice,
+    seconds: f64,
+    seed: u64,
+) -> Result<Option<Vec<f64>>> {
+    const NAME: &str = "removed node";
+    let grid = Grid {
+        speeds_mm_s: vec![PLACE.0],
+        forces_n: vec![PLACE.1],
+        models: vec![model.clone()],
+    };
+    let Ok(nodes) = quantise::nodes(NAME, &grid, structure) else {
+        return Ok(None);
+    };
+    let spec = TextureSpec {
+        name: NAME.into(),
+        sample_rate_hz: MODEL_RATE_HZ,
+        structure: structure.structure(),
+        provenance: Provenance::Simulated,
+        speed_axis_mm_s: grid.speeds_mm_s,
+        force_axis_n: grid.forces_n,
+        nodes,
+        cell_margins: Vec::new(),
+    };
+    let Ok(bytes) = model_format::encode_uncertified(&[spec]) else {
+        return Ok(None);
+    };
+    let library =
+        Library::decode_uncertified(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let texture = library.textures().next().expect("one was encoded");
+    let motion = MotionPath::constant(MillimetresPerSecond(PLACE.0), Newton(PLACE.1))?;
+    let mut samples = render(texture, &motion, seconds + WARM_UP_S, seed)?.accelerations_m_s2();
+    Ok(Some(samples.split_off(
+        (WARM_UP_S * f64::from(MODEL_RATE_HZ)) as usize,
+    )))
+}
+
+/// Compares a synthesis with a recording, both in m/s² at the models' rate, with C for each of `widths_hz` beside.
+/// `None` if there is nothing to compare.
+pub(super) fn judge(
+    recorded: &[f64],
+    synthesised: &[f64],
+    options: &Options,
+    widths_hz: &[f64],
+) -> Option<Judged> {
+    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let cost = |width_hz| spectrum::spectral_cost(recorded, synthesised, rate_hz, width_hz);
+    let (low_hz, high_hz) = crate::evaluation::evaluate::DISTANCE_RANGE_HZ;
+    Some(Judged {
+        cost: cost(options.smoothing_hz)?,
+        costs_by_width: widths_hz.iter().filter_map(|&width| cost(width)).collect(),
+        band_errors_db: spectrum::band_errors_db(recorded, synthesised, rate_hz),
+        log_spectral_distance_db: spectrum::log_spectral_distance_db(
+            recorded,
+            synthesised,
+            rate_hz,
+            low_hz,
+            high_hz,
+        ),
+    })
+}

@@ -1,0 +1,123 @@
+//! The test in a few numbers: the paper's Table I, and the table of domains.
+
+use serde::Serialize;
+
+use super::{LeaveOneOut, Outcome, Row};
+use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+
+/// A column of the paper's Table I.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PaperColumn {
+    /// The texture.
+    pub texture: &'static str,
+    /// Mean of C.
+    pub mean_cost: f64,
+    /// Standard deviation of C.
+    pub cost_deviation: f64,
+    /// Mean difference of the excitations' variances, in the paper's unit, which it does not name.
+    pub excitation_error: f64,
+}
+
+/// The paper's Table I (Romano, Yoshioka, Kuchenbecker, ICRA 2010).
+pub const PAPER_TABLE_I: [PaperColumn; 4] = [
+    paper("paper", 0.31, 0.12, 1.7e-4),
+    paper("organza", 0.29, 0.13, 1.5e-4),
+    paper("vinyl", 0.42, 0.20, 2.4e-4),
+    paper("denim", 0.36, 0.09, 2.2e-4),
+];
+
+const fn paper(
+    texture: &'static str,
+    mean_cost: f64,
+    cost_deviation: f64,
+    excitation_error: f64,
+) -> PaperColumn {
+    PaperColumn {
+        texture,
+        mean_cost,
+        cost_deviation,
+        excitation_error,
+    }
+}
+
+/// A row of the test over some of its nodes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Nodes removed.
+    pub nodes: usize,
+    /// Predictions that the device could not play; they count with C = 1.
+    pub unplayable: usize,
+    /// Mean of C.
+    pub mean_cost: f64,
+    /// Standard deviation of C.
+    pub cost_deviation: f64,
+    /// Mean magnitude of the excitation's variance error, (m/s²)², of what could be played.
+    pub excitation_error: f64,
+    /// Mean magnitude of the bands' errors, dB, of what could be played.
+    pub mean_band_error_db: f64,
+    /// Share of all bands within the amplitude JND of 2.2 dB; those of what could not be played are not.
+    pub bands_within_jnd: f64,
+    /// Mean log-spectral distance from 30 to 1000 Hz, dB, of what could be played.
+    pub mean_log_spectral_distance_db: f64,
+    /// Mean of C for each width of the smoothing, where it was computed.
+    pub costs_by_width: Vec<f64>,
+}
+
+/// `row` over the nodes of `texture`, or over all; `None` if the test does not have it.
+pub fn summarise(test: &LeaveOneOut, row: Row, texture: Option<&str>) -> Option<Summary> {
+    let column = test.rows.iter().position(|&r| r == row)?;
+    let outcomes: Vec<&Outcome> = test
+        .removed
+        .iter()
+        .filter(|node| texture.is_none_or(|name| node.texture == name))
+        .map(|node| &node.outcomes[column])
+        .collect();
+    let played = || outcomes.iter().filter(|outcome| outcome.is_playable);
+    let costs: Vec<f64> = outcomes.iter().map(|outcome| outcome.judged.cost).collect();
+    let mean_cost = mean(&costs);
+    let squares: Vec<f64> = costs.iter().map(|c| (c - mean_cost).powi(2)).collect();
+    let errors: Vec<f64> = played()
+        .flat_map(|outcome| outcome.judged.band_errors_db)
+        .flatten()
+        .map(f64::abs)
+        .collect();
+    let within = errors.iter().filter(|e| **e <= AMPLITUDE_JND_DB).count();
+    let bands: usize = outcomes
+        .iter()
+        .map(|outcome| outcome.judged.band_errors_db.len())
+        .sum();
+    let excitation: Vec<f64> = played()
+        .filter_map(|outcome| outcome.excitation_error)
+        .map(f64::abs)
+        .collect();
+    let distances: Vec<f64> = played()
+        .filter_map(|outcome| outcome.judged.log_spectral_distance_db)
+        .collect();
+    let widths = outcomes
+        .first()
+        .map_or(0, |outcome| outcome.judged.costs_by_width.len());
+    let costs_by_width = (0..widths)
+        .map(|width| {
+            let at = outcomes
+                .iter()
+                .filter_map(|o| o.judged.costs_by_width.get(width));
+            mean(&at.copied().collect::<Vec<_>>())
+        })
+        .collect();
+    Some(Summary {
+        nodes: outcomes.len(),
+        unplayable: outcomes.len() - played().count(),
+        mean_cost,
+        cost_deviation: mean(&squares).sqrt(),
+        excitation_error: mean(&excitation),
+        mean_band_error_db: mean(&errors),
+        bands_within_jnd: within as f64 / bands.max(1) as f64,
+        mean_log_spectral_distance_db: mean(&distances),
+        costs_by_width,
+    })
+}
+
+/// The mean, or zero of nothing.
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}

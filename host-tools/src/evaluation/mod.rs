@@ -1,0 +1,10 @@
+//! Judgements of textures: against recordings, against removed nodes, against hard cases, and against their costs.
+//!
+//! Invariant: results are data. Nothing here draws, prints or writes a file.
+
+pub mod budget;
+pub mod evaluate;
+pub mod frontier;
+pub mod leave_one_out;
+pub mod stress;
+pub mod takes;

@@ -1,0 +1,141 @@
+//! Models that are hard on a filter's arithmetic, and grids of them.
+
+use std::f64::consts::{PI, TAU};
+
+use model_format::{NodeFlags, Provenance, TextureSpec, encode_uncertified, limits};
+use realfft::num_complex::Complex;
+
+use crate::dsp::MODEL_RATE_HZ;
+use crate::dsp::linear_prediction::Prediction;
+use crate::dsp::model::Model;
+use crate::dsp::with_planner;
+use crate::support::error::{Error, Result};
+use crate::texture::grid::Grid;
+use crate::texture::quantise::{StructureChoice, nodes as quantised_nodes};
+
+const RATE_HZ: f64 = MODEL_RATE_HZ as f64;
+
+/// A model by its reflection coefficients, with a name.
+#[derive(Clone, Debug)]
+pub struct NamedModel {
+    /// How the table calls it.
+    pub name: String,
+    /// Reflection coefficients, the first stage first.
+    pub reflection: Vec<f64>,
+    /// Largest magnitude of its poles, or a little more.
+    pub pole_radius: f64,
+}
+
+/// The six models of order 400 of `tests/fixtures`, made from the formulas that stand there.
+pub fn fixtures() -> Vec<NamedModel> {
+    let damped = |first_hz: f64, second_hz: f64| {
+        let line = |radius: f64, hz: f64, lag: usize| {
+            radius.powi(lag as i32) * (TAU * hz * lag as f64 / RATE_HZ).cos()
+        };
+        let lag = |lag| line(0.995, first_hz, lag) + 0.5 * line(0.99, second_hz, lag);
+        let mut lags: Vec<f64> = (0..=limits::MAX_ORDER).map(lag).collect();
+        lags[0] += 1e-4;
+        lags
+    };
+    [
+        ("H1a", damped(60.0, 180.0)),
+        ("H1b", damped(240.0, 720.0)),
+        ("H2a", low_pass(100.0, 8, 1e-6)),
+        ("H2b", low_pass(800.0, 8, 1e-6)),
+        ("H3", low_pass(200.0, 8, 1e-8)),
+        ("H4", low_pass(200.0, 16, 1e-10)),
+    ]
+    .into_iter()
+    .map(|(name, lags)| NamedModel {
+        name: name.to_owned(),
+        reflection: Prediction::levinson_durbin(&lags, limits::MAX_ORDER).reflection,
+        // H1's two lines; the others are below.
+        pole_radius: 0.995,
+    })
+    .collect()
+}
+
+/// Autocorrelation of noise of the spectrum 1 / (1 + (f/cut-off)^`order`) over a floor, on a grid of 32 768 frequencies.
+fn low_pass(cut_off_hz: f64, order: i32, floor: f64) -> Vec<f64> {
+    const POINTS: usize = 32_768;
+    let inverse = with_planner(|planner| planner.plan_fft_inverse(POINTS));
+    let power = |bin: usize| {
+        let frequency_hz = bin as f64 * RATE_HZ / POINTS as f64;
+        1.0 / (1.0 + (frequency_hz / cut_off_hz).powi(order)) + floor
+    };
+    let mut spectrum: Vec<Complex<f64>> = (0..=POINTS / 2)
+        .map(|bin| Complex::new(power(bin), 0.0))
+        .collect();
+    let mut lags = inverse.make_output_vec();
+    inverse
+        .process(&mut spectrum, &mut lags)
+        .expect("lengths come from the plan");
+    lags.truncate(limits::MAX_ORDER + 1);
+    let total = lags[0];
+    lags.iter().map(|lag| lag / total).collect()
+}
+
+/// A pair of poles of this radius.
+pub fn resonance(radius: f64, frequency_hz: f64) -> NamedModel {
+    let k2 = radius * radius;
+    let k1 = -2.0 * radius * (TAU * frequency_hz / RATE_HZ).cos() / (1.0 + k2);
+    NamedModel {
+        name: format!("r {radius}, {frequency_hz} Hz"),
+        reflection: vec![k1, k2],
+        pole_radius: radius,
+    }
+}
+
+/// Resonances from damped to radius 0.99999, low and high.
+pub fn resonances() -> Vec<NamedModel> {
+    let radii = [0.99, 0.999, 0.9999, 0.999_99];
+    radii
+        .into_iter()
+        .flat_map(|radius| [resonance(radius, 100.0), resonance(radius, 1230.0)])
+        .collect()
+}
+
+/// A model of this order whose reflection coefficients fall as 1/m, with alternating signs.
+pub fn falling(order: usize) -> NamedModel {
+    let k = |stage: usize| 0.9 * (PI * stage as f64 * 0.7).cos() / stage as f64;
+    NamedModel {
+        name: format!("order {order}"),
+        reflection: (1..=order).map(k).collect(),
+        pole_radius: 0.995,
+    }
+}
+
+/// Speeds of a grid of two by two nodes, mm/s.
+pub const SPEEDS_MM_S: [f32; 2] = [100.0, 200.0];
+/// Its forces, N.
+pub const FORCES_N: [f32; 2] = [0.5, 1.0];
+
+/// A library of one texture: of one node, or of four, speed-major, with their output powers, (m/s²)².
+///
+/// # Errors
+/// What the structure cannot hold, as `fit` would tell.
+pub fn library(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> Result<Vec<u8>> {
+    let side = if nodes.len() == 1 { 1 } else { 2 };
+    let model = |(model, power): &(&NamedModel, f64)| Model {
+        reflection: model.reflection.clone(),
+        output_power: *power,
+        flags: NodeFlags::NONE,
+    };
+    let grid = Grid {
+        speeds_mm_s: SPEEDS_MM_S[..side].to_vec(),
+        forces_n: FORCES_N[..side].to_vec(),
+        models: nodes.iter().map(model).collect(),
+    };
+    let spec = TextureSpec {
+        name: "hard".to_owned(),
+        sample_rate_hz: MODEL_RATE_HZ,
+        structure: structure.structure(),
+        provenance: Provenance::Simulated,
+        speed_axis_mm_s: grid.speeds_mm_s.clone(),
+        force_axis_n: grid.forces_n.clone(),
+        nodes: quantised_nodes("hard", &grid, structure)?,
+        cell_margins: Vec::new(),
+    };
+    // Uncertified: what a direct form does where no certificate holds is what is to be seen.
+    encode_uncertified(&[spec]).map_err(|failure| Error::Model(failure.to_string()))
+}

@@ -1,0 +1,178 @@
+//! The kernel's filters with their state laid open: the very frames and states that [`stylus_kernel::Synthesis`] plays,
+//! fed with an excitation from outside.
+
+use model_format::limits::MAX_ORDER;
+use model_format::{OutputSample, Structure, Texture};
+use stylus_kernel::Motion;
+use stylus_kernel::arithmetic::Portable;
+use stylus_kernel::direct::{DirectFrame, DirectState};
+use stylus_kernel::excitation::Excitation;
+use stylus_kernel::grid::GridPoint;
+use stylus_kernel::lattice::{LatticeFrame, LatticeState};
+use stylus_kernel::rotation::Rotation;
+
+/// A filter of any structure.
+pub trait Player {
+    /// Takes over a motion, at once: as [`stylus_kernel::Synthesis::follow`] does in one sample.
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion);
+    /// Puts one sample of excitation through, in steps of 2⁻²⁸ of a standard deviation; and whether it saturated.
+    fn sample(&mut self, excitation: i32) -> (OutputSample, bool);
+    /// The newest signal of the state, full scale 2³¹.
+    fn newest(&self) -> i32;
+    /// The sum of the state's squares.
+    fn energy(&self) -> u128;
+    /// Whether any signal of the state is at an end of its range.
+    fn is_at_full_scale(&self) -> bool;
+    /// Puts full scale into every signal of the state, of either sign by chance.
+    fn glitch(&mut self, noise: &mut Excitation);
+    /// A lattice's rotations.
+    fn rotations(&self) -> &[Rotation] {
+        &[]
+    }
+}
+
+/// A player for `texture`, at rest.
+pub fn player(texture: &Texture<'_>) -> Box<dyn Player> {
+    match texture.structure() {
+        Structure::NormalisedLattice => Box::new(Lattice {
+            frame: LatticeFrame::silent(texture.max_order()),
+            state: LatticeState::new(),
+            stages: texture.max_order(),
+        }),
+        Structure::DirectForm16 | Structure::DirectForm32 => Box::new(Direct::new(texture)),
+    }
+}
+
+struct Lattice {
+    frame: LatticeFrame,
+    state: LatticeState,
+    stages: usize,
+}
+
+fn energy(signals: impl Iterator<Item = i32>) -> u128 {
+    signals
+        .map(|signal| u128::from(signal.unsigned_abs()).pow(2))
+        .sum()
+}
+
+impl Player for Lattice {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+        let point = GridPoint::locate(texture, motion);
+        let from = self.frame.levels(0);
+        self.frame.update(texture, &point, from, 1);
+    }
+
+    fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
+        self.state
+            .next_sample::<Portable>(&self.frame, excitation, 0)
+    }
+
+    fn newest(&self) -> i32 {
+        self.state.backward(1)[0]
+    }
+
+    fn energy(&self) -> u128 {
+        energy(self.state.backward(self.stages).iter().copied())
+    }
+
+    fn is_at_full_scale(&self) -> bool {
+        let full = |&g: &i32| g == i32::MAX || g == i32::MIN;
+        self.state.backward(self.stages).iter().any(full)
+    }
+
+    fn glitch(&mut self, noise: &mut Excitation) {
+        self.state = LatticeState::from_backward(std::array::from_fn(|_| full_scale(noise)));
+    }
+
+    fn rotations(&self) -> &[Rotation] {
+        self.frame.rotations()
+    }
+}
+
+fn full_scale(noise: &mut Excitation) -> i32 {
+    if noise.next_sample() < 0 {
+        i32::MIN
+    } else {
+        i32::MAX
+    }
+}
+
+struct Direct {
+    frame: DirectFrame,
+    state: DirectState,
+}
+
+impl Direct {
+    fn new(texture: &Texture<'_>) -> Self {
+        Self {
+            frame: DirectFrame::silent(texture),
+            state: DirectState::new(),
+        }
+    }
+}
+
+impl Player for Direct {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+        let point = GridPoint::locate(texture, motion);
+        let from = self.frame.levels(0);
+        self.frame.update(texture, &point, from, 1);
+    }
+
+    fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
+        self.state
+            .next_sample::<Portable>(&self.frame, excitation, 0)
+    }
+
+    fn newest(&self) -> i32 {
+        self.state.history()[0]
+    }
+
+    fn energy(&self) -> u128 {
+        energy(self.state.history().iter().copied())
+    }
+
+    fn is_at_full_scale(&self) -> bool {
+        let mut signals = self.state.history().iter();
+        signals.any(|&signal| signal == i32::MIN || signal == i32::MAX)
+    }
+
+    fn glitch(&mut self, noise: &mut Excitation) {
+        let history: [i32; MAX_ORDER] = std::array::from_fn(|_| full_scale(noise));
+        self.state = DirectState::from_history(&history);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluation::stress::models::{fixtures, library};
+    use crate::texture::quantise::StructureChoice;
+    use model_format::{Library, MillimetresPerSecond, Newton};
+    use stylus_kernel::Synthesis;
+
+    /// What is stressed is what is played, bit for bit.
+    #[test]
+    fn a_player_and_a_synthesis_play_the_same() {
+        let models = fixtures();
+        let nodes: Vec<_> = [0, 1, 3, 0].map(|index| (&models[index], 4.0)).to_vec();
+        for structure in [
+            StructureChoice::Lattice,
+            StructureChoice::Direct,
+            StructureChoice::Direct16,
+        ] {
+            let bytes = library(&nodes, structure).unwrap();
+            let library = Library::decode_uncertified(&bytes).unwrap();
+            let texture = library.textures().next().unwrap();
+            let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 5);
+            let (mut player, mut noise) = (player(&texture), Excitation::new(5));
+            for n in 0..2000u16 {
+                let speed = MillimetresPerSecond(f32::from(n % 97) * 3.0);
+                let motion = Motion::new(speed, Newton(f32::from(n % 31) / 25.0)).unwrap();
+                synthesis.follow(motion, 1);
+                player.follow(&texture, motion);
+                let played = player.sample(noise.next_sample()).0;
+                assert_eq!(played, synthesis.next_sample(), "{structure:?}, sample {n}");
+            }
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! Which lines could be added to a grid, and what each promises.
+
+use serde::Serialize;
+
+use crate::dsp::log_spectrum::LogSpectrum;
+use crate::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
+use crate::texture::domain::{Method, Neighbour};
+use crate::texture::grid::Grid;
+use crate::texture::recorded_spectra::spectra::{NodeIndex, RecordedSpectra, TwoWays};
+
+/// The least gain of C that is worth a line: what cannot be told from the scatter of a recording.
+const LEAST_GAIN: f64 = 0.003;
+
+/// How often a gap may be divided: into two, and each half again.
+const DIVISIONS: u32 = 2;
+
+/// What a line has in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Direction {
+    /// Nodes of one speed.
+    Speed,
+    /// Nodes of one force.
+    Force,
+}
+
+/// A line that could be added.
+#[derive(Clone, Debug)]
+pub(super) struct Candidate {
+    pub texture: usize,
+    pub direction: Direction,
+    pub value: f32,
+    pub gain: f64,
+}
+
+/// The lines that would make the grid of texture `texture` better.
+///
+/// The error of a mean over a gap goes with the square of its width, so that the second division promises a quarter
+/// of the first.
+pub(super) fn candidates(
+    texture: usize,
+    grid: &Grid,
+    field: &RecordedSpectra,
+    ways: &TwoWays,
+) -> Vec<Candidate> {
+    let mut candidates = Vec::new();
+    for direction in [Direction::Speed, Direction::Force] {
+        let (along, across) = match direction {
+            Direction::Speed => (&grid.speeds_mm_s, grid.forces_n.len()),
+            Direction::Force => (&grid.forces_n, grid.speeds_mm_s.len()),
+        };
+        let place = |index: usize, other: usize| match direction {
+            Direction::Speed => (index, other),
+            Direction::Force => (other, index),
+        };
+        // The mean gain at every value of the axis.
+        let gains: Vec<Option<f64>> = (0..along.len())
+            .map(|index| {
+                let nodes = (0..across).map(|other| place(index, other));
+                let gains: Vec<f64> = nodes
+                    .filter_map(|node| gain(grid, field, ways, direction, node))
+                    .collect();
+                let mean = gains.iter().sum::<f64>() / gains.len().max(1) as f64;
+                (!gains.is_empty()).then_some(mean)
+            })
+            .collect();
+        for gap in 1..along.len() {
+            let ends: Vec<f64> = gains[gap - 1..=gap].iter().flatten().copied().collect();
+            // Towards silence there is nothing to be filled.
+            let sounds =
+                |index: usize| (0..across).any(|o| field.spectrum(place(index, o)).is_some());
+            if ends.is_empty() || !sounds(gap - 1) || !sounds(gap) {
+                continue;
+            }
+            let mean = ends.iter().sum::<f64>() / ends.len() as f64;
+            let (low, high) = (along[gap - 1], along[gap]);
+            for division in 1..=DIVISIONS {
+                let parts = 1 << division;
+                let gain = mean / f64::from(4u32.pow(division - 1));
+                // Odd parts only: the even ones belong to the division before.
+                let new = (1..parts).step_by(2).map(|part| Candidate {
+                    texture,
+                    direction,
+                    value: rounded(low + (high - low) * part as f32 / parts as f32),
+                    gain,
+                });
+                candidates.extend(new.filter(|candidate| candidate.gain >= LEAST_GAIN));
+            }
+        }
+    }
+    candidates
+}
+
+/// A value without the noise of single precision.
+fn rounded(value: f32) -> f32 {
+    (value * 1e4).round() / 1e4
+}
+
+/// C of the device's interpolation over `node` from its two neighbours, less that of what would be filled in; `None`
+/// where either cannot be told.
+fn gain(
+    grid: &Grid,
+    field: &RecordedSpectra,
+    ways: &TwoWays,
+    direction: Direction,
+    node: NodeIndex,
+) -> Option<f64> {
+    let recorded = field.spectrum(node)?;
+    let (before, after) = match direction {
+        Direction::Speed => ((node.0.checked_sub(1)?, node.1), (node.0 + 1, node.1)),
+        Direction::Force => ((node.0, node.1.checked_sub(1)?), (node.0, node.1 + 1)),
+    };
+    if after.0 >= grid.speeds_mm_s.len() || after.1 >= grid.forces_n.len() {
+        return None;
+    }
+    let filled = match direction {
+        Direction::Speed => ways.along_speed(field, node)?,
+        Direction::Force => ways.along_force(field, node)?,
+    };
+    field.spectrum(before).and(field.spectrum(after))?;
+    let value = |place: NodeIndex| match direction {
+        Direction::Speed => grid.speeds_mm_s[place.0],
+        Direction::Force => grid.forces_n[place.1],
+    };
+    let share = f64::from((value(node) - value(before)) / (value(after) - value(before)));
+    let neighbours = [(before, 1.0 - share), (after, share)].map(|(place, weight)| Neighbour {
+        weight,
+        speed_mm_s: f64::from(grid.speeds_mm_s[place.0]),
+        model: &grid.models[grid.index(place.0, place.1)],
+    });
+    let played = Method::DEVICE.predict(&neighbours, f64::from(grid.speeds_mm_s[node.0]))?;
+    let cost = |spectrum: &LogSpectrum| recorded.cost(spectrum, DEFAULT_SMOOTHING_WIDTH_HZ);
+    Some(cost(&LogSpectrum::of_model(&played)) - cost(filled))
+}

@@ -1,0 +1,31 @@
+//! The outcome of a fit.
+
+use model_format::{Provenance, TextureSpec};
+
+use crate::texture::grid::Grid;
+
+use super::trial_report::TrialReport;
+
+/// A fitted texture.
+#[derive(Clone, Debug)]
+pub struct FittedTexture {
+    /// Name.
+    pub name: String,
+    /// Where its recordings came from.
+    pub provenance: Provenance,
+    /// Its models.
+    pub grid: Grid,
+}
+
+/// What a fit gives.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// Every trial, in the order of the set.
+    pub trials: Vec<TrialReport>,
+    /// The textures, ready to be encoded.
+    pub specs: Vec<TextureSpec>,
+    /// The textures before quantisation, in the same order.
+    pub textures: Vec<FittedTexture>,
+    /// What the user should know, a line each.
+    pub warnings: Vec<String>,
+}

@@ -1,0 +1,85 @@
+//! Choices of a fit.
+
+use serde::Serialize;
+
+use crate::dsp::reduction::Reduction;
+use crate::recording::triage::SILENCE_FLOOR_M_S2;
+use crate::texture::quantise::StructureChoice;
+
+/// How a model's order is chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Order {
+    /// For each node by the Bayesian information criterion, at most 400.
+    Auto,
+    /// For each node by Akaike's criterion, which spends more on accuracy, at most this one: what a budget of cycles leaves.
+    AtMost(usize),
+    /// The same for all nodes, as in the paper (whose order is 400).
+    Fixed(usize),
+}
+
+impl Order {
+    /// The highest order that it allows.
+    pub fn highest(self) -> usize {
+        match self {
+            Self::Auto => model_format::limits::MAX_ORDER,
+            Self::AtMost(order) | Self::Fixed(order) => order,
+        }
+    }
+}
+
+impl std::str::FromStr for Order {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        const MAX_ORDER: usize = model_format::limits::MAX_ORDER;
+        match text.parse::<usize>() {
+            _ if text == "auto" => Ok(Self::Auto),
+            Ok(order) if order <= MAX_ORDER => Ok(Self::Fixed(order)),
+            _ => Err(format!("must be 'auto' or 0 to {MAX_ORDER}")),
+        }
+    }
+}
+
+/// How a recording's autocorrelation is estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Estimator {
+    /// Biased, of the recording as it was cut out, as in the paper: the finest lines, and leakage from strong ones.
+    #[default]
+    Rectangular,
+    /// From seven sine tapers: lines are 4 Hz wide, and next to nothing leaks into weak parts of the spectrum.
+    Multitaper,
+}
+
+/// How to fit.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Orders of the models.
+    pub order: Order,
+    /// Estimate of the autocorrelation.
+    pub estimator: Estimator,
+    /// Structure of the models in the library.
+    pub structure: StructureChoice,
+    /// From three axes to one.
+    pub reduction: Reduction,
+    /// RMS below which a trial is silent, m/s².
+    pub silence_floor_m_s2: f64,
+    /// Names of verdicts whose trials are left out, to be filled from their neighbours.
+    pub drop: Vec<String>,
+    /// Refuse a set in which any trial has a verdict.
+    pub strict: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            order: Order::Auto,
+            estimator: Estimator::Rectangular,
+            structure: StructureChoice::Lattice,
+            reduction: Reduction::Pca,
+            silence_floor_m_s2: SILENCE_FLOOR_M_S2,
+            drop: Vec::new(),
+            strict: false,
+        }
+    }
+}

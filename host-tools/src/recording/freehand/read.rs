@@ -1,0 +1,218 @@
+//! CSV files with a free hand's motion.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::recording::{MAX_CHANNELS, csv_error};
+use crate::support::error::{Error, Result};
+
+/// Columns that are not accelerations.
+const TIME: &str = "time_s";
+const SPEED: &str = "speed_mm_s";
+const FORCE: &str = "force_n";
+
+/// What is beyond these is an outlier: a hand presses with tens of newtons and sweeps at some metres a second, and the
+/// stylus plays up to 2048 m/s².
+const MAX_FORCE_N: f64 = 100.0;
+const MAX_SPEED_MM_S: f64 = 10_000.0;
+const MAX_ACCELERATION_M_S2: f64 = 2048.0;
+
+/// A file whose share of outliers is larger is refused.
+const MOST_OUTLIERS: f64 = 0.1;
+
+/// Of the outliers of a file, so many are named one by one.
+const NAMED_OUTLIERS: usize = 20;
+
+/// A recording with its motion, evenly sampled.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Freehand {
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// One to three axes, m/s².
+    pub axes: Vec<Vec<f64>>,
+    /// Tangential speed, mm/s; not negative.
+    pub speed_mm_s: Vec<f64>,
+    /// Normal force, N; below zero is no contact.
+    pub force_n: Vec<f64>,
+    /// Whether a sample has no value that can be.
+    pub is_outlier: Vec<bool>,
+    /// The first of them, by line and value.
+    pub outliers: Vec<Outlier>,
+    /// Whether the file says that it is simulated.
+    pub is_simulated: bool,
+}
+
+/// A value that cannot be.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Outlier {
+    /// Its line in the file, from 1.
+    pub line: u64,
+    /// Its column.
+    pub column: String,
+    /// The value.
+    pub value: f64,
+}
+
+/// Reads a CSV file with the columns `speed_mm_s` and `force_n`, one to three of accelerations (each sample of 1 is
+/// `scale_m_s2`), and `time_s` unless `rate_hz` is given. Comments begin with `#`; one that begins with SIMULATED says
+/// that the file is.
+///
+/// # Errors
+/// A file that cannot be read or has not these columns, a field that is no number, or too many outliers.
+pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freehand> {
+    let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+    let mut reader = csv::ReaderBuilder::new()
+        .comment(Some(b'#'))
+        .trim(csv::Trim::All)
+        .from_reader(text.as_bytes());
+    let header = reader
+        .headers()
+        .map_err(|failure| csv_error(path, failure))?
+        .clone();
+    let Columns {
+        time,
+        speed,
+        force,
+        axes,
+    } = Columns::of(path, &header)?;
+    let mut recording = Freehand {
+        rate_hz: 0.0,
+        axes: vec![Vec::new(); axes.len()],
+        speed_mm_s: Vec::new(),
+        force_n: Vec::new(),
+        is_outlier: Vec::new(),
+        outliers: Vec::new(),
+        is_simulated: text
+            .lines()
+            .take_while(|line| line.starts_with('#'))
+            .any(|line| {
+                line.trim_start_matches('#')
+                    .trim_start()
+                    .starts_with("SIMULATED")
+            }),
+    };
+    let mut times = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|failure| csv_error(path, failure))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let number = |index: usize| {
+            let field = &record[index];
+            field
+                .parse::<f64>()
+                .map_err(|_| Error::line(path, line, format!("'{field}' is not a number")))
+        };
+        if let Some(time) = time {
+            times.push(number(time)?);
+        }
+        let mut bad = false;
+        let mut keep = |index: usize, value: f64, limit: f64| {
+            if value.is_finite() && value.abs() <= limit {
+                return value;
+            }
+            bad = true;
+            if recording.outliers.len() < NAMED_OUTLIERS {
+                recording.outliers.push(Outlier {
+                    line,
+                    column: header[index].to_owned(),
+                    value,
+                });
+            }
+            0.0
+        };
+        let speed = keep(speed, number(speed)?, MAX_SPEED_MM_S);
+        let force = keep(force, number(force)?, MAX_FORCE_N);
+        for (axis, &index) in recording.axes.iter_mut().zip(&axes) {
+            axis.push(keep(
+                index,
+                scale_m_s2 * number(index)?,
+                MAX_ACCELERATION_M_S2,
+            ));
+        }
+        recording.speed_mm_s.push(speed.abs());
+        recording.force_n.push(force);
+        recording.is_outlier.push(bad);
+    }
+    recording.rate_hz = rate_of(path, &times, rate_hz)?;
+    refuse_too_many_outliers(path, &recording)?;
+    Ok(recording)
+}
+
+fn refuse_too_many_outliers(path: &Path, recording: &Freehand) -> Result<()> {
+    let count = recording.is_outlier.iter().filter(|bad| **bad).count();
+    let most = MOST_OUTLIERS * recording.is_outlier.len() as f64;
+    if recording.is_outlier.is_empty() {
+        return Err(Error::file(path, "holds no samples"));
+    }
+    if count as f64 > most {
+        let first = &recording.outliers[0];
+        let problem = format!(
+            "{count} of {} samples cannot be (line {}: {} is {}); are the columns and units right?",
+            recording.is_outlier.len(),
+            first.line,
+            first.column,
+            first.value
+        );
+        return Err(Error::file(path, problem));
+    }
+    Ok(())
+}
+
+/// Where the columns of a file are.
+struct Columns {
+    time: Option<usize>,
+    speed: usize,
+    force: usize,
+    axes: Vec<usize>,
+}
+
+impl Columns {
+    fn of(path: &Path, header: &csv::StringRecord) -> Result<Self> {
+        let column = |name: &str| header.iter().position(|known| known == name);
+        let needed = |name: &str| {
+            column(name).ok_or_else(|| {
+                let problem = format!(
+                    "no column '{name}'; a free hand's recording needs {SPEED} and {FORCE}"
+                );
+                Error::file(path, problem)
+            })
+        };
+        let (speed, force, time) = (needed(SPEED)?, needed(FORCE)?, column(TIME));
+        let axes: Vec<usize> = (0..header.len())
+            .filter(|index| ![Some(speed), Some(force), time].contains(&Some(*index)))
+            .collect();
+        if axes.is_empty() || axes.len() > MAX_CHANNELS {
+            let problem = format!(
+                "{} columns of accelerations; there may be 1 to {MAX_CHANNELS}",
+                axes.len()
+            );
+            return Err(Error::file(path, problem));
+        }
+        Ok(Self {
+            time,
+            speed,
+            force,
+            axes,
+        })
+    }
+}
+
+/// The rate that is given, or that of the times, which must ascend evenly.
+fn rate_of(path: &Path, times: &[f64], given: Option<f64>) -> Result<f64> {
+    if let Some(rate_hz) = given {
+        return Ok(rate_hz);
+    }
+    let (Some(first), Some(last)) = (times.first(), times.last()) else {
+        let problem =
+            format!("does not tell its sample rate: give a column '{TIME}', or --sample-rate");
+        return Err(Error::file(path, problem));
+    };
+    let step = (last - first) / (times.len() - 1).max(1) as f64;
+    let even = |pair: &[f64]| ((pair[1] - pair[0]) / step - 1.0).abs() <= 0.5;
+    if !(step > 0.0 && step.is_finite() && times.windows(2).all(even)) {
+        let problem =
+            format!("its column '{TIME}' does not ascend in even steps; resample it first");
+        return Err(Error::file(path, problem));
+    }
+    Ok((1.0 / step).round().max(1.0))
+}

@@ -1,0 +1,78 @@
+//! A free hand's pieces as a recording set that `fit` takes.
+
+use std::path::Path;
+
+use hound::{SampleFormat, WavSpec, WavWriter};
+
+use super::read::Freehand;
+use super::segment::{Placed, Segmentation};
+use crate::recording::TRIALS_FILE;
+use crate::support::atomic_file;
+use crate::support::error::{Error, Result};
+
+/// Writes every piece as a WAV file (32-bit float, m/s²) into `folder`, and then the list of trials of texture `texture`.
+///
+/// # Errors
+/// A folder that holds a list of trials already, or that cannot be written to.
+pub fn write(
+    folder: &Path,
+    texture: &str,
+    recordings: &[Freehand],
+    segmentation: &Segmentation,
+) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
+    let list = folder.join(TRIALS_FILE);
+    if list.exists() {
+        let problem = "is there already; name a new or empty folder";
+        return Err(Error::file(&list, problem));
+    }
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let header = [
+        "file",
+        "texture",
+        "speed_mm_s",
+        "force_n",
+        "duration_s",
+        "simulated",
+    ];
+    let failed = |failure: csv::Error| Error::file(&list, failure.to_string());
+    writer.write_record(header).map_err(failed)?;
+    for (index, placed) in segmentation.placed.iter().enumerate() {
+        let recording = &recordings[placed.segment.recording];
+        let name = format!("segment_{:04}.wav", index + 1);
+        write_piece(&folder.join(&name), recording, placed)?;
+        let seconds = (placed.segment.end - placed.segment.first) as f64 / recording.rate_hz;
+        let fields = [
+            name,
+            texture.to_owned(),
+            placed.speed_mm_s.to_string(),
+            placed.force_n.to_string(),
+            seconds.to_string(),
+            recording.is_simulated.to_string(),
+        ];
+        writer.write_record(fields).map_err(failed)?;
+    }
+    let bytes = writer
+        .into_inner()
+        .map_err(|failure| Error::file(&list, failure.to_string()))?;
+    atomic_file::write(&list, &bytes)
+}
+
+fn write_piece(path: &Path, recording: &Freehand, placed: &Placed) -> Result<()> {
+    let spec = WavSpec {
+        channels: recording.axes.len() as u16,
+        sample_rate: recording.rate_hz as u32,
+        bits_per_sample: 32,
+        sample_format: SampleFormat::Float,
+    };
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let failed = |failure: hound::Error| Error::file(path, failure.to_string());
+    let mut writer = WavWriter::new(&mut bytes, spec).map_err(failed)?;
+    for sample in placed.segment.first..placed.segment.end {
+        for axis in &recording.axes {
+            writer.write_sample(axis[sample] as f32).map_err(failed)?;
+        }
+    }
+    writer.finalize().map_err(failed)?;
+    atomic_file::write(path, &bytes.into_inner())
+}

@@ -1,0 +1,488 @@
+//! The comparison as a page: pictures, tables, and what every figure is.
+
+use std::path::Path;
+
+use stylus_kernel::arithmetic::TURN_TAPS;
+
+use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::evaluation::frontier::costs::Origin;
+use crate::evaluation::frontier::{
+    CLOCKS_HZ, Filter, FilterStructure, Frontier, INTERVALS, Point, interval_ms, moving, share,
+};
+use crate::fit::Order;
+use crate::report::html::{Column, Page};
+use crate::report::plot::{Caption, FrontPoint, FrontSeries, Quantity, Svg, front_chart};
+use crate::support::error::Result;
+
+/// The interval that a device has, samples.
+const DEVICE_INTERVAL: usize = stylus_kernel::UPDATE_INTERVAL_SAMPLES as usize;
+
+/// The page's pictures.
+pub struct Pictures {
+    /// C against cycles.
+    pub cost: Svg,
+    /// SNR against cycles.
+    pub snr: Svg,
+    /// The error at rest and in motion against cycles, updates included.
+    pub total: Svg,
+    /// The error in motion by the interval of updates.
+    pub intervals: Svg,
+}
+
+/// Draws them.
+///
+/// # Errors
+/// That a picture cannot be laid out.
+pub fn pictures(frontier: &Frontier) -> Result<Pictures> {
+    let caption = |title| Caption {
+        title,
+        simulated: frontier.simulated,
+    };
+    let cycles = "cycles a sample at worst (Cortex-M4, modelled)";
+    let by_order = |y: fn(&Filter) -> f64, on_front: fn(&Filter) -> bool| {
+        series(frontier, |structure| {
+            let filters = frontier.filters.iter().filter(|f| f.structure == structure);
+            let points = filters.map(|filter| FrontPoint {
+                x: filter.m4.sample.worst_cycles,
+                y: y(filter),
+                label: if on_front(filter) {
+                    short_order(filter)
+                } else {
+                    String::new()
+                },
+                on_front: on_front(filter),
+                joined: matches!(filter.order, Order::Fixed(_)),
+            });
+            points.collect()
+        })
+    };
+    let total = series(frontier, |structure| {
+        let points = frontier.points.iter().filter_map(|point| {
+            let filter = &frontier.filters[point.filter];
+            let joined =
+                point.interval == DEVICE_INTERVAL && matches!(filter.order, Order::Fixed(_));
+            let shown = joined || point.on_front || point.on_safe_front;
+            (filter.structure == structure && shown).then(|| FrontPoint {
+                x: point.worst_cycles,
+                y: point.total_error_db,
+                label: if point.on_safe_front {
+                    format!("{} @ {}", short_order(filter), point.interval_ms())
+                } else {
+                    String::new()
+                },
+                on_front: point.on_front,
+                joined,
+            })
+        });
+        points.collect()
+    });
+    let intervals = series(frontier, |structure| {
+        let points = frontier.points.iter().filter(|point| {
+            let filter = &frontier.filters[point.filter];
+            filter.structure == structure && filter.order == Order::Auto
+        });
+        let points = points.map(|point| FrontPoint {
+            x: point.interval_ms(),
+            y: point.motion_error_db,
+            label: String::new(),
+            on_front: false,
+            joined: true,
+        });
+        points.collect()
+    });
+    Ok(Pictures {
+        cost: front_chart(
+            &caption("Cost C at rest against time, by order"),
+            (Quantity::octaves(cycles), Quantity::from_zero("cost C (%)")),
+            &by_order(
+                |filter| 100.0 * filter.still.cost,
+                |filter| filter.on_cost_front,
+            ),
+        )?,
+        snr: front_chart(
+            &caption("Noise of the arithmetic against time, by order"),
+            (
+                Quantity::octaves(cycles),
+                Quantity::from_zero("SNR of the noisiest node (dB)"),
+            ),
+            &by_order(|filter| filter.still.lowest_snr_db, |_| false),
+        )?,
+        total: front_chart(
+            &caption("Error in third-octave bands, at rest and in motion, against time"),
+            (
+                Quantity::octaves(
+                    "cycles a sample at worst, updates included (Cortex-M4, modelled)",
+                ),
+                Quantity::from_zero("RMS error (dB)"),
+            ),
+            &total,
+        )?,
+        intervals: front_chart(
+            &caption("Error in motion by the interval of updates, order per node by BIC"),
+            (
+                Quantity::from_zero("from update to update (ms)"),
+                Quantity::from_zero("RMS error (dB)"),
+            ),
+            &intervals,
+        )?,
+    })
+}
+
+fn series(
+    frontier: &Frontier,
+    points: impl Fn(FilterStructure) -> Vec<FrontPoint>,
+) -> Vec<FrontSeries> {
+    let present = |structure: &FilterStructure| {
+        frontier
+            .filters
+            .iter()
+            .any(|filter| filter.structure == *structure)
+    };
+    FilterStructure::ALL
+        .into_iter()
+        .filter(present)
+        .map(|structure| FrontSeries {
+            name: structure.to_string(),
+            points: points(structure),
+            dashed: !structure.is_shipped(),
+        })
+        .collect()
+}
+
+fn short_order(filter: &Filter) -> String {
+    match filter.order {
+        Order::Fixed(order) => order.to_string(),
+        Order::Auto => "BIC".to_owned(),
+        Order::AtMost(_) => "AIC".to_owned(),
+    }
+}
+
+/// Writes the page.
+///
+/// # Errors
+/// A picture that cannot be laid out, or a file that cannot be written.
+pub fn write(frontier: &Frontier, pictures: &Pictures, path: &Path) -> Result<()> {
+    let mut page = Page::new("What accuracy costs in time");
+    page.paragraph(&format!(
+        "Structures by orders by intervals of updates: how near each comes, and what it costs on a Cortex-M4. {} nodes of {}. {}.",
+        frontier.nodes,
+        frontier.textures.join(", "),
+        capitalised(&frontier.material)
+    ));
+    if frontier.simulated {
+        page.notice(
+            "The recordings are SIMULATED. The figures tell how the choices compare on them, not how near any of them comes to a \
+             surface.",
+        );
+    }
+    page.paragraph(&format!(
+        "Made by stylus frontier; instructions and cycles by cargo tasks costs with rustc {} and QEMU {}. Instructions are counted \
+         and exact for that compiler. Cycles are modelled: ARM's published timings of the Cortex-M4 with no wait states, at best \
+         and at worst. No cycle-true model of a Cortex-M7 is to be had; its cycles are bounded by the Cortex-M4's worst.",
+        frontier.rustc, frontier.qemu
+    ));
+    page.section("Errors against time")
+        .figure(
+            &pictures.total,
+            "Error at rest and in motion together against the time of a sample and its share of the updates. Lines join the orders 10 to \
+             400 at the stylus's own interval of 2 ms; ringed is the front over all intervals. Labels, order @ interval in ms, are on \
+             the front of what holds every hard case. Dashed structures are not shipped.",
+        )
+        .figure(
+            &pictures.cost,
+            "The paper's cost C against recordings that were held out. Lines join the orders; points beside are orders chosen per node.",
+        )
+        .figure(
+            &pictures.snr,
+            "Signal to noise against float64 with the stored coefficients, of the noisiest node.",
+        )
+        .figure(
+            &pictures.intervals,
+            "What is lost by following the hand only every so often. A direct form interpolates its predictor coefficients, the \
+             reference θ: that difference remains at every interval.",
+        );
+    page.paragraph(&format!(
+        "For comparison, one take against the other, with no model between them: C {:.1} %, bands {:.2} dB. No model of noise comes \
+         nearer than that but by chance.",
+        100.0 * frontier.take_cost,
+        frontier.take_band_error_db
+    ));
+    front_table(&mut page, frontier);
+    filter_table(&mut page, frontier);
+    time_table(&mut page, frontier);
+    interval_table(&mut page, frontier);
+    peer_table(&mut page, frontier);
+    page.section("What the figures are").list(&notes(frontier));
+    page.write(path)
+}
+
+fn capitalised(text: &str) -> String {
+    let mut characters = text.chars();
+    let first = characters.next().into_iter().flat_map(char::to_uppercase);
+    first.chain(characters).collect()
+}
+
+fn front_table(page: &mut Page, frontier: &Frontier) {
+    let on_a_front = |point: &&Point| point.on_front || point.on_safe_front;
+    let mut points: Vec<&Point> = frontier.points.iter().filter(on_a_front).collect();
+    points.sort_by(|a, b| a.worst_cycles.total_cmp(&b.worst_cycles));
+    let rows: Vec<Vec<String>> = points
+        .into_iter()
+        .map(|point| {
+            let filter = &frontier.filters[point.filter];
+            let mut row = vec![
+                filter.structure.to_string(),
+                filter.order_text(),
+                format!("{}", point.interval_ms()),
+                format!("{:.2}", point.total_error_db),
+                format!("{:.2}", filter.still.band_error_db),
+                format!("{:.2}", point.motion_error_db),
+                format!("{:.0}", point.best_cycles),
+                format!("{:.0}", point.worst_cycles),
+            ];
+            row.extend(point.shares().map(percent));
+            row.push(format!("{} of {}", filter.hard.held, filter.hard.cases));
+            row.push(
+                match (point.on_front, point.on_safe_front) {
+                    (true, true) => "both",
+                    (true, false) => "all",
+                    (false, _) => "safe",
+                }
+                .to_owned(),
+            );
+            row
+        })
+        .collect();
+    let clocks = clock_headings();
+    let mut columns = vec![
+        Column::Text("structure"),
+        Column::Text("order"),
+        Column::Number("update, ms"),
+        Column::Number("error, dB"),
+        Column::Number("at rest"),
+        Column::Number("in motion"),
+        Column::Number("cycles, best"),
+        Column::Number("worst"),
+    ];
+    columns.extend(clocks.iter().map(|clock| Column::Number(clock)));
+    columns.push(Column::Text("hard cases held"));
+    columns.push(Column::Text("front of"));
+    page.section("The Pareto front").table(
+        "Nothing cheaper has a lower error, all textures being held; safe: among what holds every hard case; shares are of 200 µs, \
+         at worst",
+        &columns,
+        &rows,
+    );
+}
+
+fn clock_headings() -> [String; 3] {
+    CLOCKS_HZ.map(|clock_hz| format!("{} MHz", clock_hz / 1e6))
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+fn filter_table(page: &mut Page, frontier: &Frontier) {
+    let rows: Vec<Vec<String>> = frontier
+        .filters
+        .iter()
+        .map(|filter| {
+            let still = &filter.still;
+            let refused = match (still.refused, filter.refused_textures.as_slice()) {
+                (0, []) => String::new(),
+                (0, textures) => textures.join(", "),
+                (nodes, _) => format!("{nodes} nodes"),
+            };
+            let worst = match filter.hard.worst_case.as_str() {
+                "" => filter.hard.worst.to_string(),
+                case => format!("{}: {case}", filter.hard.worst),
+            };
+            vec![
+                filter.structure.to_string(),
+                filter.order_text(),
+                format!("{:.1}", 100.0 * still.cost),
+                format!("{:.2}", still.band_error_db),
+                format!("{:.0} %", 100.0 * still.bands_within_jnd),
+                format!("{:.0}", still.lowest_snr_db),
+                format!("{:.0}", still.mean_snr_db),
+                refused,
+                format!("{} of {}", filter.hard.held, filter.hard.cases),
+                worst,
+                (if filter.on_cost_front { "yes" } else { "" }).to_owned(),
+            ]
+        })
+        .collect();
+    let within = format!("within {AMPLITUDE_JND_DB} dB");
+    page.section("Accuracy at rest, and the hard cases").table(
+        "Each structure at each order",
+        &[
+            Column::Text("structure"),
+            Column::Text("order"),
+            Column::Number("C, %"),
+            Column::Number("bands, dB"),
+            Column::Number(&within),
+            Column::Number("SNR, dB, lowest"),
+            Column::Number("mean"),
+            Column::Text("refused by fit"),
+            Column::Text("hard cases held"),
+            Column::Text("the worst"),
+            Column::Text("on the front of C"),
+        ],
+        &rows,
+    );
+}
+
+fn time_table(page: &mut Page, frontier: &Frontier) {
+    let rows: Vec<Vec<String>> = frontier
+        .filters
+        .iter()
+        .map(|filter| {
+            let (m4, m7) = (&filter.m4, &filter.m7);
+            let mut row = vec![
+                filter.structure.to_string(),
+                filter.order_text(),
+                format!("{:.0}", m4.sample.instructions),
+                format!("{:.0}", m7.sample.instructions),
+                format!("{:.0}", m4.sample.best_cycles),
+                format!("{:.0}", m4.sample.worst_cycles),
+            ];
+            row.extend(CLOCKS_HZ.map(|clock| percent(share(m4.sample.worst_cycles, clock))));
+            row.extend([
+                format!(
+                    "{:.0} to {:.0}",
+                    m4.update.instructions_least, m4.update.instructions_most
+                ),
+                filter.library_bytes_a_node.to_string(),
+                filter.ram_bytes.to_string(),
+            ]);
+            row
+        })
+        .collect();
+    let clocks = clock_headings();
+    let mut columns = vec![
+        Column::Text("structure"),
+        Column::Text("order"),
+        Column::Number("instructions, M4"),
+        Column::Number("M7"),
+        Column::Number("cycles, best"),
+        Column::Number("worst"),
+    ];
+    columns.extend(clocks.iter().map(|clock| Column::Number(clock)));
+    columns.extend([
+        Column::Number("an update, instructions"),
+        Column::Number("flash, bytes a node"),
+        Column::Number("RAM, bytes"),
+    ]);
+    page.section("Time and memory").table(
+        "A sample, without updates; shares are of 200 µs, at worst",
+        &columns,
+        &rows,
+    );
+}
+
+fn interval_table(page: &mut Page, frontier: &Frontier) {
+    let headings = INTERVALS.map(|interval| format!("{} ms", interval_ms(interval)));
+    let mut columns = vec![Column::Text("structure"), Column::Text("order")];
+    columns.extend(headings.iter().map(|heading| Column::Number(heading)));
+    let rows: Vec<Vec<String>> = frontier
+        .filters
+        .iter()
+        .enumerate()
+        .map(|(index, filter)| {
+            let points = frontier.points.iter().filter(|point| point.filter == index);
+            let mut row = vec![filter.structure.to_string(), filter.order_text()];
+            row.extend(points.map(|point| {
+                if point.motion_error_db.is_nan() {
+                    "refused".to_owned()
+                } else {
+                    format!("{:.2} / {:.0}", point.motion_error_db, point.worst_cycles)
+                }
+            }));
+            row
+        })
+        .collect();
+    page.section("In motion").table(
+        "RMS error in bands, dB / cycles a sample at worst, updates included; 0.2 ms is every sample",
+        &columns,
+        &rows,
+    );
+}
+
+fn peer_table(page: &mut Page, frontier: &Frontier) {
+    let rows: Vec<Vec<String>> = frontier
+        .peers
+        .iter()
+        .map(|peer| {
+            vec![
+                peer.name.clone(),
+                peer.order.to_string(),
+                format!("{:.0}", peer.instructions),
+                format!("{:.0}", peer.best_cycles),
+                format!("{:.0}", peer.worst_cycles),
+                peer.includes.clone(),
+                match peer.origin {
+                    Origin::Measured => "counted in this run",
+                    Origin::Reference => "reference, by the same rules",
+                }
+                .to_owned(),
+            ]
+        })
+        .collect();
+    if rows.is_empty() {
+        return;
+    }
+    page.section("Beside others").table(
+        "One sample a call on a Cortex-M4",
+        &[
+            Column::Text("what"),
+            Column::Number("order"),
+            Column::Number("instructions"),
+            Column::Number("cycles, best"),
+            Column::Number("worst"),
+            Column::Text("beside the filter"),
+            Column::Text("origin"),
+        ],
+        &rows,
+    );
+}
+
+fn notes(frontier: &Frontier) -> Vec<String> {
+    vec![
+        format!(
+            "At rest: each node's model plays at its own speed and force, by the kernel or a variant, and is compared with the \
+             recording that was held out. C is the paper's equation (6), amplitudes smoothed by a {}. Bands are third octaves \
+             from 20 to 1000 Hz.",
+            frontier.smoothing
+        ),
+        format!(
+            "In motion: a hand rubs over the whole grid, twice a second to and fro. Against the same noise through a normalised \
+             lattice in float64, updated at every sample, of the same order; levels in bands in frames of {} s.",
+            moving::FRAME_S
+        ),
+        "The error of a choice is √(at rest² + in motion²). What gains less than 0.05 dB, or 0.5 % of C, is on no front.".to_owned(),
+        "Orders per node, with the highest of all: by the Bayesian information criterion (BIC), as fit chooses, or by Akaike's (AIC), as fit --budget-cycles \
+         does. SNR is of the output, in steps of 2⁻²⁰ m/s²: quiet nodes have less."
+            .to_owned(),
+        "The hard cases are those of stylus stress (short), their models cut to the order. Held means all that is promised of the \
+         stylus's lattice, 108 dB of SNR included. Worse and worse: never quite silent, inaccurate, saturates, refused by fit, \
+         latches."
+            .to_owned(),
+        "Refused by fit are textures whose direct form is unstable between its nodes; such a choice is on no front of motion, and its \
+         error there is that of the other textures."
+            .to_owned(),
+        format!(
+            "Between measured orders instructions and cycles are on a straight line; a direct form's are those of the next multiple \
+         of {TURN_TAPS} taps. Per node, the time is that of the highest order: a texture's tick takes the same time wherever the hand is."
+        ),
+        "Time with updates: at worst, updates that stay in a cell take the share of the dearest that their instructions are. \
+         Updates run below the sample's priority; only the sample has to be done in 200 µs."
+            .to_owned(),
+        "Flash is a node's coefficients in a library. RAM is the coefficients of two frames and the state, at that \
+         order."
+            .to_owned(),
+        "The variants that are not shipped (two-multiplier lattice, 16-bit lattice) are plain Rust as compiled; what is shipped \
+         has its inner loops laid out by hand."
+            .to_owned(),
+    ]
+}

@@ -1,0 +1,65 @@
+//! Pictures for reports, as SVG: no fonts, bitmaps or display are needed to make them, and a page can hold their text.
+//!
+//! Every picture has units on its axes, colours that are told apart with any colour vision, and lines thinned to what
+//! can be seen, so that it stays small whatever the length of a recording.
+
+mod bands;
+mod canvas;
+mod certificate;
+mod frontier;
+mod grid;
+mod orders;
+mod paper;
+mod scene;
+mod spectra;
+mod spectrogram;
+
+use std::path::Path;
+
+use crate::support::atomic_file;
+use crate::support::error::Result;
+
+pub use bands::band_error_chart;
+pub use certificate::certificate_map;
+pub use frontier::{FrontPoint, FrontSeries, Quantity, front_chart};
+pub use grid::{GridCell, GridMap, grid_map};
+pub use orders::{OrderSeries, order_against_cost};
+pub use paper::{forward_prediction, grid_and_motion};
+pub use scene::{SceneRegion, SceneView, scene};
+pub use spectra::{SpectraView, time_and_frequency};
+pub use spectrogram::spectrograms;
+
+/// What is written above a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Caption<'a> {
+    /// What the picture shows.
+    pub title: &'a str,
+    /// Whether anything in it comes from the rig simulator; the picture then says so in its corner.
+    pub simulated: bool,
+}
+
+/// A picture: one `<svg>` element, which is a file of its own as well as a part of a page.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Svg(String);
+
+impl Svg {
+    /// The element's text.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+
+    /// The picture with `elements` over it: what plotters does not draw into an SVG, such as bitmaps.
+    fn with(&self, elements: &str) -> Self {
+        let text = self.as_str();
+        let (before, after) = text.split_at(text.rfind("</svg>").unwrap_or(text.len()));
+        Self(format!("{before}{elements}{after}"))
+    }
+
+    /// Writes the picture into a file, whole or not at all.
+    ///
+    /// # Errors
+    /// That the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        atomic_file::write(path, self.0.as_bytes())
+    }
+}

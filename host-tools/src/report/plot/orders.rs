@@ -1,0 +1,168 @@
+//! The cost of a model by its order.
+
+use plotters::prelude::*;
+
+use super::canvas::{
+    Axis, BLUE, GREEN, INK, Mark, ORANGE, PURPLE, SKY, Swatch, Ticks, VERMILION, at, axes, legend,
+    line, picture, range_with_zero, thinned,
+};
+use super::{Caption, Svg};
+use crate::support::error::Result;
+
+/// The cost of one recording's or texture's models by their order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OrderSeries<'a> {
+    /// What the models are of.
+    pub name: &'a str,
+    /// (order, cost C as a fraction), orders ascending.
+    pub costs: &'a [(usize, f64)],
+    /// The order that was chosen, which is ringed; anywhere between those of `costs`.
+    pub chosen: Option<usize>,
+}
+
+/// The paper's figure 8: cost against order, for several surfaces, with the chosen orders ringed.
+///
+/// # Errors
+/// That the picture cannot be laid out.
+pub fn order_against_cost(caption: &Caption<'_>, series: &[OrderSeries<'_>]) -> Result<Svg> {
+    // Past the last colour they come again, dashed.
+    const COLOURS: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
+    let look = |index: usize| {
+        (
+            COLOURS[index % COLOURS.len()],
+            index / COLOURS.len() % 2 == 1,
+        )
+    };
+    let names: Vec<String> = series
+        .iter()
+        .map(|series| match series.chosen {
+            Some(order) => format!("{} (n = {order})", series.name),
+            None => series.name.to_owned(),
+        })
+        .collect();
+    let mut entries: Vec<(Swatch, &str)> = Vec::new();
+    for (index, name) in names.iter().enumerate() {
+        let (colour, dashed) = look(index);
+        entries.push((Swatch::Line { colour, dashed }, name));
+    }
+    if series.iter().any(|series| series.chosen.is_some()) {
+        entries.push((Swatch::Mark(Mark::Ring), "chosen order"));
+    }
+    let orders = series
+        .iter()
+        .flat_map(|series| series.costs.iter().map(|cost| cost.0 as f64));
+    let costs = series
+        .iter()
+        .flat_map(|series| series.costs.iter().map(|cost| 100.0 * cost.1));
+    let x = Axis {
+        range: range_with_zero(orders),
+        quantity: "order n",
+        ticks: Ticks::Numbers(12),
+    };
+    let y = Axis {
+        range: range_with_zero(costs),
+        quantity: "cost C (%)",
+        ticks: Ticks::Numbers(8),
+    };
+    picture(caption, (960, 400), |area| {
+        let below = legend(area, &entries)?;
+        let mut chart = axes(&below, &x, &y)?;
+        for (index, series) in series.iter().enumerate() {
+            let (colour, dashed) = look(index);
+            let points = thinned(
+                series
+                    .costs
+                    .iter()
+                    .map(|&(order, cost)| (order as f64, 100.0 * cost)),
+            );
+            if dashed {
+                let dashes = DashedLineSeries::new(points, at(6), at(4), line(colour, 4));
+                chart.draw_series(dashes)?;
+            } else {
+                chart.draw_series(LineSeries::new(points, line(colour, 4)))?;
+            }
+        }
+        for series in series {
+            let chosen = series
+                .chosen
+                .and_then(|order| Some((order as f64, cost_at(series.costs, order)?)));
+            let ring =
+                chosen.map(|(order, cost)| Circle::new((order, 100.0 * cost), at(5), line(INK, 3)));
+            chart.draw_series(ring)?;
+        }
+        Ok(())
+    })
+}
+
+/// The cost at `order`, on the straight line between the orders around it.
+fn cost_at(costs: &[(usize, f64)], order: usize) -> Option<f64> {
+    let after = costs.partition_point(|cost| cost.0 < order);
+    let &(next, cost) = costs.get(after)?;
+    if next == order {
+        return Some(cost);
+    }
+    let &(before, cost_before) = costs.get(after.checked_sub(1)?)?;
+    let fraction = (order - before) as f64 / (next - before) as f64;
+    Some(cost_before + (cost - cost_before) * fraction)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::canvas::tests::assert_drawn_within;
+    use super::*;
+
+    #[test]
+    fn the_cost_of_an_order_lies_on_the_curve() {
+        let costs = [(10, 0.8), (20, 0.4), (40, 0.2)];
+        assert_eq!(cost_at(&costs, 10), Some(0.8));
+        assert_eq!(cost_at(&costs, 40), Some(0.2));
+        assert!((cost_at(&costs, 15).unwrap() - 0.6).abs() < 1e-12);
+        assert!((cost_at(&costs, 35).unwrap() - 0.25).abs() < 1e-12);
+        assert_eq!(cost_at(&costs, 9), None);
+        assert_eq!(cost_at(&costs, 41), None);
+        assert_eq!(cost_at(&[], 1), None);
+    }
+
+    #[test]
+    fn every_series_is_named_and_its_choice_is_ringed() {
+        let costs = [(0, 1.0), (400, 0.2)];
+        let caption = Caption {
+            title: "test",
+            simulated: false,
+        };
+        let names: Vec<String> = (0..14).map(|index| format!("surface {index}")).collect();
+        let series: Vec<OrderSeries<'_>> = names
+            .iter()
+            .map(|name| OrderSeries {
+                name,
+                costs: &costs,
+                chosen: Some(100),
+            })
+            .collect();
+        let svg = order_against_cost(&caption, &series).unwrap();
+        assert_drawn_within(&svg, 960, 400);
+        for name in &names {
+            assert!(svg.as_str().contains(&format!("{name} (n = 100)")));
+        }
+        // One of them in the legend.
+        assert_eq!(svg.as_str().matches("<circle").count(), series.len() + 1);
+    }
+
+    #[test]
+    fn a_picture_of_nothing_and_of_what_is_not_a_number_can_be_drawn() {
+        let caption = Caption {
+            title: "test",
+            simulated: false,
+        };
+        assert_drawn_within(&order_against_cost(&caption, &[]).unwrap(), 960, 400);
+        let costs = [(0, f64::NAN), (3, f64::INFINITY), (4, 0.5)];
+        for chosen in [None, Some(0), Some(2), Some(4)] {
+            let series = [OrderSeries {
+                name: "odd",
+                costs: &costs,
+                chosen,
+            }];
+            assert_drawn_within(&order_against_cost(&caption, &series).unwrap(), 960, 400);
+        }
+    }
+}

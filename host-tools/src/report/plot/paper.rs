@@ -1,0 +1,169 @@
+//! The paper's figures 5 and 9 from the user's own recordings.
+
+use plotters::prelude::*;
+
+use super::canvas::{
+    Axis, BLUE, GREEN, INK, Swatch, Ticks, VERMILION, at, axes, legend, line, picture, px, thinned,
+};
+use super::{Caption, Svg};
+use crate::support::error::Result;
+
+/// The paper's figure 5: a stretch of a recording, its prediction from the samples before, and what is left, m/s², one above
+/// the other and to the same scale.
+///
+/// # Errors
+/// That the picture cannot be laid out.
+pub fn forward_prediction(
+    caption: &Caption<'_>,
+    recorded: &[f64],
+    predicted: &[f64],
+    rate_hz: f64,
+) -> Result<Svg> {
+    let residual: Vec<f64> = recorded.iter().zip(predicted).map(|(a, p)| a - p).collect();
+    let curves = [
+        (recorded, BLUE, "recorded a(k)"),
+        (predicted, GREEN, "predicted from the samples before"),
+        (&residual, VERMILION, "residual ε(k)"),
+    ];
+    let largest = recorded
+        .iter()
+        .chain(predicted)
+        .map(|value| value.abs())
+        .filter(|value| value.is_finite())
+        .fold(0.0, f64::max);
+    let highest = if largest > 0.0 { 1.06 * largest } else { 1.0 };
+    let end_ms = 1000.0 * recorded.len().max(1) as f64 / rate_hz;
+    let entries = curves.map(|(_, colour, name)| {
+        (
+            Swatch::Line {
+                colour,
+                dashed: false,
+            },
+            name,
+        )
+    });
+    picture(caption, (960, 460), |area| {
+        let below = legend(area, &entries)?;
+        let height = (below.dim_in_pixel().1 - px(34)) / 3;
+        let (first, rest) = below.split_vertically(height);
+        let (second, third) = rest.split_vertically(height);
+        let panes = [
+            (first, "", Ticks::Blank(10)),
+            (second, "", Ticks::Blank(10)),
+            (third, "time (ms)", Ticks::Numbers(10)),
+        ];
+        for ((pane, quantity, ticks), (values, colour, _)) in panes.into_iter().zip(curves) {
+            let x = Axis {
+                range: 0.0..end_ms,
+                quantity,
+                ticks,
+            };
+            let y = Axis {
+                range: -highest..highest,
+                quantity: "m/s²",
+                ticks: Ticks::Numbers(4),
+            };
+            let mut chart = axes(&pane, &x, &y)?;
+            let points = values.iter().enumerate();
+            let points = points.map(|(n, value)| (1000.0 * n as f64 / rate_hz, *value));
+            chart.draw_series(LineSeries::new(thinned(points), line(colour, 2)))?;
+        }
+        Ok(())
+    })
+}
+
+/// The paper's figure 9: the grid of models and a motion over it. Circles have areas as the excitation's variance.
+///
+/// `nodes` are speed (mm/s), force (N) and variance, (m/s²)²; `motion` goes through speeds and forces.
+///
+/// # Errors
+/// That the picture cannot be laid out.
+pub fn grid_and_motion(
+    caption: &Caption<'_>,
+    nodes: &[(f64, f64, f64)],
+    motion: &[(f64, f64)],
+) -> Result<Svg> {
+    let largest = |of: fn(&(f64, f64, f64)) -> f64| nodes.iter().map(of).fold(0.0, f64::max);
+    let (speed, force, variance) = (largest(|n| n.0), largest(|n| n.1), largest(|n| n.2));
+    let range = |highest: f64| 0.0..if highest > 0.0 { 1.08 * highest } else { 1.0 };
+    let x = Axis {
+        range: range(speed),
+        quantity: "tangential speed (mm/s)",
+        ticks: Ticks::Numbers(12),
+    };
+    let y = Axis {
+        range: range(force),
+        quantity: "normal force (N)",
+        ticks: Ticks::Numbers(8),
+    };
+    let entries = [
+        (
+            Swatch::Line {
+                colour: BLUE,
+                dashed: false,
+            },
+            "a node: h and σ² (area)",
+        ),
+        (
+            Swatch::Line {
+                colour: VERMILION,
+                dashed: false,
+            },
+            "a motion: interpolated from the four nodes around it",
+        ),
+    ];
+    picture(caption, (960, 400), |area| {
+        let below = legend(area, &entries)?;
+        let mut chart = axes(&below, &x, &y)?;
+        chart.draw_series(nodes.iter().map(|&(speed, force, own)| {
+            let share = if variance > 0.0 {
+                (own / variance).sqrt()
+            } else {
+                0.0
+            };
+            let radius = at(2) + (f64::from(at(9)) * share) as i32;
+            Circle::new((speed, force), radius, BLUE.mix(0.55).filled())
+        }))?;
+        chart.draw_series(
+            nodes
+                .iter()
+                .map(|&(speed, force, _)| Cross::new((speed, force), at(2), line(INK, 1))),
+        )?;
+        chart.draw_series(LineSeries::new(motion.iter().copied(), line(VERMILION, 4)))?;
+        Ok(())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::canvas::tests::assert_drawn_within;
+    use super::*;
+
+    const CAPTION: Caption<'_> = Caption {
+        title: "test",
+        simulated: false,
+    };
+
+    #[test]
+    fn pictures_stay_within_their_frames_whatever_is_drawn() {
+        let wave: Vec<f64> = (0..500).map(|n| f64::from(n).sin()).collect();
+        let odd = vec![f64::NAN; 500];
+        for (recorded, predicted) in [
+            (&wave, &wave),
+            (&wave, &odd),
+            (&odd, &odd),
+            (&vec![], &vec![]),
+        ] {
+            let svg = forward_prediction(&CAPTION, recorded, predicted, 5000.0).unwrap();
+            assert_drawn_within(&svg, 960, 460);
+        }
+        let nodes = [(20.0, 0.2, 0.1), (300.0, 1.4, 2.0), (20.0, 1.4, 0.0)];
+        let motion = [(0.0, 0.0), (150.0, 0.7)];
+        assert_drawn_within(
+            &grid_and_motion(&CAPTION, &nodes, &motion).unwrap(),
+            960,
+            400,
+        );
+        grid_and_motion(&CAPTION, &[], &[]).unwrap();
+    }
+}

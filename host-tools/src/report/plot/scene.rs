@@ -1,0 +1,298 @@
+//! A scene along a motion: where the tool is on which surface, how it moves, and what is played, one above the other.
+
+use plotters::prelude::*;
+
+use super::canvas::{
+    Area, Axis, BLUE, Chart, Drawn, GREEN, INK, ORANGE, PALE, PURPLE, SKY, Swatch, Ticks,
+    VERMILION, axes, legend, line, picture, px, range_with_zero, thinned,
+};
+use super::spectrogram::{image, levels_db, png};
+use super::{Caption, Svg};
+use crate::scene::Hand;
+use crate::support::error::{Error, Result};
+
+/// Size of the picture, shown pixels.
+const SIZE: (u32, u32) = (960, 900);
+
+/// Heights of path, speed, force and output, shown pixels; the spectrogram has the rest.
+const HEIGHTS: [u32; 4] = [190, 100, 100, 170];
+
+/// Length of a window of the spectrogram, s: short enough to tell taps apart.
+const WINDOW_S: f64 = 0.05;
+
+/// Moments at which the hand is looked at; at most so many are drawn.
+const MOMENTS: usize = 2000;
+
+/// Colours of surfaces, one after the other; beyond the last they begin again.
+const SURFACES: [RGBColor; 6] = [BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION];
+
+/// A stretch of the path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneRegion {
+    /// Where it begins, mm.
+    pub start_mm: f64,
+    /// Where it ends, mm.
+    pub end_mm: f64,
+    /// Which surface it is.
+    pub surface: usize,
+}
+
+/// What is drawn of a scene.
+#[derive(Clone, Debug)]
+pub struct SceneView<'a> {
+    /// What the surfaces are called.
+    pub surface_names: &'a [String],
+    /// Where they lie; none is the first everywhere.
+    pub regions: &'a [SceneRegion],
+    /// What the hand does from 0 s on.
+    pub hand: Hand<'a>,
+    /// What is played, m/s².
+    pub samples_m_s2: &'a [f64],
+    /// Its samples a second.
+    pub rate_hz: f64,
+    /// Highest frequency of the spectrogram, Hz.
+    pub highest_hz: f64,
+}
+
+/// One moment of the hand.
+#[derive(Clone, Copy)]
+struct Moment {
+    time_s: f64,
+    position_mm: f64,
+    speed_mm_s: f64,
+    force_n: f64,
+    contact: bool,
+}
+
+/// Draws the scene.
+///
+/// # Errors
+/// A rate or highest frequency that is not positive, nothing that is played, or a picture that cannot be laid out.
+pub fn scene(caption: &Caption<'_>, view: &SceneView<'_>) -> Result<Svg> {
+    let rate_hz = view.rate_hz;
+    let is_sound = rate_hz > 0.0 && view.highest_hz > 0.0 && view.highest_hz.is_finite();
+    if !is_sound || view.samples_m_s2.is_empty() {
+        return Err(Error::Request(format!(
+            "{} samples at {rate_hz} Hz up to {} Hz cannot be drawn",
+            view.samples_m_s2.len(),
+            view.highest_hz
+        )));
+    }
+    let end_s = view.samples_m_s2.len() as f64 / rate_hz;
+    let highest_hz = view.highest_hz.min(0.5 * rate_hz);
+    let moments = moments(&view.hand, end_s);
+    let panel = levels_db(view.samples_m_s2, rate_hz, highest_hz, WINDOW_S);
+    let top_db = panel.iter().flatten().copied();
+    let top_db = top_db.filter(|db| db.is_finite()).fold(f64::MIN, f64::max);
+    let mut picture_of_levels = String::new();
+    let svg = picture(caption, SIZE, |area| {
+        let below = legend(area, &entries(view))?;
+        let mut rest = below;
+        let mut panes = Vec::new();
+        for height in HEIGHTS {
+            let (pane, after) = rest.split_vertically(px(height));
+            panes.push(pane);
+            rest = after;
+        }
+        draw_path(&panes[0], view, &moments, end_s)?;
+        let speed: Vec<(f64, f64)> = moments.iter().map(|m| (m.time_s, m.speed_mm_s)).collect();
+        draw_curve(&panes[1], &speed, "mm/s", INK, end_s)?;
+        let force: Vec<(f64, f64)> = moments.iter().map(|m| (m.time_s, m.force_n)).collect();
+        draw_curve(&panes[2], &force, "N", INK, end_s)?;
+        let output = view.samples_m_s2.iter().enumerate();
+        let output = output.map(|(n, x)| (n as f64 / rate_hz, *x));
+        draw_curve(&panes[3], &thinned(output), "m/s²", INK, end_s)?;
+        let y = Axis {
+            range: 0.0..highest_hz,
+            quantity: "Hz, 60 dB",
+            ticks: Ticks::Numbers(5),
+        };
+        let chart = axes(&rest, &time_axis(end_s, "time (s)", Ticks::Numbers(10)), &y)?;
+        // Silence has no levels; its pane stays empty.
+        if top_db > f64::MIN {
+            let (columns, rows) = chart.plotting_area().get_pixel_range();
+            let place = (
+                columns.start,
+                rows.start,
+                columns.end - columns.start,
+                rows.end - rows.start,
+            );
+            picture_of_levels = image(place, &png(&panel, top_db)?);
+        }
+        Ok(())
+    })?;
+    Ok(svg.with(&picture_of_levels))
+}
+
+fn moments(hand: &Hand<'_>, end_s: f64) -> Vec<Moment> {
+    let mut hand = hand.clone();
+    (0..=MOMENTS)
+        .map(|n| {
+            let time_s = end_s * n as f64 / MOMENTS as f64;
+            let interaction = hand.at(time_s);
+            Moment {
+                time_s,
+                position_mm: interaction.position_mm().into(),
+                speed_mm_s: interaction.motion.speed_mm_s().into(),
+                force_n: interaction.motion.force_n().into(),
+                contact: interaction.contact,
+            }
+        })
+        .collect()
+}
+
+fn entries<'a>(view: &'a SceneView<'_>) -> Vec<(Swatch, &'a str)> {
+    let names = view.surface_names.iter().enumerate();
+    let mut entries: Vec<(Swatch, &str)> = names
+        .map(|(index, name)| (Swatch::Box(pale(colour_of(index))), name.as_str()))
+        .collect();
+    let path = |colour| Swatch::Line {
+        colour,
+        dashed: false,
+    };
+    entries.push((path(INK), "the tool, touching"));
+    entries.push((path(VERMILION), "not touching"));
+    entries
+}
+
+fn colour_of(surface: usize) -> RGBColor {
+    SURFACES[surface % SURFACES.len()]
+}
+
+/// Two thirds of the way to white, so that what is drawn over it stands out.
+fn pale(RGBColor(r, g, b): RGBColor) -> RGBColor {
+    let lighter = |c: u8| 255 - (255 - c) / 3;
+    RGBColor(lighter(r), lighter(g), lighter(b))
+}
+
+fn time_axis<'a>(end_s: f64, quantity: &'a str, ticks: Ticks<'a>) -> Axis<'a> {
+    Axis {
+        range: 0.0..end_s,
+        quantity,
+        ticks,
+    }
+}
+
+/// The place of the tool over time, over bands that are the surfaces.
+fn draw_path(area: &Area<'_>, view: &SceneView<'_>, moments: &[Moment], end_s: f64) -> Drawn {
+    let ends = view.regions.iter().flat_map(|r| [r.start_mm, r.end_mm]);
+    let places = moments.iter().map(|moment| moment.position_mm);
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for place in ends.chain(places) {
+        (low, high) = (low.min(place), high.max(place));
+    }
+    let room = 0.04 * (high - low).max(1.0);
+    let (low, high) = (low - room, high + room);
+    let y = Axis {
+        range: low..high,
+        quantity: "path (mm)",
+        ticks: Ticks::Numbers(6),
+    };
+    let mut chart = axes(area, &time_axis(end_s, "", Ticks::Blank(10)), &y)?;
+    let everywhere = [SceneRegion {
+        start_mm: low,
+        end_mm: high,
+        surface: 0,
+    }];
+    let regions = if view.regions.is_empty() {
+        &everywhere[..]
+    } else {
+        view.regions
+    };
+    chart.draw_series(regions.iter().map(|region| {
+        let corners = [(0.0, region.start_mm), (end_s, region.end_mm)];
+        Rectangle::new(corners, pale(colour_of(region.surface)).filled())
+    }))?;
+    for run in moments.chunk_by(|a, b| a.contact == b.contact) {
+        let colour = if run[0].contact { INK } else { VERMILION };
+        draw_line(
+            &mut chart,
+            run.iter().map(|m| (m.time_s, m.position_mm)),
+            colour,
+        )?;
+    }
+    Ok(())
+}
+
+fn draw_line(
+    chart: &mut Chart<'_>,
+    points: impl Iterator<Item = (f64, f64)>,
+    colour: RGBColor,
+) -> Drawn {
+    chart.draw_series(LineSeries::new(points, line(colour, 3)))?;
+    Ok(())
+}
+
+fn draw_curve(
+    area: &Area<'_>,
+    points: &[(f64, f64)],
+    quantity: &str,
+    colour: RGBColor,
+    end_s: f64,
+) -> Drawn {
+    let y = Axis {
+        range: range_with_zero(points.iter().map(|point| point.1)),
+        quantity,
+        ticks: Ticks::Numbers(4),
+    };
+    let mut chart = axes(area, &time_axis(end_s, "", Ticks::Blank(10)), &y)?;
+    chart.draw_series(LineSeries::new([(0.0, 0.0), (end_s, 0.0)], line(PALE, 2)))?;
+    chart.draw_series(LineSeries::new(points.iter().copied(), line(colour, 2)))?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::canvas::tests::assert_drawn_within;
+    use super::*;
+    use crate::playing::motion::MotionPath;
+    use model_format::{MillimetresPerSecond, Newton};
+
+    const CAPTION: Caption<'_> = Caption {
+        title: "test",
+        simulated: true,
+    };
+
+    fn draw(samples: &[f64], regions: &[SceneRegion], names: &[String]) -> Result<Svg> {
+        let motion = MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();
+        let view = SceneView {
+            surface_names: names,
+            regions,
+            hand: Hand::new(&motion),
+            samples_m_s2: samples,
+            rate_hz: 5000.0,
+            highest_hz: 1000.0,
+        };
+        scene(&CAPTION, &view)
+    }
+
+    #[test]
+    fn a_picture_stays_small_and_within_its_frame_whatever_is_played() {
+        let long: Vec<f64> = (0..100_000).map(|n| (0.3 * f64::from(n)).sin()).collect();
+        let names: Vec<String> = (0..16).map(|n| format!("a surface, number {n}")).collect();
+        let regions: Vec<SceneRegion> = (0..16)
+            .map(|n| SceneRegion {
+                start_mm: 10.0 * n as f64,
+                end_mm: 10.0 * n as f64 + 8.0,
+                surface: n,
+            })
+            .collect();
+        for samples in [&long[..], &long[..7], &[0.0; 900][..]] {
+            for (regions, names) in [(&regions[..], &names[..]), (&[], &names[..1])] {
+                let svg = draw(samples, regions, names).unwrap();
+                assert_drawn_within(&svg, SIZE.0, SIZE.1);
+                assert!(svg.as_str().len() < 500_000, "{}", svg.as_str().len());
+                assert!(svg.as_str().contains("SIMULATED"));
+                assert!(svg.as_str().trim_end().ends_with("</svg>"));
+            }
+        }
+    }
+
+    #[test]
+    fn silence_is_drawn_and_nothing_is_refused() {
+        let names = ["smooth".to_owned()];
+        let silent = draw(&[0.0; 500], &[], &names).unwrap();
+        assert_eq!(silent.as_str().matches("<image").count(), 0);
+        assert!(draw(&[], &[], &names).is_err());
+    }
+}

@@ -1,0 +1,183 @@
+//! TOML texts: reading them, places of values in them, and the checks that name those.
+
+use std::path::Path;
+
+use model_format::limits::MAX_NAME_BYTES;
+use serde::de::DeserializeOwned;
+use toml::de::DeTable;
+
+use crate::support::error::{Error, Result};
+
+/// Reads TOML `text`; `path` is only named in errors.
+///
+/// # Errors
+/// Text that is not TOML, a field that is unknown, missing, or of the wrong type, with the line.
+pub(crate) fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
+    toml::from_str(text).map_err(|failure| {
+        let start = failure.span().map_or(0, |span| span.start);
+        let problem = failure.message().trim_end().replace('\n', "; ");
+        Error::line(path, line_at(text, start), problem)
+    })
+}
+
+/// The place of a value, as the keys and positions that lead to it.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Field(Vec<Step>);
+
+#[derive(Debug, Clone, Copy)]
+enum Step {
+    Key(&'static str),
+    Item(usize),
+}
+
+impl Field {
+    pub(crate) fn key(&self, key: &'static str) -> Self {
+        self.with(Step::Key(key))
+    }
+
+    pub(crate) fn item(&self, index: usize) -> Self {
+        self.with(Step::Item(index))
+    }
+
+    /// An error at this place of `text`, which is that of `path`.
+    pub(crate) fn error(&self, path: &Path, text: &str, problem: impl std::fmt::Display) -> Error {
+        Error::line(path, line_of(text, self), format!("{self}: {problem}"))
+    }
+
+    fn with(&self, step: Step) -> Self {
+        let mut steps = self.0.clone();
+        steps.push(step);
+        Self(steps)
+    }
+}
+
+impl std::fmt::Display for Field {
+    /// `texture[2].roughness.rms_um`, counted from 1 as a reader of the file counts.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for (position, step) in self.0.iter().enumerate() {
+            match step {
+                Step::Key(key) if position > 0 => write!(f, ".{key}")?,
+                Step::Key(key) => f.write_str(key)?,
+                Step::Item(index) => write!(f, "[{}]", index + 1)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A value that is out of its range.
+pub(crate) struct Fault {
+    pub(crate) field: Field,
+    pub(crate) problem: String,
+}
+
+pub(crate) type Checked = std::result::Result<(), Fault>;
+
+impl Field {
+    fn fault(&self, problem: impl Into<String>) -> Fault {
+        Fault {
+            field: self.clone(),
+            problem: problem.into(),
+        }
+    }
+
+    pub(crate) fn require(&self, holds: bool, problem: impl FnOnce() -> String) -> Checked {
+        if holds {
+            Ok(())
+        } else {
+            Err(self.fault(problem()))
+        }
+    }
+
+    /// Not NaN, over `low`, at most `high`.
+    pub(crate) fn over(&self, value: f64, low: f64, high: f64) -> Checked {
+        self.require(value > low && value <= high, || {
+            format!("must be over {low} and at most {high}, and is {value}")
+        })
+    }
+
+    /// Not NaN, from `low` to `high`.
+    pub(crate) fn within(&self, value: f64, low: f64, high: f64) -> Checked {
+        self.require((low..=high).contains(&value), || {
+            format!("must be from {low} to {high}, and is {value}")
+        })
+    }
+
+    pub(crate) fn each_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
+        values
+            .iter()
+            .enumerate()
+            .try_for_each(|(index, value)| self.item(index).within(*value, low, high))
+    }
+
+    pub(crate) fn count(&self, count: usize, least: usize, most: usize) -> Checked {
+        self.require((least..=most).contains(&count), || {
+            format!("must have {least} to {most} entries, and has {count}")
+        })
+    }
+
+    pub(crate) fn ascending(&self, values: &[f64]) -> Checked {
+        for (index, pair) in values.windows(2).enumerate() {
+            self.item(index + 1).require(pair[0] < pair[1], || {
+                format!(
+                    "must ascend without repeats, and {} follows {}",
+                    pair[1], pair[0]
+                )
+            })?;
+        }
+        Ok(())
+    }
+
+    /// A name that can be a folder and a field of a table everywhere.
+    pub(crate) fn name(&self, name: &str) -> Checked {
+        self.require(!name.is_empty(), || "must not be empty".into())?;
+        self.require(name.len() <= MAX_NAME_BYTES, || {
+            format!(
+                "must be at most {MAX_NAME_BYTES} bytes long, and is {}",
+                name.len()
+            )
+        })?;
+        let forbidden = |c: char| c.is_control() || r#"/\:*?"<>|"#.contains(c);
+        self.require(!name.contains(forbidden), || {
+            format!(
+                "is {name:?}; must have no path separators, control characters or : * ? \" < > |"
+            )
+        })?;
+        self.require(name.starts_with(char::is_alphanumeric), || {
+            format!("is {name:?}; must start with a letter or a digit")
+        })?;
+        self.require(!name.ends_with(['.', ' ']), || {
+            format!("is {name:?}; must not end with a dot or a space")
+        })
+    }
+}
+
+/// The line, from 1, of a byte of `text`.
+fn line_at(text: &str, byte: usize) -> u64 {
+    let before = text.get(..byte).unwrap_or(text);
+    1 + before.matches('\n').count() as u64
+}
+
+/// The line of a field, or of the nearest thing around it that the text holds.
+pub(crate) fn line_of(text: &str, field: &Field) -> u64 {
+    let Ok(document) = DeTable::parse(text) else {
+        return 1;
+    };
+    let Some((Step::Key(first), rest)) = field.0.split_first() else {
+        return 1;
+    };
+    let Some(mut value) = document.get_ref().get(*first) else {
+        return 1;
+    };
+    let mut start = value.span().start;
+    for step in rest {
+        let inner = match step {
+            Step::Key(key) => value.get_ref().get(*key),
+            Step::Item(index) => value.get_ref().get(*index),
+        };
+        let Some(inner) = inner else { break };
+        value = inner;
+        start = value.span().start;
+    }
+    line_at(text, start)
+}

@@ -1,0 +1,35 @@
+//! A texture's grid of models over speed and force.
+
+use crate::dsp::model::Model;
+
+/// Models over ascending speeds and forces, all forces of the first speed first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Tangential speeds, mm/s.
+    pub speeds_mm_s: Vec<f32>,
+    /// Normal forces, N.
+    pub forces_n: Vec<f32>,
+    /// One model a node.
+    pub models: Vec<Model>,
+}
+
+impl Grid {
+    /// Index of the node at these indices of the axes.
+    pub fn index(&self, speed: usize, force: usize) -> usize {
+        speed * self.forces_n.len() + force
+    }
+
+    /// Each node's speed, mm/s, force, N, and model.
+    pub fn nodes(&self) -> impl Iterator<Item = (f32, f32, &Model)> {
+        let forces = self.forces_n.len();
+        self.models.iter().enumerate().map(move |(index, model)| {
+            let (speed, force) = (index / forces, index % forces);
+            (self.speeds_mm_s[speed], self.forces_n[force], model)
+        })
+    }
+}
+
+/// A value of an axis as it was written in decimals: 0.2, not 0.200000003.
+pub fn as_written(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}

@@ -1,0 +1,9 @@
+//! Textures between a fit and a library: grids of models, their interpolation, quantisation and certificates.
+//!
+//! Invariant: models in, library entries out. Nothing here reads a recording's file or estimates a model from one.
+
+pub mod certificate;
+pub mod domain;
+pub mod grid;
+pub mod quantise;
+pub mod recorded_spectra;

@@ -1,0 +1,242 @@
+//! The spectra of one surface at several speeds, taken apart into what moves with the speed and what stays.
+//!
+//! A tool dragged over a surface at the speed v vibrates with the surface's profile, which stands at fixed spatial
+//! frequencies f/v, shaped by the resonances of tool and hand, which stand at fixed frequencies f. In logarithms:
+//! L(f, v) = S(ln f - ln v) + T(ln f) + R(f, v). S and T are found by backfitting (Hastie and Tibshirani, *Generalized
+//! Additive Models*, 1990, ch. 4), each in turn as the mean of what the other leaves. At another speed, S is moved and T
+//! is not; what neither explains, R, is taken over from the neighbouring speeds as a smooth curve.
+//!
+//! Moving the whole spectrum with the speed would move the tool's resonances too.
+
+use crate::dsp::log_spectrum::{BINS, LogSpectrum, STEP_HZ};
+
+/// Frequencies of the decomposition, evenly spaced in ln f.
+const POINTS: usize = 1400;
+
+/// The lowest of them, Hz; below, spectra go on as they are there.
+const LOWEST_HZ: f64 = 4.0;
+
+/// Rounds of backfitting. Most of the change is in the first three.
+const ROUNDS: usize = 8;
+
+/// A third octave in base ten, as a difference of natural logarithms.
+const THIRD_OCTAVE: f64 = 0.1 * std::f64::consts::LN_10;
+
+/// Fewest speeds that can be taken apart; fewer are warped whole.
+pub const FEWEST_SPEEDS: usize = 4;
+
+/// A curve over ln f, [`POINTS`] values.
+type Curve = Vec<f64>;
+
+/// From one point to the next, as a difference of ln f.
+fn step() -> f64 {
+    (((BINS - 1) as f64 * STEP_HZ) / LOWEST_HZ).ln() / (POINTS - 1) as f64
+}
+
+fn curve_of(spectrum: &LogSpectrum) -> Curve {
+    (0..POINTS)
+        .map(|point| {
+            let frequency_hz = LOWEST_HZ * (step() * point as f64).exp();
+            spectrum.at(frequency_hz / STEP_HZ)
+        })
+        .collect()
+}
+
+fn spectrum_of(curve: &[f64]) -> LogSpectrum {
+    let values = (0..BINS).map(|bin| {
+        let frequency_hz = (bin as f64 * STEP_HZ).max(LOWEST_HZ);
+        value_at(curve, (frequency_hz / LOWEST_HZ).ln() / step())
+    });
+    LogSpectrum::from_values(values.collect())
+}
+
+/// The value between two points; the ends go on.
+fn value_at(values: &[f64], place: f64) -> f64 {
+    let place = place.clamp(0.0, (values.len() - 1) as f64);
+    let below = (place as usize).min(values.len() - 2);
+    values[below] + (values[below + 1] - values[below]) * (place - below as f64)
+}
+
+/// Spectra of one surface at one force, taken apart.
+#[derive(Clone, Debug)]
+pub struct SurfaceAndTool {
+    /// ln v of every spectrum, ascending.
+    log_speeds: Vec<f64>,
+    /// Over ln f - ln v in the same steps, from that of the lowest frequency at the highest speed on.
+    surface: Vec<f64>,
+    tool: Curve,
+    /// What neither explains, of every spectrum, smoothed.
+    rest: Vec<Curve>,
+}
+
+impl SurfaceAndTool {
+    /// Takes spectra at ascending speeds, mm/s, apart.
+    ///
+    /// # Panics
+    /// If there are fewer than [`FEWEST_SPEEDS`].
+    pub fn of(members: &[(f64, &LogSpectrum)]) -> Self {
+        assert!(members.len() >= FEWEST_SPEEDS);
+        let log_speeds: Vec<f64> = members.iter().map(|(speed, _)| speed.ln()).collect();
+        let curves: Vec<Curve> = members.iter().map(|(_, s)| curve_of(s)).collect();
+        let reach = (log_speeds[log_speeds.len() - 1] - log_speeds[0]) / step();
+        let mut parts = Self {
+            surface: vec![0.0; POINTS + reach.ceil() as usize],
+            tool: vec![0.0; POINTS],
+            rest: Vec::new(),
+            log_speeds,
+        };
+        for _ in 0..ROUNDS {
+            parts.surface = parts.surface_left_by_tool(&curves);
+            parts.tool = parts.tool_left_by_surface(&curves);
+        }
+        parts.rest = curves
+            .iter()
+            .zip(&parts.log_speeds)
+            .map(|(curve, &log_speed)| {
+                let rest = (0..POINTS).map(|p| curve[p] - parts.both_at(p, log_speed));
+                smoothed(&smoothed(&rest.collect::<Curve>()))
+            })
+            .collect();
+        parts
+    }
+
+    /// Where point 0 of a spectrum at this speed lies on the surface's curve.
+    fn offset(&self, log_speed: f64) -> f64 {
+        (self.log_speeds[self.log_speeds.len() - 1] - log_speed) / step()
+    }
+
+    fn both_at(&self, point: usize, log_speed: f64) -> f64 {
+        self.tool[point] + value_at(&self.surface, point as f64 + self.offset(log_speed))
+    }
+
+    fn surface_left_by_tool(&self, curves: &[Curve]) -> Vec<f64> {
+        let mut sums = vec![(0.0, 0.0); self.surface.len()];
+        for (curve, &log_speed) in curves.iter().zip(&self.log_speeds) {
+            let left: Curve = curve.iter().zip(&self.tool).map(|(l, t)| l - t).collect();
+            let offset = self.offset(log_speed);
+            let first = offset.ceil() as usize;
+            for (index, sum) in sums.iter_mut().enumerate().skip(first) {
+                let place = index as f64 - offset;
+                if place > (POINTS - 1) as f64 {
+                    break;
+                }
+                sum.0 += value_at(&left, place);
+                sum.1 += 1.0;
+            }
+        }
+        // The very ends may lie between points of the only spectrum that reaches them.
+        let mut surface: Vec<f64> = sums.iter().map(|(sum, n)| sum / n).collect();
+        for index in 1..surface.len() {
+            if sums[index].1 <= 0.0 {
+                surface[index] = surface[index - 1];
+            }
+        }
+        surface
+    }
+
+    fn tool_left_by_surface(&self, curves: &[Curve]) -> Curve {
+        let weight = 1.0 / curves.len() as f64;
+        let mut tool = vec![0.0; POINTS];
+        for (curve, &log_speed) in curves.iter().zip(&self.log_speeds) {
+            let offset = self.offset(log_speed);
+            for (point, (tool, value)) in tool.iter_mut().zip(curve).enumerate() {
+                *tool += weight * (value - value_at(&self.surface, point as f64 + offset));
+            }
+        }
+        tool
+    }
+
+    /// The spectrum at a speed between the first and the last, mm/s.
+    pub fn at(&self, speed_mm_s: f64) -> LogSpectrum {
+        let log_speed = speed_mm_s.ln();
+        let above = self
+            .log_speeds
+            .partition_point(|&known| known < log_speed)
+            .clamp(1, self.log_speeds.len() - 1);
+        let (low, high) = (
+            self.log_speeds[above - 1].exp(),
+            self.log_speeds[above].exp(),
+        );
+        let share = ((speed_mm_s - low) / (high - low)).clamp(0.0, 1.0);
+        let curve: Curve = (0..POINTS)
+            .map(|point| {
+                let (below, above) = (&self.rest[above - 1], &self.rest[above]);
+                let rest = below[point] + (above[point] - below[point]) * share;
+                self.both_at(point, log_speed) + rest
+            })
+            .collect();
+        spectrum_of(&curve)
+    }
+}
+
+/// The running mean over a third octave; at the ends over what is there.
+fn smoothed(curve: &[f64]) -> Curve {
+    let half = (0.5 * THIRD_OCTAVE / step()) as usize;
+    let mut sums = vec![0.0; POINTS + 1];
+    for (point, value) in curve.iter().enumerate() {
+        sums[point + 1] = sums[point] + value;
+    }
+    (0..POINTS)
+        .map(|point| {
+            let (first, end) = (point.saturating_sub(half), (point + half + 1).min(POINTS));
+            (sums[end] - sums[first]) / (end - first) as f64
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A surface with a line at 1/mm and a tool that resonates at 300 Hz.
+    fn truth(speed_mm_s: f64) -> LogSpectrum {
+        let values = (0..BINS).map(|bin| {
+            let frequency_hz = (bin as f64 * STEP_HZ).max(LOWEST_HZ);
+            let line = ((frequency_hz / speed_mm_s).ln() / 0.1).powi(2);
+            let resonance = ((frequency_hz / 300.0).ln() / 0.2).powi(2);
+            6.0 * (-line).exp() + 3.0 * (-resonance).exp() - 0.5 * (frequency_hz / speed_mm_s).ln()
+        });
+        LogSpectrum::from_values(values.collect())
+    }
+
+    fn largest_error(a: &LogSpectrum, b: &LogSpectrum) -> f64 {
+        let bins = 40..4900;
+        bins.map(|bin| (a.values()[bin] - b.values()[bin]).abs())
+            .fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_line_moves_with_the_speed_and_a_resonance_stays() {
+        let speeds = [40.0, 60.0, 80.0, 100.0, 140.0, 160.0, 180.0, 200.0];
+        let spectra = speeds.map(truth);
+        let members: Vec<_> = speeds.into_iter().zip(&spectra).collect();
+        let apart = SurfaceAndTool::of(&members).at(120.0);
+        let whole = LogSpectrum::mean(&[
+            (0.5, &spectra[3].warped(100.0, 120.0)),
+            (0.5, &spectra[4].warped(140.0, 120.0)),
+        ]);
+        let (apart, whole) = (
+            largest_error(&apart, &truth(120.0)),
+            largest_error(&whole, &truth(120.0)),
+        );
+        assert!(apart < 0.5, "{apart}");
+        assert!(apart < 0.5 * whole, "{apart} against {whole}");
+    }
+
+    #[test]
+    fn what_is_not_a_sum_at_all_is_still_between_its_neighbours() {
+        let speeds = [20.0, 40.0, 60.0, 80.0];
+        let spectra =
+            [0.0, 1.0, -1.0, 2.0].map(|level| LogSpectrum::from_values(vec![level; BINS]));
+        let members: Vec<_> = speeds.into_iter().zip(&spectra).collect();
+        let parts = SurfaceAndTool::of(&members);
+        for (speed, level) in [(20.0, 0.0), (40.0, 1.0), (60.0, -1.0), (80.0, 2.0)] {
+            let there = parts.at(speed);
+            assert!(
+                (there.values()[1000] - level).abs() < 0.05,
+                "{speed}: {}",
+                there.values()[1000]
+            );
+        }
+    }
+}
