@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::toolchain::{TARGET, Toolchain};
+use crate::target::TARGET;
+use crate::toolchain::Toolchain;
 use crate::{process, workspace};
 
 /// A processor that the kernel is built for, and the board of Arm's on which QEMU has it.

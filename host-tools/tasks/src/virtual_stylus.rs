@@ -9,7 +9,8 @@ use std::process::Command;
 
 use crate::error::{Error, Result};
 use crate::firmware::{self, Image};
-use crate::toolchain::{TARGET, Toolchain};
+use crate::target::TARGET;
+use crate::toolchain::Toolchain;
 use crate::{costs, process, tables, workspace};
 
 fn folder() -> PathBuf {
