@@ -9,7 +9,7 @@ use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::{WavFormat, render_wav};
 use host_tools::recording::RecordingSet;
 use host_tools::report::evaluation_page as report;
-use host_tools::rig::{self, Scene};
+use host_tools::rig::{self, RigFile};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
 use model_format::{Library, MillimetresPerSecond, Newton};
@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     let recordings = out.join("recordings");
     step(1, "stylus simulate-rig: the paper's protocol, SIMULATED")?;
-    let simulated = rig::simulate_to_folder(&Scene::paper(), arguments.seed, &recordings)?;
+    let simulated = rig::simulate_to_folder(&RigFile::paper(), arguments.seed, &recordings)?;
     print(simulated.to_string().trim_end())?;
 
     step(2, "stylus fit: a model a node, its order chosen by BIC")?;

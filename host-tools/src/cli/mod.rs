@@ -43,7 +43,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Simulate a drum rig's recordings from a scene
+    /// Simulate the recordings of a drum rig
     SimulateRig(simulate_rig::Arguments),
     /// Fit a texture library to recordings
     Fit(fit::Arguments),

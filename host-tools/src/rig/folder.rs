@@ -12,8 +12,8 @@ pub(super) const MARKER: &str = "SIMULATED.txt";
 pub(super) const MARKER_START: &str = "SIMULATED. Nothing in this folder was measured.";
 /// The table of trials; written after everything else.
 pub(super) const TRIALS: &str = "trials.csv";
-/// The scene's text.
-pub(super) const SCENE: &str = "scene.toml";
+/// The copy of the rig file.
+pub(super) const RIG: &str = "rig.toml";
 /// How the name of every recording begins.
 pub(super) const RECORDING_PREFIX: &str = "simulated_";
 
@@ -81,7 +81,7 @@ fn list(out: &Path) -> Result<Contents> {
                 contents.recordings.push(inner);
             }
         } else if is_plain(&path, fs::FileType::is_file)?
-            && ([MARKER, TRIALS, SCENE].contains(&name) || name.starts_with(TEMPORARY_PREFIX))
+            && ([MARKER, TRIALS, RIG].contains(&name) || name.starts_with(TEMPORARY_PREFIX))
         {
             contents.others.push(path);
         } else {
@@ -155,7 +155,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         put(folder.path(), MARKER, MARKER_START);
         put(folder.path(), TRIALS, "");
-        put(folder.path(), SCENE, "");
+        put(folder.path(), RIG, "");
         put(folder.path(), "denim/simulated_20mm_s_0.0N.wav", "");
         folder
     }

@@ -6,8 +6,8 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use realfft::num_complex::Complex;
 
+use super::description::{Hum, Measurement, Noise, Tremor};
 use super::random::StreamKey;
-use super::scene::{Hum, Measurement, Noise, Tremor};
 
 /// Sines that a tremor is made of; enough that their sum is Gaussian.
 const TREMOR_SINES: usize = 24;

@@ -2,8 +2,8 @@
 //! from a physical model. **Nothing it writes was measured**, and every file it writes says so.
 //!
 //! It exists so that the chain from recordings to the stylus can be exercised, and its errors known against a source
-//! whose every part is known, without the rig. A [`Scene`] names the surfaces, the tool and what measuring adds.
-//! *What a scene does not name is not computed*: no work is done and no random number is drawn for it, and since every
+//! whose every part is known, without the rig. A [`RigFile`] names the surfaces, the tool and what measuring adds.
+//! *What a rig file does not name is not computed*: no work is done and no random number is drawn for it, and since every
 //! effect draws from a stream of its own, naming one more leaves what the others add bit for bit as it was.
 //!
 //! # The model
@@ -53,16 +53,17 @@
 //! # Repeatability
 //!
 //! Every random stream is keyed by the seed, the texture's name, the trial's speed and force and the effect. The same
-//! scene and seed give the same bytes on the same build, whatever the number of threads; adding a speed, a force or a
+//! rig and seed give the same bytes on the same build, whatever the number of threads; adding a speed, a force or a
 //! texture leaves the other trials as they were.
 
 mod contact;
+mod description;
+mod file;
 mod folder;
 mod measurement;
 mod output;
 mod random;
 mod resonance;
-mod scene;
 mod series;
 mod surface;
 #[cfg(test)]
@@ -71,11 +72,12 @@ mod trial;
 mod validate;
 
 pub use contact::Contact;
+pub use description::{
+    Clipping, Drum, Hum, Jitter, Measurement, Mode, Noise, Offset, Recording, RigDescription,
+    Roughness, Texture, Tool, Tremor, Weave,
+};
+pub use file::RigFile;
 pub use output::{Summary, TextureSummary, simulate_to_folder};
 pub use resonance::{Response, ToolResponse};
-pub use scene::{
-    Clipping, Description, Drum, Hum, Jitter, Measurement, Mode, Noise, Offset, Recording,
-    Roughness, Scene, Texture, Tool, Tremor, Weave,
-};
 pub use surface::Surface;
 pub use trial::{Strip, Trial};

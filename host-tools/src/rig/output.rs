@@ -8,8 +8,9 @@ use std::path::Path;
 use hound::{SampleFormat, WavSpec, WavWriter};
 use rayon::prelude::*;
 
-use super::folder::{self, MARKER, MARKER_START, RECORDING_PREFIX, SCENE, TRIALS};
-use super::scene::{Description, Scene};
+use super::description::RigDescription;
+use super::file::RigFile;
+use super::folder::{self, MARKER, MARKER_START, RECORDING_PREFIX, RIG, TRIALS};
 use super::trial::{Strip, Trial};
 use crate::support::error::{Error, Result};
 use crate::support::{atomic_file, progress};
@@ -23,7 +24,7 @@ pub struct Summary {
     pub samples_per_trial: usize,
     /// Size of all files together.
     pub bytes: u64,
-    /// The textures, in the scene's order.
+    /// The textures, in the rig's order.
     pub textures: Vec<TextureSummary>,
 }
 
@@ -63,18 +64,18 @@ impl fmt::Display for Summary {
     }
 }
 
-/// Runs every trial of `scene` with `seed` and writes them to the folder `out`.
+/// Runs every trial of `rig` with `seed` and writes them to the folder `out`.
 ///
 /// A WAV file a trial, `TEXTURE/simulated_SPEEDmm_s_FORCEN.wav`: 3 channels (x, y, z), 32-bit float, m/s². Beside them
-/// `SIMULATED.txt`, a copy of the scene (`scene.toml`), and last `trials.csv`, so that a run that was cut short has
-/// none. Same scene, same seed: same bytes, whatever the number of threads.
+/// `SIMULATED.txt`, a copy of the rig file (`rig.toml`), and last `trials.csv`, so that a run that was cut short has
+/// none. Same rig, same seed: same bytes, whatever the number of threads.
 ///
 /// # Errors
 /// `out` holds anything that is not of an earlier simulated set (which is replaced), or cannot be written.
-pub fn simulate_to_folder(scene: &Scene, seed: u64, out: &Path) -> Result<Summary> {
+pub fn simulate_to_folder(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
     folder::claim(out)?;
-    let description = scene.description();
-    let notice = notice(scene, seed);
+    let description = rig.description();
+    let notice = notice(rig, seed);
     atomic_file::write(&out.join(MARKER), notice.as_bytes())?;
     for texture in &description.textures {
         let folder = out.join(&texture.name);
@@ -87,7 +88,7 @@ pub fn simulate_to_folder(scene: &Scene, seed: u64, out: &Path) -> Result<Summar
     let bar = progress::bar(trials as u64, "simulating trials");
     let mut rows = Vec::with_capacity(trials);
     for (position, texture) in description.textures.iter().enumerate() {
-        let strip = Strip::new(scene, position, seed);
+        let strip = Strip::new(rig, position, seed);
         let of_texture = (0..speeds * forces)
             .into_par_iter()
             .map(|i| {
@@ -101,14 +102,14 @@ pub fn simulate_to_folder(scene: &Scene, seed: u64, out: &Path) -> Result<Summar
     }
     bar.finish_and_clear();
 
-    atomic_file::write(&out.join(SCENE), scene.text().as_bytes())?;
+    atomic_file::write(&out.join(RIG), rig.text().as_bytes())?;
     let table = table(description, seed, &rows).map_err(Error::io("write", &out.join(TRIALS)))?;
     atomic_file::write(&out.join(TRIALS), &table)?;
     let recordings: u64 = rows.iter().map(|row| row.bytes).sum();
     Ok(Summary {
         trials: rows.len(),
         samples_per_trial: description.recording.samples(),
-        bytes: recordings + (notice.len() + scene.text().len() + table.len()) as u64,
+        bytes: recordings + (notice.len() + rig.text().len() + table.len()) as u64,
         textures: summarise(description, &rows),
     })
 }
@@ -127,7 +128,7 @@ struct Row {
 
 impl Row {
     fn write(
-        description: &Description,
+        description: &RigDescription,
         texture: &str,
         trial: &Trial,
         seed: u64,
@@ -161,15 +162,15 @@ impl Row {
 }
 
 /// Who made this and from what, for the head of every output.
-fn provenance(description: &Description, seed: u64) -> String {
+fn provenance(description: &RigDescription, seed: u64) -> String {
     format!(
-        "SIMULATED by the rig simulator, nothing here was measured; scene {:?}, seed {seed}",
+        "SIMULATED by the rig simulator, nothing here was measured; rig {:?}, seed {seed}",
         description.name
     )
 }
 
-fn notice(scene: &Scene, seed: u64) -> String {
-    let description = scene.description();
+fn notice(rig: &RigFile, seed: u64) -> String {
+    let description = rig.description();
     let recording = &description.recording;
     format!(
         "{MARKER_START}\n\
@@ -178,7 +179,7 @@ fn notice(scene: &Scene, seed: u64) -> String {
          a tool dragged over a surface. No tool, no drum and no accelerometer was involved, and no result\n\
          obtained from these files is a result about a real surface.\n\
          \n\
-         Scene: {} (its text is in {SCENE})\n\
+         Rig: {} (its text is in {RIG})\n\
          Seed: {seed}\n\
          Trials: {} textures at {} speeds and {} forces, {} samples at {} Hz each, in {TRIALS}\n\
          Samples: WAV, 32-bit float, channels x (along the motion), y (across), z (normal), in m/s²\n",
@@ -191,7 +192,7 @@ fn notice(scene: &Scene, seed: u64) -> String {
     )
 }
 
-fn table(description: &Description, seed: u64, rows: &[Row]) -> std::io::Result<Vec<u8>> {
+fn table(description: &RigDescription, seed: u64, rows: &[Row]) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     writeln!(bytes, "# {}", provenance(description, seed))?;
     let mut writer = csv::Writer::from_writer(bytes);
@@ -208,7 +209,7 @@ fn table(description: &Description, seed: u64, rows: &[Row]) -> std::io::Result<
     writer.into_inner().map_err(csv::IntoInnerError::into_error)
 }
 
-fn summarise(description: &Description, rows: &[Row]) -> Vec<TextureSummary> {
+fn summarise(description: &RigDescription, rows: &[Row]) -> Vec<TextureSummary> {
     description
         .textures
         .iter()

@@ -39,7 +39,7 @@ impl StreamKey {
     }
 }
 
-/// Which streams the thread has begun, for tests of what a scene calls for.
+/// Which streams the thread has begun, for tests of what a rig calls for.
 #[cfg(test)]
 pub(super) mod drawn {
     use std::cell::RefCell;

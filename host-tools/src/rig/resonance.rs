@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use realfft::num_complex::Complex;
 
 use super::contact::Contact;
-use super::scene::Mode;
+use super::description::Mode;
 
 /// The tool in the hand, as a sum of modes.
 #[derive(Debug, Clone)]

@@ -7,8 +7,8 @@ use rand_distr::StandardNormal;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
+use super::description::{Drum, Jitter, Roughness, Texture, Weave};
 use super::random::StreamKey;
-use super::scene::{Drum, Jitter, Roughness, Texture, Weave};
 
 /// A profile along the track, as the terms of a Fourier series over the drum's circumference.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// The surface of `texture` on `drum`; the same for the same seed and texture, whatever else the scene holds.
+    /// The surface of `texture` on `drum`; the same for the same seed and texture, whatever else the rig has.
     pub fn new(drum: &Drum, texture: &Texture, seed: u64) -> Self {
         let circumference_mm = drum.circumference_mm;
         let key = StreamKey::new(seed).text(&texture.name);

@@ -8,18 +8,19 @@ use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
 use super::contact::Contact;
+use super::description::{RigDescription, Texture, Tool};
+use super::file::RigFile;
 use super::measurement;
 use super::random::StreamKey;
 use super::resonance::ToolResponse;
-use super::scene::{Description, Scene, Texture, Tool};
 use super::series::UniformSampler;
 use super::surface::Surface;
 
-/// One texture of a scene on the drum, with one seed: its surface, and for each speed the way from that to samples.
+/// One texture of a rig on the drum, with one seed: its surface, and for each speed the way from that to samples.
 ///
-/// Its trials do not depend on what other textures the scene has.
+/// Its trials do not depend on what other textures the rig has.
 pub struct Strip<'a> {
-    description: &'a Description,
+    description: &'a RigDescription,
     texture: &'a Texture,
     key: StreamKey,
     surface: Surface,
@@ -74,12 +75,12 @@ struct TermResponse {
 }
 
 impl<'a> Strip<'a> {
-    /// Makes the surface of the texture at position `texture` of [`Description::textures`], and what its trials share.
+    /// Makes the surface of the texture at position `texture` of [`RigDescription::textures`], and what its trials share.
     ///
     /// # Panics
-    /// If the scene has no such texture.
-    pub fn new(scene: &'a Scene, texture: usize, seed: u64) -> Self {
-        let description = scene.description();
+    /// If the rig has no such texture.
+    pub fn new(rig: &'a RigFile, texture: usize, seed: u64) -> Self {
+        let description = rig.description();
         let texture = &description.textures[texture];
         let surface = Surface::new(&description.drum, texture, seed);
         let touches = description
@@ -110,11 +111,11 @@ impl<'a> Strip<'a> {
         &self.surface
     }
 
-    /// Runs the trial at positions `speed` and `force` of the scene's [`Recording`](super::Recording); the same for the
-    /// same scene and seed, whatever ran before.
+    /// Runs the trial at positions `speed` and `force` of the rig's [`Recording`](super::Recording); the same for the
+    /// same rig and seed, whatever ran before.
     ///
     /// # Panics
-    /// If the scene has no such speed or force.
+    /// If the rig has no such speed or force.
     pub fn trial(&self, speed: usize, force: usize) -> Trial {
         let recording = &self.description.recording;
         let speed_mm_s = recording.speeds_mm_s[speed];
@@ -151,7 +152,7 @@ impl<'a> Strip<'a> {
 }
 
 impl Pass {
-    fn new(description: &Description, tool: &Tool, speed_mm_s: f64, surface: &Surface) -> Self {
+    fn new(description: &RigDescription, tool: &Tool, speed_mm_s: f64, surface: &Surface) -> Self {
         let recording = &description.recording;
         let circumference_mm = description.drum.circumference_mm;
         let sample_rate_hz = f64::from(recording.sample_rate_hz);
@@ -209,11 +210,11 @@ impl Pass {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{PROTOCOL, ROUGHNESS, STRIP, TOOL, WEAVE, scene};
+    use super::super::tests::{PROTOCOL, ROUGHNESS, STRIP, TOOL, WEAVE, rig};
     use super::*;
 
     fn passes(parts: &[&str]) -> usize {
-        Strip::new(&scene(parts), 0, 1).passes.len()
+        Strip::new(&rig(parts), 0, 1).passes.len()
     }
 
     #[test]

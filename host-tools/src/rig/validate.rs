@@ -1,12 +1,11 @@
-//! From a scene's text to a checked description, with errors that name the line and the field.
-
-use std::path::Path;
+//! The ranges of a rig's description, and faults that name the field.
 
 use super::contact::Contact;
-use super::scene::{Description, Measurement, Mode, Recording, Roughness, Texture, Tool, Weave};
+use super::description::{
+    Measurement, Mode, Recording, RigDescription, Roughness, Texture, Tool, Weave,
+};
 use super::surface::{highest_roughness_term, highest_weave_term};
-use crate::support::error::Result;
-use crate::support::toml_field::{Checked, Field, from_toml};
+use crate::support::toml_field::{Checked, Field};
 use model_format::limits::{MAX_AXIS_LEN, MAX_SAMPLE_RATE_HZ, MAX_TEXTURES};
 
 /// Longest trial, s.
@@ -16,14 +15,11 @@ const MAX_PARTS: usize = 64;
 /// Finest profile, as periods of its shortest wave on the drum: 16 MiB of terms.
 const MAX_TERMS: f64 = 1_048_576.0;
 
-/// Reads and checks a scene; `path` is only named in errors.
-pub(super) fn parse(path: &Path, text: &str) -> Result<Description> {
-    let description: Description = from_toml(path, text)?;
-    check(&description).map_err(|fault| fault.field.error(path, text, fault.problem))?;
-    Ok(description)
-}
-
-fn check(description: &Description) -> Checked {
+/// Checks every value of `description`, and that they go together.
+///
+/// # Errors
+/// The first fault, with its field.
+pub(super) fn check(description: &RigDescription) -> Checked {
     let root = Field::default();
     root.key("name").name(&description.name)?;
     check_recording(&root.key("recording"), &description.recording)?;
@@ -176,10 +172,10 @@ fn check_roughness(field: &Field, roughness: &Roughness, circumference_mm: f64) 
 }
 
 /// That a profile has a tool to feel it, and that the Hertz contact stays smaller than the tip.
-fn check_contact(field: &Field, texture: &Texture, description: &Description) -> Checked {
+fn check_contact(field: &Field, texture: &Texture, description: &RigDescription) -> Checked {
     let Some(tool) = &description.tool else {
         return field.require(!texture.has_profile(), || {
-            "has a profile, and the scene has no [tool] to feel it; add [tool] with a [[tool.mode]]"
+            "has a profile, and the rig has no [tool] to feel it; add [tool] with a [[tool.mode]]"
                 .into()
         });
     };

@@ -7,7 +7,7 @@ use model_format::Provenance;
 use crate::dsp::MODEL_RATE_HZ;
 use crate::recording;
 use crate::recording::{RecordingSet, Trial};
-use crate::rig::{self, Scene};
+use crate::rig::{self, RigFile};
 use crate::support::error::{Error, Result};
 
 /// Seeds of the two simulated takes.
@@ -30,10 +30,10 @@ impl Material {
     /// # Errors
     /// A folder that cannot be written.
     pub fn simulated(folder: &Path) -> Result<Self> {
-        let scene = Scene::paper();
+        let paper = RigFile::paper();
         let [fit, held_out] = SEEDS.map(|seed| {
             let take = folder.join(format!("take-{seed}"));
-            rig::simulate_to_folder(&scene, seed, &take)?;
+            rig::simulate_to_folder(&paper, seed, &take)?;
             RecordingSet::open(&[take])
         });
         let description = format!(

@@ -1,56 +1,12 @@
-//! What a scene file says. Its ranges are checked in [`validate`](super::validate).
-
-use std::path::Path;
+//! What a rig file says: the rig, the strips on its drum, the trials and what measuring adds. Plain values, as they are in
+//! the TOML text; [`validate`](super::validate) checks their ranges, and a [`RigFile`](super::RigFile) has been checked.
 
 use serde::Deserialize;
 
-use super::validate;
-use crate::support::error::Result;
-
-/// A scene that was read and checked; the only way to make one is from its text, which it keeps.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
-    description: Description,
-    text: String,
-}
-
-impl Scene {
-    /// Reads a scene from TOML `text`; `path` is only named in errors.
-    ///
-    /// # Errors
-    /// [`Error::Line`](crate::support::error::Error::Line): text that is not TOML, a field that is unknown, missing, or of the
-    /// wrong type, or a value out of its range, with the line and the field.
-    pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
-        let description = validate::parse(path, text)?;
-        Ok(Self {
-            description,
-            text: text.to_owned(),
-        })
-    }
-
-    /// The paper's protocol, 15 speeds by 8 forces by 4 textures, with surfaces and a tool of our own choosing.
-    pub fn paper() -> Self {
-        Self::from_toml(Path::new("scenes/paper-rig.toml"), PAPER_SCENE)
-            .expect("the scene that comes with the program holds; a test reads it")
-    }
-
-    /// What the scene says.
-    pub fn description(&self) -> &Description {
-        &self.description
-    }
-
-    /// The text it was read from, comments included.
-    pub fn text(&self) -> &str {
-        &self.text
-    }
-}
-
-const PAPER_SCENE: &str = include_str!("../../scenes/paper-rig.toml");
-
-/// A scene's content.
+/// A rig, what is on its drum, and the trials to record.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Description {
+pub struct RigDescription {
     /// Its name, for the outputs.
     pub name: String,
     /// The trials to record.
