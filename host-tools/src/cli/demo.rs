@@ -14,7 +14,7 @@ use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
 use model_format::{Library, MillimetresPerSecond, Newton};
 
-use super::inspect::{Summary, summary_table};
+use super::inspect::{TextureSummary, texture_table};
 use crate::cli::library_file::decode_library;
 use crate::cli::output::print;
 
@@ -65,8 +65,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let path = out.join("textures.lib");
     atomic_file::write(&path, &bytes)?;
     let library = decode_library(&path, &bytes)?;
-    let textures: Vec<Summary> = library.textures().map(|t| Summary::of(&t, false)).collect();
-    print(&summary_table(&textures))?;
+    let textures: Vec<TextureSummary> = library
+        .textures()
+        .map(|t| TextureSummary::of(&t, false))
+        .collect();
+    print(&texture_table(&textures))?;
     for warning in &fit.warnings {
         print(&format!("warning: {warning}"))?;
     }

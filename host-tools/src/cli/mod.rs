@@ -2,7 +2,6 @@
 
 mod certify;
 mod demo;
-mod densify;
 mod device;
 mod evaluate;
 mod fit;
@@ -11,7 +10,6 @@ mod frontier;
 mod import_hatt;
 mod input;
 mod inspect;
-mod leave_one_out;
 mod library_file;
 mod output;
 mod render;
@@ -21,7 +19,6 @@ mod segment;
 mod simulate_rig;
 mod stress;
 mod table;
-mod takes;
 
 use std::io;
 use std::process::ExitCode;
