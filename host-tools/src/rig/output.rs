@@ -1,4 +1,4 @@
-//! A simulated set on disk: one WAV file a trial, and the table of trials, each of which says that it is simulated.
+//! A simulated set on disk: one WAV file per trial, and the table of trials. Each of them says that it is simulated.
 
 use std::fmt;
 use std::fs;
@@ -15,10 +15,10 @@ use super::trial::{Strip, Trial};
 use crate::support::error::{Error, Result};
 use crate::support::{atomic_file, progress};
 
-/// What a run wrote.
+/// Summary of the files of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
-    /// Trials, each in a file of its own.
+    /// Number of trials, each in a file of its own.
     pub trials: usize,
     /// Samples of a trial on each axis.
     pub samples_per_trial: usize,
@@ -28,15 +28,15 @@ pub struct Summary {
     pub textures: Vec<TextureSummary>,
 }
 
-/// What a run wrote of one texture.
+/// Summary of one texture's trials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TextureSummary {
     /// Its name.
     pub name: String,
-    /// Lowest and highest RMS of the trials in contact (force over zero), the three axes together, m/s²; none without
-    /// such a trial.
+    /// Lowest and highest RMS of the trials in contact (force above zero) over the three axes together, m/s²; none if
+    /// no trial is in contact.
     pub rms_range_m_s2: Option<(f64, f64)>,
-    /// Samples that the sensor's range cut off.
+    /// Number of samples that the sensor's range cut off.
     pub clipped_samples: u64,
 }
 
@@ -66,12 +66,14 @@ impl fmt::Display for Summary {
 
 /// Runs every trial of `rig` with `seed` and writes them to the folder `out`.
 ///
-/// A WAV file a trial, `TEXTURE/simulated_SPEEDmm_s_FORCEN.wav`: 3 channels (x, y, z), 32-bit float, m/s². Beside them
-/// `SIMULATED.txt`, a copy of the rig file (`rig.toml`), and last `trials.csv`, so that a run that was cut short has
-/// none. Same rig, same seed: same bytes, whatever the number of threads.
+/// Each trial is a WAV file `TEXTURE/simulated_SPEEDmm_s_FORCEN.wav` of 3 channels (x, y, z), 32-bit float, m/s². Beside
+/// them lie `SIMULATED.txt`, a copy of the rig file (`rig.toml`), and `trials.csv`, which is written last, so that an
+/// interrupted run has none. The same rig and seed give the same bytes for any number of threads.
+///
+/// An earlier simulated set in `out` is replaced.
 ///
 /// # Errors
-/// `out` holds anything that is not of an earlier simulated set (which is replaced), or cannot be written.
+/// A folder that holds other files, or cannot be written.
 pub fn simulate_to_folder(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
     folder::claim(out)?;
     let description = rig.description();
@@ -114,7 +116,7 @@ pub fn simulate_to_folder(rig: &RigFile, seed: u64, out: &Path) -> Result<Summar
     })
 }
 
-/// What is kept of a trial once its samples are written.
+/// A trial's row of the table, kept after its samples are written.
 struct Row {
     texture: String,
     /// Relative to the set's folder, with `/` between the parts.
@@ -161,7 +163,7 @@ impl Row {
     }
 }
 
-/// Who made this and from what, for the head of every output.
+/// Origin of the set, for the recordings and the table of trials.
 fn provenance(description: &RigDescription, seed: u64) -> String {
     format!(
         "SIMULATED by the rig simulator, nothing here was measured; rig {:?}, seed {seed}",
@@ -228,7 +230,7 @@ fn summarise(description: &RigDescription, rows: &[Row]) -> Vec<TextureSummary> 
         .collect()
 }
 
-/// `1.0`, `0.2`, `0.25`: a force with at least one decimal.
+/// A number with at least one decimal: `1.0`, `0.2`, `0.25`.
 fn with_a_decimal(value: f64) -> String {
     let text = value.to_string();
     if text.contains('.') {
@@ -238,8 +240,7 @@ fn with_a_decimal(value: f64) -> String {
     }
 }
 
-/// A trial as a WAV file, with `comment` in its own chunk, so that a file that has left its folder still tells what
-/// it is.
+/// A trial as a WAV file. A chunk of its own holds `comment`, so that the file says SIMULATED outside its folder, too.
 fn wav_bytes(trial: &Trial, sample_rate_hz: u32, comment: &str) -> hound::Result<Vec<u8>> {
     let spec = WavSpec {
         channels: 3,
@@ -262,7 +263,7 @@ fn wav_bytes(trial: &Trial, sample_rate_hz: u32, comment: &str) -> hound::Result
     Ok(bytes)
 }
 
-/// Appends a LIST chunk of type INFO with an ICMT entry (RIFF MCI, 1991), and counts it in the RIFF header's length.
+/// Appends a LIST chunk of type INFO with an ICMT entry (RIFF MCI, 1991), and adds its size to the RIFF header.
 fn append_comment(wav: &mut Vec<u8>, comment: &str) {
     // Texts are zero-terminated, and chunks start at even offsets.
     let mut text = comment.as_bytes().to_vec();

@@ -1,4 +1,4 @@
-//! One trial: a tip on a surface that passes at one speed under one force.
+//! One trial: a tip on a surface that passes by at one speed under one force.
 
 use std::f64::consts::TAU;
 
@@ -16,19 +16,19 @@ use super::resonance::ToolResponse;
 use super::series::UniformSampler;
 use super::surface::Surface;
 
-/// One texture of a rig on the drum, with one seed: its surface, and for each speed the way from that to samples.
+/// One texture on the drum with one seed: its surface, and per speed the response that turns the surface into samples.
 ///
-/// Its trials do not depend on what other textures the rig has.
+/// Its trials do not depend on the other textures of the rig.
 pub struct Strip<'a> {
     description: &'a RigDescription,
     texture: &'a Texture,
     key: StreamKey,
     surface: Surface,
-    /// One for each speed; none where there is nothing to be felt: a flat surface, no tool, or never a force.
+    /// One per speed; empty if nothing is felt: a flat surface, no tool, or no force above zero.
     passes: Vec<Pass>,
 }
 
-/// What a trial records.
+/// The recording of one trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial {
     /// Surface speed, mm/s.
@@ -39,7 +39,7 @@ pub struct Trial {
     ///
     /// [`Recording::samples`]: super::Recording::samples
     pub samples_m_s2: [Vec<f64>; 3],
-    /// How many of them the sensor's range cut off.
+    /// Number of samples that the sensor's range cut off.
     pub clipped: u64,
 }
 
@@ -62,10 +62,10 @@ impl Trial {
     }
 }
 
-/// How a profile is turned into samples at one speed.
+/// The response that turns a profile into samples at one speed.
 struct Pass {
     sampler: UniformSampler,
-    /// For each term of a profile, how the tool answers at its frequency, and its wavenumber.
+    /// Wavenumber of each term of the profile, and the tool's response at its frequency.
     tool: Vec<TermResponse>,
 }
 
@@ -75,7 +75,7 @@ struct TermResponse {
 }
 
 impl<'a> Strip<'a> {
-    /// Makes the surface of the texture at position `texture` of [`RigDescription::textures`], and what its trials share.
+    /// Computes the surface of the texture at position `texture` of [`RigDescription::textures`], and its passes.
     ///
     /// # Panics
     /// If the rig has no such texture.
@@ -111,8 +111,8 @@ impl<'a> Strip<'a> {
         &self.surface
     }
 
-    /// Runs the trial at positions `speed` and `force` of the rig's [`Recording`](super::Recording); the same for the
-    /// same rig and seed, whatever ran before.
+    /// Runs the trial at positions `speed` and `force` of the rig's [`Recording`](super::Recording). The same rig and
+    /// seed give the same trial in any order.
     ///
     /// # Panics
     /// If the rig has no such speed or force.
@@ -157,7 +157,7 @@ impl Pass {
         let circumference_mm = description.drum.circumference_mm;
         let sample_rate_hz = f64::from(recording.sample_rate_hz);
         let step_cycles = speed_mm_s / (sample_rate_hz * circumference_mm);
-        // Below half the sample rate, strictly: a term there would be half sampled.
+        // Strictly below half the sample rate, because samples at that frequency depend on the phase.
         let below_nyquist = ((0.5 / step_cycles).ceil() as usize).saturating_sub(1);
         let terms = (surface.coefficients_um().len() - 1).min(below_nyquist);
         let tool = ToolResponse::new(&tool.modes);

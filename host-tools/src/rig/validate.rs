@@ -12,7 +12,7 @@ use model_format::limits::{MAX_AXIS_LEN, MAX_SAMPLE_RATE_HZ, MAX_TEXTURES};
 const MAX_DURATION_S: f64 = 600.0;
 /// Most weaves of a texture, harmonics of a weave, modes of a tool.
 const MAX_PARTS: usize = 64;
-/// Finest profile, as periods of its shortest wave on the drum: 16 MiB of terms.
+/// Most periods of a profile's shortest wave on the drum; they take 16 MiB of terms.
 const MAX_TERMS: f64 = 1_048_576.0;
 
 /// Checks every value of `description`, and that they go together.
@@ -36,7 +36,7 @@ pub(super) fn check(description: &RigDescription) -> Checked {
         let field = textures.item(index);
         check_texture(&field, texture, circumference_mm)?;
         check_contact(&field, texture, description)?;
-        // Folders of some systems do not tell upper from lower case.
+        // Some file systems do not distinguish upper and lower case.
         let name = texture.name.to_lowercase();
         let earlier = description.textures[..index]
             .iter()
@@ -61,7 +61,10 @@ fn check_recording(field: &Field, recording: &Recording) -> Checked {
     let duration = field.key("duration_s");
     duration.over(recording.duration_s, 0.0, MAX_DURATION_S)?;
     duration.require(recording.samples() >= 1, || {
-        format!("must hold a sample, and {} s do not", recording.duration_s)
+        format!(
+            "must be at least one sample, and is {} s",
+            recording.duration_s
+        )
     })?;
 
     let speeds = field.key("speeds_mm_s");
@@ -171,7 +174,7 @@ fn check_roughness(field: &Field, roughness: &Roughness, circumference_mm: f64) 
     )
 }
 
-/// That a profile has a tool to feel it, and that the Hertz contact stays smaller than the tip.
+/// Checks that a profile has a tool to feel it, and that the Hertz contact stays smaller than the tip.
 fn check_contact(field: &Field, texture: &Texture, description: &RigDescription) -> Checked {
     let Some(tool) = &description.tool else {
         return field.require(!texture.has_profile(), || {
@@ -191,8 +194,8 @@ fn check_contact(field: &Field, texture: &Texture, description: &RigDescription)
         .key("effective_modulus_mpa")
         .require(radius_mm < tool.tip_radius_mm, || {
             format!(
-                "{} is so soft that the tip would sink in at {largest_n} N: the contact would be {radius_mm:.3} mm in \
-                 radius, and the tip is {}",
+                "is {}, too soft for {largest_n} N: the contact would have a radius of {radius_mm:.3} mm, and the tip has \
+                 {} mm",
                 texture.effective_modulus_mpa, tool.tip_radius_mm
             )
         })
