@@ -31,12 +31,12 @@ pub struct Situation {
     /// What it takes in all.
     pub instructions: u32,
     /// How that comes about.
-    pub arithmetic: Vec<Line>,
+    pub arithmetic: Vec<StageCost>,
 }
 
 /// One stage: base + count · each instructions.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Line {
+pub struct StageCost {
     /// What it is for.
     pub item: String,
     /// Instructions of the stage as such.
@@ -112,7 +112,10 @@ impl CostReport {
 
 impl Situation {
     fn new(when: &str, terms: &[Term], names: &[String]) -> Self {
-        let arithmetic: Vec<Line> = terms.iter().map(|&term| Line::new(term, names)).collect();
+        let arithmetic: Vec<StageCost> = terms
+            .iter()
+            .map(|&term| StageCost::new(term, names))
+            .collect();
         Self {
             when: when.to_owned(),
             instructions: arithmetic.iter().map(|line| line.instructions).sum(),
@@ -127,7 +130,7 @@ impl Situation {
     }
 }
 
-impl Line {
+impl StageCost {
     fn new(term: Term, names: &[String]) -> Self {
         let named = |surface: u8| names.get(usize::from(surface)).map_or("", String::as_str);
         Self {
@@ -144,7 +147,7 @@ impl Line {
     }
 }
 
-impl std::fmt::Display for Line {
+impl std::fmt::Display for StageCost {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self {
             item,

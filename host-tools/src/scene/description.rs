@@ -10,7 +10,7 @@ use crate::dsp::MODEL_RATE_HZ;
 /// A scene's content.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Description {
+pub struct SceneDescription {
     /// Its name, unique in its library.
     pub name: String,
     /// Samples a second, Hz; that of the models if not given.

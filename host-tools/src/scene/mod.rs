@@ -42,19 +42,22 @@
 //! `[constant_motion]` with `speed_mm_s` and `force_n` plays a texture as if always moved so while there is contact;
 //! `sample_rate_hz` is 5000 if not given.
 
+mod compile;
 mod cost;
 mod description;
 pub mod equaliser;
 mod file;
 mod library;
+mod place;
 mod rendering;
 pub mod tap;
 
-pub use cost::{CostReport, Line, Situation};
+pub use compile::CompiledScene;
+pub use cost::{CostReport, Situation, StageCost};
 pub use description::{
-    ConstantMotion, Description, EqualiserDescription, RegionDescription, SectionDescription,
+    ConstantMotion, EqualiserDescription, RegionDescription, SceneDescription, SectionDescription,
     SurfaceDescription,
 };
-pub use file::{Compiled, SceneFile};
+pub use file::SceneFile;
 pub use library::{surface_names, texture_spec, with_scenes};
 pub use rendering::{Hand, SceneRendering};
