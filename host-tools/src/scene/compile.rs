@@ -23,7 +23,7 @@ pub struct CompiledScene {
     pub scene: Scene,
     /// Names of the surfaces, in their order.
     pub surface_names: Vec<String>,
-    /// Design of the equaliser; none if the equaliser is not the inverse of a response.
+    /// Design of the equaliser; none if no response is given.
     pub design: Option<Design>,
 }
 
