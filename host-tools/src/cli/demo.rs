@@ -9,12 +9,12 @@ use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::{WavFormat, render_wav};
 use host_tools::recording::RecordingSet;
 use host_tools::report::evaluation_folder as report;
-use host_tools::rig::{self, Scene};
+use host_tools::rig::{self, RigFile};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
 use model_format::{Library, MillimetresPerSecond, Newton};
 
-use super::inspect::{Summary, summary_table};
+use super::inspect::{TextureSummary, texture_table};
 use crate::cli::library_file::decode_library;
 use crate::cli::output::print;
 
@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     let recordings = out.join("recordings");
     step(1, "stylus simulate-rig: the paper's protocol, SIMULATED")?;
-    let simulated = rig::simulate_to_folder(&Scene::paper(), arguments.seed, &recordings)?;
+    let simulated = rig::simulate_to_folder(&RigFile::paper(), arguments.seed, &recordings)?;
     print(simulated.to_string().trim_end())?;
 
     step(2, "stylus fit: a model a node, its order chosen by BIC")?;
@@ -65,8 +65,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let path = out.join("textures.lib");
     atomic_file::write(&path, &bytes)?;
     let library = decode_library(&path, &bytes)?;
-    let textures: Vec<Summary> = library.textures().map(|t| Summary::of(&t, false)).collect();
-    print(&summary_table(&textures))?;
+    let textures: Vec<TextureSummary> = library
+        .textures()
+        .map(|t| TextureSummary::of(&t, false))
+        .collect();
+    print(&texture_table(&textures))?;
     for warning in &fit.warnings {
         print(&format!("warning: {warning}"))?;
     }

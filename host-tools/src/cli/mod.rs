@@ -2,7 +2,6 @@
 
 mod certify;
 mod demo;
-mod densify;
 #[cfg(feature = "device")]
 mod device;
 mod evaluate;
@@ -12,7 +11,6 @@ mod frontier;
 mod import_hatt;
 mod input;
 mod inspect;
-mod leave_one_out;
 mod library_file;
 mod output;
 mod render;
@@ -22,7 +20,6 @@ mod segment;
 mod simulate_rig;
 mod stress;
 mod table;
-mod takes;
 
 use std::io;
 use std::process::ExitCode;
@@ -50,7 +47,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Simulate a drum rig's recordings from a scene
+    /// Simulate the recordings of a drum rig
     SimulateRig(simulate_rig::Arguments),
     /// Fit a texture library to recordings
     Fit(fit::Arguments),

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::connection::Link;
 use super::interrupt::Interrupt;
-use super::record::{LIVE_SAMPLES, live};
+use super::live_line::{LIVE_SAMPLES, live};
 use super::sensing::Sensing;
 use crate::cli::input::positive;
 use crate::cli::output::{print, print_json};

@@ -1,6 +1,6 @@
 //! `stylus scene check`
 
-use host_tools::scene::{Compiled, CostReport, Situation, equaliser};
+use host_tools::scene::{CompiledScene, CostReport, Situation, equaliser};
 use host_tools::support::error::{Error, Result};
 use model_format::scene::MotionOfScene;
 use serde::Serialize;
@@ -64,7 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// What a scene is, in a line.
-pub fn headline(compiled: &Compiled) -> String {
+pub fn headline(compiled: &CompiledScene) -> String {
     let scene = &compiled.scene;
     let path = match (scene.regions.first(), scene.regions.last()) {
         (Some(first), Some(last)) => format!(
@@ -120,7 +120,7 @@ pub fn equaliser_text(design: &equaliser::Design) -> String {
     )
 }
 
-fn text(compiled: &Compiled, report: &CostReport) -> String {
+fn text(compiled: &CompiledScene, report: &CostReport) -> String {
     let row = |situation: &Situation| {
         vec![
             situation.when.clone(),

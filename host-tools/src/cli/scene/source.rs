@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use host_tools::playing::motion::MotionPath;
-use host_tools::scene::{Compiled, SceneFile, surface_names};
+use host_tools::scene::{CompiledScene, SceneFile, surface_names};
 use host_tools::support::error::{Error, Result};
 use model_format::scene::{MotionOfScene, Scene};
 use model_format::{Library, MillimetresPerSecond, Newton, Provenance};
@@ -54,7 +54,7 @@ impl Source {
     ///
     /// # Errors
     /// What is wrong with the text, or that the library has no such scene.
-    pub fn compile(&self, library: &Library<'_>) -> Result<Compiled> {
+    pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
         if self.is_text() {
             let compiled = SceneFile::read(&self.file)?.compile(library)?;
             let other = self.scene.as_deref();
@@ -83,7 +83,7 @@ impl Source {
             };
             return Err(Error::file(&self.file, problem));
         };
-        Ok(Compiled {
+        Ok(CompiledScene {
             surface_names: surface_names(&scene, library),
             scene,
             design: None,
@@ -98,14 +98,14 @@ pub fn is_text(path: &Path) -> bool {
 }
 
 /// The plan of a scene.
-pub fn plan<'a>(compiled: &Compiled, library: &Library<'a>) -> Result<Plan<'a>> {
+pub fn plan<'a>(compiled: &CompiledScene, library: &Library<'a>) -> Result<Plan<'a>> {
     let scene = &compiled.scene;
     Plan::new(scene, library)
         .map_err(|error| Error::Request(format!("scene '{}': {error}", scene.name)))
 }
 
 /// Where the textures of a scene come from: simulated if any of them is.
-pub fn provenance(compiled: &Compiled, library: &Library<'_>) -> Provenance {
+pub fn provenance(compiled: &CompiledScene, library: &Library<'_>) -> Provenance {
     let mut textures = compiled.scene.surfaces.iter().filter_map(|surface| {
         let texture = usize::from(surface.texture?);
         library.textures().nth(texture)

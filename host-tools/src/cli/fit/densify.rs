@@ -10,8 +10,8 @@ use host_tools::support::error::Result;
 use host_tools::support::progress;
 use host_tools::texture::domain::Method;
 
-use super::leave_one_out::removed_node_test;
-use super::table::table;
+use crate::cli::evaluate::removed_nodes::removed_node_test;
+use crate::cli::table::table;
 
 /// The denser library, what was added, and the removed-node test before and after.
 pub struct Denser {

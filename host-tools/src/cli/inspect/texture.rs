@@ -1,30 +1,13 @@
-//! `stylus inspect`
+//! Summary of a texture: its grid, its orders and its nodes.
 
-use std::path::PathBuf;
-
-use host_tools::scene::{CostReport, surface_names};
-use host_tools::support::error::Result;
-use model_format::scene::{MotionOfScene, Scene};
-use model_format::{Library, NodeFlags, Texture};
+use model_format::{NodeFlags, Texture};
 use serde::Serialize;
-use stylus_kernel::scene::cost;
 
-use super::table::table;
-use crate::cli::library_file::{decode_library, read_library};
-use crate::cli::output::{print, print_json};
-
-#[derive(clap::Args)]
-pub struct Arguments {
-    /// The library
-    library: PathBuf,
-    /// Print everything, node by node, as JSON
-    #[arg(long)]
-    json: bool,
-}
+use crate::cli::table::table;
 
 /// A texture in a few words and numbers.
 #[derive(Serialize)]
-pub struct Summary {
+pub struct TextureSummary {
     name: String,
     structure: String,
     provenance: String,
@@ -40,87 +23,6 @@ pub struct Summary {
     doubtful_nodes: usize,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     nodes: Vec<NodeSummary>,
-}
-
-/// A scene in a few words and numbers.
-#[derive(Serialize)]
-struct SceneSummary {
-    name: String,
-    surfaces: Vec<String>,
-    regions: usize,
-    constant_motion: bool,
-    /// What it calls for, but for textures.
-    effects: Vec<&'static str>,
-    /// Instructions of a tick at most, in the kernel's own model.
-    worst_case_instructions: u32,
-}
-
-/// Everything in a library.
-#[derive(Serialize)]
-struct Content {
-    textures: Vec<Summary>,
-    scenes: Vec<SceneSummary>,
-}
-
-impl SceneSummary {
-    fn of(scene: &Scene, library: &Library<'_>) -> Result<Self> {
-        let names = surface_names(scene, library);
-        let report = CostReport::new(scene, &names, library, cost::BUDGET)?;
-        let effects = [
-            (
-                "transitions",
-                scene.transition_mm > 0.0 && scene.regions.len() > 1,
-            ),
-            ("taps", scene.surfaces.iter().any(|s| s.tap.is_some())),
-            (
-                "stick-slip",
-                scene.surfaces.iter().any(|s| s.stick_slip.is_some()),
-            ),
-            ("equaliser", !scene.equaliser.is_empty()),
-        ];
-        Ok(Self {
-            name: scene.name.as_str().to_owned(),
-            surfaces: names,
-            regions: scene.regions.len(),
-            constant_motion: scene.motion != MotionOfScene::Followed,
-            effects: effects
-                .into_iter()
-                .filter_map(|(effect, is_there)| is_there.then_some(effect))
-                .collect(),
-            worst_case_instructions: report.worst_case.instructions,
-        })
-    }
-}
-
-/// A line a scene.
-fn scene_table(scenes: &[SceneSummary]) -> String {
-    let header = [
-        "scene",
-        "surfaces",
-        "regions",
-        "motion",
-        "effects",
-        "instructions at most",
-    ];
-    let rows: Vec<Vec<String>> = scenes
-        .iter()
-        .map(|scene| {
-            let motion = if scene.constant_motion {
-                "constant"
-            } else {
-                "the stylus's"
-            };
-            vec![
-                scene.name.clone(),
-                scene.surfaces.join(", "),
-                scene.regions.to_string(),
-                motion.to_owned(),
-                scene.effects.join(", "),
-                scene.worst_case_instructions.to_string(),
-            ]
-        })
-        .collect();
-    table(&header, &rows)
 }
 
 #[derive(Serialize)]
@@ -140,7 +42,7 @@ const FLAG_NAMES: [(NodeFlags, &str); 4] = [
     (NodeFlags::DOUBTFUL, "doubtful"),
 ];
 
-impl Summary {
+impl TextureSummary {
     pub fn of(texture: &Texture<'_>, with_nodes: bool) -> Self {
         let mut orders: Vec<usize> = texture.nodes().map(|n| n.coefficients.order()).collect();
         orders.sort_unstable();
@@ -207,7 +109,7 @@ fn node_summaries(texture: &Texture<'_>) -> Vec<NodeSummary> {
 }
 
 /// A line a texture.
-pub fn summary_table(textures: &[Summary]) -> String {
+pub fn texture_table(textures: &[TextureSummary]) -> String {
     let header = [
         "texture",
         "from",
@@ -246,33 +148,4 @@ pub fn summary_table(textures: &[Summary]) -> String {
         })
         .collect();
     table(&header, &rows)
-}
-
-pub fn run(arguments: &Arguments) -> Result<()> {
-    let bytes = read_library(&arguments.library)?;
-    let library = decode_library(&arguments.library, &bytes)?;
-    let textures: Vec<Summary> = library
-        .textures()
-        .map(|texture| Summary::of(&texture, arguments.json))
-        .collect();
-    let scenes = library
-        .scenes()
-        .map(|scene| SceneSummary::of(&scene, &library))
-        .collect::<Result<Vec<_>>>()?;
-    if arguments.json {
-        return print_json(&Content { textures, scenes });
-    }
-    print(&format!(
-        "{}: {} texture(s), {} bytes, format version {}, checked\n",
-        arguments.library.display(),
-        library.len(),
-        bytes.len(),
-        model_format::FORMAT_VERSION
-    ))?;
-    print(&summary_table(&textures))?;
-    print("\norder: lowest / middle / highest of the nodes")?;
-    if scenes.is_empty() {
-        return Ok(());
-    }
-    print(&format!("\n{}", scene_table(&scenes)))
 }

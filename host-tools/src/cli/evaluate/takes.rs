@@ -9,7 +9,7 @@ use host_tools::evaluation::takes::TakeDistance;
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::Result;
 
-use super::table::table;
+use crate::cli::table::table;
 
 /// The distances to other takes as a table.
 pub fn compare(

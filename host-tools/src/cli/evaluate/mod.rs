@@ -1,9 +1,13 @@
 //! `stylus evaluate`
 
+pub mod removed_nodes;
+mod summary;
+mod takes;
+
 use std::path::PathBuf;
 
 use host_tools::dsp::reduction::Reduction;
-use host_tools::dsp::spectrum::{AMPLITUDE_JND_DB, DEFAULT_SMOOTHING_WIDTH_HZ};
+use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::evaluate::Evaluation;
 use host_tools::evaluation::leave_one_out;
@@ -15,8 +19,9 @@ use host_tools::support::error::Result;
 use host_tools::support::{atomic_file, progress};
 use model_format::Library;
 
-use super::input::{Recordings, not_negative, positive};
-use super::table::table;
+pub use summary::summary;
+
+use crate::cli::input::{Recordings, not_negative, positive};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, to_json};
 
@@ -71,7 +76,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
             seed: arguments.seed,
         };
-        return super::leave_one_out::run(&set, &options, arguments.json.as_deref());
+        return removed_nodes::run(&set, &options, arguments.json.as_deref());
     };
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
@@ -88,7 +93,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     print(&summary(&evaluation))?;
     if let Some(others) = &arguments.takes {
-        let table = super::takes::compare(&set, others, &evaluation, arguments.reduce)?;
+        let table = takes::compare(&set, others, &evaluation, arguments.reduce)?;
         print(&format!("\n{table}"))?;
     }
     if let Some(folder) = &arguments.report {
@@ -108,36 +113,4 @@ pub fn evaluate_set(
     let evaluation = evaluate::evaluate(set, library, options, || bar.inc(1))?;
     bar.finish_and_clear();
     Ok(evaluation)
-}
-
-/// A line a texture, and what the columns mean.
-pub fn summary(evaluation: &Evaluation) -> String {
-    let bands = format!("within {AMPLITUDE_JND_DB} dB");
-    let header = [
-        "texture",
-        "trials",
-        "silent",
-        "C",
-        "± sd",
-        "C floor",
-        "|band| dB",
-        &bands,
-        "LSD dB",
-    ];
-    let rows: Vec<Vec<String>> = evaluation
-        .textures
-        .iter()
-        .map(|texture| texture.cells().to_vec())
-        .collect();
-    let origin = if evaluation.simulated {
-        "\nThe recordings are SIMULATED."
-    } else {
-        ""
-    };
-    format!(
-        "{}\n\nC: equation (6), amplitudes smoothed by a {}; floor: what a perfect model of broadband noise scores\n\
-         |band|: mean error of third-octave bands, 20 to 1000 Hz; LSD: log-spectral distance, 30 to 1000 Hz{origin}",
-        table(&header, &rows),
-        evaluation.smoothing
-    )
 }

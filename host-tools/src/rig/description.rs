@@ -1,68 +1,25 @@
-//! What a scene file says. Its ranges are checked in [`validate`](super::validate).
-
-use std::path::Path;
+//! The content of a rig file: the rig, the strips on its drum, the trials, and the effects of measuring.
+//!
+//! These are plain values as in the TOML text. [`RigFile`](super::RigFile) holds a description that has been checked.
 
 use serde::Deserialize;
 
-use super::validate;
-use crate::support::error::Result;
-
-/// A scene that was read and checked; the only way to make one is from its text, which it keeps.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
-    description: Description,
-    text: String,
-}
-
-impl Scene {
-    /// Reads a scene from TOML `text`; `path` is only named in errors.
-    ///
-    /// # Errors
-    /// [`Error::Line`](crate::support::error::Error::Line): text that is not TOML, a field that is unknown, missing, or of the
-    /// wrong type, or a value out of its range, with the line and the field.
-    pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
-        let description = validate::parse(path, text)?;
-        Ok(Self {
-            description,
-            text: text.to_owned(),
-        })
-    }
-
-    /// The paper's protocol, 15 speeds by 8 forces by 4 textures, with surfaces and a tool of our own choosing.
-    pub fn paper() -> Self {
-        Self::from_toml(Path::new("scenes/paper-rig.toml"), PAPER_SCENE)
-            .expect("the scene that comes with the program holds; a test reads it")
-    }
-
-    /// What the scene says.
-    pub fn description(&self) -> &Description {
-        &self.description
-    }
-
-    /// The text it was read from, comments included.
-    pub fn text(&self) -> &str {
-        &self.text
-    }
-}
-
-const PAPER_SCENE: &str = include_str!("../../scenes/paper-rig.toml");
-
-/// A scene's content.
+/// A rig, what is on its drum, and the trials to record.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Description {
-    /// Its name, for the outputs.
+pub struct RigDescription {
+    /// Name of the rig, for the outputs.
     pub name: String,
     /// The trials to record.
     pub recording: Recording,
     /// The drum.
     pub drum: Drum,
-    /// The tool and the hand that holds it; required once a texture has a profile.
+    /// The tool and the hand that holds it; required if a texture has a profile.
     pub tool: Option<Tool>,
-    /// The textures, each in a sub-folder of its name.
+    /// The textures, each in a subfolder of its name.
     #[serde(rename = "texture")]
     pub textures: Vec<Texture>,
-    /// What measuring adds; unnamed, nothing.
+    /// Effects of measuring; none if not given.
     #[serde(default)]
     pub measurement: Measurement,
 }
@@ -77,12 +34,12 @@ pub struct Recording {
     pub duration_s: f64,
     /// Surface speeds of the drum, mm/s, ascending.
     pub speeds_mm_s: Vec<f64>,
-    /// Normal forces, N, ascending; at 0 there is no contact.
+    /// Normal forces, N, ascending; 0 is without contact.
     pub forces_n: Vec<f64>,
 }
 
 impl Recording {
-    /// Samples of one trial on each axis.
+    /// Number of samples of one trial on each axis.
     pub fn samples(&self) -> usize {
         (self.duration_s * f64::from(self.sample_rate_hz)).round() as usize
     }
@@ -115,10 +72,10 @@ pub struct Mode {
     pub frequency_hz: f64,
     /// Fraction of critical damping.
     pub damping_ratio: f64,
-    /// Acceleration at the accelerometer well above resonance for a normal force at the tip, (m/s²)/N, on x, y, z.
+    /// Acceleration at the accelerometer well above resonance per normal force at the tip, (m/s²)/N, on x, y, z.
     pub participation_m_s2_per_n: [f64; 3],
-    /// The same for the tip itself, along the normal, (m/s²)/N: one over the modal mass felt at the tip. Unnamed, the
-    /// tip does not give way in this mode.
+    /// The same for the tip itself, along the normal, (m/s²)/N: one over the modal mass at the tip. If not given, the
+    /// tip does not move in this mode.
     pub tip_participation_m_s2_per_n: Option<f64>,
 }
 
@@ -126,11 +83,11 @@ pub struct Mode {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Texture {
-    /// Its name, and that of its sub-folder.
+    /// Name of the texture and of its subfolder.
     pub name: String,
     /// Effective Hertz modulus E* of tip and surface, MPa.
     pub effective_modulus_mpa: f64,
-    /// Loss factor η of the contact; unnamed, the contact is lossless.
+    /// Loss factor η of the contact; lossless if not given.
     pub loss_factor: Option<f64>,
     /// Periodic parts of the profile.
     #[serde(default, rename = "weave")]
@@ -140,7 +97,7 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Whether the surface has any height at all.
+    /// Returns true if the surface is not flat.
     pub fn has_profile(&self) -> bool {
         !self.weaves.is_empty() || self.roughness.is_some()
     }
@@ -157,11 +114,11 @@ pub struct Weave {
     /// Amplitudes of the second, third ... harmonic as fractions of the fundamental's; may be negative.
     #[serde(default)]
     pub harmonics: Vec<f64>,
-    /// How the spacing wanders; unnamed, it is exact.
+    /// Variation of the spacing; none if not given.
     pub jitter: Option<Jitter>,
 }
 
-/// Random wandering of a weave's phase.
+/// Random variation of a weave's phase.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Jitter {
@@ -177,15 +134,15 @@ pub struct Jitter {
 pub struct Roughness {
     /// RMS height over all wavelengths, µm.
     pub rms_um: f64,
-    /// Hurst exponent, over 0 up to 1: larger is smoother.
+    /// Hurst exponent, above 0 and at most 1; larger is smoother.
     pub hurst: f64,
-    /// Wavelength above which the spectrum is flat, mm.
+    /// Wavelength above which the power spectrum is flat, mm.
     pub roll_off_mm: f64,
-    /// Wavelength below which there is nothing, mm.
+    /// Wavelength below which the power spectrum is zero, mm.
     pub shortest_mm: f64,
 }
 
-/// What measuring adds, each effect only if named.
+/// Effects of measuring, each computed only if it is given.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measurement {
@@ -213,7 +170,7 @@ pub struct Tremor {
     pub rms_m_s2: [f64; 3],
 }
 
-/// A sine from the mains, its phase drawn for each trial.
+/// A sine from the mains with a random phase per trial.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hum {
@@ -239,11 +196,11 @@ pub struct Noise {
     pub rms_m_s2: [f64; 3],
 }
 
-/// A range beyond which values are cut off.
+/// The sensor's range, beyond which values are cut off.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Clipping {
-    /// Largest magnitude, in standard gravities; 5 if not given, as the paper's accelerometer has.
+    /// Largest magnitude, in standard gravities; 5, the range of the paper's accelerometer, if not given.
     #[serde(default = "Clipping::paper_range_g")]
     pub range_g: f64,
 }

@@ -11,8 +11,8 @@ use host_tools::support::error::Result;
 use host_tools::support::{atomic_file, progress};
 use host_tools::texture::domain::Method;
 
-use super::table::table;
 use crate::cli::output::{print, to_json};
+use crate::cli::table::table;
 
 /// Tests, prints the tables, and writes all figures where asked.
 pub fn run(set: &RecordingSet, options: &Options, json: Option<&Path>) -> Result<()> {
