@@ -5,9 +5,10 @@ use std::rc::Rc;
 
 use model_format::limits::SLOT_BYTES;
 use model_format::link::{
-    ActivateError, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
-    RecordBlock, RecordCounters, RecordError, RecordSample, RecordStarted, RecordStopped,
-    ResetReason, SCHEMA_HASH, Selection, Settings, SlotId, SlotInfo, TickCounters, UploadState,
+    ActivateError, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError,
+    PlayRequest, RecordBlock, RecordCounters, RecordError, RecordSample, RecordStarted,
+    RecordStopped, ResetReason, SCHEMA_HASH, Selection, Settings, SlotId, SlotInfo, TickCounters,
+    UploadState,
 };
 use model_format::{AdcCode, FORMAT_VERSION, Library, OutputSample};
 use stylus_app::control::{Control, Device, NotPrepared, ResetReport, TickReport, plan_of};
