@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::toolchain::TARGET;
+use crate::target::{DEBIAN_PACKAGES, TARGET};
 
 /// A task that failed.
 #[derive(Debug, thiserror::Error)]
@@ -12,7 +12,7 @@ pub enum Error {
     #[error(
         "no Rust toolchain here builds for {TARGET}; install it: `rustup target add {TARGET}`, or, where rustup has no such \
          target, on Debian 12 as root: `apt-get install {}`",
-        crate::toolchain::DEBIAN_PACKAGES.join(" ")
+        DEBIAN_PACKAGES.join(" ")
     )]
     NoToolchain,
     /// A program that a task needs is missing.

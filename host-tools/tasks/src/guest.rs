@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::toolchain::{TARGET, Toolchain};
+use crate::target::TARGET;
+use crate::toolchain::Toolchain;
 use crate::{process, workspace};
 
 /// A processor that the kernel is built for, and the board of Arm's on which QEMU has it.
@@ -57,7 +58,7 @@ pub fn compiler_flags(processor: Processor) -> String {
 pub fn build(toolchain: &Toolchain, processor: Processor) -> Result<PathBuf> {
     let target_folder = workspace::target_folder(processor.name());
     let mut cargo = toolchain.cargo("build", &folder(), &target_folder);
-    cargo.arg("--release").arg("--quiet");
+    cargo.args(["--release", "--quiet", "--locked"]);
     cargo.env("RUSTFLAGS", compiler_flags(processor));
     process::run(&mut cargo)?;
     let image = target_folder

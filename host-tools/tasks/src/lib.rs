@@ -13,6 +13,7 @@ pub mod process;
 pub mod qemu;
 pub mod report;
 pub mod tables;
+pub mod target;
 pub mod toolchain;
 pub mod virtual_stylus;
 pub mod workspace;

@@ -8,20 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::error::{Error, Result};
+use crate::target::TARGET;
 use crate::{process, workspace};
-
-/// Cortex-M4 and M7 with a floating-point unit.
-pub const TARGET: &str = "thumbv7em-none-eabihf";
-
-/// Debian 12's packages that build for the target.
-pub const DEBIAN_PACKAGES: [&str; 6] = [
-    "rustc-web",
-    "cargo-web",
-    "rust-web-src",
-    "rust-web-llvm",
-    "rust-web-clippy",
-    "lld-22",
-];
 
 /// Where Debian puts its programs.
 const DEBIAN_FOLDER: &str = "/usr/bin";

@@ -9,21 +9,20 @@ use std::process::Command;
 
 use crate::error::{Error, Result};
 use crate::firmware::{self, Image};
-use crate::toolchain::{TARGET, Toolchain};
+use crate::target::TARGET;
+use crate::toolchain::Toolchain;
 use crate::{costs, process, tables, workspace};
 
 fn folder() -> PathBuf {
     workspace::root().join("tests/virtual-stylus")
 }
 
-/// Cargo for the host, in the virtual stylus's workspace.
+/// Cargo for the host, in the virtual stylus's workspace. It shares the folder of the product's own builds, so that what
+/// both workspaces depend on is built once.
 fn cargo(subcommand: &str) -> Command {
     let mut cargo = Command::new("cargo");
     cargo.current_dir(folder());
-    cargo.env(
-        "CARGO_TARGET_DIR",
-        workspace::target_folder("virtual-stylus"),
-    );
+    cargo.env("CARGO_TARGET_DIR", workspace::host_target_folder());
     cargo.args([subcommand, "--quiet", "--locked", "--ignore-rust-version"]);
     cargo
 }

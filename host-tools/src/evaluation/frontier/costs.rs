@@ -1,4 +1,4 @@
-//! What a sample costs on a microcontroller: the table that `cargo tasks costs` measures, and look-ups in it.
+//! Costs of a sample on a microcontroller: the table that `cargo tasks costs` measures, and look-ups in it.
 
 use std::sync::LazyLock;
 
@@ -26,7 +26,7 @@ impl std::fmt::Display for Core {
     }
 }
 
-/// What one sample takes.
+/// The cost of one sample.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SampleCost {
     /// Instructions, counted on QEMU; the same for all inputs.
@@ -37,7 +37,7 @@ pub struct SampleCost {
     pub worst_cycles: f64,
 }
 
-/// What one update of the coefficients takes.
+/// The cost of one update of the coefficients.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UpdateCost {
     /// Instructions of the cheapest update: of a direct form, one that stays in its cell.
@@ -81,7 +81,7 @@ pub struct Costs {
     pub peers: Vec<Peer>,
 }
 
-/// Where a peer's figures are from.
+/// Origin of a peer's figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {
@@ -96,9 +96,9 @@ pub enum Origin {
 pub struct Peer {
     /// Whose, and what.
     pub name: String,
-    /// Where the figures are from.
+    /// Origin of the figures.
     pub origin: Origin,
-    /// What the call does beside the filter.
+    /// Work of the call beside the filter.
     pub includes: String,
     /// Stages or taps.
     pub order: u32,
@@ -110,7 +110,7 @@ pub struct Peer {
     pub worst_cycles: f64,
 }
 
-/// What a look-up gives.
+/// The result of a look-up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Cost {
     /// Of a sample.
@@ -129,7 +129,7 @@ impl Costs {
         &COSTS
     }
 
-    /// What `structure` over `nodes` nodes costs at `order` on `core`; between the measured orders on a straight line, below the
+    /// Returns the cost of `structure` over `nodes` nodes at `order` on `core`: linear between the measured orders, below the
     /// lowest as much as that. `None` above the highest, or where nothing was measured.
     pub fn at(
         &self,

@@ -6,7 +6,8 @@ mod placement;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::toolchain::{TARGET, Toolchain};
+use crate::target::TARGET;
+use crate::toolchain::Toolchain;
 use crate::{process, workspace};
 
 pub use memory::{Memory, Use};
@@ -55,6 +56,7 @@ pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
     let mut cargo = toolchain.cargo("build", workspace::root(), &target_folder);
     cargo.args([
         "--quiet",
+        "--locked",
         "--package",
         "stylus-firmware",
         "--profile",
