@@ -147,7 +147,7 @@ fn the_page_has_the_ticks_of_this_image() {
     let mut page = Page::read(&path).unwrap_or_else(|error| panic!("{error}"));
     let made = table(&compiler);
     let checked = if std::env::var_os("STYLUS_WRITE_TABLES").is_some() {
-        page.write(TABLE, &made).map(drop)
+        page.write(TABLE, &made).map(|_| ())
     } else if page
         .block(TABLE)
         .is_ok_and(|block| !block.contains(&format!("rustc {compiler}")))
