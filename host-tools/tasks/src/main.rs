@@ -32,7 +32,7 @@ enum Task {
     },
     /// Play the test vectors on emulated processors, compare with the host, and count instructions
     Qemu,
-    /// Count what a sample and an update cost, instruction by instruction, and write tests/qemu/costs.json; some minutes
+    /// Count what a sample and an update cost, instruction by instruction, and write host-tools/costs/costs.json; some minutes
     Costs,
     /// Build the image for the STM32H743, check where the tick's code is, and show what it takes of each memory
     Firmware {
@@ -149,7 +149,7 @@ fn count_all() -> Result<()> {
     })?;
     print!("{}", costs::table(&counted));
     let path = costs::path();
-    std::fs::write(&path, counted.to_text()).map_err(|source| Error::Write {
+    std::fs::write(&path, qemu_tests::costs::to_text(&counted)).map_err(|source| Error::Write {
         path: path.clone(),
         source,
     })?;

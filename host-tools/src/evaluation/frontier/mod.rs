@@ -22,6 +22,7 @@ mod structure;
 use model_format::{Library, Provenance, TextureSpec, encode_uncertified};
 use rayon::prelude::*;
 use serde::Serialize;
+use stylus_costs::Peer;
 
 use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::reduction::Reduction;
@@ -35,7 +36,7 @@ use crate::texture::certificate;
 use crate::texture::grid::Grid;
 use crate::texture::quantise::{StructureChoice, nodes as quantised_nodes};
 
-use costs::{Core, Cost, Costs, Peer};
+use costs::{Core, Cost, Costs};
 use hard::{HardCases, Verdict};
 use moving::{Frames, Moving};
 use still::{Node, Playing, Still};
@@ -407,9 +408,9 @@ impl Prepared {
             take_cost: self.take_cost,
             take_band_error_db: self.take_band_error_db,
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
-            rustc: Costs::measured().rustc.clone(),
-            qemu: Costs::measured().qemu.clone(),
-            peers: Costs::measured().peers.clone(),
+            rustc: Costs::measured().table().rustc.clone(),
+            qemu: Costs::measured().table().qemu.clone(),
+            peers: Costs::measured().table().peers.clone(),
             filters,
             points,
         };
