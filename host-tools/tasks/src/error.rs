@@ -88,6 +88,19 @@ pub enum Error {
         /// What is wrong.
         problem: String,
     },
+    /// A file or folder cannot be read.
+    #[error("{path}: {source}", path = path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Code or pages depart from the drawn layout. The departures are on the screen already.
+    #[error(
+        "the house is not as drawn, in {0} places above; the rules are in host-tools/tasks/src/house"
+    )]
+    House(usize),
     /// A file that cannot be written.
     #[error("{path}: {source}", path = path.display())]
     Write {

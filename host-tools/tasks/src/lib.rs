@@ -8,6 +8,7 @@ pub mod costs;
 pub mod error;
 pub mod firmware;
 pub mod guest;
+pub mod house;
 pub mod lint;
 pub mod process;
 pub mod qemu;

@@ -10,7 +10,7 @@ use tasks::error::{Error, Result};
 use tasks::firmware::Image;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::{Toolchain, check_clippy};
-use tasks::{compare, costs, firmware, lint, qemu, virtual_stylus};
+use tasks::{compare, costs, firmware, house, lint, qemu, virtual_stylus, workspace};
 
 /// Tasks around the microcontroller's core.
 #[derive(Parser)]
@@ -57,6 +57,8 @@ enum Task {
         #[arg(last = true)]
         arguments: Vec<OsString>,
     },
+    /// Check that code and pages keep to the drawn layout: wings, import circles, line lengths, names in pages
+    House,
     /// Lint all that runs on the target; every warning fails
     CheckTarget,
     /// Lint the virtual stylus; every warning fails
@@ -81,6 +83,7 @@ fn main() -> ExitCode {
         }
         Task::TestVirtualStylus { long, arguments } => Toolchain::find()
             .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
+        Task::House => check_house(),
         Task::CheckVirtualStylus => virtual_stylus::lint(),
         Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),
     };
@@ -138,6 +141,19 @@ fn build_firmware(image: Image) -> Result<PathBuf> {
     print!("{}", firmware::memory(&file)?);
     println!("{}", file.display());
     Ok(file)
+}
+
+/// Shows every departure from the drawn layout, a line each, or what was checked.
+fn check_house() -> Result<()> {
+    let outcome = house::check(workspace::root())?;
+    for finding in &outcome.findings {
+        println!("{finding}");
+    }
+    println!("house: {}", outcome.summary());
+    match outcome.findings.len() {
+        0 => Ok(()),
+        count => Err(Error::House(count)),
+    }
 }
 
 /// Counts, shows and writes.
