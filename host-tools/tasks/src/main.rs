@@ -22,7 +22,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Say what is installed, and how to install what is missing
+    /// List the needed programs, and how to install the missing ones
     Setup,
     /// Build the image that plays the test vectors
     BuildGuest {
@@ -32,9 +32,9 @@ enum Task {
     },
     /// Play the test vectors on emulated processors, compare with the host, and count instructions
     Qemu,
-    /// Count what a sample and an update cost, instruction by instruction, and write host-tools/costs/costs.json; some minutes
+    /// Count the cost per sample and per update, by instruction, and write host-tools/costs/costs.json (some minutes)
     Costs,
-    /// Build the image for the STM32H743, check where the tick's code is, and show what it takes of each memory
+    /// Build the image for the STM32H743, check the place of the tick's code, and show the use of each memory
     Firmware {
         /// With faults on request, for tests
         #[arg(long)]
@@ -44,7 +44,7 @@ enum Task {
     Flash,
     /// Build the image and run it on an emulated STM32H743, with a socket for `stylus --link tcp:`
     VirtualStylus {
-        /// Of the virtual stylus: `-- --help` tells them
+        /// Arguments of the virtual stylus: `-- --help` lists them
         #[arg(last = true)]
         arguments: Vec<OsString>,
     },
@@ -53,13 +53,13 @@ enum Task {
         /// A minute of recording instead of seconds, a million frames instead of thousands
         #[arg(long)]
         long: bool,
-        /// Of the tests, such as a name
+        /// Arguments of the tests, such as a name
         #[arg(last = true)]
         arguments: Vec<OsString>,
     },
     /// Check that code and pages keep to the drawn layout: wings, import circles, line lengths, names in pages
     House,
-    /// Lint all that runs on the target; every warning fails
+    /// Lint all code for the target; every warning fails
     CheckTarget,
     /// Lint the virtual stylus; every warning fails
     CheckVirtualStylus,
@@ -96,7 +96,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Tells about everything, and fails with the first that is missing.
+/// Shows every needed program, and fails with the first missing one.
 fn setup() -> Result<()> {
     let mut failures = Vec::new();
     let mut tell = |what: &str, found: Result<String>| match found {
@@ -135,7 +135,7 @@ fn build_guest(processor: Option<Processor>) -> Result<()> {
     Ok(())
 }
 
-/// Builds, shows what is taken of each memory, and tells where the file is.
+/// Builds the image, and shows the use of each memory and the file.
 fn build_firmware(image: Image) -> Result<PathBuf> {
     let file = firmware::build(&Toolchain::find()?, image)?;
     print!("{}", firmware::memory(&file)?);
@@ -156,7 +156,7 @@ fn check_house() -> Result<()> {
     }
 }
 
-/// Counts, shows and writes.
+/// Counts all costs, shows them and writes the table.
 fn count_all() -> Result<()> {
     let begin = Instant::now();
     let counted = costs::count(&Toolchain::find()?, |processor, structure| {

@@ -1,7 +1,7 @@
 //! The virtual stylus: `tests/virtual-stylus`, a workspace of its own.
 //!
-//! Its emulator asks for a newer compiler than the product does, and builds and runs with the product's all the same; cargo
-//! wants to be told so.
+//! Its emulator declares a newer compiler than the product's, and builds and runs with the product's all the same.
+//! Cargo needs `--ignore-rust-version` for that.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -32,7 +32,7 @@ fn cargo(subcommand: &str) -> Command {
 /// Runs the product's image by hand, with the virtual stylus's own `arguments`.
 ///
 /// # Errors
-/// Something does not build, or the run fails.
+/// A build or the run fails.
 pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<()> {
     let image = firmware::build(toolchain, Image::Product)?;
     let mut run = cargo("run");
@@ -41,10 +41,11 @@ pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<()> {
     process::run(run.args(arguments))
 }
 
-/// Builds the images and runs all tests on the virtual stylus; `long` asks for the long ones, `arguments` go to the tests.
+/// Builds the images and runs all tests on the virtual stylus, with `long` the long ones too. `arguments` go to the
+/// tests.
 ///
 /// # Errors
-/// Something does not build, or a test fails.
+/// A build or a test fails.
 pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
     print!("{}", firmware::memory(&product)?);
@@ -64,12 +65,12 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
 /// Lints the virtual stylus; every warning is a failure.
 ///
 /// # Errors
-/// There is one, or it does not build.
+/// There is a warning, or the build fails.
 pub fn lint() -> Result<()> {
     process::run(cargo("clippy").args(["--all-targets", "--", "--deny", "warnings"]))
 }
 
-/// Builds the image that the models are held against the manual with, and tells where it is.
+/// Builds the image that compares the models with the manual, and returns it.
 fn build_probe(toolchain: &Toolchain) -> Result<PathBuf> {
     let target_folder = workspace::target_folder("probe-image");
     let mut cargo = toolchain.cargo("build", &folder().join("probe-image"), &target_folder);
