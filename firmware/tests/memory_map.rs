@@ -8,8 +8,8 @@ use std::path::Path;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use stylus_app::settings::SETTINGS_RANGE;
 
-/// Sector of the STM32H743's flash, the least that can be erased, bytes.
-const SECTOR_BYTES: u64 = 128 * 1024;
+/// The least that can be erased, bytes.
+const SECTOR_BYTES: u64 = stylus_app::flash::SECTOR_BYTES as u64;
 const BANK_1: Range<u64> = 0x0800_0000..0x0810_0000;
 const BANK_2: Range<u64> = 0x0810_0000..0x0820_0000;
 

@@ -127,7 +127,7 @@ fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
     // Sixteen times as long as for other answers.
     let message = bench.refuse(&format!("list --timeout 0.2 --link {link}"));
     assert!(
-        message.contains("the device did not take its slots"),
+        message.contains("the device did not accept the slot list request"),
         "{message}"
     );
 }
@@ -157,7 +157,7 @@ fn a_device_that_says_nothing_is_given_up_in_time() {
     let begin = Instant::now();
     let message = bench.refuse(&format!("status --timeout 0.3 --link {}", stylus.link()));
     assert!(
-        message.contains("no answer to who it is within 0.3 s"),
+        message.contains("no answer to the identity request within 0.3 s"),
         "{message}"
     );
     assert!(begin.elapsed() < Duration::from_secs(5));
@@ -165,11 +165,11 @@ fn a_device_that_says_nothing_is_given_up_in_time() {
 
 #[test]
 fn an_answer_that_comes_too_late_is_no_answer_to_what_is_asked_next() {
-    use host_tools::link::{Device, LinkError, Patience};
+    use host_tools::link::{Device, LinkError, Timeouts};
     let stylus = TestStylus::boot();
     let address = stylus.link().parse().unwrap();
-    let patience = Patience::scaled_to(Duration::from_millis(400));
-    let device = Device::connect(&address, patience).unwrap();
+    let timeouts = Timeouts::scaled_to(Duration::from_millis(400));
+    let device = Device::connect(&address, timeouts).unwrap();
     stylus.fail(Faults {
         late: Duration::from_millis(600),
         ..Faults::default()
@@ -179,7 +179,7 @@ fn an_answer_that_comes_too_late_is_no_answer_to_what_is_asked_next() {
         matches!(
             &failure,
             LinkError::NoAnswer {
-                request: "the status",
+                request: "status",
                 ..
             }
         ),
@@ -212,8 +212,8 @@ fn said_to(disguise: Disguise, arguments: &str) -> String {
 
 #[test]
 fn of_two_versions_the_older_is_named_before_anything_is_asked() {
-    const DEVICE: &str = "the device's firmware is the older one: flash it anew";
-    const HOST: &str = "this program is the older one: build it anew";
+    const DEVICE: &str = "the device's firmware is the older side: flash it from this version";
+    const HOST: &str = "this program is the older side: build it from";
     let cases: [(Disguise, &str, &str); 6] = [
         (|info| info.protocol_version -= 1, "status", DEVICE),
         (|info| info.protocol_version += 1, "status", HOST),

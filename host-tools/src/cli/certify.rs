@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use host_tools::report::plot::{Caption, certificate_map};
 use host_tools::support::error::{Error, Result};
 use host_tools::texture::certificate;
-use host_tools::texture::certificate::{Cell, Finding, Report, SAMPLES_A_SIDE, Stored};
+use host_tools::texture::certificate::{Cell, Certification, Finding, SAMPLES_PER_SIDE, Stored};
 use model_format::Library;
 
 use super::table::table;
@@ -43,7 +43,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         )?],
         None => library.textures().collect(),
     };
-    let reports: Vec<Report> = textures.iter().map(certificate::certify).collect();
+    let reports: Vec<Certification> = textures.iter().map(certificate::certify).collect();
     if let Some(path) = &arguments.picture {
         draw(&reports, path)?;
     }
@@ -52,14 +52,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         show(&reports)?;
     }
-    let unsound = |report: &&Report| !report.holds || report.stored != Stored::Same;
+    let unsound = |report: &&Certification| !report.holds || report.stored != Stored::Same;
     match reports.iter().find(unsound) {
         None => Ok(()),
         Some(report) => Err(Error::file(&arguments.library, why_unsound(report))),
     }
 }
 
-fn why_unsound(report: &Report) -> String {
+fn why_unsound(report: &Certification) -> String {
     let texture = &report.texture;
     match report.failures().first() {
         Some(cell) => format!("texture '{texture}': {cell}; fit it as a lattice"),
@@ -72,7 +72,7 @@ fn why_unsound(report: &Report) -> String {
     }
 }
 
-fn draw(reports: &[Report], path: &std::path::Path) -> Result<()> {
+fn draw(reports: &[Certification], path: &std::path::Path) -> Result<()> {
     let [report] = reports else {
         return Err(Error::Request(
             "a picture shows one texture; say which by --texture".to_owned(),
@@ -92,7 +92,7 @@ fn draw(reports: &[Report], path: &std::path::Path) -> Result<()> {
     certificate_map(&caption, report)?.write(path)
 }
 
-fn show(reports: &[Report]) -> Result<()> {
+fn show(reports: &[Certification]) -> Result<()> {
     let header = [
         "texture",
         "structure",
@@ -114,7 +114,7 @@ fn show(reports: &[Report]) -> Result<()> {
     print(&legend(reports))
 }
 
-fn row(report: &Report) -> Vec<String> {
+fn row(report: &Certification) -> Vec<String> {
     let holding = report.cells.iter().filter(|cell| cell.holds()).count();
     let [margin, worst, speed, force] = worst(&report.cells);
     let stored = match report.stored {
@@ -174,7 +174,7 @@ fn worst(cells: &[Cell]) -> [String; 4] {
 }
 
 /// What the figures mean.
-fn legend(reports: &[Report]) -> String {
+fn legend(reports: &[Certification]) -> String {
     let lattice = |cell: &&Cell| matches!(cell.finding, Finding::Lattice { .. });
     let cells = || reports.iter().flat_map(|report| &report.cells);
     let mut lines = Vec::new();
@@ -186,7 +186,7 @@ fn legend(reports: &[Report]) -> String {
         );
     }
     if cells().any(|cell| !lattice(&cell)) {
-        let side = SAMPLES_A_SIDE + 1;
+        let side = SAMPLES_PER_SIDE + 1;
         lines.push(format!(
             "Direct form, proved: no zero of A on or outside the unit circle at any point of a cell, |A| at least the margin. \
              Sampled: worst is the largest pole radius of {side} x {side} points a cell. Not shown: what happens while \

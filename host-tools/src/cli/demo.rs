@@ -8,7 +8,7 @@ use host_tools::fit;
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::{WavFormat, render_wav};
 use host_tools::recording::RecordingSet;
-use host_tools::report::evaluation_page as report;
+use host_tools::report::evaluation_folder as report;
 use host_tools::rig::{self, Scene};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};

@@ -10,7 +10,7 @@ use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::Around;
 use host_tools::fit::Order;
 use host_tools::recording::RecordingSet;
-use host_tools::report::evaluation_page as report;
+use host_tools::report::evaluation_folder as report;
 use host_tools::support::error::Result;
 use host_tools::support::{atomic_file, progress};
 use model_format::Library;

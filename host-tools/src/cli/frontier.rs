@@ -60,10 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         seed: arguments.seed,
         ..Options::default()
     };
-    let bar = progress::bar(
-        (frontier::FITS * material.fit.trials.len()) as u64,
-        "fitting",
-    );
+    let bar = progress::bar(material.fit.trials.len() as u64, "fitting");
     let prepared = Prepared::new(&material, &options, || bar.inc(1))?;
     bar.finish_and_clear();
     let bar = progress::bar(prepared.work() as u64, "comparing");

@@ -3,6 +3,7 @@
 mod certify;
 mod demo;
 mod densify;
+#[cfg(feature = "device")]
 mod device;
 mod evaluate;
 mod fit;
@@ -32,10 +33,16 @@ use host_tools::support::error::Error;
 /// What a failure that the user can mend ends with: a file, a value or a request that cannot be used.
 const EXIT_UNUSABLE: u8 = 2;
 
+/// The last line of the help where the commands for a stylus are left out.
+#[cfg(not(feature = "device"))]
+const WITHOUT_DEVICE: &str =
+    "The commands for a stylus need the feature `device`; `cargo stylus` has it.";
+
 /// Data-driven haptic textures: fit models to recordings of a tool on a surface, judge them, and render exactly what the
 /// stylus plays.
 #[derive(Parser)]
 #[command(name = "stylus", version, arg_required_else_help = true)]
+#[cfg_attr(not(feature = "device"), command(after_help = WITHOUT_DEVICE))]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -71,6 +78,7 @@ enum Command {
     Frontier(frontier::Arguments),
     /// Do all of it on simulated recordings, with a report
     Demo(demo::Arguments),
+    #[cfg(feature = "device")]
     #[command(flatten)]
     Device(device::Command),
 }
@@ -92,6 +100,7 @@ pub fn run() -> ExitCode {
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        #[cfg(feature = "device")]
         Command::Device(command) => device::run(&command),
     };
     match outcome {

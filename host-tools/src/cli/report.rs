@@ -9,8 +9,9 @@ use host_tools::evaluation::leave_one_out::{Prepared, Row};
 use host_tools::evaluation::{evaluate, takes};
 use host_tools::fit::{self, Order};
 use host_tools::recording::RecordingSet;
-use host_tools::report::whole_page as whole_report;
-use host_tools::report::whole_page::Inputs;
+use host_tools::report::removed_nodes::RemovedNodeTest;
+use host_tools::report::set_page;
+use host_tools::report::set_page::Inputs;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
 
@@ -99,11 +100,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         test: test
             .as_ref()
             .zip(prepared.as_ref())
-            .map(|(t, p)| (t, p, removal)),
+            .map(|(test, prepared)| RemovedNodeTest {
+                test,
+                prepared,
+                options: removal,
+            }),
         takes: &distances,
     };
     let bar = progress::bar(evaluation.textures.len() as u64, "reporting");
-    whole_report::write(&inputs, &arguments.out, || bar.inc(1))?;
+    set_page::write(&inputs, &arguments.out, || bar.inc(1))?;
     bar.finish_and_clear();
     let origin = if evaluation.simulated {
         ", of SIMULATED recordings"

@@ -1,4 +1,4 @@
-//! Orders within a budget of cycles a sample, and what they give up.
+//! Orders within a budget of cycles per sample, and what they give up.
 //!
 //! The time of a sample is that of the highest order of a texture's nodes, wherever the hand is: so that the path of a tick does
 //! not depend on the data, a frame has as many stages, or sums as many taps, as any node of its texture. A budget
@@ -29,7 +29,7 @@ pub struct Budget {
     pub core: Core,
 }
 
-/// What a texture gives up for a budget.
+/// The accuracy that a texture gives up for a budget.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Concession {
     /// The texture.
@@ -38,7 +38,7 @@ pub struct Concession {
     pub highest_order: usize,
     /// Nodes with a model of their own, those that are filled left out.
     pub nodes: usize,
-    /// How many of them have a lower order than they would.
+    /// Number of them whose order the budget lowers.
     pub capped: usize,
     /// The lowest and the highest order that those would have; zero where there are none.
     pub orders_without: (usize, usize),
@@ -81,7 +81,7 @@ impl Budget {
     }
 }
 
-/// What `order` becomes within a budget that leaves orders up to `highest`.
+/// Returns `order` within a budget that leaves orders up to `highest`.
 pub fn capped(order: Order, highest: usize) -> Order {
     match order {
         Order::Auto => Order::AtMost(highest),
@@ -90,7 +90,7 @@ pub fn capped(order: Order, highest: usize) -> Order {
     }
 }
 
-/// What each texture of `within`, fitted with orders up to `highest_order`, gives up of `without`, the same set fitted with no such
+/// Returns the accuracy that each texture of `within`, fitted with orders up to `highest_order`, gives up of `without`, the same set fitted with no such
 /// bound.
 pub fn concessions(without: &Fit, within: &Fit, highest_order: usize) -> Vec<Concession> {
     let textures = without.textures.iter().zip(&within.textures);
@@ -150,7 +150,7 @@ pub fn concessions(without: &Fit, within: &Fit, highest_order: usize) -> Vec<Con
     concession.collect()
 }
 
-/// How much more power the prediction error of `kept` has than that of `wanted`, dB.
+/// Returns the power of the prediction error of `kept` over that of `wanted`, dB.
 fn error_rise_db(wanted: &Model, kept: &Model) -> f64 {
     10.0 * (error_share(&kept.reflection) / error_share(&wanted.reflection)).log10()
 }
@@ -212,7 +212,7 @@ mod tests {
         assert!(refusal(least - 1.0).is_err(), "{text}");
     }
 
-    /// What is foretold of a model of lower order is what is measured between its noise and that of the full one.
+    /// The error foretold for a model of lower order equals the one measured between its noise and that of the full model.
     #[test]
     fn the_expected_cost_is_that_of_synthesised_noise() {
         let reflection = vec![-0.9, 0.7, -0.3, 0.5, -0.4, 0.3, 0.2, -0.35];

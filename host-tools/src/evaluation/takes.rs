@@ -1,4 +1,4 @@
-//! How far takes of one surface are from each other: what a synthesis can be measured against.
+//! Distances between takes of one surface, which are the floor for a synthesis.
 //!
 //! A model fitted to one take need not come nearer to another take than the first take itself does.
 
@@ -24,14 +24,14 @@ pub struct TakeDistance {
     pub texture: String,
     /// Log-spectral distance of the other take from the trial, 30 to 1000 Hz, dB; none if one is silent.
     pub take_db: Option<f64>,
-    /// That of the synthesis.
+    /// Log-spectral distance of the synthesis, dB.
     pub synthesis_db: Option<f64>,
     /// Level of the other take over the trial's, dB.
     pub level_db: Option<f64>,
 }
 
 impl TakeDistance {
-    /// How much further the synthesis is than the other take, dB.
+    /// Returns the distance of the synthesis beyond that of the other take, dB.
     pub fn excess_db(&self) -> Option<f64> {
         Some(self.synthesis_db? - self.take_db?)
     }

@@ -1,31 +1,31 @@
-//! Where a device is.
+//! Addresses of devices.
 
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// Where a device is, as a user writes it: `usb[:SERIAL]`, `serial:PATH`, `tcp:HOST:PORT` or
+/// Address of a device, as a user writes it: `usb[:SERIAL]`, `serial:PATH`, `tcp:HOST:PORT` or
 /// `usb-virtual:HOST:PORT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LinkAddress {
-    /// On USB, the only one or the one with this serial number.
+    /// A device on USB: the only one, or the one with this serial number.
     Usb {
         /// Serial number of the board.
         serial: Option<String>,
     },
-    /// At a serial port.
+    /// A device at a serial port.
     Serial {
         /// The port's device file or name.
         path: PathBuf,
     },
-    /// At a TCP port, as a virtual stylus's serial line is.
+    /// A device at a TCP port, such as the serial line of a virtual stylus.
     Tcp {
         /// Name or address of the host.
         host: String,
         /// The port.
         port: u16,
     },
-    /// On the USB of a virtual stylus, whose host is at a TCP port.
+    /// A virtual stylus on its virtual USB, whose host is at a TCP port.
     UsbVirtual {
         /// Name or address of the host.
         host: String,
@@ -48,10 +48,10 @@ impl FromStr for LinkAddress {
                 serial: Some(serial.to_owned()),
             }),
             ("serial", Some(path)) if !path.is_empty() => Ok(Self::Serial { path: path.into() }),
-            ("tcp", Some(place)) => tcp(place)
+            ("tcp", Some(target)) => host_and_port(target)
                 .map(|(host, port)| Self::Tcp { host, port })
                 .ok_or_else(|| unusable(text)),
-            ("usb-virtual", Some(place)) => tcp(place)
+            ("usb-virtual", Some(target)) => host_and_port(target)
                 .map(|(host, port)| Self::UsbVirtual { host, port })
                 .ok_or_else(|| unusable(text)),
             _ => Err(unusable(text)),
@@ -59,9 +59,9 @@ impl FromStr for LinkAddress {
     }
 }
 
-/// `HOST:PORT`; an IPv6 address stands in brackets.
-fn tcp(place: &str) -> Option<(String, u16)> {
-    let (host, port) = place.rsplit_once(':')?;
+/// Parses `HOST:PORT`; an IPv6 address stands in brackets.
+fn host_and_port(target: &str) -> Option<(String, u16)> {
+    let (host, port) = target.rsplit_once(':')?;
     let bare = host
         .strip_prefix('[')
         .and_then(|rest| rest.strip_suffix(']'));
@@ -73,7 +73,9 @@ fn tcp(place: &str) -> Option<(String, u16)> {
 }
 
 fn unusable(text: &str) -> String {
-    format!("'{text}' is no link: give usb, usb:SERIAL, serial:PATH or tcp:HOST:PORT")
+    format!(
+        "'{text}' is not an address of a stylus: give usb, usb:SERIAL, serial:PATH or tcp:HOST:PORT"
+    )
 }
 
 impl fmt::Display for LinkAddress {
@@ -84,13 +86,13 @@ impl fmt::Display for LinkAddress {
                 serial: Some(serial),
             } => write!(f, "usb:{serial}"),
             Self::Serial { path } => write!(f, "serial:{}", path.display()),
-            Self::Tcp { host, port } => place(f, "tcp", host, *port),
-            Self::UsbVirtual { host, port } => place(f, "usb-virtual", host, *port),
+            Self::Tcp { host, port } => write_tcp(f, "tcp", host, *port),
+            Self::UsbVirtual { host, port } => write_tcp(f, "usb-virtual", host, *port),
         }
     }
 }
 
-fn place(f: &mut fmt::Formatter<'_>, kind: &str, host: &str, port: u16) -> fmt::Result {
+fn write_tcp(f: &mut fmt::Formatter<'_>, kind: &str, host: &str, port: u16) -> fmt::Result {
     if host.contains(':') {
         write!(f, "{kind}:[{host}]:{port}")
     } else {

@@ -1,4 +1,5 @@
-//! Frames as USB bulk transfers: a frame ends with a packet that is not full, or an empty one.
+//! Frames as USB bulk transfers. A frame ends with a short packet, or with an empty one if its length is a multiple of
+//! the packet's (USB 2.0 section 5.8.3).
 
 use std::io;
 use std::sync::Arc;
@@ -8,49 +9,49 @@ use postcard_rpc::host_client::{WireRx, WireTx};
 
 use super::wire::Health;
 
-/// Transfers that wait for the device at any time, so that none of its frames waits for us.
+/// Number of queued transfers from the device, so that no frame of the device waits for the host.
 const WAITING_TRANSFERS: usize = 8;
 
-/// An endpoint to a device.
+/// A bulk endpoint from the host to a device.
 pub(super) trait BulkOut: Send + 'static {
     /// Longest packet, bytes.
     fn packet_bytes(&self) -> usize;
 
-    /// Has a transfer wait behind those that wait.
+    /// Appends a transfer to the queue.
     fn submit(&mut self, data: Vec<u8>);
 
-    /// Transfers that wait.
+    /// Number of transfers in the queue.
     fn pending(&self) -> usize;
 
-    /// Waits until the first of them has ended.
+    /// Waits until the first transfer in the queue has ended.
     fn next(&mut self) -> impl Future<Output = io::Result<()>> + Send;
 
-    /// Has both ends begin anew: no halt, and an even packet due. Nothing may wait.
+    /// Resets both ends: no halt, and the next packet is an even one. The queue must be empty.
     fn clear_halt(&mut self) -> impl Future<Output = io::Result<()>> + Send;
 }
 
-/// An endpoint from a device.
+/// A bulk endpoint from a device to the host.
 pub(super) trait BulkIn: Send + 'static {
     /// Longest packet, bytes.
     fn packet_bytes(&self) -> usize;
 
-    /// Has a transfer of so many bytes wait behind those that wait.
+    /// Appends a transfer of at most `bytes` bytes to the queue.
     fn submit(&mut self, bytes: usize);
 
-    /// Waits until the first of them has ended: what came.
+    /// Waits until the first transfer in the queue has ended, and returns its bytes.
     fn next(&mut self) -> impl Future<Output = io::Result<Vec<u8>>> + Send;
 
-    /// Has both ends begin anew: no halt, and an even packet due. Nothing may wait.
+    /// Resets both ends: no halt, and the next packet is an even one. The queue must be empty.
     fn clear_halt(&mut self) -> impl Future<Output = io::Result<()>> + Send;
 }
 
-/// Both ends of a link over `output` and `input`, freed of whatever an earlier program left unfinished.
+/// Opens both directions of a link over `output` and `input`, and discards what an earlier program left unfinished.
 pub(super) async fn open<O: BulkOut, I: BulkIn>(
     mut output: O,
     mut input: I,
     health: &Arc<Health>,
 ) -> io::Result<(UsbTx<O>, UsbRx<I>)> {
-    // The device drops what it has of a frame either way when a halt is cleared, whether there was one or not.
+    // A cleared halt makes the device drop unfinished frames of both directions, also if there was no halt.
     output.clear_halt().await?;
     input.clear_halt().await?;
     Ok((

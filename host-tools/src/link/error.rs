@@ -1,4 +1,4 @@
-//! What can go wrong on a link, and what the device refuses, in words for the person at the keyboard.
+//! Failures of a link and refusals of the device, in words for the person at the keyboard.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use postcard_rpc::standard_icd::WireError;
 
 use super::Mismatch;
 
-/// A failure of the link, or a refusal of the device. Each is one line with the remedy.
+/// A failure of the link, or a refusal of the device. Each message is one line with the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LinkError {
@@ -20,53 +20,64 @@ pub enum LinkError {
          another link with --link"
     )]
     NoUsbDevice,
-    /// There are some on USB, but not this one.
-    #[error("no stylus with serial number {wanted} on USB; there is {}", found.join(", "))]
+    /// Styluses are on USB, but none with this serial number.
+    #[error(
+        "no stylus with serial number {wanted} on USB: name one of those that are, {}",
+        links(found)
+    )]
     NoSuchSerial {
-        /// What was asked for.
+        /// The serial number asked for.
         wanted: String,
-        /// Those that are there.
+        /// The serial numbers on USB.
         found: Vec<String>,
     },
-    /// There are several, and none was named.
+    /// Several styluses are on USB, and none was named.
     #[error("{} styluses on USB: name one with --link, {}", found.len(), links(found))]
     SeveralUsbDevices {
         /// Their serial numbers.
         found: Vec<String>,
     },
-    /// It is there, but this user may not use it.
+    /// The operating system denies this user access.
     #[error("{link}: no permission: {remedy}")]
     Permission {
         /// The link.
         link: String,
-        /// What to do about it.
+        /// The remedy.
         remedy: &'static str,
     },
-    /// Another program has it.
-    #[error("{link}: in use by another program: close that, then try again")]
+    /// Another program uses the link.
+    #[error("{link}: in use by another program: close that program, then try again")]
     Busy {
         /// The link.
         link: String,
     },
-    /// It cannot be opened for another reason.
+    /// The link cannot be opened for another reason.
     #[error("{link}: cannot be opened: {reason}")]
     Open {
         /// The link.
         link: String,
-        /// Why not, and what to do about it.
+        /// The reason and the remedy.
         reason: String,
     },
-    /// The device said nothing in time.
+    /// The device did not answer in time.
     #[error(
-        "{link}: no answer to {request} within {:.1} s: is it a stylus, is its firmware running, is another program talking \
-         to it?", after.as_secs_f64()
+        "{link}: no answer to the {request} request within {:.1} s: check that it is a stylus, that its firmware runs, and \
+         that no other program uses it", after.as_secs_f64()
     )]
     NoAnswer {
         /// The link.
         link: String,
-        /// What was asked.
+        /// Name of the request.
         request: &'static str,
-        /// How long the host waited.
+        /// Time that the host waited.
+        after: Duration,
+    },
+    /// The link accepted no more frames.
+    #[error("{link}: nothing could be sent for {:.1} s: check the cable, then try again", after.as_secs_f64())]
+    Stalled {
+        /// The link.
+        link: String,
+        /// Time that the host waited.
         after: Duration,
     },
     /// The link broke.
@@ -74,41 +85,43 @@ pub enum LinkError {
     Lost {
         /// The link.
         link: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// The device did not understand a frame.
-    #[error("{link}: the device did not take {request}: {error}")]
+    /// The device did not accept a frame.
+    #[error("{link}: the device did not accept the {request} request: {error}")]
     Frame {
         /// The link.
         link: String,
-        /// What was asked.
+        /// Name of the request.
         request: &'static str,
-        /// What it says.
+        /// The device's error.
         error: WireError,
     },
-    /// The host did not understand the device's answer.
-    #[error("{link}: the answer to {request} makes no sense: restart the device, then try again")]
+    /// The device's answer cannot be decoded.
+    #[error(
+        "{link}: the answer to the {request} request cannot be decoded: restart the device, then try again"
+    )]
     Answer {
         /// The link.
         link: String,
-        /// What was asked.
+        /// Name of the request.
         request: &'static str,
     },
-    /// The device speaks another protocol or plays another format.
+    /// The device speaks another protocol or plays another library format.
     #[error("{link}: {mismatch}")]
     Version {
         /// The link.
         link: String,
-        /// What differs and which side is the older one.
+        /// The difference, with the older side.
         mismatch: Mismatch,
     },
-    /// What the device says now is not what it was told.
+    /// The device reports another state than the requested one.
     #[error("{link}: {what}")]
     NotVerified {
         /// The link.
         link: String,
-        /// What differs.
+        /// The difference and the remedy.
         what: String,
     },
     /// Too much of a recording was lost.
@@ -116,52 +129,56 @@ pub enum LinkError {
     Lossy {
         /// The link.
         link: String,
-        /// How much, and what to do about it.
+        /// The loss and the remedy.
         what: String,
     },
     /// The device refuses an upload.
     #[error("the device refuses the upload: {0}")]
     Upload(Box<UploadError>),
-    /// The device cannot list a texture.
-    #[error("the device cannot list: {0}")]
+    /// The device cannot list a texture or scene.
+    #[error("the device cannot list its content: {0}")]
     List(Box<ListError>),
-    /// The device does not activate a library.
-    #[error("the device does not activate: {0}")]
+    /// The device refuses to activate a library.
+    #[error("the device refuses the activation: {0}")]
     Activate(Box<ActivateError>),
-    /// The device does not play.
-    #[error("the device does not play: {0}")]
+    /// The device refuses to play.
+    #[error("the device refuses to play: {0}")]
     Play(Box<PlayError>),
-    /// The device does not stop.
-    #[error("the device does not stop: {0}")]
+    /// The device refuses to stop.
+    #[error("the device refuses to stop: {0}")]
     Stop(#[from] StopError),
-    /// The device does not follow a motion.
-    #[error("the device does not follow the motion: {0}")]
+    /// The device refuses a motion.
+    #[error("the device refuses the motion: {0}")]
     Motion(#[from] MotionRefused),
-    /// The device does not record.
-    #[error("the device does not record: {0}")]
+    /// The device refuses to record.
+    #[error("the device refuses to record: {0}")]
     Record(#[from] RecordError),
-    /// The device does not take a setting.
+    /// The device refuses a setting.
     #[error("the device refuses the setting: {0}")]
     Settings(#[from] SettingsError),
-    /// The host itself has no means for a link.
-    #[error("no link can be opened here: {0}")]
+    /// The host cannot start what a link needs.
+    #[error("this computer cannot open a link: {0}")]
     Host(std::io::Error),
 }
 
-/// What a link returns.
+/// Result of an operation on a link.
 pub type Result<T> = std::result::Result<T, LinkError>;
 
 impl LinkError {
-    /// Whether the same request may succeed when it is made again, perhaps over a new link.
+    /// Returns true if the same request may succeed when it is repeated, perhaps over a new link.
     pub fn is_passing(&self) -> bool {
         matches!(
             self,
-            Self::NoAnswer { .. } | Self::Lost { .. } | Self::Frame { .. } | Self::Answer { .. }
+            Self::NoAnswer { .. }
+                | Self::Stalled { .. }
+                | Self::Lost { .. }
+                | Self::Frame { .. }
+                | Self::Answer { .. }
         )
     }
 }
 
-/// Refusals with words in them are large, and an error that is passed on should not be.
+/// Boxes refusals that hold text, because an error that is passed on should be small.
 macro_rules! boxed {
     ($($variant:ident($refusal:ty)),* $(,)?) => {$(
         impl From<$refusal> for LinkError {

@@ -1,22 +1,24 @@
 //! The host's side of the link to a stylus: over USB, a serial port, or TCP (a virtual stylus).
 //!
-//! What is said is [`model_format::link`]; this module carries it. [`Device`] is the whole of it for a caller: it opens a
-//! link, asks the device first what it is, refuses one that speaks another protocol, and then asks, answers and streams.
+//! [`model_format::link`] defines the messages; this module carries them. A caller needs only [`Device`]: it opens a link,
+//! reads the device's identity, refuses a device that speaks another protocol, and then makes requests and receives streams.
 //!
-//! | module | does |
+//! | module | subject |
 //! |---|---|
-//! | `address` | where a device is, as a user writes it |
-//! | `open` | opens what an address names; `wire` and `bulk` carry frames over it |
+//! | `address` | addresses of devices, as a user writes them |
+//! | `open` | opening of an address; `wire` and `bulk` carry frames over it |
 //! | `usb`, [`virtual_usb`] | the bulk endpoints of a stylus, and of a virtual one |
-//! | `version` | which side of two that differ is the older one |
-//! | [`Device`] | every request, with its timeout, as a function |
-//! | [`upload`] | a library to the device, resumed over broken links, read back |
-//! | [`play`] | motions and keep-alives at a rate |
-//! | [`capture`] | the record stream, with what it lost |
-//! | [`strokes`] | a free hand's recording, with its motion |
-//! | [`set`] | a folder of recordings that a fit reads |
+//! | `version` | differences of version between device and host, and the older side |
+//! | [`Device`] | every request as a function, with its timeout |
+//! | [`upload`] | upload of a library, resumed after broken links, and read back |
+//! | [`play`] | motions at a fixed rate, and keep-alives |
+//! | [`capture`] | the record stream and its losses |
+//! | [`strokes`] | recordings of a free hand, with its motion |
+//! | [`set`] | a recording set that grows trial by trial |
 //!
-//! Over TCP and the serial port a frame is COBS-encoded and ended by a zero byte; over USB it is a bulk transfer.
+//! Over TCP and the serial port a frame is COBS-encoded and ends with a zero byte; over USB it is a bulk transfer.
+//!
+//! Invariant: nothing here fits or evaluates a model, and nothing here prints.
 
 mod address;
 mod bulk;
@@ -34,6 +36,6 @@ pub mod virtual_usb;
 mod wire;
 
 pub use address::LinkAddress;
-pub use device::{Device, Patience};
+pub use device::{Device, Timeouts};
 pub use error::{LinkError, Result};
 pub use version::Mismatch;

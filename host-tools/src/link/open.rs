@@ -1,4 +1,4 @@
-//! Opening what an address names.
+//! Opening of a link by its address.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -16,19 +16,19 @@ use super::error::{LinkError, Result};
 use super::wire::{CobsRx, CobsTx, Health, Spawn};
 use super::{LinkAddress, bulk, usb, virtual_usb};
 
-/// How long a TCP connection may take.
-const TCP_PATIENCE: Duration = Duration::from_secs(3);
+/// Timeout of a TCP connection.
+const TCP_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Frames that may wait to be sent. Few: what waits is late.
+/// Capacity of the queue of frames to send. It is short, because a frame that waits is late.
 const OUTGOING_FRAMES: usize = 4;
 
-/// What to do where the system keeps a serial port from the user.
+/// Remedy where the operating system denies access to a serial port.
 const SERIAL_REMEDY: &str = "add yourself to the port's group (often dialout: `sudo usermod -aG dialout $USER`) and log in again";
 
-/// Asks and hears one device.
+/// Client of one device.
 pub(super) type Client = HostClient<WireError>;
 
-/// Opens a link; its two tasks run on the runtime that this is awaited in.
+/// Opens a link. Its two tasks run on the current runtime.
 pub(super) async fn open(address: &LinkAddress, health: &Arc<Health>) -> Result<Client> {
     let link = address.to_string();
     match address {
@@ -79,7 +79,7 @@ where
     Ok(client(sender, CobsRx::new(reader, health.clone())))
 }
 
-/// Sequence numbers of two bytes: an answer that comes too late cannot be taken for that of a later request.
+/// A client with sequence numbers of two bytes, so that a late answer cannot be taken for that of a later request.
 fn client(sender: impl WireTx, receiver: impl WireRx) -> Client {
     Client::new_with_wire(
         sender,
@@ -96,7 +96,7 @@ async fn tcp(host: &str, port: u16, link: &str) -> Result<TcpStream> {
         link: link.to_owned(),
         reason,
     };
-    let stream = match tokio::time::timeout(TCP_PATIENCE, TcpStream::connect((host, port))).await {
+    let stream = match tokio::time::timeout(TCP_TIMEOUT, TcpStream::connect((host, port))).await {
         Ok(Ok(stream)) => stream,
         Ok(Err(failure)) if failure.kind() == ErrorKind::ConnectionRefused => {
             return Err(failed(
@@ -107,11 +107,11 @@ async fn tcp(host: &str, port: u16, link: &str) -> Result<TcpStream> {
         Err(_) => {
             return Err(failed(format!(
                 "no connection within {} s: check host and port",
-                TCP_PATIENCE.as_secs()
+                TCP_TIMEOUT.as_secs()
             )));
         }
     };
-    // A motion that waits for more to send is late.
+    // Without Nagle's algorithm, because a motion that waits for more to send is late.
     stream
         .set_nodelay(true)
         .map_err(|failure| failed(failure.to_string()))?;
@@ -129,10 +129,10 @@ fn serial(path: &Path, link: &str) -> Result<SerialStream> {
             },
             tokio_serial::ErrorKind::Io(ErrorKind::NotFound) => LinkError::Open {
                 link,
-                reason: "there is no such port: plug the board's debug port in, and see which port appears"
+                reason: "there is no such port: plug the board's debug port in, and look up which port appears"
                     .to_owned(),
             },
-            // What the crate calls no device is a port that another program has locked.
+            // The crate reports a port that another program has locked as no device.
             tokio_serial::ErrorKind::NoDevice if path.exists() => LinkError::Busy { link },
             _ => LinkError::Open {
                 link,

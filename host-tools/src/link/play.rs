@@ -1,4 +1,4 @@
-//! Playing from the host: motions at a rate, and keep-alives where there is nothing else to say.
+//! Playing under control of the host: motions at a fixed rate, and keep-alives while there is no motion to send.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{self, Receiver, Sender, TryRecvError};
@@ -11,54 +11,55 @@ use super::Device;
 use super::error::Result;
 use crate::playing::motion::MotionPath;
 
-/// Fastest rate of motions, Hz.
+/// Highest rate of motions, Hz.
 pub const MAX_MOTION_RATE_HZ: u32 = 1_000;
 
-/// Slowest rate of motions, Hz: three in the time after which a device believes none.
+/// Lowest rate of motions, Hz: three motions within the time after which a device holds its motion for stale.
 pub const MIN_MOTION_RATE_HZ: u32 = 60;
 
-/// One motion in so many is sent as a request, so that the device's answers tell how far it follows.
+/// Motions per request: every 16th motion is a request, so that the device's answers show how far it follows.
 const MOTIONS_PER_ANSWER: u64 = 16;
 
-/// Answers that may be due before motions wait: a link slower than the motions then slows them, instead of
-/// carrying them later and later.
+/// Largest number of outstanding answers. Further motions are skipped, because a link slower than their rate would deliver
+/// them later and later.
 const ANSWERS_DUE: usize = 2;
 
-/// How often the status is read.
+/// Interval between readings of the status.
 const STATUS_INTERVAL: Duration = Duration::from_millis(200);
 
-/// How to keep a texture or scene playing.
+/// Source, rate and duration of the motion that keeps a texture or scene playing.
 #[derive(Clone, Debug)]
 pub struct Drive {
-    /// What the hand does; the device's own sensors if none.
+    /// The motion; `None` for the device's own sensors.
     pub motion: Option<MotionPath>,
-    /// Motions a second, [`MIN_MOTION_RATE_HZ`] to [`MAX_MOTION_RATE_HZ`].
+    /// Rate of motions, Hz, from [`MIN_MOTION_RATE_HZ`] to [`MAX_MOTION_RATE_HZ`].
     pub rate_hz: u32,
-    /// When to stop; else when the caller says so.
+    /// Duration; `None` to go on until the caller ends it.
     pub duration: Option<Duration>,
 }
 
-/// What was sent.
+/// Counts of what was sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Driven {
-    /// Motions.
+    /// Motions that were sent.
     pub motions: u64,
-    /// Motions that the device acknowledged; every 16th asks for it.
+    /// Motions that the device acknowledged, of every 16th, which is a request.
     pub acknowledged: u64,
-    /// Motions that were left out because the link or this computer was too slow.
+    /// Motions that were skipped because the link or this computer was too slow.
     pub skipped: u64,
-    /// Keep-alives.
+    /// Keep-alives that were sent.
     pub keep_alives: u64,
-    /// For how long, s.
+    /// Elapsed time, s.
     pub seconds: f64,
 }
 
-/// Keeps the device playing until the time is over or `goes_on` says no; `heard` gets the status a few times a second.
+/// Keeps the device playing until the plan's duration is over or `goes_on` returns false. `heard` gets the status every
+/// 0.2 s.
 ///
-/// Does not start to play, nor stop.
+/// Neither starts nor stops the output: see [`Device::play`] and [`Device::stop`].
 ///
 /// # Errors
-/// A link that broke, a device that does not answer or does not follow.
+/// A lost link, a missing answer, or a refused motion.
 pub fn drive(
     device: &Device,
     plan: &Drive,
@@ -99,8 +100,8 @@ struct Driver<'a> {
     device: &'a Device,
     driven: Driven,
     last_sent: Instant,
-    last_asked: Instant,
-    /// Answers to motions that are due.
+    last_requested: Instant,
+    /// Outstanding answers to motions.
     motions: VecDeque<Receiver<Result<MotionSource>>>,
     statuses: (Sender<Result<Status>>, Receiver<Result<Status>>),
     is_status_due: bool,
@@ -113,14 +114,14 @@ impl<'a> Driver<'a> {
             device,
             driven: Driven::default(),
             last_sent: now,
-            last_asked: now,
+            last_requested: now,
             motions: VecDeque::new(),
             statuses: mpsc::channel(),
             is_status_due: false,
         }
     }
 
-    /// Sends the motion of the moment, or what shows that the host is there.
+    /// Sends the motion at `elapsed`, or a keep-alive where one is due.
     fn send(&mut self, motion: Option<&MotionPath>, elapsed: Duration) -> Result<()> {
         self.acknowledge()?;
         if let Some(path) = motion {
@@ -148,24 +149,24 @@ impl<'a> Driver<'a> {
         let sample = MotionSample {
             speed,
             force,
-            // A motion that goes on for ever leaves every path, and its place all numbers at last.
+            // The position of an endless motion overflows single precision at some time.
             position_mm: position.is_finite().then_some(position),
             contact: path.contact_at(time_s),
         };
         if self.driven.motions.is_multiple_of(MOTIONS_PER_ANSWER) {
-            let (asker, runtime) = self.device.beside();
+            let (requester, runtime) = self.device.requester();
             let (sender, receiver) = mpsc::channel();
-            // Whoever waited for the answer may have gone.
-            runtime.spawn(async move { drop(sender.send(asker.motion(sample).await)) });
+            // The receiver may be gone by the time of the answer.
+            runtime.spawn(async move { drop(sender.send(requester.motion(sample).await)) });
             self.motions.push_back(receiver);
         } else {
-            self.device.tell_motion(sample)?;
+            self.device.publish_motion(sample)?;
         }
         self.driven.motions += 1;
         Ok(())
     }
 
-    /// Takes the answers to motions that have come.
+    /// Takes the answers to motions that have arrived.
     fn acknowledge(&mut self) -> Result<()> {
         while let Some(first) = self.motions.front() {
             match first.try_recv() {
@@ -181,18 +182,18 @@ impl<'a> Driver<'a> {
         Ok(())
     }
 
-    /// Asks for the status from time to time, and passes it on.
+    /// Requests the status at its interval, and passes it on.
     fn listen(&mut self, heard: &mut impl FnMut(&Driven, &Status)) -> Result<()> {
         if let Ok(status) = self.statuses.1.try_recv() {
             self.is_status_due = false;
             heard(&self.driven, &status?);
         }
-        if !self.is_status_due && self.last_asked.elapsed() >= STATUS_INTERVAL {
-            let (asker, runtime) = self.device.beside();
+        if !self.is_status_due && self.last_requested.elapsed() >= STATUS_INTERVAL {
+            let (requester, runtime) = self.device.requester();
             let sender = self.statuses.0.clone();
-            runtime.spawn(async move { drop(sender.send(asker.status().await)) });
+            runtime.spawn(async move { drop(sender.send(requester.status().await)) });
             self.is_status_due = true;
-            self.last_asked = Instant::now();
+            self.last_requested = Instant::now();
         }
         Ok(())
     }

@@ -1,5 +1,5 @@
-//! A free hand's strokes: the record stream as it comes, with the speed and force of every moment, for
-//! [`crate::recording::freehand`] to cut.
+//! Recordings of a free hand: the record stream with the speed and force at each sample, as input of
+//! [`crate::recording::freehand`].
 
 use std::fmt::Write;
 use std::path::Path;
@@ -12,26 +12,27 @@ use super::capture::{Calibration, Loss, Stream};
 use super::error::Result;
 use crate::support::atomic_file;
 
-/// The encoder's counts of so long are taken together, s: at 5 kHz a slow hand moves it by less than one a sample.
+/// Window over which the encoder's counts are averaged, s. A slow hand moves the encoder by less than one count per sample
+/// at 5 kHz.
 const SPEED_WINDOW_S: f64 = 0.02;
 
-/// What was recorded, tick by tick.
+/// Strokes of a free hand, tick by tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Strokes {
-    /// A sample a tick; none where it was lost.
+    /// One sample per tick; `None` where it was lost.
     pub samples: Vec<Option<RecordSample>>,
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub rate_hz: u32,
-    /// What was lost.
+    /// Losses of the recording.
     pub loss: Loss,
 }
 
-/// Records for `seconds`, or as long as `goes_on` says yes. What the link loses leaves a hole of its length.
+/// Records for `seconds`, or until `goes_on` returns false. Lost samples leave a hole of their length.
 ///
-/// `heard` gets all samples so far, how many there will be, and their rate in Hz, with each block.
+/// After each block `heard` gets all samples so far, their number at the end, and the sample rate in Hz.
 ///
 /// # Errors
-/// A link that broke.
+/// A lost link, or no block within the timeout of an answer.
 pub fn record(
     device: &Device,
     seconds: f64,
@@ -46,8 +47,8 @@ pub fn record(
     while samples.len() < wanted && goes_on() {
         let arrival = stream.wait()?;
         let start = *start.get_or_insert(arrival.first_tick);
-        let place = arrival.first_tick.saturating_sub(start) as usize;
-        samples.resize(place.clamp(samples.len(), wanted), None);
+        let offset = arrival.first_tick.saturating_sub(start) as usize;
+        samples.resize(offset.clamp(samples.len(), wanted), None);
         samples.extend(arrival.samples.map(Some));
         samples.truncate(wanted);
         heard(&samples, wanted, rate_hz);
@@ -61,7 +62,8 @@ pub fn record(
 }
 
 impl Strokes {
-    /// Tangential speed of each moment, mm/s, from the encoder's counts around it; 0 where nothing is known.
+    /// Returns the tangential speed at each sample, in mm/s, from the encoder's counts in a window of 20 ms around it. It is 0
+    /// where the whole window was lost.
     pub fn speeds_mm_s(&self, calibration: &Calibration) -> Vec<f64> {
         let half = (0.5 * SPEED_WINDOW_S * f64::from(self.rate_hz)) as usize;
         let mut path = vec![0i64];
@@ -84,8 +86,8 @@ impl Strokes {
             .collect()
     }
 
-    /// Writes a CSV file that [`crate::recording::freehand::read`] takes: `time_s`, the axes in m/s², `speed_mm_s`, `force_n`. A lost
-    /// sample is not a number, so that no piece goes across it.
+    /// Writes a CSV file for [`crate::recording::freehand::read`]: `time_s`, three axes in m/s², `speed_mm_s`, `force_n`. A
+    /// lost sample is written as not a number, so that no segment includes it.
     ///
     /// # Errors
     /// A file that cannot be written.

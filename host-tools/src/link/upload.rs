@@ -1,4 +1,4 @@
-//! A library on its way to the device: in chunks, resumed where a link broke, and read back.
+//! Upload of a library: in chunks, resumed after a broken link, and read back.
 
 use model_format::Library;
 use model_format::link::{
@@ -9,33 +9,34 @@ use model_format::link::{
 use super::Device;
 use super::error::{LinkError, Result};
 
-/// How often in a row an upload may fail without getting further.
-const TRIES: u32 = 5;
+/// Number of successive failures without progress after which an upload ends.
+const MAX_FAILURES: u32 = 5;
 
 const _: () = assert!(MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));
 
-/// A library that is in the device, and was read back.
+/// A library in the device, after it was read back.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Uploaded {
-    /// Where it is.
+    /// The slot that holds it.
     pub slot: SlotId,
-    /// What the device says of it.
+    /// The device's description of it.
     pub library: SlotInfo,
-    /// Names of its textures, as the device lists them.
+    /// Names of its textures, in the device's order.
     pub textures: Vec<String>,
-    /// Bytes that an earlier upload had brought.
+    /// Number of bytes that the device had from an earlier upload.
     pub resumed_from: u32,
-    /// How often the upload was taken up again after a failure.
+    /// Number of times that the upload was resumed after a failure.
     pub retries: u32,
 }
 
-/// Uploads `library` and reads it back; `progress` hears how many bytes the device has.
+/// Uploads `library`, the bytes of a library file, and reads it back. `progress` gets the number of bytes in the device.
 ///
-/// An upload of the same bytes that was broken off is resumed, whoever began it. The library that is active goes on.
+/// Resumes an interrupted upload of the same bytes, also one of another program. The active library stays active and goes
+/// on playing.
 ///
 /// # Errors
-/// A refusal of the device; a link that broke and did not come back, or failed five times in a row without getting further;
-/// a device that then lists something else.
+/// A refusal of the device, a lost link that does not come back, five failures in a row without progress, or a device that
+/// then lists other textures.
 pub fn upload(
     device: &mut Device,
     library: &[u8],
@@ -67,7 +68,7 @@ pub fn upload(
         }
         failures += 1;
         retries += 1;
-        if failures >= TRIES {
+        if failures >= MAX_FAILURES {
             return Err(failure);
         }
         if !matches!(failure, LinkError::Upload(_)) {
@@ -83,7 +84,7 @@ pub fn upload(
     })
 }
 
-/// Whether to go on from where the device is.
+/// Returns true for a failure after which the upload can go on from the device's offset.
 fn is_passing(failure: &LinkError) -> bool {
     let out_of_step = match failure {
         LinkError::Upload(refusal) => matches!(
@@ -95,14 +96,14 @@ fn is_passing(failure: &LinkError) -> bool {
     failure.is_passing() || out_of_step
 }
 
-/// One upload, over any number of links.
+/// State of one upload, over any number of links.
 struct Run<'a> {
     library: &'a [u8],
     begin: UploadBegin,
     resumed_from: Option<u32>,
-    /// Where the device was when it last said so.
+    /// The device's offset in its last answer.
     next_offset: u32,
-    /// A commit was sent, and whether it was heard is not known.
+    /// True if a commit was sent and its answer has not arrived.
     committing: bool,
 }
 
@@ -112,7 +113,7 @@ impl Run<'_> {
         device: &Device,
         progress: &mut impl FnMut(usize),
     ) -> Result<(SlotId, SlotInfo)> {
-        // To begin again what is committed would erase it.
+        // A second upload of a committed library would erase the slot.
         if self.committing
             && let Some(done) = self.committed(device)?
         {
@@ -142,13 +143,13 @@ impl Run<'_> {
                 Ok((committed.slot, *info))
             }
             other => Err(device.not_verified(format!(
-                "the upload ended in slot {}, which now reads back as {other:?}: upload again",
+                "the upload was committed to slot {}, which now reads back as {other:?}: upload again",
                 committed.slot
             ))),
         }
     }
 
-    /// The newest library, if it is the one that is being uploaded.
+    /// Returns the newest library in the device if it is the one that this upload sends.
     fn committed(&self, device: &Device) -> Result<Option<(SlotId, SlotInfo)>> {
         let slots = device.slots()?.slots;
         let valid = SlotId::ALL
@@ -167,7 +168,7 @@ impl Run<'_> {
     }
 }
 
-/// Lists the slot and compares it with what was sent.
+/// Lists the slot's textures and compares them with those of the library that was sent.
 fn read_back(
     device: &Device,
     slot: SlotId,
@@ -179,7 +180,7 @@ fn read_back(
         .iter()
         .map(|texture| texture.name.to_string())
         .collect();
-    // What only the device can read is as the device says.
+    // A library that only the device can decode has no other list to compare with.
     let expected: Vec<String> = match Library::decode(library) {
         Ok(library) => library.textures().map(|t| t.name().to_owned()).collect(),
         Err(_) => names.clone(),
@@ -188,7 +189,7 @@ fn read_back(
         Ok(names)
     } else {
         Err(device.not_verified(format!(
-            "slot {slot} lists {} where {} was sent: upload again",
+            "slot {slot} lists {} instead of {}: upload again",
             names.join(", "),
             expected.join(", ")
         )))

@@ -1,4 +1,4 @@
-//! The stylus on this computer's USB.
+//! A stylus on this computer's USB.
 
 use std::io;
 
@@ -10,13 +10,13 @@ use nusb::{DeviceInfo, Endpoint, ErrorKind, Interface};
 use super::bulk::{BulkIn, BulkOut};
 use super::error::{LinkError, Result};
 
-/// Class of an interface that no standard describes (USB 2.0 section 9.6.5).
+/// Class of a vendor-specific interface (USB 2.0 section 9.6.5).
 const VENDOR_CLASS: u8 = 0xff;
 
-/// What Linux and Windows call a file that is not there.
+/// Error code of Linux and Windows for a missing file.
 const NO_SUCH_FILE: u32 = 2;
 
-/// What to do where the system keeps the device from the user.
+/// Remedy where the operating system denies access to the device.
 const PERMISSION_REMEDY: &str = "copy host-tools/70-stylus.rules to /etc/udev/rules.d/, run `sudo udevadm control --reload`, then plug \
      the stylus in again";
 
@@ -28,7 +28,7 @@ pub(super) async fn open(
     let devices = nusb::list_devices()
         .await
         .map_err(|failure| match failure.os_error() {
-            // A system without any USB has no list of devices.
+            // A computer without USB has no list of devices.
             Some(NO_SUCH_FILE) => LinkError::NoUsbDevice,
             _ => refused(link, &failure),
         })?;
@@ -51,8 +51,9 @@ pub(super) async fn open(
     let address = |direction| {
         bulk_address(&interface, direction).ok_or_else(|| LinkError::Open {
             link: link.to_owned(),
-            reason: "it has no bulk endpoints: it is another device with the same USB id"
-                .to_owned(),
+            reason:
+                "it has no bulk endpoints, so it is another device with the same USB id: unplug it"
+                    .to_owned(),
         })
     };
     let output = interface
@@ -68,7 +69,7 @@ fn choose(mut styluses: Vec<DeviceInfo>, wanted: Option<&str>) -> Result<DeviceI
     let found = || -> Vec<String> {
         let serials = styluses.iter().map(DeviceInfo::serial_number);
         serials
-            .map(|serial| serial.unwrap_or("(without)").to_owned())
+            .map(|serial| serial.unwrap_or("(no serial number)").to_owned())
             .collect()
     };
     let index = match wanted {

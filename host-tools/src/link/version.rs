@@ -1,4 +1,4 @@
-//! Which side of two that differ is the older one.
+//! Differences of version between device and host, with the older side.
 
 use std::cmp::Ordering;
 use std::fmt;
@@ -6,33 +6,33 @@ use std::fmt;
 use model_format::FORMAT_VERSION;
 use model_format::link::{DeviceInfo, PROTOCOL_VERSION, SCHEMA_HASH};
 
-/// Version of this program, of the same line as the firmware's.
+/// Version of this program; it and the firmware's are versions of one workspace.
 const HOST_VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// How to renew the device.
+/// Remedy if the device is older.
 const RENEW_DEVICE: &str =
-    "the device's firmware is the older one: flash it anew from this version (cargo flash)";
-/// How to renew the host.
-const RENEW_HOST: &str = "this program is the older one: build it anew from the firmware's version";
+    "the device's firmware is the older side: flash it from this version (cargo flash)";
+/// Remedy if the host is older.
+const RENEW_HOST: &str = "this program is the older side: build it from the firmware's version";
 
-/// What differs between device and host.
+/// A difference between device and host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Mismatch {
-    /// The protocol's version.
+    /// Another version of the protocol.
     Protocol {
         /// The device's.
         device: u16,
         /// The host's.
         host: u16,
     },
-    /// The messages, although the protocol's version is the same: one side is of a development version.
+    /// Other messages in the same version of the protocol: one side is a development version.
     Schema {
         /// The firmware's version.
         device: String,
         /// The host's version.
         host: String,
     },
-    /// The format of libraries.
+    /// Another library format.
     LibraryFormat {
         /// The device's.
         device: u16,
@@ -42,7 +42,7 @@ pub enum Mismatch {
 }
 
 impl Mismatch {
-    /// What keeps host and device from talking at all, if anything.
+    /// Returns the difference that prevents host and device from communicating, if there is one.
     pub fn of_protocol(info: &DeviceInfo) -> Option<Self> {
         if info.protocol_version != PROTOCOL_VERSION {
             Some(Self::Protocol {
@@ -59,7 +59,7 @@ impl Mismatch {
         }
     }
 
-    /// What keeps the device from playing libraries of this host's, if anything.
+    /// Returns the difference that prevents the device from playing libraries of this host, if there is one.
     pub fn of_library_format(info: &DeviceInfo) -> Option<Self> {
         (info.library_format_version != FORMAT_VERSION).then_some(Self::LibraryFormat {
             device: info.library_format_version,
@@ -97,7 +97,7 @@ impl fmt::Display for Mismatch {
     }
 }
 
-/// The numbers of a version such as `0.1.12`, up to the first that is none.
+/// Returns the numbers of a version such as `0.1.12`, up to the first part that is not a number.
 fn numbers(version: &str) -> Vec<u32> {
     let core = version.split(['-', '+', ' ']).next().unwrap_or_default();
     core.split('.')
@@ -135,7 +135,7 @@ mod tests {
         assert!(older.contains("firmware is the older"), "{older}");
         let newer = words(&info(PROTOCOL_VERSION + 1, FORMAT_VERSION, SCHEMA_HASH));
         assert!(newer.contains("this program is the older"), "{newer}");
-        // A newer protocol has other messages, too; its number tells more.
+        // A newer protocol has other messages, too; the version is the better message.
         assert_eq!(newer, words(&info(PROTOCOL_VERSION + 1, FORMAT_VERSION, 0)));
         let format = Mismatch::of_library_format(&info(PROTOCOL_VERSION, FORMAT_VERSION + 1, 0));
         assert!(

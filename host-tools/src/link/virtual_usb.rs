@@ -1,7 +1,7 @@
-//! The USB of a virtual stylus: its host is another process, at a TCP port, and does with bulk transfers what it is told.
+//! The USB of a virtual stylus. Its USB host is another process, at a TCP port, which makes bulk transfers on request.
 //!
-//! Each message is its length, four bytes, little-endian, and [`ToBus`] or [`FromBus`] in postcard. A connection is one
-//! program's; what waits when it ends is called off.
+//! Each message is its length, four bytes in little-endian order, and a [`ToBus`] or [`FromBus`] in postcard. A connection
+//! serves one program; transfers that wait at its end are cancelled.
 
 use std::collections::VecDeque;
 use std::io;
@@ -16,15 +16,15 @@ use super::bulk::{BulkIn, BulkOut};
 /// Longest packet of a bulk endpoint at full speed (USB 2.0 section 5.8.3).
 const PACKET_BYTES: usize = 64;
 
-/// Longest message; far more than any transfer.
+/// Longest message, bytes; far longer than any transfer.
 pub const MAX_MESSAGE_BYTES: u32 = 1 << 16;
 
-/// What a program tells the host of a virtual stylus.
+/// A request of a program to the USB host of a virtual stylus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ToBus {
-    /// Has a transfer to the device wait.
+    /// Queues a transfer to the device.
     Out(Vec<u8>),
-    /// Has a transfer of so many bytes from the device wait.
+    /// Queues a transfer of at most this many bytes from the device.
     In(u32),
     /// Clears the halt of the endpoint to the device.
     ClearOut,
@@ -32,23 +32,23 @@ pub enum ToBus {
     ClearIn,
 }
 
-/// What it hears: answers of each kind come in the order of what was told. A failure is in words.
+/// An answer of the USB host. Answers of one kind come in the order of their requests. A failure is a text.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FromBus {
     /// A transfer to the device ended.
     Out(Result<(), String>),
     /// A transfer from the device ended.
     In(Result<Vec<u8>, String>),
-    /// A halt was cleared.
+    /// The halt of the endpoint to the device was cleared.
     ClearedOut(Result<(), String>),
-    /// A halt was cleared.
+    /// The halt of the endpoint from the device was cleared.
     ClearedIn(Result<(), String>),
 }
 
-/// A message as it goes over the connection.
+/// Encodes a message for the connection.
 ///
 /// # Panics
-/// Never for these messages, which are plain data.
+/// Never for [`ToBus`] and [`FromBus`], because postcard can encode every value of theirs.
 pub fn encode(message: &impl Serialize) -> Vec<u8> {
     let body = postcard::to_allocvec(message).expect("plain data");
     let mut bytes = (body.len() as u32).to_le_bytes().to_vec();
@@ -56,12 +56,17 @@ pub fn encode(message: &impl Serialize) -> Vec<u8> {
     bytes
 }
 
-/// Takes the first message off the front of `bytes`, if all of it is there.
+/// Removes the first message from the front of `bytes`, and returns it, or `None` if it is not yet complete.
 ///
 /// # Errors
-/// Bytes that are no message.
+/// Bytes that are not a message.
 pub fn take<T: for<'a> Deserialize<'a>>(bytes: &mut VecDeque<u8>) -> io::Result<Option<T>> {
-    let unusable = || io::Error::new(io::ErrorKind::InvalidData, "no message of a virtual bus");
+    let unusable = || {
+        io::Error::new(
+            io::ErrorKind::InvalidData,
+            "not a message of a virtual USB host",
+        )
+    };
     let head: Vec<u8> = bytes.iter().copied().take(4).collect();
     let Some(length) = head.first_chunk().map(|head| u32::from_le_bytes(*head)) else {
         return Ok(None);
@@ -94,8 +99,8 @@ pub(super) struct VirtualIn {
     cleared: UnboundedReceiver<Result<(), String>>,
 }
 
-/// The endpoints of the device whose host is at the other end of `stream`; two tasks of the runtime that this is called in
-/// carry the messages.
+/// Returns the endpoints of the device whose USB host is at the other end of `stream`. Two tasks on the current runtime carry
+/// the messages.
 pub(super) fn open(stream: TcpStream) -> (VirtualOut, VirtualIn) {
     let (mut reader, mut writer) = stream.into_split();
     let (to_bus, mut outgoing) = unbounded_channel::<ToBus>();
@@ -110,7 +115,7 @@ pub(super) fn open(stream: TcpStream) -> (VirtualOut, VirtualIn) {
             }
         }
     });
-    // When the connection ends the senders are dropped, and whoever waits hears of it.
+    // The end of the connection drops the senders, which ends every wait for an answer.
     tokio::spawn(async move {
         let (mut bytes, mut buffer) = (VecDeque::new(), [0; 4096]);
         loop {
@@ -119,7 +124,7 @@ pub(super) fn open(stream: TcpStream) -> (VirtualOut, VirtualIn) {
                 _ => return,
             }
             while let Ok(Some(message)) = take(&mut bytes) {
-                // Whoever does not listen any more does not miss it.
+                // An endpoint that was dropped needs no answer.
                 let _ = match message {
                     FromBus::Out(ended) => out_ended.send(ended).is_ok(),
                     FromBus::In(ended) => in_ended.send(ended).is_ok(),
@@ -148,7 +153,7 @@ async fn outcome<T: Send>(ends: &mut UnboundedReceiver<Result<T, String>>) -> io
         Some(ended) => ended.map_err(io::Error::other),
         None => Err(io::Error::new(
             io::ErrorKind::UnexpectedEof,
-            "the virtual stylus has gone",
+            "the virtual stylus closed the connection",
         )),
     }
 }
@@ -160,7 +165,7 @@ impl BulkOut for VirtualOut {
 
     fn submit(&mut self, data: Vec<u8>) {
         self.pending += 1;
-        // A connection that has ended is heard of in `next`.
+        // `next` reports a connection that has ended.
         let _ = self.to_bus.send(ToBus::Out(data));
     }
 

@@ -1,4 +1,4 @@
-//! Frames over a stream of bytes: COBS, each frame ended by a zero byte.
+//! Frames over a stream of bytes: each is COBS-encoded and ends with a zero byte.
 
 use std::collections::VecDeque;
 use std::io;
@@ -9,7 +9,7 @@ use model_format::link::MAX_DEVICE_FRAME_BYTES;
 use postcard_rpc::host_client::{WireRx, WireSpawn, WireTx};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
-/// What a link's ends know of it and its client does not tell.
+/// State of a link that its client does not report: broken frames, and the reason for its end.
 #[derive(Debug, Default)]
 pub(super) struct Health {
     broken_frames: AtomicU64,
@@ -17,17 +17,17 @@ pub(super) struct Health {
 }
 
 impl Health {
-    /// Frames that arrived and could not be decoded.
+    /// Number of frames that arrived and could not be decoded.
     pub(super) fn broken_frames(&self) -> u64 {
         self.broken_frames.load(Ordering::Relaxed)
     }
 
-    /// Why the link ended, if it has.
+    /// Reason for the end of the link.
     pub(super) fn why_ended(&self) -> &str {
         self.ended.get().map_or("it was closed", String::as_str)
     }
 
-    /// Notes why the link ends; the first reason counts.
+    /// Records the reason for the end of the link; the first one stays.
     pub(super) fn end(&self, reason: &impl ToString) {
         self.ended.get_or_init(|| reason.to_string());
     }
@@ -37,7 +37,7 @@ impl Health {
     }
 }
 
-/// Runs the client's two tasks on the runtime it is made in.
+/// Runs the client's two tasks on the current runtime.
 pub(super) struct Spawn;
 
 impl WireSpawn for Spawn {
@@ -53,7 +53,7 @@ pub(super) struct CobsTx<W> {
 }
 
 impl<W: AsyncWrite + Send + Unpin + 'static> CobsTx<W> {
-    /// Over `writer`, after a zero byte that ends whatever an earlier program left unfinished.
+    /// Opens the sending end over `writer`, with a zero byte that ends an unfinished frame of an earlier program.
     pub(super) async fn open(mut writer: W, health: Arc<Health>) -> io::Result<Self> {
         writer.write_all(&[0]).await?;
         writer.flush().await?;
@@ -84,7 +84,7 @@ pub(super) struct CobsRx<R> {
 }
 
 impl<R> CobsRx<R> {
-    /// Over `reader`.
+    /// A receiving end over `reader`.
     pub(super) fn new(reader: R, health: Arc<Health>) -> Self {
         Self {
             reader,
@@ -123,20 +123,20 @@ impl<R: AsyncRead + Send + Unpin + 'static> WireRx for CobsRx<R> {
     }
 }
 
-/// Takes frames out of a stream of bytes.
+/// Separates a stream of bytes into frames.
 #[derive(Default)]
 struct Decoder {
     encoded: Vec<u8>,
-    /// Longer than any frame: what follows is dropped up to the next zero.
+    /// True if the bytes are more than a frame can have; the rest is dropped up to the next zero.
     overlong: bool,
 }
 
-/// Bytes between two zeros that are no frame.
+/// Bytes between two zeros that are not a frame.
 #[derive(Debug, PartialEq)]
 struct Broken;
 
 impl Decoder {
-    /// Takes one byte; gives what it ends, if it ends anything.
+    /// Takes one byte, and returns the frame that it ends, if it ends one.
     fn push(&mut self, byte: u8) -> Option<Result<Vec<u8>, Broken>> {
         if byte != 0 {
             if self.encoded.len() < cobs::max_encoding_length(MAX_DEVICE_FRAME_BYTES) {

@@ -32,7 +32,7 @@ pub struct Pictures {
 /// Draws them.
 ///
 /// # Errors
-/// That a picture cannot be laid out.
+/// A picture that cannot be laid out.
 pub fn pictures(frontier: &Frontier) -> Result<Pictures> {
     let caption = |title| Caption {
         title,
@@ -353,7 +353,7 @@ fn time_table(page: &mut Page, frontier: &Frontier) {
                     "{:.0} to {:.0}",
                     m4.update.instructions_least, m4.update.instructions_most
                 ),
-                filter.library_bytes_a_node.to_string(),
+                filter.library_bytes_per_node.to_string(),
                 filter.ram_bytes.to_string(),
             ]);
             row

@@ -44,6 +44,17 @@ pub enum Error {
     /// A build ended well and left no image.
     #[error("{path}: the build succeeded and left no image here", path = .0.display())]
     NoImage(PathBuf),
+    /// A page has another table than its command writes.
+    #[error(transparent)]
+    Page(#[from] crate::tables::page::PageError),
+    /// A name is that of no table.
+    #[error("no command writes a table '{name}'; there are {known}")]
+    NoTable {
+        /// The name.
+        name: String,
+        /// The names of all tables.
+        known: String,
+    },
     /// The emulated image failed.
     #[error("the image on {machine} failed ({status}); its last lines:\n{tail}")]
     Guest {

@@ -14,6 +14,7 @@ pub mod lint;
 pub mod process;
 pub mod qemu;
 pub mod report;
+pub mod tables;
 pub mod target;
 pub mod toolchain;
 pub mod virtual_stylus;

@@ -10,7 +10,7 @@ use tasks::error::{Error, Result};
 use tasks::firmware::Image;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::{Toolchain, check_clippy};
-use tasks::{compare, costs, firmware, house, lint, qemu, virtual_stylus, workspace};
+use tasks::{compare, costs, firmware, house, lint, qemu, tables, virtual_stylus, workspace};
 
 /// Tasks around the microcontroller's core.
 #[derive(Parser)]
@@ -59,6 +59,14 @@ enum Task {
     },
     /// Check that code and pages keep to the drawn layout: wings, import circles, line lengths, names in pages
     House,
+    /// Write tables of figures into the pages: the named ones, or all that need no build and no emulator
+    Tables {
+        /// Names of tables
+        names: Vec<String>,
+        /// Write nothing, and fail with page and row if a table differs from what this would write
+        #[arg(long, conflicts_with = "names")]
+        check: bool,
+    },
     /// Lint all code for the target; every warning fails
     CheckTarget,
     /// Lint the virtual stylus; every warning fails
@@ -84,6 +92,8 @@ fn main() -> ExitCode {
         Task::TestVirtualStylus { long, arguments } => Toolchain::find()
             .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
         Task::House => check_house(),
+        Task::Tables { check: true, .. } => tables::check_instant(),
+        Task::Tables { names, .. } => write_tables(names),
         Task::CheckVirtualStylus => virtual_stylus::lint(),
         Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),
     };
@@ -154,6 +164,19 @@ fn check_house() -> Result<()> {
         0 => Ok(()),
         count => Err(Error::House(count)),
     }
+}
+
+/// Writes the tables called `names`. Without names, writes those that need no build.
+fn write_tables(mut names: Vec<String>) -> Result<()> {
+    let asked = names.len();
+    names.retain(|name| name != tables::TICKS);
+    if names.len() < asked {
+        virtual_stylus::write_ticks(&Toolchain::find()?)?;
+        if names.is_empty() {
+            return Ok(());
+        }
+    }
+    tables::write(&names, |name| println!("{name}: written"))
 }
 
 /// Counts all costs, shows them and writes the table.

@@ -155,7 +155,7 @@ fn log(
     let version = version()?;
     let job = JobFile::write(job)?;
     let mut child = command(processor, image, Some(&job))
-        .args(one_instruction_a_block(&version))
+        .args(one_instruction_per_block(&version))
         .args(options)
         .spawn()
         .map_err(failed)?;
@@ -203,7 +203,7 @@ fn follow(
 }
 
 /// The option that makes each block one instruction. QEMU 8.1 renamed it.
-fn one_instruction_a_block(version: &str) -> &'static [&'static str] {
+fn one_instruction_per_block(version: &str) -> &'static [&'static str] {
     let mut numbers = version
         .split('.')
         .map(|number| number.parse::<u32>().unwrap_or(0));
@@ -280,14 +280,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_instruction_a_block_is_asked_for_by_the_name_that_the_version_knows() {
+    fn one_instruction_per_block_is_asked_for_by_the_name_that_the_version_knows() {
         for (version, option) in [
             ("7.2.22", "-singlestep"),
             ("8.0.5", "-singlestep"),
             ("8.1.0", "-accel"),
             ("10.0.2", "-accel"),
         ] {
-            assert_eq!(one_instruction_a_block(version)[0], option, "{version}");
+            assert_eq!(one_instruction_per_block(version)[0], option, "{version}");
         }
     }
 

@@ -11,20 +11,18 @@ use crate::error::{Error, Result};
 use crate::firmware::{self, Image};
 use crate::target::TARGET;
 use crate::toolchain::Toolchain;
-use crate::{process, workspace};
+use crate::{costs, process, tables, workspace};
 
 fn folder() -> PathBuf {
     workspace::root().join("tests/virtual-stylus")
 }
 
-/// Cargo for the host, in the virtual stylus's workspace.
+/// Cargo for the host, in the virtual stylus's workspace. It shares the folder of the product's own builds, so that what
+/// both workspaces depend on is built once.
 fn cargo(subcommand: &str) -> Command {
     let mut cargo = Command::new("cargo");
     cargo.current_dir(folder());
-    cargo.env(
-        "CARGO_TARGET_DIR",
-        workspace::target_folder("virtual-stylus"),
-    );
+    cargo.env("CARGO_TARGET_DIR", workspace::host_target_folder());
     cargo.args([subcommand, "--quiet", "--locked", "--ignore-rust-version"]);
     cargo
 }
@@ -42,24 +40,48 @@ pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<()> {
 }
 
 /// Builds the images and runs all tests on the virtual stylus, with `long` the long ones too. `arguments` go to the
-/// tests.
+/// tests. Compares the page's table of memory with the image.
+///
+/// # Errors
+/// A build or a test fails, or the page's table is not of this image.
+pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result<()> {
+    let product = firmware::build(toolchain, Image::Product)?;
+    let memory = firmware::memory(&product)?;
+    print!("{memory}");
+    let compiler = costs::compiler(toolchain)?;
+    let made = tables::memory::table_of(&memory, &compiler);
+    if !tables::check_made(tables::memory::NAME, &made, &compiler)? {
+        println!("rustc {compiler} is not the one of the page's table of memory: not compared");
+    }
+    let mut test = tests(toolchain, product)?;
+    if long {
+        test.env("STYLUS_LONG", "1");
+    }
+    process::run(test.arg("--").args(arguments))
+}
+
+/// Runs the tests that count ticks so that they write the page's table.
 ///
 /// # Errors
 /// A build or a test fails.
-pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result<()> {
+pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
-    print!("{}", firmware::memory(&product)?);
+    let mut test = tests(toolchain, product)?;
+    test.env("STYLUS_WRITE_TABLES", "1");
+    process::run(test.args(["--test", "image", "--", "ticks::"]))
+}
+
+/// The command that tests the virtual stylus with the product's image in the file `product`.
+fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
     let mut test = cargo("test");
     test.env("STYLUS_IMAGE", product);
+    test.env("STYLUS_COMPILER", costs::compiler(toolchain)?);
     test.env(
         "STYLUS_FAULT_IMAGE",
         firmware::build(toolchain, Image::FaultInjection)?,
     );
     test.env("VIRTUAL_STYLUS_PROBE_IMAGE", build_probe(toolchain)?);
-    if long {
-        test.env("STYLUS_LONG", "1");
-    }
-    process::run(test.arg("--").args(arguments))
+    Ok(test)
 }
 
 /// Lints the virtual stylus; every warning is a failure.

@@ -10,10 +10,15 @@ pub fn root() -> &'static Path {
     package.ancestors().nth(2).unwrap_or(package)
 }
 
+/// The folder of the host's builds.
+pub fn host_target_folder() -> PathBuf {
+    let host =
+        env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
+    root().join(host)
+}
+
 /// The folder for the outputs of a build of `name`. It lies inside the host's and is never the same, because cargo
 /// locks its folder, and because other flags would make it build everything again.
 pub fn target_folder(name: &str) -> PathBuf {
-    let host =
-        env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
-    root().join(host).join("tasks").join(name)
+    host_target_folder().join("tasks").join(name)
 }

@@ -8,9 +8,10 @@ use std::sync::LazyLock;
 use model_format::limits::MAX_ORDER;
 use stylus_costs::Structure;
 use tasks::compare;
-use tasks::costs::Guest;
+use tasks::costs::{self, Guest};
 use tasks::guest::Processor;
 use tasks::report::{Played, Report};
+use tasks::tables::{self, emulated};
 use tasks::toolchain::Toolchain;
 
 static HOST: LazyLock<Vec<Played>> = LazyLock::new(compare::on_host);
@@ -62,6 +63,23 @@ fn m4_plays_the_hosts_bits() {
 #[test]
 fn m7_plays_the_hosts_bits() {
     plays_the_hosts_bits(Processor::CortexM7);
+}
+
+/// The figures are those of the compiler that the page names; another one's are not compared.
+#[test]
+fn the_page_has_the_figures_of_this_run() {
+    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
+    let compiler = costs::compiler(&toolchain).unwrap_or_else(|error| panic!("{error}"));
+    let made = emulated::table_of(&emulated::Runs {
+        m4: report(Processor::CortexM4),
+        m7: report(Processor::CortexM7),
+        compiler: &compiler,
+    });
+    match tables::check_made(emulated::NAME, &made, &compiler) {
+        Ok(true) => (),
+        Ok(false) => println!("rustc {compiler} is not the page's: no comparison"),
+        Err(error) => panic!("{error}"),
+    }
 }
 
 #[test]

@@ -2,10 +2,10 @@
 
 use embassy_futures::block_on;
 use embassy_futures::poll_once;
-use model_format::limits::MAX_LIBRARY_BYTES;
+use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
-    FlashOperation, MAX_CHUNK_BYTES, SlotId, SlotState, UploadBegin, UploadChunk, UploadError,
-    UploadState,
+    FlashOperation, MAX_CHUNK_BYTES, SlotFault, SlotId, SlotState, UploadBegin, UploadChunk,
+    UploadError, UploadState,
 };
 use proptest::prelude::*;
 use stylus_app::slots::SlotStore;
@@ -315,6 +315,26 @@ fn a_fault_of_the_flash_is_told_with_its_place() {
             slot,
             offset: header
         })
+    );
+}
+
+#[test]
+fn a_commit_reads_each_word_once_and_what_it_reads_is_what_it_validates() {
+    let new = library(1, 30, 2);
+    let (memory, _) = flash_with_library();
+    let mut flash = SimulatedFlash::new(memory);
+    // One read after the word was written, one in the commit.
+    let offset = 64;
+    flash.wears_out = Some((SLOT_BYTES + offset, 2));
+    let mut store = block_on(SlotStore::open(flash));
+    store.set_active(store.newest());
+    let uploaded = block_on(upload(&mut Uploader::new(), &mut store, &new, 512));
+    assert_eq!(uploaded.map(|committed| committed.slot), Ok(SlotId::B));
+    let offset = offset as u32;
+    assert_eq!(
+        block_on(store.library_bytes(SlotId::B)),
+        Err(SlotFault::Unreadable { offset }),
+        "no read was left"
     );
 }
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use host_tools::link::{Device, LinkAddress, Patience};
+use host_tools::link::{Device, LinkAddress, Timeouts};
 use host_tools::support::error::Result;
 
 use crate::cli::input::positive;
@@ -30,11 +30,11 @@ impl Link {
     /// # Errors
     /// What [`Device::connect`] says.
     pub fn connect(&self) -> Result<Device> {
-        let patience = match self.timeout {
+        let timeouts = match self.timeout {
             // Longer than a day is for ever, and adds up without overflow.
-            Some(seconds) => Patience::scaled_to(Duration::from_secs_f64(seconds.min(86_400.0))),
-            None => Patience::default(),
+            Some(seconds) => Timeouts::scaled_to(Duration::from_secs_f64(seconds.min(86_400.0))),
+            None => Timeouts::default(),
         };
-        Ok(Device::connect(&self.link, patience)?)
+        Ok(Device::connect(&self.link, timeouts)?)
     }
 }

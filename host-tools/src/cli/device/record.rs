@@ -9,7 +9,7 @@ use std::time::Duration;
 use host_tools::fit::{self, Analysis};
 use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Capture, Level, Loss, capture};
-use host_tools::link::set::{Folder, Point};
+use host_tools::link::set::{Folder, PlannedTrial};
 use host_tools::recording::TRIAL_DURATION_S;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
@@ -104,7 +104,7 @@ enum Answer {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let points = points(arguments)?;
     let mut folder = Folder::open(&arguments.folder)?;
-    let (there, todo): (Vec<Point>, Vec<Point>) = points
+    let (there, todo): (Vec<PlannedTrial>, Vec<PlannedTrial>) = points
         .into_iter()
         .partition(|point| !arguments.again && folder.has(point));
     let session = Session::open(arguments)?;
@@ -143,14 +143,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&text(&report))
 }
 
-fn points(arguments: &Arguments) -> Result<Vec<Point>> {
+fn points(arguments: &Arguments) -> Result<Vec<PlannedTrial>> {
     let texture = arguments.texture.as_deref();
     let points = match (&arguments.trials, texture) {
-        (Some(list), texture) => Point::from_csv(list, texture)?,
-        (None, Some(texture)) => Point::grid(texture, &arguments.speeds, &arguments.forces),
+        (Some(list), texture) => PlannedTrial::from_csv(list, texture)?,
+        (None, Some(texture)) => PlannedTrial::grid(texture, &arguments.speeds, &arguments.forces),
         (None, None) => Vec::new(),
     };
-    points.iter().try_for_each(Point::check)?;
+    points.iter().try_for_each(PlannedTrial::check)?;
     Ok(points)
 }
 
@@ -187,7 +187,7 @@ impl<'a> Session<'a> {
     fn trial(
         &self,
         folder: &mut Folder,
-        point: &Point,
+        point: &PlannedTrial,
         (number, of): (usize, usize),
     ) -> Result<Outcome> {
         say(&format!("[{number}/{of}] {point}"));
@@ -256,7 +256,7 @@ impl<'a> Session<'a> {
         Ok(captured)
     }
 
-    fn keep(&self, folder: &mut Folder, point: &Point, capture: &Capture) -> Result<Row> {
+    fn keep(&self, folder: &mut Folder, point: &PlannedTrial, capture: &Capture) -> Result<Row> {
         let provenance = self.arguments.sensing.provenance();
         let trial = folder.add(point, capture, &self.calibration, provenance)?;
         let analysis = fit::analyse(&trial, &fit::Options::default(), MAX_ORDER)?;
@@ -280,7 +280,7 @@ fn say(text: &str) {
 }
 
 /// What triage finds, and whether the hand did what it should.
-fn verdicts(analysis: &Analysis, point: &Point, level: &Level) -> Vec<String> {
+fn verdicts(analysis: &Analysis, point: &PlannedTrial, level: &Level) -> Vec<String> {
     let is_rest = point.speed_mm_s <= 0.0 || point.force_n <= 0.0;
     let triage = analysis.verdicts.iter();
     let mut verdicts: Vec<String> = triage

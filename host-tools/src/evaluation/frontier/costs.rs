@@ -1,4 +1,4 @@
-//! What a sample costs on a microcontroller: the table that `cargo tasks costs` measures, and look-ups in it.
+//! Costs of a sample on a microcontroller: the table that `cargo tasks costs` measures, and look-ups in it.
 
 use std::sync::LazyLock;
 
@@ -7,9 +7,9 @@ pub use stylus_costs::Core;
 use stylus_costs::{Entry, SampleCost, UpdateCost};
 use stylus_kernel::arithmetic::TURN_TAPS;
 
-use super::structure::FilterStructure;
+use crate::evaluation::frontier::FilterStructure;
 
-/// What a look-up gives.
+/// The result of a look-up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Cost {
     /// Of a sample.
@@ -41,7 +41,7 @@ impl Costs {
         &self.table
     }
 
-    /// What `structure` over `nodes` nodes costs at `order` on `core`; between the measured orders on a straight line, below the
+    /// Returns the cost of `structure` over `nodes` nodes at `order` on `core`: linear between the measured orders, below the
     /// lowest as much as that. `None` above the highest, or where nothing was measured.
     pub fn at(
         &self,

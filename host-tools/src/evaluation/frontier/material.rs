@@ -1,4 +1,4 @@
-//! What is fitted, and what is held out to judge by.
+//! Recordings that are fitted, and recordings that are held out for judging.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ pub struct Material {
     pub fit: RecordingSet,
     /// To judge by.
     pub held_out: RecordingSet,
-    /// What they are, in a sentence.
+    /// Description of the recordings, in a sentence.
     pub description: String,
 }
 
@@ -96,7 +96,7 @@ impl Material {
         Ok(material)
     }
 
-    /// Whether any of it is simulated.
+    /// Returns whether any of it is simulated.
     pub fn is_simulated(&self) -> bool {
         let mut trials = self.fit.trials.iter().chain(&self.held_out.trials);
         trials.any(|trial| trial.provenance == Provenance::Simulated)

@@ -18,14 +18,14 @@ use super::structure::{FilterStructure, Voice};
 use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
 
-/// Strokes a second, to and fro; and how often the hand presses and lifts.
+/// Strokes per second, to and fro; and how often the hand presses and lifts.
 const STROKES_HZ: f64 = 2.0;
 const PRESSES_HZ: f64 = 1.3;
 
 /// Length of a frame, s.
 pub const FRAME_S: f64 = 0.1;
 
-/// How long the hand rubs, s.
+/// Duration of the rubbing, s.
 const SECONDS: f64 = 4.0;
 
 /// A level below that of the frame's strongest band that nobody feels beside it, dB.
@@ -74,7 +74,7 @@ impl Rub {
 /// Levels by frame and band, (m/s²)².
 pub type Frames = Vec<[f64; BAND_COUNT]>;
 
-/// What one texture's rubbing came to.
+/// The outcome of rubbing one texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Moving {
     /// Sum of the squared errors, dB².
@@ -118,8 +118,8 @@ impl Moving {
         self.within as f64 / self.bands as f64
     }
 
-    /// Updates a sample that stay in their cell, and those that bring another's nodes.
-    pub fn updates_a_sample(&self) -> (f64, f64) {
+    /// Updates per sample that stay in their cell, and those that bring another's nodes.
+    pub fn updates_per_sample(&self) -> (f64, f64) {
         let samples = self.samples as f64;
         let same = self.updates - self.new_cells;
         (same as f64 / samples, self.new_cells as f64 / samples)

@@ -10,15 +10,13 @@ use super::structure::{FilterStructure, Voice};
 use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::evaluation::evaluate::WARM_UP_S;
 use crate::evaluation::evaluate::rms;
-use crate::evaluation::stress::predictor;
 use crate::evaluation::stress::reference::{Deviation, FloatDirect, FloatLattice};
 use crate::support::error::{Error, Result};
+use crate::texture::stored::predictor;
 
-/// How much is left out before anything is compared, s: filters start from rest.
-const WARM_UP_S: f64 = 0.5;
-
-/// How long the float64 filter goes along after that, s.
+/// Duration of the float64 reference after that, s.
 const REFERENCE_S: f64 = 1.0;
 
 /// One node, played.
@@ -59,12 +57,12 @@ pub struct Still {
     pub saturations: u32,
 }
 
-/// How nodes are played.
+/// Options of playing nodes.
 #[derive(Clone, Copy, Debug)]
 pub struct Playing {
     /// Width of C's smoothing, Hz.
     pub smoothing_hz: f64,
-    /// How long each synthesis is, s.
+    /// Duration of each synthesis, s.
     pub synthesis_s: f64,
     /// Of the noise.
     pub seed: u64,

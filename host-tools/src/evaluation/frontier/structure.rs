@@ -68,12 +68,12 @@ impl FilterStructure {
         Self::NormalisedLattice32,
     ];
 
-    /// Whether it sums over past outputs.
+    /// Returns whether it sums over past outputs.
     pub fn is_direct(self) -> bool {
         matches!(self, Self::DirectForm16 | Self::DirectForm32)
     }
 
-    /// Whether the stylus plays it.
+    /// Returns whether the stylus plays it.
     pub fn is_shipped(self) -> bool {
         !matches!(
             self,
@@ -81,7 +81,7 @@ impl FilterStructure {
         )
     }
 
-    /// How its textures are stored: all lattices alike.
+    /// Returns the structure that its textures are stored in; all lattices share one.
     pub fn stored_as(self) -> StructureChoice {
         match self {
             Self::DirectForm16 => StructureChoice::Direct16,
@@ -91,7 +91,7 @@ impl FilterStructure {
     }
 
     /// Bytes of flash that a node's coefficients take in a library.
-    pub fn library_bytes_a_node(self, order: usize) -> usize {
+    pub fn library_bytes_per_node(self, order: usize) -> usize {
         order * self.stored_as().structure().coefficient_bytes()
     }
 
@@ -120,7 +120,7 @@ pub enum Voice<'a> {
     Lattice16(Box<Variant<'a, Lattice16Frame, Lattice16State>>),
 }
 
-/// What a variant needs to be played.
+/// A variant that is being played.
 pub struct Variant<'a, F, S> {
     texture: Texture<'a>,
     frame: F,
@@ -229,7 +229,7 @@ impl<'a> Voice<'a> {
         f64::from(self.next_sample().0) / f64::from(1u32 << OutputSample::FRACTION_BITS)
     }
 
-    /// How many samples were at full scale.
+    /// Returns the number of samples at full scale.
     pub fn saturations(&self) -> u32 {
         match self {
             Self::Shipped(synthesis) => synthesis.saturations(),

@@ -4,7 +4,7 @@
 //! in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`]: no power to speak of, and no edge that a model would
 //! ring at.
 
-use model_format::{NodeFlags, Provenance, Structure, TextureSpec, limits};
+use model_format::{NodeFlags, Provenance, TextureSpec, limits};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -18,15 +18,16 @@ use crate::dsp::spectrum::{BAND_COUNT, band_edges_hz};
 use crate::support::error::{Error, Result};
 use crate::texture::certificate;
 use crate::texture::grid::Grid;
-use crate::texture::quantise::{StructureChoice, nodes as quantised_nodes};
+use crate::texture::library::texture_spec;
+use crate::texture::quantise::StructureChoice;
 
-/// How fast the spectrum falls where the models say nothing.
+/// Slope of the spectrum where the models say nothing.
 pub const ROLL_OFF_DB_PER_OCTAVE: f64 = 48.0;
 
 /// Worst error of a third octave that the order of a node may leave, dB.
 const ECONOMY_DB: f64 = 0.5;
 
-/// How many nodes the rectangle has.
+/// Numbers of nodes of the rectangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Speeds, evenly from the highest down to a share of it, the lowest above zero.
@@ -50,7 +51,7 @@ pub struct ConvertedNode {
     pub worst_band_db: Option<f64>,
     /// Error of the level within the models' own band, dB; none of silence.
     pub level_db: Option<f64>,
-    /// Whether the place lies outside of all triangles and took over the nearest place within.
+    /// True for a place outside of all triangles, which takes over the nearest place within.
     pub is_extrapolated: bool,
 }
 
@@ -117,16 +118,8 @@ pub fn convert(name: &str, toolkit: &Toolkit, options: &Options) -> Result<Conve
         forces_n,
         models,
     };
-    let spec = certificate::certified(TextureSpec {
-        name: name.to_owned(),
-        sample_rate_hz: MODEL_RATE_HZ,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Recorded,
-        nodes: quantised_nodes(name, &grid, StructureChoice::Lattice)?,
-        speed_axis_mm_s: grid.speeds_mm_s,
-        force_axis_n: grid.forces_n,
-        cell_margins: Vec::new(),
-    })?;
+    let spec = texture_spec(name, Provenance::Recorded, &grid, StructureChoice::Lattice)?;
+    let spec = certificate::certified(spec)?;
     Ok(Converted { spec, nodes })
 }
 

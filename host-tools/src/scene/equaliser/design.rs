@@ -374,7 +374,7 @@ impl Fit<'_> {
     /// error that is left, dB.
     fn refine(&self, sections: &mut Vec<Section>) -> f64 {
         let mut residual = self.residual(sections);
-        let mut damping = 1e-2;
+        let mut damping: f64 = 1e-2;
         for _ in 0..ROUNDS {
             let jacobian = self.jacobian(sections);
             let square = jacobian.tr_mul(&jacobian);

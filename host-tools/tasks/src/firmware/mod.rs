@@ -56,6 +56,7 @@ pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
     let mut cargo = toolchain.cargo("build", workspace::root(), &target_folder);
     cargo.args([
         "--quiet",
+        "--locked",
         "--package",
         "stylus-firmware",
         "--profile",

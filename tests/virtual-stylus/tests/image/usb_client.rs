@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use host_tools::link::capture::capture;
 use host_tools::link::play::{Drive, drive};
 use host_tools::link::upload::upload;
-use host_tools::link::{Device, LinkAddress, Patience};
+use host_tools::link::{Device, LinkAddress, Timeouts};
 use model_format::link::{MotionSource, MuteReasons};
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::usb::host::Mishap;
@@ -86,7 +86,7 @@ impl Running {
         // Until it has started and is enumerated, there is nobody to connect to.
         let begin = Instant::now();
         loop {
-            match Device::connect(&self.address, Patience::scaled_to(PATIENCE)) {
+            match Device::connect(&self.address, Timeouts::scaled_to(PATIENCE)) {
                 Ok(device) => return device,
                 Err(failure) if begin.elapsed() > 3 * PATIENCE => panic!("{failure}"),
                 Err(_) => std::thread::sleep(Duration::from_millis(100)),

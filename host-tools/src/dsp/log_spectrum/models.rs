@@ -1,0 +1,127 @@
+//! Spectra of models, and models of spectra.
+
+use model_format::{NodeFlags, limits};
+use realfft::num_complex::Complex;
+
+use super::values::{BINS, LogSpectrum};
+use crate::dsp::linear_prediction::{Prediction, corrected, error_share, step_up};
+use crate::dsp::model::Model;
+use crate::dsp::with_planner;
+
+impl LogSpectrum {
+    /// The spectrum of what `model` puts out, which is not silent, at [`BINS`] frequencies.
+    pub fn of_model(model: &Model) -> Self {
+        Self::of_model_at(model, BINS)
+    }
+
+    /// The spectrum of what `model` puts out, which is not silent, at `bins` frequencies, more than the model's order.
+    pub fn of_model_at(model: &Model, bins: usize) -> Self {
+        let length = 2 * (bins - 1);
+        let mut response = vec![0.0; length];
+        response[0] = 1.0;
+        for (to, a) in response[1..].iter_mut().zip(step_up(&model.reflection)) {
+            *to = a;
+        }
+        let transform = with_planner(|planner| planner.plan_fft_forward(length));
+        let mut spectrum = transform.make_output_vec();
+        transform
+            .process(&mut response, &mut spectrum)
+            .expect("lengths come from the plan");
+        let error_power = (model.output_power * error_share(&model.reflection)).ln();
+        let log = |bin: &Complex<f64>| error_power - bin.norm_sqr().max(f64::MIN_POSITIVE).ln();
+        Self::from_values(spectrum.iter().map(log).collect())
+    }
+
+    /// The autocorrelation from lag 0 to `max_lag`.
+    pub fn autocorrelation(&self, max_lag: usize) -> Vec<f64> {
+        let length = 2 * (self.values().len() - 1);
+        let transform = with_planner(|planner| planner.plan_fft_inverse(length));
+        let mut spectrum: Vec<_> = self
+            .values()
+            .iter()
+            .map(|l| Complex::new(l.exp(), 0.0))
+            .collect();
+        let mut lags = transform.make_output_vec();
+        transform
+            .process(&mut spectrum, &mut lags)
+            .expect("lengths come from the plan");
+        lags.truncate(max_lag + 1);
+        lags.iter_mut().for_each(|lag| *lag /= length as f64);
+        lags
+    }
+
+    /// The linear predictor of this spectrum, of every order up to `max_order`.
+    pub fn prediction(&self, max_order: usize) -> Prediction {
+        Prediction::levinson_durbin(&corrected(self.autocorrelation(max_order)), max_order)
+    }
+
+    /// The model of order `order` with this spectrum, and its power.
+    pub fn model(&self, order: usize) -> Model {
+        Model {
+            reflection: self.prediction(order).reflection,
+            output_power: self.power(),
+            flags: NodeFlags::NONE,
+        }
+    }
+
+    /// The model of the least order that is as near to this spectrum as another would be to the ear of the skin: every
+    /// third octave from 20 to 1000 Hz within `tolerance_db`, and the [cost](Self::cost) within 5 %. Of the highest order
+    /// where none is.
+    pub fn economical_model(&self, tolerance_db: f64) -> Model {
+        const ORDERS: [usize; 11] = [15, 25, 40, 60, 80, 110, 150, 200, 260, 330, 400];
+        const COST: f64 = 0.05;
+        let full = self.model(limits::MAX_ORDER);
+        for order in ORDERS {
+            let model = Model {
+                reflection: full.reflection[..order.min(full.reflection.len())].to_vec(),
+                ..full.clone()
+            };
+            let there = Self::of_model(&model);
+            let near = |error: &Option<f64>| error.is_none_or(|e| e.abs() <= tolerance_db);
+            if self.band_errors_db(&there).iter().all(near) && self.cost(&there, 20.0) <= COST {
+                return model;
+            }
+        }
+        full
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::values::FINE_BINS;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn model(reflection: Vec<f64>, output_power: f64) -> Model {
+        Model {
+            reflection,
+            output_power,
+            flags: NodeFlags::NONE,
+        }
+    }
+
+    proptest! {
+        // No larger, since a resonance narrower than the spectrum's step is not held by it.
+        #[test]
+        fn a_models_spectrum_has_its_power_and_gives_it_back(
+            reflection in prop::collection::vec(-0.4f64..0.4, 1..8), power in 0.01f64..100.0,
+        ) {
+            let original = model(reflection.clone(), power);
+            let spectrum = LogSpectrum::of_model_at(&original, FINE_BINS);
+            prop_assert!((spectrum.power() / power - 1.0).abs() < 1e-6);
+            let back = spectrum.model(reflection.len());
+            for (a, b) in reflection.iter().zip(&back.reflection) {
+                prop_assert!((a - b).abs() < 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn an_economical_model_of_a_model_is_no_larger_than_it_need_be() {
+        let spectrum = LogSpectrum::of_model(&model(vec![-0.9, 0.7, -0.2, 0.3], 2.0));
+        assert_eq!(spectrum.economical_model(0.5).reflection.len(), 15);
+        let flat = spectrum.band_errors_db(&spectrum);
+        assert!(flat.iter().all(|error| error.unwrap().abs() < 1e-9));
+        assert!(spectrum.cost(&spectrum, 20.0) <= 0.0);
+    }
+}

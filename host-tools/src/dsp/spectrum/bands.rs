@@ -1,0 +1,159 @@
+//! Third-octave bands: their frequencies, and the power and error of a signal in each.
+
+use super::power::PowerSpectrum;
+
+/// Smallest change of amplitude that is felt, dB: the lower of 2.2 to 2.5 dB (Israr 2006). Errors below it do not matter.
+pub const AMPLITUDE_JND_DB: f64 = 2.2;
+
+/// Third-octave bands from 20 Hz to 1 kHz: what skin feels and a stylus can play.
+pub const BAND_COUNT: usize = 18;
+
+/// Nominal centre frequencies of the bands, Hz, as IEC 61260-1 labels them.
+pub const BAND_LABELS_HZ: [&str; BAND_COUNT] = [
+    "20", "25", "31.5", "40", "50", "63", "80", "100", "125", "160", "200", "250", "315", "400",
+    "500", "630", "800", "1000",
+];
+
+/// A third octave in base ten (IEC 61260-1), as a difference of decimal logarithms of frequency.
+pub(super) const THIRD_OCTAVE: f64 = 0.1;
+
+/// Exact centre frequency of band `band` of [`BAND_LABELS_HZ`], Hz: 1000 · 10^(k/10), k = -17 ... 0, base ten of
+/// IEC 61260-1.
+pub fn band_centre_hz(band: usize) -> f64 {
+    frequency_on_band_scale_hz(band as f64)
+}
+
+/// Lower and upper edge of band `band`, Hz: its exact centre · 10^(∓1/20). One band ends where the next begins.
+pub fn band_edges_hz(band: usize) -> (f64, f64) {
+    // Halves are exact, so that an edge is the same number from both sides.
+    let band = band as f64;
+    (
+        frequency_on_band_scale_hz(band - 0.5),
+        frequency_on_band_scale_hz(band + 0.5),
+    )
+}
+
+fn frequency_on_band_scale_hz(band: f64) -> f64 {
+    1000.0 * 10f64.powf((band - (BAND_COUNT - 1) as f64) * THIRD_OCTAVE)
+}
+
+/// Power in each third-octave band, (signal's unit)², from [`PowerSpectrum::welch`].
+///
+/// A signal shorter than 1 s is resolved less finely than the lowest bands are wide, and shares power among them.
+/// There is no power above half the rate.
+pub fn band_powers(signal: &[f64], rate_hz: f64) -> [f64; BAND_COUNT] {
+    let spectrum = PowerSpectrum::welch(signal, rate_hz);
+    std::array::from_fn(|band| {
+        let (low, high) = band_edges_hz(band);
+        spectrum.power_between(low, high)
+    })
+}
+
+/// Level of the synthesised signal over that of the recorded one in each third-octave band, dB.
+///
+/// `None` for a band in which one of them has no power at all, so that there is no ratio.
+pub fn band_errors_db(
+    recorded: &[f64],
+    synthesised: &[f64],
+    rate_hz: f64,
+) -> [Option<f64>; BAND_COUNT] {
+    let (reference, other) = (
+        band_powers(recorded, rate_hz),
+        band_powers(synthesised, rate_hz),
+    );
+    std::array::from_fn(|band| level_db(other[band] / reference[band]))
+}
+
+/// A ratio of powers in dB, if it has a level.
+pub(super) fn level_db(ratio: f64) -> Option<f64> {
+    Some(10.0 * ratio.log10()).filter(|level| level.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_signals::{RATE_HZ, close, noise, scaled, sine};
+    use super::*;
+
+    #[test]
+    fn bands_are_contiguous_and_carry_the_standards_labels() {
+        for (band, label) in BAND_LABELS_HZ.iter().enumerate() {
+            let nominal: f64 = label.parse().unwrap();
+            assert!(close(nominal, band_centre_hz(band), 0.02), "{label}");
+            let (low, high) = band_edges_hz(band);
+            assert!(close(low * high, band_centre_hz(band).powi(2), 1e-12));
+            assert!(close(high / low, 10f64.powf(0.1), 1e-12));
+            if band + 1 < BAND_COUNT {
+                assert_eq!(high.to_bits(), band_edges_hz(band + 1).0.to_bits());
+            }
+        }
+        assert!(close(band_centre_hz(BAND_COUNT - 1), 1000.0, 1e-15));
+    }
+
+    #[test]
+    fn a_sine_has_its_power_in_its_own_band() {
+        for band in 0..BAND_COUNT {
+            let powers = band_powers(&sine(10_000, band_centre_hz(band), 3.0), RATE_HZ);
+            assert!(
+                close(powers[band], 4.5, 0.01),
+                "{} Hz: {}",
+                BAND_LABELS_HZ[band],
+                powers[band]
+            );
+            for (other, power) in powers.iter().enumerate() {
+                assert!(
+                    other == band || *power < 0.01 * 4.5,
+                    "{band} leaks into {other}: {power}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn white_noise_has_power_in_proportion_to_a_bands_width() {
+        let powers = band_powers(&scaled(&noise(500_000, 5), 2.0), RATE_HZ);
+        for (band, power) in powers.iter().enumerate() {
+            let (low, high) = band_edges_hz(band);
+            let expected = 4.0 * (high - low) / (RATE_HZ / 2.0);
+            // An estimate over T seconds of B hertz has a relative standard deviation of √(1/BT); T = 100 s.
+            let deviation = (1.0 / ((high - low) * 100.0)).sqrt();
+            assert!(
+                close(*power, expected, 5.0 * deviation),
+                "{band}: {power}, expected {expected}"
+            );
+        }
+        let all: f64 = powers.iter().sum();
+        let (low, high) = (band_edges_hz(0).0, band_edges_hz(BAND_COUNT - 1).1);
+        assert!(close(all, 4.0 * (high - low) / (RATE_HZ / 2.0), 0.02));
+    }
+
+    #[test]
+    fn every_sample_counts_in_welchs_estimate() {
+        for len in [4999, 5000, 5001, 7499, 7501, 9999, 12_345] {
+            // Half a second at the very end; what begins and ends with the signal is weighed lightly, not left out.
+            let mut signal = vec![0.0; len];
+            signal[len - 2500..].copy_from_slice(&sine(2500, 200.0, 1.0));
+            assert!(band_powers(&signal, RATE_HZ)[10] > 0.01, "{len}");
+        }
+    }
+
+    #[test]
+    fn a_band_is_in_error_by_the_gain_of_the_synthesis() {
+        let signal = noise(10_000, 6);
+        let errors = band_errors_db(&signal, &scaled(&signal, 2.0), RATE_HZ);
+        assert!(
+            errors
+                .iter()
+                .all(|error| close(error.unwrap(), 20.0 * 2f64.log10(), 1e-9))
+        );
+        assert_eq!(
+            band_errors_db(&signal, &vec![0.0; 10_000], RATE_HZ),
+            [None; BAND_COUNT]
+        );
+        assert_eq!(band_errors_db(&[], &signal, RATE_HZ), [None; BAND_COUNT]);
+        // At 1 kHz there is nothing above 500 Hz, and half of what the 500 Hz band holds.
+        let errors = band_errors_db(&signal, &signal, 1000.0);
+        assert!(
+            errors[..=14].iter().all(Option::is_some) && errors[15..].iter().all(Option::is_none)
+        );
+    }
+}

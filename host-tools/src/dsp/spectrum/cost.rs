@@ -1,0 +1,119 @@
+//! The paper's cost, equation (6).
+
+use std::f64::consts::PI;
+
+use super::amplitude::{hann_tail, smoothed_amplitude};
+
+/// Full width of the Hann kernel that smooths amplitudes, Hz, where nothing else is asked for. The paper does not give
+/// the width of its own.
+pub const DEFAULT_SMOOTHING_WIDTH_HZ: f64 = 20.0;
+
+/// The paper's cost, equation (6): C = RMS(S{a} - S{a_g}) / RMS(S{a}), over all frequencies from 0 to half the rate.
+///
+/// S is [`smoothed_amplitude`]. The longer signal is cut at its end to the length of the shorter, since amplitudes of
+/// different lengths do not compare. Two independent excerpts of one noise do not come to zero: see
+/// [`expected_cost_of_noise`].
+///
+/// `None` when there is nothing to compare with: the recorded signal is empty or silent, or a value is not finite.
+pub fn spectral_cost(
+    recorded: &[f64],
+    synthesised: &[f64],
+    rate_hz: f64,
+    width_hz: f64,
+) -> Option<f64> {
+    let len = recorded.len().min(synthesised.len());
+    let reference = smoothed_amplitude(&recorded[..len], rate_hz, width_hz);
+    let other = smoothed_amplitude(&synthesised[..len], rate_hz, width_hz);
+    let difference: f64 = reference
+        .iter()
+        .zip(&other)
+        .map(|(a, b)| (a - b).powi(2))
+        .sum();
+    let energy: f64 = reference.iter().map(|a| a * a).sum();
+    Some((difference / energy).sqrt()).filter(|cost| cost.is_finite())
+}
+
+/// What [`spectral_cost`] comes to, about, between two independent excerpts, of `len` samples each, of one Gaussian
+/// noise whose spectrum is broad: what a perfect model scores, since it does not copy the recording.
+///
+/// Amplitudes of Gaussian noise are Rayleigh distributed, with a variance of 4/π - 1 times their squared mean;
+/// smoothing with weights w divides it by (Σw)²/Σw², and the difference of two has twice as much.
+pub fn expected_cost_of_noise(len: usize, rate_hz: f64, width_hz: f64) -> f64 {
+    let tail = hann_tail(width_hz * len as f64 / rate_hz, len / 2);
+    let sum = 1.0 + 2.0 * tail.iter().sum::<f64>();
+    let squares = 1.0 + 2.0 * tail.iter().map(|weight| weight * weight).sum::<f64>();
+    let variance = (4.0 / PI - 1.0) * squares / (sum * sum);
+    (2.0 * variance / (1.0 + variance)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_signals::{RATE_HZ, close, noise, scaled};
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_scaled_copy_costs_what_it_is_scaled_by(
+            len in 2usize..600, seed: u64, change in -3.0..3.0f64, width_hz in 0.0..200.0f64,
+        ) {
+            let signal = noise(len, seed);
+            let cost = spectral_cost(&signal, &scaled(&signal, 1.0 + change), RATE_HZ, width_hz).unwrap();
+            prop_assert!((cost - change.abs().min((2.0 + change).abs())).abs() < 1e-9);
+        }
+
+        #[test]
+        fn the_cost_does_not_depend_on_the_common_scale(seed: u64, exponent in -100i32..100) {
+            let (a, b) = (noise(500, seed), noise(700, !seed));
+            let scale = 10f64.powi(exponent);
+            let cost = spectral_cost(&a, &b, RATE_HZ, 50.0).unwrap();
+            let other = spectral_cost(&scaled(&a, scale), &scaled(&b, scale), RATE_HZ, 50.0).unwrap();
+            prop_assert!(close(cost, other, 1e-9));
+        }
+    }
+
+    #[test]
+    fn a_signal_costs_nothing_against_itself_and_one_against_silence() {
+        let signal = noise(1000, 1);
+        assert_eq!(spectral_cost(&signal, &signal, RATE_HZ, 20.0), Some(0.0));
+        assert_eq!(
+            spectral_cost(&signal, &[0.0; 1000], RATE_HZ, 20.0),
+            Some(1.0)
+        );
+    }
+
+    #[test]
+    fn a_cost_that_does_not_exist_is_none() {
+        let signal = noise(1000, 1);
+        assert_eq!(spectral_cost(&[0.0; 1000], &signal, RATE_HZ, 20.0), None);
+        assert_eq!(spectral_cost(&[], &signal, RATE_HZ, 20.0), None);
+        assert_eq!(spectral_cost(&signal, &[], RATE_HZ, 20.0), None);
+        assert_eq!(
+            spectral_cost(&[f64::NAN; 1000], &signal, RATE_HZ, 20.0),
+            None
+        );
+        assert_eq!(
+            spectral_cost(&signal, &[f64::INFINITY; 1000], RATE_HZ, 20.0),
+            None
+        );
+    }
+
+    #[test]
+    fn independent_noises_cost_what_statistics_expect() {
+        for (width_hz, seed) in [(0.0, 1), (5.0, 2), (20.0, 3), (100.0, 4)] {
+            let mut mean = 0.0;
+            for pair in 0..20 {
+                let (a, b) = (
+                    noise(10_000, 100 * seed + pair),
+                    noise(10_000, 100 * seed + 50 + pair),
+                );
+                mean += spectral_cost(&a, &b, RATE_HZ, width_hz).unwrap() / 20.0;
+            }
+            let expected = expected_cost_of_noise(10_000, RATE_HZ, width_hz);
+            assert!(
+                close(mean, expected, 0.05),
+                "{width_hz} Hz: {mean}, expected {expected}"
+            );
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! The connection to a device: opened, identified, opened anew after a loss, and the requests that every subject needs.
+
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use model_format::link::{DeviceInfo, InfoEndpoint, Status};
+use postcard_rpc::Endpoint;
+use postcard_rpc::standard_icd::WireError;
+use postcard_schema::Schema;
+use serde::{Serialize, de::DeserializeOwned};
+use tokio::runtime::{Handle, Runtime};
+
+use super::requester::Requester;
+use super::timeouts::Timeouts;
+use crate::link::address::LinkAddress;
+use crate::link::error::{LinkError, Result};
+use crate::link::open;
+use crate::link::version::Mismatch;
+use crate::link::wire::Health;
+
+/// Interval between attempts to open a broken link.
+const RECONNECT_INTERVAL: Duration = Duration::from_millis(250);
+
+/// Interval between requests to a device whose flash is busy.
+const BUSY_INTERVAL: Duration = Duration::from_millis(50);
+
+/// Interval between readings of the status while the device is waited for.
+pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(10);
+
+/// A stylus at the other end of a link.
+///
+/// Every request blocks the calling thread until the answer is there or its [timeout](Timeouts) has passed.
+pub struct Device {
+    // Dropped first, which ends the tasks that use the runtime.
+    pub(super) requester: Requester,
+    address: LinkAddress,
+    info: DeviceInfo,
+    runtime: Option<Runtime>,
+}
+
+impl Device {
+    /// Opens the link and reads the device's identity.
+    ///
+    /// # Errors
+    /// A link that cannot be opened, a device that does not answer, or one that speaks another protocol.
+    pub fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Self> {
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .thread_name("stylus-link")
+            .enable_all()
+            .build()
+            .map_err(LinkError::Host)?;
+        let (requester, info) = runtime.block_on(Self::identify(address, timeouts))?;
+        Ok(Self {
+            requester,
+            address: address.clone(),
+            info,
+            runtime: Some(runtime),
+        })
+    }
+
+    async fn identify(
+        address: &LinkAddress,
+        timeouts: Timeouts,
+    ) -> Result<(Requester, DeviceInfo)> {
+        let health = Arc::new(Health::default());
+        let requester = Requester {
+            client: open::open(address, &health).await?,
+            health,
+            link: address.to_string().into(),
+            timeouts,
+        };
+        let info = requester
+            .request::<InfoEndpoint>("identity", timeouts.answer, &())
+            .await
+            .inspect_err(|_| requester.close())?;
+        match Mismatch::of_protocol(&info) {
+            None => Ok((requester, info)),
+            Some(mismatch) => {
+                requester.close();
+                Err(LinkError::Version {
+                    link: address.to_string(),
+                    mismatch,
+                })
+            }
+        }
+    }
+
+    /// Opens the link anew, in repeated attempts until [`Timeouts::reconnect`] has passed.
+    ///
+    /// # Errors
+    /// The failure of the last attempt, another protocol, or another device that answers.
+    pub fn reconnect(&mut self) -> Result<()> {
+        self.requester.close();
+        let timeouts = self.requester.timeouts;
+        let begin = Instant::now();
+        loop {
+            match self
+                .runtime()
+                .block_on(Self::identify(&self.address, timeouts))
+            {
+                Ok((requester, info)) if info.serial == self.info.serial => {
+                    (self.requester, self.info) = (requester, info);
+                    return Ok(());
+                }
+                Ok((requester, info)) => {
+                    requester.close();
+                    return Err(self.not_verified(format!(
+                        "another device answers (serial number {} instead of {}): plug the first one in and start again",
+                        info.serial, self.info.serial
+                    )));
+                }
+                Err(failure @ LinkError::Version { .. }) => return Err(failure),
+                Err(failure) if begin.elapsed() >= timeouts.reconnect => return Err(failure),
+                Err(_) => thread::sleep(RECONNECT_INTERVAL),
+            }
+        }
+    }
+
+    pub(super) fn runtime(&self) -> &Runtime {
+        self.runtime.as_ref().expect("it lives until the drop")
+    }
+
+    fn request_within<E>(
+        &self,
+        name: &'static str,
+        timeout: Duration,
+        request: &E::Request,
+    ) -> Result<E::Response>
+    where
+        E: Endpoint,
+        E::Request: Serialize + Schema,
+        E::Response: DeserializeOwned + Schema,
+    {
+        self.runtime()
+            .block_on(self.requester.request::<E>(name, timeout, request))
+    }
+
+    /// Makes a request that does not touch the flash. `name` stands for it in errors.
+    pub(super) fn request<E>(&self, name: &'static str, request: &E::Request) -> Result<E::Response>
+    where
+        E: Endpoint,
+        E::Request: Serialize + Schema,
+        E::Response: DeserializeOwned + Schema,
+    {
+        self.request_within::<E>(name, self.requester.timeouts.answer, request)
+    }
+
+    /// Makes a request that may read, erase or write flash, and repeats it while the flash is busy with an earlier one.
+    pub(super) fn request_flash<E>(
+        &self,
+        name: &'static str,
+        request: &E::Request,
+    ) -> Result<E::Response>
+    where
+        E: Endpoint,
+        E::Request: Serialize + Schema,
+        E::Response: DeserializeOwned + Schema,
+    {
+        let timeout = self.requester.timeouts.flash;
+        let begin = Instant::now();
+        loop {
+            match self.request_within::<E>(name, timeout, request) {
+                Err(LinkError::Frame {
+                    error: WireError::FailedToSpawn,
+                    ..
+                }) if begin.elapsed() < timeout => thread::sleep(BUSY_INTERVAL),
+                answer => return answer,
+            }
+        }
+    }
+
+    /// An error for a device that reports another state than the requested one.
+    pub(in crate::link) fn not_verified(&self, what: String) -> LinkError {
+        LinkError::NotVerified {
+            link: self.address.to_string(),
+            what,
+        }
+    }
+
+    /// A requester that does not block this device's owner, and the runtime that it needs.
+    pub(in crate::link) fn requester(&self) -> (Requester, Handle) {
+        (self.requester.clone(), self.runtime().handle().clone())
+    }
+
+    /// The address that the link was opened with.
+    pub fn address(&self) -> &LinkAddress {
+        &self.address
+    }
+
+    /// The device's identity, as it was when the link was opened.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    /// The timeouts of this device's requests.
+    pub fn timeouts(&self) -> Timeouts {
+        self.requester.timeouts
+    }
+
+    /// Number of frames since the link was opened that arrived and could not be decoded.
+    pub fn broken_frames(&self) -> u64 {
+        self.requester.broken_frames()
+    }
+
+    /// Checks that the device plays the library format that this program writes.
+    ///
+    /// # Errors
+    /// Different formats; the error names the older side.
+    pub fn check_library_format(&self) -> Result<()> {
+        match Mismatch::of_library_format(&self.info) {
+            None => Ok(()),
+            Some(mismatch) => Err(LinkError::Version {
+                link: self.address.to_string(),
+                mismatch,
+            }),
+        }
+    }
+
+    /// Reads the status, with all of the device's counters.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
+    pub fn status(&self) -> Result<Status> {
+        self.runtime().block_on(self.requester.status())
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        self.requester.close();
+        if let Some(runtime) = self.runtime.take() {
+            // Without waiting for calls of the operating system that still block.
+            runtime.shutdown_background();
+        }
+    }
+}

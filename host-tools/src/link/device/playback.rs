@@ -1,0 +1,75 @@
+//! Requests about what is played.
+
+use std::thread;
+use std::time::Instant;
+
+use model_format::link::{
+    Activity, KeepAliveTopic, MotionSample, MotionTopic, OutputStatus, PlayEndpoint, PlayRequest,
+    Playing, StopEndpoint, StopError,
+};
+
+use super::connection::{Device, POLL_INTERVAL};
+use crate::link::error::Result;
+
+impl Device {
+    /// Plays a texture or scene of the active library.
+    ///
+    /// # Errors
+    /// A refusal, after which the device goes on with what it played before; an answer that names another request.
+    pub fn play(&self, request: &PlayRequest) -> Result<Playing> {
+        let playing = self.request::<PlayEndpoint>("play", request)??;
+        if playing.request == *request {
+            Ok(playing)
+        } else {
+            Err(self.not_verified(format!(
+                "the device plays {} instead of {}: stop it, then play again",
+                playing.request.selection, request.selection
+            )))
+        }
+    }
+
+    /// Stops the output, and waits until the status reports it at rest.
+    ///
+    /// Returns true if anything was played, and the output's status at rest.
+    ///
+    /// # Errors
+    /// A lost link, or an output that does not come to rest.
+    pub fn stop(&self) -> Result<(bool, OutputStatus)> {
+        let was_playing = match self.request::<StopEndpoint>("stop", &())? {
+            Ok(_) => true,
+            Err(StopError::NotPlaying) => false,
+        };
+        let begin = Instant::now();
+        loop {
+            let output = self.status()?.output;
+            if output.activity == Activity::Idle {
+                return Ok((was_playing, output));
+            }
+            if begin.elapsed() >= self.timeouts().answer {
+                return Err(self.not_verified(
+                    "the device was stopped, but its output is not at rest: stop it again, or disconnect its power"
+                        .to_owned(),
+                ));
+            }
+            thread::sleep(POLL_INTERVAL);
+        }
+    }
+
+    /// Sends a motion without waiting for an acknowledgement.
+    ///
+    /// # Errors
+    /// A lost link, or one that accepts no more frames.
+    pub fn publish_motion(&self, sample: MotionSample) -> Result<()> {
+        self.runtime()
+            .block_on(self.requester.publish::<MotionTopic>(&sample))
+    }
+
+    /// Sends a keep-alive, which shows the device that the host still runs.
+    ///
+    /// # Errors
+    /// A lost link, or one that accepts no more frames.
+    pub fn keep_alive(&self) -> Result<()> {
+        self.runtime()
+            .block_on(self.requester.publish::<KeepAliveTopic>(&()))
+    }
+}

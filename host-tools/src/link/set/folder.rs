@@ -1,0 +1,216 @@
+//! The folder of a growing recording set.
+
+use std::collections::HashSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use model_format::Provenance;
+
+use super::planned_trial::{PlannedTrial, key};
+use super::wav;
+use crate::link::capture::{Calibration, Capture};
+use crate::recording::{RecordingSet, TRIALS_FILE, Trial};
+use crate::support::atomic_file;
+use crate::support::error::{Error, Result};
+
+/// Header of the lists that this module writes.
+const HEADER: &str = "file,texture,speed_mm_s,force_n,scale_m_s2,simulated";
+
+/// A folder with a recording set, to which trials are added.
+#[derive(Debug)]
+pub struct Folder {
+    path: PathBuf,
+    /// Lines of the list: comments, header, trials.
+    lines: Vec<String>,
+    done: HashSet<(String, u64, u64)>,
+}
+
+impl Folder {
+    /// Opens a folder, and creates it if it does not exist.
+    ///
+    /// # Errors
+    /// A folder that cannot be created, or whose list has other columns or cannot be read.
+    pub fn open(path: &Path) -> Result<Self> {
+        fs::create_dir_all(path).map_err(Error::io("create", path))?;
+        let list = path.join(TRIALS_FILE);
+        let mut folder = Self {
+            path: path.to_owned(),
+            lines: vec![HEADER.to_owned()],
+            done: HashSet::new(),
+        };
+        let text = match fs::read_to_string(&list) {
+            Ok(text) => text,
+            Err(failure) if failure.kind() == std::io::ErrorKind::NotFound => return Ok(folder),
+            Err(failure) => return Err(Error::io("read", &list)(failure)),
+        };
+        folder.lines = text.lines().map(str::to_owned).collect();
+        let is_content = |line: &&String| !line.starts_with('#') && !line.trim().is_empty();
+        let mut content = folder.lines.iter().filter(is_content);
+        if content.next().map(String::as_str) != Some(HEADER) {
+            let problem = format!(
+                "was not written by `stylus record`, whose columns are {HEADER}: name a new folder"
+            );
+            return Err(Error::file(&list, problem));
+        }
+        if content.next().is_some() {
+            let set = RecordingSet::from_list(&list)?;
+            let there = set.trials.iter().filter(|trial| trial.file.is_file());
+            folder.done = there
+                .map(|trial| key(&trial.texture, trial.speed_mm_s, trial.force_n))
+                .collect();
+        }
+        Ok(folder)
+    }
+
+    /// Returns true if the folder has a recording of this trial.
+    pub fn has(&self, trial: &PlannedTrial) -> bool {
+        self.done.contains(&trial.key())
+    }
+
+    /// Number of recorded trials.
+    pub fn trials(&self) -> usize {
+        self.done.len()
+    }
+
+    /// Writes a trial's file and its line in the list; both replace those of an earlier recording of the same trial.
+    ///
+    /// # Errors
+    /// A file or a list that cannot be written.
+    pub fn add(
+        &mut self,
+        planned: &PlannedTrial,
+        capture: &Capture,
+        calibration: &Calibration,
+        provenance: Provenance,
+    ) -> Result<Trial> {
+        let name = planned.file();
+        let file = self.path.join(&name);
+        let folder = file.parent().unwrap_or(&self.path);
+        fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
+        let scale_m_s2 = wav::scale_m_s2(calibration);
+        let wav = wav::encode(capture, calibration, scale_m_s2)
+            .map_err(|failure| Error::file(&file, failure.to_string()))?;
+        atomic_file::write(&file, &wav)?;
+        let line = row(&[
+            &name,
+            &planned.texture,
+            &planned.speed_mm_s.to_string(),
+            &planned.force_n.to_string(),
+            &scale_m_s2.to_string(),
+            if provenance == Provenance::Simulated {
+                "true"
+            } else {
+                "false"
+            },
+        ])
+        .map_err(|failure| Error::file(&file, failure.to_string()))?;
+        let mut lines = self.lines.clone();
+        match lines.iter_mut().find(|line| first_field(line) == name) {
+            Some(earlier) => *earlier = line,
+            None => lines.push(line),
+        }
+        let text = lines.join("\n") + "\n";
+        atomic_file::write(&self.path.join(TRIALS_FILE), text.as_bytes())?;
+        self.lines = lines;
+        self.done.insert(planned.key());
+        Ok(Trial {
+            file,
+            texture: planned.texture.clone(),
+            speed_mm_s: planned.speed_mm_s,
+            force_n: planned.force_n,
+            scale_m_s2,
+            start_s: 0.0,
+            duration_s: Some(capture.samples.len() as f64 / f64::from(capture.rate_hz)),
+            sample_rate_hz: None,
+            provenance,
+        })
+    }
+}
+
+fn row(fields: &[&str]) -> csv::Result<String> {
+    let mut writer = csv::WriterBuilder::new()
+        .terminator(csv::Terminator::Any(b'\n'))
+        .from_writer(Vec::new());
+    writer.write_record(fields)?;
+    let bytes = writer
+        .into_inner()
+        .map_err(csv::IntoInnerError::into_error)?;
+    let text = String::from_utf8(bytes).expect("the fields are text");
+    Ok(text.trim_end_matches('\n').to_owned())
+}
+
+fn first_field(line: &str) -> String {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .comment(Some(b'#'))
+        .from_reader(line.as_bytes());
+    let first = reader.records().next().and_then(std::result::Result::ok);
+    first.map_or(String::new(), |record| {
+        record.get(0).unwrap_or("").to_owned()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::planned_trial::tests::planned;
+    use super::super::wav::tests::{calibration, capture};
+    use super::*;
+
+    #[test]
+    fn what_is_read_back_is_the_acceleration_that_the_codes_stand_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let codes = [[0, 65_535, 40_000], [32_768, 32_768, 32_768], [1, 2, 3]];
+        let mut set = Folder::open(folder.path()).unwrap();
+        let (calibration, capture) = (calibration(), capture(&codes));
+        set.add(
+            &planned("silk", 120.0),
+            &capture,
+            &calibration,
+            Provenance::Recorded,
+        )
+        .unwrap();
+        let listed = RecordingSet::open(&[folder.path().to_owned()]).unwrap();
+        let samples = crate::recording::read(&listed.trials[0]).unwrap();
+        for (index, sample) in capture.samples.iter().enumerate() {
+            for (axis, expected) in calibration.acceleration(sample).into_iter().enumerate() {
+                let found = samples.axes[axis][index];
+                assert!((found - expected).abs() < 1e-5 * 99.0, "{found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_folder_is_taken_up_where_it_was_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let one = capture(&[[1, 2, 3]]);
+        let mut set = Folder::open(folder.path()).unwrap();
+        let (silk, felt) = (planned("silk, \"raw\"", 50.0), planned("felt", 50.0));
+        for trial in [&silk, &felt] {
+            set.add(trial, &one, &calibration(), Provenance::Recorded)
+                .unwrap();
+        }
+        let mut again = Folder::open(folder.path()).unwrap();
+        assert!(again.has(&silk) && again.has(&felt) && !again.has(&planned("felt", 51.0)));
+        // Recording it again replaces the trial.
+        again
+            .add(&silk, &one, &calibration(), Provenance::Simulated)
+            .unwrap();
+        let listed = RecordingSet::open(&[folder.path().to_owned()]).unwrap();
+        assert_eq!(listed.trials.len(), 2);
+        assert_eq!(listed.trials[0].provenance, Provenance::Simulated);
+        // A trial whose file is gone counts as not recorded.
+        std::fs::remove_file(&listed.trials[1].file).unwrap();
+        assert!(!Folder::open(folder.path()).unwrap().has(&felt));
+    }
+
+    #[test]
+    fn a_list_of_something_else_is_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let list = folder.path().join(TRIALS_FILE);
+        let text = "file,texture,speed_mm_s,force_n\na.wav,silk,1,1\n";
+        std::fs::write(&list, text).unwrap();
+        let message = Folder::open(folder.path()).unwrap_err().to_string();
+        assert!(message.contains("name a new folder"), "{message}");
+        assert_eq!(std::fs::read_to_string(&list).unwrap(), text);
+    }
+}

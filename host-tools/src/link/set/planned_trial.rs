@@ -1,0 +1,180 @@
+//! Trials that are to be recorded.
+
+use std::path::Path;
+
+use model_format::limits::MAX_NAME_BYTES;
+
+use crate::support::error::{Error, Result};
+
+/// A trial to be recorded: one texture at one speed and force.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedTrial {
+    /// Name of the texture.
+    pub texture: String,
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Normal force, N.
+    pub force_n: f64,
+}
+
+impl PlannedTrial {
+    /// The trials of a grid: every speed with every force.
+    pub fn grid(texture: &str, speeds_mm_s: &[f64], forces_n: &[f64]) -> Vec<Self> {
+        let at = |speed_mm_s: f64| {
+            forces_n.iter().map(move |&force_n| Self {
+                texture: texture.to_owned(),
+                speed_mm_s,
+                force_n,
+            })
+        };
+        speeds_mm_s.iter().flat_map(|&speed| at(speed)).collect()
+    }
+
+    /// Reads a CSV list with the columns `speed_mm_s`, in mm/s, and `force_n`, in N. A column `texture` is optional;
+    /// `texture` stands in for an empty or missing one.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a missing or unknown column, or a line without a texture or with a speed or force that
+    /// is not a number of at least zero.
+    pub fn from_csv(path: &Path, texture: Option<&str>) -> Result<Vec<Self>> {
+        #[derive(serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Row {
+            texture: Option<String>,
+            speed_mm_s: f64,
+            force_n: f64,
+        }
+        let mut reader = csv::ReaderBuilder::new()
+            .comment(Some(b'#'))
+            .trim(csv::Trim::All)
+            .from_path(path)
+            .map_err(|failure| Error::file(path, failure.to_string()))?;
+        let mut trials = Vec::new();
+        for row in reader.deserialize() {
+            let row: Row = row.map_err(|failure| {
+                let line = failure.position().map_or(0, csv::Position::line);
+                Error::line(path, line, failure.to_string())
+            })?;
+            let line = trials.len() as u64 + 2;
+            let name = row.texture.filter(|name| !name.is_empty());
+            let Some(name) = name.or_else(|| texture.map(str::to_owned)) else {
+                return Err(Error::line(
+                    path,
+                    line,
+                    "no texture: add a column 'texture', or give --texture",
+                ));
+            };
+            let is_sound = |value: f64| value.is_finite() && value >= 0.0;
+            if !is_sound(row.speed_mm_s) || !is_sound(row.force_n) {
+                return Err(Error::line(
+                    path,
+                    line,
+                    "speed_mm_s and force_n must be finite and at least 0",
+                ));
+            }
+            trials.push(Self {
+                texture: name,
+                speed_mm_s: row.speed_mm_s,
+                force_n: row.force_n,
+            });
+        }
+        if trials.is_empty() {
+            return Err(Error::file(
+                path,
+                "lists nothing to record: add at least one line",
+            ));
+        }
+        Ok(trials)
+    }
+
+    /// Checks that the texture's name can be a folder's name, too.
+    ///
+    /// # Errors
+    /// A name that is empty, too long, starts with a dot, or holds path separators or control characters.
+    pub fn check(&self) -> Result<()> {
+        let name = &self.texture;
+        let is_odd = |c: char| c.is_control() || "/\\:".contains(c);
+        if name.is_empty()
+            || name.len() > MAX_NAME_BYTES
+            || name.starts_with('.')
+            || name.contains(is_odd)
+        {
+            return Err(Error::Request(format!(
+                "'{name}' cannot name a texture: use 1 to {MAX_NAME_BYTES} bytes, no leading dot, none of / \\ :"
+            )));
+        }
+        Ok(())
+    }
+
+    /// Path of the trial's file, relative to the set's folder, with `/` as separator.
+    pub(super) fn file(&self) -> String {
+        format!(
+            "{}/{}mm_s_{}N.wav",
+            self.texture, self.speed_mm_s, self.force_n
+        )
+    }
+
+    /// Identifies the trial within a set.
+    pub(super) fn key(&self) -> (String, u64, u64) {
+        key(&self.texture, self.speed_mm_s, self.force_n)
+    }
+}
+
+impl std::fmt::Display for PlannedTrial {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{}, {} mm/s, {} N",
+            self.texture, self.speed_mm_s, self.force_n
+        )
+    }
+}
+
+/// Identifies the trial of a texture at a speed, mm/s, and a force, N. Equal numbers have equal bits.
+pub(super) fn key(texture: &str, speed_mm_s: f64, force_n: f64) -> (String, u64, u64) {
+    (texture.to_owned(), speed_mm_s.to_bits(), force_n.to_bits())
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    pub fn planned(texture: &str, speed_mm_s: f64) -> PlannedTrial {
+        PlannedTrial {
+            texture: texture.to_owned(),
+            speed_mm_s,
+            force_n: 0.5,
+        }
+    }
+
+    #[test]
+    fn names_that_lead_out_of_the_folder_are_refused() {
+        for name in ["", "..", "a/b", "a\\b", "C:x", "a\nb", &"x".repeat(49)] {
+            assert!(planned(name, 1.0).check().is_err(), "{name}");
+        }
+        assert!(planned("denim (worn)", 1.0).check().is_ok());
+    }
+
+    #[test]
+    fn a_list_of_points_may_name_their_textures() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let read = |text: &str, texture| {
+            std::fs::write(file.path(), text).unwrap();
+            PlannedTrial::from_csv(file.path(), texture)
+        };
+        let named = read("texture,speed_mm_s,force_n\nsilk,50,0.5\n", None).unwrap();
+        assert_eq!(named, [planned("silk", 50.0)]);
+        let given = read("# mine\nspeed_mm_s, force_n\n50, 0.5\n", Some("silk")).unwrap();
+        assert_eq!(given, named);
+        for (text, word) in [
+            ("speed_mm_s,force_n\n50,0.5\n", "no texture"),
+            ("texture,speed_mm_s,force_n\nsilk,-1,0.5\n", "line 2"),
+            ("texture,speed_mm_s,force_n\nsilk,fast,0.5\n", "line 2"),
+            ("texture,speed_mm_s\nsilk,1\n", "force_n"),
+            ("texture,speed_mm_s,force_n\n", "nothing to record"),
+        ] {
+            let message = read(text, None).unwrap_err().to_string();
+            assert!(message.contains(word), "{message}");
+        }
+    }
+}

@@ -1,0 +1,17 @@
+//! Motion of a hand over time, for a rendering: constant, or from a CSV file.
+//!
+//! ```text
+//! # Comments begin with a number sign.
+//! time_s,speed_mm_s,force_n
+//! 0.0,0,0.5
+//! 1.5,120,0.8
+//! ```
+//! Columns may stand in any order, and other columns are ignored. A column `position_mm` gives the position on the path;
+//! without it the position is the integral of the speed, from 0 mm. A column `contact`, 0 or 1, gives contact with the
+//! surface; without it the contact follows from the force.
+
+mod path;
+mod point;
+mod table;
+
+pub use path::MotionPath;

@@ -1,0 +1,244 @@
+//! A motion as a function of time.
+
+use std::path::Path;
+
+use model_format::{MillimetresPerSecond, Newton};
+use stylus_kernel::Motion;
+
+use super::point::{Point, interpolate};
+use super::table::{self, Table};
+use crate::support::error::{Error, Result};
+
+/// A speed and a force at every moment from 0 s on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionPath {
+    /// At least one, in ascending order of time.
+    points: Vec<Point>,
+    /// Whether the file told the place; else it is the integral of the speed.
+    tells_position: bool,
+    /// Whether the file told contact; else it follows from the force.
+    tells_contact: bool,
+}
+
+impl MotionPath {
+    /// The same speed, mm/s, and force, N, for ever.
+    ///
+    /// # Errors
+    /// A speed or force that is not finite.
+    pub fn constant(speed: MillimetresPerSecond, force: Newton) -> Result<Self> {
+        Motion::new(speed, force).map_err(|error| {
+            Error::Request(format!(
+                "{error}: give the speed in mm/s and the force in N"
+            ))
+        })?;
+        let point = Point {
+            time_s: 0.0,
+            speed_mm_s: speed.0,
+            force_n: force.0,
+            position_mm: 0.0,
+            contact: false,
+        };
+        Ok(Self {
+            points: vec![point],
+            tells_position: false,
+            tells_contact: false,
+        })
+    }
+
+    /// Reads a CSV file with the columns `time_s`, `speed_mm_s` and `force_n`, and `position_mm` and `contact` if there are
+    /// such; see the module's beginning.
+    ///
+    /// Times begin at zero or later and rise from row to row.
+    ///
+    /// # Errors
+    /// That the file cannot be read, a column that is missing, a file without rows, and, with its line, a row that is
+    /// not of the header's length, a value that is not a finite number, and a time that does not rise.
+    pub fn from_csv(path: &Path) -> Result<Self> {
+        let Table {
+            points,
+            tells_position,
+            tells_contact,
+        } = table::read(path)?;
+        Ok(Self {
+            points,
+            tells_position,
+            tells_contact,
+        })
+    }
+
+    /// The motion at `time_s`, interpolated linearly between rows; before the first it is the first's, after the last the
+    /// last's.
+    ///
+    /// A speed that changes its sign passes through rest, as a hand does that turns round.
+    pub fn at(&self, time_s: f64) -> Motion {
+        let (speed, force) = self.values_at(time_s);
+        Motion::new(speed, force).expect("what lies between finite values is finite")
+    }
+
+    /// Speed, of either sign, and force at `time_s`, as [`MotionPath::at`] interpolates them; both finite.
+    pub fn values_at(&self, time_s: f64) -> (MillimetresPerSecond, Newton) {
+        let after = self.points.partition_point(|point| point.time_s <= time_s);
+        let (speed_mm_s, force_n) = match (after.checked_sub(1), self.points.get(after)) {
+            (Some(before), Some(next)) => {
+                let before = &self.points[before];
+                let fraction = (time_s - before.time_s) / (next.time_s - before.time_s);
+                (
+                    interpolate(before.speed_mm_s, next.speed_mm_s, fraction),
+                    interpolate(before.force_n, next.force_n, fraction),
+                )
+            }
+            (None, Some(point)) => (point.speed_mm_s, point.force_n),
+            (_, None) => {
+                let last = self.points.last().expect("a path has at least one point");
+                (last.speed_mm_s, last.force_n)
+            }
+        };
+        (MillimetresPerSecond(speed_mm_s), Newton(force_n))
+    }
+
+    /// The place on the path at `time_s`, mm: what the file tells, linear between rows and held at both ends, or the integral
+    /// of the speed as [`MotionPath::values_at`] interpolates it, from 0 mm at 0 s.
+    pub fn position_mm_at(&self, time_s: f64) -> f64 {
+        let after = self.points.partition_point(|point| point.time_s <= time_s);
+        let first = &self.points[0];
+        let Some(before) = after.checked_sub(1).map(|before| &self.points[before]) else {
+            return if self.tells_position {
+                first.position_mm
+            } else {
+                f64::from(first.speed_mm_s) * time_s
+            };
+        };
+        match self.points.get(after) {
+            Some(next) if self.tells_position => {
+                let fraction = (time_s - before.time_s) / (next.time_s - before.time_s);
+                before.position_mm + (next.position_mm - before.position_mm) * fraction
+            }
+            Some(next) => before.position_mm + before.path_mm(next, time_s),
+            None if self.tells_position => before.position_mm,
+            None => before.position_mm + f64::from(before.speed_mm_s) * (time_s - before.time_s),
+        }
+    }
+
+    /// Whether the tool touches at `time_s`, if the file tells: what the last row up to then says.
+    pub fn contact_at(&self, time_s: f64) -> Option<bool> {
+        let after = self.points.partition_point(|point| point.time_s <= time_s);
+        self.tells_contact
+            .then(|| self.points[after.saturating_sub(1)].contact)
+    }
+
+    /// When the last row is, s; zero for a constant motion.
+    pub fn duration_s(&self) -> f64 {
+        self.points.last().map_or(0.0, |point| point.time_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::table::tests::path_of as read;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn motion(speed_mm_s: f32, force_n: f32) -> Motion {
+        Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).unwrap()
+    }
+
+    #[test]
+    fn rows_are_interpolated_and_held_at_both_ends() {
+        let path = read("time_s,speed_mm_s,force_n\n1,100,0.5\n2,200,1\n4,0,0\n").unwrap();
+        assert_eq!(path.at(0.0), motion(100.0, 0.5));
+        assert_eq!(path.at(1.0), motion(100.0, 0.5));
+        assert_eq!(path.at(1.25), motion(125.0, 0.625));
+        assert_eq!(path.at(2.0), motion(200.0, 1.0));
+        assert_eq!(path.at(3.0), motion(100.0, 0.5));
+        assert_eq!(path.at(1e9), motion(0.0, 0.0));
+        assert!((path.duration_s() - 4.0).abs() < f64::EPSILON);
+    }
+
+    #[test]
+    fn a_hand_that_turns_round_comes_to_rest_between() {
+        let path = read("time_s,speed_mm_s,force_n\n0,-100,1\n1,100,1\n").unwrap();
+        assert_eq!(path.at(0.0), motion(100.0, 1.0));
+        assert_eq!(path.at(0.5), motion(0.0, 1.0));
+    }
+
+    #[test]
+    fn a_constant_motion_lasts() {
+        let path = MotionPath::constant(MillimetresPerSecond(-80.0), Newton(0.6)).unwrap();
+        for time_s in [0.0, 1.0, 1e6] {
+            assert_eq!(path.at(time_s), motion(80.0, 0.6));
+        }
+        assert!(path.duration_s().abs() < f64::EPSILON);
+        assert!(MotionPath::constant(MillimetresPerSecond(f32::NAN), Newton(0.6)).is_err());
+        assert!(MotionPath::constant(MillimetresPerSecond(1.0), Newton(f32::INFINITY)).is_err());
+    }
+
+    #[test]
+    fn the_path_is_the_integral_of_the_speed_unless_the_file_tells_it() {
+        let path = read("time_s,speed_mm_s,force_n\n1,100,1\n2,200,1\n4,-200,1\n").unwrap();
+        for (time_s, position_mm) in [
+            (0.0, 0.0),
+            (0.5, 50.0),
+            (1.0, 100.0),
+            (1.5, 162.5),
+            (2.0, 250.0),
+            (3.0, 350.0),
+            (4.0, 250.0),
+            (5.0, 50.0),
+        ] {
+            assert!(
+                (path.position_mm_at(time_s) - position_mm).abs() < 1e-9,
+                "{time_s} s: {}",
+                path.position_mm_at(time_s)
+            );
+        }
+        let told = read("time_s,position_mm,speed_mm_s,force_n\n1,-5,0,1\n3,7,0,1\n").unwrap();
+        for (time_s, position_mm) in [(0.0, -5.0), (1.0, -5.0), (2.0, 1.0), (9.0, 7.0)] {
+            assert!((told.position_mm_at(time_s) - position_mm).abs() < 1e-9);
+        }
+        let constant = MotionPath::constant(MillimetresPerSecond(-80.0), Newton(0.6)).unwrap();
+        assert!((constant.position_mm_at(2.0) + 160.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn contact_is_what_the_last_row_told_and_nothing_else() {
+        let path = read("time_s,contact,speed_mm_s,force_n\n1,0,9,1\n2,1,9,0\n3,0,9,1\n").unwrap();
+        let told: Vec<Option<bool>> = [0.5, 1.5, 2.0, 2.9, 3.0, 9.0]
+            .map(|time_s| path.contact_at(time_s))
+            .into();
+        let expected = [false, false, true, true, false, false].map(Some);
+        assert_eq!(told, expected);
+        let without = read("time_s,speed_mm_s,force_n\n1,9,1\n").unwrap();
+        assert_eq!(without.contact_at(1.0), None);
+        let error = read("time_s,contact,speed_mm_s,force_n\n1,yes,9,1\n").unwrap_err();
+        assert!(error.to_string().contains("contact is 'yes'"), "{error}");
+    }
+
+    proptest! {
+        #[test]
+        fn motion_stays_between_its_rows(
+            rows in prop::collection::vec((0.001..10.0f64, -1e30..1e30f32, 0.0..1e30f32), 1..20),
+            moment in -1.0..100.0f64,
+        ) {
+            let mut time_s = 0.0;
+            let points = rows.iter().map(|&(step, speed_mm_s, force_n)| {
+                time_s += step;
+                Point { time_s, speed_mm_s, force_n, position_mm: 0.0, contact: false }
+            });
+            let path = MotionPath { points: points.collect(), tells_position: false, tells_contact: false };
+            let before = path.points.iter().rev().find(|point| point.time_s <= moment);
+            let after = path.points.iter().find(|point| point.time_s > moment);
+            let ends = [before.or(after).unwrap(), after.or(before).unwrap()];
+            let lowest = ends[0].force_n.min(ends[1].force_n);
+            let highest = ends[0].force_n.max(ends[1].force_n);
+            // A motion does not tell its parts, but two of them compare.
+            let fraction = if ends[0] == ends[1] { 0.0 } else {
+                (moment - ends[0].time_s) / (ends[1].time_s - ends[0].time_s)
+            };
+            let force = interpolate(ends[0].force_n, ends[1].force_n, fraction);
+            let speed = interpolate(ends[0].speed_mm_s, ends[1].speed_mm_s, fraction);
+            prop_assert!((lowest..=highest).contains(&force));
+            prop_assert_eq!(path.at(moment), motion(speed, force));
+        }
+
+    }
+}

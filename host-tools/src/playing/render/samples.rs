@@ -1,0 +1,217 @@
+//! The samples of a rendering: one by one, or in memory.
+
+use model_format::{OutputSample, Texture};
+use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
+
+use crate::playing::motion::MotionPath;
+use crate::support::error::{Error, Result};
+
+/// Longest rendering, s: a day.
+pub const MAX_SECONDS: f64 = 24.0 * 3600.0;
+
+/// A texture as it is played along a motion, sample by sample; nothing is kept.
+///
+/// The same texture, motion and seed give the same samples, always and everywhere.
+#[derive(Clone, Debug)]
+pub struct Rendering<'a> {
+    synthesis: Synthesis<'a>,
+    motion: &'a MotionPath,
+    position: usize,
+    len: usize,
+}
+
+impl<'a> Rendering<'a> {
+    /// `seconds` of `texture`, from rest.
+    ///
+    /// # Errors
+    /// A duration that is not a number, is shorter than a sample, or longer than [`MAX_SECONDS`].
+    pub fn new(
+        texture: Texture<'a>,
+        motion: &'a MotionPath,
+        seconds: f64,
+        seed: u64,
+    ) -> Result<Self> {
+        let samples = (seconds * f64::from(texture.sample_rate_hz())).round();
+        if !(seconds <= MAX_SECONDS && samples >= 1.0) {
+            return Err(Error::Request(format!(
+                "cannot render {seconds} s: ask for at least one sample and at most {MAX_SECONDS} s"
+            )));
+        }
+        Ok(Self {
+            synthesis: Synthesis::new(texture, seed),
+            motion,
+            position: 0,
+            len: samples as usize,
+        })
+    }
+
+    /// How many samples were at the kernel's full scale so far.
+    pub fn saturations(&self) -> u32 {
+        self.synthesis.saturations()
+    }
+
+    /// Samples a second.
+    pub fn sample_rate_hz(&self) -> u32 {
+        self.synthesis.texture().sample_rate_hz()
+    }
+}
+
+impl Iterator for Rendering<'_> {
+    type Item = OutputSample;
+
+    fn next(&mut self) -> Option<OutputSample> {
+        if self.position == self.len {
+            return None;
+        }
+        if self
+            .position
+            .is_multiple_of(UPDATE_INTERVAL_SAMPLES as usize)
+        {
+            let time_s = self.position as f64 / f64::from(self.sample_rate_hz());
+            self.synthesis
+                .follow(self.motion.at(time_s), UPDATE_INTERVAL_SAMPLES);
+        }
+        self.position += 1;
+        Some(self.synthesis.next_sample())
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        let left = self.len - self.position;
+        (left, Some(left))
+    }
+}
+
+impl ExactSizeIterator for Rendering<'_> {}
+
+/// A rendering in memory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rendered {
+    /// Samples a second.
+    pub sample_rate_hz: u32,
+    /// What the stylus plays.
+    pub samples: Vec<OutputSample>,
+    /// How many of the samples were at the kernel's full scale.
+    pub saturations: u32,
+}
+
+impl Rendered {
+    /// The samples in m/s², exactly.
+    pub fn accelerations_m_s2(&self) -> Vec<f64> {
+        self.samples
+            .iter()
+            .map(|&sample| exact_m_s2(sample))
+            .collect()
+    }
+}
+
+/// A sample in m/s²; double precision holds every one of them exactly.
+pub(super) fn exact_m_s2(sample: OutputSample) -> f64 {
+    f64::from(sample.0) / f64::from(1u32 << OutputSample::FRACTION_BITS)
+}
+
+/// Renders `seconds` of `texture` along `motion` into memory; for more than minutes see [`render_wav`].
+///
+/// # Errors
+/// A duration that [`Rendering::new`] refuses.
+pub fn render(
+    texture: Texture<'_>,
+    motion: &MotionPath,
+    seconds: f64,
+    seed: u64,
+) -> Result<Rendered> {
+    let mut rendering = Rendering::new(texture, motion, seconds, seed)?;
+    let samples = rendering.by_ref().collect();
+    Ok(Rendered {
+        sample_rate_hz: rendering.sample_rate_hz(),
+        samples,
+        saturations: rendering.saturations(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_library::{constant, library, sweep, texture};
+    use super::*;
+
+    #[test]
+    fn a_rendering_is_what_the_kernel_plays_when_it_follows_the_motion_as_on_the_device() {
+        let library = library(5000);
+        let motion = sweep();
+        let rendered = render(texture(&library), &motion, 0.4, 11).unwrap();
+        let mut kernel: Synthesis<'_> = Synthesis::new(texture(&library), 11);
+        let mut played = Vec::new();
+        for update in 0..200 {
+            kernel.follow(
+                motion.at(f64::from(update) * 0.002),
+                UPDATE_INTERVAL_SAMPLES,
+            );
+            played.extend((0..UPDATE_INTERVAL_SAMPLES).map(|_| kernel.next_sample()));
+        }
+        assert_eq!(rendered.samples, played);
+        assert_eq!((rendered.sample_rate_hz, rendered.saturations), (5000, 0));
+    }
+
+    #[test]
+    fn a_seed_gives_its_own_samples_and_the_same_each_time() {
+        let library = library(5000);
+        let render = |seed| render(texture(&library), &sweep(), 0.3, seed).unwrap();
+        assert_eq!(render(1), render(1));
+        assert_ne!(render(1), render(2));
+    }
+
+    #[test]
+    fn a_node_is_rendered_at_its_own_power() {
+        let library = library(5000);
+        for (speed_mm_s, force_n, power) in [
+            (50.0, 0.5, 1.0),
+            (50.0, 1.0, 4.0),
+            (100.0, 0.5, 9.0),
+            (300.0, 3.0, 16.0),
+        ] {
+            let rendered =
+                render(texture(&library), &constant(speed_mm_s, force_n), 40.0, 5).unwrap();
+            let values = rendered.accelerations_m_s2();
+            let mean_square =
+                values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
+            assert!(
+                (mean_square / power - 1.0).abs() < 0.05,
+                "{mean_square}, not {power}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_hand_at_rest_feels_nothing() {
+        let library = library(5000);
+        let rendered = render(texture(&library), &constant(0.0, 1.0), 0.1, 5).unwrap();
+        assert!(
+            rendered
+                .samples
+                .iter()
+                .all(|sample| *sample == OutputSample::SILENCE)
+        );
+    }
+
+    #[test]
+    fn durations_that_make_no_sense_are_refused() {
+        let library = library(5000);
+        for seconds in [
+            0.0,
+            -1.0,
+            1e-5,
+            f64::NAN,
+            f64::INFINITY,
+            MAX_SECONDS * 1.001,
+        ] {
+            let error = render(texture(&library), &constant(80.0, 0.7), seconds, 1).unwrap_err();
+            assert!(matches!(error, Error::Request(_)), "{seconds}");
+        }
+        let motion = constant(80.0, 0.7);
+        assert_eq!(
+            Rendering::new(texture(&library), &motion, MAX_SECONDS, 1)
+                .unwrap()
+                .len(),
+            432_000_000
+        );
+    }
+}

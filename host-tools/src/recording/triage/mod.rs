@@ -1,0 +1,27 @@
+//! Verdicts on a recording before it is fitted.
+//!
+//! | verdict | found when | what `fit` does |
+//! |---|---|---|
+//! | ok | nothing below | uses it |
+//! | silent | the RMS about the mean is below the silence floor | makes a silent node |
+//! | too short | fewer than [`SHORT_SAMPLES`] samples | uses it with a lower order, warns |
+//! | clipped | at least [`CLIPPED_SHARE`] of an axis's samples are at its extreme, in runs | uses it, warns |
+//! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | uses it, warns |
+//! | hum | a line at 50 or 60 Hz is [`HUM_RATIO_DB`] above its surroundings at all speeds | uses it, warns |
+//! | duplicate | every sample equals that of an earlier trial | uses it, warns |
+//! | wrong rate | the file's sample rate is below the models' | uses it, warns: its band ends at half that rate |
+//! | not finite | a sample is NaN or infinite | refuses the whole set |
+//!
+//! A trial that is used in spite of a verdict marks its node as doubtful.
+
+mod fingerprint;
+mod hum;
+mod single_trial;
+#[cfg(test)]
+mod test_signals;
+mod verdict;
+
+pub use fingerprint::fingerprint;
+pub use hum::{HUM_RATIO_DB, confirmed_hum, mains_line};
+pub use single_trial::{CLIPPED_SHARE, DRIFT_SHARE, SHORT_SAMPLES, SILENCE_FLOOR_M_S2, samples};
+pub use verdict::Verdict;

@@ -1,0 +1,23 @@
+//! Signals that the tests of this folder share.
+
+use rand::{RngExt, SeedableRng};
+
+use crate::dsp::MODEL_RATE_HZ;
+
+pub const RATE_HZ: f64 = MODEL_RATE_HZ as f64;
+
+pub fn noise(seed: u64) -> Vec<f64> {
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
+    (0..10_000)
+        .map(|_| rng.random_range(-1.0..1.0) + rng.random_range(-1.0..1.0))
+        .collect()
+}
+
+pub fn tone(frequency_hz: f64, amplitude: f64) -> impl Iterator<Item = f64> {
+    let step = core::f64::consts::TAU * frequency_hz / RATE_HZ;
+    (0..10_000).map(move |n| amplitude * (step * f64::from(n)).sin())
+}
+
+pub fn plus(signal: &[f64], other: impl Iterator<Item = f64>) -> Vec<f64> {
+    signal.iter().zip(other).map(|(a, b)| a + b).collect()
+}
