@@ -160,7 +160,7 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
         !page.contains("NaN"),
         "a figure is missing and not said to be"
     );
-    for peer in &Costs::measured().peers {
+    for peer in &Costs::measured().table().peers {
         assert!(
             page.contains(&host_tools::report::html::escaped(&peer.name)),
             "{}",

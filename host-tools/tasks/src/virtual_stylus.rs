@@ -1,7 +1,7 @@
 //! The virtual stylus: `tests/virtual-stylus`, a workspace of its own.
 //!
-//! Its emulator asks for a newer compiler than the product does, and builds and runs with the product's all the same; cargo
-//! wants to be told so.
+//! Its emulator declares a newer compiler than the product's, and builds and runs with the product's all the same.
+//! Cargo needs `--ignore-rust-version` for that.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ fn cargo(subcommand: &str) -> Command {
 /// Runs the product's image by hand, with the virtual stylus's own `arguments`.
 ///
 /// # Errors
-/// Something does not build, or the run fails.
+/// A build or the run fails.
 pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<()> {
     let image = firmware::build(toolchain, Image::Product)?;
     let mut run = cargo("run");
@@ -39,11 +39,11 @@ pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<()> {
     process::run(run.args(arguments))
 }
 
-/// Builds the images and runs all tests on the virtual stylus; `long` asks for the long ones, `arguments` go to the tests.
-/// Then holds the page's table of memory against the image.
+/// Builds the images and runs all tests on the virtual stylus, with `long` the long ones too. `arguments` go to the
+/// tests. Then compares the page's table of memory with the image.
 ///
 /// # Errors
-/// Something does not build, a test fails, or the page is not of this image.
+/// A build or a test fails, or the page's table is not of this image.
 pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
     let memory = firmware::memory(&product)?;
@@ -61,10 +61,10 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
     Ok(())
 }
 
-/// Has the tests that count ticks write the page's table.
+/// Runs the tests that count ticks so that they write the page's table.
 ///
 /// # Errors
-/// Something does not build, or a test fails.
+/// A build or a test fails.
 pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
     let mut test = tests(toolchain, product)?;
@@ -72,7 +72,7 @@ pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
     process::run(test.args(["--test", "image", "--", "ticks::"]))
 }
 
-/// The tests on the virtual stylus, with what they need, for the product's image in the file `product`.
+/// The command that tests the virtual stylus with the product's image in the file `product`.
 fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
     let mut test = cargo("test");
     test.env("STYLUS_IMAGE", product);
@@ -88,12 +88,12 @@ fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
 /// Lints the virtual stylus; every warning is a failure.
 ///
 /// # Errors
-/// There is one, or it does not build.
+/// There is a warning, or the build fails.
 pub fn lint() -> Result<()> {
     process::run(cargo("clippy").args(["--all-targets", "--", "--deny", "warnings"]))
 }
 
-/// Builds the image that the models are held against the manual with, and tells where it is.
+/// Builds the image that compares the models with the manual, and returns it.
 fn build_probe(toolchain: &Toolchain) -> Result<PathBuf> {
     let target_folder = workspace::target_folder("probe-image");
     let mut cargo = toolchain.cargo("build", &folder().join("probe-image"), &target_folder);

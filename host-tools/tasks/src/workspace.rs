@@ -1,4 +1,4 @@
-//! Where things are.
+//! The folders of the workspace and of its builds.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -17,8 +17,8 @@ pub fn host_target_folder() -> PathBuf {
     root().join(host)
 }
 
-/// The folder for what a build of `name` leaves: inside that of the host's builds, and never the same, because cargo locks
-/// the one it uses and other flags would make it build everything anew.
+/// The folder for the outputs of a build of `name`. It lies inside the host's and is never the same, because cargo
+/// locks its folder, and because other flags would make it build everything again.
 pub fn target_folder(name: &str) -> PathBuf {
     host_target_folder().join("tasks").join(name)
 }

@@ -1,11 +1,12 @@
 //! The kernel, built for two processors and run on their emulations, against the kernel on the host.
 //!
-//! Whatever these tests need and do not find, they fail and tell how to install it; `cargo tasks setup` tells it too.
+//! If a needed program is missing, these tests fail and name the command that installs it. `cargo tasks setup` does
+//! too.
 
 use std::sync::LazyLock;
 
 use model_format::limits::MAX_ORDER;
-use qemu_tests::costs::Structure;
+use stylus_costs::Structure;
 use tasks::compare;
 use tasks::costs::{self, Guest};
 use tasks::guest::Processor;
@@ -15,7 +16,7 @@ use tasks::toolchain::Toolchain;
 
 static HOST: LazyLock<Vec<Played>> = LazyLock::new(compare::on_host);
 
-/// Each image is built and run once for all tests.
+/// The reports of both images, each built and run once for all tests.
 static REPORTS: [LazyLock<Result<Report, String>>; 2] = [
     LazyLock::new(|| play(Processor::CortexM4)),
     LazyLock::new(|| play(Processor::CortexM7)),
@@ -101,8 +102,8 @@ fn the_kernel_is_within_its_budget() {
     }
 }
 
-/// Two ways to count: the image by its timer, in virtual time, and the trace, instruction by instruction. They differ by the
-/// call and return of the function that is traced.
+/// Two counts agree: the image's by its timer, in virtual time, and the trace's, by instruction. They differ by the
+/// call and return of the traced function.
 #[test]
 fn the_timer_and_the_trace_count_the_same_but_for_a_call() {
     /// Instructions of a call, a return, and saving and restoring registers around another.

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use host_tools::dsp::reduction::Reduction;
 use host_tools::evaluation::budget;
 use host_tools::evaluation::budget::Budget;
-use host_tools::evaluation::frontier::costs::Core;
+use host_tools::evaluation::frontier::costs;
 use host_tools::fit;
 use host_tools::fit::{Estimator, Order};
 use host_tools::recording::triage::SILENCE_FLOOR_M_S2;
@@ -36,6 +36,24 @@ const DROPPABLE: [&str; 7] = [
     "duplicate",
     "wrong-rate",
 ];
+
+/// The table's cores, as the command line names them.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Core {
+    /// Cortex-M4
+    M4,
+    /// Cortex-M7, whose cycles are bounded by the Cortex-M4's worst ones
+    M7,
+}
+
+impl From<Core> for costs::Core {
+    fn from(core: Core) -> Self {
+        match core {
+            Core::M4 => Self::M4,
+            Core::M7 => Self::M7,
+        }
+    }
+}
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -83,7 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let set = arguments.recordings.open()?;
     let budget = arguments.budget_cycles.map(|cycles| Budget {
         cycles,
-        core: arguments.core,
+        core: arguments.core.into(),
     });
     let highest_order = match &budget {
         Some(budget) => Some(budget.highest_order(arguments.structure)?),

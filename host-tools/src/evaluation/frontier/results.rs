@@ -1,11 +1,12 @@
 //! Results of a comparison: filters, and filters with an interval of updates.
 
 use serde::Serialize;
+use stylus_costs::Peer;
 
 use crate::fit::Order;
 use model_format::SAMPLE_RATE_HZ;
 
-use super::costs::{Cost, Peer};
+use super::costs::Cost;
 use super::hard::HardCases;
 use super::options::CLOCKS_HZ;
 use super::still::Still;

@@ -87,9 +87,9 @@ impl Prepared {
             take_cost: self.take_cost,
             take_band_error_db: self.take_band_error_db,
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
-            rustc: Costs::measured().rustc.clone(),
-            qemu: Costs::measured().qemu.clone(),
-            peers: Costs::measured().peers.clone(),
+            rustc: Costs::measured().table().rustc.clone(),
+            qemu: Costs::measured().table().qemu.clone(),
+            peers: Costs::measured().table().peers.clone(),
             filters,
             points,
         };

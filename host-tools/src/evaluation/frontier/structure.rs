@@ -3,7 +3,8 @@
 use std::mem::size_of;
 
 use model_format::{OutputSample, Texture};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
+use stylus_costs::Structure;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::rotation::Rotation;
@@ -13,35 +14,37 @@ use stylus_kernel::{Motion, Synthesis};
 
 use crate::texture::quantise::StructureChoice;
 
-/// A structure and its word length.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+/// A structure and its word length, in the order of reports; the table of costs names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(into = "Structure")]
 pub enum FilterStructure {
     /// Direct form, stored in 16 bits and played in 32.
-    #[serde(rename = "direct_form_16")]
     DirectForm16,
     /// Direct form in 32 bits.
-    #[serde(rename = "direct_form_32")]
     DirectForm32,
     /// Two-multiplier lattice in 32 bits; not shipped.
-    #[serde(rename = "two_multiplier_lattice_32")]
     TwoMultiplierLattice32,
     /// Normalised lattice in 16 bits; not shipped.
-    #[serde(rename = "normalised_lattice_16")]
     NormalisedLattice16,
     /// Normalised lattice in 32 bits, the stylus's default.
-    #[serde(rename = "normalised_lattice_32")]
     NormalisedLattice32,
 }
 
 impl std::fmt::Display for FilterStructure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::DirectForm16 => "direct form, 16 bits",
-            Self::DirectForm32 => "direct form, 32 bits",
-            Self::TwoMultiplierLattice32 => "two-multiplier lattice, 32 bits",
-            Self::NormalisedLattice16 => "normalised lattice, 16 bits",
-            Self::NormalisedLattice32 => "normalised lattice, 32 bits",
-        })
+        f.write_str(Structure::from(*self).name())
+    }
+}
+
+impl From<FilterStructure> for Structure {
+    fn from(structure: FilterStructure) -> Self {
+        match structure {
+            FilterStructure::DirectForm16 => Self::DirectForm16,
+            FilterStructure::DirectForm32 => Self::DirectForm32,
+            FilterStructure::TwoMultiplierLattice32 => Self::TwoMultiplierLattice32,
+            FilterStructure::NormalisedLattice16 => Self::NormalisedLattice16,
+            FilterStructure::NormalisedLattice32 => Self::NormalisedLattice32,
+        }
     }
 }
 

@@ -1,6 +1,6 @@
-//! Tables of `tests/qemu/costs.json`: what `cargo tasks costs` counted.
+//! Tables of `host-tools/costs/costs.json`, the counts of `cargo tasks costs`.
 
-use qemu_tests::costs::{Core, Costs, Origin, Peer, Structure};
+use stylus_costs::{Core, Costs, Entry, Origin, Peer, Structure};
 
 use super::markdown::{grouped, range, table};
 
@@ -44,7 +44,7 @@ pub fn samples_by_order(costs: &Costs) -> String {
         "instructions per update",
     ];
     let counted = Structure::ALL.into_iter().flat_map(|structure| {
-        let is_wanted = move |entry: &&qemu_tests::costs::Entry| {
+        let is_wanted = move |entry: &&Entry| {
             (entry.structure, entry.core, entry.nodes) == (structure, Core::M4, NODES)
         };
         costs.entries.iter().filter(is_wanted)

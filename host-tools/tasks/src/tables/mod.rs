@@ -3,7 +3,7 @@
 //!
 //! | table | made from | checked by |
 //! |---|---|---|
-//! | those of [`INSTANT`] | constants, and `tests/qemu/costs.json` | `cargo tasks tables --check`, within a second |
+//! | those of [`INSTANT`] | constants, and `host-tools/costs/costs.json` | `cargo tasks tables --check`, within a second |
 //! | [`emulated`] | a run of the vectors on QEMU | the test of `qemu-tests` that plays them |
 //! | [`memory`] | the sections of the image | `cargo tasks test-virtual-stylus` |
 //! | [`TICKS`] | the image's ticks on the virtual stylus | its tests, which include [`page`] by its path |
@@ -19,7 +19,7 @@ pub mod page;
 #[cfg(test)]
 mod tests;
 
-use qemu_tests::costs::Costs;
+use stylus_costs::Costs;
 
 use crate::error::{Error, Result};
 use crate::guest::Processor;
@@ -99,7 +99,7 @@ fn no_table(name: &str) -> Error {
 fn counted() -> Result<Costs> {
     let path = costs::path();
     let text = std::fs::read_to_string(&path).map_err(|source| PageError::Io { path, source })?;
-    Ok(Costs::parse(&text)?)
+    Ok(qemu_tests::costs::parse(&text)?)
 }
 
 /// Checks the tables that are made within a second, and that the pages have every table, and no other.
