@@ -1,4 +1,4 @@
-//! `stylus demo`: the whole way on simulated recordings.
+//! `stylus demo`: every step from recordings to sound, on simulated recordings.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -18,7 +18,7 @@ use super::inspect::{TextureSummary, texture_table};
 use crate::cli::library_file::decode_library;
 use crate::cli::output::print;
 
-/// The motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
+/// Motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
 const STROKE: &str = "\
 time_s,speed_mm_s,force_n
 0,0,0
@@ -35,7 +35,7 @@ const LISTENING_FULL_SCALE_M_S2: f64 = 60.0;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Folder for everything that the demonstration makes
+    /// Folder for all outputs
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
     /// Seed of the simulated recordings and of the syntheses
@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let simulated = rig::simulate_to_folder(&RigFile::paper(), arguments.seed, &recordings)?;
     print(simulated.to_string().trim_end())?;
 
-    step(2, "stylus fit: a model a node, its order chosen by BIC")?;
+    step(2, "stylus fit: one model per node, its order chosen by BIC")?;
     let set = RecordingSet::open(&[recordings])?;
     let (fit, bytes) = super::fit::fit_library(&set, &fit::Options::default())?;
     let path = out.join("textures.lib");

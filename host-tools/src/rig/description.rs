@@ -184,7 +184,7 @@ pub struct Hum {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Offset {
-    /// On x, y, z, m/s².
+    /// Acceleration on x, y, z, m/s².
     pub value_m_s2: [f64; 3],
 }
 

@@ -1,4 +1,4 @@
-//! From a rig file's text to a checked description.
+//! A rig file: its text, and its description after the checks.
 
 use std::path::Path;
 

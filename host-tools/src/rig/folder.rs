@@ -50,7 +50,8 @@ pub(super) fn claim(out: &Path) -> Result<()> {
     for path in table.into_iter().chain(recordings).chain(rest) {
         fs::remove_file(&path).map_err(Error::io("remove", &path))?;
     }
-    // The new set may lack some of these textures. A folder that is still not empty holds someone else's files: it stays.
+    // The new set may lack some of these textures. A folder that is still not empty holds someone else's files: it
+    // stays.
     for entry in entries(out)? {
         if entry.is_dir() {
             let _ = fs::remove_dir(&entry);
@@ -125,8 +126,8 @@ fn foreign(out: &Path, path: &Path) -> Error {
     Error::file(
         out,
         format!(
-            "the folder holds `{}`, which is no part of a simulated set, and simulated files are not mixed with others; \
-             name a new or empty folder",
+            "the folder holds `{}`, which is no part of a simulated set, and simulated files are not mixed with \
+             others; name a new or empty folder",
             name.display()
         ),
     )

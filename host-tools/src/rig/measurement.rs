@@ -59,7 +59,8 @@ fn add_along(samples: &mut [Vec<f64>; 3], movement: &[f64], direction: [f64; 3])
     }
 }
 
-/// A Gaussian movement of expected RMS 1 with its power spread evenly over the band: a sum of sines of random frequency.
+/// A Gaussian movement of expected RMS 1 with its power spread evenly over the band: a sum of sines of random
+/// frequency.
 fn tremor_movement(
     tremor: &Tremor,
     sample_rate_hz: f64,

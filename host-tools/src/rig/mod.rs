@@ -1,13 +1,13 @@
 //! The rig simulator: the paper's measuring protocol, drum speeds by normal forces by textures, as recordings computed
 //! from a physical model.
 //!
-//! **Invariant: nothing here was measured, and every recording and table that is written says SIMULATED.** Only the model
-//! of a rig and its files belong here; fitting, and recordings of a real rig, do not.
+//! **Invariant: nothing here was measured, and every recording and table that is written says SIMULATED.** Only the
+//! model of a rig and its files belong here; fitting, and recordings of a real rig, do not.
 //!
-//! The simulator exercises the chain from recordings to the stylus without a rig, and it shows the errors of that chain,
-//! because every part of the source is known. A [`RigFile`] names the surfaces, the tool and the effects of measuring.
-//! *An effect that the rig file does not name is not computed*: it costs no work and draws no random number. Every effect
-//! draws from a random stream of its own, so that one effect more leaves the others the same bit for bit.
+//! The simulator exercises the chain from recordings to the stylus without a rig, and it shows the errors of that
+//! chain, because every part of the source is known. A [`RigFile`] names the surfaces, the tool and the effects of
+//! measuring. *An effect that the rig file does not name is not computed*: it costs no work and draws no random number.
+//! Every effect draws from a random stream of its own, so that one effect more leaves the others the same bit for bit.
 //!
 //! # The model
 //!
@@ -24,18 +24,18 @@
 //!   nature of surface roughness", J. Phys.: Condens. Matter 17, 2005, R1).
 //!
 //! **Contact** ([`Contact`]). Hertz (Johnson, *Contact Mechanics*, 1985, ch. 4), with E* the effective modulus of tip
-//! and surface: radius a = (3FR / 4E*)^{1/3}; normal stiffness k = dF/dδ = 2E*a, so k ∝ F^{1/3}. The contact feels the mean
-//! height under it, weighted by the Hertz pressure √(1 - r²/a²); for a profile that is the same across the track this
-//! multiplies a wavenumber q by 3(sin u - u cos u)/u³, u = qa (the contact filter of wheel and rail noise, Remington,
-//! J. Acoust. Soc. Am. 81, 1987, 1805). At 0 N there is no contact and no vibration. If a loss factor η is named, the
-//! stiffness is k(1 + iη).
+//! and surface: radius a = (3FR / 4E*)^{1/3}; normal stiffness k = dF/dδ = 2E*a, so k ∝ F^{1/3}. The contact feels the
+//! mean height under it, weighted by the Hertz pressure √(1 - r²/a²); for a profile that is the same across the track
+//! this multiplies a wavenumber q by 3(sin u - u cos u)/u³, u = qa (the contact filter of wheel and rail noise,
+//! Remington, J. Acoust. Soc. Am. 81, 1987, 1805). At 0 N there is no contact and no vibration. If a loss factor η is
+//! named, the stiffness is k(1 + iη).
 //!
-//! **Tool in the hand** ([`ToolResponse`]). Modal superposition (Ewins, *Modal Testing*, 2000, ch. 2). A dynamic force f
-//! at the tip along z gives the accelerometer, on each axis, f(ω) · Σ_r -ω² p_r / (ω_r² - ω² + 2iζ_r ω_r ω), with the
+//! **Tool in the hand** ([`ToolResponse`]). Modal superposition (Ewins, *Modal Testing*, 2000, ch. 2). A dynamic force
+//! f at the tip along z gives the accelerometer, on each axis, f(ω) · Σ_r -ω² p_r / (ω_r² - ω² + 2iζ_r ω_r ω), with the
 //! participation p_r in (m/s²)/N. If a mode also names the displacement of the tip itself (q_r, the same form without
-//! the -ω²), the contact spring lies between the surface and the tip: f = k h / (1 + k G), with
-//! G = Σ_r q_r / (ω_r² - ω² + ...). The tip then follows the surface at low frequency, and the tool has a contact
-//! resonance that rises with force. If no mode names it, the tip is held rigidly: f = k h.
+//! the -ω²), the contact spring lies between the surface and the tip: f = k h / (1 + k G), with G = Σ_r q_r / (ω_r² -
+//! ω² + ...). The tip then follows the surface at low frequency, and the tool has a contact resonance that rises with
+//! force. If no mode names it, the tip is held rigidly: f = k h.
 //!
 //! **Motion.** x = x₀ + vt, with x₀ drawn for each trial. All of the above is linear, so the steady state is a Fourier
 //! series in x whose n-th term is multiplied by the response at the frequency nv/L. Terms at or above half the sample
@@ -47,10 +47,10 @@
 //!
 //! # Limits of the model
 //!
-//! The model leaves out loss of contact and the Hertz spring's curvature (it is linear in h); stick-slip, and any friction
-//! beyond a mode's participation on x; wear; a profile that differs across the track, and a strip shorter than the drum;
-//! run-out and speed ripple of the drum; drift of the force; start and stop; quantisation; the sensor's own resonance.
-//! Real recordings have all of these, so a figure obtained on simulated trials says nothing about real ones.
+//! The model leaves out loss of contact and the Hertz spring's curvature (it is linear in h); stick-slip, and any
+//! friction beyond a mode's participation on x; wear; a profile that differs across the track, and a strip shorter than
+//! the drum; run-out and speed ripple of the drum; drift of the force; start and stop; quantisation; the sensor's own
+//! resonance. Real recordings have all of these, so a figure obtained on simulated trials says nothing about real ones.
 //!
 //! # Repeatability
 //!

@@ -66,9 +66,9 @@ impl fmt::Display for Summary {
 
 /// Runs every trial of `rig` with `seed` and writes them to the folder `out`.
 ///
-/// Each trial is a WAV file `TEXTURE/simulated_SPEEDmm_s_FORCEN.wav` of 3 channels (x, y, z), 32-bit float, m/s². Beside
-/// them lie `SIMULATED.txt`, a copy of the rig file (`rig.toml`), and `trials.csv`, which is written last, so that an
-/// interrupted run has none. The same rig and seed give the same bytes for any number of threads.
+/// Each trial is a WAV file `TEXTURE/simulated_SPEEDmm_s_FORCEN.wav` of 3 channels (x, y, z), 32-bit float, m/s².
+/// Beside them lie `SIMULATED.txt`, a copy of the rig file (`rig.toml`), and `trials.csv`, which is written last, so
+/// that an interrupted run has none. The same rig and seed give the same bytes for any number of threads.
 ///
 /// An earlier simulated set in `out` is replaced.
 ///

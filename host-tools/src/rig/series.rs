@@ -1,5 +1,5 @@
-//! Exact values of a Fourier series at uniformly spaced points, by the chirp z-transform (Bluestein 1970; Rabiner, Schafer
-//! and Rader 1969).
+//! Exact values of a Fourier series at uniformly spaced points, by the chirp z-transform (Bluestein 1970; Rabiner,
+//! Schafer and Rader 1969).
 //!
 //! A trial's samples lie v/fs apart on a track of period L, and v/fs seldom divides L. The substitution
 //! ni = (n² + i² - (i-n)²)/2 turns Σ cₙ W^{ni} into one convolution by FFT, so that no interpolation is needed.

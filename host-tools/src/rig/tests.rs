@@ -16,7 +16,7 @@ use realfft::num_complex::Complex;
 use super::random::{StreamKey, drawn};
 use super::*;
 
-/// What most rigs here share: speeds, forces, drum.
+/// Speeds, forces and drum that most rigs here have.
 pub(super) const PROTOCOL: &str = r#"
 name = "test"
 [recording]

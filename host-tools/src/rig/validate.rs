@@ -194,8 +194,8 @@ fn check_contact(field: &Field, texture: &Texture, description: &RigDescription)
         .key("effective_modulus_mpa")
         .require(radius_mm < tool.tip_radius_mm, || {
             format!(
-                "is {}, too soft for {largest_n} N: the contact would have a radius of {radius_mm:.3} mm, and the tip has \
-                 {} mm",
+                "is {}, too soft for {largest_n} N: the contact would have a radius of {radius_mm:.3} mm, and the tip \
+                 has {} mm",
                 texture.effective_modulus_mpa, tool.tip_radius_mm
             )
         })

@@ -1,4 +1,4 @@
-//! From a scene's description to the wire form that a library holds.
+//! Compilation of a scene's description to the wire form that a library holds.
 
 use std::path::Path;
 
@@ -259,7 +259,8 @@ impl SceneFile {
         Ok((stored, None))
     }
 
-    /// The error of [`Scene::validate`] at its line. `order` holds the position in the text of each region of the scene.
+    /// The error of [`Scene::validate`] at its line. `order` holds the position in the text of each region of the
+    /// scene.
     fn located(&self, error: &SceneError, order: &[usize]) -> Error {
         let region = |index: usize| {
             let index = order.get(index).copied().unwrap_or(index);

@@ -1,5 +1,5 @@
-//! Cost of a scene in instructions per tick, per situation, with the arithmetic. The kernel's own cost model gives it, so
-//! that the host refuses a scene exactly when the device does.
+//! Cost of a scene in instructions per tick, per situation, with the arithmetic. The kernel's own cost model gives it,
+//! so that the host refuses a scene exactly when the device does.
 
 use model_format::Library;
 use model_format::scene::{Scene, Surface};
@@ -171,8 +171,8 @@ fn worst_case(scene: &Scene, library: &Library<'_>) -> Result<Cost> {
     Ok(plan.worst_case())
 }
 
-/// Terms of the stages that run on `surface`, number `index` of `scene`. They are those of a scene of this surface alone,
-/// without the fade, which runs only while scenes are exchanged.
+/// Terms of the stages that run on `surface`, number `index` of `scene`. They are those of a scene of this surface
+/// alone, without the fade, which runs only while scenes are exchanged.
 fn terms_on(
     scene: &Scene,
     surface: Surface,

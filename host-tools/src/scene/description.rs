@@ -128,8 +128,8 @@ pub struct EqualiserDescription {
     pub max_sections: Option<usize>,
     /// Lower edge of the equalised band, Hz; the response's lowest frequency if not given.
     pub lowest_hz: Option<f64>,
-    /// Upper edge of the equalised band, Hz; the response's highest frequency, or the highest that the sample rate allows,
-    /// if not given.
+    /// Upper edge of the equalised band, Hz; the response's highest frequency, or the highest that the sample rate
+    /// allows, if not given.
     pub highest_hz: Option<f64>,
     /// Sections of the cascade, in order.
     #[serde(default, rename = "section")]

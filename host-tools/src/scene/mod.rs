@@ -1,5 +1,5 @@
-//! Scenes on the host: from a TOML text to the scene that a library holds, to its cost, and to the samples that the stylus
-//! plays.
+//! Scenes on the host: from a TOML text to the scene that a library holds, to its cost, and to the samples that the
+//! stylus plays.
 //!
 //! A scene has one name per form, in the order of its making:
 //!
@@ -10,8 +10,8 @@
 //! | the stages of a tick | [`stylus_kernel::scene::Plan`] |
 //! | the samples along a motion | [`SceneRendering`] |
 //!
-//! **Invariant: a scene plays what its text names and nothing else, and a rendering is bit for bit what the stylus plays.**
-//! Synthesis belongs to the kernel, and the wire form to the model format; neither belongs here.
+//! **Invariant: a scene plays what its text names and nothing else, and a rendering is bit for bit what the stylus
+//! plays.** Synthesis belongs to the kernel, and the wire form to the model format; neither belongs here.
 //!
 //! The keys of the text have their units in their names:
 //!
@@ -51,8 +51,8 @@
 //! response = "coil.csv"                # beside this file: frequency_hz,magnitude_db
 //! max_gain_db = 12
 //! ```
-//! `[constant_motion]` with `speed_mm_s` and `force_n` plays the textures at that motion while there is contact. The default
-//! of `sample_rate_hz` is 5000.
+//! `[constant_motion]` with `speed_mm_s` and `force_n` plays the textures at that motion while there is contact. The
+//! default of `sample_rate_hz` is 5000.
 
 mod compile;
 mod cost;

@@ -1,5 +1,5 @@
-//! Rendering of a scene on the host: the same samples as on the stylus for the same motion, because the same kernel plays
-//! them. The motion is updated every [`UPDATE_INTERVAL_SAMPLES`] samples.
+//! Rendering of a scene on the host: the same samples as on the stylus for the same motion, because the same kernel
+//! plays them. The motion is updated every [`UPDATE_INTERVAL_SAMPLES`] samples.
 
 use model_format::OutputSample;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;

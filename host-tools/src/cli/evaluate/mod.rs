@@ -29,37 +29,37 @@ use crate::cli::output::{print, to_json};
 pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,
-    /// The library to judge
+    /// Library to evaluate
     #[arg(long, value_name = "LIB", required_unless_present = "leave_one_out")]
     library: Option<PathBuf>,
-    /// Remove each inner node instead, predict it from its neighbours in every domain, and judge that
+    /// Remove each inner node instead, predict it from its neighbours in every domain, and evaluate the prediction
     #[arg(long, conflicts_with_all = ["library", "report"])]
     leave_one_out: bool,
-    /// Other takes of the same trials, a folder or a list: how far they are from these is shown beside the synthesis
+    /// Other takes of the same trials, as a folder or a list, to compare with the synthesis
     #[arg(long, value_name = "DIR", conflicts_with = "leave_one_out")]
     takes: Option<PathBuf>,
     /// With --leave-one-out: order of the models, 0 to 400, or 'auto'
     #[arg(long, requires = "leave_one_out", default_value = "400")]
     order: Order,
-    /// With --leave-one-out: which neighbours predict
+    /// With --leave-one-out: neighbours to predict from
     #[arg(long, value_enum, requires = "leave_one_out", default_value = "both")]
     neighbours: Around,
-    /// Folder for a report with pictures
+    /// Folder for a report with figures
     #[arg(long, value_name = "OUT_DIR")]
     report: Option<PathBuf>,
-    /// File for all figures of all trials, as JSON
+    /// JSON file for the numbers of all trials
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// From three axes to one; as for the fit
+    /// Reduction from three axes to one; the same as for the fit
     #[arg(long, value_enum, default_value = "pca")]
     reduce: Reduction,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, in hertz
     #[arg(long, value_name = "HZ", value_parser = not_negative, default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ)]
     smoothing: f64,
-    /// How long each synthesis is at least, in seconds [default: 10; 5 with --leave-one-out]
+    /// Least duration of each synthesis, in seconds [default: 10; 5 with --leave-one-out]
     #[arg(long, value_name = "S", value_parser = positive)]
     synthesis: Option<f64>,
-    /// Seed of the syntheses' noise
+    /// Seed of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -103,7 +103,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Evaluates with a progress bar.
+/// Evaluates `library` with a progress bar.
 pub fn evaluate_set(
     set: &RecordingSet,
     library: &Library<'_>,

@@ -14,7 +14,7 @@ use host_tools::texture::domain::Method;
 use crate::cli::output::{print, to_json};
 use crate::cli::table::table;
 
-/// Tests, prints the tables, and writes all figures where asked.
+/// Runs the test, prints the tables, and writes the numbers to `json` if given.
 pub fn run(set: &RecordingSet, options: &Options, json: Option<&Path>) -> Result<()> {
     let test = removed_node_test(set, &Row::all(), options)?;
     if let Some(path) = json {
@@ -23,7 +23,7 @@ pub fn run(set: &RecordingSet, options: &Options, json: Option<&Path>) -> Result
     print(&tables(&test))
 }
 
-/// Tests with a progress bar.
+/// Runs the test with a progress bar.
 pub fn removed_node_test(
     set: &RecordingSet,
     rows: &[Row],
@@ -36,10 +36,10 @@ pub fn removed_node_test(
     Ok(test)
 }
 
-/// All tables of the test, and what their columns mean.
+/// All tables of the test, and an explanation of their columns.
 fn tables(test: &LeaveOneOut) -> String {
     let origin = if test.simulated {
-        "The recordings are SIMULATED; the paper's own figures are of real ones.\n"
+        "The recordings are SIMULATED; the paper's own figures are from real ones.\n"
     } else {
         ""
     };
@@ -47,10 +47,13 @@ fn tables(test: &LeaveOneOut) -> String {
     let widths: Vec<&str> = widths.iter().map(String::as_str).collect();
     format!(
         "{origin}{} nodes removed, each predicted from its neighbours; models of order {}; C with amplitudes smoothed \
-         by a {}\n\nTable I of the paper, and the same test here\n{}\n\nWhat is averaged, and how the level is\n{}\n\nC by \
-         the width of its smoothing\n{}\n\nC: equation (6), mean ± standard deviation; not playable: means that are \
-         unstable or too loud, which count as C = 1\nσ² error: mean magnitude, (m/s²)² (the paper names no unit); \
-         |band|: mean error of third octaves, 20 to 1000 Hz; LSD: 30 to 1000 Hz",
+         by a {}\n\n\
+         Table I of the paper, and the same test here\n{}\n\n\
+         Domain of the average, and interpolation of the level\n{}\n\n\
+         C by the width of its smoothing\n{}\n\n\
+         C: equation (6), mean ± standard deviation; not playable: means that are unstable or too loud, which count as \
+         C = 1\nσ² error: mean magnitude, (m/s²)² (the paper names no unit); |band|: mean error of third-octave \
+         bands, 20 to 1000 Hz; LSD: 30 to 1000 Hz",
         test.removed.len(),
         test.order,
         test.smoothing,
@@ -60,8 +63,8 @@ fn tables(test: &LeaveOneOut) -> String {
     )
 }
 
-/// The rows of Table I beside the paper's.
-pub const TABLE_ONE_ROWS: [Row; 4] = [
+/// Rows that are compared with the paper's Table I.
+const TABLE_ONE_ROWS: [Row; 4] = [
     Row::Interpolated(Method::PAPER),
     Row::Interpolated(Method::DEVICE),
     Row::Densified,

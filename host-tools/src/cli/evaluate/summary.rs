@@ -5,7 +5,7 @@ use host_tools::evaluation::evaluate::Evaluation;
 
 use crate::cli::table::table;
 
-/// A line a texture, and what the columns mean.
+/// Table with one line per texture, and an explanation of its columns.
 pub fn summary(evaluation: &Evaluation) -> String {
     let bands = format!("within {AMPLITUDE_JND_DB} dB");
     let header = [

@@ -11,7 +11,7 @@ use host_tools::support::error::Result;
 
 use crate::cli::table::table;
 
-/// The distances to other takes as a table.
+/// Table of the distances to other takes.
 pub fn compare(
     set: &RecordingSet,
     others: &Path,

@@ -13,19 +13,19 @@ use host_tools::texture::domain::Method;
 use crate::cli::evaluate::removed_nodes::removed_node_test;
 use crate::cli::table::table;
 
-/// The denser library, what was added, and the removed-node test before and after.
+/// A denser library, with the added lines and the removed-node test before and after.
 pub struct Denser {
-    /// The lines and the textures.
+    /// Added lines and denser textures.
     pub densified: Densified,
-    /// The test; none where no node can be removed.
+    /// The test; none if no node can be removed.
     pub test: Option<LeaveOneOut>,
 }
 
-/// The rows of the test: as the device interpolates, and as the denser grid has it.
+/// Rows of the test: nodes interpolated as on the device, and nodes of the denser grid.
 const BEFORE: Row = Row::Interpolated(Method::DEVICE);
 const AFTER: Row = Row::Densified;
 
-/// Fills the grids of `fit` with progress bars, and tests before and after.
+/// Densifies the grids of `fit` with progress bars, and runs the test before and after.
 pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<Denser> {
     let bar = progress::bar(set.trials.len() as u64, "reading again");
     let signals = set
@@ -50,18 +50,16 @@ pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<
         reduction: options.reduction,
         ..leave_one_out::Options::default()
     };
-    // Too few nodes to remove one are no reason not to have a library.
+    // A grid without a node to remove still gives a library, only without the test.
     let test = removed_node_test(set, &[BEFORE, AFTER], &options).ok();
     Ok(Denser { densified, test })
 }
 
-/// What was added, and the error of every removed node before and after.
+/// Table of added lines, and the error of every removed node before and after.
 pub fn summary(denser: &Denser) -> String {
     let lines = lines_added(&denser.densified.lines);
     let Some(test) = &denser.test else {
-        return format!(
-            "{lines}\nNo node lies between others, so that no removed-node error can be told."
-        );
+        return format!("{lines}\nNo node lies between others, so there is no removed-node error.");
     };
     let origin = if test.simulated {
         " The recordings are SIMULATED."
@@ -86,7 +84,8 @@ pub fn summary(denser: &Denser) -> String {
         .map(|name| format!("{name}: {}\n{}", mean(Some(name)), map(test, name)))
         .collect();
     format!(
-        "{lines}\n\nC of every removed node, as the device interpolates it -> as it is filled in; all textures: {}.{origin}\n\n{}",
+        "{lines}\n\n\
+         C of every removed node, interpolated as on the device -> filled in; all textures: {}.{origin}\n\n{}",
         mean(None),
         maps.join("\n\n")
     )
@@ -100,7 +99,7 @@ fn lines_added(lines: &[AddedLine]) -> String {
         }
     }
     if textures.is_empty() {
-        return "No line of nodes would help: the grid stays as it is.".into();
+        return "No line of nodes lowers the error: the grid stays the same.".into();
     }
     let rows: Vec<Vec<String>> = textures
         .into_iter()
@@ -124,7 +123,7 @@ fn lines_added(lines: &[AddedLine]) -> String {
     )
 }
 
-/// A line a force, a column a speed.
+/// Table of errors with one line per force and one column per speed.
 fn map(test: &LeaveOneOut, texture: &str) -> String {
     let nodes: Vec<_> = test
         .removed

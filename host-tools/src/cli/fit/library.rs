@@ -1,4 +1,4 @@
-//! Fits with a progress bar, and the library of a fit.
+//! Fits with progress bars, and encoding of the library.
 
 use host_tools::evaluation::budget;
 use host_tools::evaluation::budget::Concession;
@@ -19,7 +19,8 @@ pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, V
     Ok((fit, bytes))
 }
 
-/// What `fit`, bounded to orders up to `highest`, gives up of a fit with `order`. As a lattice: it is of the models alone.
+/// Loss of accuracy of `fit`, bounded to orders up to `highest`, against a fit with `order`. The unbounded fit is a
+/// lattice, because the comparison is of the models alone.
 pub fn concessions(
     set: &RecordingSet,
     fit: &Fit,

@@ -26,7 +26,7 @@ use crate::cli::inspect::{TextureSummary, texture_table};
 use crate::cli::library_file::decode_library;
 use crate::cli::output::{print, print_json};
 
-/// Verdicts that `--drop` takes.
+/// Verdicts that `--drop` accepts.
 const DROPPABLE: [&str; 7] = [
     "silent",
     "too-short",
@@ -59,37 +59,37 @@ impl From<Core> for costs::Core {
 pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,
-    /// Library to write
+    /// Library file to write
     #[arg(long, value_name = "LIB")]
     out: PathBuf,
     /// Order of the models: 0 to 400, or 'auto' to choose it for each node (BIC)
     #[arg(long, default_value = "auto")]
     order: Order,
-    /// Cycles that the synthesis of a sample may take at worst: orders are chosen within it, and what that gives up is told
+    /// Worst-case cycles per sample of the synthesis: bounds the orders, and reports the loss of accuracy
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "densify")]
     budget_cycles: Option<f64>,
-    /// The core that --budget-cycles is of
+    /// Core to which --budget-cycles applies
     #[arg(long, value_enum, requires = "budget_cycles", default_value = "m4")]
     core: Core,
-    /// Estimate of the autocorrelation
+    /// Estimator of the autocorrelation
     #[arg(long, value_enum, default_value = "rectangular")]
     estimator: Estimator,
-    /// Structure that the stylus plays
+    /// Filter structure that the stylus runs
     #[arg(long, value_enum, default_value = "lattice")]
     structure: StructureChoice,
-    /// From three axes to one
+    /// Reduction from three axes to one
     #[arg(long, value_enum, default_value = "pca")]
     reduce: Reduction,
     /// RMS below which a trial counts as silent, in m/s²
     #[arg(long, value_name = "M_S2", value_parser = not_negative, default_value_t = SILENCE_FLOOR_M_S2)]
     silence_floor: f64,
-    /// Leave out trials with these verdicts; their nodes are filled from neighbours
+    /// Verdicts of trials to leave out; their nodes are filled from neighbours
     #[arg(long, value_delimiter = ',', value_parser = clap::builder::PossibleValuesParser::new(DROPPABLE))]
     drop: Vec<String>,
-    /// Refuse a set in which triage finds anything
+    /// Refuse a set if triage finds anything
     #[arg(long)]
     strict: bool,
-    /// Fill the grid between recorded nodes as densely as the slot allows, and show what it gains
+    /// Fill the grid between recorded nodes as densely as the slot allows, and show the gain
     #[arg(long)]
     densify: bool,
     /// Print the report as JSON

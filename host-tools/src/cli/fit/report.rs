@@ -8,9 +8,10 @@ use host_tools::fit::{Fit, TrialReport};
 use crate::cli::inspect::TextureSummary;
 use crate::cli::table::table;
 
-/// How many trials with a verdict are shown one by one.
+/// Number of trials with a verdict that are shown one by one.
 const SHOWN_VERDICTS: usize = 20;
 
+/// The report as JSON.
 #[derive(serde::Serialize)]
 pub struct Report<'a> {
     pub library: String,
@@ -26,6 +27,7 @@ pub struct Report<'a> {
     pub budget: Option<&'a [Concession]>,
 }
 
+/// Table of the accuracy that a budget costs, per texture.
 pub fn given_up(concessions: &[Concession], budget: &Budget) -> String {
     let header = [
         "texture",
@@ -47,7 +49,7 @@ pub fn given_up(concessions: &[Concession], budget: &Budget) -> String {
                 format!("{} of {}", concession.capped, concession.nodes),
             ];
             let Some((speed_mm_s, force_n)) = concession.worst_node else {
-                row.push("nothing is given up".to_owned());
+                row.push("no loss".to_owned());
                 return row;
             };
             let (least, most) = concession.orders_without;
@@ -63,17 +65,17 @@ pub fn given_up(concessions: &[Concession], budget: &Budget) -> String {
         })
         .collect();
     format!(
-        "What a budget of {} cycles a sample on a {} gives up:\n\n{}\n\n\
-         Means over the lowered nodes. C expected: of a synthesis of 2 s against one of the unbounded model; without: of two such of \
-         the same model.\nCycles are modelled, at worst, and of the synthesis alone; a texture's highest order sets the time of all \
-         its nodes.",
+        "A budget of {} cycles per sample on a {} gives up:\n\n{}\n\n\
+         Means over the lowered nodes. C expected: a synthesis of 2 s against one of the unbounded model; without: two \
+         syntheses of the same model.\nCycles: modelled worst case of the synthesis alone; a texture's highest order \
+         sets the time of all its nodes.",
         budget.cycles,
         budget.core,
         table(&header, &rows),
     )
 }
 
-/// Mean and deviation of the share of energy that the reduction kept, over trials that have any.
+/// Mean and standard deviation of the share of energy that the reduction kept, over trials that are not silent.
 pub fn energy_kept(trials: &[TrialReport]) -> String {
     let shares: Vec<f64> = trials
         .iter()
@@ -86,7 +88,7 @@ pub fn energy_kept(trials: &[TrialReport]) -> String {
     format!("{mean:.0} % ± {deviation:.0} %")
 }
 
-/// Triage's findings and the fit's warnings, on standard error.
+/// Prints triage's verdicts and the fit's warnings to standard error.
 pub fn show_verdicts(fit: &Fit) {
     let doubtful: Vec<&TrialReport> = fit
         .trials
@@ -106,7 +108,7 @@ pub fn show_verdicts(fit: &Fit) {
         })
         .collect();
     if !rows.is_empty() {
-        eprintln!("{}", table(&["trial", "triage", "and so"], &rows));
+        eprintln!("{}", table(&["trial", "triage", "use"], &rows));
         if doubtful.len() > rows.len() {
             eprintln!(
                 "... and {} more (all are in --json)",

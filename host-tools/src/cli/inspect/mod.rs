@@ -16,14 +16,14 @@ use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The library
+    /// Library to inspect
     library: PathBuf,
-    /// Print everything, node by node, as JSON
+    /// Print all figures, node by node, as JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Everything in a library.
+/// The content of a library as JSON.
 #[derive(Serialize)]
 struct Content {
     textures: Vec<TextureSummary>,

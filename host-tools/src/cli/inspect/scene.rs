@@ -9,16 +9,16 @@ use stylus_kernel::scene::cost;
 
 use crate::cli::table::table;
 
-/// A scene in a few words and numbers.
+/// Summary of a scene.
 #[derive(Serialize)]
 pub struct SceneSummary {
     name: String,
     surfaces: Vec<String>,
     regions: usize,
     constant_motion: bool,
-    /// What it calls for, but for textures.
+    /// Names of its effects, besides textures.
     effects: Vec<&'static str>,
-    /// Instructions of a tick at most, in the kernel's own model.
+    /// Worst case of the kernel's cost model, instructions per tick.
     worst_case_instructions: u32,
 }
 
@@ -52,7 +52,7 @@ impl SceneSummary {
     }
 }
 
-/// A line a scene.
+/// Table with one line per scene.
 pub fn scene_table(scenes: &[SceneSummary]) -> String {
     let header = [
         "scene",

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::cli::table::table;
 
-/// A texture in a few words and numbers.
+/// Summary of a texture.
 #[derive(Serialize)]
 pub struct TextureSummary {
     name: String,
@@ -43,6 +43,7 @@ const FLAG_NAMES: [(NodeFlags, &str); 4] = [
 ];
 
 impl TextureSummary {
+    /// Summarises `texture`, with every node if `with_nodes`.
     pub fn of(texture: &Texture<'_>, with_nodes: bool) -> Self {
         let mut orders: Vec<usize> = texture.nodes().map(|n| n.coefficients.order()).collect();
         orders.sort_unstable();
@@ -108,7 +109,7 @@ fn node_summaries(texture: &Texture<'_>) -> Vec<NodeSummary> {
         .collect()
 }
 
-/// A line a texture.
+/// Table with one line per texture.
 pub fn texture_table(textures: &[TextureSummary]) -> String {
     let header = [
         "texture",

@@ -1,4 +1,4 @@
-//! What a rig file may say, and the errors that refuse the rest.
+//! Checks of rig files: values in and out of range.
 
 use std::fmt::Write as _;
 use std::path::Path;

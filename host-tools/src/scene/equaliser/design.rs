@@ -38,7 +38,8 @@ pub struct Request {
     pub max_sections: usize,
     /// Lower edge of the band, Hz; the response's lowest frequency if none.
     pub lowest_hz: Option<f64>,
-    /// Upper edge of the band, Hz; the response's highest frequency, or the highest that the sample rate allows, if none.
+    /// Upper edge of the band, Hz; the response's highest frequency, or the highest that the sample rate allows, if
+    /// none.
     pub highest_hz: Option<f64>,
 }
 
@@ -196,16 +197,16 @@ fn check(response: &Response, rate_hz: f64, request: &Request) -> Result<[f64; 2
     let known = first..=last;
     if request.lowest_hz.is_some() && !(known.contains(&low) && low >= 0.0002 * rate_hz) {
         let problem = format!(
-            "is {low}; it must be within the response, {first} to {last} Hz, and at a sample rate of {rate_hz} Hz at least \
-             {} Hz",
+            "is {low}; it must be within the response, {first} to {last} Hz, and at a sample rate of {rate_hz} Hz at \
+             least {} Hz",
             0.0002 * rate_hz
         );
         return Err(Fault::new("lowest_hz", problem));
     }
     if request.highest_hz.is_some() && !(known.contains(&high) && high <= most) {
         let problem = format!(
-            "is {high}; it must be within the response, {first} to {last} Hz, and at a sample rate of {rate_hz} Hz at most \
-             {most} Hz"
+            "is {high}; it must be within the response, {first} to {last} Hz, and at a sample rate of {rate_hz} Hz at \
+             most {most} Hz"
         );
         return Err(Fault::new("highest_hz", problem));
     }
@@ -372,8 +373,8 @@ impl Fit<'_> {
     }
 
     /// Refines all sections together by Levenberg-Marquardt with a numerical Jacobian (Marquardt, *An algorithm for
-    /// least-squares estimation of nonlinear parameters*, J. SIAM 11, 1963). Each step is clamped to the bounds. Returns
-    /// the remaining RMS error, dB.
+    /// least-squares estimation of nonlinear parameters*, J. SIAM 11, 1963). Each step is clamped to the bounds.
+    /// Returns the remaining RMS error, dB.
     fn refine(&self, sections: &mut Vec<Section>) -> f64 {
         let mut residual = self.residual(sections);
         let mut damping: f64 = 1e-2;

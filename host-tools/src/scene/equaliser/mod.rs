@@ -1,13 +1,13 @@
 //! The equaliser: the inverse of a measured response of the actuator, as a cascade of peaking and shelving sections.
 //!
-//! Sections are those of Robert Bristow-Johnson's *Cookbook formulae for audio equalizer biquad filter coefficients* (W3C
-//! Group Note, 2021), computed by the `biquad` crate. Levenberg-Marquardt fits their frequencies, quality factors and gains
-//! to the level in dB at frequencies spread evenly over the logarithm. Sections are added one at a time, each of the kind
-//! that lowers the residual most, until one more lowers it too little.
+//! Sections are those of Robert Bristow-Johnson's *Cookbook formulae for audio equalizer biquad filter coefficients*
+//! (W3C Group Note, 2021), computed by the `biquad` crate. Levenberg-Marquardt fits their frequencies, quality factors
+//! and gains to the level in dB at frequencies spread evenly over the logarithm. Sections are added one at a time, each
+//! of the kind that lowers the residual most, until one more lowers it too little.
 //!
-//! **Level.** The equaliser inverts the deviation from the response's mean level in dB over the band, so that the whole is
-//! neither louder nor softer than necessary. No frequency is boosted by more than the limit. If the response is further
-//! below its mean than the limit, some deviation remains; it is reported separately from the error of the fit.
+//! **Level.** The equaliser inverts the deviation from the response's mean level in dB over the band, so that the whole
+//! is neither louder nor softer than necessary. No frequency is boosted by more than the limit. If the response is
+//! further below its mean than the limit, some deviation remains; it is reported separately from the error of the fit.
 
 mod design;
 mod response;

@@ -36,10 +36,10 @@ pub struct Response {
 impl Response {
     /// Reads a response.
     ///
-    /// A CSV file has the columns `frequency_hz`, ascending, and `magnitude_db`; comments begin with `#`. A WAV file is a
-    /// recording of a sweep, or of noise, in two channels: the drive, and the acceleration in response. The response is H1,
-    /// the cross-spectrum over the drive's power spectrum (Bendat and Piersol, *Random Data*, 2010, ch. 6), at frequencies
-    /// of sufficient coherence.
+    /// A CSV file has the columns `frequency_hz`, ascending, and `magnitude_db`; comments begin with `#`. A WAV file is
+    /// a recording of a sweep, or of noise, in two channels: the drive, and the acceleration in response. The response
+    /// is H1, the cross-spectrum over the drive's power spectrum (Bendat and Piersol, *Random Data*, 2010, ch. 6), at
+    /// frequencies of sufficient coherence.
     ///
     /// # Errors
     /// A file that cannot be read, or is neither of these.

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Fault;
 
-/// Frequencies of a section, as shares of the sample rate. Below, a section rings for longer than a second at 5 kHz; above,
-/// its upper flank does not fit below half the sample rate.
+/// Frequencies of a section, as shares of the sample rate. Below, a section rings for longer than a second at 5 kHz;
+/// above, its upper flank does not fit below half the sample rate.
 const FREQUENCY_SHARES: [f64; 2] = [0.0002, 0.45];
 
 /// Range of quality factors in a scene.
@@ -97,8 +97,8 @@ pub(super) fn stored_level_db(section: &Biquad, share: f64) -> f64 {
 
 fn level_db(numerator: [f64; 3], [a1, a2]: [f64; 2], share: f64) -> f64 {
     let half = (0.5 * TAU * share).sin().powi(2);
-    // |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle, in terms of the half angle's squared sine, because the direct form suffers
-    // cancellation at low frequencies.
+    // |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle, in terms of the half angle's squared sine, because the direct form
+    // suffers cancellation at low frequencies.
     let square = |[c0, c1, c2]: [f64; 3]| {
         let sum = c0 + c1 + c2;
         sum * sum - 4.0 * (c0 * c1 + 4.0 * c0 * c2 + c1 * c2) * half + 16.0 * c0 * c2 * half * half

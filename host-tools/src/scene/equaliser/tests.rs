@@ -131,7 +131,13 @@ proptest! {
         max_gain_db in 0.0..24.0f64, max_sections in 1..=MAX_SECTIONS,
     ) {
         let mut hz = 15.0;
-        let points: Vec<(f64, f64)> = steps.iter().map(|(factor, level_db)| { hz *= factor; (hz, *level_db) }).collect();
+        let points: Vec<(f64, f64)> = steps
+            .iter()
+            .map(|(factor, level_db)| {
+                hz *= factor;
+                (hz, *level_db)
+            })
+            .collect();
         match design(&response(&points), RATE_HZ, &request(max_gain_db, max_sections)) {
             Err(fault) => prop_assert_eq!(fault.key, "response"),
             Ok(found) => {

@@ -32,9 +32,9 @@ pub struct Ringing {
 
 /// Fits a decaying sine to `signal` by least squares.
 ///
-/// For a given frequency and decay the problem is linear in amplitude and phase, which are eliminated (variable projection:
-/// Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973). Frequency and decay are searched for: first on a grid around the
-/// loudest line of the spectrum, then by damped Gauss-Newton.
+/// For a given frequency and decay the problem is linear in amplitude and phase, which are eliminated (variable
+/// projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973). Frequency and decay are searched for: first on a grid
+/// around the loudest line of the spectrum, then by damped Gauss-Newton.
 pub fn fit(signal: &[f64], rate_hz: f64) -> Ringing {
     let power: f64 = signal.iter().map(|x| x * x).sum();
     let silent = Ringing {

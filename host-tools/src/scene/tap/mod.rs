@@ -1,12 +1,13 @@
 //! Tap transients from recordings: the impacts, and the decaying sine after each of them.
 //!
 //! At an impact the stylus plays a · exp(-t/τ) · sin(2πft), where a is the gain times the rate of force
-//! ([`model_format::scene::Tap`]). Least squares fits f, τ and a to each impact of a recording. The common f and τ are the
-//! medians, and the common gain is the slope of the least-squares line through the origin of amplitude over rate of force.
+//! ([`model_format::scene::Tap`]). Least squares fits f, τ and a to each impact of a recording. The common f and τ are
+//! the medians, and the common gain is the slope of the least-squares line through the origin of amplitude over rate of
+//! force.
 //!
 //! **Rate of force.** A stylus takes the larger one of two update intervals: the one that sees contact, and the next
-//! ([`stylus_kernel::scene::Director`]). Here it is computed in the same way, averaged over all phases of contact within
-//! the update interval.
+//! ([`stylus_kernel::scene::Director`]). Here it is computed in the same way, averaged over all phases of contact
+//! within the update interval.
 
 mod fit;
 mod onset;
@@ -106,8 +107,9 @@ pub struct TapFit {
 }
 
 impl Taps {
-    /// Reads a recording. A CSV file with a column `force_n` is a free-hand recording of `record-strokes`, with `time_s` and
-    /// `speed_mm_s`; any other file is read as by `fit`. `scale_m_s2` is the acceleration of a sample of 1.
+    /// Reads a recording. A CSV file with a column `force_n` is a free-hand recording of `record-strokes`, with
+    /// `time_s` and `speed_mm_s`; any other file is read as by `fit`. `scale_m_s2` is the acceleration of a sample of
+    /// 1.
     ///
     /// # Errors
     /// A file that cannot be read, or has no samples.

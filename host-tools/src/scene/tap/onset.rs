@@ -17,8 +17,8 @@ const RISE_S: f64 = 0.01;
 
 /// Positions of the first sample of each impact in `samples`, ascending.
 ///
-/// An impact is louder than the noise and follows a quiet time. The noise's RMS is estimated from the median magnitude, which
-/// is 0.6745 of the RMS of Gaussian noise.
+/// An impact is louder than the noise and follows a quiet time. The noise's RMS is estimated from the median magnitude,
+/// which is 0.6745 of the RMS of Gaussian noise.
 pub fn onsets(samples: &[f64], rate_hz: f64) -> Vec<usize> {
     let mut magnitudes: Vec<f64> = samples.iter().map(|x| x.abs()).collect();
     let loudest = magnitudes.iter().copied().fold(0.0, f64::max);

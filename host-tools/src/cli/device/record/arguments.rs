@@ -18,7 +18,14 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME", required_unless_present = "trials")]
     texture: Option<String>,
     /// Tangential speeds, in mm/s
-    #[arg(long, value_name = "MM_S", value_delimiter = ',', value_parser = not_negative, requires = "forces", required_unless_present = "trials")]
+    #[arg(
+        long,
+        value_name = "MM_S",
+        value_delimiter = ',',
+        value_parser = not_negative,
+        requires = "forces",
+        required_unless_present = "trials"
+    )]
     speeds: Vec<f64>,
     /// Normal forces, in newtons; each speed is recorded with each force
     #[arg(long, value_name = "N", value_delimiter = ',', value_parser = not_negative, requires = "speeds")]
@@ -32,7 +39,7 @@ pub struct Arguments {
     /// Time to leave out at the beginning of each trial, in seconds
     #[arg(long, value_name = "S", value_parser = not_negative, default_value_t = 0.5)]
     pub settle: f64,
-    /// Record the trials in the folder once more
+    /// Record again the trials that are in the folder already
     #[arg(long)]
     pub again: bool,
     /// Begin each trial without asking, and keep every one

@@ -22,7 +22,7 @@ pub struct Row {
     level: Level,
     pub verdicts: Vec<String>,
     loss: Loss,
-    /// Number of holes, each of which made the capture begin anew.
+    /// Number of holes, each of which restarted the capture.
     holes: u32,
 }
 
@@ -51,7 +51,7 @@ impl Row {
         let holes = if self.holes == 0 {
             String::new()
         } else {
-            format!(" (begun anew {} time(s))", self.holes)
+            format!(" (restarted {} time(s))", self.holes)
         };
         format!(
             "{}: {:.3} m/s² RMS, {:.1} mm/s, {:.2} N; {}{holes}",
@@ -116,7 +116,7 @@ impl Report {
             })
             .collect();
         let summary = format!(
-            "{} trial(s) recorded into {}, {} were there, {} left; {} block(s) lost",
+            "{} trial(s) recorded into {}, {} already there, {} left out; {} block(s) lost",
             self.recorded.len(),
             self.folder,
             self.already_there,
@@ -140,7 +140,7 @@ fn verdicts(analysis: &Analysis, point: &PlannedTrial, level: &Level) -> Vec<Str
         .collect();
     if let Some(frequency_hz) = analysis.mains_line_hz {
         verdicts.push(format!(
-            "a line at {frequency_hz:.1} Hz: hum if other speeds have it, too"
+            "a line at {frequency_hz:.1} Hz, which is hum if other speeds have it, too"
         ));
     }
     for (name, wanted, found, unit) in [
