@@ -1,13 +1,12 @@
 //! Commands to a stylus that does as it should: what is told is done, and read back.
 
-#[path = "support/stylus/mod.rs"]
-mod stylus;
 mod support;
 
 use std::process::Command;
 
+use fake_stylus::library::library;
+use fake_stylus::{FakeStylus, Hand};
 use serde_json::Value;
-use stylus::{Hand, TestStylus, library};
 use support::{Bench, interrupt, text, wait_for};
 
 fn json(text: &str) -> Value {
@@ -15,8 +14,8 @@ fn json(text: &str) -> Value {
 }
 
 /// A stylus with an active library of one texture, and a folder with the library in it.
-fn ready() -> (TestStylus, Bench) {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+fn ready() -> (FakeStylus, Bench) {
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     bench.write("a.lib", library(1, 20, 1));
     bench.succeed(&format!("upload a.lib --activate --link {}", stylus.link()));
     stylus.take_heard();
@@ -25,7 +24,7 @@ fn ready() -> (TestStylus, Bench) {
 
 #[test]
 fn a_library_is_uploaded_listed_activated_and_shown() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let link = stylus.link();
     let bytes = library(2, 30, 7);
     bench.write("a.lib", &bytes);
@@ -231,7 +230,7 @@ fn stop_stops_what_another_program_plays_and_may_be_said_twice() {
 
 #[test]
 fn settings_are_shown_changed_read_back_and_reset() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let link = stylus.link();
     let value = |arguments: &str| -> f64 {
         let shown = json(&bench.succeed(&format!("settings {arguments} --json --link {link}")));
@@ -298,7 +297,7 @@ fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
 
 #[test]
 fn without_a_library_there_is_nothing_to_play_or_activate() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let link = stylus.link();
     for (arguments, words) in [
         ("play --texture silk", "no library is active"),
@@ -338,7 +337,7 @@ fn what_is_wrong_before_the_device_is_asked_is_told_without_it() {
 
 #[test]
 fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let link = stylus.link();
     stylus.set_hand(Hand {
         speed_mm_s: 80.0,

@@ -1,26 +1,25 @@
 //! Links and devices that fail: what goes on, and what is said when it cannot.
 
-#[path = "support/stylus/mod.rs"]
-mod stylus;
 mod support;
 
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use fake_stylus::library::library;
+use fake_stylus::{FakeStylus, Faults};
 use model_format::link::{DeviceInfo, MAX_CHUNK_BYTES};
 use serde_json::Value;
-use stylus::{Faults, TestStylus, library};
 use support::{Bench, wait_for};
 
 /// A stylus, and a folder with a library of about 100 KB.
-fn bench() -> (TestStylus, Bench, Vec<u8>) {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+fn bench() -> (FakeStylus, Bench, Vec<u8>) {
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let bytes = library(1, 400, 3);
     bench.write("a.lib", &bytes);
     (stylus, bench, bytes)
 }
 
-fn upload(stylus: &TestStylus, bench: &Bench) -> Value {
+fn upload(stylus: &FakeStylus, bench: &Bench) -> Value {
     let said = bench.succeed(&format!(
         "upload a.lib --json --activate --link {}",
         stylus.link()
@@ -166,7 +165,7 @@ fn a_device_that_says_nothing_is_given_up_in_time() {
 #[test]
 fn an_answer_that_comes_too_late_is_no_answer_to_what_is_asked_next() {
     use host_tools::link::{Device, LinkError, Patience};
-    let stylus = TestStylus::boot();
+    let stylus = FakeStylus::start();
     let address = stylus.link().parse().unwrap();
     let patience = Patience::scaled_to(Duration::from_millis(400));
     let device = Device::connect(&address, patience).unwrap();

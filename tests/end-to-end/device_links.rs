@@ -1,13 +1,11 @@
 //! The ways to a stylus: a serial port, TCP, USB; and what is said where there is none.
 
-#[path = "support/stylus/mod.rs"]
-mod stylus;
 mod support;
 
 use std::process::Command;
 
+use fake_stylus::FakeStylus;
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
-use stylus::TestStylus;
 use support::{Bench, text};
 
 /// A pseudo-terminal in front of a stylus; its other end is a serial port like any.
@@ -63,11 +61,11 @@ mod port {
 #[cfg(unix)]
 #[test]
 fn a_serial_port_carries_what_tcp_carries() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let mut port = port::before(stylus.port());
     port.held = None;
     let name = &port.name;
-    bench.write("a.lib", stylus::library(1, 50, 1));
+    bench.write("a.lib", fake_stylus::library::library(1, 50, 1));
     let uploaded = bench.succeed(&format!("upload a.lib --activate --link serial:{name}"));
     assert!(uploaded.contains("read back"), "{uploaded}");
     let status = bench.succeed(&format!("status --link serial:{name}"));
@@ -77,7 +75,7 @@ fn a_serial_port_carries_what_tcp_carries() {
 #[cfg(unix)]
 #[test]
 fn a_port_that_another_program_uses_is_said_to_be_in_use() {
-    let stylus = TestStylus::boot();
+    let stylus = FakeStylus::start();
     let mut port = port::before(stylus.port());
     let held = port.held.as_mut().expect("it is held from the beginning");
     held.set_exclusive(true).unwrap();
@@ -87,7 +85,7 @@ fn a_port_that_another_program_uses_is_said_to_be_in_use() {
 
 #[test]
 fn the_environment_names_the_link_unless_the_command_does() {
-    let stylus = TestStylus::boot();
+    let stylus = FakeStylus::start();
     let run = |arguments: &[&str]| {
         Command::new(env!("CARGO_BIN_EXE_stylus"))
             .args(arguments)

@@ -1,16 +1,14 @@
 //! Recording from a stylus: what was on the pins is in the set, holes are not, and a fit reads it.
 
-#[path = "support/stylus/mod.rs"]
-mod stylus;
 mod support;
 
 use std::io::Write;
 use std::process::{Child, Output};
 use std::time::Duration;
 
+use fake_stylus::{FakeStylus, Faults, Hand};
 use model_format::AdcCode;
 use serde_json::Value;
-use stylus::{Faults, Hand, TestStylus};
 use support::{Bench, all_pole, interrupt, noise, text, wait_for};
 
 /// Default scale of the accelerometer, m/s² per V.
@@ -36,14 +34,14 @@ fn report(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).expect("a report")
 }
 
-fn record(stylus: &TestStylus, bench: &Bench, arguments: &str) -> Output {
+fn record(stylus: &FakeStylus, bench: &Bench, arguments: &str) -> Output {
     bench.run(&format!(
         "record set {arguments} --json --link {}",
         stylus.link()
     ))
 }
 
-fn spawn(stylus: &TestStylus, bench: &Bench, arguments: &str) -> Child {
+fn spawn(stylus: &FakeStylus, bench: &Bench, arguments: &str) -> Child {
     let link = stylus.link();
     let fixed = ["record", "set", "--json", "--link", &link];
     bench.spawn(fixed.into_iter().chain(arguments.split_whitespace()))
@@ -59,7 +57,7 @@ fn samples(bench: &Bench, trial: usize) -> Vec<Vec<f64>> {
 
 #[test]
 fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     for (speed, force) in [(120.0, 1.0), (60.0, 1.0), (60.0, 0.5)] {
         let hand = hand(speed, force);
         stylus.set_hand(hand.clone());
@@ -112,7 +110,7 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
 
 #[test]
 fn trials_that_are_there_are_not_recorded_again_unless_asked() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     let first = "--texture silk --speeds 100 --forces 1 --seconds 0.4 --settle 0 --yes";
     report(&record(&stylus, &bench, first));
@@ -139,7 +137,7 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
 
 #[test]
 fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     // A stretch of 63 blocks; the 40th does not arrive.
     stylus.fail(Faults {
@@ -168,7 +166,7 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
 
 #[test]
 fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     let child = spawn(
         &stylus,
@@ -192,7 +190,7 @@ fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
 
 #[test]
 fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     bench.write(
         "points.csv",
@@ -235,7 +233,7 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
 
 #[test]
 fn triage_judges_each_trial_when_it_is_there() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let clipped = |(index, codes): (usize, [u16; 3])| {
         let top = if (index / 20).is_multiple_of(2) {
             65_535
@@ -270,7 +268,7 @@ fn triage_judges_each_trial_when_it_is_there() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     let child = spawn(
         &stylus,
@@ -292,7 +290,7 @@ fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
 
 #[test]
 fn a_recording_that_was_left_running_is_stopped_by_stop() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     let mut child = spawn(
         &stylus,
@@ -328,7 +326,7 @@ fn columns(bench: &Bench, name: &str) -> Vec<[f64; 6]> {
 
 #[test]
 fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     for (name, speed, force) in [("a.csv", 120.0, 1.0), ("b.csv", 60.0, 0.6)] {
         stylus.set_hand(hand(speed, force));
         let link = stylus.link();
@@ -370,7 +368,7 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     stylus.fail(Faults {
         lose_block_every: Some(10),

@@ -4,9 +4,7 @@
     reason = "an error that tells a person its reason carries the words"
 )]
 
-mod flash;
 mod inputs;
-mod library;
 mod player;
 mod power_cut;
 mod recorder;
