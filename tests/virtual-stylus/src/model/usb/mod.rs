@@ -30,6 +30,7 @@
 
 pub mod core;
 pub mod host;
+mod packets;
 mod registers;
 
 use std::num::NonZeroU64;

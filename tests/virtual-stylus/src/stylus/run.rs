@@ -1,257 +1,28 @@
-//! A run of an image, stopped and looked at as a test likes.
-//!
-//! The emulator runs on a thread of its own and is handed instants to reach; between two of them it waits, and closures
-//! can be run beside it with the board and its memory in hand.
+//! A run, as tests hold it.
 
-use std::num::NonZeroU64;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
-use rigless::emulator::{self, Driver, Host, Settled, Start, Stop};
-use rigless::image::Image;
+use rigless::emulator::Host;
 use rigless::mcu::Operate;
 use rigless::session::Session;
 use rigless::soc::Width;
-use rigless::symbols::Symbols;
 use rigless::time::VirtualNanos;
 
+use super::emulation::{Command, Hands, PowerCut, Stopped, start};
+use super::options::Options;
+use super::report::{Report, Reset, report, resets};
 use crate::board::StylusBoard;
-use crate::core::{Audit, Auditor};
+use crate::core::Audit;
 use crate::error::{Error, Result};
 use crate::model::adc::{Pins, Sample};
 use crate::model::dac::Output;
-use crate::model::flash::{BASE, BYTES, Contents, Kind, Moment, Operation, Unreadable, WORD_BYTES};
+use crate::model::flash::{Contents, Moment, Operation};
 use crate::model::usb::host::Host as UsbHost;
 use crate::motion::Motion;
-use crate::pins::ConstantPins;
 use crate::serial::Sent;
-use crate::tick::{Tick, TickWatch};
-
-/// 400 MHz at two cycles an instruction, where a Cortex-M7 often retires two instructions a cycle.
-pub const PESSIMISTIC_INSTRUCTIONS_PER_SECOND: NonZeroU64 =
-    NonZeroU64::new(200_000_000).expect("not zero");
-/// The name of the tick's handler in the image.
-const TICK_HANDLER: &str = "TIM6_DAC";
-
-/// How a run begins.
-#[derive(Debug)]
-pub struct Options {
-    /// What the flash holds before the image is put into it.
-    pub flash: Contents,
-    /// Leaves the image out of the flash: what it holds is what runs, as after a power cut.
-    pub keep_flash: bool,
-    /// How fast the core is in virtual time.
-    pub instructions_per_second: NonZeroU64,
-    /// What is on the converter's pins.
-    pub pins: Box<dyn Pins>,
-    /// Cuts the power at this flash operation, counted from 1, at this moment of it.
-    pub power_cut: Option<(u64, Moment)>,
-    /// Follows the ticks.
-    pub watch_ticks: bool,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            flash: Contents::default(),
-            keep_flash: false,
-            instructions_per_second: PESSIMISTIC_INSTRUCTIONS_PER_SECOND,
-            pins: Box::new(ConstantPins::default()),
-            power_cut: None,
-            watch_ticks: true,
-        }
-    }
-}
-
-/// Why the part was reset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ResetCause {
-    /// The image asked for it.
-    Software,
-    /// The watchdog ended its count.
-    Watchdog,
-    /// Anything else.
-    Other,
-}
-
-/// A reset of the part.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reset {
-    /// When, in nanoseconds of virtual time.
-    pub at_ns: u64,
-    /// Why.
-    pub cause: ResetCause,
-}
-
-/// What the run met that the part would answer and no model does.
-#[derive(Clone, Debug, Default)]
-pub struct Report {
-    /// Registers without a model that were written or read, with counts.
-    pub without_model: Vec<String>,
-    /// Addresses where nothing is, and where they were accessed from.
-    pub unmapped: Vec<String>,
-    /// Accesses that the part refuses, such as of an instance whose clock is off.
-    pub refused: Vec<String>,
-    /// What models were asked for and do not do.
-    pub told: Vec<String>,
-    /// Interrupts that reach no line of the core.
-    pub unrouted: Vec<String>,
-}
-
-/// What a power cut would have left in the flash.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PowerCut {
-    /// The operation that would have been cut.
-    pub operation: Operation,
-    /// The moment of it.
-    pub moment: Moment,
-    /// What the flash would have held.
-    pub contents: Contents,
-}
-
-type Job = Box<dyn FnOnce(&mut Session<StylusBoard>, &mut Hands, &mut dyn Host) + Send>;
-
-enum Command {
-    RunUntil(u64),
-    Do(Job),
-}
-
-/// Where the emulator's thread stands.
-#[derive(Clone, Debug)]
-enum Stopped {
-    At(u64),
-    PowerCut {
-        operation: Operation,
-        contents: Box<Contents>,
-    },
-}
-
-/// The thread's own side.
-struct Hands {
-    commands: Receiver<Command>,
-    stops: Sender<Stopped>,
-    ticks: TickWatch,
-    power_cut: Option<(u64, Moment)>,
-    cut: Option<(Operation, Contents)>,
-    to_capture: Vec<(u64, Moment)>,
-    captured: Vec<PowerCut>,
-    unreadable: Unreadable,
-    resets: usize,
-}
-
-impl Hands {
-    /// What the flash holds.
-    fn contents(&self, host: &mut dyn Host) -> Contents {
-        let mut bytes = Vec::with_capacity(BYTES);
-        for address in (u64::from(BASE)..).step_by(8).take(BYTES / 8) {
-            let piece = host.read(address, Width::W64).expect("the flash is mapped");
-            bytes.extend_from_slice(&piece.to_le_bytes());
-        }
-        Contents {
-            bytes,
-            unreadable: self.unreadable.words(),
-        }
-    }
-
-    fn started(
-        &mut self,
-        operation: Operation,
-        session: &mut Session<StylusBoard>,
-        host: &mut dyn Host,
-    ) {
-        let moments = self
-            .to_capture
-            .iter()
-            .filter(|(number, _)| *number == operation.number);
-        for moment in moments.map(|(_, moment)| *moment).collect::<Vec<_>>() {
-            let mut contents = self.contents(host);
-            contents.cut(&operation.kind, moment);
-            self.captured.push(PowerCut {
-                operation: operation.clone(),
-                moment,
-                contents,
-            });
-        }
-        if let Some((number, moment)) = self.power_cut
-            && operation.number == number
-            && self.cut.is_none()
-        {
-            let mut contents = self.contents(host);
-            contents.cut(&operation.kind, moment);
-            session.run_until(VirtualNanos(operation.at_ns));
-            self.cut = Some((operation, contents));
-            return;
-        }
-        if let Kind::Program { address, .. } = operation.kind
-            && !erased(address, host)
-        {
-            self.unreadable.mark(address);
-        }
-    }
-}
-
-fn erased(address: u32, host: &mut dyn Host) -> bool {
-    (u64::from(address)..)
-        .step_by(8)
-        .take(WORD_BYTES as usize / 8)
-        .all(|piece| {
-            host.read(piece, Width::W64)
-                .is_ok_and(|bits| bits == u64::MAX)
-        })
-}
-
-impl Driver<StylusBoard> for Hands {
-    fn on_settled(
-        &mut self,
-        session: &mut Session<StylusBoard>,
-        host: &mut dyn Host,
-        settled: Settled,
-    ) {
-        if session.resets().len() != self.resets {
-            self.resets = session.resets().len();
-            self.ticks.reset();
-        }
-        let watch = match settled {
-            Settled::Hit(hit) => self.ticks.hit(&hit),
-            Settled::Stop(_) => self.ticks.audited(),
-            Settled::Access { .. } => {
-                while let Some(operation) = session.board_mut().part.flash.around.take_started() {
-                    self.started(operation, session, host);
-                }
-                None
-            }
-            _ => None,
-        };
-        if let Some(watch) = watch {
-            session.watch(watch);
-        }
-    }
-
-    fn on_stop(
-        &mut self,
-        session: &mut Session<StylusBoard>,
-        stop: Stop,
-        host: &mut dyn Host,
-    ) -> Option<VirtualNanos> {
-        if let Some((operation, contents)) = self.cut.take() {
-            let contents = Box::new(contents);
-            let _ = self.stops.send(Stopped::PowerCut {
-                operation,
-                contents,
-            });
-            return None;
-        }
-        self.stops.send(Stopped::At(stop.at.0)).ok()?;
-        loop {
-            // Nobody is left to ask: the run is over.
-            match self.commands.recv().ok()? {
-                Command::RunUntil(at_ns) => return Some(VirtualNanos(at_ns)),
-                Command::Do(job) => job(session, self, host),
-            }
-        }
-    }
-}
+use crate::tick::Tick;
 
 /// A run of an image.
 #[derive(Debug)]
@@ -269,33 +40,7 @@ impl VirtualStylus {
     /// # Errors
     /// The image cannot be read or does not fit the flash.
     pub fn new(image: &Path, options: Options) -> Result<Self> {
-        let (contents, handler) = load(image, options.flash, options.keep_flash)?;
-        let handler = handler.filter(|_| options.watch_ticks);
-        let unreadable = Unreadable::default();
-        unreadable.replace(contents.unreadable);
-        let auditor = Auditor::default();
-        let ticks = TickWatch::new(handler, auditor.clone());
-        let board = StylusBoard::new(
-            options.pins,
-            options.instructions_per_second,
-            unreadable.clone(),
-            auditor,
-        )?;
-        let (commands, receiver) = channel();
-        let (sender, stops) = channel();
-        let hands = Hands {
-            commands: receiver,
-            stops: sender,
-            ticks,
-            power_cut: options.power_cut,
-            cut: None,
-            to_capture: Vec::new(),
-            captured: Vec::new(),
-            unreadable,
-            resets: 0,
-        };
-        let bytes = contents.bytes;
-        let thread = std::thread::spawn(move || emulate(board, bytes, hands));
+        let (commands, stops, thread) = start(image, options)?;
         let mut stylus = Self {
             commands: Some(commands),
             stops,
@@ -522,19 +267,7 @@ impl VirtualStylus {
     /// # Errors
     /// The run is over.
     pub fn resets(&mut self) -> Result<Vec<Reset>> {
-        self.ask(|session, _, _| {
-            let resets = session.resets().iter();
-            resets
-                .map(|reset| Reset {
-                    at_ns: reset.at.0,
-                    cause: match reset.cause {
-                        rigless::device::ResetCause::Core => ResetCause::Software,
-                        rigless::device::ResetCause::Model("IWDG") => ResetCause::Watchdog,
-                        _ => ResetCause::Other,
-                    },
-                })
-                .collect()
-        })
+        self.ask(|session, _, _| resets(session))
     }
 
     /// Resets the part by its pin.
@@ -659,72 +392,4 @@ impl Drop for VirtualStylus {
             let _ = thread.join();
         }
     }
-}
-
-/// The flash with the image in it, and where the tick's handler is.
-fn load(path: &Path, mut contents: Contents, keep: bool) -> Result<(Contents, Option<u64>)> {
-    let told = |reason: String| Error::Image {
-        path: path.to_owned(),
-        reason,
-    };
-    let image = Image::read(path, None).map_err(|error| told(error.to_string()))?;
-    if !keep {
-        for (address, bytes) in image.segments() {
-            contents.place(address, bytes).map_err(told)?;
-        }
-    }
-    let symbols = Symbols::read(image.bytes(), |value| value & !1)
-        .map_err(|error| told(error.to_string()))?;
-    Ok((contents, symbols.get(TICK_HANDLER).ok()))
-}
-
-fn emulate(board: StylusBoard, flash: Vec<u8>, hands: Hands) -> Result<()> {
-    let told = |error: emulator::Error| Error::Emulator(error.to_string());
-    let flash = Image::new(&PathBuf::from("flash"), flash, Some(u64::from(BASE)))
-        .map_err(|error| Error::Emulator(error.to_string()))?;
-    let watch = hands.ticks.watches();
-    let mut session = Session::new(Box::new(board), 0, VirtualNanos(0)).map_err(told)?;
-    if let Some(watch) = watch {
-        session.watch(watch);
-    }
-    emulator::run(session, &Start::new(&[flash]), hands).map_err(told)?;
-    Ok(())
-}
-
-fn report(session: &mut Session<StylusBoard>) -> Report {
-    let without_model = session.unimplemented().iter().map(|(address, met)| {
-        format!(
-            "{}.{} ({address:#010x}): {} reads, {} writes, last {:#x}, first from {:#010x}",
-            met.instance,
-            met.register,
-            met.reads,
-            met.writes,
-            met.written.unwrap_or_default(),
-            met.program_counter
-        )
-    });
-    let undefined = session.undefined().iter().map(|(address, met)| {
-        format!(
-            "{} ({address:#010x}), no register: {} reads, {} writes, first from {:#010x}",
-            met.instance, met.reads, met.writes, met.program_counter
-        )
-    });
-    let mut report = Report {
-        without_model: without_model.chain(undefined).collect(),
-        unmapped: session.unmapped().iter().map(ToString::to_string).collect(),
-        refused: (session.refused().iter())
-            .map(|(address, fault)| format!("{address:#010x}: {fault}"))
-            .collect(),
-        told: session
-            .told()
-            .map(|told| format!("{}.{}: {}", told.instance, told.register, told.reason))
-            .collect(),
-        unrouted: session
-            .unrouted()
-            .iter()
-            .map(|(instance, line)| format!("{instance}: {line}"))
-            .collect(),
-    };
-    report.told.sort();
-    report
 }
