@@ -41,7 +41,7 @@ impl Connection {
         }
     }
 
-    /// Whether neither side has closed it.
+    /// True until one of the two sides has closed it.
     pub fn is_open(&self) -> bool {
         self.is_open
     }

@@ -43,8 +43,8 @@ impl Deref for SharedControl {
 }
 
 impl SharedControl {
-    /// Runs the device for one millisecond, and the poll that follows. Gives the blocks that were recorded, which are taken
-    /// from the queue even when nobody records, because it would fill otherwise.
+    /// Runs the device for one millisecond, and the poll that follows. Gives the blocks that were recorded, which are
+    /// taken from the queue even when nobody records, because it would fill otherwise.
     pub fn millisecond(&self) -> Vec<RecordBlock> {
         let mut control = self.borrow_mut();
         for _ in 0..TICKS_PER_MS {
@@ -186,7 +186,7 @@ impl SteppedStylus {
         panic!("a job of the storage has not ended within {JOB_LIMIT_MS} ms");
     }
 
-    /// Whether the output is anything but mid-scale.
+    /// True while the output is not at rest.
     pub fn sounds(&self) -> bool {
         self.control.borrow_mut().device().sounds()
     }

@@ -9,7 +9,8 @@ use model_format::link::DeviceInfo;
 pub struct Faults {
     /// Change of what the device says about itself.
     pub disguise: Option<fn(&mut DeviceInfo)>,
-    /// Number of frames after which the connection is closed, before the answer to the last; counted anew per connection.
+    /// Number of frames after which the connection is closed, before the answer to the last; counted anew per
+    /// connection.
     pub close_every: Option<usize>,
     /// No answer at all.
     pub silent: bool,

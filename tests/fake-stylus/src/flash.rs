@@ -1,8 +1,8 @@
-//! Flash in memory that behaves as the STM32H743's: words of 32 bytes that are programmed once per erase, sectors of 128 KB,
-//! and words that fault when they are read, as after a power cut.
+//! Flash in memory that behaves as the STM32H743's: words of 32 bytes that are programmed once per erase, sectors of
+//! 128 KB, and words that fault when they are read, as after a power cut.
 //!
-//! Every erase of a sector and every write of a word yields once before it is done, because the image's driver waits there too:
-//! whatever else the device serves runs in between. Durations are not simulated.
+//! Every erase of a sector and every write of a word yields once before it is done, because the image's driver waits
+//! there too: whatever else the device serves runs in between. Durations are not simulated.
 
 use std::ops::Range;
 

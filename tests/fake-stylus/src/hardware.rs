@@ -1,10 +1,11 @@
 //! The hardware in memory, as [`Device`] asks for it.
 //!
-//! It follows `firmware/src/device.rs` and the tick and update behind it statement by statement where requests can tell the
-//! difference: a mute counts from the next tick on, the motion is judged once per block, new settings replace the configuration
-//! of the safety stages, and a library's RAM is empty while it is exchanged. It is stricter than the hardware in one respect:
-//! it panics where the application breaks the contract of [`Device`], for example by exchanging a texture while the output
-//! sounds. What it leaves out is the kernel: while something is played, the samples are those of a sine.
+//! It follows `firmware/src/device.rs` and the tick and update behind it statement by statement where requests can tell
+//! the difference: a mute counts from the next tick on, the motion is judged once per block, new settings replace the
+//! configuration of the safety stages, and a library's RAM is empty while it is exchanged. It is stricter than the
+//! hardware in one respect: it panics where the application breaks the contract of [`Device`], for example by
+//! exchanging a texture while the output sounds. What it leaves out is the kernel: while something is played, the
+//! samples are those of a sine.
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
@@ -115,7 +116,8 @@ impl Hardware {
         }
     }
 
-    /// One tick, in the order of the image's: the sensors, the update of a block that begins, the output, the recording.
+    /// One tick, in the order of the image's: the sensors, the update of a block that begins, the output, the
+    /// recording.
     pub fn tick(&mut self) {
         self.now += 1;
         let sample = self.hand.sample(self.now);
@@ -158,7 +160,7 @@ impl Hardware {
         Ok(())
     }
 
-    /// Whether the output is anything but mid-scale.
+    /// True while the output is not at rest.
     pub fn sounds(&self) -> bool {
         !self.safety.is_at_rest()
     }

@@ -1,7 +1,7 @@
 //! Frames and their answers: the protocol of `firmware/src/link.rs`, over the application on fake hardware.
 //!
-//! As there, requests for flash are handed to a task of their own, one after the other, and everything else is answered at once;
-//! so a request that comes while a job waits for the flash is served in the middle of that job.
+//! As there, requests for flash are handed to a task of their own, one after the other, and everything else is answered
+//! at once; so a request that comes while a job waits for the flash is served in the middle of that job.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -91,7 +91,7 @@ impl Requests {
         }
     }
 
-    /// Whether a job waits or is under way.
+    /// True while a job waits or is under way.
     pub fn is_storage_busy(&self) -> bool {
         let desk = self.desk.borrow();
         desk.is_at_work || !desk.waiting.is_empty()
@@ -102,7 +102,8 @@ impl Requests {
         std::mem::take(&mut self.desk.borrow_mut().answers)
     }
 
-    /// Serves one frame; its answer, unless it has none or the storage will give it. If `refuses_jobs`, the storage takes none.
+    /// Serves one frame; its answer, unless it has none or the storage will give it. If `refuses_jobs`, the storage
+    /// takes none.
     pub fn serve(&self, bytes: &[u8], refuses_jobs: bool) -> Option<Vec<u8>> {
         if bytes.len() > MAX_HOST_FRAME_BYTES {
             self.control.borrow_mut().device().link.oversized += 1;

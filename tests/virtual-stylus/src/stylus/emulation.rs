@@ -1,4 +1,4 @@
-//! The emulator's thread: it runs the image to the instants it is handed, and between two of them does what it is asked.
+//! The emulator's thread, which runs the image to given instants and does jobs between them.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -21,26 +21,26 @@ use crate::tick::TickWatch;
 /// The name of the tick's handler in the image.
 const TICK_HANDLER: &str = "TIM6_DAC";
 
-/// What a power cut would have left in the flash.
+/// A power cut, and the content of the flash after it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PowerCut {
     /// The operation that would have been cut.
     pub operation: Operation,
     /// The moment of it.
     pub moment: Moment,
-    /// What the flash would have held.
+    /// The content of the flash after the cut.
     pub contents: Contents,
 }
 
 pub(super) type Job = Box<dyn FnOnce(&mut Session<StylusBoard>, &mut Hands, &mut dyn Host) + Send>;
 
-/// What the thread is asked to do.
+/// A command to the thread.
 pub(super) enum Command {
     RunUntil(u64),
     Do(Job),
 }
 
-/// Where the emulator's thread stands.
+/// The stop at which the emulator's thread waits.
 #[derive(Clone, Debug)]
 pub(super) enum Stopped {
     At(u64),
@@ -64,7 +64,7 @@ pub(super) struct Hands {
 }
 
 impl Hands {
-    /// What the flash holds.
+    /// The content of the flash.
     pub(super) fn contents(&self, host: &mut dyn Host) -> Contents {
         let mut bytes = Vec::with_capacity(BYTES);
         for address in (u64::from(BASE)..).step_by(8).take(BYTES / 8) {
@@ -167,7 +167,7 @@ impl Driver<StylusBoard> for Hands {
         }
         self.stops.send(Stopped::At(stop.at.0)).ok()?;
         loop {
-            // Nobody is left to ask: the run is over.
+            // Without the other end of the channel the run is over.
             match self.commands.recv().ok()? {
                 Command::RunUntil(at_ns) => return Some(VirtualNanos(at_ns)),
                 Command::Do(job) => job(session, self, host),
@@ -179,8 +179,8 @@ impl Driver<StylusBoard> for Hands {
 /// The test's ends of the channels of commands and of stops, and the thread.
 pub(super) type Ends = (Sender<Command>, Receiver<Stopped>, JoinHandle<Result<()>>);
 
-/// Puts the ELF file at `image` into the flash and the power on, on a thread of its own: what takes commands, what tells
-/// where it stands, and the thread.
+/// Puts the ELF file at `image` into the flash and switches the power on, on a new thread. Returns the channel of its
+/// commands, the channel of its stops, and the thread.
 pub(super) fn start(image: &Path, options: Options) -> Result<Ends> {
     let (contents, handler) = load(image, options.flash, options.keep_flash)?;
     let handler = handler.filter(|_| options.watch_ticks);
@@ -212,7 +212,7 @@ pub(super) fn start(image: &Path, options: Options) -> Result<Ends> {
     Ok((commands, stops, thread))
 }
 
-/// The flash with the image in it, and where the tick's handler is.
+/// The flash with the image in it, and the address of the tick's handler.
 fn load(path: &Path, mut contents: Contents, keep: bool) -> Result<(Contents, Option<u64>)> {
     let told = |reason: String| Error::Image {
         path: path.to_owned(),

@@ -1,7 +1,7 @@
-//! A run of an image, stopped and looked at as a test likes.
+//! A run of an image, which a test stops and inspects.
 //!
-//! The emulator runs on a thread of its own and is handed instants to reach; between two of them it waits, and closures
-//! can be run beside it with the board and its memory in hand.
+//! The emulator runs on a thread of its own from one given instant to the next. Between two of them it waits, and runs
+//! closures with access to the board and its memory.
 
 mod emulation;
 mod options;

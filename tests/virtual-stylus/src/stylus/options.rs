@@ -1,4 +1,4 @@
-//! How a run begins.
+//! The start of a run.
 
 use std::num::NonZeroU64;
 
@@ -6,21 +6,21 @@ use crate::model::adc::Pins;
 use crate::model::flash::{Contents, Moment};
 use crate::pins::ConstantPins;
 
-/// 400 MHz at two cycles an instruction, where a Cortex-M7 often retires two instructions a cycle.
+/// 400 MHz at two cycles per instruction, where a Cortex-M7 often retires two instructions per cycle.
 pub const PESSIMISTIC_INSTRUCTIONS_PER_SECOND: NonZeroU64 =
     NonZeroU64::new(200_000_000).expect("not zero");
-/// How a run begins.
+/// Options of a run.
 #[derive(Debug)]
 pub struct Options {
-    /// What the flash holds before the image is put into it.
+    /// Content of the flash before the image is put into it.
     pub flash: Contents,
-    /// Leaves the image out of the flash: what it holds is what runs, as after a power cut.
+    /// Leaves the image out of the flash, and runs its content, as after a power cut.
     pub keep_flash: bool,
-    /// How fast the core is in virtual time.
+    /// Speed of the core in virtual time.
     pub instructions_per_second: NonZeroU64,
-    /// What is on the converter's pins.
+    /// Signals on the converter's pins.
     pub pins: Box<dyn Pins>,
-    /// Cuts the power at this flash operation, counted from 1, at this moment of it.
+    /// Cuts the power at the flash operation with this number, counted from 1, at this moment of it.
     pub power_cut: Option<(u64, Moment)>,
     /// Follows the ticks.
     pub watch_ticks: bool,

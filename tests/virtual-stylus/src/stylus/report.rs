@@ -1,10 +1,10 @@
-//! What a run tells of itself: resets of the part, and what no model answered.
+//! Reports of a run: resets of the part, and accesses that no model answered.
 
 use rigless::session::Session;
 
 use crate::board::StylusBoard;
 
-/// Why the part was reset.
+/// Cause of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResetCause {
     /// The image asked for it.
@@ -18,22 +18,22 @@ pub enum ResetCause {
 /// A reset of the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reset {
-    /// When, in nanoseconds of virtual time.
+    /// Instant, in nanoseconds of virtual time.
     pub at_ns: u64,
-    /// Why.
+    /// The cause.
     pub cause: ResetCause,
 }
 
-/// What the run met that the part would answer and no model does.
+/// Accesses that the part would answer and no model does.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// Registers without a model that were written or read, with counts.
+    /// Registers without a model, with counts of their reads and writes.
     pub without_model: Vec<String>,
-    /// Addresses where nothing is, and where they were accessed from.
+    /// Unmapped addresses, and the places of the accesses.
     pub unmapped: Vec<String>,
-    /// Accesses that the part refuses, such as of an instance whose clock is off.
+    /// Accesses that the part refuses, such as to an instance whose clock is off.
     pub refused: Vec<String>,
-    /// What models were asked for and do not do.
+    /// Requests that models do not carry out.
     pub told: Vec<String>,
     /// Interrupts that reach no line of the core.
     pub unrouted: Vec<String>,
@@ -54,7 +54,7 @@ pub(super) fn resets(session: &Session<StylusBoard>) -> Vec<Reset> {
         .collect()
 }
 
-/// What the run met and no model answers.
+/// The accesses of the run that no model answered.
 pub(super) fn report(session: &mut Session<StylusBoard>) -> Report {
     let without_model = session.unimplemented().iter().map(|(address, met)| {
         format!(

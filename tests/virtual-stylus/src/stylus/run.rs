@@ -1,4 +1,4 @@
-//! A run, as tests hold it.
+//! The test's handle of a run.
 
 use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -35,7 +35,7 @@ pub struct VirtualStylus {
 }
 
 impl VirtualStylus {
-    /// Puts the ELF file at `image` into the flash and the power on; nothing has run yet.
+    /// Puts the ELF file at `image` into the flash and switches the power on; nothing has run yet.
     ///
     /// # Errors
     /// The image cannot be read or does not fit the flash.
@@ -77,7 +77,7 @@ impl VirtualStylus {
         self.run_until(self.now_ns.saturating_add(nanos))
     }
 
-    /// Runs until `done`, asked every `step_ns`, is true; whether it was before `until_ns`.
+    /// Runs until `done` is true, which is evaluated every `step_ns`; false if it is not by `until_ns`.
     ///
     /// # Errors
     /// As [`VirtualStylus::run_until`].
@@ -98,7 +98,7 @@ impl VirtualStylus {
         }
     }
 
-    /// Runs `job` with the board in hand, while the run stands.
+    /// Runs `job` on the board between two stretches of the run.
     ///
     /// # Errors
     /// The run is over.
@@ -109,7 +109,7 @@ impl VirtualStylus {
         self.ask(|session, _, _| job(session.board_mut()))
     }
 
-    /// What channel 1 of the converter gave its pin since this was asked last, or since the power came on.
+    /// Takes the outputs of the converter's channel 1 since the last call, or since power-on.
     ///
     /// # Errors
     /// The run is over.
@@ -117,7 +117,7 @@ impl VirtualStylus {
         self.board(|board| board.part.dac.take_record())
     }
 
-    /// Puts `bytes` on the serial line; the image hears them as the run goes on.
+    /// Puts `bytes` on the serial line; the image receives them as the run goes on.
     ///
     /// # Errors
     /// The run is over, or a socket is on the line.
@@ -127,7 +127,7 @@ impl VirtualStylus {
             .ok_or_else(|| Error::Emulator("a socket is on the serial line".to_owned()))
     }
 
-    /// What the image sent on the serial line since this was asked last.
+    /// Takes the bytes that the image has sent on the serial line since the last call.
     ///
     /// # Errors
     /// The run is over, or a socket is on the line.
@@ -136,7 +136,8 @@ impl VirtualStylus {
             .ok_or_else(|| Error::Emulator("a socket is on the serial line".to_owned()))
     }
 
-    /// Puts a socket on the serial line that listens on `port` of the loopback interface (0 for any): its port.
+    /// Connects the serial line to a socket that listens on `port` of the loopback interface (0 for any); returns its
+    /// port.
     ///
     /// # Errors
     /// The run is over, or the port cannot be listened on.
@@ -144,7 +145,7 @@ impl VirtualStylus {
         self.board(move |board| board.listen(port))?
     }
 
-    /// Has `work` done by the software of the host on USB, which gets the instant too.
+    /// Has the software of the host on USB do `work`, which is also given the instant.
     ///
     /// # Errors
     /// The run is over.
@@ -156,7 +157,7 @@ impl VirtualStylus {
         self.board(move |board| board.part.drive_usb(now, work))
     }
 
-    /// Puts others on the converter's pins.
+    /// Changes the signals on the converter's pins.
     ///
     /// # Errors
     /// The run is over.
@@ -164,7 +165,7 @@ impl VirtualStylus {
         self.board(move |board| board.part.adc.around.set_pins(Box::new(pins)))
     }
 
-    /// Moves the tool so from now on; the motion's instants are those of the run.
+    /// Moves the tool along `motion` from now on; the motion's instants are those of the run.
     ///
     /// # Errors
     /// The run is over.
@@ -181,7 +182,7 @@ impl VirtualStylus {
         self.board(|board| board.part.adc.around.record_samples())
     }
 
-    /// The samples kept since this was asked last.
+    /// Takes the samples kept since the last call.
     ///
     /// # Errors
     /// The run is over.
@@ -189,7 +190,7 @@ impl VirtualStylus {
         self.board(|board| board.part.adc.around.take_samples())
     }
 
-    /// The ticks since this was asked last.
+    /// Takes the ticks since the last call.
     ///
     /// # Errors
     /// The run is over.
@@ -205,7 +206,7 @@ impl VirtualStylus {
         self.ask(move |_, hands, _| hands.ticks.audit_every(Some(every)))
     }
 
-    /// The audits since this was asked last.
+    /// Takes the audits since the last call.
     ///
     /// # Errors
     /// The run is over.
@@ -213,7 +214,7 @@ impl VirtualStylus {
         self.ask(|_, hands, _| hands.ticks.take_audits())
     }
 
-    /// Ticks whose return was not seen, so that they are in no figure.
+    /// Number of ticks whose return was not seen, which are in no figure.
     ///
     /// # Errors
     /// The run is over.
@@ -237,8 +238,8 @@ impl VirtualStylus {
         self.ask(move |_, hands, _| hands.power_cut = Some((number, moment)))
     }
 
-    /// Keeps what the flash would hold if the power were cut at each of these operations (counted from 1) and moments,
-    /// while the run goes on; what was asked for before is dropped.
+    /// Keeps the content that the flash would have if the power were cut at each of these operations (counted from 1)
+    /// and moments, while the run goes on. Replaces the cuts of the call before.
     ///
     /// # Errors
     /// The run is over.
@@ -246,7 +247,7 @@ impl VirtualStylus {
         self.ask(move |_, hands, _| hands.to_capture = cuts)
     }
 
-    /// The power cuts captured since this was asked last, in the order of their operations.
+    /// Takes the power cuts captured since the last call, in the order of their operations.
     ///
     /// # Errors
     /// The run is over.
@@ -254,7 +255,7 @@ impl VirtualStylus {
         self.ask(|_, hands, _| std::mem::take(&mut hands.captured))
     }
 
-    /// Reads that met a word which cannot be read.
+    /// Number of reads of an unreadable word.
     ///
     /// # Errors
     /// The run is over.
@@ -302,7 +303,7 @@ impl VirtualStylus {
         })
     }
 
-    /// What the flash holds now.
+    /// The present content of the flash.
     ///
     /// # Errors
     /// The run is over.
@@ -310,14 +311,14 @@ impl VirtualStylus {
         self.ask(|_, hands, host| hands.contents(host))
     }
 
-    /// What a power cut left in the flash, once it came, and the operation it cut.
+    /// The operation that the power cut interrupted and the content of the flash after it, once the power was cut.
     pub fn after_power_cut(&self) -> Option<(&Operation, &Contents)> {
         self.cut
             .as_ref()
             .map(|(operation, contents)| (operation, &**contents))
     }
 
-    /// What the run met and no model answers.
+    /// The accesses of the run that no model answered.
     ///
     /// # Errors
     /// The run is over.
@@ -366,7 +367,7 @@ impl VirtualStylus {
         }
     }
 
-    /// Why the run is over.
+    /// The reason for which the run is over.
     fn over(&mut self) -> Error {
         if let Some((operation, _)) = &self.cut {
             return Error::PowerCut {
@@ -388,7 +389,7 @@ impl Drop for VirtualStylus {
     fn drop(&mut self) {
         self.commands = None;
         if let Some(thread) = self.thread.take() {
-            // A panic there has told about itself.
+            // A panic of the thread has printed its own message.
             let _ = thread.join();
         }
     }

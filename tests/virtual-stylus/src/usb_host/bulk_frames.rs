@@ -1,4 +1,4 @@
-//! Frames over bulk endpoints.
+//! Frames over a pair of bulk endpoints.
 
 use std::collections::VecDeque;
 
@@ -7,8 +7,8 @@ use crate::error::Result;
 use crate::model::usb::host::{PACKET_BYTES, Transfer, TransferId};
 use crate::stylus::VirtualStylus;
 
-/// Frames over a pair of bulk endpoints, as a program on the host exchanges them: a frame is a transfer, ended by a packet
-/// that is not full.
+/// Frames over a pair of bulk endpoints, as a program on the host exchanges them. A frame is a transfer, which a packet
+/// that is not full ends.
 #[derive(Debug)]
 pub struct BulkFrames {
     output: u8,
@@ -19,7 +19,8 @@ pub struct BulkFrames {
 }
 
 impl BulkFrames {
-    /// Between an OUT and an IN endpoint of these addresses; `waiting` IN transfers of `bytes` wait for the device.
+    /// Frames between an OUT and an IN endpoint of these addresses; `waiting` IN transfers of `bytes` wait for the
+    /// device.
     ///
     /// # Errors
     /// The run is over.
@@ -71,7 +72,7 @@ impl BulkFrames {
         Ok(())
     }
 
-    /// The frames that came, each with the instant of its last packet.
+    /// Takes the frames that have come, each with the instant of its last packet.
     ///
     /// # Errors
     /// The run is over; or, inside, a transfer that failed. The link is over then.
@@ -107,7 +108,7 @@ impl BulkFrames {
         Ok(Ok(frames))
     }
 
-    /// Calls off all that waits.
+    /// Cancels all transfers that wait.
     ///
     /// # Errors
     /// The run is over.

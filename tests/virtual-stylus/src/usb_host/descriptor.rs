@@ -1,4 +1,5 @@
-//! Descriptors: their types (USB 2.0 table 9-5, USB 3.2 table 9-6), each named as the specification does, and what is in them.
+//! Descriptors: their types (USB 2.0 table 9-5, USB 3.2 table 9-6), under the names of the specification, and their
+//! contents.
 
 /// `DEVICE`.
 pub const DEVICE: u8 = 1;

@@ -7,27 +7,27 @@ use crate::model::usb::host::{Completion, Host, Transfer, TransferError, Transfe
 use crate::stylus::VirtualStylus;
 
 const MS: u64 = 1_000_000;
-/// Between two looks at what has come.
+/// Virtual time between two looks at the transfers that have ended.
 const STEP_NS: u64 = 50_000;
-/// How long a control transfer may take (section 9.2.6.1).
+/// Timeout of a control transfer (section 9.2.6.1).
 const CONTROL_PATIENCE_NS: u64 = 5_000 * MS;
 
-/// What a transfer came to, if the run goes on.
+/// The result of a transfer, within that of the run.
 pub type Transferred<T> = Result<std::result::Result<T, TransferError>>;
 
-/// The instant of a transfer's end, in nanoseconds of virtual time, and what came from the device.
+/// The instant of a transfer's end, in nanoseconds of virtual time, and the data from the device.
 pub type Arrived = (u64, Vec<u8>);
 
-/// What an enumeration read, each as it came over the wire.
+/// The descriptors that an enumeration read, each as it came over the wire.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Descriptors {
-    /// The device's.
+    /// The device descriptor.
     pub device: Vec<u8>,
-    /// The configuration's, with all that belongs to it.
+    /// The configuration descriptor, with the descriptors that belong to it.
     pub configuration: Vec<u8>,
-    /// What the device can do beyond (BOS), if it tells.
+    /// The descriptor of further capabilities (BOS), if there is one.
     pub bos: Vec<u8>,
-    /// The set for Microsoft's systems, if BOS names one.
+    /// The Microsoft OS 2.0 descriptor set, if the BOS names one.
     pub microsoft: Vec<u8>,
     /// The languages of its strings.
     pub languages: Vec<u8>,
@@ -35,7 +35,7 @@ pub struct Descriptors {
     pub strings: [Vec<u8>; 3],
 }
 
-/// How patient the host is with a cable that was just plugged in, and how long it drives a reset.
+/// Times of an enumeration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
     /// From the pull-up to the first reset, nanoseconds.
@@ -59,15 +59,15 @@ impl Default for Timing {
 /// The host's software.
 #[derive(Debug, Default)]
 pub struct UsbHost {
-    /// How it enumerates.
+    /// Times of its enumerations.
     pub timing: Timing,
     ended: Vec<Completion>,
     next_address: u8,
 }
 
 impl UsbHost {
-    /// Waits for the device, resets the bus, gives the device an address, reads all that it describes itself with, and
-    /// configures it.
+    /// Waits for the device, resets the bus, gives the device an address, reads all of its descriptors, and configures
+    /// it.
     ///
     /// # Errors
     /// The run is over; or, inside, a transfer that failed.
@@ -94,7 +94,7 @@ impl UsbHost {
                 }
             };
         }
-        // The first packet tells the size of endpoint 0's.
+        // The first packet tells the packet size of endpoint 0.
         ask!(Request::descriptor(descriptor::DEVICE, 0, 0, 64));
         self.reset(stylus)?;
         self.next_address = self.next_address % 127 + 1;
@@ -193,10 +193,10 @@ impl UsbHost {
         Ok(cleared.map(|_| ()))
     }
 
-    /// Waits for a transfer's end: when it was, and what came from the device.
+    /// Waits for a transfer's end; returns its instant, and the data from the device.
     ///
     /// # Errors
-    /// The run is over; or, inside, a transfer that failed, or was called off because `patience_ns` had passed.
+    /// The run is over; or, inside, a transfer that failed, or that was cancelled because `patience_ns` had passed.
     pub fn wait(
         &mut self,
         stylus: &mut VirtualStylus,
@@ -217,7 +217,7 @@ impl UsbHost {
         }
     }
 
-    /// Takes the end of a transfer, if it has ended.
+    /// Takes the completion of a transfer, if it has ended.
     ///
     /// # Errors
     /// The run is over.
@@ -230,7 +230,7 @@ impl UsbHost {
         Ok(self.find_ended(id))
     }
 
-    /// Calls transfers off, as when the program that asked for them ends.
+    /// Cancels transfers, as when the program that asked for them ends.
     ///
     /// # Errors
     /// The run is over.
@@ -246,14 +246,14 @@ impl UsbHost {
         Ok(())
     }
 
-    /// Takes over what has ended.
+    /// Takes over the completions from the controller.
     pub(super) fn collect(&mut self, stylus: &mut VirtualStylus) -> Result<()> {
         let ended = stylus.usb(|host, _| host.take_completions())?;
         self.ended.extend(ended);
         Ok(())
     }
 
-    /// Takes the end of a transfer, of those that were taken over.
+    /// Takes the completion of a transfer from those that were taken over.
     pub(super) fn find_ended(&mut self, id: TransferId) -> Option<Completion> {
         let position = self.ended.iter().position(|ended| ended.id == id)?;
         Some(self.ended.remove(position))

@@ -1,5 +1,5 @@
-//! The software of the host on USB, as far as a test or a socket needs it: enumeration, control requests, and a bulk
-//! interface with transfers waiting both ways, as an operating system and a program on it have them.
+//! Software of the host on USB, as far as tests and sockets need it: enumeration and control requests, as of an
+//! operating system, and a bulk interface with transfers that wait both ways, as of a program on it.
 //!
 //! | step of an enumeration | USB 2.0 |
 //! |---|---|

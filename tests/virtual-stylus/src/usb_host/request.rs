@@ -5,7 +5,7 @@
 pub struct Request {
     /// Direction, kind and recipient.
     pub kind: u8,
-    /// Which.
+    /// Number of the request.
     pub request: u8,
     /// Its first number.
     pub value: u16,
@@ -44,7 +44,7 @@ impl Request {
         }
     }
 
-    /// A standard request to the device without data.
+    /// Sets the device's address.
     pub fn set_address(address: u8) -> Self {
         Self {
             kind: 0x00,

@@ -1,4 +1,4 @@
-//! What goes over the wire, as both ends name it.
+//! Packets on the wire, under the names that both ends use.
 
 /// The data packet's identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,24 +20,24 @@ impl Pid {
     }
 }
 
-/// What a device answers with.
+/// Handshake of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Handshake {
-    /// Taken.
+    /// The packet was taken.
     Ack,
-    /// Not now.
+    /// The device cannot take or send a packet now.
     Nak,
-    /// Not like this.
+    /// The endpoint is halted, or the request is not supported.
     Stall,
 }
 
-/// What a device answers an IN token with.
+/// Answer of a device to an IN token.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum InAnswer {
     /// A data packet, which awaits its handshake.
     Data(Pid, Vec<u8>),
-    /// Not now.
+    /// The device cannot take or send a packet now.
     Nak,
-    /// Not like this.
+    /// The endpoint is halted, or the request is not supported.
     Stall,
 }

@@ -1,4 +1,4 @@
-//! What the firmware reads and writes.
+//! Accesses of the firmware to registers and FIFOs.
 
 use super::state::Core;
 use crate::model::usb::registers::{
@@ -20,25 +20,26 @@ const FIFO_WORDS: u32 = 1024;
 const DMA: &str =
     "RM0433 57.14, OTG_GAHBCFG: DMAEN is not modelled, the FIFOs are the core's to fill and empty";
 const HOST_MODE: &str = "RM0433 57.14, OTG_GUSBCFG: FHMOD is not modelled, the core is a device";
-const OUT_DISABLED: &str = "RM0433 57.14, OTG_DOEPCTLx: EPDIS without the global OUT NAK, which the manual asks for first; taken at once";
+const OUT_DISABLED: &str = "RM0433 57.14, OTG_DOEPCTLx: EPDIS without the global OUT NAK, \
+                            which the manual asks for first; taken at once";
 const FIFO_UNDERRUN: &str = "the receive FIFO was read without data; the read answers zero";
 const FIFO_LAYOUT: &str = "the FIFOs do not fit the FIFO RAM of 4 Kbytes";
 
-/// A register of an endpoint: which endpoint, and the offset within its registers.
+/// The endpoint to which a register belongs, and the offset within the endpoint's registers.
 fn endpoint_register(offset: u64, base: u64) -> Option<(usize, u64)> {
     let within = offset.checked_sub(base)?;
     let index = (within / ENDPOINT_STEP) as usize;
     (index < ENDPOINTS).then_some((index, within % ENDPOINT_STEP))
 }
 
-/// The endpoint whose FIFO a window is of.
+/// The endpoint to whose FIFO a window leads.
 fn fifo(offset: u64) -> Option<usize> {
     let index = (offset.checked_sub(FIFO0)? / FIFO_STEP) as usize;
     (index < ENDPOINTS).then_some(index)
 }
 
 impl Core {
-    /// What a read of the register at `offset` answers, and does.
+    /// Reads the register at `offset`, with the effects of the read.
     pub fn read(&mut self, offset: u64) -> u32 {
         if offset == GRXSTSP {
             return self.pop_status();
@@ -54,7 +55,7 @@ impl Core {
         self.peek(offset)
     }
 
-    /// What a debugger sees at `offset`.
+    /// The value at `offset`, without the effects of a read.
     pub fn peek(&self, offset: u64) -> u32 {
         match offset {
             GOTGCTL => {
@@ -120,7 +121,7 @@ impl Core {
         0
     }
 
-    /// A write of `value` to the register at `offset`.
+    /// Writes `value` to the register at `offset`.
     pub fn write(&mut self, offset: u64, value: u32) {
         self.changes += 1;
         match offset {

@@ -1,4 +1,4 @@
-//! What comes over the bus, and the answers.
+//! Events on the bus, and the core's answers.
 
 use super::state::Core;
 use crate::model::usb::packets::{Handshake, InAnswer, Pid};
@@ -9,19 +9,19 @@ use crate::model::usb::registers::{
 };
 
 impl Core {
-    /// The frame that began.
+    /// Handles the start of frame `number`.
     pub fn start_of_frame(&mut self, number: u32) {
         self.frame = number & 0x3FFF;
         self.latched |= GINTSTS_SOF;
     }
 
-    /// The bus has been idle for 3 ms.
+    /// Suspends the core, after 3 ms of silence.
     pub fn suspend(&mut self) {
         self.suspended = true;
         self.latched |= GINTSTS_ESUSP | GINTSTS_USBSUSP;
     }
 
-    /// The host drives a resume.
+    /// Resumes the core.
     pub fn resume(&mut self) {
         if self.suspended {
             self.suspended = false;
@@ -29,7 +29,7 @@ impl Core {
         }
     }
 
-    /// A reset of the bus begins.
+    /// Begins a reset of the bus.
     pub fn bus_reset_begins(&mut self) {
         self.changes += 1;
         if self.suspended {
@@ -44,12 +44,12 @@ impl Core {
         }
     }
 
-    /// A reset of the bus ends, and the speed is known.
+    /// Ends a reset of the bus; the speed is known from then on.
     pub fn bus_reset_ends(&mut self) {
         self.latched |= GINTSTS_ENUMDNE;
     }
 
-    /// A SETUP packet: acknowledged if there is room for it.
+    /// Takes a SETUP packet, and acknowledges it if there is room for it.
     pub fn setup(&mut self, data: [u8; 8]) -> Option<Handshake> {
         self.changes += 1;
         if !self.has_room(data.len()) {
@@ -70,12 +70,12 @@ impl Core {
         Some(Handshake::Ack)
     }
 
-    /// Whether a SETUP came, and no token since.
+    /// True after a SETUP until the next token.
     pub fn in_setup_stage(&self) -> bool {
         self.setup_stage
     }
 
-    /// The first token after a SETUP ends the setup stage.
+    /// Ends the setup stage at the first token after a SETUP.
     fn end_setup_stage(&mut self) {
         if std::mem::take(&mut self.setup_stage) {
             self.changes += 1;
@@ -83,7 +83,7 @@ impl Core {
         }
     }
 
-    /// What an OUT packet of `bytes` would be answered with; none where the device is silent.
+    /// The handshake that an OUT packet of `bytes` would get; none if the device would be silent.
     pub fn answer_out(&self, index: usize, bytes: usize) -> Option<Handshake> {
         let endpoint = self.outputs.get(index)?;
         if index != 0 && !endpoint.active {
@@ -102,7 +102,7 @@ impl Core {
         })
     }
 
-    /// An OUT packet that came whole, and its handshake; none where the device is silent.
+    /// Takes an OUT packet that came whole; returns its handshake, or none if the device is silent.
     pub fn out(&mut self, index: usize, pid: Pid, data: &[u8]) -> Option<Handshake> {
         if index == 0 {
             self.end_setup_stage();
@@ -111,7 +111,7 @@ impl Core {
         if answer == Handshake::Ack {
             self.changes += 1;
             let endpoint = &mut self.outputs[index];
-            // One that came twice is acknowledged twice, and taken once.
+            // A packet that comes twice is acknowledged twice, and taken once.
             if endpoint.pid() == pid {
                 endpoint.odd = !endpoint.odd;
                 endpoint.packets = endpoint.packets.saturating_sub(1);
@@ -128,7 +128,7 @@ impl Core {
         Some(answer)
     }
 
-    /// What an IN token would be answered with; none where the device is silent.
+    /// The answer that an IN token would get; none if the device would be silent.
     pub fn answer_in(&self, index: usize) -> Option<InAnswer> {
         let endpoint = self.inputs.get(index)?;
         if index != 0 && !endpoint.active {
@@ -154,7 +154,7 @@ impl Core {
         Some(InAnswer::Data(endpoint.pid(), data))
     }
 
-    /// An IN token; none where the device is silent.
+    /// Takes an IN token; returns its answer, or none if the device is silent.
     pub fn token_in(&mut self, index: usize) -> Option<InAnswer> {
         if index == 0 {
             self.end_setup_stage();
@@ -166,10 +166,10 @@ impl Core {
         Some(answer)
     }
 
-    /// The host acknowledged the packet that the last IN token got.
+    /// Handles the host's acknowledgement of the packet that the last IN token got.
     pub fn acknowledged(&mut self, index: usize) {
         let Some(InAnswer::Data(_, data)) = self.answer_in(index) else {
-            // The firmware took it back meanwhile.
+            // The firmware has withdrawn the packet meanwhile.
             return;
         };
         self.changes += 1;

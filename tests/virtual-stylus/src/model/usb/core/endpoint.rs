@@ -1,4 +1,4 @@
-//! One endpoint, one way.
+//! One endpoint, in one direction.
 
 use crate::model::usb::packets::Pid;
 use crate::model::usb::registers::{
@@ -50,11 +50,11 @@ impl Endpoint {
         }
     }
 
-    /// The bits that mean the same for both directions.
+    /// Writes the bits that both directions have in common.
     pub(super) fn write_control(&mut self, index: usize, value: u32) {
         self.kept = value & EPCTL_KEPT;
         self.active = value & EPCTL_USBAEP != 0;
-        // Of a control endpoint the core alone ends a stall, when a SETUP comes.
+        // The stall of a control endpoint is ended by the core only, when a SETUP comes.
         self.stalled = value & EPCTL_STALL != 0 || index == 0 && self.stalled;
         if value & EPCTL_CNAK != 0 {
             self.nak = false;

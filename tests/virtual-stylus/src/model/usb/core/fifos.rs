@@ -1,4 +1,4 @@
-//! The FIFOs, one for all that is received and one an endpoint for what is sent.
+//! The FIFOs: one for everything received, and one per endpoint for transmission.
 
 use super::state::{Core, Received};
 use crate::model::usb::packets::Pid;
@@ -23,7 +23,7 @@ impl Core {
 
     pub(super) fn pop_status(&mut self) -> u32 {
         self.changes += 1;
-        // Data that was not read is behind; the next status is the next entry's.
+        // Data words that were not read stay queued; the next status is that of the next entry.
         let Some(entry) = self.received.pop_front() else {
             return 0;
         };
@@ -52,7 +52,7 @@ impl Core {
     }
 
     pub(super) fn has_room(&self, bytes: usize) -> bool {
-        // Its status, and that of the transfer's end.
+        // One word for its status, and one for the status of the transfer's end.
         self.held_words() + bytes.div_ceil(4) as u32 + 2 <= self.receive_words
     }
 

@@ -1,5 +1,5 @@
-//! The core itself: registers, FIFOs and endpoints, without a bus and without time. The bus calls it with what came over the
-//! wire, and gets the handshake.
+//! The core itself: registers, FIFOs and endpoints, without a bus and without time. The bus calls it with the packets
+//! on the wire, and gets the handshakes.
 
 mod access;
 mod bus;

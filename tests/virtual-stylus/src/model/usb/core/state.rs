@@ -1,4 +1,4 @@
-//! What the core holds, and what follows from it: interrupts, address, pull-up.
+//! State of the core, and the interrupts, address and pull-up that follow from it.
 
 use std::collections::VecDeque;
 
@@ -19,7 +19,7 @@ pub(super) struct Received {
     pub(super) words: VecDeque<u32>,
 }
 
-/// What a driver asked for that the manual does not describe, or the model leaves out.
+/// A register, and the request to it that the manual does not describe or the model leaves out.
 pub type Told = (&'static str, &'static str);
 
 /// The core.
@@ -95,28 +95,28 @@ impl Default for Core {
 }
 
 impl Core {
-    /// How often anything changed that the answers to the bus depend on.
+    /// Number of changes of the state that the answers to the bus depend on.
     pub fn changes(&self) -> u64 {
         self.changes
     }
 
-    /// What was asked for and is not described or not modelled, since this was asked last.
+    /// Takes the requests since the last call that are not described or not modelled.
     pub fn take_told(&mut self) -> Vec<Told> {
         std::mem::take(&mut self.told)
     }
 
-    /// Whether the core pulls its line up, so that a host sees a full-speed device.
+    /// True while the core pulls its line up, so that a host sees a full-speed device.
     pub fn is_connected(&self) -> bool {
         let session = if self.otg_control & GOTGCTL_BVALOEN != 0 {
             self.otg_control & GOTGCTL_BVALOVAL != 0
         } else {
-            // The pin that would sense VBUS is not wired.
+            // The pin that senses VBUS is not connected.
             self.general_config & GCCFG_VBDEN == 0
         };
         session && self.general_config & GCCFG_PWRDWN != 0 && self.device_control & DCTL_SDIS == 0
     }
 
-    /// The address that the core answers at.
+    /// The address at which the core answers.
     pub fn address(&self) -> u8 {
         self.address
     }
@@ -125,7 +125,7 @@ impl Core {
         self.address = (self.device_config >> 4 & 0x7F) as u8;
     }
 
-    /// Whether the core asks for an interrupt.
+    /// True while the core asserts its interrupt.
     pub fn interrupt(&self) -> bool {
         self.bus_config & GAHBCFG_GINTMSK != 0 && self.status() & self.mask != 0
     }

@@ -1,6 +1,6 @@
-//! Packets that break by chance.
+//! Random breaks of packets.
 
-/// Chance from a seed (splitmix64).
+/// Random numbers from a seed (SplitMix64).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chance {
     pub(super) state: u64,

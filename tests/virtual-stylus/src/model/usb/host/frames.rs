@@ -1,4 +1,4 @@
-//! What happens on the bus: frames, and what is due in each.
+//! The bus in time: resets, silence, frames, and the transactions of each frame.
 
 use super::pending::{Packets, Pending, Pipe};
 use super::state::{Bus, Host, Mishap, RESET_NS};
@@ -11,8 +11,8 @@ use crate::model::usb::packets::{Handshake, InAnswer};
 const SUSPEND_NS: u64 = 3_000_000;
 
 impl Host {
-    /// Does what is due at `now_ns`, the core's changes since the last call considered; when it wants to be called again at
-    /// the latest.
+    /// Does what is due at `now_ns`, after any change of the core since the last call; returns the latest instant of
+    /// the next call.
     pub fn advance(&mut self, now_ns: u64, core: &mut Core) -> Option<u64> {
         let is_pulled_up = core.is_connected();
         if is_pulled_up && !self.is_pulled_up {
@@ -53,7 +53,7 @@ impl Host {
         }
     }
 
-    /// Without a pull-up nobody hears the silence; with one the core does, even when the cable is out.
+    /// Suspends the core after the silence. The core notices it while its pull-up is on, even without a cable.
     fn quiet(&mut self, now_ns: u64, core: &mut Core) -> Option<u64> {
         let due_ns = self.quiet_from_ns + SUSPEND_NS;
         if !self.is_pulled_up || self.quiet_told {
@@ -114,7 +114,7 @@ impl Host {
             return None;
         }
         if self.refused_at.take().is_some() {
-            // All this while it was asked again and again.
+            // Until now the device was asked again and again.
             let round: u64 = (self.queue.values())
                 .map(|waiting| refusal_nanos(&waiting[0].packets()))
                 .sum();
@@ -150,7 +150,7 @@ impl Host {
     }
 }
 
-/// Whether the core would refuse the transfer's next transaction, and nothing else would happen.
+/// True if the core would refuse the transfer's next transaction without any other effect.
 fn refused(pending: &Pending, core: &Core) -> bool {
     match pending.packets() {
         Packets::Setup(_) => false,

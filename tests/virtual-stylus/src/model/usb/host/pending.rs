@@ -47,7 +47,7 @@ impl Pending {
                 endpoint: 0,
                 data: rest(data),
             },
-            // The status goes the other way than the data (section 8.5.3).
+            // The status goes in the opposite direction to the data (section 8.5.3).
             (Transfer::Control { .. }, Stage::Status) if self.is_read() && self.asked() > 0 => {
                 Packets::Out {
                     endpoint: 0,
@@ -69,7 +69,7 @@ impl Pending {
         matches!(&self.transfer, Transfer::Control { setup, .. } if setup[0] & 0x80 != 0)
     }
 
-    /// Bytes that are wanted from the device.
+    /// Number of bytes wanted from the device.
     pub(super) fn asked(&self) -> usize {
         match &self.transfer {
             Transfer::Control { setup, .. } => {
@@ -80,7 +80,7 @@ impl Pending {
         }
     }
 
-    /// After `bytes` of data were acknowledged by the device; whether the transfer is over.
+    /// Goes on after the device has acknowledged `bytes` of data; true if the transfer is over.
     pub(super) fn took(&mut self, bytes: usize) -> bool {
         self.sent += bytes;
         match (&self.transfer, self.stage) {
@@ -96,7 +96,7 @@ impl Pending {
         }
     }
 
-    /// After `data` came from the device; whether the transfer is over.
+    /// Goes on after `data` from the device; true if the transfer is over.
     pub(super) fn got(&mut self, data: &[u8]) -> Result<bool, TransferError> {
         let is_control = matches!(self.transfer, Transfer::Control { .. });
         if is_control && self.stage == Stage::Status {
@@ -117,7 +117,7 @@ impl Pending {
         Ok(is_last && !is_control)
     }
 
-    /// After the device took the SETUP packet.
+    /// Goes on after the device has taken the SETUP packet.
     pub(super) fn set_up(&mut self) {
         let data = match &self.transfer {
             Transfer::Control { data, .. } => data.len(),

@@ -1,4 +1,4 @@
-//! What the host's software does.
+//! Calls of the host's software.
 
 use super::chance::Chance;
 use super::pending::{Pending, Pipe, Stage};
@@ -22,12 +22,12 @@ impl Host {
         }
     }
 
-    /// Whether the host sees a device's pull-up.
+    /// True while the host sees a device's pull-up.
     pub fn sees_device(&self) -> bool {
         self.sees_device
     }
 
-    /// Whether frames are sent.
+    /// True while frames are sent.
     pub fn is_running(&self) -> bool {
         self.bus == Bus::Running
     }
@@ -45,7 +45,7 @@ impl Host {
         }
     }
 
-    /// Sends nothing more; the device is suspended 3 ms later. What waits goes on after a resume.
+    /// Sends nothing more, so that the device is suspended 3 ms later. Transfers that wait go on after a resume.
     pub fn suspend(&mut self, now_ns: u64) {
         if self.bus == Bus::Running {
             self.go_quiet(Bus::Silent, now_ns);
@@ -61,12 +61,12 @@ impl Host {
         }
     }
 
-    /// The address that tokens are sent to from now on.
+    /// Sets the address of the tokens from now on.
     pub fn set_address(&mut self, address: u8) {
         self.address = address;
     }
 
-    /// From now on each packet breaks with a chance of so many in a million.
+    /// Breaks each packet from now on with a probability of `per_million` in a million.
     pub fn break_packets(&mut self, per_million: u64, seed: u64) {
         self.chance = Chance {
             state: seed,
@@ -74,18 +74,18 @@ impl Host {
         };
     }
 
-    /// Has something happen once so many more transactions were begun; the last one is lost with an even number, and is
-    /// carried out with an odd one.
+    /// Schedules `mishap` for the time when `transactions` more transactions have begun. With an even number the last
+    /// one is lost, with an odd one it is carried out.
     pub fn have(&mut self, mishap: Mishap, transactions: u64) {
         self.mishap = Some((self.traffic.transactions + transactions, mishap));
     }
 
-    /// Whether what was to happen has happened.
+    /// True once the mishap has happened.
     pub fn has_happened(&self) -> bool {
         self.mishap.is_none()
     }
 
-    /// Puts `transfer` behind what waits for the same pipe.
+    /// Puts `transfer` behind those that wait for the same pipe.
     pub fn submit(&mut self, transfer: Transfer) -> TransferId {
         let id = TransferId(self.next_id);
         self.next_id += 1;
@@ -106,7 +106,7 @@ impl Host {
         id
     }
 
-    /// Calls a transfer off; a transaction under way still ends on the wire, and nobody hears of it.
+    /// Cancels a transfer; a transaction under way still ends on the wire, without a report.
     pub fn cancel(&mut self, id: TransferId, now_ns: u64) {
         for waiting in self.queue.values_mut() {
             if let Some(position) = waiting.iter().position(|pending| pending.id == id) {
@@ -121,7 +121,7 @@ impl Host {
         }
     }
 
-    /// Begins the toggles of a bulk endpoint anew, one way, as after its halt was cleared.
+    /// Resets the toggle of a bulk endpoint in one direction, as after the end of its halt.
     pub fn reset_toggle(&mut self, address: u8) {
         let number = address & 0x0F;
         let pipe = if address & 0x80 == 0 {
@@ -132,12 +132,12 @@ impl Host {
         self.toggles.remove(&pipe);
     }
 
-    /// The transfers that ended since this was asked last, in the order of their ends.
+    /// Takes the transfers that have ended since the last call, in the order of their ends.
     pub fn take_completions(&mut self) -> Vec<Completion> {
         std::mem::take(&mut self.completions)
     }
 
-    /// What the bus carried since the power came on.
+    /// Counts of the bus's traffic since power-on.
     pub fn traffic(&self) -> Traffic {
         self.traffic
     }

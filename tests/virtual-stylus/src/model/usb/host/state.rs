@@ -1,4 +1,4 @@
-//! What the host holds between two calls.
+//! State of the host between two calls.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -7,20 +7,20 @@ use super::pending::{Packets, Pending, Pipe};
 use super::transfer::{Completion, TransferId};
 use crate::model::usb::packets::{InAnswer, Pid};
 
-/// What the bus carried.
+/// Counts of the bus's traffic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Transactions that were carried out.
     pub transactions: u64,
-    /// Those that the device refused for now.
+    /// Transactions that the device refused for now.
     pub naks: u64,
-    /// Those that were broken or not answered.
+    /// Transactions that were broken or not answered.
     pub broken: u64,
     /// Packets that came twice and were dropped by the host.
     pub repeated: u64,
 }
 
-/// What may happen in the middle of anything.
+/// A mishap, which may happen at any transaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mishap {
     /// The cable is pulled.
@@ -32,7 +32,7 @@ pub enum Mishap {
 /// A reset of the bus by a root port (section 7.1.7.5).
 pub const RESET_NS: u64 = 10_000_000;
 
-/// What is driven on the bus.
+/// State of the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Bus {
     /// The cable is out.
@@ -58,14 +58,15 @@ pub(super) struct Transaction {
     pub(super) sent: Sent,
 }
 
-/// What becomes of its packets on the wire.
+/// Fate of a transaction's packets on the wire.
 #[derive(Clone, Debug)]
 pub(super) enum Sent {
-    /// The device does not hear it, or not whole.
+    /// The device receives nothing, or nothing whole.
     Unheard,
-    /// The device hears all, and `is_answered` tells whether its handshake arrives.
+    /// The device receives all; its handshake arrives if `is_answered`.
     Heard { is_answered: bool },
-    /// What the device answered an IN token with, whether it arrives, and whether the host's handshake does.
+    /// The device's answer to an IN token, which arrives if `arrives`; the host's handshake arrives if
+    /// `is_acknowledged`.
     Answered {
         answer: InAnswer,
         arrives: bool,
@@ -77,7 +78,7 @@ pub(super) enum Sent {
 #[derive(Debug)]
 pub struct Host {
     pub(super) bus: Bus,
-    /// Since when nothing is sent, and whether the device has been suspended by it.
+    /// Beginning of the silence on the bus; `quiet_told` is set once the silence has suspended the device.
     pub(super) quiet_from_ns: u64,
     pub(super) quiet_told: bool,
     pub(super) is_pulled_up: bool,
@@ -89,7 +90,7 @@ pub struct Host {
     pub(super) turn: Option<Pipe>,
     pub(super) toggles: BTreeMap<Pipe, Pid>,
     pub(super) under_way: Option<Transaction>,
-    /// Everything due was refused, and nothing of the core has changed since this many changes.
+    /// The core's number of changes when it refused everything that was due.
     pub(super) refused_at: Option<u64>,
     pub(super) chance: Chance,
     pub(super) mishap: Option<(u64, Mishap)>,

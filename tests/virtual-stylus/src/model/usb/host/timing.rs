@@ -1,4 +1,4 @@
-//! How long things take on the wire.
+//! Durations on the wire.
 
 use super::pending::Packets;
 use super::transfer::PACKET_BYTES;
@@ -13,7 +13,7 @@ pub(super) const DATA_BITS: u64 = 35;
 /// Longest time to an answer, and the wait for one that does not come (section 7.1.19).
 pub(super) const TURNAROUND_BITS: u64 = 8;
 pub(super) const TIMEOUT_BITS: u64 = 18;
-/// What is left free at the end of a frame.
+/// Time left free at the end of a frame.
 pub(super) const GUARD_NS: u64 = 3_500;
 pub(super) fn nanos(bits: u64) -> u64 {
     bits * PICOS_PER_BIT / 1000
@@ -23,7 +23,7 @@ pub(super) fn data_nanos(bytes: usize) -> u64 {
     nanos(DATA_BITS + (bytes as u64 * 8 * 7).div_ceil(6))
 }
 
-/// How long a transaction takes that the device refuses.
+/// Duration of a transaction that the device refuses.
 pub(super) fn refusal_nanos(packets: &Packets) -> u64 {
     let data_ns = match packets {
         Packets::Setup(_) => data_nanos(8),
@@ -33,7 +33,7 @@ pub(super) fn refusal_nanos(packets: &Packets) -> u64 {
     data_ns + nanos(TOKEN_BITS + 2 * TURNAROUND_BITS + HANDSHAKE_BITS)
 }
 
-/// How long a transaction takes at the longest.
+/// Longest duration of a transaction.
 pub(super) fn longest_nanos(packets: &Packets) -> u64 {
     refusal_nanos(packets)
         + match packets {

@@ -1,4 +1,4 @@
-//! One transaction: its packets on the wire, and what it comes to.
+//! One transaction: its packets on the wire, and its outcome.
 
 use std::collections::VecDeque;
 
@@ -78,7 +78,7 @@ impl Host {
         }
     }
 
-    /// Ends it, and its transfer if it was the last.
+    /// Ends the transaction, and its transfer if the transaction was the last.
     pub(super) fn end(&mut self, transaction: Transaction, core: &mut Core) {
         self.traffic.transactions += 1;
         let Transaction {
@@ -131,7 +131,7 @@ impl Host {
             return;
         };
         if pending.id != id {
-            // It was called off meanwhile.
+            // The transfer was cancelled meanwhile.
             return;
         }
         let is_over = match outcome {
@@ -185,7 +185,7 @@ impl Host {
     }
 }
 
-/// What a transaction came to, as the host knows it.
+/// Outcome of a transaction, as the host knows it.
 enum Outcome {
     SetUp,
     Took(usize),

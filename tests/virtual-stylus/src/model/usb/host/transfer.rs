@@ -7,7 +7,7 @@ pub const PACKET_BYTES: usize = 64;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TransferId(pub(super) u64);
 
-/// What a transfer is asked to do.
+/// A transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Transfer {
     /// A control transfer to endpoint 0.
@@ -21,31 +21,31 @@ pub enum Transfer {
     Out {
         /// The endpoint's number.
         endpoint: u8,
-        /// All of it.
+        /// The data.
         data: Vec<u8>,
     },
     /// Data from a bulk endpoint, until a packet is not full or all of `bytes` is there.
     In {
         /// The endpoint's number.
         endpoint: u8,
-        /// How much.
+        /// Number of bytes wanted.
         bytes: usize,
     },
 }
 
-/// Why a transfer failed.
+/// Reason for which a transfer failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TransferError {
     /// The device answered STALL.
     #[error("the device stalled it")]
     Stall,
-    /// Three tries of a transaction were not answered, or broken.
+    /// Three tries of a transaction were broken or not answered.
     #[error("it was not answered, three times")]
     NotAnswered,
     /// The device sent more than was asked for.
     #[error("the device sent more than was asked for")]
     Babble,
-    /// It was called off.
+    /// The transfer was cancelled.
     #[error("it was called off")]
     Cancelled,
     /// There is no device.
@@ -53,13 +53,13 @@ pub enum TransferError {
     Gone,
 }
 
-/// How a transfer ended.
+/// The end of a transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Completion {
-    /// Which.
+    /// Number of the transfer.
     pub id: TransferId,
-    /// When, in nanoseconds of virtual time.
+    /// Instant, in nanoseconds of virtual time.
     pub at_ns: u64,
-    /// What came from the device, if the transfer went well.
+    /// Data from the device, or the reason of the failure.
     pub result: Result<Vec<u8>, TransferError>,
 }
