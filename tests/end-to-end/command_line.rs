@@ -1,4 +1,4 @@
-//! The command from outside: what it does with good input, and what it says of bad.
+//! The command from outside: its results on good input, and its messages about bad input.
 
 mod support;
 
@@ -46,7 +46,7 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
     for texture in figures["textures"].as_array().unwrap() {
         let cost = texture["mean_cost"].as_f64().unwrap();
         let floor = texture["mean_cost_floor"].as_f64().unwrap();
-        // Autoregressive recordings are what the models are: the cost is what the synthesis' own noise makes it.
+        // The recordings are autoregressive as the models are, so the cost is that of the synthesis' own noise.
         assert!(cost < 1.2 * floor, "{texture}");
     }
     bench.succeed(
@@ -422,7 +422,7 @@ fn any_pcm_or_float_wav_and_csv_give_the_same_model() {
     }
 }
 
-/// What NumPy users write: IEEE float samples of 64 bits.
+/// A WAV file as NumPy writes it: IEEE float samples of 64 bits.
 fn double_wav(signal: &[f64]) -> Vec<u8> {
     let data = signal.len() as u32 * 8;
     let mut bytes = Vec::new();

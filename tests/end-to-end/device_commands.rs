@@ -1,4 +1,4 @@
-//! Commands to a stylus that does as it should: what is told is done, and read back.
+//! Commands to a stylus without faults: each is carried out, and its effect read back.
 
 mod support;
 
@@ -110,7 +110,7 @@ fn a_constant_motion_is_sent_at_its_rate_until_the_end_and_the_stop_is_read_back
     assert!(output.status.success(), "{}", text(&output.stderr));
     let report = json(&text(&output.stdout));
     let number = |name: &str| report[name].as_u64().unwrap();
-    // None is lost: what was not sent is counted.
+    // Every motion is counted, those that were not sent too.
     let slots = number("motions") + number("skipped");
     assert!((390..=402).contains(&slots), "{report}");
     let topics = stylus.count("stylus/motion/live");
@@ -179,7 +179,7 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     let report = json(&text(&output.stdout));
     assert_eq!(report["motions"], 0);
-    // One each 10 ms, but for what this computer was late.
+    // One per 10 ms, less the delays of this computer.
     let expected = report["seconds"].as_f64().unwrap() * 100.0;
     let found = report["keep_alives"].as_f64().unwrap();
     assert!(
@@ -191,7 +191,7 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
     let status = json(&bench.succeed(&format!("status --json --link {}", stylus.link())));
     let output = &status["status"]["output"];
     assert_eq!(output["activity"], "Idle");
-    // While it was played nothing muted it but the beginning and the end.
+    // Nothing muted it between the beginning and the end.
     assert_eq!(output["mute_counts"][1], 0, "{output}");
 }
 
@@ -211,7 +211,7 @@ fn stop_stops_what_another_program_plays_and_may_be_said_twice() {
         &link,
     ]);
     wait_for("motions", || stylus.count("stylus/motion/live") >= 20);
-    // This stylus has one link; whoever comes takes it.
+    // This stylus has one link, and a new connection takes it.
     let stopped = json(&bench.succeed(&format!("stop --json --link {link}")));
     assert_eq!(stopped["was_playing"], true);
     let again = json(&bench.succeed(&format!("stop --json --link {link}")));
@@ -350,7 +350,7 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     let sights: Vec<Value> = seen.lines().map(json).collect();
     assert!(sights.len() >= 3, "{seen}");
     let level = &sights[1]["level"];
-    // 768 codes to either side, 3.3 V / 65 536 a code, 29.72 m/s² per V.
+    // 768 codes to either side, 3.3 V / 65 536 per code, 29.72 m/s² per V.
     let rms = 768.0 * 3.3 / 65_536.0 * 29.72;
     assert!(
         (level["rms_m_s2"].as_f64().unwrap() - rms).abs() < 1e-3,

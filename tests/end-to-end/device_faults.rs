@@ -1,4 +1,4 @@
-//! Links and devices that fail: what goes on, and what is said when it cannot.
+//! Links and devices that fail: the commands that recover, and the messages of those that cannot.
 
 mod support;
 
@@ -71,7 +71,7 @@ fn an_upload_that_was_killed_is_resumed_by_the_next() {
 fn an_upload_whose_last_answer_was_lost_is_not_begun_again() {
     let (stylus, bench, bytes) = bench();
     let chunks = bytes.len().div_ceil(MAX_CHUNK_BYTES);
-    // Who it is, begin, the chunks, and the commit.
+    // The device's description, the begin, the chunks and the commit.
     stylus.fail(Faults {
         close_every: Some(chunks + 3),
         ..Faults::default()
@@ -123,7 +123,7 @@ fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
         busy: true,
         ..Faults::default()
     });
-    // Sixteen times as long as for other answers.
+    // The timeout is sixteen times that of other answers.
     let message = bench.refuse(&format!("list --timeout 0.2 --link {link}"));
     assert!(
         message.contains("the device did not take its slots"),
@@ -186,16 +186,16 @@ fn an_answer_that_comes_too_late_is_no_answer_to_what_is_asked_next() {
     );
     stylus.fail(Faults::default());
     let first = device.status().unwrap().uptime_ms;
-    // The late answer is older than this one; it has come by now and is not taken for the next.
+    // The late answer has come by now; it is older than this one, and must not be taken for it.
     std::thread::sleep(Duration::from_millis(700));
     let second = device.status().unwrap().uptime_ms;
     assert!(second >= first + 600, "{first} {second}");
 }
 
-/// Makes a device another.
+/// Changes a device's description of itself.
 type Disguise = fn(&mut DeviceInfo);
 
-/// What a user reads when the device says that it is `disguise`.
+/// The message to a user of a device with `disguise`.
 fn said_to(disguise: Disguise, arguments: &str) -> String {
     let (stylus, bench, _) = bench();
     stylus.fail(Faults {
@@ -203,7 +203,7 @@ fn said_to(disguise: Disguise, arguments: &str) -> String {
         ..Faults::default()
     });
     let message = bench.refuse(&format!("{arguments} --link {}", stylus.link()));
-    // Nothing but who it is was asked.
+    // Nothing but its description was asked for.
     let heard = stylus.take_heard();
     assert!(heard.iter().all(|heard| heard.path == "stylus/info"));
     message
@@ -285,10 +285,10 @@ fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_an
         .unwrap();
     assert!(output.status.success(), "{}", support::text(&output.stderr));
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
-    // Two answers of 100 ms at a time, each for 16 motions: at most 320 a second.
+    // Two answers of 100 ms at a time, each for 16 motions: at most 320 motions per second.
     let motions = report["motions"].as_u64().unwrap();
     assert!(motions <= 700, "{report}");
     assert!(report["skipped"].as_u64().unwrap() > 0, "{report}");
-    // While motions wait, the device hears that the host is there.
+    // While motions wait, keep-alives tell the device that the host is there.
     assert!(report["keep_alives"].as_u64().unwrap() > 0, "{report}");
 }

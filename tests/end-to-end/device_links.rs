@@ -1,4 +1,4 @@
-//! The ways to a stylus: a serial port, TCP, USB; and what is said where there is none.
+//! Links to a stylus: a serial port, TCP and USB; and the messages where there is no stylus.
 
 mod support;
 
@@ -8,7 +8,7 @@ use fake_stylus::FakeStylus;
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
 use support::{Bench, text};
 
-/// A pseudo-terminal in front of a stylus; its other end is a serial port like any.
+/// A pseudo-terminal in front of a stylus, whose other end is an ordinary serial port.
 #[cfg(unix)]
 mod port {
     use std::time::Duration;
@@ -18,10 +18,10 @@ mod port {
     use tokio::runtime::Runtime;
     use tokio_serial::{SerialPort, SerialStream};
 
-    /// Bytes go both ways until it is dropped.
+    /// Carries bytes both ways until it is dropped.
     pub struct Port {
         pub name: String,
-        /// Our own hold of the port.
+        /// The test's own handle of the port.
         pub held: Option<SerialStream>,
         _runtime: Runtime,
     }
@@ -51,7 +51,7 @@ mod port {
                 Ok(0) => return,
                 Ok(count) if to.write_all(&buffer[..count]).await.is_err() => return,
                 Ok(_) => {}
-                // A terminal whose other end nobody has open.
+                // A terminal whose other end is not open.
                 Err(_) => tokio::time::sleep(Duration::from_millis(5)).await,
             }
         }
@@ -107,7 +107,7 @@ fn where_there_is_no_device_one_line_says_so() {
         ("serial:/dev/null", "is it a serial port?"),
         ("tcp:127.0.0.1:1", "nothing listens there"),
         ("tcp:no-such-host.invalid:4000", "cannot be opened"),
-        // Where a stylus is plugged in, it does not have this number.
+        // If a stylus is plugged in, it has another serial number.
         ("usb:no-such-serial", "on USB"),
     ] {
         let message = bench.refuse(&format!("status --link {link}"));

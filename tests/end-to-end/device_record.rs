@@ -1,4 +1,4 @@
-//! Recording from a stylus: what was on the pins is in the set, holes are not, and a fit reads it.
+//! Recording from a stylus: the set holds what was on the pins, without the holes, and a fit reads it.
 
 mod support;
 
@@ -82,7 +82,7 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
         let trials = std::fs::read_to_string(trial).unwrap().lines().count() - 2;
         let axes = samples(&bench, trials);
         assert_eq!(axes[0].len(), 10_000);
-        // Where in the signal's loop the recording began is the clock's matter.
+        // The recording begins anywhere in the signal's loop.
         let codes: Vec<[i64; 3]> = (0..10_000)
             .map(|n| {
                 let code = |axis: usize| {
@@ -120,7 +120,7 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
     assert_eq!(second["already_there"], 1);
     assert_eq!(second["recorded"].as_array().unwrap().len(), 1);
     assert_eq!(stylus.count("stylus/record/start"), 1);
-    // The hand is not as fast as it should be, and that is told.
+    // The hand is too slow, and the report says so.
     let verdicts = second["recorded"][0]["verdicts"].to_string();
     assert!(verdicts.contains("instead of 200 mm/s"), "{verdicts}");
     let before = samples(&bench, 0);
@@ -202,7 +202,8 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
         "--trials points.csv --seconds 0.5 --settle 0",
     );
     let mut keyboard = child.stdin.take().unwrap();
-    // The first is good; the second too slow: again, then kept; the third is left out; at the fourth it ends.
+    // The first trial is good. The second is too slow, and is repeated, then kept. The third is left out; the fourth
+    // ends it.
     keyboard.write_all(b"\n\nr\n\n\ns\nq\n").unwrap();
     let output = child.wait_with_output().unwrap();
     let said = text(&output.stderr);
@@ -217,7 +218,7 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
     let set = host_tools::recording::RecordingSet::open(&[bench.path("set")]).unwrap();
     let listed: Vec<f64> = set.trials.iter().map(|trial| trial.speed_mm_s).collect();
     assert_eq!(listed, [100.0, 200.0]);
-    // Another day: one is left out, one is kept for want of a better one, and that is all.
+    // A second session: one trial is left out, one is kept although it is too slow, and the session ends.
     let mut child = spawn(
         &stylus,
         &bench,
@@ -384,7 +385,7 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
     let lost = rows.iter().filter(|row| row[1].is_nan()).count() as u64;
     assert!(lost > 0, "{report}");
     assert_eq!(report["lost_samples"], lost);
-    // Time goes on in the holes, and speed and force are right beside them.
+    // Time goes on in the holes, and the speed and force beside them are right.
     for (n, row) in rows.iter().enumerate() {
         assert!((row[0] - n as f64 / 5000.0).abs() < 1e-9);
         assert!(

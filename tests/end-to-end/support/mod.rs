@@ -1,4 +1,4 @@
-//! What the end-to-end tests share: the built command, folders, and recordings made on the spot.
+//! Support for the end-to-end tests: the built command, folders, and synthetic recordings.
 
 #![allow(dead_code, reason = "each test uses a part of it")]
 
@@ -13,7 +13,7 @@ use tempfile::TempDir;
 /// Sample rate of the recordings made here, Hz.
 pub const RATE_HZ: u32 = 5000;
 
-/// A folder of a test's own, and the command run in it.
+/// A temporary folder, and the command run in it.
 pub struct Bench(TempDir);
 
 impl Bench {
@@ -27,7 +27,7 @@ impl Bench {
         self.0.path().join(name)
     }
 
-    /// Writes a file, and the folders above it.
+    /// Writes a file, and makes the folders above it.
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
         let path = self.path(name);
         std::fs::create_dir_all(path.parent().expect("it is in the folder")).expect("made");
@@ -43,7 +43,7 @@ impl Bench {
             .expect("the command runs")
     }
 
-    /// Starts `stylus` with these arguments, and goes on.
+    /// Starts `stylus` with these arguments, without waiting for its end.
     pub fn spawn<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Child {
         Command::new(env!("CARGO_BIN_EXE_stylus"))
             .args(arguments)
@@ -55,7 +55,7 @@ impl Bench {
             .expect("the command starts")
     }
 
-    /// Runs `stylus`, which must succeed, and gives what it printed.
+    /// Runs `stylus`, which must succeed; gives its standard output.
     pub fn succeed(&self, arguments: &str) -> String {
         let output = self.run(arguments);
         let (out, err) = (text(&output.stdout), text(&output.stderr));
@@ -76,7 +76,7 @@ impl Bench {
         message
     }
 
-    /// The names in the folder.
+    /// The names in the folder, sorted.
     pub fn names(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.0.path()).expect("the folder is there");
         let mut names: Vec<String> = entries
@@ -128,7 +128,7 @@ pub fn all_pole(a: &[f64], excitation: &[f64]) -> Vec<f64> {
     output
 }
 
-/// A WAV file's bytes, 32-bit float, one channel an axis.
+/// A WAV file's bytes, 32-bit float, one channel per axis.
 pub fn wav(axes: &[&[f64]], rate_hz: u32) -> Vec<u8> {
     let spec = hound::WavSpec {
         channels: axes.len() as u16,
@@ -149,7 +149,7 @@ pub fn wav(axes: &[&[f64]], rate_hz: u32) -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// Waits until `is_there`, but not for ever.
+/// Waits until `is_there`, for 20 s at most.
 pub fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
     let begin = Instant::now();
     while !is_there() {
@@ -161,7 +161,7 @@ pub fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
     }
 }
 
-/// Ctrl-C.
+/// Sends Ctrl-C to `child`.
 #[cfg(unix)]
 pub fn interrupt(child: &Child) {
     let pid = child.id().to_string();
