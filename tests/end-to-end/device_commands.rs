@@ -7,11 +7,7 @@ use std::process::Command;
 use fake_stylus::library::library;
 use fake_stylus::{FakeStylus, Hand};
 use serde_json::Value;
-use support::{Bench, interrupt, text, wait_for};
-
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap_or_else(|failure| panic!("{failure}: {text}"))
-}
+use support::{Bench, PLAY, interrupt, json, text, wait_for};
 
 /// A stylus with an active library of one texture, and a folder with the library in it.
 fn ready() -> (FakeStylus, Bench) {
@@ -199,17 +195,7 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
 fn stop_stops_what_another_program_plays_and_may_be_said_twice() {
     let (stylus, bench) = ready();
     let link = stylus.link();
-    let mut player = bench.spawn([
-        "play",
-        "--texture",
-        "texture 0",
-        "--speed",
-        "50",
-        "--force",
-        "1",
-        "--link",
-        &link,
-    ]);
+    let mut player = bench.spawn(PLAY.into_iter().chain(["--link", &link]));
     wait_for("motions", || stylus.count("stylus/motion/live") >= 20);
     // This stylus has one link, and a new connection takes it.
     let stopped = json(&bench.succeed(&format!("stop --json --link {link}")));

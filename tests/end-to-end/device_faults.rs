@@ -9,7 +9,7 @@ use fake_stylus::library::library;
 use fake_stylus::{FakeStylus, Faults};
 use model_format::link::{DeviceInfo, MAX_CHUNK_BYTES};
 use serde_json::Value;
-use support::{Bench, wait_for};
+use support::{Bench, PLAY, json, text, wait_for};
 
 /// A stylus, and a folder with a library of about 100 KB.
 fn bench() -> (FakeStylus, Bench, Vec<u8>) {
@@ -20,11 +20,10 @@ fn bench() -> (FakeStylus, Bench, Vec<u8>) {
 }
 
 fn upload(stylus: &FakeStylus, bench: &Bench) -> Value {
-    let said = bench.succeed(&format!(
+    json(&bench.succeed(&format!(
         "upload a.lib --json --activate --link {}",
         stylus.link()
-    ));
-    serde_json::from_str(&said).unwrap()
+    )))
 }
 
 #[test]
@@ -97,7 +96,7 @@ fn answers_that_break_on_the_way_and_noise_between_them_do_no_harm() {
         "upload a.lib --json --timeout 0.4 --link {}",
         stylus.link()
     ));
-    let report: Value = serde_json::from_str(&said).unwrap();
+    let report = json(&said);
     assert_eq!(report["bytes"], bytes.len());
     assert!(report["retries"].as_u64().unwrap() >= 1, "{report}");
 }
@@ -271,20 +270,12 @@ fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_an
         ..Faults::default()
     });
     let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
-        .args([
-            "play",
-            "--texture",
-            "texture 0",
-            "--speed",
-            "50",
-            "--force",
-            "1",
-        ])
+        .args(PLAY)
         .args(["--seconds", "2", "--json", "--link", &stylus.link()])
         .output()
         .unwrap();
-    assert!(output.status.success(), "{}", support::text(&output.stderr));
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let report: Value = json(&text(&output.stdout));
     // Two answers of 100 ms at a time, each for 16 motions: at most 320 motions per second.
     let motions = report["motions"].as_u64().unwrap();
     assert!(motions <= 700, "{report}");

@@ -9,7 +9,7 @@ use std::time::Duration;
 use fake_stylus::{FakeStylus, Faults, Hand};
 use model_format::AdcCode;
 use serde_json::Value;
-use support::{Bench, all_pole, interrupt, noise, text, wait_for};
+use support::{Bench, all_pole, interrupt, json, noise, text, wait_for};
 
 /// Default scale of the accelerometer, m/s² per V.
 const SCALE: f64 = 29.72;
@@ -31,7 +31,7 @@ fn hand(speed_mm_s: f64, force_n: f64) -> Hand {
 
 fn report(output: &Output) -> Value {
     assert!(output.status.success(), "{}", text(&output.stderr));
-    serde_json::from_slice(&output.stdout).expect("a report")
+    json(&text(&output.stdout))
 }
 
 fn record(stylus: &FakeStylus, bench: &Bench, arguments: &str) -> Output {
@@ -285,7 +285,7 @@ fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
     );
     assert!(!bench.path("set/trials.csv").exists());
     let status = bench.succeed(&format!("status --json --link {}", stylus.link()));
-    let status: Value = serde_json::from_str(&status).unwrap();
+    let status = json(&status);
     assert_eq!(status["status"]["record"]["recording"], false);
 }
 
@@ -334,7 +334,7 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
         let recorded = bench.succeed(&format!(
             "record-strokes {name} --seconds 1.5 --json --link {link}"
         ));
-        let recorded: Value = serde_json::from_str(&recorded).unwrap();
+        let recorded = json(&recorded);
         assert_eq!(
             (&recorded["lost_samples"], &recorded["seconds"]),
             (&0.into(), &1.5.into())

@@ -12,7 +12,7 @@ use host_tools::recording::RecordingSet;
 use host_tools::rig::{self, Scene};
 use host_tools::stress::cases::{Length, suite};
 use serde_json::Value;
-use support::{Bench, RATE_HZ, all_pole, noise, text, wav};
+use support::{Bench, RATE_HZ, all_pole, json, noise, text, wav};
 
 /// Two takes of denim at two speeds and two forces.
 fn simulated() -> Bench {
@@ -203,7 +203,7 @@ fn takes_of_something_else_are_refused_and_so_is_what_is_not_there() {
 
 fn budgeted(bench: &Bench, arguments: &str) -> Value {
     let printed = bench.succeed(&format!("fit rig5 --out a.lib --json {arguments}"));
-    serde_json::from_str(&printed).unwrap()
+    json(&printed)
 }
 
 #[test]
@@ -240,7 +240,7 @@ fn the_cost_that_is_foretold_of_a_budget_is_that_of_what_the_stylus_plays() {
     let bench = Bench::new();
     bench.write("surface.wav", wav(&[&surface()], RATE_HZ));
     let fit = "fit surface.wav --budget-cycles 389 --json --out a.lib";
-    let report: Value = serde_json::from_str(&bench.succeed(fit)).unwrap();
+    let report = json(&bench.succeed(fit));
     let budget = &report["budget"][0];
     assert_eq!(budget["capped"], 1, "{budget}");
     bench.succeed("evaluate surface.wav --library a.lib --json a.json");
@@ -280,7 +280,7 @@ fn a_budget_holds_the_highest_order_of_a_direct_form_that_fits() {
         let fit = format!(
             "fit surface.wav --structure direct --order 400 --budget-cycles {cycles} --json --out a.lib"
         );
-        let report: Value = serde_json::from_str(&bench.succeed(&fit)).unwrap();
+        let report = json(&bench.succeed(&fit));
         let order = report["textures"][0]["nodes"][0]["order"].as_u64().unwrap() as usize;
         let worst = |order| {
             let direct = FilterStructure::DirectForm32;

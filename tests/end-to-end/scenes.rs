@@ -4,23 +4,11 @@ mod support;
 
 use host_tools::spectrum::PowerSpectrum;
 use model_format::Library;
-use support::{Bench, RATE_HZ, all_pole, noise, wav};
+use support::{Bench, RATE_HZ, json, scaled, two_textures};
 
 /// A library of two textures at two speeds and forces.
 fn bench() -> Bench {
-    let bench = Bench::new();
-    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
-    for (texture, pole) in [("silk", 0.5), ("felt", -0.6)] {
-        for (speed, force) in [(50, 0.5), (50, 1.0), (150, 0.5), (150, 1.0)] {
-            let seed = speed * 10 + (force * 10.0) as u64;
-            let signal = all_pole(&[-pole * 1.2, 0.7], &noise(seed, 10_000));
-            let loud: Vec<f64> = signal.iter().map(|x| 3.0 * x).collect();
-            let name = format!("{texture}-{speed}-{force}.wav");
-            bench.write(&format!("set/{name}"), wav(&[&loud], RATE_HZ));
-            list.push_str(&format!("{name},{texture},{speed},{force}\n"));
-        }
-    }
-    bench.write("set/trials.csv", list);
+    let bench = two_textures(|signal| [scaled(signal, 3.0)]);
     bench.succeed("fit set --out cloths.lib");
     bench
 }
@@ -73,10 +61,6 @@ fn samples(bench: &Bench, name: &str) -> Vec<f32> {
     let reader = hound::WavReader::open(bench.path(name)).unwrap();
     assert_eq!(reader.spec().sample_rate, RATE_HZ);
     reader.into_samples().map(Result::unwrap).collect()
-}
-
-fn json(text: &str) -> serde_json::Value {
-    serde_json::from_str(text).unwrap()
 }
 
 #[test]

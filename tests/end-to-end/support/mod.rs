@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
+use serde_json::Value;
 use tempfile::TempDir;
 
 /// Sample rate of the recordings made here, Hz.
@@ -97,6 +98,47 @@ impl Default for Bench {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// A folder with the recordings `set` of two textures, silk and felt, at two speeds and two forces; `axes` makes the axes of
+/// a recording of an autoregressive signal.
+pub fn two_textures<const AXES: usize>(axes: impl Fn(&[f64]) -> [Vec<f64>; AXES]) -> Bench {
+    let bench = Bench::new();
+    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
+    for (texture, pole) in [("silk", 0.5), ("felt", -0.6)] {
+        for (speed, force) in [(50, 0.5), (50, 1.0), (150, 0.5), (150, 1.0)] {
+            let seed = speed * 10 + (force * 10.0) as u64;
+            let signal = all_pole(&[-pole * 1.2, 0.7], &noise(seed, 10_000));
+            let axes = axes(&signal);
+            let axes = axes.each_ref().map(Vec::as_slice);
+            let name = format!("{texture}-{speed}-{force}.wav");
+            bench.write(&format!("set/{name}"), wav(&axes, RATE_HZ));
+            list.push_str(&format!("{name},{texture},{speed},{force}\n"));
+        }
+    }
+    bench.write("set/trials.csv", list);
+    bench
+}
+
+/// `signal` times `factor`.
+pub fn scaled(signal: &[f64], factor: f64) -> Vec<f64> {
+    signal.iter().map(|x| factor * x).collect()
+}
+
+/// Arguments that play the first texture of a library of the fake stylus along a constant motion.
+pub const PLAY: [&str; 7] = [
+    "play",
+    "--texture",
+    "texture 0",
+    "--speed",
+    "50",
+    "--force",
+    "1",
+];
+
+/// A report that was printed as JSON.
+pub fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|failure| panic!("{failure}: {text}"))
 }
 
 /// Output as text.

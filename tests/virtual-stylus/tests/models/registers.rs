@@ -1,6 +1,5 @@
 //! Registers that the probe image does not use, written one by one without a core.
 
-use rigless::emulator::{Error, Memory};
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
@@ -9,6 +8,8 @@ use virtual_stylus::model::flash::Unreadable;
 use virtual_stylus::part::Part;
 use virtual_stylus::pins::ConstantPins;
 
+use crate::no_memory::NoMemory;
+
 const RCC: u64 = 0x5802_4400;
 const AHB1ENR: u64 = RCC + 0xD8;
 const APB1LENR: u64 = RCC + 0xE8;
@@ -16,19 +17,6 @@ const D3CCIPR: u64 = RCC + 0x58;
 const DAC: u64 = 0x4000_7400;
 const ADC1: u64 = 0x4002_2000;
 const IWDG1: u64 = 0x5800_4800;
-
-/// A memory for models that use none.
-struct NoMemory;
-
-impl Memory for NoMemory {
-    fn read(&mut self, address: u64, width: Width) -> Result<u64, Error> {
-        Err(Error::Memory { address, width })
-    }
-
-    fn write(&mut self, address: u64, width: Width, _value: u64) -> Result<(), Error> {
-        Err(Error::Memory { address, width })
-    }
-}
 
 /// The part with the clocks of the converters on, at an instant.
 struct Bench {

@@ -1,6 +1,5 @@
 //! The USB core, register by register, and the host at the other end of the cable.
 
-use rigless::emulator::{Error, Memory};
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
@@ -10,6 +9,8 @@ use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
 use virtual_stylus::model::usb::host::{Host, Transfer, TransferError};
 use virtual_stylus::part::Part;
 use virtual_stylus::pins::ConstantPins;
+
+use crate::no_memory::NoMemory;
 
 const GAHBCFG: u64 = 0x008;
 const GRSTCTL: u64 = 0x010;
@@ -309,19 +310,6 @@ fn a_new_address_counts_from_the_end_of_the_transfer_that_brought_it() {
     assert_eq!(core.address(), 9);
     core.write(DCFG, 0);
     assert_eq!(core.address(), 0);
-}
-
-/// A memory for models that use none.
-struct NoMemory;
-
-impl Memory for NoMemory {
-    fn read(&mut self, address: u64, width: Width) -> Result<u64, Error> {
-        Err(Error::Memory { address, width })
-    }
-
-    fn write(&mut self, address: u64, width: Width, _value: u64) -> Result<(), Error> {
-        Err(Error::Memory { address, width })
-    }
 }
 
 /// The part with a minimal driver, whose endpoint 1 receives and sends everything.
