@@ -1,4 +1,5 @@
-//! The removed-node test, denser grids, free hands, HaTT's models and the whole report, from the command line.
+//! The removed-node test, denser grids, strokes of a free hand, HaTT's models and the whole report, from the command
+//! line.
 
 mod support;
 
@@ -90,7 +91,7 @@ fn removed_nodes_are_predicted_alike_by_any_number_of_threads_and_better_by_the_
     assert!(own < dense, "{own} against {dense}");
 }
 
-/// A part of the default rig, for time: the figures over all of it are the README's.
+/// A part of the default rig, because all of it takes minutes; `host-tools/COSTS.md` has the figures for all.
 #[test]
 fn on_the_simulated_textures_the_dense_grid_halves_the_papers_error_and_keeps_nine_bands_in_ten() {
     let bench = Bench::new();
@@ -274,7 +275,7 @@ fn a_free_hands_file_that_cannot_be_used_is_named() {
     }
 }
 
-/// A model file of our own making, in HaTT's form.
+/// A made-up model file in HaTT's format.
 fn hatt(ar: &str, var: &str) -> String {
     let model = |ar: &str, var: &str, speed: u32, force: f64| {
         format!(

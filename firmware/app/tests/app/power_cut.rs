@@ -7,8 +7,8 @@ use model_format::link::{LIBRARY_CRC, MAX_CHUNK_BYTES, SlotId};
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
 
-use crate::flash::{Cut, Memory, Operation, SECTOR_BYTES, SimulatedFlash};
-use crate::library::{announcement, library, upload};
+use fake_stylus::flash::{Cut, Memory, Operation, SECTOR_BYTES, SimulatedFlash};
+use fake_stylus::library::{announcement, library, upload};
 
 /// Flash with `bytes` in slot A, as an upload leaves it.
 fn with_library(bytes: &[u8]) -> Memory {

@@ -4,7 +4,7 @@ use embassy_futures::block_on;
 use model_format::link::{FlashOperation, Setting, SettingChange, Settings, SettingsError};
 use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
 
-use crate::flash::{Cut, Fault, Memory, Operation, SECTOR_BYTES, SimulatedFlash};
+use fake_stylus::flash::{Cut, Fault, Memory, Operation, SECTOR_BYTES, SimulatedFlash};
 
 const RANGE: core::ops::Range<u32> = 0..2 * SECTOR_BYTES as u32;
 

@@ -6,8 +6,8 @@ use model_format::link::{ListError, SlotFault, SlotId, SlotState};
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
 
-use crate::flash::{Memory, SimulatedFlash};
-use crate::library::{announcement, library, upload};
+use fake_stylus::flash::{Memory, SimulatedFlash};
+use fake_stylus::library::{announcement, library, upload};
 
 /// Flash with two libraries, of which the one in slot B is newer.
 fn two_libraries() -> (Memory, Vec<u8>, Vec<u8>) {

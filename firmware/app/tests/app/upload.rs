@@ -11,8 +11,8 @@ use proptest::prelude::*;
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
 
-use crate::flash::{Fault, Memory, SimulatedFlash};
-use crate::library::{announcement, library, upload};
+use fake_stylus::flash::{Fault, Memory, SimulatedFlash};
+use fake_stylus::library::{announcement, library, upload};
 
 type Store = SlotStore<SimulatedFlash<'static>>;
 

@@ -1,4 +1,4 @@
-//! Libraries to upload.
+//! Small libraries, and their upload from inside the device.
 
 use model_format::link::{
     CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, UploadBegin, UploadChunk, UploadCommitted,
@@ -8,7 +8,7 @@ use model_format::{CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, Texture
 use stylus_app::slots::{MappedFlash, SlotStore};
 use stylus_app::upload::Uploader;
 
-/// A library of lattices with `textures` textures of 15 x 8 nodes of `order`, whose coefficients depend on `seed`.
+/// A library of `textures` textures as [`texture`] makes them, named "texture 0", "texture 1", ..., for 5000 Hz.
 pub fn library(textures: usize, order: usize, seed: i16) -> Vec<u8> {
     let textures: Vec<_> = (0..textures)
         .map(|index| texture(&format!("texture {index}"), order, seed, 5_000))
@@ -16,6 +16,7 @@ pub fn library(textures: usize, order: usize, seed: i16) -> Vec<u8> {
     encode(&textures).expect("the library is valid")
 }
 
+/// A texture of 15 x 8 lattice nodes of `order`, whose coefficients depend on `seed`.
 pub fn texture(name: &str, order: usize, seed: i16, sample_rate_hz: u32) -> TextureSpec {
     let code =
         |stage: usize| ((stage as i16).wrapping_mul(31).wrapping_add(seed) % 8_000).max(-8_000);
@@ -37,6 +38,7 @@ pub fn texture(name: &str, order: usize, seed: i16, sample_rate_hz: u32) -> Text
     }
 }
 
+/// Length and checksum of `bytes`, as an upload begins with them.
 pub fn announcement(bytes: &[u8]) -> UploadBegin {
     UploadBegin {
         length: bytes.len() as u32,
@@ -44,7 +46,10 @@ pub fn announcement(bytes: &[u8]) -> UploadBegin {
     }
 }
 
-/// Uploads `bytes` from where the device is, in chunks of `chunk` bytes.
+/// Uploads `bytes` straight into `store`, in chunks of `chunk` bytes.
+///
+/// # Errors
+/// As [`Uploader`]'s methods.
 pub async fn upload<F: MappedFlash>(
     uploader: &mut Uploader,
     store: &mut SlotStore<F>,

@@ -1,8 +1,12 @@
-//! Flash in memory with the manners of the STM32H743's: words of 32 bytes that are programmed once after an erase, sectors
-//! of 128 KB, and words that fault when they are read, as after a power cut.
+//! Flash in memory that behaves as the STM32H743's: words of 32 bytes that are programmed once per erase, sectors of
+//! 128 KB, and words that fault when they are read, as after a power cut.
+//!
+//! Every erase of a sector and every write of a word yields once before it is done, because the image's driver waits
+//! there too: whatever else the device serves runs in between. Durations are not simulated.
 
 use std::ops::Range;
 
+use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
@@ -11,7 +15,7 @@ pub use stylus_app::flash::SECTOR_BYTES;
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::slots::MappedFlash;
 
-/// What is in the flash when power is gone.
+/// Content of the flash, which outlives a loss of power.
 #[derive(Clone)]
 pub struct Memory {
     bytes: Vec<u8>,
@@ -19,31 +23,43 @@ pub struct Memory {
     faulty: Vec<bool>,
 }
 
-/// What the flash is asked to do, just before it does.
+/// An operation on the flash.
 #[derive(Clone, Copy, Debug)]
 pub enum Operation {
-    Erase { sector: usize },
-    Write { word: usize, data: [u8; WORD_BYTES] },
+    /// All words of a sector become ones.
+    Erase {
+        /// Number of the sector.
+        sector: usize,
+    },
+    /// A word is programmed.
+    Write {
+        /// Number of the word.
+        word: usize,
+        /// Its new content.
+        data: [u8; WORD_BYTES],
+    },
 }
 
-/// How far an operation came when power was lost.
+/// Progress of an operation at the moment when power is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cut {
     /// Nothing has happened yet.
     Before,
-    /// Half way, and every word of it faults when read.
+    /// Half of it has happened, and every word of it faults when it is read.
     Faulting,
-    /// Half way, and it can be read, but is neither the old nor the new.
+    /// Half of it has happened: the words can be read, but hold neither the old nor the new content.
     Readable,
     /// All of it has happened.
     After,
 }
 
 impl Cut {
+    /// All four.
     pub const ALL: [Self; 4] = [Self::Before, Self::Faulting, Self::Readable, Self::After];
 }
 
 impl Memory {
+    /// Erased flash of `bytes` bytes.
     pub fn blank(bytes: usize) -> Self {
         Self {
             bytes: vec![0xff; bytes],
@@ -52,7 +68,7 @@ impl Memory {
         }
     }
 
-    /// Anything but flash that was erased.
+    /// Programmed flash of `bytes` bytes with arbitrary content.
     pub fn garbage(bytes: usize) -> Self {
         let mut memory = Self::blank(bytes);
         for (index, byte) in memory.bytes.iter_mut().enumerate() {
@@ -62,7 +78,7 @@ impl Memory {
         memory
     }
 
-    /// Does `operation` as far as `cut` says.
+    /// Does `operation` as far as `cut` allows.
     pub fn perform(&mut self, operation: Operation, cut: Cut) {
         match operation {
             Operation::Erase { sector } => {
@@ -97,39 +113,46 @@ impl Memory {
         self.programmed[word] = programmed || cut != Cut::After;
     }
 
+    /// Makes the word at `offset` fault when it is read.
     pub fn set_faulty(&mut self, offset: usize) {
         self.faulty[offset / WORD_BYTES] = true;
     }
 
+    /// Flips a bit of the byte at `offset`.
     pub fn flip_bit(&mut self, offset: usize) {
         self.bytes[offset] ^= 1;
     }
 }
 
-/// What goes wrong on purpose.
+/// A fault of the flash, injected on purpose. Operations are numbered from 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fault {
+    /// None.
     #[default]
     None,
-    /// The operation of this number is refused.
+    /// The operation with this number fails half way and reports it.
     Refuse(usize),
-    /// The write of this number is wrong, and nothing tells.
+    /// The write with this number puts a wrong bit and reports success.
     Corrupt(usize),
 }
 
 type Observer<'a> = Box<dyn FnMut(&Memory, Operation) + 'a>;
 
-/// The flash as a driver shows it.
+/// A driver of the flash in memory.
 pub struct SimulatedFlash<'a> {
+    /// The content.
     pub memory: Memory,
+    /// The injected fault.
     pub fault: Fault,
+    /// Number of operations so far.
     pub operations: usize,
-    /// A word, by its offset, that can be read so often and no more.
+    /// Offset of a word, and the number of reads after which it faults.
     pub wears_out: Option<(usize, usize)>,
     observer: Option<Observer<'a>>,
 }
 
 impl<'a> SimulatedFlash<'a> {
+    /// On `memory`, without an injected fault.
     pub fn new(memory: Memory) -> Self {
         Self {
             memory,
@@ -148,11 +171,13 @@ impl<'a> SimulatedFlash<'a> {
         }
     }
 
+    /// Blank flash for both slots of libraries.
     pub fn two_slots() -> Self {
         Self::new(Memory::blank(2 * SLOT_BYTES))
     }
 
-    fn operate(&mut self, operation: Operation) -> Result<(), SimulatedError> {
+    async fn operate(&mut self, operation: Operation) -> Result<(), SimulatedError> {
+        yield_now().await;
         if let Some(observer) = &mut self.observer {
             observer(&self.memory, operation);
         }
@@ -172,12 +197,18 @@ impl<'a> SimulatedFlash<'a> {
     }
 }
 
+/// A refusal of the driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SimulatedError {
+    /// The place is outside of the flash.
     Bounds,
+    /// The place or the length is not a whole number of words or sectors.
     Aligned,
+    /// The word was programmed since its last erase.
     NotErased,
+    /// A word that was read faults.
     Ecc,
+    /// The injected fault.
     Refused,
 }
 
@@ -241,7 +272,7 @@ impl NorFlash for SimulatedFlash<'_> {
             return Err(SimulatedError::Bounds);
         }
         for sector in from / SECTOR_BYTES..to / SECTOR_BYTES {
-            self.operate(Operation::Erase { sector })?;
+            self.operate(Operation::Erase { sector }).await?;
         }
         Ok(())
     }
@@ -257,7 +288,7 @@ impl NorFlash for SimulatedFlash<'_> {
             match self.memory.programmed.get(word) {
                 None => return Err(SimulatedError::Bounds),
                 Some(true) => return Err(SimulatedError::NotErased),
-                Some(false) => self.operate(Operation::Write { word, data })?,
+                Some(false) => self.operate(Operation::Write { word, data }).await?,
             }
         }
         Ok(())
