@@ -1,10 +1,11 @@
 //! Orders within a budget of cycles per sample, and what they give up.
 //!
-//! The time of a sample is that of the highest order of a texture's nodes, wherever the hand is: so that the path of a tick does
-//! not depend on the data, a frame has as many stages, or sums as many taps, as any node of its texture. A budget
-//! therefore bounds the highest order, and each node then takes, among the orders that the bound leaves, the one with the least
-//! error to be expected of new data: by Akaike's criterion. (The Bayesian one, which `fit` goes by otherwise, is thriftier with
-//! order, which saves flash; time it would not save.) Cycles are those of a sample at worst, of `cargo tasks costs`.
+//! The time of a sample is that of the highest order of a texture's nodes, wherever the hand is: so that the path of a
+//! tick does not depend on the data, a frame has as many stages, or sums as many taps, as any node of its texture. A
+//! budget therefore bounds the highest order, and each node then takes, among the orders that the bound leaves, the one
+//! with the least error to be expected of new data: by Akaike's criterion. (The Bayesian one, which `fit` goes by
+//! otherwise, is thriftier with order, which saves flash; time it would not save.) Cycles are those of a sample at
+//! worst, of `cargo tasks costs`.
 
 use model_format::NodeFlags;
 use serde::Serialize;
@@ -69,12 +70,13 @@ impl Budget {
             let structure = structure.structure();
             Error::Request(match least {
                 Some(least) => format!(
-                    "a budget of {cycles} cycles holds no model: a sample of the {structure} takes {least:.0} at the least order on \
-                     a {core}; give --budget-cycles {:.0} or more, or another --structure",
+                    "a budget of {cycles} cycles holds no model: a sample of the {structure} takes {least:.0} at the \
+                     least order on a {core}; give --budget-cycles {:.0} or more, or another --structure",
                     least.ceil()
                 ),
                 None => format!(
-                    "no cost is known of the {structure} on a {core}; leave --budget-cycles out, or measure it with cargo tasks costs"
+                    "no cost is known of the {structure} on a {core}; leave --budget-cycles out, or measure it with \
+                     cargo tasks costs"
                 ),
             })
         })
@@ -90,8 +92,8 @@ pub fn capped(order: Order, highest: usize) -> Order {
     }
 }
 
-/// Returns the accuracy that each texture of `within`, fitted with orders up to `highest_order`, gives up of `without`, the same set fitted with no such
-/// bound.
+/// Returns the accuracy that each texture of `within`, fitted with orders up to `highest_order`, gives up of `without`,
+/// the same set fitted with no such bound.
 pub fn concessions(without: &Fit, within: &Fit, highest_order: usize) -> Vec<Concession> {
     let textures = without.textures.iter().zip(&within.textures);
     let concession = textures.map(|(without, within)| {
@@ -212,7 +214,8 @@ mod tests {
         assert!(refusal(least - 1.0).is_err(), "{text}");
     }
 
-    /// The error foretold for a model of lower order equals the one measured between its noise and that of the full model.
+    /// The error foretold for a model of lower order equals the one measured between its noise and that of the full
+    /// model.
     #[test]
     fn the_expected_cost_is_that_of_synthesised_noise() {
         let reflection = vec![-0.9, 0.7, -0.3, 0.5, -0.4, 0.3, 0.2, -0.35];

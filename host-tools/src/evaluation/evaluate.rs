@@ -322,7 +322,8 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// C of models of `trial` of each of `orders`, as in the paper's figure 8. Orders that the data do not bear are left out.
+/// C of models of `trial` of each of `orders`, as in the paper's figure 8. Orders that the data do not bear are left
+/// out.
 ///
 /// # Errors
 /// A recording that cannot be used.

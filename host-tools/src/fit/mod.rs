@@ -38,8 +38,8 @@ pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) ->
     fit_analysed(set, &analyses, options)
 }
 
-/// Reads and analyses every trial of `set` for models of the highest order of `options`, telling `progress` of each trial
-/// done.
+/// Reads and analyses every trial of `set` for models of the highest order of `options`, telling `progress` of each
+/// trial done.
 ///
 /// # Errors
 /// The first trial that cannot be used.
@@ -57,11 +57,12 @@ pub fn analyse_set(
     analyses.collect()
 }
 
-/// Fits `set` to the analyses of its trials, in the order of the set. They were made with `options`, or with an order at
-/// least as high.
+/// Fits `set` to the analyses of its trials, in the order of the set. They were made with `options`, or with an order
+/// at least as high.
 ///
 /// # Errors
-/// With [`Options::strict`] the first trial with a verdict; a texture that the chosen structure or the library cannot hold.
+/// With [`Options::strict`] the first trial with a verdict; a texture that the chosen structure or the library cannot
+/// hold.
 pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options) -> Result<Fit> {
     let verdicts = all_verdicts(set, analyses);
     let dropped = |verdicts: &[Verdict]| {

@@ -7,8 +7,8 @@ use crate::texture::grid::Grid;
 use super::options::{Options, Order};
 use super::trial_report::TrialReport;
 
-/// A mean this many times the RMS is more than an offset of an amplifier: gravity, or a sensor that is not what it is taken
-/// for.
+/// A mean this many times the RMS is more than an offset of an amplifier: gravity, or a sensor that is not what it is
+/// taken for.
 const LARGE_MEAN: f64 = 1.0;
 
 /// Returns the notes on texture `name`, one line each.
@@ -20,8 +20,9 @@ pub(super) fn of(
 ) -> Vec<String> {
     let lowered = lowered_orders(grid, options).map(|(nodes, order, speed, force)| {
         format!(
-            "texture '{name}': {nodes} node(s) have a lower order than was asked for, the lowest {order} at {speed} mm/s, \
-             {force} N: too few samples, or a signal of a few lines, which higher orders only make ill-conditioned"
+            "texture '{name}': {nodes} node(s) have a lower order than was asked for, the lowest {order} at {speed} \
+             mm/s, {force} N: too few samples, or a signal of a few lines, which higher orders only make \
+             ill-conditioned"
         )
     });
     let with_mean = trials
@@ -40,7 +41,8 @@ pub(super) fn of(
     lowered.into_iter().chain(removed).collect()
 }
 
-/// Returns the number of measured nodes below the fixed order that was asked for, the lowest order, its speed and force.
+/// Returns the number of measured nodes below the fixed order that was asked for, the lowest order, its speed and
+/// force.
 fn lowered_orders(grid: &Grid, options: &Options) -> Option<(usize, usize, f32, f32)> {
     let Order::Fixed(asked) = options.order else {
         return None;

@@ -12,7 +12,8 @@ use crate::texture::quantise::StructureChoice;
 pub enum Order {
     /// For each node by the Bayesian information criterion, at most 400.
     Auto,
-    /// For each node by Akaike's criterion, which spends more on accuracy, at most this one: what a budget of cycles leaves.
+    /// For each node by Akaike's criterion, which spends more on accuracy, at most this one: what a budget of cycles
+    /// leaves.
     AtMost(usize),
     /// The same for all nodes, as in the paper (whose order is 400).
     Fixed(usize),

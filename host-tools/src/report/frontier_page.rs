@@ -164,33 +164,37 @@ fn short_order(filter: &Filter) -> String {
 pub fn write(frontier: &Frontier, pictures: &Pictures, path: &Path) -> Result<()> {
     let mut page = Page::new("What accuracy costs in time");
     page.paragraph(&format!(
-        "Structures by orders by intervals of updates: how near each comes, and what it costs on a Cortex-M4. {} nodes of {}. {}.",
+        "Structures by orders by intervals of updates: how near each comes, and what it costs on a Cortex-M4. {} \
+         nodes of {}. {}.",
         frontier.nodes,
         frontier.textures.join(", "),
         capitalised(&frontier.material)
     ));
     if frontier.simulated {
         page.notice(
-            "The recordings are SIMULATED. The figures tell how the choices compare on them, not how near any of them comes to a \
-             surface.",
+            "The recordings are SIMULATED. The figures tell how the choices compare on them, not how near any of them \
+             comes to a surface.",
         );
     }
     page.paragraph(&format!(
-        "Made by stylus frontier; instructions and cycles by cargo tasks costs with rustc {} and QEMU {}. Instructions are counted \
-         and exact for that compiler. Cycles are modelled: ARM's published timings of the Cortex-M4 with no wait states, at best \
-         and at worst. No cycle-true model of a Cortex-M7 is to be had; its cycles are bounded by the Cortex-M4's worst.",
+        "Made by stylus frontier; instructions and cycles by cargo tasks costs with rustc {} and QEMU {}. \
+         Instructions are counted and exact for that compiler. Cycles are modelled: ARM's published timings of the \
+         Cortex-M4 with no wait states, at best and at worst. No cycle-true model of a Cortex-M7 is to be had; its \
+         cycles are bounded by the Cortex-M4's worst.",
         frontier.rustc, frontier.qemu
     ));
     page.section("Errors against time")
         .figure(
             &pictures.total,
-            "Error at rest and in motion together against the time of a sample and its share of the updates. Lines join the orders 10 to \
-             400 at the stylus's own interval of 2 ms; ringed is the front over all intervals. Labels, order @ interval in ms, are on \
-             the front of what holds every hard case. Dashed structures are not shipped.",
+            "Error at rest and in motion together against the time of a sample and its share of the updates. Lines \
+             join the orders 10 to 400 at the stylus's own interval of 2 ms; ringed is the front over all intervals. \
+             Labels, order @ interval in ms, are on the front of what holds every hard case. Dashed structures are \
+             not shipped.",
         )
         .figure(
             &pictures.cost,
-            "The paper's cost C against recordings that were held out. Lines join the orders; points beside are orders chosen per node.",
+            "The paper's cost C against recordings that were held out. Lines join the orders; points beside are \
+             orders chosen per node.",
         )
         .figure(
             &pictures.snr,
@@ -198,12 +202,12 @@ pub fn write(frontier: &Frontier, pictures: &Pictures, path: &Path) -> Result<()
         )
         .figure(
             &pictures.intervals,
-            "What is lost by following the hand only every so often. A direct form interpolates its predictor coefficients, the \
-             reference θ: that difference remains at every interval.",
+            "What is lost by following the hand only every so often. A direct form interpolates its predictor \
+             coefficients, the reference θ: that difference remains at every interval.",
         );
     page.paragraph(&format!(
-        "For comparison, one take against the other, with no model between them: C {:.1} %, bands {:.2} dB. No model of noise comes \
-         nearer than that but by chance.",
+        "For comparison, one take against the other, with no model between them: C {:.1} %, bands {:.2} dB. No model \
+         of noise comes nearer than that but by chance.",
         100.0 * frontier.take_cost,
         frontier.take_band_error_db
     ));
@@ -268,8 +272,8 @@ fn front_table(page: &mut Page, frontier: &Frontier) {
     columns.push(Column::Text("hard cases held"));
     columns.push(Column::Text("front of"));
     page.section("The Pareto front").table(
-        "Nothing cheaper has a lower error, all textures being held; safe: among what holds every hard case; shares are of 200 µs, \
-         at worst",
+        "Nothing cheaper has a lower error, all textures being held; safe: among what holds every hard case; shares \
+         are of 200 µs, at worst",
         &columns,
         &rows,
     );
@@ -450,39 +454,43 @@ fn peer_table(page: &mut Page, frontier: &Frontier) {
 fn notes(frontier: &Frontier) -> Vec<String> {
     vec![
         format!(
-            "At rest: each node's model plays at its own speed and force, by the kernel or a variant, and is compared with the \
-             recording that was held out. C is the paper's equation (6), amplitudes smoothed by a {}. Bands are third octaves \
-             from 20 to 1000 Hz.",
+            "At rest: each node's model plays at its own speed and force, by the kernel or a variant, and is compared \
+             with the recording that was held out. C is the paper's equation (6), amplitudes smoothed by a {}. Bands \
+             are third octaves from 20 to 1000 Hz.",
             frontier.smoothing
         ),
         format!(
-            "In motion: a hand rubs over the whole grid, twice a second to and fro. Against the same noise through a normalised \
-             lattice in float64, updated at every sample, of the same order; levels in bands in frames of {} s.",
+            "In motion: a hand rubs over the whole grid, twice a second to and fro. Against the same noise through a \
+             normalised lattice in float64, updated at every sample, of the same order; levels in bands in frames of \
+             {} s.",
             moving::FRAME_S
         ),
-        "The error of a choice is √(at rest² + in motion²). What gains less than 0.05 dB, or 0.5 % of C, is on no front.".to_owned(),
-        "Orders per node, with the highest of all: by the Bayesian information criterion (BIC), as fit chooses, or by Akaike's (AIC), as fit --budget-cycles \
-         does. SNR is of the output, in steps of 2⁻²⁰ m/s²: quiet nodes have less."
+        "The error of a choice is √(at rest² + in motion²). What gains less than 0.05 dB, or 0.5 % of C, is on no \
+         front.".to_owned(),
+        "Orders per node, with the highest of all: by the Bayesian information criterion (BIC), as fit chooses, or by \
+         Akaike's (AIC), as fit --budget-cycles does. SNR is of the output, in steps of 2⁻²⁰ m/s²: quiet nodes have \
+         less."
             .to_owned(),
-        "The hard cases are those of stylus stress (short), their models cut to the order. Held means all that is promised of the \
-         stylus's lattice, 108 dB of SNR included. Worse and worse: never quite silent, inaccurate, saturates, refused by fit, \
-         latches."
+        "The hard cases are those of stylus stress (short), their models cut to the order. Held means all that is \
+         promised of the stylus's lattice, 108 dB of SNR included. Worse and worse: never quite silent, inaccurate, \
+         saturates, refused by fit, latches."
             .to_owned(),
-        "Refused by fit are textures whose direct form is unstable between its nodes; such a choice is on no front of motion, and its \
-         error there is that of the other textures."
+        "Refused by fit are textures whose direct form is unstable between its nodes; such a choice is on no front of \
+         motion, and its error there is that of the other textures."
             .to_owned(),
         format!(
-            "Between measured orders instructions and cycles are on a straight line; a direct form's are those of the next multiple \
-         of {TURN_TAPS} taps. Per node, the time is that of the highest order: a texture's tick takes the same time wherever the hand is."
+            "Between measured orders instructions and cycles are on a straight line; a direct form's are those of the \
+             next multiple of {TURN_TAPS} taps. Per node, the time is that of the highest order: a texture's tick \
+             takes the same time wherever the hand is."
         ),
-        "Time with updates: at worst, updates that stay in a cell take the share of the dearest that their instructions are. \
-         Updates run below the sample's priority; only the sample has to be done in 200 µs."
+        "Time with updates: at worst, updates that stay in a cell take the share of the dearest that their \
+         instructions are. Updates run below the sample's priority; only the sample has to be done in 200 µs."
             .to_owned(),
         "Flash is a node's coefficients in a library. RAM is the coefficients of two frames and the state, at that \
          order."
             .to_owned(),
-        "The variants that are not shipped (two-multiplier lattice, 16-bit lattice) are plain Rust as compiled; what is shipped \
-         has its inner loops laid out by hand."
+        "The variants that are not shipped (two-multiplier lattice, 16-bit lattice) are plain Rust as compiled; what \
+         is shipped has its inner loops laid out by hand."
             .to_owned(),
     ]
 }

@@ -65,11 +65,11 @@ impl<'a> Sections<'a> {
         self.page.section("How near the stylus comes");
         self.page.paragraph(&format!(
             "Each recording is compared with {} s of what the stylus plays at its speed and force, computed by the \
-             device's own kernel. C is equation (6) of Romano, Yoshioka and Kuchenbecker (ICRA 2010), with DFT amplitudes \
-             smoothed by a {}. A synthesis is noise of its own: a perfect model of broadband noise scores the floor, not 0. \
-             Bands are third octaves from 20 to 1000 Hz; errors below {AMPLITUDE_JND_DB} dB (amplitude JND, Israr 2006) are \
-             not felt; the table has their mean magnitude and the share that is not felt. LSD is the log-spectral distance \
-             from 30 to 1000 Hz.",
+             device's own kernel. C is equation (6) of Romano, Yoshioka and Kuchenbecker (ICRA 2010), with DFT \
+             amplitudes smoothed by a {}. A synthesis is noise of its own: a perfect model of broadband noise scores \
+             the floor, not 0. Bands are third octaves from 20 to 1000 Hz; errors below {AMPLITUDE_JND_DB} dB \
+             (amplitude JND, Israr 2006) are not felt; the table has their mean magnitude and the share that is not \
+             felt. LSD is the log-spectral distance from 30 to 1000 Hz.",
             self.options.synthesis_s, self.evaluation.smoothing
         ));
         let within = format!("within {AMPLITUDE_JND_DB} dB");
@@ -120,8 +120,8 @@ impl<'a> Sections<'a> {
         self.figure(
             &picture,
             "order-against-cost.svg",
-            "C of the example trial of each texture by the order of its model, as in the paper's figure 8. The mark is the \
-             order that the library has there.",
+            "C of the example trial of each texture by the order of its model, as in the paper's figure 8. The mark \
+             is the order that the library has there.",
         )
     }
 

@@ -1,5 +1,5 @@
-//! One page, which needs nothing else, on a recording set and what the stylus makes of it: the paper's figures 5 and 7 to
-//! 10 and its Table I from the user's own recordings, the interpolation domains, maps, spectrograms and sounds.
+//! One page, which needs nothing else, on a recording set and what the stylus makes of it: the paper's figures 5 and 7
+//! to 10 and its Table I from the user's own recordings, the interpolation domains, maps, spectrograms and sounds.
 
 use std::path::Path;
 

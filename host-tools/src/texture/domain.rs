@@ -108,7 +108,8 @@ impl Method {
         format!("{domain}, {level}{role}")
     }
 
-    /// The model at a speed, mm/s, from its `neighbours`, at least one and none silent; `None` where the mean is not stable.
+    /// The model at a speed, mm/s, from its `neighbours`, at least one and none silent; `None` where the mean is not
+    /// stable.
     pub fn predict(self, neighbours: &[Neighbour<'_>], speed_mm_s: f64) -> Option<Model> {
         let reflection = self.domain.shape(neighbours, speed_mm_s)?;
         Some(Model {

@@ -34,7 +34,8 @@ impl StructureChoice {
 /// All nodes of `grid` as codes.
 ///
 /// # Errors
-/// A node that is too loud, or that the direct form cannot hold: unstable after rounding, or with coefficients too large.
+/// A node that is too loud, or that the direct form cannot hold: unstable after rounding, or with coefficients too
+/// large.
 pub fn nodes(name: &str, grid: &Grid, structure: StructureChoice) -> Result<Vec<NodeSpec>> {
     let nodes: Vec<_> = grid.nodes().collect();
     nodes
@@ -95,8 +96,8 @@ fn lattice(model: &Model) -> (CodeSpec, Vec<f64>) {
     (CodeSpec::Lattice(codes), reflection)
 }
 
-/// Predictor coefficients h with `bits` binary digits after the point at exponent 0, and the reflection coefficients that
-/// they stand for after rounding.
+/// Predictor coefficients h with `bits` binary digits after the point at exponent 0, and the reflection coefficients
+/// that they stand for after rounding.
 fn direct(model: &Model, bits: u32) -> std::result::Result<(CodeSpec, Vec<f64>), String> {
     const INSTEAD: &str =
         "fit it as a lattice (--structure lattice), which holds every stable model";
@@ -151,7 +152,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_stable_model_has_lattice_codes_within_half_a_step(k in prop::collection::vec(-0.999_999_999f64..0.999_999_999, 0..400)) {
+        fn every_stable_model_has_lattice_codes_within_half_a_step(
+            k in prop::collection::vec(-0.999_999_999f64..0.999_999_999, 0..400),
+        ) {
             let (codes, back) = lattice(&model(k.clone()));
             let CodeSpec::Lattice(codes) = codes else { unreachable!() };
             prop_assert!(codes.iter().all(|&code| code != i16::MIN));

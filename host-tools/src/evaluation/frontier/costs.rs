@@ -41,8 +41,8 @@ impl Costs {
         &self.table
     }
 
-    /// Returns the cost of `structure` over `nodes` nodes at `order` on `core`: linear between the measured orders, below the
-    /// lowest as much as that. `None` above the highest, or where nothing was measured.
+    /// Returns the cost of `structure` over `nodes` nodes at `order` on `core`: linear between the measured orders,
+    /// below the lowest as much as that. `None` above the highest, or where nothing was measured.
     pub fn at(
         &self,
         structure: FilterStructure,
@@ -62,8 +62,8 @@ impl Costs {
         if order > highest.order {
             return None;
         }
-        // A direct form sums in turns: what is between two measured orders may cost as much as the next multiple. No dearer than
-        // the next measured order, whatever the turns.
+        // A direct form sums in turns: what is between two measured orders may cost as much as the next multiple. No
+        // dearer than the next measured order, whatever the turns.
         let next = entries[entries.partition_point(|entry| entry.order < order)].order;
         let order = if structure.is_direct() {
             order.next_multiple_of(TURN_TAPS as u32).min(next)
@@ -101,8 +101,8 @@ impl Costs {
         })
     }
 
-    /// The highest order whose sample takes at most `cycles`, at worst; `Err` is what order 0 takes, if that is too much or
-    /// nothing is known.
+    /// The highest order whose sample takes at most `cycles`, at worst; `Err` is what order 0 takes, if that is too
+    /// much or nothing is known.
     ///
     /// # Errors
     /// The least number of cycles that would do; `None` where nothing was measured.

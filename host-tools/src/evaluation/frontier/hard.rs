@@ -1,4 +1,5 @@
-//! The hard cases at an order: does a structure hold what the stylus promises of its lattice, and if not, how bad does it get.
+//! The hard cases at an order: does a structure hold what the stylus promises of its lattice, and if not, how bad does
+//! it get.
 
 use serde::Serialize;
 

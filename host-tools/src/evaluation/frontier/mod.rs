@@ -1,14 +1,14 @@
-//! Accuracy against time: every structure, order and update interval, with its error and its cycles, and the Pareto front
-//! of both.
+//! Accuracy against time: every structure, order and update interval, with its error and its cycles, and the Pareto
+//! front of both.
 //!
-//! **At rest** ([`still`]): the nodes of textures, played by the kernel and its variants, against recordings that the fit has
-//! not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample. **Hard cases**
-//! ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]): instructions counted on QEMU, and
-//! cycles of the Cortex-M4's published timings, from `cargo tasks costs`.
+//! **At rest** ([`still`]): the nodes of textures, played by the kernel and its variants, against recordings that the
+//! fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
+//! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]):
+//! instructions counted on QEMU, and cycles of the Cortex-M4's published timings, from `cargo tasks costs`.
 //!
-//! The error of a choice is the root of the sum of squares of its error at rest and its error in motion, in third-octave
-//! bands: the one is of the models, the other of following the hand, and they do not know of each other. Its time is a
-//! sample's and its share of an update's.
+//! The error of a choice is the root of the sum of squares of its error at rest and its error in motion, in
+//! third-octave bands: the one is of the models, the other of following the hand, and they do not know of each other.
+//! Its time is a sample's and its share of an update's.
 
 pub mod costs;
 mod fronts;

@@ -1,10 +1,11 @@
 //! Accuracy in motion: how much is lost when coefficients follow the hand only every so often.
 //!
-//! A hand rubs to and fro over the grid. What the stylus plays is compared with the same noise through a normalised lattice in
-//! float64 whose θ and power, of the same nodes and the same order, are interpolated anew at every sample. Both are cut into
-//! frames of [`FRAME_S`] that overlap by half, and their levels in third-octave bands compared frame by frame. The
-//! noise is the same, so that what differs is the coefficients and the arithmetic: late updates, a structure's own
-//! way of interpolating, its words. (Frames this short resolve third octaves from 50 Hz on; lower bands share power.)
+//! A hand rubs to and fro over the grid. What the stylus plays is compared with the same noise through a normalised
+//! lattice in float64 whose θ and power, of the same nodes and the same order, are interpolated anew at every sample.
+//! Both are cut into frames of [`FRAME_S`] that overlap by half, and their levels in third-octave bands compared frame
+//! by frame. The noise is the same, so that what differs is the coefficients and the arithmetic: late updates, a
+//! structure's own way of interpolating, its words. (Frames this short resolve third octaves from 50 Hz on; lower bands
+//! share power.)
 
 use std::f64::consts::TAU;
 
@@ -161,7 +162,8 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
     frames(&signal)
 }
 
-/// Plays `texture` by `structure` along its rubbing, with an update every `interval` samples, and compares with `reference`.
+/// Plays `texture` by `structure` along its rubbing, with an update every `interval` samples, and compares with
+/// `reference`.
 pub fn play(
     structure: FilterStructure,
     texture: Texture<'_>,

@@ -1,7 +1,7 @@
 //! Pareto fronts.
 
-/// Marks the pairs (cost, error) that no other beats: none that costs as much or less has an error as low within `worth`,
-/// by which an error must fall for more cost to count. What is not a number is never on the front.
+/// Marks the pairs (cost, error) that no other beats: none that costs as much or less has an error as low within
+/// `worth`, by which an error must fall for more cost to count. What is not a number is never on the front.
 pub fn front(points: &[(f64, f64)], worth: f64) -> Vec<bool> {
     let mut order: Vec<usize> = (0..points.len())
         .filter(|&index| points[index].0.is_finite() && points[index].1.is_finite())

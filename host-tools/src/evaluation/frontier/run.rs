@@ -28,7 +28,8 @@ impl Prepared {
         references + filters * (self.held_out.len() + moving + self.cases.len())
     }
 
-    /// Plays everything, telling `progress` of each piece of work done. The result does not depend on the number of threads.
+    /// Plays everything, telling `progress` of each piece of work done. The result does not depend on the number of
+    /// threads.
     ///
     /// # Errors
     /// A lattice that makes no library, or an order that no cost is known for.
@@ -246,8 +247,8 @@ fn rubbed(
     Ok(points.collect())
 }
 
-/// Cycles per sample, updates included, at best and at worst. At worst those that stay in their cell take that share of the dearest
-/// which their instructions are; at best all are as cheap as the cheapest.
+/// Cycles per sample, updates included, at best and at worst. At worst those that stay in their cell take that share of
+/// the dearest which their instructions are; at best all are as cheap as the cheapest.
 fn cycles(cost: &Cost, moved: Option<&Moving>, interval: usize) -> (f64, f64) {
     let (same, new) = match moved {
         Some(moved) => moved.updates_per_sample(),

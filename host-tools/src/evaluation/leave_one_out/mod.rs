@@ -1,5 +1,5 @@
-//! The removed-node test of the paper's section IV: each inner node of a texture's grid is taken away, predicted from its
-//! neighbours, played by the device's kernel, and compared with what was recorded there.
+//! The removed-node test of the paper's section IV: each inner node of a texture's grid is taken away, predicted from
+//! its neighbours, played by the device's kernel, and compared with what was recorded there.
 //!
 //! A node is *inner* if it was recorded, sounds, and lies at no end of an axis of more than two values. Its neighbours
 //! are the next nodes on both sides along speed and along force; an axis counts where both of them were recorded and

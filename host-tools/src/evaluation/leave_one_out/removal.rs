@@ -11,8 +11,8 @@ use super::play::{self, Judged, Voice};
 use super::prepared::{Prepared, PreparedTexture, Target};
 use super::results::{Outcome, Row};
 
-/// The part of a row that determines its timbre. The level is a gain behind the filter: methods that differ by it alone are one
-/// synthesis, scaled.
+/// The part of a row that determines its timbre. The level is a gain behind the filter: methods that differ by it alone
+/// are one synthesis, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Timbre {
     Own,

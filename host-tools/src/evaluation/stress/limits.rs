@@ -16,9 +16,9 @@ const SNR_RADIUS: f64 = 0.999;
 
 /// The SNR that is promised of models of this pole radius, dB.
 ///
-/// Truncation takes at most one step per stage and sample from a signal, always toward zero, so it damps. A line that rings
-/// for 1/(1 - r) samples adds that up in phase. Each tenth of 1 - r beyond 0.999 therefore costs 20 dB; 3 dB more are for
-/// lines that have not rung up yet. The level stays: at radius 0.99999 it is off by two thousandths of a dB.
+/// Truncation takes at most one step per stage and sample from a signal, always toward zero, so it damps. A line that
+/// rings for 1/(1 - r) samples adds that up in phase. Each tenth of 1 - r beyond 0.999 therefore costs 20 dB; 3 dB more
+/// are for lines that have not rung up yet. The level stays: at radius 0.99999 it is off by two thousandths of a dB.
 pub fn snr_limit_db(pole_radius: f64) -> f64 {
     let beyond = (1.0 - SNR_RADIUS) / (1.0 - pole_radius).max(f64::MIN_POSITIVE);
     // Not for 0.999 itself and the rounding of it.
@@ -31,9 +31,9 @@ pub fn snr_limit_db(pole_radius: f64) -> f64 {
 
 /// The difference of spectra that is promised of models of this pole radius, dB.
 ///
-/// Half a step of θ moves a line by 2.4e-5 rad, 0.02 Hz at 5 kHz. A line of half width 1 - r that is moved by s half widths
-/// differs from itself by up to 20 log₁₀((s + √(s² + 4)) / 2), on its flank: 0.05 dB at radius 0.998, 8.8 dB at 0.99999, a line
-/// 0.016 Hz wide.
+/// Half a step of θ moves a line by 2.4e-5 rad, 0.02 Hz at 5 kHz. A line of half width 1 - r that is moved by s half
+/// widths differs from itself by up to 20 log₁₀((s + √(s² + 4)) / 2), on its flank: 0.05 dB at radius 0.998, 8.8 dB at
+/// 0.99999, a line 0.016 Hz wide.
 pub fn spectrum_limit_db(pole_radius: f64) -> f64 {
     let shift = THETA_STEP_RAD / 2.0 / (1.0 - pole_radius).max(f64::MIN_POSITIVE);
     let flank = 20.0 * (shift.midpoint((shift * shift + 4.0).sqrt())).log10();

@@ -1,14 +1,14 @@
-//! Hard cases: models, grids, motions and states that break filters, played by the device's kernel, with what it promises of
-//! a normalised lattice checked and the direct form's behaviour beside.
+//! Hard cases: models, grids, motions and states that break filters, played by the device's kernel, with what it
+//! promises of a normalised lattice checked and the direct form's behaviour beside.
 //!
-//! Each case is driven with noise, at the level that the kernel always has, an RMS of an eighth of full scale, along its
-//! motion; then the drive stops, and the motion goes on until there is silence. Then it is driven with 8/3 of that, an RMS
-//! of a third of full scale, and stopped again; and once more from a state that is full scale throughout.
+//! Each case is driven with noise, at the level that the kernel always has, an RMS of an eighth of full scale, along
+//! its motion; then the drive stops, and the motion goes on until there is silence. Then it is driven with 8/3 of that,
+//! an RMS of a third of full scale, and stopped again; and once more from a state that is full scale throughout.
 //!
-//! *Level* is measured against the same filter in float64 on the same noise, whose power is known exactly: a lattice's is one for
-//! noise of power one, whatever its rotations. So it needs no minutes of averaging. *SNR* is against float64 with the
-//! same coefficients. *Spectrum* is the largest difference, at any frequency, between the model as it was fitted and as
-//! it is stored.
+//! *Level* is measured against the same filter in float64 on the same noise, whose power is known exactly: a lattice's
+//! is one for noise of power one, whatever its rotations. So it needs no minutes of averaging. *SNR* is against float64
+//! with the same coefficients. *Spectrum* is the largest difference, at any frequency, between the model as it was
+//! fitted and as it is stored.
 
 pub mod cases;
 mod limits;

@@ -56,7 +56,8 @@ pub fn fixtures() -> Vec<NamedModel> {
     .collect()
 }
 
-/// Autocorrelation of noise of the spectrum 1 / (1 + (f/cut-off)^`order`) over a floor, on a grid of 32 768 frequencies.
+/// Autocorrelation of noise of the spectrum 1 / (1 + (f/cut-off)^`order`) over a floor, on a grid of 32 768
+/// frequencies.
 fn low_pass(cut_off_hz: f64, order: i32, floor: f64) -> Vec<f64> {
     const POINTS: usize = 32_768;
     let inverse = with_planner(|planner| planner.plan_fft_inverse(POINTS));

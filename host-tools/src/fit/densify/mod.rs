@@ -1,12 +1,12 @@
-//! Denser grids: lines of nodes between the recorded ones, filled on the host by what a bilinear mean on the device cannot
-//! do, which is to move a surface's spectrum with the speed. The device stays as it is; it interpolates over shorter
-//! distances.
+//! Denser grids: lines of nodes between the recorded ones, filled on the host by what a bilinear mean on the device
+//! cannot do, which is to move a surface's spectrum with the speed. The device stays as it is; it interpolates over
+//! shorter distances.
 //!
 //! Lines of a speed or of a force are added one by one, the one first that promises most, until the slot is full or no
 //! line promises anything. What a line promises is measured on the recordings: at the ends of the gap that it divides,
-//! the error of the device's own interpolation over the removed node, less that of the spectrum that would have been put
-//! there. A removed node's neighbours are two gaps apart, so that this is the worst case of a gap, twice as wide; it is
-//! the order of the gaps that it is used for.
+//! the error of the device's own interpolation over the removed node, less that of the spectrum that would have been
+//! put there. A removed node's neighbours are two gaps apart, so that this is the worst case of a gap, twice as wide;
+//! it is the order of the gaps that it is used for.
 
 mod lines;
 

@@ -1,8 +1,8 @@
 //! From scattered ARMA models at 1 kHz to AR models at 5 kHz over a rectangle.
 //!
-//! Up to half their own rate the models' spectrum is kept. Above, where they say nothing, it goes on from its mean level
-//! in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`]: no power to speak of, and no edge that a model would
-//! ring at.
+//! Up to half their own rate the models' spectrum is kept. Above, where they say nothing, it goes on from its mean
+//! level in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`]: no power to speak of, and no edge that a
+//! model would ring at.
 
 use model_format::{NodeFlags, Provenance, TextureSpec, limits};
 use rayon::prelude::*;
@@ -138,9 +138,9 @@ fn axis(what: &str, highest: f64, count: usize) -> Result<Vec<f32>> {
 /// Models with their weights, which add up to one.
 type Corners = Vec<(usize, f64)>;
 
-/// The corners of the triangle at `place`, with barycentric weights, or of the nearest place on any triangle, and whether
-/// it was that. Places are measured by `scale`, so that speeds and forces compare. Without triangles it is the nearest
-/// model.
+/// The corners of the triangle at `place`, with barycentric weights, or of the nearest place on any triangle, and
+/// whether it was that. Places are measured by `scale`, so that speeds and forces compare. Without triangles it is the
+/// nearest model.
 fn corners(toolkit: &Toolkit, place: (f64, f64), scale: (f64, f64)) -> (Corners, bool) {
     let scaled = |(speed, force): (f64, f64)| (speed / scale.0, force / scale.1);
     let at = |index: usize| {

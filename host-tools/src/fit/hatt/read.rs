@@ -52,8 +52,8 @@ pub struct ArmaModel {
 
 /// Reads `text`; `path` is only named in errors.
 ///
-/// Elements are found by their names wherever they stand, in any case of letters. Lists are numbers in an element's text,
-/// or in that of its children, separated by blanks or commas. An element with a child `ARcoeff` is a model.
+/// Elements are found by their names wherever they stand, in any case of letters. Lists are numbers in an element's
+/// text, or in that of its children, separated by blanks or commas. An element with a child `ARcoeff` is a model.
 ///
 /// # Errors
 /// A fault that makes the file unusable, with its line.
@@ -308,7 +308,8 @@ pub(super) mod tests {
         };
         format!(
             "<?xml version=\"1.0\"?>\n<HaTT>\n<header><SampleRate>1000</SampleRate><maxSpeed>200</maxSpeed>\
-             <maxForce>2</maxForce><mu>0.3</mu>\n<tri><value>1</value><value>2</value> 3 {tri}</tri></header>\n{}{}{}{}</HaTT>",
+             <maxForce>2</maxForce><mu>0.3</mu>\n<tri><value>1</value><value>2</value> 3 {tri}</tri></header>\n\
+             {}{}{}{}</HaTT>",
             model("1 -0.5 0.2", "0.01", 20.0, 0.5),
             model(ar, var, 200.0, 0.5),
             model("1 -1.2 0.8", "0.04", 100.0, 2.0),

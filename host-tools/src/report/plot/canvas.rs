@@ -355,8 +355,8 @@ pub fn range_with_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     }
 }
 
-/// At most `MAX_POINTS` points that look like `points`, whose x rise: of each of equal shares, in their order, the lowest
-/// and the highest. What is not finite is left out.
+/// At most `MAX_POINTS` points that look like `points`, whose x rise: of each of equal shares, in their order, the
+/// lowest and the highest. What is not finite is left out.
 pub fn thinned(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     const MAX_POINTS: usize = 1500;
     let points: Vec<(f64, f64)> = points

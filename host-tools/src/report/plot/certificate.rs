@@ -17,8 +17,8 @@ const DARK: RGBColor = RGBColor(8, 48, 107);
 /// Tenth powers of one minus the radius between the palest and the darkest colour.
 const DECADES: f64 = 5.0;
 
-/// A map of the cells, each with the largest pole radius of a direct form or the largest |k| of a lattice in it: darker the
-/// nearer it is to one, vermilion where the cell fails. A cross marks the worst sampled point.
+/// A map of the cells, each with the largest pole radius of a direct form or the largest |k| of a lattice in it: darker
+/// the nearer it is to one, vermilion where the cell fails. A cross marks the worst sampled point.
 ///
 /// Cells are of one size, whatever the steps of the axes, which stand at the cells' borders.
 ///

@@ -8,8 +8,8 @@ use super::canvas::{
 use super::{Caption, Svg};
 use crate::support::error::Result;
 
-/// The paper's figure 5: a stretch of a recording, its prediction from the samples before, and what is left, m/s², one above
-/// the other and to the same scale.
+/// The paper's figure 5: a stretch of a recording, its prediction from the samples before, and what is left, m/s², one
+/// above the other and to the same scale.
 ///
 /// # Errors
 /// A picture that cannot be laid out.

@@ -7,8 +7,8 @@ use crate::dsp::with_planner;
 /// Most intervals that the half circle is divided into to begin with.
 const MOST_INTERVALS: usize = 8192;
 
-/// Share of Σ|a| that a value in float64 may be off by. Sums of 401 terms and transforms of 2¹⁴ points are off by 4e-13 of it
-/// at worst.
+/// Share of Σ|a| that a value in float64 may be off by. Sums of 401 terms and transforms of 2¹⁴ points are off by 4e-13
+/// of it at worst.
 const ROUNDING: f64 = 1e-12;
 
 /// A value, and how far any value in the interval of frequency around it may be from it.

@@ -10,12 +10,12 @@ const LEAST_HALF_WIDTH: f64 = 1e-12;
 /// Most halvings for one cell. Cells that can be proved need a few thousand.
 const MOST_HALVINGS: usize = 200_000;
 
-/// Proves that no weighted mean of one to four polynomials has a zero on or outside the unit circle, and gives a lower bound
-/// of |A| on the circle, at least half of the exact minimum, though every mean may be off by `rounding` in |A|.
+/// Proves that no weighted mean of one to four polynomials has a zero on or outside the unit circle, and gives a lower
+/// bound of |A| on the circle, at least half of the exact minimum, though every mean may be off by `rounding` in |A|.
 ///
 /// # Errors
-/// The frequency, rad, at which the proof came to its end: a mean with a zero on the circle, or one too near to tell; or 0
-/// where none has, but the first polynomial has zeros outside the circle.
+/// The frequency, rad, at which the proof came to its end: a mean with a zero on the circle, or one too near to tell;
+/// or 0 where none has, but the first polynomial has zeros outside the circle.
 pub(super) fn prove(corners: &[&Circle], rounding: f64) -> Result<f64, f64> {
     let mut proof = Proof {
         corners,
@@ -31,8 +31,8 @@ pub(super) fn prove(corners: &[&Circle], rounding: f64) -> Result<f64, f64> {
         let (middle, half_width) = first.interval(index);
         proof.interval(&discs, middle, half_width)?;
     }
-    // From 0 Hz to half the rate A goes from a real value to a real value, half a turn for each zero outside. The first and
-    // the last value seen are within 30° of those.
+    // From 0 Hz to half the rate A goes from a real value to a real value, half a turn for each zero outside. The first
+    // and the last value seen are within 30° of those.
     if proof.turned.abs() < std::f64::consts::FRAC_PI_2 {
         Ok(proof.margin)
     } else {
@@ -88,8 +88,8 @@ impl Proof<'_> {
         Ok(())
     }
 
-    /// Adds the angle from the last value to this one. Both see their discs within 30°, and neighbouring discs share a value,
-    /// so that the angle is below 60° and never in doubt.
+    /// Adds the angle from the last value to this one. Both see their discs within 30°, and neighbouring discs share a
+    /// value, so that the angle is below 60° and never in doubt.
     fn turn_to(&mut self, value: Complex<f64>) {
         if let Some(last) = self.last {
             self.turned += (value * last.conj()).arg();
@@ -98,8 +98,8 @@ impl Proof<'_> {
     }
 }
 
-/// The least distance of 0 from the six edges for all values of their ends in their discs, if 0 is at least twice as far
-/// from each edge's middle line as its ends may be off, and more than `rounding` beyond.
+/// The least distance of 0 from the six edges for all values of their ends in their discs, if 0 is at least twice as
+/// far from each edge's middle line as its ends may be off, and more than `rounding` beyond.
 fn least_distance(discs: &[Disc; 4], rounding: f64) -> Option<f64> {
     let mut least = f64::INFINITY;
     for (index, a) in discs.iter().enumerate() {
@@ -216,8 +216,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(256))]
 
-        /// Against the step-down recursion on a lattice of weights: what is proved holds everywhere; what is refused fails
-        /// somewhere, or nearly.
+        /// Against the step-down recursion on a lattice of weights: what is proved holds everywhere; what is refused
+        /// fails somewhere, or nearly.
         #[test]
         fn proofs_hold_at_all_weights_and_refusals_have_their_reason(
             tails in prop::collection::vec(stable(), 1..=4),

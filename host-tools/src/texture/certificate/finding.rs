@@ -58,8 +58,8 @@ pub enum Finding {
     },
     /// Of a direct form.
     Direct {
-        /// A proved lower bound, over the whole cell and the whole unit circle, of |A|: coefficients off by less, added up,
-        /// would be stable too. `None` where the proof fails.
+        /// A proved lower bound, over the whole cell and the whole unit circle, of |A|: coefficients off by less, added
+        /// up, would be stable too. `None` where the proof fails.
         proved_margin: Option<f64>,
         /// Frequency at which the proof ended, Hz.
         critical_frequency_hz: Option<f64>,

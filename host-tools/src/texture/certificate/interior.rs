@@ -12,8 +12,8 @@ const RADIUS_TOLERANCE: f64 = 1e-7;
 /// Largest pole radius that is looked for; nodes with Σ|h| of 1024 cannot have a larger one than 1024.
 const LARGEST_RADIUS: f64 = 1024.0;
 
-/// The point of the largest pole radius among those sampled. `corners` are the nodes' polynomials, a(0) first, in the order
-/// (low speed, low force), (low, high), (high, low), (high, high), those of an axis of one value left out.
+/// The point of the largest pole radius among those sampled. `corners` are the nodes' polynomials, a(0) first, in the
+/// order (low speed, low force), (low, high), (high, low), (high, high), those of an axis of one value left out.
 pub(super) fn worst(corners: &[&[f64]], speeds_mm_s: [f32; 2], forces_n: [f32; 2]) -> Point {
     let between = |[low, high]: [f32; 2], share: f64| {
         f64::from(low) + (f64::from(high) - f64::from(low)) * share

@@ -1,34 +1,35 @@
 //! Stability of a texture at every point of its grid: what is proved of each cell, and what is sampled besides.
 //!
-//! **Normalised lattice, proved.** Every stored |θ| is below π/2 (the decoder refuses the code of π/2), and a weighted mean of
-//! such θ is too, so every rotation that can be asked for is one of those between ∓π/2. The kernel's rotations do not
-//! lengthen a vector, in the integers themselves, for any θ (a test of the kernel's goes through all 2²⁴ of them), so the
-//! state's norm cannot grow, under any motion. Powers are within the library's bound, so that nothing saturates that
-//! the level could prevent.
+//! **Normalised lattice, proved.** Every stored |θ| is below π/2 (the decoder refuses the code of π/2), and a weighted
+//! mean of such θ is too, so every rotation that can be asked for is one of those between ∓π/2. The kernel's rotations
+//! do not lengthen a vector, in the integers themselves, for any θ (a test of the kernel's goes through all 2²⁴ of
+//! them), so the state's norm cannot grow, under any motion. Powers are within the library's bound, so that nothing
+//! saturates that the level could prevent.
 //!
-//! **Direct form, proved.** At a point of a cell the filter is 1/A with A = Σ w(k) A(k), a weighted mean of the cell's nodes,
-//! rounded to the kernel's coefficients: that moves |A| by no more than half a step per tap, which all distances from 0 here
-//! leave room for.
-//! 1. On no edge of the cell (four sides, two diagonals) does A have a zero on the unit circle: for no frequency is 0 on
-//!    the segment from A(j) to A(k) in the complex plane, which is the segment lemma's condition that A(j)/A(k) is never
-//!    real and negative. This is shown for whole intervals of frequency, not at samples: in an interval every A(k) stays
-//!    in a disc about its value in the middle, whose radius follows from three derivatives there and a bound on the
-//!    fourth, and the segments are farther from 0 than those discs reach. Intervals are halved until they are.
-//! 2. The first node's A turns around 0 no time while the frequency goes around the circle, so that 1/A is stable there.
-//! 3. Then 1/A is stable at every point. For A's values at one frequency fill at most the convex hull of the four A(k), whose
-//!    border is made of edges. At 0 Hz the hull is a real interval whose ends are on edges, so 0 is outside; as the
-//!    frequency goes on 0 would have to cross an edge to come in. No zero ever reaches the circle, and none is outside
-//!    it at the first node. (This is the edge theorem of Bartlett, Hollot and Lin, 1988, for this case.)
+//! **Direct form, proved.** At a point of a cell the filter is 1/A with A = Σ w(k) A(k), a weighted mean of the cell's
+//! nodes, rounded to the kernel's coefficients: that moves |A| by no more than half a step per tap, which all distances
+//! from 0 here leave room for.
+//! 1. On no edge of the cell (four sides, two diagonals) does A have a zero on the unit circle: for no frequency is 0
+//!    on the segment from A(j) to A(k) in the complex plane, which is the segment lemma's condition that A(j)/A(k) is
+//!    never real and negative. This is shown for whole intervals of frequency, not at samples: in an interval every
+//!    A(k) stays in a disc about its value in the middle, whose radius follows from three derivatives there and a bound
+//!    on the fourth, and the segments are farther from 0 than those discs reach. Intervals are halved until they are.
+//! 2. The first node's A turns around 0 no time while the frequency goes around the circle, so that 1/A is stable
+//!    there.
+//! 3. Then 1/A is stable at every point. For A's values at one frequency fill at most the convex hull of the four A(k),
+//!    whose border is made of edges. At 0 Hz the hull is a real interval whose ends are on edges, so 0 is outside; as
+//!    the frequency goes on 0 would have to cross an edge to come in. No zero ever reaches the circle, and none is
+//!    outside it at the first node. (This is the edge theorem of Bartlett, Hollot and Lin, 1988, for this case.)
 //!
 //! The nodes are the stored coefficients, exactly; the evaluation is in float64 with an allowance for its rounding.
 //!
-//! **Direct form, sampled.** [`SAMPLES_PER_SIDE`] + 1 by as many points of the cell, at weights that the kernel can have, by
-//! another way: the step-down recursion in float64. It tells the largest pole radius among these points. A texture is
-//! certified only if both agree.
+//! **Direct form, sampled.** [`SAMPLES_PER_SIDE`] + 1 by as many points of the cell, at weights that the kernel can
+//! have, by another way: the step-down recursion in float64. It tells the largest pole radius among these points. A
+//! texture is certified only if both agree.
 //!
-//! **Direct form, not shown.** All this is about a filter whose coefficients rest. While they change, a direct form's state
-//! can grow though all its points are stable; and rounding and saturation can keep an oscillation alive. `stylus stress`
-//! shows both.
+//! **Direct form, not shown.** All this is about a filter whose coefficients rest. While they change, a direct form's
+//! state can grow though all its points are stable; and rounding and saturation can keep an oscillation alive. `stylus
+//! stress` shows both.
 
 mod circle;
 mod edges;
@@ -110,8 +111,8 @@ pub fn certified(mut spec: TextureSpec) -> Result<TextureSpec> {
     let report = certify(&texture);
     if let Some((worst, others)) = report.failures().split_first() {
         return Err(Error::Model(format!(
-            "texture '{}' is not stable between its nodes in the {}: {worst}{}; fit it as a lattice (--structure lattice), \
-             which is stable at every point",
+            "texture '{}' is not stable between its nodes in the {}: {worst}{}; fit it as a lattice (--structure \
+             lattice), which is stable at every point",
             report.texture,
             report.structure,
             match others.len() {

@@ -1,10 +1,10 @@
 //! The spectra of one surface at several speeds, taken apart into what moves with the speed and what stays.
 //!
 //! A tool dragged over a surface at the speed v vibrates with the surface's profile, which stands at fixed spatial
-//! frequencies f/v, shaped by the resonances of tool and hand, which stand at fixed frequencies f. In logarithms:
-//! L(f, v) = S(ln f - ln v) + T(ln f) + R(f, v). S and T are found by backfitting (Hastie and Tibshirani, *Generalized
-//! Additive Models*, 1990, ch. 4), each in turn as the mean of what the other leaves. At another speed, S is moved and T
-//! is not; what neither explains, R, is taken over from the neighbouring speeds as a smooth curve.
+//! frequencies f/v, shaped by the resonances of tool and hand, which stand at fixed frequencies f. In logarithms: L(f,
+//! v) = S(ln f - ln v) + T(ln f) + R(f, v). S and T are found by backfitting (Hastie and Tibshirani, *Generalized
+//! Additive Models*, 1990, ch. 4), each in turn as the mean of what the other leaves. At another speed, S is moved and
+//! T is not; what neither explains, R, is taken over from the neighbouring speeds as a smooth curve.
 //!
 //! Moving the whole spectrum with the speed would move the tool's resonances too.
 
