@@ -11,8 +11,8 @@
 //! | [`link`] | requests, over two wires |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! Rooms import downward only: `link` imports `device`; `device` imports `flash` and `fault`; `fault` imports `tick`;
-//! `tick` imports `play`; all may import `boot`, which imports none. `main` alone sees all of them.
+//! Rooms import in one direction: `link` imports `device` and `flash`; `device` imports `tick` and `play`; `flash` imports
+//! `fault`; `fault` imports `tick`; `tick` imports `play`. All may import `boot`, which imports none. Only `main` sees all.
 //!
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
 //! blinks while all is well, LD3 on PB14 lights after a fault.
@@ -56,7 +56,7 @@ use crate::tick::inputs;
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     let Some(mut core) = cortex_m::Peripherals::take() else {
-        defmt::unreachable!("nobody took them before");
+        defmt::unreachable!("the core peripherals are taken once");
     };
     startup::prepare_memory(&mut core.SCB, &mut core.CPUID);
     startup::start_cycle_counter(&mut core.DCB, &mut core.DWT);

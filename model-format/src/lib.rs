@@ -36,6 +36,3 @@ pub use wire::{FORMAT_VERSION, Provenance, Structure};
 /// A node of a normalised lattice stores θ = arcsin k, not the reflection coefficient k itself: near |k| = 0.9999,
 /// where resonances live, a step of θ is worth 7e-7 in k, forty times finer than a 16-bit k.
 pub const THETA_STEP_RAD: f64 = core::f64::consts::PI / 65_536.0;
-
-/// Sample rate of the device, Hz: it plays textures and scenes of this rate, and host tools resample recordings to it.
-pub const SAMPLE_RATE_HZ: u32 = 5_000;

@@ -1,25 +1,12 @@
-//! The command from outside: what it does with good input, and what it says of bad.
+//! The command from outside: its results on good input, and its messages about bad input.
 
 mod support;
 
-use support::{Bench, RATE_HZ, all_pole, noise, text, wav};
+use support::{Bench, RATE_HZ, all_pole, json, noise, scaled, text, two_textures, wav};
 
-/// Two textures at two speeds and forces.
+/// Two textures at two speeds and forces, on two axes of which the second is weak.
 fn small_set() -> Bench {
-    let bench = Bench::new();
-    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
-    for (texture, pole) in [("silk", 0.5), ("felt", -0.6)] {
-        for (speed, force) in [(50, 0.5), (50, 1.0), (150, 0.5), (150, 1.0)] {
-            let seed = speed * 10 + (force * 10.0) as u64;
-            let signal = all_pole(&[-pole * 1.2, 0.7], &noise(seed, 10_000));
-            let small: Vec<f64> = signal.iter().map(|x| 0.1 * x).collect();
-            let name = format!("{texture}-{speed}-{force}.wav");
-            bench.write(&format!("set/{name}"), wav(&[&signal, &small], RATE_HZ));
-            list.push_str(&format!("{name},{texture},{speed},{force}\n"));
-        }
-    }
-    bench.write("set/trials.csv", list);
-    bench
+    two_textures(|signal| [signal.to_vec(), scaled(signal, 0.1)])
 }
 
 #[test]
@@ -46,7 +33,7 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
     for texture in figures["textures"].as_array().unwrap() {
         let cost = texture["mean_cost"].as_f64().unwrap();
         let floor = texture["mean_cost_floor"].as_f64().unwrap();
-        // Autoregressive recordings are what the models are: the cost is what the synthesis' own noise makes it.
+        // The recordings are autoregressive as the models are, so the cost is that of the synthesis' own noise.
         assert!(cost < 1.2 * floor, "{texture}");
     }
     bench.succeed(
@@ -63,11 +50,11 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
 fn reports_for_scripts_are_json() {
     let bench = small_set();
     let fitted = bench.succeed("fit set --out textures.lib --json");
-    let report: serde_json::Value = serde_json::from_str(&fitted).unwrap();
+    let report = json(&fitted);
     assert_eq!(report["trials"].as_array().unwrap().len(), 8);
     assert!(report["trials"][0]["energy_share"].as_f64().unwrap() > 0.98);
     let inspected = bench.succeed("inspect textures.lib --json");
-    let content: serde_json::Value = serde_json::from_str(&inspected).unwrap();
+    let content = json(&inspected);
     assert_eq!(content["textures"][0]["nodes"].as_array().unwrap().len(), 4);
     assert_eq!(content["scenes"].as_array().unwrap().len(), 0);
 }
@@ -95,8 +82,8 @@ fn the_same_seed_gives_the_same_bytes() {
 #[test]
 fn a_simulated_set_is_simulated_wherever_it_goes() {
     let bench = Bench::new();
-    let scene = bench.succeed("simulate-rig --print-scene");
-    let scene = scene
+    let rig = bench.succeed("simulate-rig --print-rig");
+    let rig = rig
         .lines()
         .map(|line| match line.split('=').next().unwrap_or("").trim() {
             "speeds_mm_s" => "speeds_mm_s = [60, 180]",
@@ -105,8 +92,8 @@ fn a_simulated_set_is_simulated_wherever_it_goes() {
         })
         .collect::<Vec<_>>()
         .join("\n");
-    bench.write("scene.toml", scene);
-    let said = bench.succeed("simulate-rig --scene scene.toml --out rig --seed 3");
+    bench.write("rig.toml", rig);
+    let said = bench.succeed("simulate-rig --rig rig.toml --out rig --seed 3");
     assert!(said.contains("SIMULATED"), "{said}");
     let fitted = bench.succeed("fit rig --out rig.lib");
     assert!(fitted.contains("SIMULATED"), "{fitted}");
@@ -207,7 +194,7 @@ fn what_cannot_be_used_is_refused_in_one_line_and_nothing_is_written() {
         ),
         ("inspect noise.wav", &["noise.wav", "not a texture library"]),
         (
-            "simulate-rig --scene nowhere.toml --out rig",
+            "simulate-rig --rig nowhere.toml --out rig",
             &["nowhere.toml"],
         ),
     ] {
@@ -332,7 +319,7 @@ fn triage_names_what_is_wrong_and_the_fit_goes_on() {
     list.push_str("slow.wav,slow,100,1\n");
     bench.write("set/trials.csv", &list);
     let report = bench.succeed("fit set --out a.lib --json");
-    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    let report = json(&report);
     let verdict = |name: &str| {
         let trials = report["trials"].as_array().unwrap();
         let trial = trials
@@ -369,7 +356,7 @@ fn holes_are_filled_and_flagged_and_dropped_trials_are_holes() {
         .collect();
     bench.write("set/trials.csv", without.join("\n"));
     let said = bench.succeed("fit set --out a.lib --json");
-    let report: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let report = json(&said);
     assert_eq!(report["textures"][0]["filled_nodes"], 1);
     assert_eq!(report["textures"][1]["filled_nodes"], 0);
 }
@@ -422,7 +409,7 @@ fn any_pcm_or_float_wav_and_csv_give_the_same_model() {
     }
 }
 
-/// What NumPy users write: IEEE float samples of 64 bits.
+/// A WAV file as NumPy writes it: IEEE float samples of 64 bits.
 fn double_wav(signal: &[f64]) -> Vec<u8> {
     let data = signal.len() as u32 * 8;
     let mut bytes = Vec::new();

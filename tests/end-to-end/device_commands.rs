@@ -1,22 +1,17 @@
-//! Commands to a stylus that does as it should: what is told is done, and read back.
+//! Commands to a stylus without faults: each is carried out, and its effect read back.
 
-#[path = "support/stylus/mod.rs"]
-mod stylus;
 mod support;
 
 use std::process::Command;
 
+use fake_stylus::library::library;
+use fake_stylus::{FakeStylus, Hand};
 use serde_json::Value;
-use stylus::{Hand, TestStylus, library};
-use support::{Bench, interrupt, text, wait_for};
-
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap_or_else(|failure| panic!("{failure}: {text}"))
-}
+use support::{Bench, PLAY, interrupt, json, text, wait_for};
 
 /// A stylus with an active library of one texture, and a folder with the library in it.
-fn ready() -> (TestStylus, Bench) {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+fn ready() -> (FakeStylus, Bench) {
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     bench.write("a.lib", library(1, 20, 1));
     bench.succeed(&format!("upload a.lib --activate --link {}", stylus.link()));
     stylus.take_heard();
@@ -25,7 +20,7 @@ fn ready() -> (TestStylus, Bench) {
 
 #[test]
 fn a_library_is_uploaded_listed_activated_and_shown() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let link = stylus.link();
     let bytes = library(2, 30, 7);
     bench.write("a.lib", &bytes);
@@ -111,7 +106,7 @@ fn a_constant_motion_is_sent_at_its_rate_until_the_end_and_the_stop_is_read_back
     assert!(output.status.success(), "{}", text(&output.stderr));
     let report = json(&text(&output.stdout));
     let number = |name: &str| report[name].as_u64().unwrap();
-    // None is lost: what was not sent is counted.
+    // Every motion is counted, those that were not sent too.
     let slots = number("motions") + number("skipped");
     assert!((390..=402).contains(&slots), "{report}");
     let topics = stylus.count("stylus/motion/live");
@@ -180,7 +175,7 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     let report = json(&text(&output.stdout));
     assert_eq!(report["motions"], 0);
-    // One each 10 ms, but for what this computer was late.
+    // One per 10 ms, less the delays of this computer.
     let expected = report["seconds"].as_f64().unwrap() * 100.0;
     let found = report["keep_alives"].as_f64().unwrap();
     assert!(
@@ -192,7 +187,7 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
     let status = json(&bench.succeed(&format!("status --json --link {}", stylus.link())));
     let output = &status["status"]["output"];
     assert_eq!(output["activity"], "Idle");
-    // While it was played nothing muted it but the beginning and the end.
+    // Nothing muted it between the beginning and the end.
     assert_eq!(output["mute_counts"][1], 0, "{output}");
 }
 
@@ -200,19 +195,9 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
 fn stop_stops_what_another_program_plays_and_may_be_said_twice() {
     let (stylus, bench) = ready();
     let link = stylus.link();
-    let mut player = bench.spawn([
-        "play",
-        "--texture",
-        "texture 0",
-        "--speed",
-        "50",
-        "--force",
-        "1",
-        "--link",
-        &link,
-    ]);
+    let mut player = bench.spawn(PLAY.into_iter().chain(["--link", &link]));
     wait_for("motions", || stylus.count("stylus/motion/live") >= 20);
-    // This stylus has one link; whoever comes takes it.
+    // This stylus has one link, and a new connection takes it.
     let stopped = json(&bench.succeed(&format!("stop --json --link {link}")));
     assert_eq!(stopped["was_playing"], true);
     let again = json(&bench.succeed(&format!("stop --json --link {link}")));
@@ -231,7 +216,7 @@ fn stop_stops_what_another_program_plays_and_may_be_said_twice() {
 
 #[test]
 fn settings_are_shown_changed_read_back_and_reset() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let link = stylus.link();
     let value = |arguments: &str| -> f64 {
         let shown = json(&bench.succeed(&format!("settings {arguments} --json --link {link}")));
@@ -298,7 +283,7 @@ fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
 
 #[test]
 fn without_a_library_there_is_nothing_to_play_or_activate() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let link = stylus.link();
     for (arguments, words) in [
         ("play --texture silk", "no library is active"),
@@ -338,7 +323,7 @@ fn what_is_wrong_before_the_device_is_asked_is_told_without_it() {
 
 #[test]
 fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let link = stylus.link();
     stylus.set_hand(Hand {
         speed_mm_s: 80.0,
@@ -351,7 +336,7 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     let sights: Vec<Value> = seen.lines().map(json).collect();
     assert!(sights.len() >= 3, "{seen}");
     let level = &sights[1]["level"];
-    // 768 codes to either side, 3.3 V / 65 536 a code, 29.72 m/s² per V.
+    // 768 codes to either side, 3.3 V / 65 536 per code, 29.72 m/s² per V.
     let rms = 768.0 * 3.3 / 65_536.0 * 29.72;
     assert!(
         (level["rms_m_s2"].as_f64().unwrap() - rms).abs() < 1e-3,

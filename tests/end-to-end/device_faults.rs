@@ -1,31 +1,29 @@
-//! Links and devices that fail: what goes on, and what is said when it cannot.
+//! Links and devices that fail: the commands that recover, and the messages of those that cannot.
 
-#[path = "support/stylus/mod.rs"]
-mod stylus;
 mod support;
 
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use fake_stylus::library::library;
+use fake_stylus::{FakeStylus, Faults};
 use model_format::link::{DeviceInfo, MAX_CHUNK_BYTES};
 use serde_json::Value;
-use stylus::{Faults, TestStylus, library};
-use support::{Bench, wait_for};
+use support::{Bench, PLAY, json, text, wait_for};
 
 /// A stylus, and a folder with a library of about 100 KB.
-fn bench() -> (TestStylus, Bench, Vec<u8>) {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+fn bench() -> (FakeStylus, Bench, Vec<u8>) {
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let bytes = library(1, 400, 3);
     bench.write("a.lib", &bytes);
     (stylus, bench, bytes)
 }
 
-fn upload(stylus: &TestStylus, bench: &Bench) -> Value {
-    let said = bench.succeed(&format!(
+fn upload(stylus: &FakeStylus, bench: &Bench) -> Value {
+    json(&bench.succeed(&format!(
         "upload a.lib --json --activate --link {}",
         stylus.link()
-    ));
-    serde_json::from_str(&said).unwrap()
+    )))
 }
 
 #[test]
@@ -72,7 +70,7 @@ fn an_upload_that_was_killed_is_resumed_by_the_next() {
 fn an_upload_whose_last_answer_was_lost_is_not_begun_again() {
     let (stylus, bench, bytes) = bench();
     let chunks = bytes.len().div_ceil(MAX_CHUNK_BYTES);
-    // Who it is, begin, the chunks, and the commit.
+    // The device's description, the begin, the chunks and the commit.
     stylus.fail(Faults {
         close_every: Some(chunks + 3),
         ..Faults::default()
@@ -98,7 +96,7 @@ fn answers_that_break_on_the_way_and_noise_between_them_do_no_harm() {
         "upload a.lib --json --timeout 0.4 --link {}",
         stylus.link()
     ));
-    let report: Value = serde_json::from_str(&said).unwrap();
+    let report = json(&said);
     assert_eq!(report["bytes"], bytes.len());
     assert!(report["retries"].as_u64().unwrap() >= 1, "{report}");
 }
@@ -124,7 +122,7 @@ fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
         busy: true,
         ..Faults::default()
     });
-    // Sixteen times as long as for other answers.
+    // The timeout is sixteen times that of other answers.
     let message = bench.refuse(&format!("list --timeout 0.2 --link {link}"));
     assert!(
         message.contains("the device did not accept the slot list request"),
@@ -166,7 +164,7 @@ fn a_device_that_says_nothing_is_given_up_in_time() {
 #[test]
 fn an_answer_that_comes_too_late_is_no_answer_to_what_is_asked_next() {
     use host_tools::link::{Device, LinkError, Timeouts};
-    let stylus = TestStylus::boot();
+    let stylus = FakeStylus::start();
     let address = stylus.link().parse().unwrap();
     let timeouts = Timeouts::scaled_to(Duration::from_millis(400));
     let device = Device::connect(&address, timeouts).unwrap();
@@ -187,16 +185,16 @@ fn an_answer_that_comes_too_late_is_no_answer_to_what_is_asked_next() {
     );
     stylus.fail(Faults::default());
     let first = device.status().unwrap().uptime_ms;
-    // The late answer is older than this one; it has come by now and is not taken for the next.
+    // The late answer has come by now; it is older than this one, and must not be taken for it.
     std::thread::sleep(Duration::from_millis(700));
     let second = device.status().unwrap().uptime_ms;
     assert!(second >= first + 600, "{first} {second}");
 }
 
-/// Makes a device another.
+/// Changes a device's description of itself.
 type Disguise = fn(&mut DeviceInfo);
 
-/// What a user reads when the device says that it is `disguise`.
+/// The message to a user of a device with `disguise`.
 fn said_to(disguise: Disguise, arguments: &str) -> String {
     let (stylus, bench, _) = bench();
     stylus.fail(Faults {
@@ -204,7 +202,7 @@ fn said_to(disguise: Disguise, arguments: &str) -> String {
         ..Faults::default()
     });
     let message = bench.refuse(&format!("{arguments} --link {}", stylus.link()));
-    // Nothing but who it is was asked.
+    // Nothing but its description was asked for.
     let heard = stylus.take_heard();
     assert!(heard.iter().all(|heard| heard.path == "stylus/info"));
     message
@@ -272,24 +270,16 @@ fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_an
         ..Faults::default()
     });
     let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
-        .args([
-            "play",
-            "--texture",
-            "texture 0",
-            "--speed",
-            "50",
-            "--force",
-            "1",
-        ])
+        .args(PLAY)
         .args(["--seconds", "2", "--json", "--link", &stylus.link()])
         .output()
         .unwrap();
-    assert!(output.status.success(), "{}", support::text(&output.stderr));
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
-    // Two answers of 100 ms at a time, each for 16 motions: at most 320 a second.
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let report: Value = json(&text(&output.stdout));
+    // Two answers of 100 ms at a time, each for 16 motions: at most 320 motions per second.
     let motions = report["motions"].as_u64().unwrap();
     assert!(motions <= 700, "{report}");
     assert!(report["skipped"].as_u64().unwrap() > 0, "{report}");
-    // While motions wait, the device hears that the host is there.
+    // While motions wait, keep-alives tell the device that the host is there.
     assert!(report["keep_alives"].as_u64().unwrap() > 0, "{report}");
 }

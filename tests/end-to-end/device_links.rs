@@ -1,16 +1,14 @@
-//! The ways to a stylus: a serial port, TCP, USB; and what is said where there is none.
+//! Links to a stylus: a serial port, TCP and USB; and the messages where there is no stylus.
 
-#[path = "support/stylus/mod.rs"]
-mod stylus;
 mod support;
 
 use std::process::Command;
 
+use fake_stylus::FakeStylus;
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
-use stylus::TestStylus;
 use support::{Bench, text};
 
-/// A pseudo-terminal in front of a stylus; its other end is a serial port like any.
+/// A pseudo-terminal in front of a stylus, whose other end is an ordinary serial port.
 #[cfg(unix)]
 mod port {
     use std::time::Duration;
@@ -20,10 +18,10 @@ mod port {
     use tokio::runtime::Runtime;
     use tokio_serial::{SerialPort, SerialStream};
 
-    /// Bytes go both ways until it is dropped.
+    /// Carries bytes both ways until it is dropped.
     pub struct Port {
         pub name: String,
-        /// Our own hold of the port.
+        /// The test's own handle of the port.
         pub held: Option<SerialStream>,
         _runtime: Runtime,
     }
@@ -53,7 +51,7 @@ mod port {
                 Ok(0) => return,
                 Ok(count) if to.write_all(&buffer[..count]).await.is_err() => return,
                 Ok(_) => {}
-                // A terminal whose other end nobody has open.
+                // A terminal whose other end is not open.
                 Err(_) => tokio::time::sleep(Duration::from_millis(5)).await,
             }
         }
@@ -63,11 +61,11 @@ mod port {
 #[cfg(unix)]
 #[test]
 fn a_serial_port_carries_what_tcp_carries() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let mut port = port::before(stylus.port());
     port.held = None;
     let name = &port.name;
-    bench.write("a.lib", stylus::library(1, 50, 1));
+    bench.write("a.lib", fake_stylus::library::library(1, 50, 1));
     let uploaded = bench.succeed(&format!("upload a.lib --activate --link serial:{name}"));
     assert!(uploaded.contains("read back"), "{uploaded}");
     let status = bench.succeed(&format!("status --link serial:{name}"));
@@ -77,7 +75,7 @@ fn a_serial_port_carries_what_tcp_carries() {
 #[cfg(unix)]
 #[test]
 fn a_port_that_another_program_uses_is_said_to_be_in_use() {
-    let stylus = TestStylus::boot();
+    let stylus = FakeStylus::start();
     let mut port = port::before(stylus.port());
     let held = port.held.as_mut().expect("it is held from the beginning");
     held.set_exclusive(true).unwrap();
@@ -87,7 +85,7 @@ fn a_port_that_another_program_uses_is_said_to_be_in_use() {
 
 #[test]
 fn the_environment_names_the_link_unless_the_command_does() {
-    let stylus = TestStylus::boot();
+    let stylus = FakeStylus::start();
     let run = |arguments: &[&str]| {
         Command::new(env!("CARGO_BIN_EXE_stylus"))
             .args(arguments)
@@ -109,7 +107,7 @@ fn where_there_is_no_device_one_line_says_so() {
         ("serial:/dev/null", "is it a serial port?"),
         ("tcp:127.0.0.1:1", "nothing listens there"),
         ("tcp:no-such-host.invalid:4000", "cannot be opened"),
-        // Where a stylus is plugged in, it does not have this number.
+        // If a stylus is plugged in, it has another serial number.
         ("usb:no-such-serial", "on USB"),
     ] {
         let message = bench.refuse(&format!("status --link {link}"));

@@ -1,17 +1,15 @@
-//! Recording from a stylus: what was on the pins is in the set, holes are not, and a fit reads it.
+//! Recording from a stylus: the set holds what was on the pins, without the holes, and a fit reads it.
 
-#[path = "support/stylus/mod.rs"]
-mod stylus;
 mod support;
 
 use std::io::Write;
 use std::process::{Child, Output};
 use std::time::Duration;
 
+use fake_stylus::{FakeStylus, Faults, Hand};
 use model_format::AdcCode;
 use serde_json::Value;
-use stylus::{Faults, Hand, TestStylus};
-use support::{Bench, all_pole, interrupt, noise, text, wait_for};
+use support::{Bench, all_pole, interrupt, json, noise, text, wait_for};
 
 /// Default scale of the accelerometer, m/s² per V.
 const SCALE: f64 = 29.72;
@@ -33,17 +31,17 @@ fn hand(speed_mm_s: f64, force_n: f64) -> Hand {
 
 fn report(output: &Output) -> Value {
     assert!(output.status.success(), "{}", text(&output.stderr));
-    serde_json::from_slice(&output.stdout).expect("a report")
+    json(&text(&output.stdout))
 }
 
-fn record(stylus: &TestStylus, bench: &Bench, arguments: &str) -> Output {
+fn record(stylus: &FakeStylus, bench: &Bench, arguments: &str) -> Output {
     bench.run(&format!(
         "record set {arguments} --json --link {}",
         stylus.link()
     ))
 }
 
-fn spawn(stylus: &TestStylus, bench: &Bench, arguments: &str) -> Child {
+fn spawn(stylus: &FakeStylus, bench: &Bench, arguments: &str) -> Child {
     let link = stylus.link();
     let fixed = ["record", "set", "--json", "--link", &link];
     bench.spawn(fixed.into_iter().chain(arguments.split_whitespace()))
@@ -59,7 +57,7 @@ fn samples(bench: &Bench, trial: usize) -> Vec<Vec<f64>> {
 
 #[test]
 fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     for (speed, force) in [(120.0, 1.0), (60.0, 1.0), (60.0, 0.5)] {
         let hand = hand(speed, force);
         stylus.set_hand(hand.clone());
@@ -84,7 +82,7 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
         let trials = std::fs::read_to_string(trial).unwrap().lines().count() - 2;
         let axes = samples(&bench, trials);
         assert_eq!(axes[0].len(), 10_000);
-        // Where in the signal's loop the recording began is the clock's matter.
+        // The recording begins anywhere in the signal's loop.
         let codes: Vec<[i64; 3]> = (0..10_000)
             .map(|n| {
                 let code = |axis: usize| {
@@ -112,7 +110,7 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
 
 #[test]
 fn trials_that_are_there_are_not_recorded_again_unless_asked() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     let first = "--texture silk --speeds 100 --forces 1 --seconds 0.4 --settle 0 --yes";
     report(&record(&stylus, &bench, first));
@@ -122,7 +120,7 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
     assert_eq!(second["already_there"], 1);
     assert_eq!(second["recorded"].as_array().unwrap().len(), 1);
     assert_eq!(stylus.count("stylus/record/start"), 1);
-    // The hand is not as fast as it should be, and that is told.
+    // The hand is too slow, and the report says so.
     let verdicts = second["recorded"][0]["verdicts"].to_string();
     assert!(verdicts.contains("instead of 200 mm/s"), "{verdicts}");
     let before = samples(&bench, 0);
@@ -139,7 +137,7 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
 
 #[test]
 fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     // A stretch of 63 blocks; the 40th does not arrive.
     stylus.fail(Faults {
@@ -168,7 +166,7 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
 
 #[test]
 fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     let child = spawn(
         &stylus,
@@ -192,7 +190,7 @@ fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
 
 #[test]
 fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     bench.write(
         "points.csv",
@@ -204,7 +202,8 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
         "--trials points.csv --seconds 0.5 --settle 0",
     );
     let mut keyboard = child.stdin.take().unwrap();
-    // The first is good; the second too slow: again, then kept; the third is left out; at the fourth it ends.
+    // The first trial is good. The second is too slow, and is repeated, then kept. The third is left out; the fourth
+    // ends it.
     keyboard.write_all(b"\n\nr\n\n\ns\nq\n").unwrap();
     let output = child.wait_with_output().unwrap();
     let said = text(&output.stderr);
@@ -219,7 +218,7 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
     let set = host_tools::recording::RecordingSet::open(&[bench.path("set")]).unwrap();
     let listed: Vec<f64> = set.trials.iter().map(|trial| trial.speed_mm_s).collect();
     assert_eq!(listed, [100.0, 200.0]);
-    // Another day: one is left out, one is kept for want of a better one, and that is all.
+    // A second session: one trial is left out, one is kept although it is too slow, and the session ends.
     let mut child = spawn(
         &stylus,
         &bench,
@@ -235,7 +234,7 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
 
 #[test]
 fn triage_judges_each_trial_when_it_is_there() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     let clipped = |(index, codes): (usize, [u16; 3])| {
         let top = if (index / 20).is_multiple_of(2) {
             65_535
@@ -270,7 +269,7 @@ fn triage_judges_each_trial_when_it_is_there() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     let child = spawn(
         &stylus,
@@ -286,13 +285,13 @@ fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
     );
     assert!(!bench.path("set/trials.csv").exists());
     let status = bench.succeed(&format!("status --json --link {}", stylus.link()));
-    let status: Value = serde_json::from_str(&status).unwrap();
+    let status = json(&status);
     assert_eq!(status["status"]["record"]["recording"], false);
 }
 
 #[test]
 fn a_recording_that_was_left_running_is_stopped_by_stop() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     let mut child = spawn(
         &stylus,
@@ -328,14 +327,14 @@ fn columns(bench: &Bench, name: &str) -> Vec<[f64; 6]> {
 
 #[test]
 fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     for (name, speed, force) in [("a.csv", 120.0, 1.0), ("b.csv", 60.0, 0.6)] {
         stylus.set_hand(hand(speed, force));
         let link = stylus.link();
         let recorded = bench.succeed(&format!(
             "record-strokes {name} --seconds 1.5 --json --link {link}"
         ));
-        let recorded: Value = serde_json::from_str(&recorded).unwrap();
+        let recorded = json(&recorded);
         assert_eq!(
             (&recorded["lost_samples"], &recorded["seconds"]),
             (&0.into(), &1.5.into())
@@ -370,7 +369,7 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
-    let (stylus, bench) = (TestStylus::boot(), Bench::new());
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
     stylus.set_hand(hand(100.0, 1.0));
     stylus.fail(Faults {
         lose_block_every: Some(10),
@@ -386,7 +385,7 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
     let lost = rows.iter().filter(|row| row[1].is_nan()).count() as u64;
     assert!(lost > 0, "{report}");
     assert_eq!(report["lost_samples"], lost);
-    // Time goes on in the holes, and speed and force are right beside them.
+    // Time goes on in the holes, and the speed and force beside them are right.
     for (n, row) in rows.iter().enumerate() {
         assert!((row[0] - n as f64 / 5000.0).abs() < 1e-9);
         assert!(

@@ -1,4 +1,4 @@
-//! From a recording of a known process, through a library, to what the device plays: the process comes back.
+//! A known process recorded, fitted, stored and played by the device's kernel comes back as the same process.
 
 mod support;
 
@@ -14,7 +14,7 @@ use support::{Bench, RATE_HZ, all_pole, noise, wav};
 
 const SECONDS: f64 = 60.0;
 
-/// A process by its poles: (frequency in Hz, radius), each with its conjugate.
+/// A process given by its poles: (frequency in Hz, radius), each with its conjugate.
 fn predictor(poles: &[(f64, f64)]) -> Vec<f64> {
     let mut polynomial = vec![1.0];
     for &(frequency_hz, radius) in poles {
@@ -54,7 +54,7 @@ fn decibels(ratio: f64) -> f64 {
 
 #[test]
 fn bands_come_back_within_one_decibel_and_the_level_within_a_fifth() {
-    // None falls below what a rectangular window leaks from its strongest line; see `Autocorrelation`.
+    // No band is weaker than the leakage of a rectangular window from the strongest line; see `Autocorrelation`.
     let processes = [
         ("broad", vec![(200.0, 0.6), (900.0, 0.5)]),
         ("resonant", vec![(70.0, 0.98), (420.0, 0.95), (1200.0, 0.8)]),

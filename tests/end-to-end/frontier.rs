@@ -1,4 +1,4 @@
-//! Accuracy against time, and orders within a budget of cycles.
+//! The frontier of accuracy against time, and orders within a budget of cycles.
 
 mod support;
 
@@ -10,18 +10,18 @@ use host_tools::evaluation::frontier::{
 use host_tools::evaluation::stress::cases::{Length, suite};
 use host_tools::fit::Order;
 use host_tools::recording::RecordingSet;
-use host_tools::rig::{self, Scene};
+use host_tools::rig::{self, RigFile};
 use serde_json::Value;
-use support::{Bench, RATE_HZ, all_pole, noise, text, wav};
+use support::{Bench, RATE_HZ, all_pole, json, noise, text, wav};
 
 /// Two takes of denim at two speeds and two forces.
 fn simulated() -> Bench {
     let bench = Bench::new();
-    let paper = Scene::paper();
+    let paper = RigFile::paper();
     let (head, textures) = paper.text().split_once("[[texture]]").unwrap();
     let denim = textures.split("[[texture]]").last().unwrap();
-    let scene = format!("{head}[[texture]]{denim}");
-    let scene: Vec<&str> = scene
+    let rig = format!("{head}[[texture]]{denim}");
+    let rig: Vec<&str> = rig
         .lines()
         .map(|line| match line.split('=').next().unwrap_or("").trim() {
             "speeds_mm_s" => "speeds_mm_s = [100, 120]",
@@ -29,9 +29,9 @@ fn simulated() -> Bench {
             _ => line,
         })
         .collect();
-    let scene = Scene::from_toml(&bench.path("scene.toml"), &scene.join("\n")).unwrap();
+    let rig = RigFile::from_toml(&bench.path("rig.toml"), &rig.join("\n")).unwrap();
     for seed in [5, 6] {
-        rig::simulate_to_folder(&scene, seed, &bench.path(&format!("rig{seed}"))).unwrap();
+        rig::simulate_to_folder(&rig, seed, &bench.path(&format!("rig{seed}"))).unwrap();
     }
     bench
 }
@@ -40,7 +40,7 @@ fn set(bench: &Bench, name: &str) -> RecordingSet {
     RecordingSet::open(&[bench.path(name)]).unwrap()
 }
 
-/// Two orders, and two of the hard cases: what the command does with all of them takes minutes.
+/// Two orders and two of the hard cases, because all of them take the command minutes.
 fn options() -> Options {
     let wanted = ["H1b", "H2a/H2b, saw 1"];
     let cases = suite(Length::Short).into_iter();
@@ -82,7 +82,7 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
     for (index, filter) in frontier.filters.iter().enumerate() {
         check_filter(&frontier, index, filter);
     }
-    // The lattice alone holds the hard cases, and something of it is on the front of what does.
+    // Only the lattice keeps the hard cases stable, and a lattice is on the front of the structures that do.
     let safe = frontier.points.iter().filter(|point| point.on_safe_front);
     let structures: Vec<_> = safe.map(|p| frontier.filters[p.filter].structure).collect();
     assert!(!structures.is_empty());
@@ -91,12 +91,12 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
             .iter()
             .all(|s| *s == FilterStructure::NormalisedLattice32)
     );
-    // Two takes differ, as two pieces of a surface do.
+    // Two takes differ as two pieces of one surface do.
     assert!(frontier.take_cost > 0.05 && frontier.take_band_error_db > 0.1);
     page_holds_all(&bench, &frontier);
 }
 
-/// Accuracy as it must be of each structure.
+/// Asserts the accuracy that each structure must have.
 fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
     let at = |order| {
         let filters = frontier.filters.iter();
@@ -122,7 +122,7 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
         let cycles = points.iter().map(|point| point.worst_cycles);
         assert!(cycles.is_sorted_by(|a, b| a >= b), "{name}");
     }
-    // A direct form of 16 bits is stored, not played, in 16 bits.
+    // A direct form of 16 bits is stored in 16 bits, and played in more.
     let is_in_32_bits = filter.structure != FilterStructure::NormalisedLattice16;
     assert_eq!(filter.still.mean_snr_db > 70.0, is_in_32_bits, "{name}");
     if filter.structure == FilterStructure::NormalisedLattice32 {
@@ -203,7 +203,7 @@ fn takes_of_something_else_are_refused_and_so_is_what_is_not_there() {
 
 fn budgeted(bench: &Bench, arguments: &str) -> Value {
     let printed = bench.succeed(&format!("fit rig5 --out a.lib --json {arguments}"));
-    serde_json::from_str(&printed).unwrap()
+    json(&printed)
 }
 
 #[test]
@@ -234,13 +234,13 @@ fn a_budget_bounds_every_nodes_order_and_a_larger_one_gives_up_less() {
     );
 }
 
-/// What is foretold is what the device then plays: within a fifth, over the nodes that were lowered.
+/// The device plays with the predicted error: within a fifth, over the nodes whose order was lowered.
 #[test]
 fn the_cost_that_is_foretold_of_a_budget_is_that_of_what_the_stylus_plays() {
     let bench = Bench::new();
     bench.write("surface.wav", wav(&[&surface()], RATE_HZ));
     let fit = "fit surface.wav --budget-cycles 389 --json --out a.lib";
-    let report: Value = serde_json::from_str(&bench.succeed(fit)).unwrap();
+    let report = json(&bench.succeed(fit));
     let budget = &report["budget"][0];
     assert_eq!(budget["capped"], 1, "{budget}");
     bench.succeed("evaluate surface.wav --library a.lib --json a.json");
@@ -280,7 +280,7 @@ fn a_budget_holds_the_highest_order_of_a_direct_form_that_fits() {
         let fit = format!(
             "fit surface.wav --structure direct --order 400 --budget-cycles {cycles} --json --out a.lib"
         );
-        let report: Value = serde_json::from_str(&bench.succeed(&fit)).unwrap();
+        let report = json(&bench.succeed(&fit));
         let order = report["textures"][0]["nodes"][0]["order"].as_u64().unwrap() as usize;
         let worst = |order| {
             let direct = FilterStructure::DirectForm32;
@@ -295,7 +295,7 @@ fn a_budget_holds_the_highest_order_of_a_direct_form_that_fits() {
     }
 }
 
-/// Noise through a lattice of fifteen stages, the last of them a strong one.
+/// Noise through a lattice of fifteen stages, of which the last is strong.
 fn surface() -> Vec<f64> {
     let mut reflection = [0.2; 15];
     (reflection[0], reflection[1], reflection[14]) = (-0.8, 0.6, 0.5);

@@ -1,4 +1,5 @@
-//! Hard cases, by the device's kernel: what the lattice promises it holds; what the direct form cannot hold is refused.
+//! Hard cases on the device's kernel: the lattice keeps its bounds, and the direct form's unstable libraries are
+//! refused.
 
 mod support;
 
@@ -41,7 +42,7 @@ fn assert_lattices_hold(outcomes: &[Outcome]) {
 #[test]
 fn the_lattice_holds_its_promises_in_every_hard_case() {
     assert_lattices_hold(outcomes());
-    // The six models of order 400 have no excuse.
+    // No exception is made for the six models of order 400.
     for outcome in outcomes()
         .iter()
         .filter(|o| o.is_lattice() && o.case.starts_with('H'))
@@ -55,7 +56,7 @@ fn the_lattice_holds_its_promises_in_every_hard_case() {
     }
 }
 
-/// A quarter of an hour on two cores: `cargo test --release --test hard_cases -- --ignored`.
+/// Takes a quarter of an hour on two cores: `cargo test --release --test hard_cases -- --ignored`.
 #[test]
 #[ignore = "takes a quarter of an hour"]
 fn the_lattice_holds_its_promises_over_a_hundred_million_samples() {
@@ -65,7 +66,7 @@ fn the_lattice_holds_its_promises_over_a_hundred_million_samples() {
     assert_lattices_hold(&outcomes);
 }
 
-/// If it did not, the cases would not be hard.
+/// Otherwise the cases would not be hard.
 #[test]
 fn the_direct_form_breaks_in_the_cases_that_are_known_to_break_it() {
     for (case, structure) in [
@@ -88,7 +89,7 @@ fn the_direct_form_breaks_in_the_cases_that_are_known_to_break_it() {
             .filter(|o| o.case == case && !o.is_lattice());
         direct.any(|outcome| outcome.glitched.left > 0.9)
     };
-    // One node, stable, and latched by saturation for good.
+    // One stable node, on which saturation latches for ever.
     assert!(glitched("H2a") && glitched("H3"));
     let refused = outcomes()
         .iter()
@@ -116,7 +117,8 @@ fn the_models_are_those_of_the_fixtures() {
             .collect();
         assert_eq!(model.reflection.len(), exact.len());
         for (stage, (k, exact)) in model.reflection.iter().zip(exact).enumerate() {
-            // H4's equations have a condition of 1e10, and the formula's float64 is not the fixture's to the last digit.
+            // H4's equations have a condition number of 1e10, and the formula in float64 differs from the fixture in
+            // the last digits.
             assert!(
                 (k - exact).abs() < 1e-4,
                 "{}, stage {}",
@@ -196,7 +198,7 @@ fn the_known_pairs_are_refused_as_direct_forms_with_the_worst_point_and_play_as_
             ] {
                 assert!(refusal.contains(part), "{refusal}");
             }
-            // As it stands a stylus does not take it.
+            // A stylus refuses it uncertified.
             let error = model_format::encode(std::slice::from_ref(&spec)).unwrap_err();
             assert!(matches!(error.problem, Problem::Uncertified(_)));
             let report = with_library(spec, |texture| certify(&texture));
@@ -290,7 +292,7 @@ fn random_grid() -> impl Strategy<Value = (usize, Vec<Vec<f64>>)> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
-    /// At the weights that the kernel finds for any motion. A certificate says so before; the library takes it.
+    /// Checked at the weights that the kernel finds for any motion, with a certificate and a library that accept it.
     #[test]
     fn a_certified_direct_form_is_stable_at_every_motion(
         (speeds, predictors) in random_grid(),
@@ -400,7 +402,7 @@ fn certify_names_what_does_not_hold_and_what_is_not_stored() {
             .unwrap()
             .contains("fails")
     );
-    // Every other command reads it as a stylus would.
+    // Every other command refuses it as a stylus does.
     assert!(
         bench
             .refuse("inspect bad.lib")

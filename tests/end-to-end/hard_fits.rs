@@ -1,9 +1,9 @@
 //! Signals that break a fit, each with both windows, in float64 and in float32.
 //!
-//! The product fits with a rectangular window in float64; that path is held to what it must do, through the command. The
-//! other three are what one might have chosen instead: a window and a float32 recursion of the tests' own, raw as
-//! textbooks have it and with the product's two guards, the white-noise correction (as large as the float can tell) and
-//! the stop at the last order that is sound. Raw they give |k| above one; guarded they never do.
+//! The product fits with a rectangular window in float64; the command is tested for that path. The other three paths
+//! are alternatives: a window and a float32 recursion of the tests' own, raw as in textbooks and with the product's two
+//! guards, the white-noise correction (as small as the float can resolve) and the stop at the last sound order. Raw
+//! they give |k| above one; guarded they never do.
 
 mod support;
 
@@ -34,7 +34,7 @@ fn low_passed() -> Vec<f64> {
     signal.iter().map(|x| x / power.sqrt()).collect()
 }
 
-/// The rows of the table, with the name of the verdict or warning that must be said, if any.
+/// The rows of the table, each with the verdict or warning that the command must report, if any.
 fn signals() -> Vec<(&'static str, Vec<f64>, Option<&'static str>)> {
     let broadband = noise(5, SAMPLES);
     let hum: Vec<f64> = broadband
@@ -75,7 +75,7 @@ fn hann(signal: &[f64]) -> Vec<f64> {
 
 fn without_mean(signal: &[f64]) -> Vec<f64> {
     let mean = signal.iter().sum::<f64>() / signal.len() as f64;
-    // Of a constant exactly nothing is left.
+    // Nothing is left of a constant without its mean.
     signal
         .iter()
         .map(|x| {
@@ -88,7 +88,7 @@ fn without_mean(signal: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Levinson-Durbin's recursion in a float of any width; `$guarded` as the product does it.
+/// The Levinson-Durbin recursion in a float of any width, with the product's guards if `$guarded`.
 macro_rules! levinson {
     ($name:ident, $float:ty) => {
         fn $name(signal: &[f64], order: usize, guarded: bool) -> Vec<$float> {
@@ -100,7 +100,7 @@ macro_rules! levinson {
             };
             let mut lags: Vec<$float> = (0..=order).map(lag).collect();
             if guarded {
-                // Below the float's own resolution a correction would be none.
+                // A correction below the float's resolution would change nothing.
                 lags[0] *= 1.0 + (WHITE_NOISE_CORRECTION as $float).max(4.0 * <$float>::EPSILON);
             }
             let (mut error, mut a, mut reflection) = (lags[0], Vec::<$float>::new(), Vec::new());
@@ -172,7 +172,7 @@ fn guarded_recursions_are_sound_in_every_float_and_window_and_raw_ones_are_not()
             }
         }
     }
-    // The rows that are known to break; without them the test would show nothing.
+    // These rows are known to break; without them the test would show nothing.
     for known in [
         "zero, rectangular, float64",
         "constant, Hann, float64",
@@ -188,7 +188,7 @@ fn guarded_recursions_are_sound_in_every_float_and_window_and_raw_ones_are_not()
     }
 }
 
-/// The product's own functions, which the recursion above repeats for float64 only.
+/// The same for the product's own functions, which the recursion above repeats in float64 only.
 #[test]
 fn the_products_own_models_are_stable_with_both_windows() {
     for (name, signal, _) in signals() {
@@ -220,7 +220,7 @@ fn the_products_own_models_are_stable_with_both_windows() {
     }
 }
 
-/// It is no autocorrelation of anything: the second reflection coefficient is beyond one already.
+/// A sequence that is the autocorrelation of no signal: its second reflection coefficient exceeds one.
 #[test]
 fn the_unbiased_autocorrelation_fails_where_the_biased_one_does_not() {
     let signal = [1.0, 0.9, 0.7];
@@ -231,11 +231,11 @@ fn the_unbiased_autocorrelation_fails_where_the_biased_one_does_not() {
         .map(|(lag, r)| r * 3.0 / (3 - lag) as f64)
         .collect();
     assert_eq!(Prediction::levinson_durbin(&biased, 2).max_order(), 2);
-    // The second one would be 18.7.
+    // The second coefficient would be 18.7.
     assert_eq!(Prediction::levinson_durbin(&unbiased, 2).max_order(), 1);
 }
 
-/// Every row through the command, at the paper's order: a library, no NaN in it, and a word on what is wrong.
+/// Every row through the command, at the paper's order: it gives a library without NaN, and names what is wrong.
 #[test]
 fn every_signal_becomes_a_library_and_what_is_wrong_with_it_is_said() {
     let bench = Bench::new();
@@ -280,7 +280,7 @@ fn every_signal_becomes_a_library_and_what_is_wrong_with_it_is_said() {
                 "{name}"
             );
         } else {
-            // Where the recursion stopped short of what was asked for, it is said.
+            // A recursion that stopped below the requested order is reported.
             let lowered = order < ORDER;
             assert_eq!(
                 lowered,
@@ -289,6 +289,6 @@ fn every_signal_becomes_a_library_and_what_is_wrong_with_it_is_said() {
             );
         }
     }
-    // All of it can be played.
+    // Every texture can be played.
     bench.succeed("certify a.lib");
 }

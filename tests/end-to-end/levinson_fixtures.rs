@@ -1,4 +1,4 @@
-//! Levinson-Durbin against 60-digit arithmetic, on order-400 autocorrelations that are hard.
+//! The Levinson-Durbin recursion against 60-digit arithmetic, on hard autocorrelations of order 400.
 
 use host_tools::dsp::linear_prediction::{Prediction, error_share, step_down, step_up};
 use serde_json::Value;
@@ -23,7 +23,8 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     differences.fold(0.0, f64::max)
 }
 
-/// What rounding does grows with the condition of the normal equations: about 2e4 for H1, 1e6 for H2, 1e10 for H4.
+/// Tolerances, because round-off grows with the condition number of the normal equations: about 2e4 for H1, 1e6 for H2,
+/// 1e10 for H4.
 fn tolerance(name: &str) -> f64 {
     match name {
         "H1a" | "H1b" => 1e-12,

@@ -1,26 +1,14 @@
-//! Scenes from their text to what the stylus plays, by the command.
+//! Scenes, from their text to what the stylus plays, through the command.
 
 mod support;
 
 use host_tools::dsp::spectrum::PowerSpectrum;
 use model_format::Library;
-use support::{Bench, RATE_HZ, all_pole, noise, wav};
+use support::{Bench, RATE_HZ, json, scaled, two_textures};
 
 /// A library of two textures at two speeds and forces.
 fn bench() -> Bench {
-    let bench = Bench::new();
-    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
-    for (texture, pole) in [("silk", 0.5), ("felt", -0.6)] {
-        for (speed, force) in [(50, 0.5), (50, 1.0), (150, 0.5), (150, 1.0)] {
-            let seed = speed * 10 + (force * 10.0) as u64;
-            let signal = all_pole(&[-pole * 1.2, 0.7], &noise(seed, 10_000));
-            let loud: Vec<f64> = signal.iter().map(|x| 3.0 * x).collect();
-            let name = format!("{texture}-{speed}-{force}.wav");
-            bench.write(&format!("set/{name}"), wav(&[&loud], RATE_HZ));
-            list.push_str(&format!("{name},{texture},{speed},{force}\n"));
-        }
-    }
-    bench.write("set/trials.csv", list);
+    let bench = two_textures(|signal| [scaled(signal, 3.0)]);
     bench.succeed("fit set --out cloths.lib");
     bench
 }
@@ -73,10 +61,6 @@ fn samples(bench: &Bench, name: &str) -> Vec<f32> {
     let reader = hound::WavReader::open(bench.path(name)).unwrap();
     assert_eq!(reader.spec().sample_rate, RATE_HZ);
     reader.into_samples().map(Result::unwrap).collect()
-}
-
-fn json(text: &str) -> serde_json::Value {
-    serde_json::from_str(text).unwrap()
 }
 
 #[test]
@@ -197,7 +181,7 @@ fn compiling_replaces_scenes_of_the_same_name_and_leaves_all_else() {
     assert_eq!((a.scene_count(), b.scene_count()), (2, 2));
     assert_eq!(a.scene("two"), b.scene("two"));
     assert_eq!(b.scene("other").unwrap().surfaces[0].gain, 0.25);
-    // Without scenes, the same bytes as before.
+    // Without scenes the bytes are the same as before.
     let plain = Library::decode(&plain).unwrap();
     let again = host_tools::scene::with_scenes(&plain, &[]).unwrap();
     assert_eq!(again, read("cloths.lib"));
@@ -206,7 +190,7 @@ fn compiling_replaces_scenes_of_the_same_name_and_leaves_all_else() {
     assert!(!bench.path("c.lib").exists());
 }
 
-/// A line of [`TWO`], what stands there instead, and what is said of it.
+/// A line of [`TWO`], its replacement, and the message about it.
 const FAULTS: &[(&str, &str, &str)] = &[
     ("name = \"two\"", "nam = \"two\"", "unknown field `nam`"),
     ("name = \"two\"", "name = \"\"", "the name is empty"),
@@ -288,12 +272,12 @@ fn what_is_wrong_with_a_scene_is_said_with_its_line() {
     for (good, bad, problem) in FAULTS {
         let (good, bad, problem) = (*good, *bad, *problem);
         assert_eq!(TWO.matches(&format!("{good}\n")).count(), 1, "{good}");
-        // What is taken out leaves its line.
+        // A line that is taken out stays as an empty line.
         let text = TWO.replacen(good, bad, 1);
         bench.write("bad.toml", &text);
         let message = bench.refuse("scene check bad.toml --library cloths.lib");
         let line = 1 + TWO.lines().position(|line| line == good).unwrap();
-        // What is missing is said of the table that misses it, and a pole of its section.
+        // A missing key is reported for its table, and a pole for its section.
         let table = match bad {
             "" => {
                 1 + TWO
@@ -542,7 +526,7 @@ fn a_tap_that_was_rendered_is_found_again() {
         let value = found[key].as_f64().unwrap();
         assert!((value - expected).abs() < tolerance, "{key} is {value}");
     }
-    // What is printed can be pasted into a scene, and plays the same taps.
+    // The printed text can be pasted into a scene, which plays the same taps.
     let printed = bench.succeed("fit-tap taps.wav --force-rates 250");
     let table = &printed[printed.find("[surface.tap]").unwrap()..];
     bench.write(
@@ -557,8 +541,8 @@ fn a_tap_that_was_rendered_is_found_again() {
 #[test]
 fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
     let bench = Bench::new();
-    let scene = bench.succeed("simulate-rig --print-scene");
-    let scene: Vec<&str> = scene
+    let rig = bench.succeed("simulate-rig --print-rig");
+    let rig: Vec<&str> = rig
         .lines()
         .map(|line| match line.split('=').next().unwrap_or("").trim() {
             "speeds_mm_s" => "speeds_mm_s = [40, 120, 200]",
@@ -566,8 +550,8 @@ fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
             _ => line,
         })
         .collect();
-    bench.write("rig.toml", scene.join("\n"));
-    bench.succeed("simulate-rig --scene rig.toml --out rig");
+    bench.write("rig.toml", rig.join("\n"));
+    bench.succeed("simulate-rig --rig rig.toml --out rig");
     bench.succeed("fit rig --out rig.lib");
     let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     for name in [

@@ -149,7 +149,7 @@ impl<F: NorFlash> ReadNorFlash for Tolerant<F> {
             assert!(
                 F::WRITE_SIZE <= WORD_BYTES,
                 "a flash word is longer than expected"
-            )
+            );
         };
         for (index, word) in bytes.chunks_mut(F::WRITE_SIZE).enumerate() {
             let at = offset + (index * F::WRITE_SIZE) as u32;

@@ -26,7 +26,7 @@ pub fn start(wire: Wire) -> Result<RecordStarted, RecordError> {
     Ok(started)
 }
 
-/// Sends blocks as they come, and keeps the queue from filling when nobody records.
+/// Sends blocks as they come, and empties the queue while nothing is recorded.
 #[embassy_executor::task]
 pub async fn stream() -> ! {
     loop {

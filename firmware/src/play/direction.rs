@@ -95,7 +95,7 @@ pub fn switch(next: Next) {
     WAITS.store(true, Ordering::Release);
 }
 
-/// Replaces the next plan, which is then for nobody.
+/// Replaces the next plan, which neither [`start`] nor the update takes until it is marked for one of them.
 fn write_next(next: Next) {
     PREPARED.store(false, Ordering::Relaxed);
     WAITS.store(false, Ordering::Relaxed);

@@ -9,7 +9,6 @@
 use model_format::NodeFlags;
 use serde::Serialize;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::log_spectrum::LogSpectrum;
 use crate::dsp::model::Model;
@@ -19,6 +18,7 @@ use crate::fit::{Fit, Order};
 use crate::recording::TRIAL_DURATION_S;
 use crate::support::error::{Error, Result};
 use crate::texture::quantise::StructureChoice;
+use model_format::SAMPLE_RATE_HZ;
 
 /// So many cycles for the synthesis of one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,8 +116,8 @@ pub fn concessions(without: &Fit, within: &Fit, highest_order: usize) -> Vec<Con
             .collect();
         let worst = (0..rises.len()).max_by(|&a, &b| rises[a].total_cmp(&rises[b]));
         let floor = expected_cost_of_noise(
-            (TRIAL_DURATION_S * f64::from(MODEL_RATE_HZ)) as usize,
-            f64::from(MODEL_RATE_HZ),
+            (TRIAL_DURATION_S * f64::from(SAMPLE_RATE_HZ)) as usize,
+            f64::from(SAMPLE_RATE_HZ),
             DEFAULT_SMOOTHING_WIDTH_HZ,
         );
         let costs = lowered

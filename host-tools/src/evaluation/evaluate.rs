@@ -5,7 +5,6 @@ use model_format::{Library, MillimetresPerSecond, Newton, Texture};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ};
@@ -16,6 +15,7 @@ use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::texture::library::uncertified_library;
 use crate::texture::quantise::StructureChoice;
+use model_format::SAMPLE_RATE_HZ;
 
 /// Beginning of a synthesis that no comparison uses, s, because filters start from rest.
 pub(super) const WARM_UP_S: f64 = 0.5;
@@ -183,10 +183,10 @@ fn play_beside(
     options: &Options,
     seed: u64,
 ) -> Result<Comparison> {
-    let rate_hz = f64::from(MODEL_RATE_HZ);
-    if texture.sample_rate_hz() != MODEL_RATE_HZ {
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    if texture.sample_rate_hz() != SAMPLE_RATE_HZ {
         return Err(Error::Request(format!(
-            "texture '{}' plays at {} Hz, recordings are compared at {MODEL_RATE_HZ}",
+            "texture '{}' plays at {} Hz, recordings are compared at {SAMPLE_RATE_HZ}",
             texture.name(),
             texture.sample_rate_hz()
         )));
@@ -250,7 +250,7 @@ pub fn evaluate(
 }
 
 fn judge(trial: &Trial, comparison: &Comparison, options: &Options) -> TrialEvaluation {
-    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let Comparison {
         recorded,
         synthesised,

@@ -5,13 +5,13 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::evaluation::evaluate::{DISTANCE_RANGE_HZ, Evaluation, rms};
 use crate::fit;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
+use model_format::SAMPLE_RATE_HZ;
 
 /// A trial, and how far another take of the same texture, speed and force is from it.
 #[derive(Clone, Debug, Serialize)]
@@ -57,7 +57,7 @@ pub fn distances(
                 fit::signal(other, reduction)?.0,
             );
             let (low_hz, high_hz) = DISTANCE_RANGE_HZ;
-            let rate_hz = f64::from(MODEL_RATE_HZ);
+            let rate_hz = f64::from(SAMPLE_RATE_HZ);
             let level_db = 20.0 * (rms(&b) / rms(&a)).log10();
             Ok(TakeDistance {
                 file: judged.file.clone(),

@@ -7,8 +7,8 @@ use super::samples::Samples;
 use super::set::Trial;
 use super::source::Cut;
 use super::{TRIAL_DURATION_S, csv_file, resample, wav};
-use crate::dsp::MODEL_RATE_HZ;
 use crate::support::error::{Error, Result};
+use model_format::SAMPLE_RATE_HZ;
 
 /// Reads the samples of `trial`.
 ///
@@ -39,7 +39,7 @@ pub fn read(trial: &Trial) -> Result<Samples> {
     check_finite(path, &axes, source.first_frame)?;
     let clipped_share = clipped_share(&axes);
     let rate_hz = source.rate_hz;
-    if (rate_hz - f64::from(MODEL_RATE_HZ)).abs() > 0.0 {
+    if (rate_hz - f64::from(SAMPLE_RATE_HZ)).abs() > 0.0 {
         axes = at_model_rate(path, &axes, rate_hz)?;
     }
     // Exactly one where a trial says nothing of a scale.
@@ -84,6 +84,6 @@ fn at_model_rate(path: &Path, axes: &[Vec<f64>], rate_hz: f64) -> Result<Vec<Vec
         let problem = format!("a sample rate of {rate_hz} Hz is not a whole number of hertz");
         return Err(Error::file(path, problem));
     }
-    resample::resample(axes, whole as u32, MODEL_RATE_HZ)
+    resample::resample(axes, whole as u32, SAMPLE_RATE_HZ)
         .map_err(|problem| Error::file(path, problem))
 }

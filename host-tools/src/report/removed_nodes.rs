@@ -3,7 +3,6 @@
 use super::html::{Column, Page};
 use super::plot::{GridCell, GridMap, SpectraView, grid_map, time_and_frequency};
 use super::sections::{Sections, distance};
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::leave_one_out::{
     LeaveOneOut, Options, PAPER_TABLE_I, PaperColumn, Prepared, Removed, Row, SMOOTHING_WIDTHS_HZ,
@@ -11,6 +10,7 @@ use crate::evaluation::leave_one_out::{
 };
 use crate::support::error::Result;
 use crate::texture::domain::Method;
+use model_format::SAMPLE_RATE_HZ;
 
 /// The rows of Table I.
 const TABLE_ONE: [Row; 4] = [
@@ -222,7 +222,7 @@ pub(super) fn maps(
             smoothing_width_hz: options.smoothing_hz,
             ..SpectraView::default()
         };
-        let rate_hz = f64::from(MODEL_RATE_HZ);
+        let rate_hz = f64::from(SAMPLE_RATE_HZ);
         let picture = time_and_frequency(
             &sections.caption(&place),
             &recorded,

@@ -9,7 +9,6 @@ use super::plot::{
     Caption, GridCell, GridMap, OrderSeries, SpectraView, Svg, band_error_chart, grid_map,
     order_against_cost, time_and_frequency,
 };
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::evaluate;
 use crate::evaluation::evaluate::{
@@ -18,6 +17,7 @@ use crate::evaluation::evaluate::{
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 use crate::texture::grid::as_written;
+use model_format::SAMPLE_RATE_HZ;
 
 /// Speed, mm/s, and force, N, of the paper's own example (its figure 10); the nearest trial stands for its texture.
 const EXAMPLE: (f64, f64) = (120.0, 1.0);
@@ -157,7 +157,7 @@ impl<'a> Sections<'a> {
             &self.caption(&example.title),
             &example.comparison.recorded,
             &example.comparison.synthesised,
-            f64::from(MODEL_RATE_HZ),
+            f64::from(SAMPLE_RATE_HZ),
             &view,
         )?;
         self.figure(

@@ -10,7 +10,6 @@ use super::plot::{forward_prediction, grid_and_motion, spectrograms};
 use super::removed_nodes::{self, RemovedNodeTest};
 use super::sections::Sections;
 use super::sound::sound;
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
 use crate::evaluation::evaluate;
@@ -19,6 +18,7 @@ use crate::evaluation::takes::TakeDistance;
 use crate::recording::RecordingSet;
 use crate::support::error::Result;
 use crate::texture::grid::as_written;
+use model_format::SAMPLE_RATE_HZ;
 
 /// A stretch of a recording in the picture of its prediction, s.
 const PREDICTION_S: f64 = 0.1;
@@ -99,7 +99,7 @@ fn write_texture(
     prediction(sections, &example.title, recorded)?;
     sections.time_and_frequency(&example)?;
     let caption = sections.caption(&example.title);
-    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let picture = spectrograms(&caption, recorded, played, rate_hz, 1000.0)?;
     sections
         .page
@@ -151,7 +151,7 @@ fn prediction(sections: &mut Sections<'_>, place: &str, recorded: &[f64]) -> Res
     let lags = Autocorrelation::of(recorded, order).lags;
     let model = Prediction::levinson_durbin(&corrected(lags), order);
     let a = step_up(&model.reflection);
-    let shown = ((PREDICTION_S * f64::from(MODEL_RATE_HZ)) as usize).min(recorded.len());
+    let shown = ((PREDICTION_S * f64::from(SAMPLE_RATE_HZ)) as usize).min(recorded.len());
     let begin = (recorded.len() - shown) / 2;
     let predicted: Vec<f64> = (begin..begin + shown)
         .map(|n| {
@@ -161,7 +161,7 @@ fn prediction(sections: &mut Sections<'_>, place: &str, recorded: &[f64]) -> Res
         .collect();
     let title = format!("{place}: n = {}", a.len());
     let stretch = &recorded[begin..begin + shown];
-    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let picture = forward_prediction(&sections.caption(&title), stretch, &predicted, rate_hz)?;
     sections.page.figure(
         &picture,

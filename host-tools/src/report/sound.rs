@@ -1,8 +1,8 @@
 //! Signals as sounds that a browser plays.
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::recording::resample;
 use crate::support::error::{Error, Result};
+use model_format::SAMPLE_RATE_HZ;
 
 /// Sample rate of a page's sounds, Hz: every browser plays it.
 const SOUND_RATE_HZ: u32 = 20_000;
@@ -12,8 +12,8 @@ const SOUND_S: f64 = 3.0;
 
 /// A signal as the bytes of a WAV file, 16 bits, at a rate that every browser plays.
 pub(super) fn sound(signal: &[f64], full_scale: f64) -> Result<Vec<u8>> {
-    let most = ((SOUND_S * f64::from(MODEL_RATE_HZ)) as usize).min(signal.len());
-    let there = resample(&[signal[..most].to_vec()], MODEL_RATE_HZ, SOUND_RATE_HZ)
+    let most = ((SOUND_S * f64::from(SAMPLE_RATE_HZ)) as usize).min(signal.len());
+    let there = resample(&[signal[..most].to_vec()], SAMPLE_RATE_HZ, SOUND_RATE_HZ)
         .map_err(Error::Request)?;
     let spec = hound::WavSpec {
         channels: 1,

@@ -2,8 +2,8 @@
 
 use model_format::{Provenance, TextureSpec, encode_uncertified};
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::support::error::{Error, Result};
+use model_format::SAMPLE_RATE_HZ;
 
 use super::grid::Grid;
 use super::quantise::{self, StructureChoice};
@@ -20,7 +20,7 @@ pub fn texture_spec(
 ) -> Result<TextureSpec> {
     Ok(TextureSpec {
         name: name.to_owned(),
-        sample_rate_hz: MODEL_RATE_HZ,
+        sample_rate_hz: SAMPLE_RATE_HZ,
         structure: structure.structure(),
         provenance,
         speed_axis_mm_s: grid.speeds_mm_s.clone(),

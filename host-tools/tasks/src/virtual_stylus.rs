@@ -40,7 +40,7 @@ pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<()> {
 }
 
 /// Builds the images and runs all tests on the virtual stylus, with `long` the long ones too. `arguments` go to the
-/// tests. Compares the page's table of memory with the image.
+/// tests. Then compares the page's table of memory with the image.
 ///
 /// # Errors
 /// A build or a test fails, or the page's table is not of this image.
@@ -48,16 +48,17 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
     let product = firmware::build(toolchain, Image::Product)?;
     let memory = firmware::memory(&product)?;
     print!("{memory}");
+    let mut test = tests(toolchain, product)?;
+    if long {
+        test.env("STYLUS_LONG", "1");
+    }
+    process::run(test.arg("--").args(arguments))?;
     let compiler = costs::compiler(toolchain)?;
     let made = tables::memory::table_of(&memory, &compiler);
     if !tables::check_made(tables::memory::NAME, &made, &compiler)? {
         println!("rustc {compiler} is not the one of the page's table of memory: not compared");
     }
-    let mut test = tests(toolchain, product)?;
-    if long {
-        test.env("STYLUS_LONG", "1");
-    }
-    process::run(test.arg("--").args(arguments))
+    Ok(())
 }
 
 /// Runs the tests that count ticks so that they write the page's table.

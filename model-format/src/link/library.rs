@@ -137,10 +137,10 @@ pub enum ActivateError {
         /// The slot.
         slot: SlotId,
     },
-    /// Another activation that is under way.
+    /// Another activation is under way.
     #[error("another library is being activated: try again in a moment")]
     Busy,
-    /// An output that did not fade out in time.
+    /// The output did not fade out in time.
     #[error("the output did not come to rest: stop it, then activate again")]
     NotAtRest,
 }

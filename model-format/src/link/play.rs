@@ -72,7 +72,7 @@ pub struct Playing {
     reason = "without allocation the longest text is part of the whole"
 )]
 pub enum PlayError {
-    /// No library that is active.
+    /// No library is active.
     #[error("no library is active: upload one and activate it")]
     NoLibrary,
     /// A name that no texture of the active library has.
@@ -122,10 +122,10 @@ pub enum PlayError {
         /// The requested value.
         gain: f32,
     },
-    /// An activation that is under way.
+    /// An activation is under way.
     #[error("a library is being activated: try again in a moment")]
     Busy,
-    /// An output that is off after a fault.
+    /// The output is off after a fault.
     #[error("the output is off after a fault: read the status, then restart the device")]
     Fault,
 }
@@ -133,7 +133,7 @@ pub enum PlayError {
 /// Reason for which playing does not stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum StopError {
-    /// Nothing that is played.
+    /// Nothing is played.
     #[error("nothing is being played: there is nothing to stop")]
     NotPlaying,
 }

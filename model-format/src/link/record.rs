@@ -89,10 +89,10 @@ pub struct RecordStopped {
 /// Reason for which a recording does not start or stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum RecordError {
-    /// A recording that is under way, perhaps of another link.
+    /// A recording is under way, perhaps of another link.
     #[error("a recording is under way: stop it first")]
     Recording,
-    /// No recording that is under way.
+    /// No recording is under way.
     #[error("no recording is under way: start one")]
     NotRecording,
 }

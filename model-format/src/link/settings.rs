@@ -287,7 +287,7 @@ pub enum SettingsError {
         /// The highest value of the setting.
         highest: f32,
     },
-    /// A texture or scene that is played.
+    /// A texture or scene is played.
     #[error("settings do not change while a texture is played: stop it first")]
     Playing,
     /// A fault that the flash reported.

@@ -168,7 +168,7 @@ pub enum UploadError {
         /// Byte of the slot.
         offset: u32,
     },
-    /// An activation of the other slot that is under way.
+    /// The other slot's library is being activated.
     #[error("a library is being activated: try again in a moment")]
     Busy,
 }

@@ -1,4 +1,4 @@
-//! What the end-to-end tests share: the built command, folders, and recordings made on the spot.
+//! Support for the end-to-end tests: the built command, folders, and synthetic recordings.
 
 #![allow(dead_code, reason = "each test uses a part of it")]
 
@@ -8,12 +8,13 @@ use std::time::{Duration, Instant};
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
+use serde_json::Value;
 use tempfile::TempDir;
 
 /// Sample rate of the recordings made here, Hz.
 pub const RATE_HZ: u32 = 5000;
 
-/// A folder of a test's own, and the command run in it.
+/// A temporary folder, and the command run in it.
 pub struct Bench(TempDir);
 
 impl Bench {
@@ -27,7 +28,7 @@ impl Bench {
         self.0.path().join(name)
     }
 
-    /// Writes a file, and the folders above it.
+    /// Writes a file, and makes the folders above it.
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
         let path = self.path(name);
         std::fs::create_dir_all(path.parent().expect("it is in the folder")).expect("made");
@@ -43,7 +44,7 @@ impl Bench {
             .expect("the command runs")
     }
 
-    /// Starts `stylus` with these arguments, and goes on.
+    /// Starts `stylus` with these arguments, without waiting for its end.
     pub fn spawn<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Child {
         Command::new(env!("CARGO_BIN_EXE_stylus"))
             .args(arguments)
@@ -55,7 +56,7 @@ impl Bench {
             .expect("the command starts")
     }
 
-    /// Runs `stylus`, which must succeed, and gives what it printed.
+    /// Runs `stylus`, which must succeed; gives its standard output.
     pub fn succeed(&self, arguments: &str) -> String {
         let output = self.run(arguments);
         let (out, err) = (text(&output.stdout), text(&output.stderr));
@@ -76,7 +77,7 @@ impl Bench {
         message
     }
 
-    /// The names in the folder.
+    /// The names in the folder, sorted.
     pub fn names(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.0.path()).expect("the folder is there");
         let mut names: Vec<String> = entries
@@ -97,6 +98,47 @@ impl Default for Bench {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// A folder with the recordings `set` of two textures, silk and felt, at two speeds and two forces; `axes` makes the axes of
+/// a recording of an autoregressive signal.
+pub fn two_textures<const AXES: usize>(axes: impl Fn(&[f64]) -> [Vec<f64>; AXES]) -> Bench {
+    let bench = Bench::new();
+    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
+    for (texture, pole) in [("silk", 0.5), ("felt", -0.6)] {
+        for (speed, force) in [(50, 0.5), (50, 1.0), (150, 0.5), (150, 1.0)] {
+            let seed = speed * 10 + (force * 10.0) as u64;
+            let signal = all_pole(&[-pole * 1.2, 0.7], &noise(seed, 10_000));
+            let axes = axes(&signal);
+            let axes = axes.each_ref().map(Vec::as_slice);
+            let name = format!("{texture}-{speed}-{force}.wav");
+            bench.write(&format!("set/{name}"), wav(&axes, RATE_HZ));
+            list.push_str(&format!("{name},{texture},{speed},{force}\n"));
+        }
+    }
+    bench.write("set/trials.csv", list);
+    bench
+}
+
+/// `signal` times `factor`.
+pub fn scaled(signal: &[f64], factor: f64) -> Vec<f64> {
+    signal.iter().map(|x| factor * x).collect()
+}
+
+/// Arguments that play the first texture of a library of the fake stylus along a constant motion.
+pub const PLAY: [&str; 7] = [
+    "play",
+    "--texture",
+    "texture 0",
+    "--speed",
+    "50",
+    "--force",
+    "1",
+];
+
+/// A report that was printed as JSON.
+pub fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|failure| panic!("{failure}: {text}"))
 }
 
 /// Output as text.
@@ -128,7 +170,7 @@ pub fn all_pole(a: &[f64], excitation: &[f64]) -> Vec<f64> {
     output
 }
 
-/// A WAV file's bytes, 32-bit float, one channel an axis.
+/// A WAV file's bytes, 32-bit float, one channel per axis.
 pub fn wav(axes: &[&[f64]], rate_hz: u32) -> Vec<u8> {
     let spec = hound::WavSpec {
         channels: axes.len() as u16,
@@ -149,7 +191,7 @@ pub fn wav(axes: &[&[f64]], rate_hz: u32) -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// Waits until `is_there`, but not for ever.
+/// Waits until `is_there`, for 20 s at most.
 pub fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
     let begin = Instant::now();
     while !is_there() {
@@ -161,7 +203,7 @@ pub fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
     }
 }
 
-/// Ctrl-C.
+/// Sends Ctrl-C to `child`.
 #[cfg(unix)]
 pub fn interrupt(child: &Child) {
     let pid = child.id().to_string();

@@ -1,5 +1,5 @@
-//! Writes small valid libraries for the fuzzer to begin with into the folder that is its only argument: each structure, grids
-//! of one and of several nodes, orders 0 to 400.
+//! Seeds of the fuzzer: writes small valid libraries into the folder that is its only argument, of each structure, with
+//! grids of one and of several nodes and orders 0 to 400.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -99,7 +99,8 @@ fn texture(name: String, structure: Structure, order: usize, size: usize) -> Tex
         }
     };
     let cell_margins = match structure {
-        // Both with and without a certificate: what is changed under one is refused, and found no further.
+        // Both with and without a certificate, because a change under a certificate is refused before it reaches other
+        // code.
         Structure::DirectForm16 | Structure::DirectForm32 if size == 2 => vec![4],
         _ => Vec::new(),
     };
@@ -115,7 +116,7 @@ fn texture(name: String, structure: Structure, order: usize, size: usize) -> Tex
     }
 }
 
-/// Alternating, and falling with the square of the index.
+/// Values of alternating sign that fall with the square of the index.
 fn codes(structure: Structure, order: usize) -> CodeSpec {
     let falling = (1..=order as i32)
         .map(|index| (if index % 2 == 0 { 1 } else { -1 }) * 20_000 / (index * index));

@@ -1,6 +1,7 @@
-//! Any bytes are refused with a typed error, or are a library that can be read from end to end, written again, and played.
+//! Decoding of any bytes: they are refused with a typed error, or are a library that can be read, written again and
+//! played.
 //!
-//! Each input is tried as it is, and with a prefix that fits it: no fuzzer guesses a checksum.
+//! Each input is tried as it is and with a prefix that fits it, because no fuzzer guesses a checksum.
 #![no_main]
 
 use crc::{CRC_32_ISO_HDLC, Crc};
@@ -23,7 +24,7 @@ fuzz_target!(|input: &[u8]| {
     }
 });
 
-/// `input` with magic, version, reserved field, length and checksum as they must be.
+/// `input` with the right magic, version, reserved field, length and checksum.
 fn with_fitting_prefix(input: &[u8]) -> Option<Vec<u8>> {
     const PREFIX_BYTES: usize = 16;
     let mut bytes = b"HTXL".to_vec();
@@ -48,7 +49,7 @@ fn judge(bytes: &[u8]) {
                 .expect("what was read from a library makes one");
             let library =
                 Library::decode_uncertified(&again).expect("what was encoded is a library");
-            // For a stylus the certificates are all that may be missing.
+            // Nothing but certificates may keep a stylus from decoding it.
             if let Err(error) = Library::decode(bytes) {
                 assert!(matches!(error.problem, Problem::Uncertified(_)));
             }
@@ -64,7 +65,7 @@ fn judge(bytes: &[u8]) {
     }
 }
 
-/// Moves over the grid, beyond it, and to rest; there must be silence then.
+/// Moves over the grid, beyond it, and to rest, where it must be silent.
 fn play(texture: Texture<'_>) {
     let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
     let last = (
@@ -88,7 +89,7 @@ fn play(texture: Texture<'_>) {
     assert_eq!(synthesis.next_sample().0, 0);
 }
 
-/// Strikes each region, moves to its middle, and lifts; voices are gone two blocks later.
+/// Strikes each region, moves to its middle, and lifts; the voices must be gone two blocks later.
 fn play_scene(scene: &Scene, library: &Library<'_>) {
     let plan = Plan::new(scene, library).expect("it is in a valid library");
     let mut player: ScenePlayer<'_> = ScenePlayer::new(plan, 1);

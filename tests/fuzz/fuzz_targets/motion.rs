@@ -1,6 +1,6 @@
-//! Any grid of lattices, any state, any motion at every sample and any excitation: energy never grows, nothing overflows.
+//! Lattices under any grid, state, motion per sample and excitation: energy never grows, and nothing overflows.
 //!
-//! The input is read as it comes: two bytes a θ, a byte an order, a motion in four, an excitation in two.
+//! The input is read in order: two bytes per θ, one byte per order, four bytes per motion, two bytes per excitation.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! The ends of the ranges, which no texture's noise reaches.
+//! Operands at the ends of their ranges, which no texture's noise reaches.
 
 use model_format::limits::MAX_ORDER;
 use stylus_kernel::arithmetic::{Arithmetic, TURN_TAPS, Turn};
@@ -9,7 +9,7 @@ const MOST_TURNS: usize = 3;
 const SAMPLES: usize = 32;
 const MOST_FEW_STAGES: usize = 33;
 
-/// Gives `sink` the words that the kernel's arithmetic makes of operands at the ends of their ranges.
+/// Passes to `sink` the results of the kernel's arithmetic for operands at the ends of their ranges.
 pub fn edges<A: Arithmetic>(mut sink: impl FnMut(u32)) {
     sums_of_products::<A>(&mut sink);
     for theta in [-THETA_QUARTER_TURN, -1, THETA_QUARTER_TURN / 2, i32::MAX] {
@@ -18,7 +18,7 @@ pub fn edges<A: Arithmetic>(mut sink: impl FnMut(u32)) {
     lattices_of_few_stages::<A>(&mut sink);
 }
 
-/// Sums of words from end to end of their range, in an order that brings each together with each, so that sums wrap.
+/// Sums of words over their whole range, in an order that pairs each with each, so that sums wrap.
 fn sums_of_products<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
     const WORDS: [i32; 7] = [i32::MIN, i32::MIN + 1, -1, 0, 1, 0x1234_5678, i32::MAX];
     let turns = |step: usize| -> [Turn; MOST_TURNS] {
@@ -34,7 +34,8 @@ fn sums_of_products<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
     }
 }
 
-/// All stages rotate by `theta` or back, and all signals are at an end of their range, so that sums saturate.
+/// Lattices whose stages all rotate by ±`theta` and whose signals are all at an end of their range, so that sums
+/// saturate.
 fn lattice_at_full_scale<A: Arithmetic>(theta: i32, sink: &mut impl FnMut(u32)) {
     let to_and_fro = [Rotation::from_theta(theta), Rotation::from_theta(-theta)];
     let rotations: [Rotation; MAX_ORDER] = core::array::from_fn(|stage| to_and_fro[stage / 2 % 2]);
@@ -43,7 +44,7 @@ fn lattice_at_full_scale<A: Arithmetic>(theta: i32, sink: &mut impl FnMut(u32)) 
     one_by_one_and_two_by_two::<A>(&rotations, &state, |n| ends[n % 3], sink);
 }
 
-/// As many stages as leave every remainder where stages are taken some at a time; each stage rotates otherwise.
+/// Lattices of every length modulo the number of stages that are computed together; each stage rotates differently.
 fn lattices_of_few_stages<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
     let rotations: [Rotation; MOST_FEW_STAGES] = core::array::from_fn(|stage| {
         Rotation::from_theta(THETA_QUARTER_TURN / 9 * (stage as i32 % 17 - 8))
@@ -55,7 +56,7 @@ fn lattices_of_few_stages<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
     }
 }
 
-/// The samples of a lattice from `state` on and what is left in it, twice: sample by sample and two in one pass.
+/// The samples of a lattice from `state` on and its final state, computed sample by sample and two samples per pass.
 fn one_by_one_and_two_by_two<A: Arithmetic>(
     rotations: &[Rotation],
     state: &LatticeState,

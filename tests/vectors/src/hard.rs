@@ -1,7 +1,7 @@
 //! Hard cases on the target: textures, motions and states that break filters, sample by sample.
 //!
-//! Which they are is the host's affair (`stylus stress`); here they are played, each in two ways: as the product plays a
-//! texture, and by its filter alone, driven, stopped, overdriven, and from a state of full scale throughout.
+//! The host makes them (`stylus stress`). Here each is played in two ways: as the product plays a texture, and by its
+//! filter alone, driven, stopped, overdriven, and from a state with full scale in every signal.
 
 use model_format::limits::MAX_ORDER;
 use model_format::{
@@ -18,38 +18,38 @@ use stylus_kernel::{Motion, Synthesis};
 /// A library's first texture, and a motion over it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct HardCase<'a> {
-    /// How reports call it.
+    /// Name in reports.
     pub name: &'a str,
     /// The library, uncertified.
     pub library: &'a [u8],
-    /// The motions: speed, mm/s, and force, N, each as a little-endian float; begun anew at the end.
+    /// The motions: speed, mm/s, and force, N, each as a little-endian float; they repeat.
     pub motions: &'a [u8],
-    /// How many samples each of them lasts.
+    /// Number of samples per motion.
     pub every: u32,
-    /// How many samples each phase takes.
+    /// Number of samples per phase.
     pub samples: u32,
 }
 
-/// Which call makes a sample.
+/// The call that makes a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// [`Synthesis::next_sample`].
     Synthesis,
-    /// The state's own, without the excitation's generator.
+    /// The filter state's own, without the generator of the excitation.
     Filter,
 }
 
-/// What drives the filter in a phase.
+/// The excitation of the filter in a phase.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Drive {
     Noise,
     Nothing,
-    /// Noise, 8/3 as loud.
+    /// Noise of 8/3 the amplitude.
     Loud,
 }
 
 impl<'a> HardCase<'a> {
-    /// The first of the cases in `bytes`, and what comes after it; none at their end.
+    /// The first of the cases in `bytes` and the bytes after it; none at their end.
     ///
     /// # Errors
     /// Bytes that are no case.
@@ -63,7 +63,7 @@ impl<'a> HardCase<'a> {
     /// The bytes that [`HardCase::take`] reads.
     ///
     /// # Panics
-    /// Never: memory is all that it takes.
+    /// Never, because only memory can run out.
     #[cfg(feature = "library")]
     pub fn to_bytes(&self) -> alloc::vec::Vec<u8> {
         postcard::to_allocvec(self).expect("a case has a form in bytes")
@@ -84,10 +84,10 @@ impl<'a> HardCase<'a> {
         Motion::new(MillimetresPerSecond(half(0)), Newton(half(4))).ok()
     }
 
-    /// Plays the case, each call that makes a sample through `measure`, and gives a digest of all samples.
+    /// Plays the case, each call that makes a sample through `measure`; returns a digest of all samples.
     ///
     /// # Errors
-    /// A library that is none.
+    /// Bytes that are no library.
     pub fn play<A: Arithmetic>(
         &self,
         measure: &mut dyn FnMut(Way, &mut dyn FnMut() -> OutputSample) -> OutputSample,
@@ -161,7 +161,7 @@ impl<'a> HardCase<'a> {
     }
 }
 
-/// A number that depends on every sample and their order (FNV-1a over words).
+/// A digest that depends on every sample and their order (FNV-1a over words).
 struct Digest(u32);
 
 impl Default for Digest {
@@ -176,11 +176,11 @@ impl Digest {
     }
 }
 
-/// A filter with its excitation from outside.
+/// A filter whose excitation is given.
 trait Filter {
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion);
     fn sample(&mut self, excitation: i32) -> OutputSample;
-    /// Puts full scale into every signal of the state, of either sign by chance.
+    /// Sets every signal of the state to full scale, with random signs.
     fn glitch(&mut self, noise: &mut Excitation);
 }
 

@@ -1,9 +1,9 @@
-//! What the image is told to do: a job that the emulator puts into its memory before it begins. Without one it plays the
-//! test vectors.
+//! The job of the image, which the emulator puts into its memory before it begins. Without one the image plays the test
+//! vectors.
 
 use serde::{Deserialize, Serialize};
 
-/// Where the job lies, an address of the emulated boards; `memory.x` of the image keeps it free.
+/// Address of the job on the emulated boards; `memory.x` of the image keeps it free.
 pub const ADDRESS: u32 = 0x2020_0000;
 
 /// Room for the job, bytes.
@@ -12,38 +12,39 @@ pub const CAPACITY: usize = 2 << 20;
 /// First word of a job.
 const MAGIC: u32 = 0x0b5e_55ed;
 
-/// Bytes before the job: [`MAGIC`], and how many bytes follow.
+/// Bytes before the job: [`MAGIC`], and the number of bytes that follow.
 const HEADER_BYTES: usize = 8;
 
-/// What to do.
+/// A job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Job<'a> {
-    /// To play every texture of a library along [`counted_motion`](crate::counted_motion), for whoever traces it.
+    /// Playback of every texture of a library along [`counted_motion`](crate::counted_motion), while the host traces
+    /// it.
     Count {
-        /// By which filter.
+        /// The filter.
         filter: Filter,
-        /// How many updates of the motion, each with its samples.
+        /// Number of updates of the motion, each with its samples.
         updates: u32,
         /// A library.
         library: &'a [u8],
     },
-    /// To run others' filters, for whoever traces them.
+    /// A run of other libraries' filters, while the host traces them.
     Peers,
-    /// To play hard cases, and count each sample's instructions.
+    /// Playback of hard cases, with a count of each sample's instructions.
     Hard {
         /// [`HardCase`](crate::HardCase)s, one after the other.
         cases: &'a [u8],
     },
 }
 
-/// What plays a texture.
+/// A filter that plays a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Filter {
-    /// The structure that the texture is stored for, as the product plays it.
+    /// The product's filter for the structure that the texture is stored in.
     Product,
-    /// A stored lattice by the kernel's variant `two_multiplier`.
+    /// The kernel's variant `two_multiplier`, for a stored lattice.
     TwoMultiplier,
-    /// A stored lattice by the kernel's variant `normalised16`.
+    /// The kernel's variant `normalised16`, for a stored lattice.
     Normalised16,
 }
 
@@ -58,7 +59,7 @@ pub fn read(memory: &[u8]) -> Option<Job<'_>> {
     postcard::from_bytes(bytes).ok()
 }
 
-/// The bytes of `job`, to be put at [`ADDRESS`]; none if it has no room there.
+/// The bytes of `job`, to be put at [`ADDRESS`]; none if they do not fit there.
 #[cfg(feature = "library")]
 pub fn write(job: &Job<'_>) -> Option<alloc::vec::Vec<u8>> {
     let body = postcard::to_allocvec(job).ok()?;
@@ -67,7 +68,7 @@ pub fn write(job: &Job<'_>) -> Option<alloc::vec::Vec<u8>> {
     (bytes.len() <= CAPACITY).then_some(bytes)
 }
 
-/// How many bytes a job takes beside the library of a [`Job::Count`], or the cases of a [`Job::Hard`], at most.
+/// Largest number of bytes of a job beside the library of a [`Job::Count`], or the cases of a [`Job::Hard`].
 pub const OVERHEAD_BYTES: usize = HEADER_BYTES + 16;
 
 #[cfg(all(test, feature = "library"))]

@@ -1,8 +1,8 @@
 //! Textures and a motion that every processor must play to the same bits.
 //!
 //! Host and target play the same library, [`library`] (feature `library`, for hosts), along the same path of the hand,
-//! [`motion`]; what they put out is compared sample by sample. The textures are made up, from a seed, to reach every
-//! path of the kernel: each structure, one node and grids, orders that differ from node to node, steep resonances, silent
+//! [`motion`]; their output is compared sample by sample. The textures are made from a seed so as to reach every path
+//! of the kernel: each structure, one node and grids, orders that differ from node to node, steep resonances, silent
 //! nodes, full scale, and direct forms that become unstable between their nodes.
 #![no_std]
 

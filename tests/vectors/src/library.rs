@@ -1,7 +1,7 @@
-//! The library of test textures, from a seed.
+//! The library of test textures, made from a seed.
 //!
-//! Models are made as reflection coefficients, whose magnitudes below one are all that stability takes; the direct
-//! forms follow from them by the step-up recursion.
+//! Models are made as reflection coefficients, because magnitudes below one suffice for stability; the direct forms
+//! follow from them by the step-up recursion.
 
 use alloc::string::ToString;
 use alloc::vec::Vec;
@@ -14,18 +14,18 @@ use model_format::{
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 
-/// The grid that the path is made for.
+/// The grid that the path covers.
 const SPEEDS_MM_S: [f32; 3] = [40.0, 120.0, 240.0];
 const FORCES_N: [f32; 2] = [0.5, 2.0];
 
-/// Orders of neighbouring nodes that differ, odd ones and none at all among them.
+/// Orders of neighbouring nodes; they differ, and odd orders and order zero are among them.
 const UNEQUAL_ORDERS: [usize; 6] = [MAX_ORDER, 37, 1, 250, 399, 0];
 
-/// The bytes of a library that holds every texture of [`crate::VECTORS`]: direct forms that cannot be certified among
-/// them, so that it decodes with [`model_format::Library::decode_uncertified`] only.
+/// The bytes of a library that holds every texture of [`crate::VECTORS`]. Some are direct forms that cannot be
+/// certified, so it decodes with [`model_format::Library::decode_uncertified`] only.
 ///
 /// # Panics
-/// Never, but for an error in this crate: what it encodes is valid.
+/// Never, unless this crate is wrong: the textures that it encodes are valid.
 pub fn library() -> Vec<u8> {
     encode_uncertified(&specs()).expect("the test textures are valid")
 }
@@ -52,10 +52,11 @@ pub fn specs() -> [TextureSpec; 10] {
     ]
 }
 
-/// The orders at which costs are counted.
+/// Orders at which costs are counted.
 pub const COUNTED_ORDERS: [usize; 6] = [10, 20, 50, 100, 200, MAX_ORDER];
 
-/// A library of textures in `structure` for counting: each of `orders` on one node, then each on the whole grid.
+/// A library of textures in `structure` for the count of costs: each of `orders` on one node, then each on the whole
+/// grid.
 ///
 /// # Panics
 /// Orders above the limit, or more than sixteen of them.
@@ -76,7 +77,7 @@ pub fn counted_library(structure: Structure, orders: &[usize]) -> Vec<u8> {
     encode_uncertified(&textures).expect("the textures are valid")
 }
 
-/// An all-pole model, as the arcsines of its reflection coefficients in stored steps.
+/// An all-pole model, given by the arcsines of its reflection coefficients in stored steps.
 #[derive(Clone)]
 struct Model {
     theta_codes: Vec<i16>,
@@ -99,21 +100,21 @@ impl Model {
         }))
     }
 
-    /// Σ ln(1 + |k|) < ln 2 and so Σ|h| ≤ Π(1 + |k|) - 1 < 1: in direct form, between any such models lie stable ones only,
-    /// since Σ|h| < 1 holds for their weighted means too.
+    /// A model with Σ ln(1 + |k|) < ln 2 and so Σ|h| ≤ Π(1 + |k|) - 1 < 1. In direct form every interpolation between
+    /// such models is stable, because Σ|h| < 1 holds for their weighted means too.
     fn gentle(order: usize, seed: u64) -> Self {
         // 1 + 1/2 + ... + 1/400 = 6.57, and 0.1 times that is below ln 2.
         Self::decaying(order, 0.1, &[], seed)
     }
 
-    /// A resonance of pole radius about 0.99, at a frequency of the seed's own, and a long tail.
+    /// A resonance of pole radius about 0.99, at a frequency that the seed decides, and a long tail.
     fn resonant(order: usize, seed: u64) -> Self {
         let frequency_rad = 0.2 + (0.3 * seed as f64) % 2.8;
         let head = [-libm::cos(frequency_rad) * 0.999, 0.98];
         Self::decaying(order, 0.4, &head, seed)
     }
 
-    /// The largest reflection coefficients that can be stored, of one sign here and of both there.
+    /// The largest reflection coefficients that can be stored, of one sign or of alternating signs.
     fn extreme(index: usize) -> Self {
         let code = |stage: usize| match index % 3 {
             0 => i16::MAX,
@@ -126,7 +127,8 @@ impl Model {
         }
     }
 
-    /// (1 - 0.9 z⁻¹)³ and (1 + 0.9 z⁻¹)³ at neighbouring speeds: halfway between them lies 1 + 2.43 z⁻², of pole radius 1.56.
+    /// (1 - 0.9 z⁻¹)³ and (1 + 0.9 z⁻¹)³ at neighbouring speeds: halfway between them lies 1 + 2.43 z⁻², of pole radius
+    /// 1.56.
     fn opposed(index: usize) -> Self {
         let speed = index / FORCES_N.len();
         let sign = if speed.is_multiple_of(2) { 1.0 } else { -1.0 };
@@ -181,14 +183,14 @@ impl Model {
     }
 }
 
-/// `coefficients` in steps of 2^(exponent - `bits`), with the lowest exponent that has room for them.
+/// `coefficients` in steps of 2^(exponent - `bits`), with the lowest exponent that can represent them.
 fn quantise(coefficients: &[f64], bits: i32) -> (u8, Vec<i64>) {
     let largest = coefficients
         .iter()
         .fold(0.0, |largest, h| h.abs().max(largest));
     let sum: f64 = coefficients.iter().map(|h| h.abs()).sum();
     let mut exponent: u8 = 0;
-    // The largest code must fit its word, and all together must keep the format's bound on 64-bit sums.
+    // The largest code must fit its word, and their sum must keep the format's bound on 64-bit sums.
     while f64::max(largest, sum / 2.0) > 0.999 * libm::exp2(f64::from(exponent)) {
         exponent += 1;
     }

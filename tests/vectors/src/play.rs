@@ -1,4 +1,4 @@
-//! Playing a texture along the path.
+//! Playback of a texture along the path.
 
 use model_format::{DecodeError, Library, OutputSample};
 use stylus_kernel::arithmetic::Arithmetic;
@@ -6,7 +6,7 @@ use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::path::motion;
 
-/// Why a texture cannot be played.
+/// A texture that cannot be played.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PlayError {
     /// The bytes are not a library.
@@ -17,7 +17,7 @@ pub enum PlayError {
     NoTexture,
 }
 
-/// Plays `samples` samples of a texture of `library` into `sink` along [`motion`], and tells how many were at full scale.
+/// Plays `samples` samples of a texture of `library` into `sink` along [`motion`]; returns the number at full scale.
 ///
 /// # Errors
 /// Bytes that are no library, or one without the texture.

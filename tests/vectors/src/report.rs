@@ -1,28 +1,28 @@
-//! The lines by which the image tells the host what it played and measured.
+//! Lines of the image's report to the host on what it played and measured.
 //!
 //! ```text
 //! vector portable lattice of unequal orders      then words, the samples in order, then
-//! full-scale 0                                   how many of them were at full scale
+//! full-scale 0                                   the number of them at full scale
 //! edges portable                                 then words
 //! words 0000002a fffffffe ...                    two's complement, hexadecimal
-//! sample-cost 5600 5600 1600 lattice             fewest and most instructions, of how many calls
+//! sample-cost 5600 5600 1600 lattice             fewest and most instructions, and the number of calls
 //! follow-cost 11000 30000 160 lattice
-//! end                                            nothing is missing
+//! end                                            the report is complete
 //! ```
 
-/// Begins the samples of a texture: arithmetic, name.
+/// First word of the line before a texture's samples: arithmetic, name.
 pub const VECTOR: &str = "vector";
 
-/// Begins the words of [`crate::edges`]: arithmetic.
+/// First word of the line before the words of [`crate::edges`]: arithmetic.
 pub const EDGES: &str = "edges";
 
 /// Up to [`WORDS_A_LINE`] words.
 pub const WORDS: &str = "words";
 
-/// Most words on a line.
+/// Largest number of words per line.
 pub const WORDS_A_LINE: usize = 16;
 
-/// How many samples of the vector were at full scale.
+/// Number of the vector's samples at full scale.
 pub const FULL_SCALE: &str = "full-scale";
 
 /// Instructions of a sample: fewest, most, calls, name.
@@ -40,8 +40,8 @@ pub const PORTABLE: &str = "portable";
 /// The arithmetic of the processor's own instructions.
 pub const CORTEX_M: &str = "cortex-m";
 
-/// Begins the name of a hard case whose samples the product's synthesis made.
+/// Prefix of the name of a hard case whose samples the product's synthesis made.
 pub const SYNTHESIS: &str = "synthesis";
 
-/// Begins the name of a hard case whose samples its filter made.
+/// Prefix of the name of a hard case whose samples its filter made.
 pub const FILTER: &str = "filter";

@@ -1,4 +1,4 @@
-//! What is played, and what is measured.
+//! Textures that are played and measured.
 
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 
@@ -11,7 +11,7 @@ pub struct Vector {
     pub texture: &'static str,
     /// Seed of the excitation.
     pub seed: u64,
-    /// How many samples: once along the path, and on.
+    /// Number of samples, more than one round of the path.
     pub samples: u32,
 }
 
@@ -49,7 +49,7 @@ pub struct Measured {
     pub budget_instructions: u32,
 }
 
-/// One texture for each way through the kernel, with what a sample may cost a Cortex-M4 or M7.
+/// One texture for each path through the kernel, with the cost that a sample may have on a Cortex-M4 or M7.
 pub const MEASURED: [Measured; 5] = [
     Measured {
         texture: "lattice",

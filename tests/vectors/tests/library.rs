@@ -1,4 +1,4 @@
-//! What the test textures must be for the comparison of bits to mean anything.
+//! Properties of the test textures without which the comparison of bits would show little.
 
 use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, Vector, edges, library, motion, run};
 use model_format::limits::MAX_ORDER;
@@ -45,7 +45,7 @@ fn exactly_the_textures_made_unstable_reach_full_scale() {
     }
 }
 
-/// Most samples must differ from zero and from their neighbour, or equal bits would say little.
+/// Most samples must differ from zero and from their neighbour, because constant output would be equal by itself.
 #[test]
 fn every_texture_is_heard() {
     let library = library();
@@ -56,8 +56,8 @@ fn every_texture_is_heard() {
     }
 }
 
-/// Both structures get one excitation, so that they differ by rounding alone, once the begin, where one ramps the
-/// excitation and the other the output, has died away.
+/// Both structures get the same excitation, so that they differ by round-off only, once the beginning has died away,
+/// where one ramps the excitation and the other the output.
 #[test]
 fn a_direct_form_plays_what_the_lattice_of_its_reflection_coefficients_plays() {
     const SETTLING_SAMPLES: usize = 4000;
@@ -78,7 +78,7 @@ fn a_direct_form_plays_what_the_lattice_of_its_reflection_coefficients_plays() {
     assert!(ratio < 1e-8, "difference {ratio} of the power");
 }
 
-/// A lattice of its full range puts out what is beyond it, which noise alone would take years to bring about.
+/// A lattice at full scale exceeds its output range, which noise alone would reach after years.
 #[test]
 fn the_edges_reach_both_ends_of_the_lattices_range() {
     let mut words = Vec::new();

@@ -1,4 +1,4 @@
-//! Tells cargo what the linker takes from this folder.
+//! Tells cargo which file of this folder the linker uses.
 
 fn main() {
     println!("cargo::rustc-link-search={}", env!("CARGO_MANIFEST_DIR"));

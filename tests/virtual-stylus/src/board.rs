@@ -1,4 +1,4 @@
-//! The board: the part, its crystals and its rail, and what hangs on the serial line.
+//! The board: the part, its crystals, its rail, and the far end of the serial line.
 
 use std::num::NonZeroU64;
 use std::path::Path;
@@ -24,7 +24,7 @@ const HIGH_SPEED_HZ: u64 = 8_000_000;
 const LOW_SPEED_HZ: u64 = 32_768;
 const RAIL_MILLIVOLTS: u32 = 3300;
 const SERIAL: &str = "USART3";
-/// What the part's maker put into every part (section 61.1): 96 bits of its own.
+/// The part's unique identifier of 96 bits (section 61.1).
 const UNIQUE_ID_ADDRESS: u64 = 0x1FF1_E800;
 const UNIQUE_ID: &[u8; 12] = b"VIRTUAL-0001";
 
@@ -67,12 +67,12 @@ impl StylusBoard {
         })
     }
 
-    /// The far end of the serial line, while it is in this process.
+    /// The far end of the serial line, unless it is a socket.
     pub fn line(&mut self) -> Option<&mut Line> {
         self.part.rest.usart[self.serial].chip_mut::<Line>()
     }
 
-    /// Hangs a socket that listens on `port` of the loopback interface on the serial line, in place of what was there.
+    /// Connects the serial line to a socket that listens on `port` of the loopback interface, in place of its far end.
     ///
     /// # Errors
     /// The port cannot be listened on.
@@ -104,7 +104,7 @@ impl Board for StylusBoard {
         (target == 0).then_some(&mut self.part)
     }
 
-    /// The part's core as the emulator's own board for it describes it, at our rate.
+    /// The part's core as the emulator's own board describes it, at this board's instruction rate.
     fn targets(&mut self) -> Vec<Target<'_>> {
         let mut bench =
             Stm32h743Bench::new().expect("the emulator's own board is one of its own parts");

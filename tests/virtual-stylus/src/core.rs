@@ -1,7 +1,7 @@
-//! The core, with what the flash does to its reads around it, and a way to look at a tick instruction by instruction.
+//! The core, with unreadable words of flash, and audits of a tick instruction by instruction.
 //!
-//! The emulator's core reads flash as plain memory. Here pages with words that cannot be read go over the bus, where a
-//! read of such a word is a bus error, as section 4.7.8 has it: a precise bus fault.
+//! The emulator's core reads flash as plain memory. Here pages with unreadable words go over the bus, where a read of
+//! such a word is a bus error, as in section 4.7.8: a precise bus fault.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -18,24 +18,24 @@ use crate::model::usb;
 
 const FLASH: std::ops::Range<u64> = BASE as u64..BASE as u64 + BYTES as u64;
 const USB: std::ops::Range<u64> = usb::BASE..usb::BASE + usb::BYTES;
-/// The program status register as GDB numbers it; its low nine bits are the exception under way.
+/// GDB's number of the program status register, whose low nine bits are the exception under way.
 const STATUS_REGISTER: usize = 16;
 const EXCEPTION: u32 = 0x1FF;
-/// As many places as a report needs to find the code.
+/// Largest number of places in a report, enough to find the code.
 const PLACES_KEPT: usize = 16;
 
-/// What one run through the tick's handler did, instruction by instruction.
+/// One run through the tick's handler, instruction by instruction.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Audit {
     /// Instructions from the handler's first to the one that returns, both counted.
     pub instructions: u64,
-    /// Where the instruction is that returned.
+    /// Address of the instruction that returned.
     pub exit: u64,
     /// Instructions fetched from flash.
     pub flash_fetches: u64,
     /// Loads from flash.
     pub flash_reads: u64,
-    /// The first of those instructions, each once.
+    /// Addresses of the first of those instructions, each once.
     pub places: Vec<u64>,
 }
 
@@ -55,7 +55,7 @@ enum Asked {
     Done(Audit),
 }
 
-/// Asks the core for an audit, and takes its outcome.
+/// A handle that asks the core for an audit and takes its outcome.
 #[derive(Clone, Debug, Default)]
 pub struct Auditor(Arc<Mutex<Asked>>);
 
@@ -64,12 +64,12 @@ impl Auditor {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// From the next instruction on, until the exception under way returns.
+    /// Begins an audit with the next instruction; it ends when the exception under way returns.
     pub fn begin(&self) {
         *self.asked() = Asked::Running(Audit::default());
     }
 
-    /// Whether one is under way.
+    /// True while an audit is under way.
     pub fn running(&self) -> bool {
         matches!(*self.asked(), Asked::Running(_))
     }
@@ -87,7 +87,7 @@ impl Auditor {
     }
 }
 
-/// Puts this core around the one that `spec` makes.
+/// Wraps this core around the one that `spec` makes.
 pub fn wrap(spec: &mut CoreSpec, unreadable: Unreadable, auditor: Auditor) {
     let make = Arc::clone(&spec.processor);
     spec.processor = Arc::new(move |endian| {
@@ -115,7 +115,7 @@ struct Core {
 }
 
 impl Core {
-    /// Sends over the bus what has to be seen there: pages with unreadable words, and all of the flash during an audit.
+    /// Sends pages with unreadable words over the bus, and all of the flash during an audit.
     fn route(&mut self) {
         let page = self.inner.page_size();
         let wanted: BTreeSet<u64> = if self.auditing.is_some() {
@@ -185,11 +185,11 @@ impl Core {
     }
 }
 
-/// The bus, with the flash's reads looked at on their way.
+/// The bus, with checks of the reads of flash.
 struct Seen<'a> {
     bus: &'a mut dyn CoreBus,
     unreadable: &'a Unreadable,
-    /// How often the unreadable words had changed as the stretch began; `None` for a stretch that is not to go on.
+    /// Number of changes of the unreadable words when the stretch began; `None` for a stretch that has to end.
     changes: Option<u64>,
     flash_reads: u64,
 }
@@ -222,7 +222,7 @@ impl CoreBus for Seen<'_> {
     }
 
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
-        // A word that a model has just marked has to be routed before the core goes on.
+        // A word that a model has just marked must be routed before the core goes on.
         if Some(self.unreadable.changes()) == self.changes {
             self.bus.carry_on(instructions, event)
         } else {
@@ -294,8 +294,8 @@ impl Processor for Core {
         reason = "the emulator's trait hands memory over by pointer; here it is only passed on"
     )]
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        // SAFETY: the caller promises this method what the inner one's caller has to promise, and the inner processor is
-        // dropped with this one, so every promise that lasts until the drop lasts long enough.
+        // SAFETY: the caller promises this method what the inner one's caller has to promise, and the inner processor
+        // is dropped with this one, so every promise that lasts until the drop lasts long enough.
         unsafe { self.inner.map(start, length, host, writable) }
     }
 

@@ -1,8 +1,8 @@
-//! What can go wrong with a run.
+//! Errors of a run.
 
 use std::path::PathBuf;
 
-/// What can go wrong with a run.
+/// An error of a run.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The image could not be read or placed.
@@ -10,7 +10,7 @@ pub enum Error {
     Image {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// The kept contents of the flash could not be read or written.
@@ -18,7 +18,7 @@ pub enum Error {
     FlashFile {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// A motion cannot be used.
@@ -29,7 +29,7 @@ pub enum Error {
     Port {
         /// The port asked for.
         port: u16,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// The emulator stopped by itself.
@@ -40,12 +40,12 @@ pub enum Error {
         "the power is off since {at_ns} ns, at flash operation {operation}; start another run with what the flash holds"
     )]
     PowerCut {
-        /// When.
+        /// Instant, in nanoseconds of virtual time.
         at_ns: u64,
         /// The number of the operation, from 1.
         operation: u64,
     },
 }
 
-/// The outcome of what can go wrong.
+/// The result of an operation on a run.
 pub type Result<T> = std::result::Result<T, Error>;

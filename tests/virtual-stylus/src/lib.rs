@@ -1,11 +1,12 @@
 //! The stylus's flashed image, unmodified, on an emulated STM32H743 in virtual time.
 //!
-//! The emulator is `rigless`: the core, the memories and most of the part. What it does not model and the stylus needs is
-//! in [`model`], each with the sections of RM0433 it follows and what it leaves out at its head. Beyond that this board
-//! leaves out: caches and wait states, the analogue side of everything, and which pin a function comes out at.
+//! The emulator is `rigless`: the core, the memories and most of the part. The peripherals that it lacks are in
+//! [`model`]; the head of each model names the sections of RM0433 that it follows, and what it leaves out. Beyond that
+//! this board leaves out caches, wait states, everything analogue, and the assignment of functions to pins.
 //!
-//! [`VirtualStylus`] runs an image for tests: to an instant, and at each stop one may look, feed, or cut the power. The
-//! core retires [`PESSIMISTIC_INSTRUCTIONS_PER_SECOND`], a deadline that is met then is met with a margin on the part.
+//! [`VirtualStylus`] runs an image for tests, from instant to instant. Between two runs a test reads state, feeds
+//! inputs or cuts the power. The core retires [`PESSIMISTIC_INSTRUCTIONS_PER_SECOND`], so a deadline that is met here
+//! is met on the part with a margin.
 
 pub mod board;
 pub mod core;

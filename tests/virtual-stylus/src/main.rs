@@ -1,4 +1,4 @@
-//! The virtual stylus by hand: the flashed image on an emulated part, with its serial line and its USB on sockets.
+//! The virtual stylus as a command: the flashed image on an emulated part, with its serial line and its USB on sockets.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use virtual_stylus::tick::TickStatistics;
 use virtual_stylus::usb_socket::UsbSocket;
 use virtual_stylus::{Options, Report, ResetCause, VirtualStylus};
 
-/// How far the run goes between two looks at the wall clock.
+/// Virtual time between two comparisons with the wall clock.
 const STEP_NS: u64 = 1_000_000;
 const USB_STEP_NS: u64 = 125_000;
 const NANOS_PER_SECOND: f64 = 1e9;
@@ -35,31 +35,32 @@ struct Arguments {
     /// Put the serial line on this port of the loopback interface (0: any), for `stylus --link tcp:127.0.0.1:PORT`
     #[arg(long)]
     port: Option<u16>,
-    /// Plug USB into a host on this port of the loopback interface (0: any), for `stylus --link usb-virtual:127.0.0.1:PORT`
+    /// Plug USB into a host on this port of the loopback interface (0: any), for `stylus --link
+    /// usb-virtual:127.0.0.1:PORT`
     #[arg(long)]
     usb_port: Option<u16>,
-    /// Keep what the flash holds in this file, from run to run
+    /// Keep the content of the flash in this file, from run to run
     #[arg(long)]
     flash: Option<PathBuf>,
     /// Move the tool as this file says: time_s,speed_mm_s,force_n
     #[arg(long)]
     motion: Option<PathBuf>,
-    /// Millimetres a count of the encoder
+    /// Millimetres per count of the encoder
     #[arg(long, default_value_t = 0.01)]
     mm_per_count: f64,
-    /// The converter's channel that the force sensor is at
+    /// Channel of the converter to which the force sensor is connected
     #[arg(long, default_value_t = 5)]
     force_channel: u8,
     /// Volts of the force sensor without force
     #[arg(long, default_value_t = 0.0)]
     force_zero_volts: f64,
-    /// Newtons a volt of the force sensor
+    /// Newtons per volt of the force sensor
     #[arg(long, default_value_t = 1.0)]
     newtons_per_volt: f64,
-    /// As fast as this computer can, instead of real time
+    /// Run as fast as this computer can, instead of in real time
     #[arg(long)]
     fast: bool,
-    /// Write what the voice coil's output was to this file: at_ns,code (-1 for a pin that is not driven)
+    /// Write the output to the voice coil to this file: at_ns,code (-1 for a pin that is not driven)
     #[arg(long)]
     output: Option<PathBuf>,
 }
@@ -112,7 +113,7 @@ fn options(arguments: &Arguments) -> Result<Options> {
     })
 }
 
-/// The accelerometer at rest, and the force sensor as the motion says.
+/// Pins with the accelerometer at rest and the force of the motion.
 fn force_pins(lines: Vec<MotionLine>, arguments: &Arguments) -> Box<dyn Pins> {
     let (channel, zero, scale) = (
         arguments.force_channel,
@@ -130,7 +131,7 @@ fn force_pins(lines: Vec<MotionLine>, arguments: &Arguments) -> Box<dyn Pins> {
     }))
 }
 
-/// Linear between lines, constant beyond them, nothing without any.
+/// The force at an instant: linear between lines, constant beyond them, zero without any.
 fn force_at(lines: &[MotionLine], time_s: f64) -> f64 {
     let next = lines.partition_point(|line| line.time_s <= time_s);
     match (
@@ -153,7 +154,7 @@ fn run(
     fast: bool,
     flash: Option<&Path>,
 ) -> Result<()> {
-    /// How often the flash is written to its file, should the run be interrupted.
+    /// Real time between two writes of the flash to its file, in case the run is interrupted.
     const KEEP_EVERY: Duration = Duration::from_secs(5);
     let began = Instant::now();
     let mut kept = Instant::now();

@@ -11,11 +11,11 @@ const NANOS_PER_SECOND: f64 = 1e9;
 struct Knot {
     at_ns: u64,
     speed: f64,
-    /// Where the wheel is, from the first knot on.
+    /// Position of the wheel relative to the first knot.
     position: f64,
 }
 
-/// A speed that is linear between instants and constant before the first and after the last, counted by an encoder.
+/// A speed that is linear between instants and constant before the first and after the last, as an encoder counts it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     knots: Vec<Knot>,
@@ -24,7 +24,7 @@ pub struct Motion {
 /// A count of the encoder, and the instant it is reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Edge {
-    /// In nanoseconds of virtual time.
+    /// Instant, in nanoseconds of virtual time.
     pub at_ns: u64,
     /// The count after it.
     pub count: i64,
@@ -50,7 +50,7 @@ impl Motion {
     /// `speeds` in mm/s at instants in nanoseconds, with `mm_per_count`.
     ///
     /// # Errors
-    /// There are none, an instant is not after the one before it, or a number is not finite.
+    /// There are no speeds, an instant is not after the one before it, or a number is not finite.
     pub fn linear(speeds: &[(u64, f64)], mm_per_count: f64) -> Result<Self> {
         let ordered = speeds.windows(2).all(|pair| pair[0].0 < pair[1].0);
         let finite = speeds
@@ -76,14 +76,14 @@ impl Motion {
         Ok(Self { knots })
     }
 
-    /// Where the wheel is at `at_ns`, in counts from the first instant on.
+    /// Position of the wheel at `at_ns`, in counts from the first instant.
     pub fn position(&self, at_ns: u64) -> f64 {
         let (knot, acceleration, _) = self.segment(at_ns);
         let elapsed = (at_ns as f64 - knot.at_ns as f64) / NANOS_PER_SECOND;
         knot.position + knot.speed * elapsed + acceleration / 2.0 * elapsed * elapsed
     }
 
-    /// The first edge after `after_ns` of a wheel whose `count` is `offset` more than its position's floor.
+    /// The first edge after `after_ns` of a wheel whose `count` exceeds the floor of its position by `offset`.
     pub fn next_edge(&self, after_ns: u64, count: i64, offset: f64) -> Option<Edge> {
         let mut from_ns = after_ns;
         loop {
@@ -128,7 +128,7 @@ fn seconds(nanos: u64) -> f64 {
     nanos as f64 / NANOS_PER_SECOND
 }
 
-/// The first time, not negative, at which what moves with `speed` and `acceleration` has gone `distance`, and goes on.
+/// The first non-negative time at which a point with `speed` and `acceleration` passes `distance`.
 fn reach(distance: f64, speed: f64, acceleration: f64) -> Option<f64> {
     let forward = |after: f64| speed + acceleration * after > 0.0;
     if distance <= 0.0 && (forward(0.0) || (speed == 0.0 && acceleration > 0.0)) {
@@ -139,7 +139,7 @@ fn reach(distance: f64, speed: f64, acceleration: f64) -> Option<f64> {
         [distance / speed, f64::NAN]
     } else {
         let root = (speed * speed + 4.0 * half * distance).sqrt();
-        // The form that does not subtract two near numbers.
+        // This form of the solution does not subtract two nearly equal numbers.
         let sum = -0.5 * (speed + if speed < 0.0 { -root } else { root });
         [sum / half, -distance / sum]
     };
@@ -163,7 +163,7 @@ pub struct MotionLine {
 /// Reads a motion file: `time_s,speed_mm_s,force_n`, lines from `#` on left out.
 ///
 /// # Errors
-/// It cannot be read, or a line is not of that form.
+/// The file cannot be read, or a line has another form.
 pub fn read_csv(path: &std::path::Path) -> Result<Vec<MotionLine>> {
     let told = |error: csv::Error| Error::Motion(format!("{}: {error}", path.display()));
     let mut reader = csv::ReaderBuilder::new()

@@ -1,7 +1,7 @@
 //! The part: the emulator's STM32H743 with the board's models in place of, or around, six of its own.
 //!
-//! A reset of the part leaves RAM, the backup SRAM, the flash and the reset flags of `RCC_RSR` as they were, as section
-//! 8.4.4 and table 56 have it; only a power cut, which ends the run, loses RAM.
+//! A reset of the part leaves RAM, the backup SRAM, the flash and the reset flags of `RCC_RSR` as they were, as in
+//! section 8.4.4 and table 56; only a power cut, which ends the run, loses RAM.
 
 use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
@@ -39,7 +39,7 @@ struct Slots {
     usb_reset: usize,
 }
 
-/// Hears of a reset of the USB core by the clock controller, which the core's window does not.
+/// Observer of a reset of the USB core by the clock controller, of which the core's window is not told.
 #[derive(Debug, Default)]
 struct UsbReset {
     asked: bool,
@@ -56,7 +56,7 @@ impl Device for UsbReset {
 /// The part.
 #[derive(Debug)]
 pub struct Part {
-    /// All that the emulator models.
+    /// The emulator's own models.
     pub rest: Stm32h743,
     /// DAC1.
     pub dac: Dac,
@@ -133,7 +133,7 @@ impl Mcu for Part {
         self.rest.bus()
     }
 
-    /// The runner asks for this after every call of a model and before anything else happens, so a trigger is heard at
+    /// The runner calls this after every call of a model and before anything else happens, so a trigger takes effect at
     /// its own instant.
     fn bus_mut(&mut self) -> &mut Bus {
         if std::mem::take(&mut self.usb_reset.asked) {

@@ -1,4 +1,4 @@
-//! What can be put on the converter's pins.
+//! Signals for the converter's pins.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use crate::model::adc::Pins;
 /// The code of half the reference: an accelerometer at rest.
 pub const MID_SCALE: u16 = 0x8000;
 
-/// Every channel at a code of its own, for ever.
+/// A constant code per channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConstantPins(pub [u16; 20]);
 
@@ -26,7 +26,7 @@ impl Pins for ConstantPins {
     }
 }
 
-/// What a function of channel and instant (nanoseconds) says.
+/// Codes given by a function of channel and instant in nanoseconds.
 pub struct FunctionPins<F>(pub F);
 
 impl<F> fmt::Debug for FunctionPins<F> {

@@ -1,5 +1,5 @@
-//! The far end of the serial line, in this process: bytes put on it are heard from the instant the run goes on, and what
-//! the image sends is kept with its instants. Without time of the host's in it, a run repeats exactly.
+//! The far end of the serial line, in this process. Bytes for the image arrive from the instant at which the run goes
+//! on; bytes from the image are kept with their instants. No time of the host enters, so a run repeats exactly.
 
 use std::collections::VecDeque;
 
@@ -11,7 +11,7 @@ use rigless::time::VirtualNanos;
 /// A byte that the image sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sent {
-    /// When its stop bit ended, in nanoseconds of virtual time.
+    /// End of its stop bit, in nanoseconds of virtual time.
     pub at_ns: u64,
     /// The byte.
     pub byte: u8,
@@ -25,7 +25,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// Puts `bytes` on the line, behind what is there.
+    /// Puts `bytes` on the line, behind those that wait.
     pub fn put(&mut self, bytes: &[u8]) {
         self.to_image.extend(bytes);
     }
@@ -35,7 +35,7 @@ impl Line {
         self.to_image.len()
     }
 
-    /// What the image sent since this was asked last.
+    /// The bytes that the image has sent since the last call.
     pub fn take(&mut self) -> Vec<Sent> {
         std::mem::take(&mut self.from_image)
     }

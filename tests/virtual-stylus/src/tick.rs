@@ -1,8 +1,8 @@
-//! What the tick's handler costs: instructions from its first to the one that returns, for every tick.
+//! Cost of the tick's handler: instructions from its first to the one that returns, for every tick.
 //!
-//! The entry is watched by the handler's symbol. Which instruction returns is learnt from an audit of the first tick, and
-//! of each one that returned by an unknown one; from then on it is watched too. Exception entry and return themselves
-//! (about a dozen cycles each) are no instructions and not counted.
+//! The entry is watched by the handler's symbol. An audit of the first tick finds the instruction that returns, and so
+//! does an audit of each tick that returns by an unknown one; from then on that instruction is watched too. Exception
+//! entry and return (about a dozen cycles each) are not instructions, and are not counted.
 
 use rigless::emulator::{Hit, HitKind, Watch};
 
@@ -11,7 +11,7 @@ use crate::core::{Audit, Auditor};
 /// One tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tick {
-    /// The handler's entry, in nanoseconds of virtual time.
+    /// Instant of the handler's entry, in nanoseconds of virtual time.
     pub at_ns: u64,
     /// Instructions from its first to the one that returns, both counted.
     pub instructions: u32,
@@ -20,7 +20,7 @@ pub struct Tick {
 /// The figures of many ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TickStatistics {
-    /// How many.
+    /// Number of ticks.
     pub ticks: usize,
     /// Fewest instructions.
     pub min: u32,
@@ -59,7 +59,7 @@ pub struct TickWatch {
 }
 
 impl TickWatch {
-    /// Of the handler at `handler`, if the image has one.
+    /// A watch of the handler at `handler`, if the image has one.
     pub fn new(handler: Option<u64>, auditor: Auditor) -> Self {
         Self {
             handler,
@@ -74,37 +74,37 @@ impl TickWatch {
         }
     }
 
-    /// What has to be watched from the start.
+    /// The watch to set at the start.
     pub fn watches(&self) -> Option<Watch> {
         self.handler.map(Watch::Instruction)
     }
 
-    /// Audits every `every`th tick from now on, beside those whose return is not known yet.
+    /// Audits every `every`th tick from now on, besides those whose return is unknown.
     pub fn audit_every(&mut self, every: Option<u64>) {
         self.audit_every = every;
     }
 
-    /// The ticks so far; the record starts anew.
+    /// Takes the ticks so far.
     pub fn take_ticks(&mut self) -> Vec<Tick> {
         std::mem::take(&mut self.ticks)
     }
 
-    /// The audits so far; the record starts anew.
+    /// Takes the audits so far.
     pub fn take_audits(&mut self) -> Vec<Audit> {
         std::mem::take(&mut self.audits)
     }
 
-    /// Ticks whose return was not seen, so that they are in no figure.
+    /// Number of ticks whose return was not seen, which are in no figure.
     pub fn unfollowed(&self) -> u64 {
         self.unfollowed
     }
 
-    /// The part was reset: the tick under way never returns.
+    /// Handles a reset of the part, after which the tick under way never returns.
     pub fn reset(&mut self) {
         self.entered = None;
     }
 
-    /// Something watched was reached: a further watch, if one is needed.
+    /// Handles a hit of a watch; returns a further watch, if one is needed.
     pub fn hit(&mut self, hit: &Hit) -> Option<Watch> {
         if hit.kind != HitKind::Instruction {
             return None;
@@ -125,7 +125,7 @@ impl TickWatch {
         None
     }
 
-    /// Takes an audit that is done: a further watch, if it returned by an unknown instruction.
+    /// Takes a finished audit; returns a further watch if the tick returned by an unknown instruction.
     pub fn audited(&mut self) -> Option<Watch> {
         let audit = self.auditor.take()?;
         let (_, at_ns) = self.entered.take()?;

@@ -1,5 +1,5 @@
-//! The host on USB behind a socket: it enumerates the device, and does with bulk transfers what a program at the other end
-//! tells it (`--link usb-virtual:HOST:PORT`).
+//! The host on USB behind a socket: it enumerates the device, and carries out the bulk transfers of a program at the
+//! other end (`--link usb-virtual:HOST:PORT`).
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -12,7 +12,7 @@ use crate::model::usb::host::{Transfer, TransferId};
 use crate::stylus::VirtualStylus;
 use crate::usb_host::{UsbHost, bulk_endpoints};
 
-/// How long a device stays unplugged before it is plugged in again, in virtual time.
+/// Virtual time from a pulled cable until it is plugged in again.
 const UNPLUGGED_NS: u64 = 300_000_000;
 
 /// The host and its socket.
@@ -25,14 +25,14 @@ pub struct UsbSocket {
     program: Option<Program>,
 }
 
-/// A program that is connected.
+/// The connected program.
 #[derive(Debug)]
 struct Program {
     stream: TcpStream,
     bytes: VecDeque<u8>,
     out: VecDeque<TransferId>,
     input: VecDeque<TransferId>,
-    /// The most transfers from the device that waited.
+    /// Largest number of transfers from the device that have waited.
     most: usize,
 }
 
@@ -59,7 +59,7 @@ impl UsbSocket {
     /// The port.
     ///
     /// # Errors
-    /// The system does not tell.
+    /// The system does not give it.
     pub fn port(&self) -> Result<u16> {
         let address = self.listener.local_addr();
         address
@@ -70,14 +70,14 @@ impl UsbSocket {
             })
     }
 
-    /// Whether a program has had more transfers wait for the device than it has now, so that it is about to ask for more. A
-    /// run that goes on meanwhile is faster than its program.
+    /// True if fewer transfers of the program wait for the device than before, so that it is about to ask for more. A
+    /// run that went on meanwhile would be faster than its program.
     pub fn is_ahead(&self) -> bool {
         (self.program.as_ref()).is_some_and(|program| program.input.len() < program.most)
     }
 
-    /// Does what is due. Enumerates the device if it is not configured, which runs the stylus; it is plugged in again some
-    /// time after its cable was pulled.
+    /// Serves the socket and the device. Enumerates the device if it is not configured, which runs the stylus, and
+    /// plugs it in again some time after its cable was pulled.
     ///
     /// # Errors
     /// The run is over.
@@ -98,7 +98,7 @@ impl UsbSocket {
             && let Ok((stream, _)) = self.listener.accept()
             && stream.set_nonblocking(true).is_ok()
             && stream.set_nodelay(true).is_ok()
-            // Without a device there is nothing to open.
+            // Without a configured device there is nothing to open.
             && self.endpoints.is_some()
         {
             self.program = Some(Program {
@@ -124,7 +124,7 @@ impl UsbSocket {
 }
 
 impl Program {
-    /// Whether the connection holds.
+    /// Serves the program; false if the connection has ended.
     fn serve(
         &mut self,
         [output, input]: [u8; 2],
@@ -187,7 +187,7 @@ impl Program {
         Ok(true)
     }
 
-    /// Reads what has come; whether the connection holds.
+    /// Reads the bytes that have come; false if the connection has ended.
     fn read(&mut self) -> bool {
         let mut buffer = [0; 4096];
         loop {
@@ -201,7 +201,7 @@ impl Program {
         }
     }
 
-    /// Sends a message; whether the connection holds. A program that does not read is waited for.
+    /// Sends a message, waiting for a program that does not read; false if the connection has ended.
     fn write(&mut self, message: &FromBus) -> bool {
         self.stream.set_nonblocking(false).is_ok()
             && self.stream.write_all(&encode(message)).is_ok()

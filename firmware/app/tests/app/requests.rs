@@ -1,319 +1,45 @@
 //! Requests end to end on a device in memory: what a host sees, and what the tick is told.
 
-use std::cell::RefCell;
-use std::rc::Rc;
+use std::ops::{Deref, DerefMut};
 
 use embassy_futures::block_on;
+use fake_stylus::device::SteppedStylus;
+use fake_stylus::flash::SimulatedFlash;
+use fake_stylus::library::{announcement, library, texture};
 use model_format::limits::{MAX_ORDER, SLOT_BYTES};
 use model_format::link::{
-    ActivateError, Activity, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, ListError, ListRequest,
-    MotionSample, MotionSource, MuteReason, PROTOCOL_VERSION, PlayError, PlayRequest,
-    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection,
-    Setting, SettingChange, Settings, SettingsError, SlotId, SlotInfo, SlotState, StopError,
-    TickCounters, UploadChunk, UploadState,
+    ActivateError, Activity, LINK_LOST_AFTER_MS, ListError, ListRequest, MotionSample,
+    MotionSource, MuteReason, PlayError, PlayRequest, RecordError, Selection, Setting,
+    SettingChange, Settings, SettingsError, SlotId, SlotState, StopError, UploadChunk, UploadState,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
-use model_format::{
-    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, OutputSample, encode, encode_with_scenes,
-};
-use stylus_app::control::{Control, Device, NotPrepared, ResetReport, TickReport, plan_of};
-use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
-use stylus_app::safety::{Config, State};
-use stylus_app::settings::SettingsStore;
+use model_format::{Library, MillimetresPerSecond, Newton, encode, encode_with_scenes};
+use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::slots::SlotStore;
-use stylus_app::status::Histogram;
-use stylus_app::storage::{LoadFault, Stage, Storage};
-use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 use stylus_kernel::scene::Plan;
-use stylus_kernel::scene::cost::BUDGET;
 
-use crate::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
-use crate::library::{announcement, library, texture};
+/// A device, and what a host often asks of it.
+struct Stylus(SteppedStylus);
 
-/// A device whose tick is run by the test; the library is kept as bytes.
-struct Bench {
-    ram: Vec<u8>,
-    loads_badly: bool,
-    now: u64,
-    muted: bool,
-    safety: State,
-    config: Config,
-    playing: Option<PlayRequest>,
-    prepared: bool,
-    source: MotionSource,
-    host: Timed,
-    sensors: Sensors,
-    inputs: InputConfig,
-    settings: Settings,
-    recording: bool,
-    /// How often the library in RAM was exchanged.
-    exchanges: usize,
-    /// How often something was taken up from silence, and while playing.
-    starts: usize,
-    switches: usize,
-    /// Instructions for a scene.
-    budget: u32,
-}
+impl Deref for Stylus {
+    type Target = SteppedStylus;
 
-impl Bench {
-    fn new() -> Self {
-        let settings = Settings::default();
-        Self {
-            ram: Vec::new(),
-            loads_badly: false,
-            now: 0,
-            muted: true,
-            safety: State::new(),
-            config: Config::new(&settings, 0.0),
-            playing: None,
-            prepared: false,
-            source: MotionSource::Sensors,
-            host: Timed::NEVER,
-            sensors: Sensors::new(),
-            inputs: InputConfig::new(&settings),
-            settings,
-            recording: false,
-            exchanges: 0,
-            starts: 0,
-            switches: 0,
-            budget: BUDGET,
-        }
-    }
-
-    /// A tick; while something is played it is a sine.
-    fn tick(&mut self) {
-        self.now += 1;
-        let phase = self.now as f32 * 0.3;
-        let sample = if self.playing.is_some() {
-            (phase.sin() * 2e7) as i32
-        } else {
-            0
-        };
-        self.safety
-            .process(&self.config, OutputSample(sample), self.muted);
+    fn deref(&self) -> &SteppedStylus {
+        &self.0
     }
 }
 
-impl Device for Bench {
-    type Plan = ();
-
-    fn info(&self) -> DeviceInfo {
-        DeviceInfo {
-            product: "bench".try_into().expect("short"),
-            serial: "0".try_into().expect("short"),
-            firmware_version: "1.2.3".try_into().expect("short"),
-            build: "test".try_into().expect("short"),
-            protocol_version: PROTOCOL_VERSION,
-            library_format_version: FORMAT_VERSION,
-            schema_hash: SCHEMA_HASH,
-        }
+impl DerefMut for Stylus {
+    fn deref_mut(&mut self) -> &mut SteppedStylus {
+        &mut self.0
     }
-
-    fn now(&self) -> u64 {
-        self.now
-    }
-
-    fn tick_report(&self) -> TickReport {
-        TickReport {
-            counters: TickCounters {
-                ticks: self.now,
-                ..TickCounters::default()
-            },
-            histogram: Histogram::new().report(400_000_000),
-            saturations: 0,
-            safety: self.safety.counters(),
-            thermal_load_permille: self.safety.thermal_load_permille(),
-            thermal_gain_permille: self.safety.thermal_gain_permille(),
-        }
-    }
-
-    fn link_counters(&self) -> [LinkCounters; 2] {
-        [LinkCounters::default(); 2]
-    }
-
-    fn reset_report(&self) -> ResetReport {
-        ResetReport {
-            reason: ResetReason::PowerOn,
-            resets: 0,
-            fault: None,
-        }
-    }
-
-    fn is_at_rest(&self) -> bool {
-        self.safety.is_at_rest()
-    }
-
-    fn is_motion_stale(&self) -> bool {
-        choose(self.source, self.sensors.motion(&self.inputs), self.host).is_stale(self.now)
-    }
-
-    fn set_mute(&mut self, muted: bool) {
-        self.muted = muted;
-    }
-
-    fn plan(&self, selection: &Selection) -> Result<(), PlayError> {
-        let library = Library::decode(&self.ram).map_err(|_| PlayError::NoLibrary)?;
-        plan_of(selection, &library, self.budget).map(|_| ())
-    }
-
-    fn prepare(&mut self, (): ()) {
-        self.prepared = true;
-    }
-
-    fn start(&mut self, request: &PlayRequest, config: Config) -> Result<(), NotPrepared> {
-        assert!(
-            self.safety.is_at_rest(),
-            "a texture is exchanged while the output sounds"
-        );
-        if !core::mem::take(&mut self.prepared) {
-            return Err(NotPrepared);
-        }
-        self.playing = Some(request.clone());
-        self.config = config;
-        self.starts += 1;
-        Ok(())
-    }
-
-    fn switch(&mut self, request: &PlayRequest, (): ()) {
-        assert!(self.playing.is_some(), "there is something to fade");
-        self.playing = Some(request.clone());
-        self.switches += 1;
-    }
-
-    fn clear(&mut self) {
-        assert!(self.safety.is_at_rest());
-        self.playing = None;
-    }
-
-    fn set_motion_source(&mut self, source: MotionSource) {
-        self.source = source;
-    }
-
-    fn set_host_motion(&mut self, motion: Timed) {
-        self.host = motion;
-    }
-
-    fn set_settings(&mut self, settings: &Settings) {
-        self.settings = *settings;
-        self.inputs = InputConfig::new(settings);
-    }
-
-    fn start_recording(&mut self) -> Result<RecordStarted, RecordError> {
-        if core::mem::replace(&mut self.recording, true) {
-            return Err(RecordError::Recording);
-        }
-        Ok(RecordStarted {
-            sample_rate_hz: SAMPLE_RATE_HZ,
-            block_samples: 32,
-        })
-    }
-
-    fn stop_recording(&mut self) -> Result<RecordStopped, RecordError> {
-        if !core::mem::replace(&mut self.recording, false) {
-            return Err(RecordError::NotRecording);
-        }
-        Ok(RecordStopped {
-            blocks: 0,
-            lost_blocks: 0,
-        })
-    }
-
-    fn record_counters(&self) -> RecordCounters {
-        RecordCounters {
-            recording: self.recording,
-            ..RecordCounters::default()
-        }
-    }
-}
-
-type Shared = Rc<RefCell<Control<Bench>>>;
-
-/// A millisecond of the device, its links fed by `hears`.
-fn millisecond(control: &Shared, hears: bool) {
-    let mut control = control.borrow_mut();
-    for _ in 0..TICKS_PER_MS {
-        control.device().tick();
-    }
-    if hears {
-        control.heard();
-    }
-    control.poll();
-}
-
-struct Hall(Shared);
-
-impl Stage for Hall {
-    fn begin_activation(&mut self) -> Result<(), ActivateError> {
-        self.0.borrow_mut().begin_activation()
-    }
-
-    fn may_exchange(&self) -> bool {
-        self.0.borrow().may_exchange()
-    }
-
-    fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
-        let mut control = self.0.borrow_mut();
-        let bench = control.device();
-        assert!(
-            bench.safety.is_at_rest() && bench.playing.is_none(),
-            "the library is exchanged under a texture"
-        );
-        bench.exchanges += 1;
-        if bench.loads_badly {
-            bench.ram.clear();
-            return Err(LoadFault);
-        }
-        bench.ram = library.to_vec();
-        Ok(())
-    }
-
-    fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
-        self.0.borrow_mut().end_activation(active);
-    }
-
-    fn is_idle(&self) -> bool {
-        self.0.borrow().is_idle()
-    }
-
-    fn set_settings(&mut self, settings: Settings, faulty: bool) {
-        self.0.borrow_mut().set_settings(settings, faulty);
-    }
-
-    fn set_upload(&mut self, upload: UploadState) {
-        self.0.borrow_mut().set_upload(upload);
-    }
-
-    async fn pause(&mut self) {
-        millisecond(&self.0, true);
-    }
-}
-
-type Flash = SimulatedFlash<'static>;
-
-struct Stylus {
-    control: Shared,
-    hall: Hall,
-    storage: Storage<Flash, Flash>,
 }
 
 impl Stylus {
     /// Boots on blank flash.
     fn new() -> Self {
-        let slots = block_on(SlotStore::open(SimulatedFlash::two_slots()));
-        let range = 0..2 * SECTOR_BYTES as u32;
-        let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
-        let settings = block_on(SettingsStore::open(flash, range));
-        let control = Control::new(Bench::new(), settings.settings(), settings.is_faulty());
-        let control = Rc::new(RefCell::new(control));
-        let mut stylus = Self {
-            hall: Hall(control.clone()),
-            control,
-            storage: Storage::new(slots, settings),
-        };
-        assert_eq!(
-            block_on(stylus.storage.activate_newest(&mut stylus.hall)),
-            None
-        );
+        let stylus = Self(SteppedStylus::boot());
+        assert_eq!(stylus.storage.slots().active, None);
         stylus
     }
 
@@ -325,29 +51,33 @@ impl Stylus {
     }
 
     fn upload(&mut self, bytes: &[u8]) -> SlotId {
-        block_on(async {
-            let (storage, hall) = (&mut self.storage, &mut self.hall);
+        let control = self.control.clone();
+        self.request(async |storage, stage| {
             storage
-                .upload_begin(hall, announcement(bytes))
+                .upload_begin(stage, announcement(bytes))
                 .await
                 .expect("it may begin");
             for (index, data) in bytes.chunks(512).enumerate() {
                 let offset = index as u32 * 512;
                 storage
-                    .upload_chunk(hall, UploadChunk { offset, data })
+                    .upload_chunk(stage, UploadChunk { offset, data })
                     .await
                     .expect("in turn");
             }
             assert!(matches!(
-                self.control.borrow().status().upload,
+                control.borrow().status().upload,
                 UploadState::Receiving(_)
             ));
-            storage.upload_commit(hall).await.expect("it is valid").slot
+            storage
+                .upload_commit(stage)
+                .await
+                .expect("it is valid")
+                .slot
         })
     }
 
     fn activate(&mut self, slot: SlotId) -> Result<SlotId, ActivateError> {
-        let activated = block_on(self.storage.activate(&mut self.hall, slot));
+        let activated = self.request(async |storage, stage| storage.activate(stage, slot).await);
         activated.map(|activated| activated.slot)
     }
 
@@ -355,22 +85,12 @@ impl Stylus {
         self.control.borrow_mut().play(request(name)).map(|_| ())
     }
 
-    /// `ms` milliseconds in which the host gives motion and is heard.
-    fn run(&self, ms: u32) {
-        for _ in 0..ms {
-            let sample = MotionSample {
-                speed: MillimetresPerSecond(100.0),
-                force: Newton(1.0),
-                position_mm: None,
-                contact: None,
-            };
-            self.control.borrow_mut().motion(sample).expect("finite");
-            millisecond(&self.control, true);
-        }
+    fn change_setting(&mut self, change: SettingChange) -> Result<Settings, SettingsError> {
+        self.request(async |storage, stage| storage.settings_set(stage, change).await)
     }
 
-    fn sounds(&self) -> bool {
-        !self.control.borrow_mut().device().safety.is_at_rest()
+    fn reset_settings(&mut self) -> Result<Settings, SettingsError> {
+        self.request(async |storage, stage| storage.settings_reset(stage).await)
     }
 }
 
@@ -679,7 +399,10 @@ fn motion_that_stops_and_a_host_that_goes_are_silent_within_100_ms() {
         assert!(stylus.sounds());
         let mut silent_after = 0;
         while stylus.sounds() {
-            millisecond(&stylus.control, host_is_heard);
+            if host_is_heard {
+                stylus.control.borrow_mut().heard();
+            }
+            stylus.control.millisecond();
             silent_after += 1;
             assert!(silent_after <= 100, "it sounds after 100 ms");
         }
@@ -717,16 +440,11 @@ fn settings_change_at_rest_alone_and_reach_the_device() {
         setting: Setting::HardLimit,
         value: 0.25,
     };
-    let refused = block_on(stylus.storage.settings_set(&mut stylus.hall, change));
-    assert_eq!(refused, Err(SettingsError::Playing));
-    assert_eq!(
-        block_on(stylus.storage.settings_reset(&mut stylus.hall)),
-        Err(SettingsError::Playing)
-    );
+    assert_eq!(stylus.change_setting(change), Err(SettingsError::Playing));
+    assert_eq!(stylus.reset_settings(), Err(SettingsError::Playing));
     stylus.control.borrow_mut().stop().expect("it plays");
     stylus.run(50);
-    let set =
-        block_on(stylus.storage.settings_set(&mut stylus.hall, change)).expect("nothing is played");
+    let set = stylus.change_setting(change).expect("nothing is played");
     assert_eq!(set.hard_limit().0, 0.25);
     assert_eq!(stylus.control.borrow().settings(), set);
     assert_eq!(stylus.control.borrow_mut().device().settings, set);
@@ -734,11 +452,10 @@ fn settings_change_at_rest_alone_and_reach_the_device() {
         setting: Setting::HardLimit,
         value: 99.0,
     };
-    let error = block_on(stylus.storage.settings_set(&mut stylus.hall, out));
+    let error = stylus.change_setting(out);
     assert!(matches!(error, Err(SettingsError::OutOfRange { .. })));
     assert_eq!(stylus.control.borrow().settings(), set);
-    let reset = block_on(stylus.storage.settings_reset(&mut stylus.hall));
-    assert_eq!(reset, Ok(Settings::default()));
+    assert_eq!(stylus.reset_settings(), Ok(Settings::default()));
     assert_eq!(stylus.control.borrow().settings(), Settings::default());
 }
 
@@ -757,7 +474,7 @@ fn a_fault_silences_until_a_restart() {
 fn a_device_that_has_nothing_to_start_is_muted_by_a_fault_and_does_not_say_that_it_plays() {
     let stylus = Stylus::with_library(&library(1, 20, 1));
     stylus.play("texture 0").expect("it is there");
-    stylus.control.borrow_mut().device().prepared = false;
+    stylus.control.borrow_mut().device().prepared = None;
     stylus.run(300);
     let status = stylus.control.borrow().status();
     assert_eq!(status.output.activity, Activity::Idle);
@@ -774,27 +491,19 @@ fn a_boot_takes_the_newest_library_that_can_be_read() {
         let mut store = SlotStore::open(&mut flash).await;
         for bytes in [&first, &second] {
             let mut uploader = stylus_app::upload::Uploader::new();
-            crate::library::upload(&mut uploader, &mut store, bytes, 512)
+            fake_stylus::library::upload(&mut uploader, &mut store, bytes, 512)
                 .await
                 .expect("it is taken");
         }
     });
-    let boot = |flash: Flash| {
-        let mut stylus = Stylus::new();
-        stylus.storage = Storage::new(
-            block_on(SlotStore::open(flash)),
-            block_on(SettingsStore::open(
-                SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES)),
-                0..2 * SECTOR_BYTES as u32,
-            )),
-        );
-        let activated = block_on(stylus.storage.activate_newest(&mut stylus.hall));
+    let boot = |flash| {
+        let stylus = SteppedStylus::boot_from(flash);
         let listed = ListRequest {
             slot: SlotId::B,
             index: 1,
         };
         (
-            activated.map(|activated| activated.slot),
+            stylus.control.borrow().status().active,
             stylus.storage.list(listed).is_ok(),
         )
     };

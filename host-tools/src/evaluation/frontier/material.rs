@@ -4,11 +4,11 @@ use std::path::Path;
 
 use model_format::Provenance;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::recording;
 use crate::recording::{RecordingSet, Trial};
-use crate::rig::{self, Scene};
+use crate::rig::{self, RigFile};
 use crate::support::error::{Error, Result};
+use model_format::SAMPLE_RATE_HZ;
 
 /// Seeds of the two simulated takes.
 const SEEDS: [u64; 2] = [1, 2];
@@ -30,10 +30,10 @@ impl Material {
     /// # Errors
     /// A folder that cannot be written.
     pub fn simulated(folder: &Path) -> Result<Self> {
-        let scene = Scene::paper();
+        let paper = RigFile::paper();
         let [fit, held_out] = SEEDS.map(|seed| {
             let take = folder.join(format!("take-{seed}"));
-            rig::simulate_to_folder(&scene, seed, &take)?;
+            rig::simulate_to_folder(&paper, seed, &take)?;
             RecordingSet::open(&[take])
         });
         let description = format!(
@@ -66,7 +66,7 @@ impl Material {
             .zip(&mut material.held_out.trials);
         for (first, second) in halves {
             let samples = recording::read(first)?.axes.first().map_or(0, Vec::len);
-            let half_s = samples as f64 / f64::from(MODEL_RATE_HZ) / 2.0;
+            let half_s = samples as f64 / f64::from(SAMPLE_RATE_HZ) / 2.0;
             first.duration_s = Some(half_s);
             second.duration_s = Some(half_s);
             second.start_s += half_s;

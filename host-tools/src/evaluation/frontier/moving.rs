@@ -15,8 +15,8 @@ use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::{GridPoint, ONE};
 
 use super::structure::{FilterStructure, Voice};
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
+use model_format::SAMPLE_RATE_HZ;
 
 /// Strokes per second, to and fro; and how often the hand presses and lifts.
 const STROKES_HZ: f64 = 2.0;
@@ -56,7 +56,7 @@ impl Rub {
 
     /// The motion at a sample.
     pub fn at(&self, sample: usize) -> Motion {
-        let time_s = sample as f64 / f64::from(MODEL_RATE_HZ);
+        let time_s = sample as f64 / f64::from(SAMPLE_RATE_HZ);
         let (speed, stroke) = self.speed_mm_s;
         let (force, press) = self.force_n;
         let speed = speed + stroke * (TAU * STROKES_HZ * time_s).sin();
@@ -67,7 +67,7 @@ impl Rub {
 
     /// Samples of the whole.
     pub fn samples() -> usize {
-        (SECONDS * f64::from(MODEL_RATE_HZ)) as usize
+        (SECONDS * f64::from(SAMPLE_RATE_HZ)) as usize
     }
 }
 
@@ -208,7 +208,7 @@ pub fn play(
 
 /// Levels of `signal` in bands, frame by frame; the first frames, in which filters start, are left out.
 fn frames(signal: &[f64]) -> Frames {
-    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let length = (FRAME_S * rate_hz) as usize;
     let begins = (length..=signal.len() - length).step_by(length / 2);
     begins

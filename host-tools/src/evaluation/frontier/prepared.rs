@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::spectrum;
 use crate::evaluation::stress::cases::Case;
 use crate::fit;
@@ -10,6 +9,7 @@ use crate::fit::Order;
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
+use model_format::SAMPLE_RATE_HZ;
 
 use super::material::Material;
 use super::options::Options;
@@ -100,7 +100,7 @@ impl Prepared {
         }
         let count = places.len().min(MAX_NODES);
         let chosen = (0..count).map(|n| places[n * places.len() / count]);
-        let rate_hz = f64::from(MODEL_RATE_HZ);
+        let rate_hz = f64::from(SAMPLE_RATE_HZ);
         let read = chosen
             .collect::<Vec<_>>()
             .into_par_iter()

@@ -3,8 +3,8 @@
 use serde::Serialize;
 use stylus_costs::Peer;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::fit::Order;
+use model_format::SAMPLE_RATE_HZ;
 
 use super::costs::Cost;
 use super::hard::HardCases;
@@ -89,12 +89,12 @@ impl Point {
 
 /// An interval of samples in ms.
 pub fn interval_ms(samples: usize) -> f64 {
-    1000.0 * samples as f64 / f64::from(MODEL_RATE_HZ)
+    1000.0 * samples as f64 / f64::from(SAMPLE_RATE_HZ)
 }
 
 /// `cycles` as a share of a sample's 200 µs.
 pub fn share(cycles: f64, clock_hz: f64) -> f64 {
-    cycles / (clock_hz / f64::from(MODEL_RATE_HZ))
+    cycles / (clock_hz / f64::from(SAMPLE_RATE_HZ))
 }
 
 /// Everything.

@@ -7,7 +7,6 @@ use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
 use super::structure::{FilterStructure, Voice};
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::evaluate::WARM_UP_S;
@@ -15,6 +14,7 @@ use crate::evaluation::evaluate::rms;
 use crate::evaluation::stress::reference::{Deviation, FloatDirect, FloatLattice};
 use crate::support::error::{Error, Result};
 use crate::texture::stored::predictor;
+use model_format::SAMPLE_RATE_HZ;
 
 /// Duration of the float64 reference after that, s.
 const REFERENCE_S: f64 = 1.0;
@@ -81,7 +81,7 @@ pub fn play(
     let library =
         Library::decode_uncertified(bytes).map_err(|failure| Error::Model(failure.to_string()))?;
     let texture = library.textures().next().expect("one was encoded");
-    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let in_samples = |seconds: f64| (seconds * rate_hz) as usize;
     let warm_up = in_samples(WARM_UP_S);
     let mut voice = Voice::new(structure, texture, playing.seed);

@@ -6,7 +6,6 @@ use serde::Serialize;
 use super::options::Options;
 use crate::support::error::{Error, Result};
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::model::Model;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::BAND_COUNT;
@@ -16,6 +15,7 @@ use crate::playing::render::render;
 use crate::texture::grid::Grid;
 use crate::texture::library::uncertified_library;
 use crate::texture::quantise::StructureChoice;
+use model_format::SAMPLE_RATE_HZ;
 
 /// The place of the one node of a library made for a test; any in contact and in motion.
 const PLACE: (f32, f32) = (100.0, 1.0);
@@ -101,7 +101,7 @@ pub fn synthesis(
     let motion = MotionPath::constant(MillimetresPerSecond(PLACE.0), Newton(PLACE.1))?;
     let mut samples = render(texture, &motion, seconds + WARM_UP_S, seed)?.accelerations_m_s2();
     Ok(Some(samples.split_off(
-        (WARM_UP_S * f64::from(MODEL_RATE_HZ)) as usize,
+        (WARM_UP_S * f64::from(SAMPLE_RATE_HZ)) as usize,
     )))
 }
 
@@ -113,7 +113,7 @@ pub(super) fn judge(
     options: &Options,
     widths_hz: &[f64],
 ) -> Option<Judged> {
-    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let cost = |width_hz| spectrum::spectral_cost(recorded, synthesised, rate_hz, width_hz);
     let (low_hz, high_hz) = crate::evaluation::evaluate::DISTANCE_RANGE_HZ;
     Some(Judged {

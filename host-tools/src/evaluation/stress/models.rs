@@ -5,7 +5,6 @@ use std::f64::consts::{PI, TAU};
 use model_format::{NodeFlags, limits};
 use realfft::num_complex::Complex;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::linear_prediction::Prediction;
 use crate::dsp::model::Model;
 use crate::dsp::with_planner;
@@ -13,8 +12,9 @@ use crate::support::error::Result;
 use crate::texture::grid::Grid;
 use crate::texture::library::uncertified_library;
 use crate::texture::quantise::StructureChoice;
+use model_format::SAMPLE_RATE_HZ;
 
-const RATE_HZ: f64 = MODEL_RATE_HZ as f64;
+const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 
 /// A model by its reflection coefficients, with a name.
 #[derive(Clone, Debug)]

@@ -9,7 +9,6 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::read::{ArmaModel, Toolkit};
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::line_spectral_frequencies as line_spectrum;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::log_spectrum::{BINS, LogSpectrum, STEP_HZ};
@@ -20,6 +19,7 @@ use crate::texture::certificate;
 use crate::texture::grid::Grid;
 use crate::texture::library::texture_spec;
 use crate::texture::quantise::StructureChoice;
+use model_format::SAMPLE_RATE_HZ;
 
 /// Slope of the spectrum where the models say nothing.
 pub const ROLL_OFF_DB_PER_OCTAVE: f64 = 48.0;
@@ -253,7 +253,7 @@ fn at_stylus_rate(
     let poles = line_spectrum::log_spectrum(lines, BINS);
     let nyquist_hz = 0.5 * toolkit.sample_rate_hz;
     // The same density in (m/s²)²/Hz is a larger one a sample at a higher rate.
-    let rates = f64::from(MODEL_RATE_HZ) / toolkit.sample_rate_hz;
+    let rates = f64::from(SAMPLE_RATE_HZ) / toolkit.sample_rate_hz;
     let value = |frequency_hz: f64| {
         let share = (frequency_hz / nyquist_hz).min(1.0);
         let omega = std::f64::consts::PI * share;
@@ -326,7 +326,7 @@ mod tests {
         let spectrum = spectrum(&toolkit, &vec![(2, 1.0)]).unwrap();
         for frequency_hz in [30.0, 100.0, 250.0, 480.0] {
             let wanted = 0.04 / response([-1.2, 0.8], frequency_hz) / 1000.0;
-            let density = spectrum.at(frequency_hz / STEP_HZ).exp() / f64::from(MODEL_RATE_HZ);
+            let density = spectrum.at(frequency_hz / STEP_HZ).exp() / f64::from(SAMPLE_RATE_HZ);
             assert!(
                 (density / wanted - 1.0).abs() < 0.02,
                 "{frequency_hz}: {density} {wanted}"

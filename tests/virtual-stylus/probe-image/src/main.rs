@@ -1,7 +1,7 @@
-//! An image that uses what the virtual stylus models, in the way the stylus does, and does as it is told over USART3.
+//! An image that uses the modelled peripherals as the stylus does, and obeys commands over USART3.
 //!
-//! TIM6 runs at 5 kHz; its trigger latches DAC1 and starts ADC1's injected sequence of channels 15, 10, 11 and 5. The tick
-//! writes a number that rises by one to the DAC. All clocks are the 64 MHz the part wakes with.
+//! TIM6 runs at 5 kHz; its trigger latches DAC1 and starts ADC1's injected sequence of channels 15, 10, 11 and 5. The
+//! tick writes a number that rises by one to the DAC. All clocks stay at the 64 MHz after reset.
 //!
 //! | byte | does | answers |
 //! |---|---|---|
@@ -55,7 +55,7 @@ unsafe impl Sync for Survivor {}
 #[unsafe(link_section = ".uninit.survivor")]
 static SURVIVOR: Survivor = Survivor(UnsafeCell::new(MaybeUninit::uninit()));
 
-/// How many words were programmed since the start.
+/// Number of words programmed since the start.
 static PROGRAMMED: AtomicU32 = AtomicU32::new(0);
 
 #[entry]
@@ -158,7 +158,7 @@ fn TIM6_DAC() {
     DAC1.dhr12r(0).write(|w| w.set_dhr(code));
 }
 
-/// What ends in a hard fault.
+/// Handles a hard fault.
 mod fault {
     #![expect(unsafe_code, reason = "a handler of exceptions")]
 
@@ -166,8 +166,8 @@ mod fault {
     use cortex_m_rt::{ExceptionFrame, exception};
     use stm32_metapac::{FLASH, USART3};
 
-    /// A bus fault ends here, since BusFault itself is off: told over the serial line, with bank 2's status and the place
-    /// of its failed read, then a reset.
+    /// A bus fault ends here, since BusFault itself is off: told over the serial line, with bank 2's status and the
+    /// place of its failed read, then a reset.
     // SAFETY: does not return.
     #[exception]
     unsafe fn HardFault(_frame: &ExceptionFrame) -> ! {
@@ -181,7 +181,7 @@ mod fault {
 
 fn receive() -> u8 {
     while !USART3.isr().read().rxne() {
-        // The next tick wakes it, in time for one byte.
+        // The next tick wakes the core, in time for one byte.
         cortex_m::asm::wfi();
     }
     USART3.rdr().read().dr() as u8
@@ -281,6 +281,6 @@ fn program(number: u32) {
 
 #[expect(unsafe_code, reason = "the flash is read as it is")]
 fn read(flash_word: usize) -> u32 {
-    // SAFETY: an aligned word of bank 2, which may change under the program's feet.
+    // SAFETY: an aligned word of bank 2, which hardware may change at any time.
     unsafe { (place(flash_word) as *const u32).read_volatile() }
 }

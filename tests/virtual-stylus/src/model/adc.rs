@@ -4,17 +4,21 @@
 //! | What | Section |
 //! |---|---|
 //! | `JSQR`: length `JL`, channels `JSQ1` to `JSQ4`, trigger `JEXTSEL`, its edge `JEXTEN` | 25.4.19, 25.6.16 |
-//! | `JADSTART` with no edge: one sequence at once, then clear; with an edge: one at each trigger of TIM6 (14) until `JADSTP` | 25.4.14, 25.4.19, 25.6.3 |
+//! | `JADSTART` without an edge: one sequence at once, then clear | 25.4.14, 25.4.19, 25.6.3 |
+//! | `JADSTART` with an edge: one sequence per trigger of TIM6 (14), until `JADSTP` | 25.4.14, 25.4.19, 25.6.3 |
 //! | A trigger during a sequence is lost | 25.4.20 |
-//! | A conversion takes the channel's sampling time (`SMPR1`, `SMPR2`) and half a cycle and half a cycle a bit more | 25.4.13, 25.4.17, 25.4.23 |
+//! | A conversion takes the channel's sampling time (`SMPR1`, `SMPR2`) and half a cycle | 25.4.13, 25.4.17, 25.4.23 |
+//! | and half a cycle per bit | as above |
 //! | The pin is sampled as the sampling time ends; the word is its code at the resolution `RES` | 25.4.17, 25.4.23 |
-//! | `JDR1` to `JDR4`, `JEOC` at each word and clear on reading one, `JEOS` after the last, both cleared by a written one | 25.4.24, 25.6.1, 25.6.18 |
+//! | `JDR1` to `JDR4`, `JEOC` at each word and clear on reading one, `JEOS` after the last | 25.4.24, 25.6.1, 25.6.18 |
+//! | `JEOC` and `JEOS` are cleared by a written one | 25.6.1 |
 //! | The converter's interrupt on `JEOC` and `JEOS` | 25.5 |
 //!
 //! Left out: the two to three cycles from a trigger to the start, which are constant for one clock setting, and their
 //! jitter with an asynchronous clock; the queue of contexts (`JQDIS` clear, `JQM`, `JQOVF`): `JSQR` counts as written;
-//! `JAUTO`, `JDISCEN`, oversampling (`JOVSE`), offsets (`OFRy`), differential channels, analogue watchdogs, dual mode, and
-//! that an injected sequence interrupts a regular one. Where the image asks for one of these the run's report says so.
+//! `JAUTO`, `JDISCEN`, oversampling (`JOVSE`), offsets (`OFRy`), differential channels, analogue watchdogs, dual mode,
+//! and the interruption of a regular sequence by an injected one. If the image asks for one of these, the run's report
+//! says so.
 
 use std::fmt::Debug;
 
@@ -48,16 +52,16 @@ const OTHER_MODE: &str =
 const OVERSAMPLING: &str = "RM0433 25.4.31: JOVSE is not modelled, so a word is one conversion's";
 const OFFSETS: &str = "RM0433 25.4.27: OFRy is not modelled, so a word is not reduced";
 
-/// What is on the pins of the converter.
+/// Signals on the pins of the converter.
 pub trait Pins: Send + Debug {
-    /// The code of 16 bits, a share of the reference voltage, that `channel` has at `at_ns` of virtual time.
+    /// The code of `channel` at `at_ns` of virtual time: 16 bits, a fraction of the reference voltage.
     fn code(&mut self, channel: u8, at_ns: u64) -> u16;
 }
 
 /// One sampled pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sample {
-    /// The instant the sampling time ended, in nanoseconds of virtual time.
+    /// End of the sampling time, in nanoseconds of virtual time.
     pub at_ns: u64,
     /// The channel.
     pub channel: u8,
@@ -70,7 +74,7 @@ pub struct Sample {
 /// A sequence under way.
 #[derive(Debug)]
 struct Sequence {
-    /// When the conversion under way began, in half cycles after `began`.
+    /// Beginning of the conversion under way, in half cycles after `began`.
     half_cycles: u64,
     began: VirtualNanos,
     rank: usize,
@@ -106,12 +110,12 @@ impl Injected {
         }
     }
 
-    /// Puts others on the pins.
+    /// Changes the signals on the pins.
     pub fn set_pins(&mut self, pins: Box<dyn Pins>) {
         self.pins = pins;
     }
 
-    /// Triggers that came while a sequence was under way, and so did nothing.
+    /// Number of triggers without effect, because a sequence was under way.
     pub fn lost_triggers(&self) -> u64 {
         self.lost_triggers
     }
@@ -121,7 +125,7 @@ impl Injected {
         self.samples.get_or_insert_default();
     }
 
-    /// The samples kept so far; the record starts anew.
+    /// Takes the samples kept so far.
     pub fn take_samples(&mut self) -> Vec<Sample> {
         self.samples
             .as_mut()
@@ -129,7 +133,7 @@ impl Injected {
             .unwrap_or_default()
     }
 
-    /// TIM6's trigger came.
+    /// Handles TIM6's trigger.
     pub fn trigger(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let setting = registers.get(Register::Jsqr);
         if !self.started
@@ -145,7 +149,7 @@ impl Injected {
         self.begin(registers, context);
     }
 
-    /// From the start of a conversion of `channel`: half cycles to the end of its sampling, and to its own end.
+    /// Half cycles from the start of a conversion of `channel` to the end of its sampling, and to its own end.
     fn durations(channel: u64, registers: &RegisterFile) -> (u64, u64) {
         let (register, place) = match channel {
             0..10 => (Register::Smpr1, channel),
@@ -188,7 +192,7 @@ impl Injected {
         });
     }
 
-    /// The conversion under way ended.
+    /// Handles the end of the conversion under way.
     fn converted(
         &mut self,
         done: &Sequence,
@@ -250,7 +254,7 @@ impl Injected {
         }
     }
 
-    /// Puts the interrupt where either part of the model wants it.
+    /// Asserts the interrupt if either part of the model does.
     fn refresh_interrupt(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
         let enabled = registers.get(Register::Ier);
         let wanted = self.flags & enabled & (ier::JEOCIE.mask() | ier::JEOSIE.mask()) != 0;
@@ -265,7 +269,7 @@ impl Injected {
 impl Around<Adc> for Injected {
     fn before_write(&mut self, register: Register, value: u64, registers: &mut RegisterFile) {
         match register {
-            // The emulator's model knows neither command, and takes a standing one for a mistake.
+            // The emulator's model knows neither command, and treats a command that stays set as an error.
             Register::Cr => {
                 let others =
                     registers.get(Register::Cr) & !(cr::JADSTART.mask() | cr::JADSTP.mask());
@@ -318,7 +322,7 @@ impl Around<Adc> for Injected {
             Some(done) => self.converted(&done, registers, context),
             None => return false,
         }
-        // One instant has one event an instance, so the emulator's model may have asked for this one too.
+        // There is one event per instance and instant, so the emulator's model may have scheduled this one too.
         false
     }
 

@@ -1,4 +1,4 @@
-//! A model of the emulator's, with something of ours around it.
+//! A model of the emulator, wrapped in one of the board's.
 
 use std::fmt::Debug;
 
@@ -7,13 +7,14 @@ use rigless::emulator::InterruptLine;
 use rigless::soc::{RegisterSpec, Width};
 use rigless::time::{EventId, VirtualNanos};
 
-/// What is put around a model of type `D`: it sees each call before or after the model does.
+/// A wrapper of a model of type `D`, which is called before or after each call of the model.
 pub trait Around<D: Device>: Debug + Send {
-    /// Before the model hears of a write of `value`. The registers hold already what landed.
+    /// Called before the model for a write of `value`. The registers hold the written value already.
     fn before_write(&mut self, _register: D::Register, _value: u64, _registers: &mut RegisterFile) {
     }
 
-    /// The model `answered` a read (or left it to the register file, with `None`): what the core reads.
+    /// Called after the model for a read, with the model's answer, or `None` if it left the answer to the register
+    /// file. Returns the answer to the core.
     fn answer(
         &mut self,
         _register: D::Register,
@@ -23,7 +24,7 @@ pub trait Around<D: Device>: Debug + Send {
         answered
     }
 
-    /// After the model heard of a write of `value`.
+    /// Called after the model for a write of `value`.
     fn after_write(
         &mut self,
         _inner: &mut D,
@@ -34,7 +35,7 @@ pub trait Around<D: Device>: Debug + Send {
     ) {
     }
 
-    /// Before the model hears of a store of the core into the memory it programs.
+    /// Called before the model for a store of the core into the memory that the model programs.
     fn before_store(
         &mut self,
         _address: u64,
@@ -44,7 +45,7 @@ pub trait Around<D: Device>: Debug + Send {
     ) {
     }
 
-    /// An event came that one of the two asked for. True when it was ours, and ours alone.
+    /// Called for an event that the wrapper or the model has scheduled. True if it was the wrapper's only.
     fn event(
         &mut self,
         _inner: &mut D,
@@ -55,10 +56,10 @@ pub trait Around<D: Device>: Debug + Send {
         false
     }
 
-    /// The clock's rate, in hertz, changed.
+    /// Called when the clock's rate, in hertz, has changed.
     fn clock(&mut self, _hz: u64) {}
 
-    /// After any call but a peek and a reset.
+    /// Called after any call but a peek and a reset.
     fn after(
         &mut self,
         _inner: &mut D,
@@ -67,21 +68,21 @@ pub trait Around<D: Device>: Debug + Send {
     ) {
     }
 
-    /// The part was reset: no event that was asked for will come.
+    /// Called after a reset of the part, after which no scheduled event comes.
     fn reset(&mut self) {}
 }
 
-/// `D` with `A` around it: one model of the layout that `D` answers for.
+/// `D` wrapped in `A`: one model of `D`'s layout.
 #[derive(Debug)]
 pub struct Extended<D, A> {
     /// The emulator's model.
     pub inner: D,
-    /// What is around it.
+    /// The wrapper.
     pub around: A,
 }
 
 impl<D, A> Extended<D, A> {
-    /// `around` around `inner`.
+    /// Wraps `inner` in `around`.
     pub fn new(inner: D, around: A) -> Self {
         Self { inner, around }
     }

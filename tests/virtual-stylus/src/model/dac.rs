@@ -3,16 +3,16 @@
 //! | What | Section |
 //! |---|---|
 //! | `CR`: `ENx`, `TENx`, `TSELx` of four bits, for both channels | 26.4.5, 26.7.1 |
-//! | `DHR12Rx`, `DHR12Lx`, `DHR8Rx` and the three dual registers load the holding registers | 26.4.4, 26.7.3 to 26.7.11 |
+//! | `DHR12Rx`, `DHR12Lx`, `DHR8Rx` and the dual registers load the holding registers | 26.4.4, 26.7.3 to 26.7.11 |
 //! | `TENx` clear: a holding register goes to `DORx` as it is written, and as the channel is enabled | 26.4.6 |
-//! | `TENx` set: it goes at the trigger that `TSELx` selects: TIM6's output (5), or `SWTRGR` (0) | 26.4.7, table 217, 26.7.2 |
+//! | `TENx` set: it goes at the trigger of `TSELx`: TIM6's output (5), or `SWTRGR` (0) | 26.4.7, table 217, 26.7.2 |
 //! | `DORx`, read only | 26.7.12, 26.7.13 |
 //! | `MCR`: a mode without the pin drives no pin; `CCR` and the sample-and-hold registers keep their bits | 26.7.16 |
 //! | A reset clears all of it, and nothing drives the pin | 8.4.4 |
 //!
 //! Left out: the two or three cycles of the bus clock between a trigger or write and `DORx` (constant, 30 ns at most at
-//! 100 MHz), settling and the buffer, the other triggers, waves (`WAVEx`), DMA and its underrun, so `SR` is always zero,
-//! calibration (`CENx`), and what sample and hold does with time. Where the image asks for one of these the run's report
+//! 100 MHz), settling and the buffer, the other triggers, waves (`WAVEx`), DMA and its underrun, so `SR` is always
+//! zero, calibration (`CENx`), and the timing of sample and hold. If the image asks for one of these, the run's report
 //! says so (`told`).
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
@@ -30,7 +30,7 @@ const WAVES: &str = "RM0433 26.4.10: WAVEx is not modelled, so DHRx goes to DORx
 const DMA: &str = "RM0433 26.4.8: DMAENx is not modelled, so nothing asks for data";
 const CALIBRATION: &str = "RM0433 26.4.13: CENx is not modelled, so nothing is calibrated";
 
-/// What changed the output, or latched it anew.
+/// Cause of a change or of a new latch of the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
     /// The timer's trigger.
@@ -47,18 +47,18 @@ pub enum Cause {
     Reset,
 }
 
-/// What channel 1 gave its pin from an instant on.
+/// Output of channel 1 from an instant on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Output {
     /// The instant, in nanoseconds of virtual time.
     pub at_ns: u64,
     /// The code of 12 bits, or `None` when the pin is not driven.
     pub code: Option<u16>,
-    /// Why.
+    /// The cause.
     pub cause: Cause,
 }
 
-/// Takes the outputs one by one, in order, instead of the record in memory.
+/// A sink that takes the outputs one by one, in order, instead of the record in memory.
 pub type Sink = Box<dyn FnMut(Output) + Send>;
 
 /// The model.
@@ -90,7 +90,7 @@ impl Dac {
         &self.record
     }
 
-    /// The record so far, which starts anew.
+    /// Takes the record so far.
     pub fn take_record(&mut self) -> Vec<Output> {
         std::mem::take(&mut self.record)
     }
@@ -100,12 +100,12 @@ impl Dac {
         self.sink = Some(sink);
     }
 
-    /// What channel 1 gives its pin now.
+    /// The present output of channel 1.
     pub fn pin(&self) -> Option<u16> {
         self.driven.then_some(self.output[0])
     }
 
-    /// The timer's trigger came at `at`.
+    /// Handles the timer's trigger at `at`.
     pub fn trigger(&mut self, at: VirtualNanos, registers: &mut RegisterFile) {
         self.latch_all(
             at,
@@ -116,7 +116,7 @@ impl Dac {
         );
     }
 
-    /// The part was reset at `at`.
+    /// Handles a reset of the part at `at`.
     pub fn part_reset(&mut self, at: VirtualNanos) {
         let was_driven = self.driven;
         self.control = 0;

@@ -1,8 +1,8 @@
-//! The two tracks of the quadrature encoder on TIM3's channels 1 and 2 (sections 39.3.19 and 39.4.3): each edge is driven
-//! at its own instant, and the emulator's timer counts it.
+//! The two tracks of the quadrature encoder on TIM3's channels 1 and 2 (sections 39.3.19 and 39.4.3): each edge is
+//! driven at its own instant, and the emulator's timer counts it.
 //!
-//! The first track leads when the tool moves forward, so encoder mode 3 without inversion counts up. The tracks are at the
-//! timer's inputs; which pins they come through, and that the image has set these to TIM3, is not modelled.
+//! The first track leads when the tool moves forward, so encoder mode 3 without inversion counts up. The tracks are at
+//! the timer's inputs; their pins, and the setting of these pins to TIM3, are not modelled.
 
 use rigless::device::{DeviceContext, Level, RegisterFile};
 use rigless::soc::stm32h743::peripherals::tim::{Channel, General, Tim};
@@ -25,7 +25,7 @@ const CHANNEL_2: Channel = Channel::new(2).expect("the timer has four");
 #[derive(Debug)]
 pub struct Quadrature {
     motion: Motion,
-    /// What is to be added to the motion's position for the encoder's count to go on where it was.
+    /// Offset that is added to the motion's position, so that the encoder's count goes on where it was.
     offset: f64,
     count: i64,
     next: Option<(Edge, EventId)>,
@@ -45,7 +45,7 @@ impl Default for Quadrature {
 }
 
 impl Quadrature {
-    /// Goes on with `motion` from `now_ns`, from the count where the encoder is.
+    /// Continues with `motion` at `now_ns`, from the present count of the encoder.
     pub fn set_motion(&mut self, motion: Motion, now_ns: u64) {
         self.offset = self.count as f64 + 0.5 - motion.position(now_ns);
         self.motion = motion;
@@ -53,7 +53,7 @@ impl Quadrature {
         self.settled = false;
     }
 
-    /// The edges counted since the run began, up less down.
+    /// Number of edges since the run began, up less down.
     pub fn count(&self) -> i64 {
         self.count
     }
@@ -82,7 +82,7 @@ impl Around<Tim<General>> for Quadrature {
             inner.drive_input(CHANNEL_2, second, registers, context);
             self.schedule(context);
         }
-        // One instant has one event an instance, so the timer may have asked for this one too.
+        // There is one event per instance and instant, so the timer may have scheduled this one too.
         false
     }
 

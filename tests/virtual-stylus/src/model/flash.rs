@@ -3,16 +3,17 @@
 //!
 //! | What | Section |
 //! |---|---|
-//! | Each word of 32 bytes programmed, forced out (`FW`) or sector or bank erased is one operation, counted as it starts | 4.3.9, 4.3.10 |
+//! | One operation: a word of 32 bytes programmed or forced out (`FW`), or a sector or bank erased | 4.3.9, 4.3.10 |
+//! | An operation is counted when it starts | |
 //! | A word that was not erased and is programmed over gets an error correction that does not fit | 4.3.9, 4.3.12 |
 //! | So does a word torn by a power cut. Reading it is a bus error, `DBECCERRx` and `ECC_FAxR` | 4.3.12, 4.7.8, 4.9.5 |
 //! | An erase mends the words of its sector | 4.3.10 |
 //!
-//! A torn word is always one that faults: on the part it may also read as one that a single error was corrected in, or by
-//! luck as a whole one. An erase that was cut leaves each word as it was, erased, or torn, by chance from a seed.
+//! A torn word always faults here. On the part it may also read as a word with one corrected error, or by chance as a
+//! whole one. An erase that was cut leaves each word as it was, erased, or torn, at random from a seed.
 //!
-//! Left out: that the core stalls when it reads a bank that is being programmed or erased (4.3.7, 4.3.11): here it reads on.
-//! Corrected single errors (`SNECCERRx`). Fetches of instructions from torn words. Mass erase by `OPTCR`.
+//! Left out: the stall of a core that reads a bank while it is programmed or erased (4.3.7, 4.3.11), corrected single
+//! errors (`SNECCERRx`), fetches of instructions from torn words, and mass erase by `OPTCR`.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::ops::Range;
@@ -27,13 +28,13 @@ use rigless::soc::stm32h743::peripherals::flash::Flash;
 use super::around::Around;
 use crate::error::{Error, Result};
 
-/// Where the flash is (table 7).
+/// Address of the flash (table 7).
 pub const BASE: u32 = 0x0800_0000;
 /// Both banks, in bytes.
 pub const BYTES: usize = 2 << 20;
-/// A word of the flash, in bytes: what is programmed at once, with one error correction.
+/// A word of the flash, in bytes: the unit of programming and of error correction.
 pub const WORD_BYTES: u32 = 32;
-/// A sector, in bytes: what is erased at once.
+/// A sector, in bytes: the unit of erasing.
 pub const SECTOR_BYTES: u32 = 128 << 10;
 const BANK_BYTES: u32 = 1 << 20;
 const ERASED: u8 = 0xFF;
@@ -43,12 +44,12 @@ const ERASED: u8 = 0xFF;
 pub enum Kind {
     /// A word of 32 bytes programmed at this address.
     Program {
-        /// The first byte's.
+        /// Address of the first byte.
         address: u32,
-        /// What is to be in it.
+        /// The new content.
         word: [u8; WORD_BYTES as usize],
     },
-    /// All from the first to before the second address erased.
+    /// The bytes from the first to before the second address erased.
     Erase(Range<u32>),
 }
 
@@ -57,32 +58,32 @@ pub enum Kind {
 pub struct Operation {
     /// Its number in this run, from 1.
     pub number: u64,
-    /// When it starts, in nanoseconds of virtual time.
+    /// Instant of its start, in nanoseconds of virtual time.
     pub at_ns: u64,
-    /// What it does.
+    /// The operation.
     pub kind: Kind,
 }
 
-/// What a power cut finds of the operation it cuts.
+/// Progress of an operation at the power cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
     /// The cells are as they were.
     Before,
-    /// In the middle of it, with chance from this seed.
+    /// The operation is in progress; the outcome is random from this seed.
     During {
         /// Any number.
         seed: u64,
     },
-    /// The cells are as they were to be, and the image has not heard of it.
+    /// The cells have their new content, and the image does not know it yet.
     After,
 }
 
-/// What the flash holds.
+/// Content of the flash.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Contents {
     /// Both banks.
     pub bytes: Vec<u8>,
-    /// Addresses of words that cannot be read.
+    /// Addresses of unreadable words.
     pub unreadable: BTreeSet<u32>,
 }
 
@@ -96,7 +97,7 @@ impl Default for Contents {
 }
 
 impl Contents {
-    /// Reads what [`Contents::write`] wrote: both banks, then the address of each word that cannot be read.
+    /// Reads a file of [`Contents::write`]: both banks, then the address of each unreadable word.
     ///
     /// # Errors
     /// There is no such file, or it has another length.
@@ -134,7 +135,7 @@ impl Contents {
         })
     }
 
-    /// Puts `bytes` at `address`, as a probe does that flashes an image.
+    /// Puts `bytes` at `address`, as a probe that flashes an image does.
     ///
     /// # Errors
     /// They do not lie in the flash.
@@ -156,7 +157,7 @@ impl Contents {
         Ok(())
     }
 
-    /// What a cut of `operation` at `moment` leaves, where this is what it found.
+    /// Applies a power cut of `operation` at `moment`.
     pub fn cut(&mut self, operation: &Kind, moment: Moment) {
         match (operation, moment) {
             (_, Moment::Before) => {}
@@ -210,7 +211,7 @@ impl Contents {
     }
 }
 
-/// A little generator for what a cut leaves: SplitMix64.
+/// Random numbers for the outcome of a cut (SplitMix64).
 struct Chance(u64);
 
 impl Chance {
@@ -230,7 +231,7 @@ const fn word_of(address: u32) -> u32 {
     address & !(WORD_BYTES - 1)
 }
 
-/// The words that cannot be read, shared between the flash's registers and the core that reads.
+/// The unreadable words, shared by the flash's registers and the core.
 #[derive(Clone, Debug, Default)]
 pub struct Unreadable(Arc<Mutex<Marks>>);
 
@@ -238,7 +239,7 @@ pub struct Unreadable(Arc<Mutex<Marks>>);
 struct Marks {
     words: BTreeSet<u32>,
     changes: u64,
-    /// Addresses whose read failed, and that the registers do not show yet.
+    /// Addresses of failed reads that the registers do not show yet.
     failed: Vec<u32>,
     failures: u64,
 }
@@ -248,7 +249,7 @@ impl Unreadable {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts `words` in place of all there are.
+    /// Replaces all of them by `words`.
     pub fn replace(&self, words: BTreeSet<u32>) {
         let mut marks = self.marks();
         marks.words = words;
@@ -260,12 +261,12 @@ impl Unreadable {
         self.marks().words.clone()
     }
 
-    /// How often they changed, which tells whether they did.
+    /// Number of changes, from which a caller learns of a change.
     pub fn changes(&self) -> u64 {
         self.marks().changes
     }
 
-    /// Reads that failed in this run.
+    /// Number of failed reads in this run.
     pub fn failures(&self) -> u64 {
         self.marks().failures
     }
@@ -276,7 +277,7 @@ impl Unreadable {
         marks.changes += u64::from(marks.words.insert(word_of(address)));
     }
 
-    /// An access to `bytes` at `address`: whether it fails.
+    /// Accesses `bytes` at `address`; true if the access fails.
     pub fn fails(&self, address: u32, bytes: u32) -> bool {
         let mut marks = self.marks();
         let last = word_of(address.saturating_add(bytes - 1));
@@ -338,7 +339,7 @@ impl Buffer {
     }
 }
 
-/// What a write to the flash asked for, until the model has said whether it takes it.
+/// An operation that a write asked for, until the model accepts or refuses it.
 #[derive(Debug)]
 enum Asked {
     Store { bank: usize },
@@ -349,7 +350,7 @@ enum Asked {
 /// The operations of a run.
 #[derive(Debug, Default)]
 pub struct Journal {
-    /// The words that cannot be read.
+    /// The unreadable words.
     pub unreadable: Unreadable,
     buffers: [Buffer; 2],
     asked: Option<Asked>,
@@ -360,7 +361,7 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// With words that cannot be read from the start.
+    /// A log, with the words that are unreadable from the start.
     pub fn new(unreadable: Unreadable) -> Self {
         Self {
             unreadable,
@@ -373,12 +374,12 @@ impl Journal {
         &self.log
     }
 
-    /// How many have started in this run.
+    /// Number of operations that have started in this run.
     pub fn started(&self) -> u64 {
         self.started
     }
 
-    /// The oldest that started since this was asked last.
+    /// Takes the oldest operation that has started and was not taken.
     pub fn take_started(&mut self) -> Option<Operation> {
         self.unseen.pop_front()
     }
@@ -485,7 +486,7 @@ impl Around<Flash> for Journal {
         answered: Option<u64>,
         registers: &RegisterFile,
     ) -> Option<u64> {
-        // The register file shows a failed read from the next call on; the one that asks now is told here.
+        // The register file shows a failed read from the next call on; this call is answered here.
         let failed = self.unreadable.marks();
         let bank = match register {
             Register::Sr1 => 0,
@@ -525,7 +526,8 @@ impl Around<Flash> for Journal {
     fn reset(&mut self) {
         self.buffers = Default::default();
         self.asked = None;
-        // A reset during an operation ends it somewhere in the middle; the emulator's model leaves the cells as they were.
+        // A reset during an operation ends it somewhere in the middle; the emulator's model leaves the cells as they
+        // were.
         self.running = Default::default();
     }
 }

@@ -1,4 +1,4 @@
-//! What the board models itself, beside or around the emulator's own models of the part.
+//! Models of the board's own, beside or around the emulator's models of the part.
 //!
 //! Every section number is RM0433's (Rev 8, and Rev 9 where the emulator's own models cite it; the sections named here
 //! are the same in both).

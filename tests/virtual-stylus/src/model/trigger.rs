@@ -1,7 +1,7 @@
-//! The trigger output of a timer (section 42.4.2, `MMS`), as the converters hear it.
+//! The trigger output of a timer (section 42.4.2, `MMS`), for the converters.
 //!
-//! The emulator's timer tells how many pulses its trigger output has sent. Here each new one is kept with its instant,
-//! until the part hands it to the converters, at the same instant and before anything else happens.
+//! The emulator's timer counts the pulses of its trigger output. Here each new pulse is kept with its instant until the
+//! part passes it to the converters, at the same instant and before anything else happens.
 //!
 //! Left out: the level modes of `MMS` (reset, enable). The pulse of the update mode is one instant; its two edges are
 //! one cycle of the timer's clock apart on the part.
@@ -12,7 +12,7 @@ use rigless::time::VirtualNanos;
 
 use super::around::Around;
 
-/// The pulses of a timer's trigger output that nobody has heard yet.
+/// The pulses of a timer's trigger output that were not taken yet.
 #[derive(Debug, Default)]
 pub struct TriggerOutput {
     sent: u64,
@@ -20,7 +20,7 @@ pub struct TriggerOutput {
 }
 
 impl TriggerOutput {
-    /// The instant of the oldest pulse that nobody has heard yet.
+    /// Takes the instant of the oldest pulse that was not taken yet.
     pub fn take(&mut self) -> Option<VirtualNanos> {
         (!self.unheard.is_empty()).then(|| self.unheard.remove(0))
     }

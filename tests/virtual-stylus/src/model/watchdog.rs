@@ -2,13 +2,14 @@
 //!
 //! | What | Section |
 //! |---|---|
-//! | `KR`: 0x5555 opens `PR`, `RLR` and `WINR`, any other key shuts them; 0xAAAA reloads; 0xCCCC starts | 45.3.1, 45.3.3, 45.4.1 |
-//! | Counts the LSI, forced on by the start, through the divider of `PR` from `RLR` down | 45.3.1, 45.4.2, 45.4.3, 8.5.2 |
+//! | `KR`: 0x5555 opens `PR`, `RLR` and `WINR`, any other key shuts them | 45.3.3, 45.4.1 |
+//! | `KR`: 0xAAAA reloads, 0xCCCC starts | 45.3.1, 45.4.1 |
+//! | Counts the LSI, forced on, through the divider of `PR` from `RLR` down | 45.3.1, 45.4.2, 45.4.3, 8.5.2 |
 //! | A reset of the part at the end of the count, or on a reload before the window opens (`WINR`) | 45.3.2 |
 //! | Once started only a reset stops it | 45.3.1 |
 //!
-//! Left out: the up to five cycles of the LSI before a written `PR`, `RLR` or `WINR` counts, so `SR` is always zero; the
-//! start by option byte; the hold by the debugger and in low-power modes.
+//! Left out: the up to five cycles of the LSI before a written `PR`, `RLR` or `WINR` counts, so `SR` is always zero;
+//! the start by option byte; the hold by the debugger and in low-power modes.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::soc::stm32h743::generated::iwdg::Register;
@@ -18,7 +19,7 @@ use rigless::time::{EventId, NANOS_PER_SECOND, VirtualNanos};
 const OPEN: u64 = 0x5555;
 const RELOAD: u64 = 0xAAAA;
 const START: u64 = 0xCCCC;
-/// `WINR` as the reset leaves it: no window.
+/// `WINR` after a reset: no window.
 const NO_WINDOW: u64 = 0xFFF;
 /// The largest divider, for the two highest codes of `PR` alike.
 const LARGEST_DIVIDER_CODE: u64 = 6;
@@ -32,7 +33,7 @@ pub struct Watchdog {
     reload: u64,
     window: u64,
     hz: u64,
-    /// Where the count was, and when.
+    /// The count at an instant, and the instant.
     counted_from: (VirtualNanos, u64),
     end: Option<EventId>,
     reloads: u64,
@@ -55,17 +56,17 @@ impl Default for Watchdog {
 }
 
 impl Watchdog {
-    /// Whether the image has started it since the last reset.
+    /// True if the image has started it since the last reset.
     pub fn started(&self) -> bool {
         self.started
     }
 
-    /// How often the image has fed it since the last reset.
+    /// Number of reloads by the image since the last reset.
     pub fn reloads(&self) -> u64 {
         self.reloads
     }
 
-    /// The time from a reload to the reset, in nanoseconds, or `None` while it does not count.
+    /// Time from a reload to the reset, in nanoseconds; `None` while it does not count.
     pub fn timeout_ns(&self) -> Option<u64> {
         (self.started && self.hz != 0).then(|| self.span_ns(self.reload + 1))
     }

@@ -1,4 +1,4 @@
-//! From power on until somebody plays, the output rests.
+//! The output is at rest from power-on until something is played.
 
 use model_format::link::{InfoEndpoint, PROTOCOL_VERSION, SCHEMA_HASH};
 use virtual_stylus::Options;
@@ -10,7 +10,7 @@ fn the_output_is_at_mid_scale_from_its_first_enable_until_play() {
     let mut device = Device::new(&product(), Options::default());
     device.run_for(300 * MS);
     device.wait_for_start();
-    // Whoever connects, asks, and leaves moves nothing.
+    // A host that connects, asks and leaves does not move the output.
     let info = device.request::<InfoEndpoint>(&());
     assert_eq!(info.protocol_version, PROTOCOL_VERSION);
     assert_eq!(info.schema_hash, SCHEMA_HASH);
@@ -21,7 +21,7 @@ fn the_output_is_at_mid_scale_from_its_first_enable_until_play() {
     let driven: Vec<u16> = outputs.iter().filter_map(|output| output.code).collect();
     assert!(driven.len() > 2_000, "{} outputs", driven.len());
     assert!(driven.iter().all(|&code| code == MID_SCALE));
-    // Once the pin is driven it stays so.
+    // Once the pin is driven, it stays driven.
     let first = outputs.iter().position(|output| output.code.is_some());
     assert!(
         outputs[first.expect("it was driven")..]
@@ -30,7 +30,7 @@ fn the_output_is_at_mid_scale_from_its_first_enable_until_play() {
     );
     let report = device.stylus.report().expect("the run goes on");
     assert!(report.unmapped.is_empty(), "{report:?}");
-    // Of the clocks' set-up some writes are ignored, and come out right all the same.
+    // Some writes of the clocks' set-up are ignored, without an effect on the result.
     let told: Vec<_> = (report.told.iter())
         .filter(|told| !told.starts_with("RCC."))
         .collect();

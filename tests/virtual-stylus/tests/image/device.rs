@@ -1,4 +1,4 @@
-//! A host's end of the serial line or of USB, in virtual time.
+//! The host's end of the serial line or of USB, in virtual time.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -22,17 +22,17 @@ use virtual_stylus::{Options, VirtualStylus};
 
 pub const MS: u64 = 1_000_000;
 pub const SECOND: u64 = 1_000 * MS;
-/// Code of the DAC at which no current flows.
+/// Code of the DAC without current in the voice coil.
 pub const MID_SCALE: u16 = 2048;
-/// Between two samples.
+/// Time between two samples.
 pub const PERIOD_NS: u64 = 200_000;
 
-/// How far the run goes between two looks at the line.
+/// Virtual time between two looks at the line.
 const STEP_NS: u64 = MS / 2;
 const USB_STEP_NS: u64 = MS / 10;
-/// How long an answer may take, flash included.
+/// Time within which an answer comes, operations on flash included.
 const PATIENCE_NS: u64 = 20 * SECOND;
-/// Longer than a start takes.
+/// Time within which the image has started.
 const START_NS: u64 = 2 * SECOND;
 
 /// The image that `variable` names.
@@ -47,7 +47,7 @@ pub fn product() -> PathBuf {
     image("STYLUS_IMAGE")
 }
 
-/// The image with faults on request.
+/// The image with fault injection.
 pub fn with_faults() -> PathBuf {
     image("STYLUS_FAULT_IMAGE")
 }
@@ -58,17 +58,17 @@ struct Frame {
     body: Vec<u8>,
 }
 
-/// Addresses of the bulk endpoints, as the configuration's descriptor has them.
+/// Addresses of the bulk endpoints, as in the configuration descriptor.
 pub const BULK_OUT: u8 = 0x01;
 pub const BULK_IN: u8 = 0x81;
-/// Transfers that wait for the device, as the product's client has them.
+/// Number of transfers that wait for the device, as of the product's client.
 const WAITING_TRANSFERS: usize = 8;
 
-/// What the host talks over.
+/// The link to the device.
 enum Line {
-    /// Bytes of a frame that is not whole yet.
+    /// Bytes of a frame that is not complete.
     Serial(Vec<u8>),
-    /// Bulk transfers, while there are any.
+    /// Bulk transfers, while the endpoints are open.
     Usb(UsbHost, Option<BulkFrames>),
 }
 
@@ -76,11 +76,11 @@ enum Line {
 pub struct Device {
     pub stylus: VirtualStylus,
     line: Line,
-    /// How far the run goes between two looks at the line, while an answer is waited for.
+    /// Virtual time between two looks at the line, during the wait for an answer.
     step_ns: u64,
     frames: VecDeque<Frame>,
     pub blocks: Vec<RecordBlock>,
-    /// Frames that were no frames.
+    /// Number of received frames that do not decode.
     pub broken: usize,
     sequence: u32,
     keeps_alive: bool,
@@ -89,7 +89,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// Power on; nothing has run.
+    /// Switches the power on; nothing has run yet.
     pub fn new(image: &std::path::Path, options: Options) -> Self {
         let stylus = VirtualStylus::new(image, options).expect("the image fits the flash");
         Self {
@@ -143,7 +143,7 @@ impl Device {
         }
     }
 
-    /// Calls off what waits on the bulk endpoints, as when a program ends.
+    /// Cancels the transfers on the bulk endpoints, as at the end of a program.
     pub fn close(&mut self) {
         let Line::Usb(usb, bulk) = &mut self.line else {
             panic!("it is not on USB");
@@ -153,7 +153,7 @@ impl Device {
         }
     }
 
-    /// As [`Device::close`]; another program opens them.
+    /// Closes the endpoints as [`Device::close`], and opens them as another program.
     pub fn reopen(&mut self) {
         self.close();
         self.open();
@@ -173,7 +173,7 @@ impl Device {
         *bulk = Some(opened.expect("the run goes on"));
     }
 
-    /// Whether the bulk endpoints are open, and nothing has failed on them.
+    /// True while the bulk endpoints are open and nothing has failed on them.
     pub fn is_open(&self) -> bool {
         matches!(self.line, Line::Usb(_, Some(_)))
     }
@@ -194,7 +194,7 @@ impl Device {
         panic!("the image does not answer: {:?}", self.stylus.report());
     }
 
-    /// Asks, and runs until the answer is there.
+    /// Sends a request, and runs until the answer is there.
     pub fn request<E>(&mut self, request: &E::Request) -> E::Response
     where
         E: Endpoint<Request: Serialize, Response: DeserializeOwned>,
@@ -278,12 +278,12 @@ impl Device {
         self.stylus.send(bytes).expect("the run goes on");
     }
 
-    /// From now on the host sends a sign of life as often as it should, or not.
+    /// Switches the host's keep-alives on or off.
     pub fn keep_alive(&mut self, on: bool) {
         self.keeps_alive = on;
     }
 
-    /// Runs for `nanos`, listening.
+    /// Runs for `nanos`, and receives frames.
     pub fn run_for(&mut self, nanos: u64) {
         let end = self.stylus.now_ns() + nanos;
         while self.stylus.now_ns() < end {
@@ -374,14 +374,14 @@ impl Device {
         self.frames.remove(position).map(|frame| frame.body)
     }
 
-    /// What the converter put out since the power came on.
+    /// Outputs of the converter since power-on.
     pub fn dac(&mut self) -> &[Output] {
         let new = self.stylus.take_dac_record().expect("the run goes on");
         self.dac.extend(new);
         &self.dac
     }
 
-    /// Forgets frames that nobody asked for.
+    /// Drops the frames that were not requested.
     pub fn forget_frames(&mut self) {
         self.frames.clear();
     }
@@ -432,7 +432,7 @@ impl Device {
             .expect("a valid slot")
     }
 
-    /// Plays, with signs of life, and waits until nothing mutes it.
+    /// Plays with keep-alives, and waits until nothing mutes the output.
     pub fn play(&mut self, texture: &str, motion: MotionSource, seed: u64) {
         self.keep_alive(true);
         let request = play_request(texture, motion, seed);
@@ -440,7 +440,7 @@ impl Device {
             .expect("the texture is there");
     }
 
-    /// Asks for a scene.
+    /// Requests a scene.
     pub fn play_scene(
         &mut self,
         scene: &str,
@@ -455,13 +455,13 @@ impl Device {
         self.request::<PlayEndpoint>(&request).map_err(Box::new)
     }
 
-    /// Plays and waits until nothing mutes it.
+    /// Plays, and waits until nothing mutes the output.
     pub fn play_until_heard(&mut self, texture: &str, motion: MotionSource, seed: u64) {
         self.play(texture, motion, seed);
         self.wait_until_heard();
     }
 
-    /// Runs until nothing mutes what is played.
+    /// Runs until nothing mutes the output.
     pub fn wait_until_heard(&mut self) {
         for _ in 0..100 {
             self.run_for(5 * MS);
@@ -473,7 +473,7 @@ impl Device {
     }
 }
 
-/// What an upload of `library` announces.
+/// The announcement of an upload of `library`.
 pub fn announced(library: &[u8]) -> UploadBegin {
     UploadBegin {
         length: library.len() as u32,

@@ -1,4 +1,4 @@
-//! What the image must put out, from the product's own kernel and safety stages on this computer.
+//! The output that the image must give, from the product's own kernel and safety stages on this computer.
 
 use model_format::Texture;
 use model_format::link::{RecordBlock, RecordSample, Settings};
@@ -7,15 +7,15 @@ use stylus_app::safety;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::{Plan, ScenePlayer};
 
-/// What the sensors gave at successive ticks.
+/// Codes of the sensors at successive ticks.
 pub struct Recorded {
-    /// The first one's number, counted from 1 at the start of the timer.
+    /// Number of the first tick, counted from 1 at the start of the timer.
     pub first_tick: u64,
     pub samples: Vec<RecordSample>,
 }
 
 impl Recorded {
-    /// Of the blocks of a recording, none of which was lost.
+    /// The samples of a recording's blocks, of which none may be lost.
     pub fn of(blocks: &[RecordBlock]) -> Self {
         Self {
             first_tick: blocks[0].first_tick,
@@ -25,9 +25,9 @@ impl Recorded {
         }
     }
 
-    /// The sensors as they are noted at the first tick of each block, with that tick.
+    /// The sensors at the first tick of each block, with that tick.
     ///
-    /// Right for blocks that begin a window of the speed's or more after the first tick.
+    /// They are right for blocks that begin at least a window of the speed after the first tick.
     fn noted(&self) -> Vec<(u64, Sensors)> {
         let mut sensors = Sensors::new();
         let mut noted = Vec::new();
@@ -42,12 +42,12 @@ impl Recorded {
     }
 }
 
-/// What is played.
+/// The texture or scene that is played.
 pub struct Heard<'a> {
     pub plan: Plan<'a>,
     pub follower: Follower,
     pub seed: u64,
-    /// What takes over, and the first tick at whose block's beginning it is known.
+    /// The one that takes over, and the first tick at whose block's beginning it is known.
     pub switch: Option<(u64, Plan<'a>, Follower)>,
 }
 
@@ -71,21 +71,21 @@ impl<'a> Heard<'a> {
     }
 }
 
-/// Blocks begin at the first tick and every so many after it.
+/// True if a block begins at `tick`, as at the first tick and at constant intervals after it.
 fn begins_block(tick: u64) -> bool {
     tick % u64::from(UPDATE_INTERVAL_SAMPLES) == 1
 }
 
-/// When something was taken up, and when the mute ended.
+/// The ticks at which playing and the end of the mute began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Began {
-    /// First tick of the block in which it is played, silent yet.
+    /// First tick of the first block that is played, which is still silent.
     pub play: u64,
     /// First tick that is not muted.
     pub unmuted: u64,
 }
 
-/// Samples of `heard` from tick `play` on: a silent block, then each block by what was noted one block before.
+/// Samples of `heard` from tick `play` on: a silent block, then blocks that follow the sensors at the block before.
 fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_format::OutputSample> {
     let config = InputConfig::new(&Settings::default());
     let mut player: ScenePlayer<'_> = ScenePlayer::new(heard.plan.clone(), heard.seed);
@@ -105,15 +105,16 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
     samples
 }
 
-/// Finds when the output `codes` (of tick 1 on) began to be that of `heard`, and how many ticks it stays so: all that were
-/// recorded if the image does what it must. Of several beginnings the one that explains most.
+/// Finds the tick at which the output `codes` (of tick 1 on) begins to equal that of `heard`, and for how many ticks it
+/// stays equal: for all recorded ones if the image is right. Of several beginnings it takes the one with the most equal
+/// ticks.
 pub fn explain(heard: &Heard<'_>, recorded: &Recorded, codes: &[u16], from: u64) -> (Began, u64) {
     let first_heard = (1u64..)
         .zip(codes)
         .find(|&(tick, &code)| tick >= from && code != 2048);
     let (first_heard, _) = first_heard.expect("something is heard");
     let config = safety::Config::new(&Settings::default(), 1.0);
-    // How the stages stand after all the silence before.
+    // The state of the stages after the silence.
     let mut rested = safety::State::new();
     for _ in 1..from {
         rested.process(&config, model_format::OutputSample::SILENCE, true);

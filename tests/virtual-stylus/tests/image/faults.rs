@@ -1,4 +1,4 @@
-//! Faults on request: how each ends.
+//! Faults on request, and the end of each.
 
 use model_format::link::{FaultKind, MotionSource, ResetReason};
 use postcard_rpc::Key;
@@ -8,7 +8,7 @@ use virtual_stylus::motion::Motion;
 use crate::device::{Device, MID_SCALE, MS, with_faults};
 use crate::library;
 
-/// `firmware/src/injection.rs` numbers them.
+/// Faults, numbered as by the firmware's fault injection.
 #[derive(Clone, Copy, Debug)]
 enum Injected {
     LongTick = 1,
@@ -22,7 +22,7 @@ enum Injected {
     PanicInTick,
 }
 
-/// A texture is heard.
+/// A device that plays a texture.
 fn playing() -> Device {
     let mut device = Device::new(&with_faults(), library::options());
     device.wait_for_start();
@@ -40,8 +40,8 @@ fn inject(device: &mut Device, fault: Injected) {
     device.send_frame(key, &(fault as u8));
 }
 
-/// Injects `fault`; it must end in one reset for `cause`, with `kind` in the status, and the output at mid-scale no later than
-/// `silent_ns` after the fault, up to and after the reset.
+/// Injects `fault`; it must end in one reset for `cause`, with `kind` in the status, and the output at mid-scale no
+/// later than `silent_ns` after the fault, up to and after the reset.
 fn ends(fault: Injected, cause: ResetCause, kind: FaultKind, silent_ns: u64) {
     let mut device = playing();
     let injected = device.stylus.now_ns();
@@ -80,9 +80,9 @@ fn ends(fault: Injected, cause: ResetCause, kind: FaultKind, silent_ns: u64) {
     assert!(heard.count() > 100, "it was heard before");
 }
 
-/// Time for the request on the line, and for the handler.
+/// Time for the request on the line and for the handler.
 const CAUGHT_NS: u64 = 2 * MS;
-/// The watchdog's period, with what its clock may be off.
+/// Period of the watchdog, with the tolerance of its clock.
 const WATCHDOG_NS: u64 = 400 * MS;
 
 #[test]

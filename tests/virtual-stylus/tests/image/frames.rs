@@ -1,4 +1,4 @@
-//! Frames that no host sends: errors or silence, and the tick goes on.
+//! Frames that no host sends: the device answers with errors or not at all, and the tick goes on.
 
 use model_format::link::{InfoEndpoint, MAX_HOST_FRAME_BYTES, PlayEndpoint, UploadBeginEndpoint};
 use postcard_rpc::Endpoint;
@@ -6,7 +6,7 @@ use virtual_stylus::Options;
 
 use crate::device::{Device, MS};
 
-/// How many CI sends; `STYLUS_LONG` asks for a million.
+/// Number of frames; a million if `STYLUS_LONG` is set.
 fn count() -> u64 {
     if std::env::var_os("STYLUS_LONG").is_some() {
         1_000_000
@@ -36,7 +36,7 @@ impl Random {
     }
 }
 
-/// A frame that is wrong in one of several ways; most are short, so that many fit a second.
+/// A frame that is wrong in one of several ways. Most are short, so that many fit into a second.
 fn wrong(random: &mut Random) -> Vec<u8> {
     let keys = [
         InfoEndpoint::REQ_KEY,
@@ -46,7 +46,7 @@ fn wrong(random: &mut Random) -> Vec<u8> {
     let key = keys[random.below(3) as usize].to_bytes();
     let length = random.below(12);
     match random.below(8) {
-        // A key that exists, with a body that is cut off or noise.
+        // An existing key, with a body that is cut off or random.
         0 | 1 => {
             let mut frame = vec![0b1101_0000];
             frame.extend(key);
@@ -54,11 +54,11 @@ fn wrong(random: &mut Random) -> Vec<u8> {
             frame.extend(random.bytes(length));
             frame
         }
-        // A key cut off.
+        // A key that is cut off.
         2 => [&[0b1110_0000], &key[..random.below(8) as usize]].concat(),
-        // A short key of a kind that is not spoken here.
+        // A short key, of a kind that the device does not use.
         3 => vec![random.below(64) as u8, random.next() as u8],
-        // Longer than any frame may be.
+        // A frame longer than the limit.
         4 if random.below(200) == 0 => random.bytes(MAX_HOST_FRAME_BYTES as u64 + 200),
         _ => random.bytes(length),
     }
@@ -73,7 +73,7 @@ fn malformed_frames_are_errors_or_silence_and_no_tick_is_missed() {
         for _ in 0..50 {
             let frame = wrong(&mut random);
             if random.below(10) == 0 {
-                // No COBS at all: zeros where they fall.
+                // No COBS: zeros at random places.
                 device.send_bytes(&frame);
                 device.send_bytes(&[0]);
             } else {

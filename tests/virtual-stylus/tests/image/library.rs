@@ -1,4 +1,4 @@
-//! Libraries, and a flash that holds one.
+//! Libraries, and flash with a library in it.
 
 use std::sync::OnceLock;
 
@@ -10,7 +10,7 @@ use virtual_stylus::model::flash::Contents;
 
 use crate::device::Device;
 
-/// The textures that every processor must play alike, but for those that cannot be certified; some 25 KB.
+/// The certified ones of the textures that every processor must play to the same bits; about 25 KB.
 pub fn small() -> &'static [u8] {
     static SMALL: OnceLock<Vec<u8>> = OnceLock::new();
     SMALL.get_or_init(|| {
@@ -21,18 +21,18 @@ pub fn small() -> &'static [u8] {
     })
 }
 
-/// Another one, some 8 KB.
+/// Another library, of about 8 KB.
 pub fn other() -> Vec<u8> {
     encode(&[grid("other", 5, 4, 200)]).expect("within the limits")
 }
 
-/// Four textures of 15 x 8 nodes of the highest order, which all but fill a slot.
+/// Four textures of 15 x 8 nodes of the highest order, which almost fill a slot.
 pub fn large() -> Vec<u8> {
     let textures = ["one", "two", "three", "four"].map(|name| grid(name, 15, 8, MAX_ORDER));
     encode(&textures).expect("within the limits")
 }
 
-/// A texture of lattices with small angles, each its own.
+/// A texture of different lattices with small angles.
 fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
     let node = |number: u16| NodeSpec {
         output_power: 4.0,
@@ -61,20 +61,20 @@ fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
     }
 }
 
-/// A flash with [`small`] in a slot, put there by an upload.
+/// Flash with [`small`] in a slot, after an upload.
 pub fn flash_with_small() -> Contents {
     static FLASH: OnceLock<Contents> = OnceLock::new();
     FLASH.get_or_init(|| flash_with(small())).clone()
 }
 
-/// A flash with `library` in a slot, put there by an upload.
+/// Flash with `library` in a slot, after an upload.
 pub fn flash_with(library: &[u8]) -> Contents {
     let mut device = Device::started(Options::default());
     device.upload(library);
     device.stylus.flash().expect("the run goes on")
 }
 
-/// Options with that flash.
+/// Options of a run with `flash`.
 pub fn options() -> Options {
     Options {
         flash: flash_with_small(),

@@ -1,4 +1,4 @@
-//! A link that is lost, and a host that says nothing new.
+//! A lost link, and a host whose motion stops.
 
 use model_format::link::{
     KEEP_ALIVE_MS, KeepAliveTopic, MotionSample, MotionSource, MotionTopic, MuteReason,
@@ -11,7 +11,7 @@ use virtual_stylus::motion::Motion;
 use crate::device::{Device, MID_SCALE, MS, play_request};
 use crate::library;
 
-/// By when the output is silent.
+/// Time within which the output is silent.
 const SILENT_NS: u64 = 100 * MS;
 
 fn is_silent_between(device: &mut Device, from_ns: u64, to_ns: u64) -> bool {
@@ -41,7 +41,7 @@ fn a_lost_link_is_silence_within_100_ms() {
         lost + SILENT_NS,
         lost + 400 * MS
     ));
-    // It comes back with the link.
+    // The output comes back with the link.
     device.keep_alive(true);
     device.run_for(400 * MS);
     let now = device.stylus.now_ns();
@@ -70,7 +70,7 @@ fn a_motion_of_the_hosts_that_is_not_renewed_is_silence_within_100_ms() {
         !is_silent_between(&mut device, last - 50 * MS, last),
         "it was heard"
     );
-    // The link lives on.
+    // The link stays alive.
     for _ in 0..40 {
         device.publish::<KeepAliveTopic>(&());
         device.run_for(u64::from(KEEP_ALIVE_MS) * MS);

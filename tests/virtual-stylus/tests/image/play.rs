@@ -1,4 +1,4 @@
-//! What is played, code for code and instant for instant.
+//! The played output, compared code by code and instant by instant.
 
 use model_format::Library;
 use model_format::link::{MotionSource, RecordStartEndpoint, RecordStopEndpoint, StopEndpoint};
@@ -10,12 +10,12 @@ use crate::device::{Device, MID_SCALE, MS, PERIOD_NS};
 use crate::expected::{Heard, Recorded, explain};
 use crate::library;
 
-/// Volts of the force sensor as codes of the ADC: 2 N/V by default.
+/// Code of the ADC for a force, by default at 2 N/V.
 pub fn force_code(newton: f64) -> u16 {
     (newton / 2.0 / 3.3 * 65_536.0) as u16
 }
 
-/// A force that goes up and down over the grid, and an accelerometer whose axes differ.
+/// Pins with a force that goes up and down over the grid, and an accelerometer whose axes differ.
 fn pins() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
     FunctionPins(|channel, at_ns| {
         let phase = at_ns as f64 / 1e9 * std::f64::consts::TAU * 1.3;
@@ -26,7 +26,7 @@ fn pins() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
     })
 }
 
-/// The codes that triggers put out, the first trigger's first, after checking their instants.
+/// The codes that were put out at the triggers, from the first trigger on, after a check of their instants.
 pub fn latched(device: &mut Device) -> Vec<u16> {
     let outputs: Vec<_> = (device.dac().iter())
         .filter(|output| output.cause == Cause::Trigger)
@@ -59,7 +59,7 @@ fn plays_as_the_host_does(texture: &str) {
     device
         .request::<RecordStartEndpoint>(&())
         .expect("nothing is recorded");
-    // The speed's window, and more.
+    // More than the window of the speed.
     device.run_for(60 * MS);
     let asked = device.status().tick.ticks;
     device.play(texture, MotionSource::Sensors, 77);
@@ -79,7 +79,7 @@ fn plays_as_the_host_does(texture: &str) {
     );
 
     let recorded = Recorded::of(&device.blocks);
-    // What tick n computes the trigger after it puts out.
+    // The sample of tick n is put out by the next trigger.
     let codes = &latched(&mut device)[1..];
     let library = Library::decode(library::small()).expect("a valid library");
     let texture = library.texture(texture).expect("it is in the library");

@@ -1,4 +1,4 @@
-//! Power cuts: whenever the power goes, a library is there afterwards, the old one or the new one.
+//! Power cuts: after a cut at any moment there is a library, the old one or the new one.
 
 use model_format::link::{SlotId, SlotState};
 use virtual_stylus::Options;
@@ -7,7 +7,7 @@ use virtual_stylus::model::flash::{Contents, Moment};
 use crate::device::{Device, announced};
 use crate::library;
 
-/// How many operations are cut.
+/// Number of operations that are cut.
 const CUTS: u64 = 60;
 
 /// The active slot and its library's checksum.
@@ -20,8 +20,8 @@ pub fn state_of(device: &mut Device) -> Option<(SlotId, u32)> {
     }
 }
 
-/// The flash after cuts that are spread over an upload of `library` onto `flash`: the first operations, the last ones, and some
-/// between, each at another moment.
+/// The content of the flash after each of several cuts of an upload of `library` onto `flash`: at the first operations,
+/// the last ones, and some between, each at another moment.
 fn cuts(flash: &Contents, library: &[u8]) -> Vec<virtual_stylus::stylus::PowerCut> {
     let with = |flash: &Contents| Options {
         flash: flash.clone(),

@@ -1,4 +1,4 @@
-//! Recording: nothing lost, nothing changed, at exact instants.
+//! Recording: no sample is lost or changed, and all are taken at exact instants.
 
 use model_format::link::{BLOCK_SAMPLES, RecordSample, RecordStartEndpoint, RecordStopEndpoint};
 use virtual_stylus::Options;
@@ -8,7 +8,7 @@ use virtual_stylus::pins::FunctionPins;
 
 use crate::device::{Device, MS, PERIOD_NS, SECOND};
 
-/// How long CI records; `STYLUS_LONG` asks for the whole minute.
+/// Length of the recording, s; a minute if `STYLUS_LONG` is set.
 fn seconds() -> u64 {
     if std::env::var_os("STYLUS_LONG").is_some() {
         60
@@ -17,7 +17,7 @@ fn seconds() -> u64 {
     }
 }
 
-/// A code that no two ticks or channels within a second share by chance.
+/// A code by which ticks and channels within a second can be told apart.
 fn code(channel: u8, at_ns: u64) -> u16 {
     let tick = at_ns / PERIOD_NS;
     (tick
@@ -26,7 +26,7 @@ fn code(channel: u8, at_ns: u64) -> u16 {
         >> 3) as u16
 }
 
-/// What the sequence that a trigger started gave: X, Y, Z and force in their ranks.
+/// The codes of the sequence that a trigger started: X, Y, Z and force in their ranks.
 fn sequences(samples: &[Sample]) -> Vec<[Sample; 4]> {
     let first = samples
         .iter()
@@ -83,7 +83,7 @@ fn a_recording_holds_what_was_on_the_pins_at_instants_200_microseconds_apart() {
         [x, y, z, sample.force.0]
     };
     let words = |sequence: &[Sample; 4]| sequence.map(|sample| sample.word);
-    // The recording begins somewhere in what was converted; from there on the two are the same.
+    // The recording begins somewhere in the converted samples; from there on the two are equal.
     let begin = (converted.iter())
         .position(|sequence| words(sequence) == sampled(&recorded[0]))
         .expect("the first sample was on the pins");
@@ -97,7 +97,7 @@ fn a_recording_holds_what_was_on_the_pins_at_instants_200_microseconds_apart() {
         .flat_map(|pair| (0..4).map(|rank| pair[1][rank].at_ns - pair[0][rank].at_ns))
         .find(|&apart| apart != PERIOD_NS);
     assert_eq!(uneven, None);
-    // 150 mm/s at 0.01 mm a count are three counts a tick.
+    // 150 mm/s at 0.01 mm per count are three counts per tick.
     let counts: i64 = recorded
         .iter()
         .map(|sample| i64::from(sample.encoder_delta).abs())

@@ -1,4 +1,4 @@
-//! Scenes: what is put out, code for code, and what each of their effects costs a tick.
+//! Scenes: their output, code by code, and the cost of each effect per tick.
 
 use std::sync::OnceLock;
 
@@ -50,7 +50,7 @@ const STICKY: StickSlip = StickSlip {
     above_n: 0.05,
 };
 
-/// A texture whose models are small and alike but for their first coefficient.
+/// A texture of small models that differ in their first coefficient only.
 fn texture(name: &str, structure: Structure, order: u32) -> TextureSpec {
     let node = |number: usize| {
         let first = (1_000 * (number as i16 + 1), order as usize);
@@ -90,7 +90,7 @@ fn of_surface(title: &str, surface: Surface) -> Scene {
     Scene::of_surface(name(title), 5_000, surface)
 }
 
-/// The scene with `sections` sections, each its own.
+/// The scene with `sections` different sections of the equaliser.
 fn equalised(mut scene: Scene, sections: usize) -> Scene {
     for section in 0..sections {
         let pole = 0.3 + 0.05 * section as f64;
@@ -110,7 +110,7 @@ fn sticky(mut surface: Surface) -> Surface {
     surface
 }
 
-/// Two surfaces that meet at `boundary_mm`, with a transition as wide as may be.
+/// Two surfaces that meet at `boundary_mm`, with a transition of the largest width.
 fn two(title: &str, surfaces: [Surface; 2], boundary_mm: f32) -> Scene {
     let [first, second] = surfaces;
     let mut scene = of_surface(title, first);
@@ -201,7 +201,7 @@ fn plan<'a>(library: &Library<'a>, scene: &str) -> Plan<'a> {
     Plan::new(&scene, library).expect("it is valid")
 }
 
-/// A force that presses and lifts, so that the tool taps again and again.
+/// A force that presses and lifts, so that the tool taps repeatedly.
 fn tapping() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
     FunctionPins(|channel, at_ns| {
         let phase = at_ns as f64 / 1e9 * std::f64::consts::TAU * 3.1;
@@ -332,14 +332,15 @@ fn a_scene_that_is_not_there_is_refused_and_what_is_played_goes_on() {
     assert!(playing.mute.contains(MuteReason::Changing), "a gain fades");
 }
 
-/// Instructions of the ticks of some milliseconds: of those that begin no block, all alike, and the most of those that do.
+/// Instructions per tick over some milliseconds: of the ticks that begin no block, which are all equal, and the most of
+/// those that do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Count {
     within: u32,
     beginning: u32,
 }
 
-/// Runs for `millis`, and counts.
+/// Counts over `millis` milliseconds.
 fn count(device: &mut Device, what: &str, millis: u64) -> Count {
     let ticks = ticks(device, millis);
     let beginning = |tick: &&Tick| begins_block(&ticks, tick);
@@ -368,7 +369,7 @@ fn ticks(device: &mut Device, millis: u64) -> Vec<Tick> {
     device.stylus.take_ticks().expect("the run goes on")
 }
 
-/// Of each ten ticks one hands over to the update, and takes more than each of the others.
+/// One tick of ten hands over to the update, and takes more instructions than each of the others.
 fn begins_block(ticks: &[Tick], tick: &Tick) -> bool {
     let of_period = |tick: &Tick| (tick.at_ns + PERIOD_NS / 2) / PERIOD_NS % 10;
     let mut sums = [0u64; 10];
@@ -386,12 +387,12 @@ fn count_scene(device: &mut Device, scene: &str) -> Count {
     device
         .play_scene(scene, MotionSource::Sensors, 3)
         .expect("it is there");
-    // The exchange, and the window of the speed.
+    // Time for the exchange, and for the window of the speed.
     device.run_for(30 * MS);
     count(device, scene, 30)
 }
 
-/// Lifts the tool from `scene`, strikes, and counts while the tap rings.
+/// Plays `scene`, lifts the tool, strikes, and counts while the tap rings.
 fn count_struck(device: &mut Device, scene: &str) -> Count {
     device
         .play_scene(scene, MotionSource::Sensors, 3)
@@ -423,7 +424,7 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     let lattice = count_scene(&mut device, "lattice");
     assert_eq!(lattice, texture, "a scene of one surface is its texture");
     assert_eq!(count_scene(&mut device, "constant").within, lattice.within);
-    // Effects that wait for their moment.
+    // Effects that are present but not active.
     assert_eq!(count_scene(&mut device, "tap").within, lattice.within);
     let away = count_scene(&mut device, "away from the transition");
     assert_eq!(away.within, lattice.within);
@@ -439,7 +440,7 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     let tap = count_struck(&mut device, "tap").within;
     let both = count_struck(&mut device, "tap, four sections").within;
 
-    // Two voices share what the first one takes of the mix.
+    // The first voice pays for the mix, which two voices share.
     let mix = lattice.within + direct - transition - idle;
     let of_voice = |played: u32| played - idle - mix;
     covers(cost::MIX, 0, mix);
@@ -454,7 +455,7 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     covers(cost::EQUALISER, 4, four - lattice.within);
     covers(cost::EQUALISER, 8, eight - lattice.within);
 
-    // What a stage adds does not depend on what else there is.
+    // The cost of a stage does not depend on the other stages.
     let lattices = count_scene(&mut device, "transition of lattices").within;
     assert_eq!(lattices, lattice.within + of_voice(short_lattice));
     assert_eq!(
@@ -475,7 +476,7 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
         "{lifted} lifted, {idle} idle"
     );
 
-    // A fade takes one block, that in which the plan is exchanged.
+    // A fade takes one block, in which the plan is exchanged.
     press(&mut device, 1.0);
     device
         .play_scene("four sections", MotionSource::Sensors, 3)

@@ -1,4 +1,4 @@
-//! What a tick costs, and what it touches.
+//! Cost of a tick, and the memory that it touches.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -26,11 +26,11 @@ static PLAYING: LazyLock<[TickStatistics; 3]> =
 /// Ticks that play nothing, and those that record.
 static AT_REST: LazyLock<[TickStatistics; 2]> = LazyLock::new(at_rest);
 
-/// 400 MHz at two cycles an instruction, as the virtual stylus runs it.
-const CYCLES_AN_INSTRUCTION: u32 = 2;
-/// Of a period at 400 MHz.
+/// Cycles per instruction of the virtual stylus, whose core runs at 400 MHz.
+const CYCLES_PER_INSTRUCTION: u32 = 2;
+/// Cycles of a period at 400 MHz.
 const PERIOD_CYCLES: u32 = 80_000;
-/// The most that playing may take of it, per cent.
+/// Largest part of the period that playing may take, per cent.
 const MOST_PERCENT: u32 = 20;
 
 fn ticks(device: &mut Device) -> TickStatistics {
@@ -91,7 +91,7 @@ fn show(what: &str, statistics: TickStatistics) {
 fn a_tick_that_plays_takes_at_most_a_fifth_of_its_period_and_never_touches_flash() {
     for ((texture, _), statistics) in PLAYED.into_iter().zip(*PLAYING) {
         show(texture, statistics);
-        let cycles = statistics.max * CYCLES_AN_INSTRUCTION;
+        let cycles = statistics.max * CYCLES_PER_INSTRUCTION;
         assert!(
             cycles * 100 <= PERIOD_CYCLES * MOST_PERCENT,
             "{texture}: {statistics:?}"
@@ -105,10 +105,10 @@ fn a_tick_that_plays_nothing_takes_less_and_recording_adds_nothing_to_it() {
     show("idle", idle);
     show("recording", recording);
     assert!(
-        idle.max * CYCLES_AN_INSTRUCTION * 50 <= PERIOD_CYCLES,
+        idle.max * CYCLES_PER_INSTRUCTION * 50 <= PERIOD_CYCLES,
         "{idle:?}"
     );
-    // The tick hands every sample on, whether anybody wants it or not.
+    // The tick passes every sample on, recorded or not.
     assert!(
         recording.max.abs_diff(idle.max) <= 8,
         "{idle:?}, {recording:?}"
@@ -147,7 +147,7 @@ fn the_page_has_the_ticks_of_this_image() {
     let mut page = Page::read(&path).unwrap_or_else(|error| panic!("{error}"));
     let made = table(&compiler);
     let checked = if std::env::var_os("STYLUS_WRITE_TABLES").is_some() {
-        page.write(TABLE, &made).map(drop)
+        page.write(TABLE, &made).map(|_| ())
     } else if page
         .block(TABLE)
         .is_ok_and(|block| !block.contains(&format!("rustc {compiler}")))

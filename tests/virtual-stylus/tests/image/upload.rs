@@ -1,4 +1,4 @@
-//! Uploads, and what they leave alone.
+//! Uploads, and the playing that they leave undisturbed.
 
 use model_format::link::{
     MotionSource, RecordStartEndpoint, RecordStopEndpoint, SlotState, UploadCommitEndpoint,
@@ -64,7 +64,7 @@ fn a_host_that_goes_in_the_middle_of_an_upload_can_go_on_or_begin_another() {
     let large = library::large();
     let progress = device.begin_upload(&large);
     device.send_chunks(&large, progress, 20_000);
-    // The host is gone in the middle of a frame, and another comes.
+    // The host goes in the middle of a frame, and another one comes.
     device.send_bytes(&[7, 1, 2, 3]);
     device.run_for(300 * MS);
     device.send_bytes(&[0]);
@@ -99,7 +99,7 @@ fn what_is_no_library_is_refused_and_what_was_there_stays() {
         "{refused:?}"
     );
     assert_eq!(state_of(&mut device), was);
-    // After a restart too.
+    // The same holds after a restart.
     let options = Options {
         flash: device.stylus.flash().expect("the run goes on"),
         ..Options::default()

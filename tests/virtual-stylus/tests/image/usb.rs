@@ -1,4 +1,4 @@
-//! USB: what the device describes itself with, byte for byte as it came over the wire.
+//! USB descriptors of the device, byte by byte as they came over the wire.
 
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
 use virtual_stylus::Options;
@@ -34,7 +34,7 @@ fn the_descriptors_keep_the_rules_of_usb_2() {
     );
     // From 2.1 on there is a BOS.
     assert!((0x0201..=0x0210).contains(&word(device, 2)));
-    // One function, which its interface describes.
+    // One function, described by its interface.
     assert_eq!(device[4..7], [0, 0, 0]);
     assert!([8, 16, 32, 64].contains(&device[7]), "endpoint 0's packets");
     assert_eq!(

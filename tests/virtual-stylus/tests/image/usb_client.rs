@@ -20,14 +20,14 @@ use virtual_stylus::{Reset, VirtualStylus};
 use crate::device::{MS, PERIOD_NS, play_request, product};
 use crate::library;
 
-/// Between two looks at the socket.
+/// Virtual time between two looks at the socket.
 const STEP_NS: u64 = MS / 8;
-/// The run may be slower than time is.
+/// Timeouts of the client, because the run may be slower than real time.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 type Job = Box<dyn FnOnce(&mut VirtualStylus) + Send>;
 
-/// A virtual stylus that runs by itself, no faster than time, with its USB on a socket.
+/// A virtual stylus that runs by itself, no faster than real time, with its USB on a socket.
 struct Running {
     address: LinkAddress,
     now_ns: Arc<AtomicU64>,
@@ -58,7 +58,7 @@ impl Running {
                 }
                 stylus.run_for(STEP_NS).expect("the run goes on");
                 socket.serve(&mut stylus).expect("the run goes on");
-                // On a busy computer the client gets its turn before time goes on.
+                // On a busy computer the client gets its turn before virtual time goes on.
                 let begin = Instant::now();
                 while socket.is_ahead() && begin.elapsed() < Duration::from_secs(2) {
                     std::thread::sleep(Duration::from_micros(50));
@@ -83,7 +83,7 @@ impl Running {
     }
 
     fn connect(&self) -> Device {
-        // Until it has started and is enumerated, there is nobody to connect to.
+        // There is nothing to connect to until the device has started and is enumerated.
         let begin = Instant::now();
         loop {
             match Device::connect(&self.address, Timeouts::scaled_to(PATIENCE)) {
@@ -102,7 +102,7 @@ impl Running {
         self.now_ns.load(Ordering::Relaxed) / MS
     }
 
-    /// Ends the run: no reset came, and no output was moved.
+    /// Ends the run, in which no reset and no output may have occurred.
     fn finish(mut self) {
         self.ends.store(true, Ordering::Relaxed);
         let (outputs, resets) = (self.thread.take())
@@ -177,7 +177,7 @@ fn the_client_uploads_plays_records_and_reads_the_status_over_usb() {
         (0, 0, 0)
     );
     drop(device);
-    // Another program finds nothing of this one's.
+    // Another program finds no leftovers of this one.
     let again = running.connect();
     assert_eq!(again.status().expect("the link holds").tick.missed, 0);
     drop(again);

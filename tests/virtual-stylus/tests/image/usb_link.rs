@@ -1,4 +1,4 @@
-//! What the link over USB carries, and on which bus.
+//! The link over USB: its traffic, and the states of the bus that it survives.
 
 use model_format::link::{
     ActivateEndpoint, BLOCK_SAMPLES, MotionSource, RecordSample, RecordStartEndpoint,
@@ -14,7 +14,7 @@ use virtual_stylus::usb_host::{Request, Timing};
 use crate::device::{BULK_IN, BULK_OUT, Device, MS, PERIOD_NS, SECOND, announced};
 use crate::library;
 
-/// How long CI records; `STYLUS_LONG` asks for the whole minute.
+/// Length of the recording, s; a minute if `STYLUS_LONG` is set.
 fn seconds() -> u64 {
     if std::env::var_os("STYLUS_LONG").is_some() {
         60
@@ -23,7 +23,7 @@ fn seconds() -> u64 {
     }
 }
 
-/// Instants of the converter's triggers, which nothing moves.
+/// Checks the instants of the converter's triggers, which nothing may shift.
 fn assert_even(device: &mut Device) {
     let outputs = device.dac().iter();
     let instants: Vec<u64> = (outputs.filter(|output| output.cause == Cause::Trigger))
@@ -33,7 +33,7 @@ fn assert_even(device: &mut Device) {
     assert_eq!(uneven, None, "instants that are not 200 us apart");
 }
 
-/// Blocks in order, none left out.
+/// Checks that blocks are in order and complete.
 fn assert_whole(device: &Device) {
     for (number, block) in device.blocks.iter().enumerate() {
         assert_eq!(block.sequence as usize, number);
@@ -96,7 +96,7 @@ fn sleeps_through_nothing(device: &mut Device, slot: SlotId) {
         settle_ns: 0,
         ..Timing::default()
     };
-    // The library is checked in one go some 50 ms after it was asked for.
+    // The library is checked without a pause some 50 ms after the request.
     for micros in (18..34).map(|point| point * 2_000) {
         device.send_frame(ActivateEndpoint::REQ_KEY, &slot);
         device.run_for(MS / 2 + micros * 1_000);
@@ -145,7 +145,8 @@ fn a_recording_over_usb_loses_no_block() {
 
 #[test]
 fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
-    // Three broken tries in a row end a transfer. With one packet in 200 that is once in a million transactions.
+    // Three broken tries in succession end a transfer. With one packet broken in 200 that is one transaction in a
+    // million.
     const PER_MILLION: u64 = 5_000;
     let mut device = Device::on_usb(library::options());
     device
@@ -218,7 +219,7 @@ fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
         device.run_for(30 * MS);
         device.status();
     }
-    // In the middle of a recording: what is sent meanwhile is lost and counted, and nothing that comes is broken.
+    // In the middle of a recording: blocks sent meanwhile are lost and counted, and those that arrive are whole.
     device
         .request::<RecordStartEndpoint>(&())
         .expect("nothing is recorded");
@@ -234,7 +235,7 @@ fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
     device
         .request::<RecordStopEndpoint>(&())
         .expect("it is recorded");
-    // The frame that was under way ends where it was.
+    // The frame that was under way is cut off.
     assert!(device.broken <= 1, "{} frames are broken", device.broken);
     let missing = device
         .blocks
@@ -249,7 +250,7 @@ fn after_a_halt_is_cleared_the_next_command_works() {
     let mut device = Device::on_usb(library::options());
     for halted in [&[BULK_OUT][..], &[BULK_IN], &[BULK_OUT, BULK_IN]] {
         for round in 0..4 {
-            // An odd number of packets before, or an even one.
+            // Once after an odd number of packets, once after an even number.
             for _ in 0..round {
                 device.status();
             }
@@ -268,7 +269,7 @@ fn after_a_halt_is_cleared_the_next_command_works() {
                 let told = usb.control(stylus, status, &[]).expect("the run goes on");
                 assert_eq!(told, Ok(vec![1, 0]));
             }
-            // What waits ends in a stall.
+            // Transfers that wait end in a stall.
             let answer = device.try_ask::<StatusEndpoint, _>(&());
             assert!(answer.is_none(), "{answer:?}");
             for endpoint in [BULK_OUT, BULK_IN] {
@@ -290,7 +291,7 @@ fn a_program_that_ends_in_the_middle_of_a_frame_leaves_nothing_to_the_next_one()
         .request::<RecordStartEndpoint>(&())
         .expect("nothing is recorded");
     for point in 0..24_u64 {
-        // A frame that all but fills the longest one, given up on its way.
+        // A frame of almost the largest length, cancelled on its way.
         device.send_raw(&[0x55; 900]);
         device
             .stylus
@@ -342,7 +343,7 @@ fn a_setting_or_configuration_that_is_chosen_again_begins_anew() {
             assert_eq!(device.broken, 0);
         }
     }
-    // Without a configuration there are no endpoints; with one there are again.
+    // Without a configuration there are no endpoints; with one they are back.
     let (stylus, usb) = device.usb();
     for value in [0, 1] {
         usb.control(stylus, Request::set_configuration(value), &[])
@@ -374,7 +375,7 @@ fn frames_that_nobody_fetches_are_dropped_whole_and_the_next_ones_arrive() {
         device.reopen();
         let broken = device.broken;
         device.run_for(50 * MS);
-        // The one that was under way ends where it was.
+        // The frame that was under way is cut off.
         assert!(device.broken <= broken + 1, "after {millis} ms");
         device.status();
     }
@@ -384,7 +385,7 @@ fn frames_that_nobody_fetches_are_dropped_whole_and_the_next_ones_arrive() {
         "in order, none twice"
     );
     assert!(sequences.max() > Some(10), "the host was away");
-    // One frame that began as another would show: the pins have the same levels all the time.
+    // A frame with the beginning of another would show, because the levels on the pins are constant.
     let mut samples =
         (device.blocks.iter()).flat_map(|block| block.samples.map(RecordSample::from));
     let first = samples.next().expect("there are blocks");

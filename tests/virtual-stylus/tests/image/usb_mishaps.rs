@@ -1,5 +1,5 @@
-//! Cables that are pulled and buses that are reset in the middle of anything: the device comes back, the next command works,
-//! and the library that was active stays.
+//! Cables that are pulled and buses that are reset at any transaction: the device comes back, the next command works,
+//! and the active library stays.
 
 use model_format::link::{
     LIBRARY_CRC, MAX_CHUNK_BYTES, MotionSource, RecordStartEndpoint, RecordStopEndpoint,
@@ -16,14 +16,14 @@ use crate::power::state_of;
 
 const MISHAPS: [Mishap; 2] = [Mishap::Unplug, Mishap::Reset];
 
-/// A host in a hurry: what the device does not finish in time stays behind.
+/// Times of a hasty host, for which a slow device stays behind.
 const HURRIED: Timing = Timing {
     settle_ns: 2 * MS,
     reset_ns: 10 * MS,
     recovery_ns: 2 * MS,
 };
 
-/// Has `mishap` happen after so many transactions.
+/// Schedules `mishap` after `transactions` transactions.
 fn arm(device: &mut Device, mishap: Mishap, transactions: u64) {
     device
         .usb()
@@ -40,7 +40,7 @@ fn has_happened(device: &mut Device) -> bool {
         .expect("the run goes on")
 }
 
-/// The device is back, and answers the first thing it is asked.
+/// Checks that the device is back and answers the first request.
 fn comes_back(device: &mut Device, after: &str) {
     assert!(
         device.enumerate().is_ok(),
@@ -78,7 +78,7 @@ fn a_mishap_anywhere_in_an_enumeration_does_not_keep_the_next_one() {
     assert!(points > 60, "{points} points");
 }
 
-/// Goes on with an upload of `library` until it is committed; whether the link held as long.
+/// Goes on with an upload of `library` until it is committed; false if the link broke before.
 fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
     let begin = UploadBegin {
         length: library.len() as u32,
@@ -113,7 +113,7 @@ fn a_mishap_anywhere_in_an_upload_leaves_the_active_library_and_the_upload_goes_
         } else {
             HURRIED
         };
-        // Far enough to get on, near enough to be in the middle of a chunk as often as between two.
+        // Far enough apart for progress, and close enough to hit the middle of a chunk as often as the gap between two.
         arm(&mut device, mishap, 1 + point * 37 % 97);
         if go_on(&mut device, &libraries[committed % 2]).is_some() {
             committed += 1;

@@ -6,10 +6,10 @@ use virtual_stylus::usb_host::{Request, descriptor};
 
 use crate::device::{BULK_IN, BULK_OUT, Device, MS};
 
-/// By when a request is answered, one way or the other.
+/// Time within which a request gets an answer or an error.
 const ANSWERED_NS: u64 = 100 * MS;
 
-/// One control request; how it ended.
+/// Makes one control request; returns its result.
 fn ask(device: &mut Device, request: Request, data: &[u8]) -> Result<Vec<u8>, TransferError> {
     let (stylus, usb) = device.usb();
     let transfer = Transfer::Control {
@@ -24,7 +24,7 @@ fn ask(device: &mut Device, request: Request, data: &[u8]) -> Result<Vec<u8>, Tr
         .map(|(_, data)| data)
 }
 
-/// The device answers a request that every device answers, as it always does.
+/// Checks that the device still answers a standard request as before.
 fn lives(device: &mut Device, after: &str) {
     let request = Request::descriptor(descriptor::DEVICE, 0, 0, 18);
     let read = ask(device, request, &[]);
@@ -42,7 +42,7 @@ fn request(kind: u8, request: u8, value: u16, index: u16, length: u16) -> Reques
     }
 }
 
-/// What is asked, and its kind, request, value, index and length.
+/// Names of requests, with their kind, request, value, index and length.
 const UNDESCRIBED: [(&str, [u16; 5]); 30] = [
     ("a device qualifier, one speed", [0x80, 6, 0x0600, 0, 10]),
     ("a descriptor of no type", [0x80, 6, 0x0000, 0, 64]),
@@ -76,7 +76,7 @@ const UNDESCRIBED: [(&str, [u16; 5]); 30] = [
     ("a descriptor of no length", [0x80, 6, 0x0100, 0, 0]),
 ];
 
-/// What is asked of endpoints that are not there, or not used.
+/// Requests to endpoints that do not exist or are not in use.
 const OF_AN_ENDPOINT: [(&str, [u16; 3]); 3] = [
     ("the status", [0x82, 0, 2]),
     ("a halt", [0x02, 3, 0]),
@@ -128,7 +128,7 @@ fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
     };
     let (mut answered, mut stalled) = (0, 0);
     for number in 0..REQUESTS {
-        // Half of them are near to what is described.
+        // Half of them are similar to the specified ones.
         let near = next() % 2 == 0;
         let (kind, asked) = if near {
             NEAR[next() as usize % NEAR.len()]
@@ -147,7 +147,7 @@ fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
         };
         let length = [0, 1, 2, 8, 18, 63, 64, 65, 255, 1024][next() as usize % 10];
         let request = request(kind, asked, value, index, length);
-        // What would take the device away, or end what is being tested.
+        // Requests that would take the device away or end the test.
         if matches!(kind, 0x00 | 0x80) && matches!(asked, 5 | 9) || kind == 1 && asked == 11 {
             continue;
         }
@@ -167,7 +167,7 @@ fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
     }
     println!("{answered} answered, {stalled} stalled");
     assert!(answered > 300 && stalled > 1_000);
-    // Halts that were set among them are cleared as a program would.
+    // Halts that some of them set are cleared as by a program.
     for endpoint in [BULK_OUT, BULK_IN] {
         let (stylus, usb) = device.usb();
         usb.clear_halt(stylus, endpoint)
@@ -210,7 +210,7 @@ fn a_control_transfer_that_is_given_up_anywhere_does_not_keep_the_next_one() {
             );
         }
     }
-    // The device may have begun its toggles anew, and the host has not heard of it.
+    // The device may have reset its toggles without the host's knowledge.
     let (stylus, usb) = device.usb();
     for endpoint in [BULK_OUT, BULK_IN] {
         usb.clear_halt(stylus, endpoint)

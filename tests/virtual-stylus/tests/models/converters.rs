@@ -72,7 +72,7 @@ fn nothing_drives_the_pin_before_the_image_does_and_after_a_reset() {
 
 #[test]
 fn the_results_are_what_was_on_the_pins_at_the_sampling_instants() {
-    // A code that tells channel and microsecond.
+    // A code that encodes the channel and the microsecond.
     let code = |channel: u8, at_ns: u64| (u16::from(channel) << 12) | (at_ns / 1000 % 4096) as u16;
     let mut stylus = start(Options {
         pins: Box::new(FunctionPins(code)),

@@ -1,4 +1,4 @@
-//! The flash: contents that outlive a run, power cuts, words that cannot be read.
+//! The flash: contents that outlive a run, power cuts, and unreadable words.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::probe::{ask, ready, try_ask, words};
 
 const BANK_2: u32 = 0x0810_0000;
 const ERASED: u32 = u32::MAX;
-/// What the image tells of a fault: `!`, the status of bank 2, the place of the failed read.
+/// The image's report of a fault: `!`, the status of bank 2, the address of the failed read.
 const FAULT_BYTES: usize = 1 + 4 + 4;
 
 fn with(flash: Contents) -> Options {
@@ -21,7 +21,7 @@ fn with(flash: Contents) -> Options {
     }
 }
 
-/// Programs words until the power is cut at operation `number`: what the flash holds then.
+/// Programs words until the power is cut at operation `number`; returns the content of the flash.
 fn cut(flash: Contents, command: u8, number: u64, moment: Moment) -> (Operation, Contents) {
     let mut stylus = ready(Options {
         power_cut: Some((number, moment)),

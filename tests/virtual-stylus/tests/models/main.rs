@@ -3,6 +3,7 @@
 mod converters;
 mod flash;
 mod motion;
+mod no_memory;
 mod probe;
 mod registers;
 mod resets;

@@ -55,7 +55,7 @@ proptest! {
                 count = edge.count;
             }
             let position = motion.position(at_ns) + 0.5;
-            // An edge comes at the nanosecond after the one it is reached in.
+            // An edge comes at the nanosecond after the instant at which it is reached.
             prop_assert!((position - count as f64 - 0.5).abs() <= 0.5 + 1e-4, "{} at {}", position, count);
         }
     }

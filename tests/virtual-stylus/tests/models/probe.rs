@@ -8,10 +8,10 @@ use virtual_stylus::{Options, Result, VirtualStylus};
 
 pub const TICK_NS: u64 = 200_000;
 pub const MILLISECOND_NS: u64 = 1_000_000;
-/// Long enough for the image to be ready for commands.
+/// Time within which the image is ready for commands.
 pub const READY_NS: u64 = 20 * MILLISECOND_NS;
 
-/// The image: what `VIRTUAL_STYLUS_PROBE_IMAGE` names, or built here with the toolchain at hand.
+/// The image that `VIRTUAL_STYLUS_PROBE_IMAGE` names, or one built with the present toolchain.
 pub fn image() -> &'static Path {
     static IMAGE: OnceLock<PathBuf> = OnceLock::new();
     IMAGE.get_or_init(|| {

@@ -1,6 +1,5 @@
-//! Registers that the probe image does not use, written one by one with no core.
+//! Registers that the probe image does not use, written one by one without a core.
 
-use rigless::emulator::{Error, Memory};
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
@@ -9,6 +8,8 @@ use virtual_stylus::model::flash::Unreadable;
 use virtual_stylus::part::Part;
 use virtual_stylus::pins::ConstantPins;
 
+use crate::no_memory::NoMemory;
+
 const RCC: u64 = 0x5802_4400;
 const AHB1ENR: u64 = RCC + 0xD8;
 const APB1LENR: u64 = RCC + 0xE8;
@@ -16,19 +17,6 @@ const D3CCIPR: u64 = RCC + 0x58;
 const DAC: u64 = 0x4000_7400;
 const ADC1: u64 = 0x4002_2000;
 const IWDG1: u64 = 0x5800_4800;
-
-/// No model here asks for memory.
-struct NoMemory;
-
-impl Memory for NoMemory {
-    fn read(&mut self, address: u64, width: Width) -> Result<u64, Error> {
-        Err(Error::Memory { address, width })
-    }
-
-    fn write(&mut self, address: u64, width: Width, _value: u64) -> Result<(), Error> {
-        Err(Error::Memory { address, width })
-    }
-}
 
 /// The part with the clocks of the converters on, at an instant.
 struct Bench {
@@ -78,7 +66,7 @@ fn every_holding_register_of_the_dac_gives_the_same_codes() {
     const CR: u64 = DAC;
     let mut bench = Bench::new();
     bench.write(CR, 1 << 16 | 1);
-    // Register, value, and what both channels' outputs are after it.
+    // Register, value, and the outputs of both channels after the write.
     let steps = [
         (0x08, 0x0123, 0x123, 0),
         (0x0C, 0x4560, 0x456, 0),
@@ -154,10 +142,10 @@ fn a_sequence_started_by_software_runs_once_at_the_resolution_asked_for() {
     bench.wait(1_000);
     assert_eq!(bench.read(ISR) & 1, 1, "ready");
     bench.write(ADC1 + 0x0C, RESOLUTION_12);
-    // Two channels, both the third.
+    // Two conversions, both of the third channel.
     bench.write(ADC1 + 0x4C, 3 << 15 | 3 << 9 | 1);
     bench.write(CR, JADSTART);
-    // 1.5 and 6.5 cycles a conversion at 32 MHz.
+    // 1.5 and 6.5 cycles per conversion at 32 MHz.
     bench.wait(249);
     assert_eq!(
         (bench.read(ISR) & (JEOC | JEOS), bench.read(CR) & JADSTART),

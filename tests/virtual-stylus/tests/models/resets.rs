@@ -1,4 +1,4 @@
-//! The watchdog, the reset flags, and what outlives a reset.
+//! The watchdog, the reset flags, and the memory that outlives a reset.
 
 use virtual_stylus::{Options, Reset, ResetCause};
 
@@ -15,7 +15,7 @@ fn a_watchdog_that_is_not_fed_resets_the_part_at_the_end_of_its_count() {
     let mut stylus = ready(Options::default());
     ask(&mut stylus, b'w', 1);
     let started_ns = stylus.now_ns();
-    // The LSI has to start.
+    // The LSI must start first.
     stylus.run_for(MILLISECOND_NS / 2).unwrap();
     assert_eq!(
         stylus
@@ -36,7 +36,7 @@ fn a_watchdog_that_is_not_fed_resets_the_part_at_the_end_of_its_count() {
         words(&ask(&mut stylus, b'f', 8))[0] & (BY_WATCHDOG | BY_SOFTWARE),
         BY_WATCHDOG
     );
-    // It starts again as it did the first time.
+    // It starts again in the same way.
     ask(&mut stylus, b'w', 1);
     stylus.run_for(TIMEOUT_NS + READY_NS).unwrap();
     assert_eq!(stylus.resets().unwrap().len(), 2);

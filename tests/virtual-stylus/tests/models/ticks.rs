@@ -1,4 +1,4 @@
-//! What the tick's handler costs.
+//! Cost of the tick's handler.
 
 use virtual_stylus::Options;
 use virtual_stylus::tick::TickStatistics;
@@ -25,7 +25,7 @@ fn every_tick_is_counted_and_one_without_a_branch_always_costs_the_same() {
     let figures = TickStatistics::of(&ticks).unwrap();
     assert_eq!(figures.min, figures.max);
     assert_eq!(stylus.unfollowed_ticks().unwrap(), 0);
-    // Counted one by one and by the watches alike.
+    // The audit and the watches count the same.
     for audit in stylus.take_audits().unwrap() {
         assert_eq!(audit.instructions, u64::from(figures.median));
     }
@@ -36,7 +36,7 @@ fn an_audit_sees_code_and_constants_in_flash() {
     let mut stylus = ready(Options::default());
     let audits = stylus.take_audits().unwrap();
     let first = audits.first().expect("the first tick is always audited");
-    // This image's handler is in flash, with its constants.
+    // The handler of this image and its constants are in flash.
     assert_eq!(first.flash_fetches, first.instructions);
     assert!(!first.places.is_empty());
 }

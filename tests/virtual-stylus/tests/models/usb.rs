@@ -1,6 +1,5 @@
 //! The USB core, register by register, and the host at the other end of the cable.
 
-use rigless::emulator::{Error, Memory};
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
@@ -10,6 +9,8 @@ use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
 use virtual_stylus::model::usb::host::{Host, Transfer, TransferError};
 use virtual_stylus::part::Part;
 use virtual_stylus::pins::ConstantPins;
+
+use crate::no_memory::NoMemory;
 
 const GAHBCFG: u64 = 0x008;
 const GRSTCTL: u64 = 0x010;
@@ -79,7 +80,7 @@ fn doeptsiz(index: u64) -> u64 {
     doepctl(index) + 0x10
 }
 
-/// A core with endpoint 1 in use both ways, its FIFOs laid out, and all masks open.
+/// A core with endpoint 1 in use in both directions, its FIFOs configured, and all masks open.
 fn configured() -> Core {
     let mut core = Core::default();
     let bulk = PACKET | USBAEP | BULK | SD0PID;
@@ -102,7 +103,7 @@ fn configured() -> Core {
     core
 }
 
-/// Has endpoint 1 send `words`.
+/// Makes endpoint 1 send `words`.
 fn send(core: &mut Core, words: &[u32], bytes: u32) {
     core.write(dieptsiz(1), 1 << 19 | bytes);
     let control = core.peek(diepctl(1));
@@ -112,7 +113,7 @@ fn send(core: &mut Core, words: &[u32], bytes: u32) {
     }
 }
 
-/// Reads the receive FIFO empty: the statuses' kinds, and the words of each.
+/// Empties the receive FIFO; returns the kinds of the statuses, and the words of each.
 fn drain(core: &mut Core) -> Vec<(u32, Vec<u32>)> {
     let mut entries = Vec::new();
     while core.peek(GINTSTS) & RXFLVL != 0 {
@@ -311,20 +312,7 @@ fn a_new_address_counts_from_the_end_of_the_transfer_that_brought_it() {
     assert_eq!(core.address(), 0);
 }
 
-/// No model here asks for memory.
-struct NoMemory;
-
-impl Memory for NoMemory {
-    fn read(&mut self, address: u64, width: Width) -> Result<u64, Error> {
-        Err(Error::Memory { address, width })
-    }
-
-    fn write(&mut self, address: u64, width: Width, _value: u64) -> Result<(), Error> {
-        Err(Error::Memory { address, width })
-    }
-}
-
-/// The part with a driver as small as can be: endpoint 1 takes and sends whatever comes.
+/// The part with a minimal driver, whose endpoint 1 receives and sends everything.
 struct Bench {
     part: Part,
     now: u64,
@@ -344,7 +332,7 @@ impl Bench {
         bench
     }
 
-    /// Pulled up, with a session.
+    /// A part whose line is pulled up, with a valid session.
     fn connected() -> Self {
         let mut bench = Self::new();
         bench.write(WINDOW_BASE + GCCFG, 1 << 16);
@@ -370,7 +358,7 @@ impl Bench {
             .unwrap() as u32
     }
 
-    /// To the next event, or `until_ns`.
+    /// Advances to the next event, or to `until_ns`.
     fn step(&mut self, until_ns: u64) {
         let next = self.part.next_event().map_or(until_ns, |next| next.0);
         self.now = next.min(until_ns);
@@ -421,7 +409,7 @@ fn a_pull_up_is_seen_while_the_cable_is_in_and_silence_suspends_with_or_without_
     bench.wait(11 * MS);
     assert_eq!(bench.read(GINTSTS) & (USBRST | ENUMDNE), USBRST | ENUMDNE);
     assert_eq!(bench.read(DSTS) & 1, 0);
-    // Frames are counted, one a millisecond.
+    // Frames are counted, one per millisecond.
     let frame = bench.read(DSTS) >> 8 & 0x3FFF;
     bench.wait(10 * MS);
     assert_eq!(bench.read(DSTS) >> 8 & 0x3FFF, frame + 10);
@@ -433,7 +421,7 @@ fn a_pull_up_is_seen_while_the_cable_is_in_and_silence_suspends_with_or_without_
     );
 }
 
-/// Packets that endpoint 1 took in so many frames from a host that always has one, as soon as each is taken.
+/// Number of packets that endpoint 1 takes in `frames` frames from a host that always has another packet.
 fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
     let mut bench = Bench::connected();
     let at = bench.at();
@@ -445,7 +433,7 @@ fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
     let at = bench.at();
     bench.part.drive_usb(at, move |host, _| {
         host.break_packets(per_million, 3);
-        // Each packet says which it is.
+        // Each packet holds its number.
         let data = (0..frames * 20)
             .flat_map(|number| [number as u8; 64])
             .collect();

@@ -1,35 +1,38 @@
-//! The USB core OTG2 in device mode, with its FIFOs filled and emptied by the firmware, at 0x4008 0000 (chapter 57), and a
-//! host at the other end of the cable.
+//! The USB core OTG2 in device mode, with its FIFOs filled and emptied by the firmware, at 0x4008 0000 (chapter 57),
+//! and a host at the other end of the cable.
 //!
 //! | What | Section |
 //! |---|---|
 //! | `GRSTCTL`: resets and flushes are done at once, the AHB is idle | 57.14 |
-//! | The line is pulled up while `GCCFG.PWRDWN` is set, `DCTL.SDIS` is clear and the session is valid by `GOTGCTL` | 57.14 |
-//! | `GINTSTS`, `GINTMSK`, `GAHBCFG.GINTMSK`, `DAINT`, `DAINTMSK`, the endpoints' flags and masks, `DIEPEMPMSK`: one line, a level | 57.14 |
-//! | The receive FIFO: entries popped by `GRXSTSP`, data read through any FIFO's window, room for `GRXFSIZ` words | 57.14, 57.15 |
-//! | A transmit FIFO an endpoint, of `DIEPTXFx` words; `DTXFSTSx` | 57.14 |
+//! | Pull-up while `GCCFG.PWRDWN` is set, `DCTL.SDIS` is clear and the session is valid by `GOTGCTL` | 57.14 |
+//! | One interrupt line, a level: `GINTSTS`, `GINTMSK`, `GAHBCFG.GINTMSK`, `DAINT`, `DAINTMSK` | 57.14 |
+//! | and the endpoints' flags and masks, `DIEPEMPMSK` | 57.14 |
+//! | The receive FIFO of `GRXFSIZ` words: entries popped by `GRXSTSP`, data read through any window | 57.14, 57.15 |
+//! | A transmit FIFO per endpoint, of `DIEPTXFx` words; `DTXFSTSx` | 57.14 |
 //! | `DxEPCTLx`, `DxEPTSIZx`: enable, disable, NAK, stall, packet and byte counts, data toggles | 57.14, 57.15 |
 //! | An OUT transfer ends with its last packet or one that is not full; the endpoint answers NAK from then on | 57.15 |
-//! | A SETUP is always taken, ends a stall of endpoint 0, sets both its NAKs, and is complete with the next token | 57.15 |
+//! | A SETUP is always taken, ends a stall of endpoint 0, sets both its NAKs, and ends with the next token | 57.15 |
 //! | A packet whose toggle is not due is acknowledged and dropped | USB 2.0, 8.6 |
 //! | A reset of the bus takes endpoints but 0 out of use and changes nothing else of them | 57.14, 57.15 |
 //! | Suspend after 3 ms of silence, with or without a cable, as the pull-up is the device's own; resume | 57.14 |
 //! | A reset of the part or by `RCC_AHB1RSTR` clears all of it | 8.7.29 |
 //!
-//! Where the manual is silent, the model takes what is harder on the firmware: an IN endpoint that is enabled stays so over a
-//! reset of the bus and over a SETUP, with what is in its FIFO. In one point it follows the drivers that work on such parts
-//! and not the letter: whether an OUT endpoint answers depends on its NAK, and not on `EPENA` and the packet count, which
-//! embassy's driver leaves alone for endpoint 0.
+//! On points that the manual leaves open, the model is the harder alternative for the firmware: an IN endpoint that is
+//! enabled stays so over a reset of the bus and over a SETUP, with the content of its FIFO. In one point the model
+//! follows the drivers that work on such parts instead of the manual: an OUT endpoint answers according to its NAK
+//! only, not to `EPENA` and the packet count, because embassy's driver does not change those for endpoint 0.
 //!
-//! Left out: host mode, OTG and its change of roles, DMA, high speed and the ULPI, isochronous endpoints and the end of a
-//! periodic frame, remote wakeup, LPM, battery charging, the sensing of VBUS, the clock and its 48 MHz, and the clocks that a
-//! reset or a flush takes. Where the firmware asks for one of these and would notice, the run's report says so (`told`).
+//! Left out: host mode, OTG and its change of roles, DMA, high speed and the ULPI, isochronous endpoints and the end of
+//! a periodic frame, remote wakeup, LPM, battery charging, the sensing of VBUS, the clock and its 48 MHz, and the
+//! clocks that a reset or a flush takes. If the firmware asks for one of these and would notice, the run's report says
+//! so (`told`).
 //!
-//! The emulator has no windows for the FIFOs, so the core's registers and FIFOs are one window at [`WINDOW_BASE`], to which
-//! `core.rs` sends what goes to [`BASE`].
+//! The emulator has no windows for the FIFOs, so the core's registers and FIFOs are one window at [`WINDOW_BASE`], to
+//! which `core.rs` sends what goes to [`BASE`].
 
 pub mod core;
 pub mod host;
+mod packets;
 mod registers;
 
 use std::num::NonZeroU64;
@@ -43,15 +46,15 @@ use rigless::time::{EventId, VirtualNanos};
 use self::core::Core;
 use self::host::Host;
 
-/// Where the firmware finds the core (table 8).
+/// Address of the core for the firmware (table 8).
 pub const BASE: u64 = 0x4008_0000;
-/// Bytes of it.
+/// Length of the core's registers and FIFOs, bytes.
 pub const BYTES: u64 = 0x4_0000;
-/// Where the model is, in a range that the part leaves free.
+/// Address of the model, in a range that the part leaves free.
 pub const WINDOW_BASE: u64 = 0x5F00_0000;
 /// Name of the window.
 pub const WINDOW: &str = "OTG2";
-/// The instance of the emulator's that hears of a reset by the clock controller.
+/// The emulator's instance that is told of a reset by the clock controller.
 pub const GLOBAL: &str = "OTG2_HS_GLOBAL";
 
 /// Position of the core's interrupt (table 148: 101, OTG_FS global).
@@ -78,7 +81,7 @@ pub struct Usb {
 }
 
 impl Usb {
-    /// As the power comes on, with the cable out; `layout` is the window's own, by which the emulator knows it.
+    /// The core after power-on, with the cable out; `layout` is the window's own, by which the emulator knows it.
     pub fn new(layout: &'static [RegisterSpec]) -> Self {
         Self {
             core: Core::default(),
@@ -89,7 +92,7 @@ impl Usb {
         }
     }
 
-    /// Has `work` done by the host's software, and what follows from it.
+    /// Has the host's software do `work`, and then serves the bus.
     pub fn drive<T>(
         &mut self,
         context: &mut DeviceContext<'_>,
@@ -100,12 +103,12 @@ impl Usb {
         done
     }
 
-    /// The core was reset; the host and what it was about to do are as they were.
+    /// Resets the core; the host and its transfers stay as they were.
     pub fn core_reset(&mut self) {
         self.core = Core::default();
     }
 
-    /// The part was reset: no event that was asked for will come.
+    /// Handles a reset of the part, after which no scheduled event comes.
     pub fn part_reset(&mut self, context: &mut DeviceContext<'_>) {
         self.due = None;
         self.asserted = false;
@@ -120,7 +123,7 @@ impl Usb {
             (Some(due_ns), _) => {
                 self.due = Some((due_ns, context.schedule(VirtualNanos(due_ns))));
             }
-            // An event that is no longer wanted still comes, and finds nothing to do.
+            // An event that is no longer needed still comes, and does nothing.
             (None, _) => self.due = None,
         }
         for (register, reason) in self.core.take_told() {

@@ -30,13 +30,13 @@ pub const DIEP0: u64 = 0x900;
 /// Registers of OUT endpoint 0; the others follow at steps of [`ENDPOINT_STEP`].
 pub const DOEP0: u64 = 0xB00;
 pub const ENDPOINT_STEP: u64 = 0x20;
-/// Within an endpoint's registers.
+/// Offset within an endpoint's registers.
 pub const CTL: u64 = 0x00;
 pub const INT: u64 = 0x08;
 pub const TSIZ: u64 = 0x10;
 pub const TXFSTS: u64 = 0x18;
 pub const PCGCCTL: u64 = 0xE00;
-/// The windows into the FIFOs, one an endpoint.
+/// The windows into the FIFOs, one per endpoint.
 pub const FIFO0: u64 = 0x1000;
 pub const FIFO_STEP: u64 = 0x1000;
 

@@ -1,0 +1,193 @@
+//! The application on fake hardware, in virtual time: [`Control`] behind a lock that is never held across a wait, and
+//! [`Storage`] beside it, as `firmware/src/storage.rs` puts them together.
+
+use std::cell::RefCell;
+use std::ops::Deref;
+use std::pin::pin;
+use std::rc::Rc;
+use std::task::{Context, Poll, Waker};
+
+use embassy_futures::yield_now;
+use model_format::link::{
+    ActivateError, MotionSample, RecordBlock, Settings, SlotId, SlotInfo, UploadState,
+};
+use model_format::{MillimetresPerSecond, Newton};
+use stylus_app::TICKS_PER_MS;
+use stylus_app::control::{Control, Device};
+use stylus_app::settings::SettingsStore;
+use stylus_app::slots::SlotStore;
+use stylus_app::storage::{LoadFault, Stage, Storage};
+
+use crate::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
+use crate::hardware::Hardware;
+
+/// Flash of the fake device.
+pub type Flash = SimulatedFlash<'static>;
+
+/// Slots and settings of the fake device.
+pub type Stores = Storage<Flash, Flash>;
+
+/// Virtual time after which a job of the storage counts as stuck, ms: an hour.
+const JOB_LIMIT_MS: u32 = 3_600_000;
+
+/// The application's [`Control`], shared by all that serve the device in one thread.
+#[derive(Clone)]
+pub struct SharedControl(Rc<RefCell<Control<Hardware>>>);
+
+impl Deref for SharedControl {
+    type Target = RefCell<Control<Hardware>>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+impl SharedControl {
+    /// Runs the device for one millisecond, and the poll that follows. Gives the blocks that were recorded, which are
+    /// taken from the queue even when nobody records, because it would fill otherwise.
+    pub fn millisecond(&self) -> Vec<RecordBlock> {
+        let mut control = self.borrow_mut();
+        for _ in 0..TICKS_PER_MS {
+            control.device().tick();
+        }
+        control.poll();
+        let device = control.device();
+        std::iter::from_fn(|| device.next_block()).collect()
+    }
+
+    /// Runs the device for one millisecond at whose beginning a host sends a motion of 100 mm/s and 1 N.
+    pub fn millisecond_with_motion(&self) {
+        let sample = MotionSample {
+            speed: MillimetresPerSecond(100.0),
+            force: Newton(1.0),
+            position_mm: None,
+            contact: None,
+        };
+        let mut control = self.borrow_mut();
+        control.heard();
+        control.motion(sample).expect("it is finite");
+        drop(control);
+        self.millisecond();
+    }
+}
+
+impl Stage for SharedControl {
+    fn begin_activation(&mut self) -> Result<(), ActivateError> {
+        self.borrow_mut().begin_activation()
+    }
+
+    fn may_exchange(&self) -> bool {
+        self.borrow().may_exchange()
+    }
+
+    fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
+        self.borrow_mut().device().load(library)
+    }
+
+    fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
+        self.borrow_mut().end_activation(active);
+    }
+
+    fn is_idle(&self) -> bool {
+        self.borrow().is_idle()
+    }
+
+    fn set_settings(&mut self, settings: Settings, faulty: bool) {
+        self.borrow_mut().set_settings(settings, faulty);
+    }
+
+    fn set_upload(&mut self, upload: UploadState) {
+        self.borrow_mut().set_upload(upload);
+    }
+
+    /// Waits until the device has run for a millisecond; somebody else runs it.
+    async fn pause(&mut self) {
+        let now = || self.borrow_mut().device().now();
+        let end = now() + u64::from(TICKS_PER_MS);
+        while now() < end {
+            yield_now().await;
+        }
+    }
+}
+
+/// A whole device that a test steps by hand.
+///
+/// ```
+/// use fake_stylus::library;
+/// use fake_stylus::device::SteppedStylus;
+/// use model_format::link::UploadChunk;
+///
+/// let mut stylus = SteppedStylus::boot();
+/// let bytes = library::library(1, 4, 1);
+/// stylus.request(async |storage, stage| {
+///     let begun = storage.upload_begin(stage, library::announcement(&bytes)).await;
+///     assert_eq!(begun.expect("a slot is free").next_offset, 0);
+///     let chunk = UploadChunk { offset: 0, data: &bytes[..512] };
+///     storage.upload_chunk(stage, chunk).await.expect("it follows");
+/// });
+/// stylus.run(10);
+/// assert_eq!(stylus.control.borrow().status().active, None);
+/// ```
+pub struct SteppedStylus {
+    /// Requests that are answered at once.
+    pub control: SharedControl,
+    /// Requests that read, erase or write flash.
+    pub storage: Stores,
+}
+
+impl SteppedStylus {
+    /// Boots on blank flash.
+    pub fn boot() -> Self {
+        Self::boot_from(SimulatedFlash::two_slots())
+    }
+
+    /// Boots on `slots`, with settings that were never written, in the order of the image.
+    pub fn boot_from(slots: Flash) -> Self {
+        let range = 0..2 * SECTOR_BYTES as u32;
+        let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
+        let settings = embassy_futures::block_on(SettingsStore::open(flash, range));
+        let control = Control::new(Hardware::new(), settings.settings(), settings.is_faulty());
+        let slots = embassy_futures::block_on(SlotStore::open(slots));
+        let mut stylus = Self {
+            control: SharedControl(Rc::new(RefCell::new(control))),
+            storage: Storage::new(slots, settings),
+        };
+        stylus.request(async |storage, stage| storage.activate_newest(stage).await);
+        stylus
+    }
+
+    /// Runs the device for `ms` milliseconds, in each of which a host is heard and sends a motion.
+    pub fn run(&self, ms: u32) {
+        for _ in 0..ms {
+            self.control.millisecond_with_motion();
+        }
+    }
+
+    /// Does a job of the storage. Wherever it waits the device runs for a millisecond, with motion from a host.
+    pub fn request<R>(&mut self, job: impl AsyncFnOnce(&mut Stores, &mut SharedControl) -> R) -> R {
+        self.request_meanwhile(job, SharedControl::millisecond_with_motion)
+    }
+
+    /// Does a job of the storage, and `meanwhile` wherever it waits; that has to let the device run.
+    pub fn request_meanwhile<R>(
+        &mut self,
+        job: impl AsyncFnOnce(&mut Stores, &mut SharedControl) -> R,
+        mut meanwhile: impl FnMut(&SharedControl),
+    ) -> R {
+        let mut stage = self.control.clone();
+        let mut job = pin!(job(&mut self.storage, &mut stage));
+        let mut context = Context::from_waker(Waker::noop());
+        for _ in 0..JOB_LIMIT_MS {
+            if let Poll::Ready(result) = job.as_mut().poll(&mut context) {
+                return result;
+            }
+            meanwhile(&self.control);
+        }
+        panic!("a job of the storage has not ended within {JOB_LIMIT_MS} ms");
+    }
+
+    /// True while the output is not at rest.
+    pub fn sounds(&self) -> bool {
+        self.control.borrow_mut().device().sounds()
+    }
+}

@@ -1,0 +1,47 @@
+//! The motion of a hand, as the fake's sensors measure it.
+
+use model_format::AdcCode;
+use model_format::link::{RecordSample, Setting, Settings};
+use stylus_app::SAMPLE_RATE_HZ;
+
+/// A hand that moves the stylus with constant speed and force.
+#[derive(Clone, Debug)]
+pub struct Hand {
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Normal force, N.
+    pub force_n: f64,
+    /// Converter codes of the three axes of acceleration, repeated for ever.
+    pub acceleration: Vec<[u16; 3]>,
+}
+
+impl Default for Hand {
+    /// At rest.
+    fn default() -> Self {
+        Self {
+            speed_mm_s: 0.0,
+            force_n: 0.0,
+            acceleration: vec![[32_768; 3]],
+        }
+    }
+}
+
+impl Hand {
+    /// The converters' codes and the encoder's step at `tick`, under the default settings.
+    pub fn sample(&self, tick: u64) -> RecordSample {
+        let settings = Settings::default();
+        let per_volt = f64::from(settings.get(Setting::ForcePerVolt));
+        let path = f64::from(settings.get(Setting::PathPerCount));
+        let force = self.force_n / per_volt / f64::from(AdcCode::STEP.0);
+        let counts = |tick: u64| {
+            let per_tick = self.speed_mm_s / path / f64::from(SAMPLE_RATE_HZ);
+            (tick as f64 * per_tick).floor() as i64
+        };
+        let index = tick % self.acceleration.len() as u64;
+        RecordSample {
+            acceleration: self.acceleration[index as usize].map(AdcCode),
+            force: AdcCode(force.round() as u16),
+            encoder_delta: (counts(tick + 1) - counts(tick)) as i16,
+        }
+    }
+}

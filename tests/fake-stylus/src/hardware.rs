@@ -1,0 +1,314 @@
+//! The hardware in memory, as [`Device`] asks for it.
+//!
+//! It follows `firmware/src/device.rs` and the tick and update behind it statement by statement where requests can tell
+//! the difference: a mute counts from the next tick on, the motion is judged once per block, new settings replace the
+//! configuration of the safety stages, and a library's RAM is empty while it is exchanged. It is stricter than the
+//! hardware in one respect: it panics where the application breaks the contract of [`Device`], for example by
+//! exchanging a texture while the output sounds. What it leaves out is the kernel: while something is played, the
+//! samples are those of a sine.
+
+use model_format::limits::MAX_LIBRARY_BYTES;
+use model_format::link::{
+    DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest, RecordBlock,
+    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection,
+    Settings, TickCounters,
+};
+use model_format::{FORMAT_VERSION, Library, OutputSample};
+use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
+use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
+use stylus_app::recorder::{Recorder, SampleQueue, Tap};
+use stylus_app::safety::{Config, State};
+use stylus_app::status::Histogram;
+use stylus_app::storage::LoadFault;
+use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+use stylus_kernel::scene::cost::BUDGET;
+
+use crate::hand::Hand;
+
+/// Clock of the processor, Hz.
+const CORE_HZ: u32 = 400_000_000;
+
+/// A plan of the fake hardware: the selection that was found playable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prepared(Selection);
+
+/// The hardware's state, which tests may inspect.
+pub struct Hardware {
+    /// The library in RAM, empty if there is none.
+    ram: Vec<u8>,
+    now: u64,
+    muted: bool,
+    /// The first tick that sees the present mute.
+    muted_since: u64,
+    safety: State,
+    /// Configuration of the safety stages.
+    pub config: Config,
+    /// The texture or scene that is played.
+    pub playing: Option<PlayRequest>,
+    /// The plan that waits to be started.
+    pub prepared: Option<Prepared>,
+    source: MotionSource,
+    /// The host's last motion.
+    pub host: Timed,
+    /// Judgement of the last update on the motion that is followed.
+    is_stale: bool,
+    sensors: Sensors,
+    inputs: InputConfig,
+    /// The settings that were installed last.
+    pub settings: Settings,
+    tap: Tap<'static>,
+    recorder: Recorder<'static>,
+    histogram: Histogram,
+    /// Counters of the one link, which is a serial one.
+    pub link: LinkCounters,
+    /// The hand that holds the stylus.
+    pub hand: Hand,
+    /// Number of samples to come that are lost before they reach the recorder.
+    pub lose_samples: u32,
+    /// Change of what the device says about itself.
+    pub disguise: Option<fn(&mut DeviceInfo)>,
+    /// Instructions per sample that a scene may take.
+    pub budget: u32,
+    /// Damage of each library on its way to RAM.
+    pub loads_badly: bool,
+    /// Number of exchanges of the library in RAM.
+    pub exchanges: usize,
+    /// Number of times that playing began from silence.
+    pub starts: usize,
+    /// Number of times that playing went over to something else.
+    pub switches: usize,
+}
+
+impl Default for Hardware {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Hardware {
+    /// Hardware after power-on: it plays nothing, records nothing and has no library.
+    pub fn new() -> Self {
+        let settings = Settings::default();
+        // One queue per fake device is never freed, because both of its ends outlive every borrow that could own it.
+        let queue: &'static mut SampleQueue = Box::leak(Box::new(SampleQueue::new()));
+        let (producer, consumer) = queue.split();
+        Self {
+            ram: Vec::new(),
+            now: 0,
+            muted: true,
+            muted_since: 0,
+            safety: State::new(),
+            config: Config::new(&settings, 1.0),
+            playing: None,
+            prepared: None,
+            source: MotionSource::Sensors,
+            host: Timed::NEVER,
+            is_stale: true,
+            sensors: Sensors::new(),
+            inputs: InputConfig::new(&settings),
+            settings,
+            tap: Tap::new(producer),
+            recorder: Recorder::new(consumer),
+            histogram: Histogram::new(),
+            link: LinkCounters::default(),
+            hand: Hand::default(),
+            lose_samples: 0,
+            disguise: None,
+            budget: BUDGET,
+            loads_badly: false,
+            exchanges: 0,
+            starts: 0,
+            switches: 0,
+        }
+    }
+
+    /// One tick, in the order of the image's: the sensors, the update of a block that begins, the output, the
+    /// recording.
+    pub fn tick(&mut self) {
+        self.now += 1;
+        let sample = self.hand.sample(self.now);
+        self.sensors
+            .read(self.now, sample.encoder_delta, sample.force, true);
+        if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
+            self.sensors.end_block();
+            let sensors = self.sensors.motion(&self.inputs);
+            self.is_stale = choose(self.source, sensors, self.host).is_stale(self.now);
+        }
+        let phase = self.now as f32 * 0.3;
+        let level = if self.playing.is_some() { 2e7 } else { 0.0 };
+        let output = OutputSample((phase.sin() * level) as i32);
+        self.safety.process(&self.config, output, self.muted);
+        if self.lose_samples > 0 {
+            self.lose_samples -= 1;
+        } else {
+            self.tap.put(self.now, sample);
+        }
+        self.histogram.count(20_000 + (self.now % 7) as u32 * 3_000);
+    }
+
+    /// Copies `library` to the RAM that is played from; nothing is played.
+    ///
+    /// # Errors
+    /// It is too long, or was damaged on its way; the RAM holds no library then.
+    pub fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
+        assert!(
+            self.safety.is_at_rest() && self.playing.is_none(),
+            "the library is exchanged under a texture"
+        );
+        self.clear();
+        self.exchanges += 1;
+        self.ram.clear();
+        if self.loads_badly || library.len() > MAX_LIBRARY_BYTES {
+            return Err(LoadFault);
+        }
+        Library::decode(library).map_err(|_| LoadFault)?;
+        self.ram.extend_from_slice(library);
+        Ok(())
+    }
+
+    /// True while the output is not at rest.
+    pub fn sounds(&self) -> bool {
+        !self.safety.is_at_rest()
+    }
+
+    /// The next whole block of the recording.
+    pub fn next_block(&mut self) -> Option<RecordBlock> {
+        self.recorder.next_block(self.now)
+    }
+}
+
+impl Device for Hardware {
+    type Plan = Prepared;
+
+    fn info(&self) -> DeviceInfo {
+        let mut info = DeviceInfo {
+            product: "stylus".try_into().expect("it is short"),
+            serial: "0123456789ABCDEF01234567".try_into().expect("it is short"),
+            firmware_version: env!("CARGO_PKG_VERSION").try_into().expect("it is short"),
+            build: "fake".try_into().expect("it is short"),
+            protocol_version: PROTOCOL_VERSION,
+            library_format_version: FORMAT_VERSION,
+            schema_hash: SCHEMA_HASH,
+        };
+        if let Some(disguise) = self.disguise {
+            disguise(&mut info);
+        }
+        info
+    }
+
+    fn now(&self) -> u64 {
+        self.now
+    }
+
+    fn tick_report(&self) -> TickReport {
+        TickReport {
+            counters: TickCounters {
+                ticks: self.now,
+                ..TickCounters::default()
+            },
+            histogram: self.histogram.report(CORE_HZ),
+            saturations: 0,
+            safety: self.safety.counters(),
+            thermal_load_permille: self.safety.thermal_load_permille(),
+            thermal_gain_permille: self.safety.thermal_gain_permille(),
+        }
+    }
+
+    fn link_counters(&self) -> [LinkCounters; 2] {
+        [LinkCounters::default(), self.link]
+    }
+
+    fn reset_report(&self) -> ResetReport {
+        ResetReport {
+            reason: ResetReason::PowerOn,
+            resets: 0,
+            fault: None,
+        }
+    }
+
+    fn is_at_rest(&self) -> bool {
+        self.now >= self.muted_since && self.safety.is_at_rest()
+    }
+
+    fn is_motion_stale(&self) -> bool {
+        self.is_stale
+    }
+
+    fn set_mute(&mut self, muted: bool) {
+        if muted != self.muted {
+            self.muted_since = self.now + 1;
+            self.muted = muted;
+        }
+    }
+
+    fn plan(&self, selection: &Selection) -> Result<Prepared, PlayError> {
+        let library = Library::decode(&self.ram).map_err(|_| PlayError::NoLibrary)?;
+        plan_of(selection, &library, self.budget)?;
+        Ok(Prepared(selection.clone()))
+    }
+
+    fn prepare(&mut self, plan: Prepared) {
+        self.prepared = Some(plan);
+    }
+
+    fn start(&mut self, request: &PlayRequest, config: Config) -> Result<(), NotPrepared> {
+        assert!(
+            self.safety.is_at_rest(),
+            "a texture is exchanged while the output sounds"
+        );
+        self.playing = None;
+        let Prepared(selection) = self.prepared.take().ok_or(NotPrepared)?;
+        assert_eq!(
+            selection, request.selection,
+            "another plan was prepared than is started"
+        );
+        self.playing = Some(request.clone());
+        self.config = config;
+        self.starts += 1;
+        Ok(())
+    }
+
+    fn switch(&mut self, request: &PlayRequest, Prepared(selection): Prepared) {
+        assert!(
+            self.playing.is_some() && selection == request.selection,
+            "there is nothing to fade, or another plan to fade to"
+        );
+        self.playing = Some(request.clone());
+        self.switches += 1;
+    }
+
+    fn clear(&mut self) {
+        assert!(
+            self.safety.is_at_rest(),
+            "a texture is exchanged while the output sounds"
+        );
+        self.playing = None;
+        self.prepared = None;
+    }
+
+    fn set_motion_source(&mut self, source: MotionSource) {
+        self.source = source;
+    }
+
+    fn set_host_motion(&mut self, motion: Timed) {
+        self.host = motion;
+    }
+
+    fn set_settings(&mut self, settings: &Settings) {
+        self.settings = *settings;
+        self.inputs = InputConfig::new(settings);
+        self.config = Config::new(settings, 1.0);
+    }
+
+    fn start_recording(&mut self) -> Result<RecordStarted, RecordError> {
+        self.recorder.start()
+    }
+
+    fn stop_recording(&mut self) -> Result<RecordStopped, RecordError> {
+        self.recorder.stop()
+    }
+
+    fn record_counters(&self) -> RecordCounters {
+        self.recorder.counters()
+    }
+}

@@ -1,0 +1,24 @@
+//! A stylus in memory, for tests and examples: the application of `firmware/app` on fake hardware and fake flash.
+//!
+//! The application is the device's own; the fake takes the place of what `firmware/src` adds to it for the
+//! microcontroller, and follows it, so that a mistake in how the parts are put together shows without a board. There
+//! are two ways to use it:
+//!
+//! - [`FakeStylus`] runs in real time behind a TCP port, and a host talks to it as to a board. Faults of device and
+//!   link can be injected.
+//! - [`SteppedStylus`](device::SteppedStylus) runs in virtual time, one millisecond after the other, and a test calls
+//!   the application's requests itself.
+
+mod connection;
+pub mod device;
+mod faults;
+pub mod flash;
+mod hand;
+pub mod hardware;
+pub mod library;
+mod requests;
+mod served;
+
+pub use faults::Faults;
+pub use hand::Hand;
+pub use served::{FakeStylus, Heard};

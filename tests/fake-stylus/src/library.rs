@@ -1,0 +1,68 @@
+//! Small libraries, and their upload from inside the device.
+
+use model_format::link::{
+    CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, UploadBegin, UploadChunk, UploadCommitted,
+    UploadError,
+};
+use model_format::{CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode};
+use stylus_app::slots::{MappedFlash, SlotStore};
+use stylus_app::upload::Uploader;
+
+/// A library of `textures` textures as [`texture`] makes them, named "texture 0", "texture 1", ..., for 5000 Hz.
+pub fn library(textures: usize, order: usize, seed: i16) -> Vec<u8> {
+    let textures: Vec<_> = (0..textures)
+        .map(|index| texture(&format!("texture {index}"), order, seed, 5_000))
+        .collect();
+    encode(&textures).expect("the library is valid")
+}
+
+/// A texture of 15 x 8 lattice nodes of `order`, whose coefficients depend on `seed`.
+pub fn texture(name: &str, order: usize, seed: i16, sample_rate_hz: u32) -> TextureSpec {
+    let code =
+        |stage: usize| ((stage as i16).wrapping_mul(31).wrapping_add(seed) % 8_000).max(-8_000);
+    let node = NodeSpec {
+        output_power: 2.0,
+        prediction_error_power: 1.0,
+        flags: NodeFlags::NONE,
+        codes: CodeSpec::Lattice((0..order).map(code).collect()),
+    };
+    TextureSpec {
+        name: name.to_owned(),
+        sample_rate_hz,
+        structure: Structure::NormalisedLattice,
+        provenance: Provenance::Simulated,
+        speed_axis_mm_s: (1..=15).map(|speed| 20.0 * speed as f32).collect(),
+        force_axis_n: (1..=8).map(|force| 0.25 * force as f32).collect(),
+        cell_margins: Vec::new(),
+        nodes: vec![node; 15 * 8],
+    }
+}
+
+/// Length and checksum of `bytes`, as an upload begins with them.
+pub fn announcement(bytes: &[u8]) -> UploadBegin {
+    UploadBegin {
+        length: bytes.len() as u32,
+        crc32: LIBRARY_CRC.checksum(bytes),
+    }
+}
+
+/// Uploads `bytes` straight into `store`, in chunks of `chunk` bytes.
+///
+/// # Errors
+/// As [`Uploader`]'s methods.
+pub async fn upload<F: MappedFlash>(
+    uploader: &mut Uploader,
+    store: &mut SlotStore<F>,
+    bytes: &[u8],
+    chunk: usize,
+) -> Result<UploadCommitted, UploadError> {
+    assert!(chunk.is_multiple_of(CHUNK_ALIGN) && chunk <= MAX_CHUNK_BYTES);
+    let mut progress = uploader.begin(store, announcement(bytes)).await?;
+    while progress.next_offset < bytes.len() as u32 {
+        let offset = progress.next_offset;
+        let rest = &bytes[offset as usize..];
+        let data = &rest[..chunk.min(rest.len())];
+        progress = uploader.chunk(store, UploadChunk { offset, data }).await?;
+    }
+    uploader.commit(store).await
+}

@@ -1,0 +1,243 @@
+//! A device behind a TCP port, in real time.
+
+use std::net::TcpListener;
+use std::pin::pin;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Waker};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use model_format::link::{MotionSample, MotionTopic, RecordBlock, RecordBlockTopic};
+use postcard_rpc::Topic;
+use postcard_rpc::header::{VarHeader, VarKey};
+use stylus_app::SAMPLE_RATE_HZ;
+use stylus_app::control::Device;
+
+use crate::connection::Connection;
+use crate::device::{SharedControl, SteppedStylus};
+use crate::faults::Faults;
+use crate::hand::Hand;
+use crate::requests::{Requests, frame, path_of};
+
+/// Steps of the storage's task between two looks at the link, so that frames are served in the middle of a long job.
+const STORAGE_STEPS: usize = 64;
+
+/// A frame that arrived.
+#[derive(Clone, Debug)]
+pub struct Heard {
+    /// Time of its arrival.
+    pub at: Instant,
+    /// Path of its endpoint or topic, "?" if there is none.
+    pub path: &'static str,
+    /// The motion, of a motion that wants no answer.
+    pub motion: Option<MotionSample>,
+}
+
+/// State that the test's thread and the device's share.
+#[derive(Default)]
+struct Inner {
+    faults: Faults,
+    heard: Vec<Heard>,
+    hand: Hand,
+    lose_samples: u32,
+    connections: usize,
+    is_over: bool,
+}
+
+/// A stylus that a host reaches by TCP, in a thread of its own until it is dropped.
+///
+/// It has one link, as a serial port: a new connection takes it from the one before.
+///
+/// ```
+/// use std::net::TcpStream;
+///
+/// let stylus = fake_stylus::FakeStylus::start();
+/// assert_eq!(stylus.link(), format!("tcp:127.0.0.1:{}", stylus.port()));
+/// TcpStream::connect(("127.0.0.1", stylus.port())).expect("it listens");
+/// ```
+pub struct FakeStylus {
+    port: u16,
+    inner: Arc<Mutex<Inner>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl FakeStylus {
+    /// Boots a stylus on blank flash, and lets hosts connect.
+    pub fn start() -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port is free");
+        listener.set_nonblocking(true).expect("it can be polled");
+        let port = listener.local_addr().expect("it is bound").port();
+        let inner = Arc::new(Mutex::new(Inner::default()));
+        let shared = inner.clone();
+        let thread = thread::spawn(move || serve(&listener, &shared));
+        Self {
+            port,
+            inner,
+            thread: Some(thread),
+        }
+    }
+
+    /// Its address for `--link` and `host_tools::link`.
+    pub fn link(&self) -> String {
+        format!("tcp:127.0.0.1:{}", self.port)
+    }
+
+    /// Its TCP port.
+    pub fn port(&self) -> u16 {
+        self.port
+    }
+
+    /// Injects `faults` in place of those before.
+    pub fn fail(&self, faults: Faults) {
+        lock(&self.inner).faults = faults;
+    }
+
+    /// Puts it in another hand.
+    pub fn set_hand(&self, hand: Hand) {
+        lock(&self.inner).hand = hand;
+    }
+
+    /// Loses the next `samples` samples before they reach the recorder.
+    pub fn lose_samples(&self, samples: u32) {
+        lock(&self.inner).lose_samples = samples;
+    }
+
+    /// The frames that have arrived since the last call.
+    pub fn take_heard(&self) -> Vec<Heard> {
+        std::mem::take(&mut lock(&self.inner).heard)
+    }
+
+    /// Number of frames for `path` that have arrived since [`FakeStylus::take_heard`].
+    pub fn count(&self, path: &str) -> usize {
+        let inner = lock(&self.inner);
+        inner
+            .heard
+            .iter()
+            .filter(|heard| heard.path == path)
+            .count()
+    }
+
+    /// Number of connections so far.
+    pub fn connections(&self) -> usize {
+        lock(&self.inner).connections
+    }
+}
+
+impl Drop for FakeStylus {
+    fn drop(&mut self) {
+        lock(&self.inner).is_over = true;
+        if let Some(Err(panic)) = self.thread.take().map(JoinHandle::join)
+            && !thread::panicking()
+        {
+            std::panic::resume_unwind(panic);
+        }
+    }
+}
+
+/// The shared state; a panic of the other thread is told by [`FakeStylus::drop`].
+fn lock(inner: &Mutex<Inner>) -> MutexGuard<'_, Inner> {
+    inner.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn serve(listener: &TcpListener, shared: &Mutex<Inner>) {
+    let SteppedStylus {
+        control,
+        mut storage,
+    } = SteppedStylus::boot();
+    let requests = Requests::new(control.clone());
+    let mut storage = pin!(requests.serve_storage(&mut storage));
+    let mut context = Context::from_waker(Waker::noop());
+    let begin = Instant::now();
+    let mut connection: Option<Connection> = None;
+    while set_scene(&control, shared) {
+        if let Ok((stream, _)) = listener.accept() {
+            lock(shared).connections += 1;
+            connection = Some(Connection::new(stream));
+        }
+        let blocks = catch_up(&control, begin.elapsed());
+        let frames = match &mut connection {
+            Some(open) => open.receive(),
+            None => {
+                thread::sleep(Duration::from_millis(1));
+                Vec::new()
+            }
+        };
+        // As they are now, and not before the wait for the frames.
+        let faults = lock(shared).faults.clone();
+        control.borrow_mut().device().disguise = faults.disguise;
+        let mut step = || {
+            for _ in 0..STORAGE_STEPS {
+                let _ = storage.as_mut().poll(&mut context);
+                if !requests.is_storage_busy() {
+                    break;
+                }
+            }
+            requests.take_answers()
+        };
+        let Some(open) = &mut connection else {
+            // Nobody is there to take the answers.
+            step();
+            continue;
+        };
+        send_blocks(open, &blocks, &faults);
+        for bytes in frames {
+            note(shared, &bytes);
+            let answer = requests.serve(&bytes, faults.busy);
+            let answers = step().into_iter().chain(answer);
+            if !open.count_frame(&faults) {
+                break;
+            }
+            answers.for_each(|answer| open.answer(&answer, &faults));
+        }
+        step()
+            .iter()
+            .for_each(|answer| open.answer(answer, &faults));
+        open.flush();
+        if !open.is_open() {
+            connection = None;
+        }
+    }
+}
+
+/// Takes over what the test has set; false if the device is to end.
+fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
+    let mut inner = lock(shared);
+    let mut control = control.borrow_mut();
+    let device = control.device();
+    device.hand = inner.hand.clone();
+    device.lose_samples += std::mem::take(&mut inner.lose_samples);
+    !inner.is_over
+}
+
+/// Runs the device until its clock shows `time`; gives the blocks that were recorded.
+fn catch_up(control: &SharedControl, time: Duration) -> Vec<RecordBlock> {
+    let tick = time.as_micros() as u64 * u64::from(SAMPLE_RATE_HZ) / 1_000_000;
+    let mut blocks = Vec::new();
+    while control.borrow_mut().device().now() < tick {
+        blocks.extend(control.millisecond());
+    }
+    blocks
+}
+
+fn send_blocks(open: &mut Connection, blocks: &[RecordBlock], faults: &Faults) {
+    for block in blocks {
+        let header = VarHeader {
+            key: VarKey::Key8(RecordBlockTopic::TOPIC_KEY),
+            seq_no: block.sequence.into(),
+        };
+        let frame = frame(RecordBlockTopic::TOPIC_KEY, header, block);
+        open.block(&frame, faults);
+    }
+}
+
+fn note(shared: &Mutex<Inner>, bytes: &[u8]) {
+    let Some((header, body)) = VarHeader::take_from_slice(bytes) else {
+        return;
+    };
+    let is_motion = header.key == VarKey::Key8(MotionTopic::TOPIC_KEY);
+    lock(shared).heard.push(Heard {
+        at: Instant::now(),
+        path: path_of(&header).unwrap_or("?"),
+        motion: is_motion.then(|| postcard::from_bytes(body).ok()).flatten(),
+    });
+}

@@ -1,0 +1,191 @@
+//! Events on the bus, and the core's answers.
+
+use super::state::Core;
+use crate::model::usb::packets::{Handshake, InAnswer, Pid};
+use crate::model::usb::registers::{
+    DCTL_GINSTS, DCTL_GONSTS, DIEPINT_ITTXFE, DOEPINT_B2BSTUP, EPINT_XFRC, GINTSTS_ENUMDNE,
+    GINTSTS_ESUSP, GINTSTS_SOF, GINTSTS_USBRST, GINTSTS_USBSUSP, GINTSTS_WKUPINT, OUT_DATA,
+    OUT_DONE, SETUP_DATA, SETUP_DONE,
+};
+
+impl Core {
+    /// Handles the start of frame `number`.
+    pub fn start_of_frame(&mut self, number: u32) {
+        self.frame = number & 0x3FFF;
+        self.latched |= GINTSTS_SOF;
+    }
+
+    /// Suspends the core, after 3 ms of silence.
+    pub fn suspend(&mut self) {
+        self.suspended = true;
+        self.latched |= GINTSTS_ESUSP | GINTSTS_USBSUSP;
+    }
+
+    /// Resumes the core.
+    pub fn resume(&mut self) {
+        if self.suspended {
+            self.suspended = false;
+            self.latched |= GINTSTS_WKUPINT;
+        }
+    }
+
+    /// Begins a reset of the bus.
+    pub fn bus_reset_begins(&mut self) {
+        self.changes += 1;
+        if self.suspended {
+            self.resume();
+        }
+        self.latched |= GINTSTS_USBRST;
+        self.in_control = false;
+        self.setup_stage = false;
+        // Section 57.14, OTG_DIEPCTLx.USBAEP: cleared for all endpoints but 0 by a reset of the bus.
+        for endpoint in self.inputs.iter_mut().chain(&mut self.outputs) {
+            endpoint.active = false;
+        }
+    }
+
+    /// Ends a reset of the bus; the speed is known from then on.
+    pub fn bus_reset_ends(&mut self) {
+        self.latched |= GINTSTS_ENUMDNE;
+    }
+
+    /// Takes a SETUP packet, and acknowledges it if there is room for it.
+    pub fn setup(&mut self, data: [u8; 8]) -> Option<Handshake> {
+        self.changes += 1;
+        if !self.has_room(data.len()) {
+            return None;
+        }
+        self.receive(0, SETUP_DATA, Pid::Data0, &data);
+        if self.setups == 0 {
+            self.outputs[0].interrupts |= DOEPINT_B2BSTUP;
+        }
+        self.setups = self.setups.saturating_sub(1);
+        self.setup_stage = true;
+        self.in_control = true;
+        for endpoint in [&mut self.inputs[0], &mut self.outputs[0]] {
+            endpoint.stalled = false;
+            endpoint.nak = true;
+            endpoint.odd = true;
+        }
+        Some(Handshake::Ack)
+    }
+
+    /// True after a SETUP until the next token.
+    pub fn in_setup_stage(&self) -> bool {
+        self.setup_stage
+    }
+
+    /// Ends the setup stage at the first token after a SETUP.
+    fn end_setup_stage(&mut self) {
+        if std::mem::take(&mut self.setup_stage) {
+            self.changes += 1;
+            self.receive(0, SETUP_DONE, Pid::Data0, &[]);
+        }
+    }
+
+    /// The handshake that an OUT packet of `bytes` would get; none if the device would be silent.
+    pub fn answer_out(&self, index: usize, bytes: usize) -> Option<Handshake> {
+        let endpoint = self.outputs.get(index)?;
+        if index != 0 && !endpoint.active {
+            return None;
+        }
+        Some(if endpoint.stalled {
+            Handshake::Stall
+        } else if endpoint.nak
+            || index == 0 && self.setup_stage
+            || self.device_control & DCTL_GONSTS != 0
+            || !self.has_room(bytes)
+        {
+            Handshake::Nak
+        } else {
+            Handshake::Ack
+        })
+    }
+
+    /// Takes an OUT packet that came whole; returns its handshake, or none if the device is silent.
+    pub fn out(&mut self, index: usize, pid: Pid, data: &[u8]) -> Option<Handshake> {
+        if index == 0 {
+            self.end_setup_stage();
+        }
+        let answer = self.answer_out(index, data.len())?;
+        if answer == Handshake::Ack {
+            self.changes += 1;
+            let endpoint = &mut self.outputs[index];
+            // A packet that comes twice is acknowledged twice, and taken once.
+            if endpoint.pid() == pid {
+                endpoint.odd = !endpoint.odd;
+                endpoint.packets = endpoint.packets.saturating_sub(1);
+                endpoint.bytes = endpoint.bytes.saturating_sub(data.len() as u32);
+                let is_last =
+                    endpoint.packets == 0 || data.len() < endpoint.max_packet_bytes(index);
+                endpoint.nak |= is_last;
+                self.receive(index, OUT_DATA, pid, data);
+                if is_last {
+                    self.receive(index, OUT_DONE, pid, &[]);
+                }
+            }
+        }
+        Some(answer)
+    }
+
+    /// The answer that an IN token would get; none if the device would be silent.
+    pub fn answer_in(&self, index: usize) -> Option<InAnswer> {
+        let endpoint = self.inputs.get(index)?;
+        if index != 0 && !endpoint.active {
+            return None;
+        }
+        if endpoint.stalled {
+            return Some(InAnswer::Stall);
+        }
+        let bytes = (endpoint.bytes as usize).min(endpoint.max_packet_bytes(index));
+        let held = &self.transmit[self.fifo_of(index)];
+        let refuses = !endpoint.enabled
+            || endpoint.nak
+            || endpoint.packets == 0
+            || index == 0 && self.setup_stage
+            || self.device_control & DCTL_GINSTS != 0;
+        if refuses || held.len() < bytes.div_ceil(4) {
+            return Some(InAnswer::Nak);
+        }
+        let mut data: Vec<u8> = (held.iter().take(bytes.div_ceil(4)))
+            .flat_map(|word| word.to_le_bytes())
+            .collect();
+        data.truncate(bytes);
+        Some(InAnswer::Data(endpoint.pid(), data))
+    }
+
+    /// Takes an IN token; returns its answer, or none if the device is silent.
+    pub fn token_in(&mut self, index: usize) -> Option<InAnswer> {
+        if index == 0 {
+            self.end_setup_stage();
+        }
+        let answer = self.answer_in(index)?;
+        if answer == InAnswer::Nak && self.transmit[self.fifo_of(index)].is_empty() {
+            self.inputs[index].interrupts |= DIEPINT_ITTXFE;
+        }
+        Some(answer)
+    }
+
+    /// Handles the host's acknowledgement of the packet that the last IN token got.
+    pub fn acknowledged(&mut self, index: usize) {
+        let Some(InAnswer::Data(_, data)) = self.answer_in(index) else {
+            // The firmware has withdrawn the packet meanwhile.
+            return;
+        };
+        self.changes += 1;
+        let fifo = self.fifo_of(index);
+        self.transmit[fifo].drain(..data.len().div_ceil(4));
+        let endpoint = &mut self.inputs[index];
+        endpoint.odd = !endpoint.odd;
+        endpoint.packets -= 1;
+        endpoint.bytes -= data.len() as u32;
+        if endpoint.packets == 0 {
+            endpoint.enabled = false;
+            endpoint.interrupts |= EPINT_XFRC;
+        }
+        if index == 0 && data.is_empty() {
+            self.in_control = false;
+            self.take_address();
+        }
+    }
+}

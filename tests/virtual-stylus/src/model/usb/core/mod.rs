@@ -1,0 +1,11 @@
+//! The core itself: registers, FIFOs and endpoints, without a bus and without time. The bus calls it with the packets
+//! on the wire, and gets the handshakes.
+
+mod access;
+mod bus;
+mod endpoint;
+mod fifos;
+mod state;
+
+pub use super::packets::{Handshake, InAnswer, Pid};
+pub use state::{Core, Told};

@@ -1,0 +1,243 @@
+//! The emulator's thread, which runs the image to given instants and does jobs between them.
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+
+use rigless::emulator::{self, Driver, Host, Settled, Start, Stop};
+use rigless::image::Image;
+use rigless::session::Session;
+use rigless::soc::Width;
+use rigless::symbols::Symbols;
+use rigless::time::VirtualNanos;
+
+use super::options::Options;
+use crate::board::StylusBoard;
+use crate::core::Auditor;
+use crate::error::{Error, Result};
+use crate::model::flash::{BASE, BYTES, Contents, Kind, Moment, Operation, Unreadable, WORD_BYTES};
+use crate::tick::TickWatch;
+
+/// The name of the tick's handler in the image.
+const TICK_HANDLER: &str = "TIM6_DAC";
+
+/// A power cut, and the content of the flash after it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PowerCut {
+    /// The operation that would have been cut.
+    pub operation: Operation,
+    /// The moment of it.
+    pub moment: Moment,
+    /// The content of the flash after the cut.
+    pub contents: Contents,
+}
+
+pub(super) type Job = Box<dyn FnOnce(&mut Session<StylusBoard>, &mut Hands, &mut dyn Host) + Send>;
+
+/// A command to the thread.
+pub(super) enum Command {
+    RunUntil(u64),
+    Do(Job),
+}
+
+/// The stop at which the emulator's thread waits.
+#[derive(Clone, Debug)]
+pub(super) enum Stopped {
+    At(u64),
+    PowerCut {
+        operation: Operation,
+        contents: Box<Contents>,
+    },
+}
+
+/// The thread's own side.
+pub(super) struct Hands {
+    commands: Receiver<Command>,
+    stops: Sender<Stopped>,
+    pub(super) ticks: TickWatch,
+    pub(super) power_cut: Option<(u64, Moment)>,
+    cut: Option<(Operation, Contents)>,
+    pub(super) to_capture: Vec<(u64, Moment)>,
+    pub(super) captured: Vec<PowerCut>,
+    pub(super) unreadable: Unreadable,
+    resets: usize,
+}
+
+impl Hands {
+    /// The content of the flash.
+    pub(super) fn contents(&self, host: &mut dyn Host) -> Contents {
+        let mut bytes = Vec::with_capacity(BYTES);
+        for address in (u64::from(BASE)..).step_by(8).take(BYTES / 8) {
+            let piece = host.read(address, Width::W64).expect("the flash is mapped");
+            bytes.extend_from_slice(&piece.to_le_bytes());
+        }
+        Contents {
+            bytes,
+            unreadable: self.unreadable.words(),
+        }
+    }
+
+    fn started(
+        &mut self,
+        operation: Operation,
+        session: &mut Session<StylusBoard>,
+        host: &mut dyn Host,
+    ) {
+        let moments = self
+            .to_capture
+            .iter()
+            .filter(|(number, _)| *number == operation.number);
+        for moment in moments.map(|(_, moment)| *moment).collect::<Vec<_>>() {
+            let mut contents = self.contents(host);
+            contents.cut(&operation.kind, moment);
+            self.captured.push(PowerCut {
+                operation: operation.clone(),
+                moment,
+                contents,
+            });
+        }
+        if let Some((number, moment)) = self.power_cut
+            && operation.number == number
+            && self.cut.is_none()
+        {
+            let mut contents = self.contents(host);
+            contents.cut(&operation.kind, moment);
+            session.run_until(VirtualNanos(operation.at_ns));
+            self.cut = Some((operation, contents));
+            return;
+        }
+        if let Kind::Program { address, .. } = operation.kind
+            && !erased(address, host)
+        {
+            self.unreadable.mark(address);
+        }
+    }
+}
+
+fn erased(address: u32, host: &mut dyn Host) -> bool {
+    (u64::from(address)..)
+        .step_by(8)
+        .take(WORD_BYTES as usize / 8)
+        .all(|piece| {
+            host.read(piece, Width::W64)
+                .is_ok_and(|bits| bits == u64::MAX)
+        })
+}
+
+impl Driver<StylusBoard> for Hands {
+    fn on_settled(
+        &mut self,
+        session: &mut Session<StylusBoard>,
+        host: &mut dyn Host,
+        settled: Settled,
+    ) {
+        if session.resets().len() != self.resets {
+            self.resets = session.resets().len();
+            self.ticks.reset();
+        }
+        let watch = match settled {
+            Settled::Hit(hit) => self.ticks.hit(&hit),
+            Settled::Stop(_) => self.ticks.audited(),
+            Settled::Access { .. } => {
+                while let Some(operation) = session.board_mut().part.flash.around.take_started() {
+                    self.started(operation, session, host);
+                }
+                None
+            }
+            _ => None,
+        };
+        if let Some(watch) = watch {
+            session.watch(watch);
+        }
+    }
+
+    fn on_stop(
+        &mut self,
+        session: &mut Session<StylusBoard>,
+        stop: Stop,
+        host: &mut dyn Host,
+    ) -> Option<VirtualNanos> {
+        if let Some((operation, contents)) = self.cut.take() {
+            let contents = Box::new(contents);
+            let _ = self.stops.send(Stopped::PowerCut {
+                operation,
+                contents,
+            });
+            return None;
+        }
+        self.stops.send(Stopped::At(stop.at.0)).ok()?;
+        loop {
+            // Without the other end of the channel the run is over.
+            match self.commands.recv().ok()? {
+                Command::RunUntil(at_ns) => return Some(VirtualNanos(at_ns)),
+                Command::Do(job) => job(session, self, host),
+            }
+        }
+    }
+}
+
+/// The test's ends of the channels of commands and of stops, and the thread.
+pub(super) type Ends = (Sender<Command>, Receiver<Stopped>, JoinHandle<Result<()>>);
+
+/// Puts the ELF file at `image` into the flash and switches the power on, on a new thread. Returns the channel of its
+/// commands, the channel of its stops, and the thread.
+pub(super) fn start(image: &Path, options: Options) -> Result<Ends> {
+    let (contents, handler) = load(image, options.flash, options.keep_flash)?;
+    let handler = handler.filter(|_| options.watch_ticks);
+    let unreadable = Unreadable::default();
+    unreadable.replace(contents.unreadable);
+    let auditor = Auditor::default();
+    let ticks = TickWatch::new(handler, auditor.clone());
+    let board = StylusBoard::new(
+        options.pins,
+        options.instructions_per_second,
+        unreadable.clone(),
+        auditor,
+    )?;
+    let (commands, receiver) = channel();
+    let (sender, stops) = channel();
+    let hands = Hands {
+        commands: receiver,
+        stops: sender,
+        ticks,
+        power_cut: options.power_cut,
+        cut: None,
+        to_capture: Vec::new(),
+        captured: Vec::new(),
+        unreadable,
+        resets: 0,
+    };
+    let bytes = contents.bytes;
+    let thread = std::thread::spawn(move || emulate(board, bytes, hands));
+    Ok((commands, stops, thread))
+}
+
+/// The flash with the image in it, and the address of the tick's handler.
+fn load(path: &Path, mut contents: Contents, keep: bool) -> Result<(Contents, Option<u64>)> {
+    let told = |reason: String| Error::Image {
+        path: path.to_owned(),
+        reason,
+    };
+    let image = Image::read(path, None).map_err(|error| told(error.to_string()))?;
+    if !keep {
+        for (address, bytes) in image.segments() {
+            contents.place(address, bytes).map_err(told)?;
+        }
+    }
+    let symbols = Symbols::read(image.bytes(), |value| value & !1)
+        .map_err(|error| told(error.to_string()))?;
+    Ok((contents, symbols.get(TICK_HANDLER).ok()))
+}
+
+fn emulate(board: StylusBoard, flash: Vec<u8>, hands: Hands) -> Result<()> {
+    let told = |error: emulator::Error| Error::Emulator(error.to_string());
+    let flash = Image::new(&PathBuf::from("flash"), flash, Some(u64::from(BASE)))
+        .map_err(|error| Error::Emulator(error.to_string()))?;
+    let watch = hands.ticks.watches();
+    let mut session = Session::new(Box::new(board), 0, VirtualNanos(0)).map_err(told)?;
+    if let Some(watch) = watch {
+        session.watch(watch);
+    }
+    emulator::run(session, &Start::new(&[flash]), hands).map_err(told)?;
+    Ok(())
+}
