@@ -17,8 +17,8 @@ fn folder() -> PathBuf {
     workspace::root().join("tests/virtual-stylus")
 }
 
-/// Cargo for the host, in the virtual stylus's workspace. It shares the folder of the product's own builds, so that what
-/// both workspaces depend on is built once.
+/// Cargo for the host, in the virtual stylus's workspace. It shares the folder of the product's own builds, so that
+/// common dependencies are built once.
 fn cargo(subcommand: &str) -> Command {
     let mut cargo = Command::new("cargo");
     cargo.current_dir(folder());

@@ -3,8 +3,9 @@
 use std::sync::LazyLock;
 
 use host_tools::evaluation::frontier::FilterStructure;
-use host_tools::evaluation::frontier::costs as frontier;
-use qemu_tests::costs::{Core, Costs, Structure};
+use host_tools::evaluation::frontier::costs::Costs as LookUps;
+use qemu_tests::costs::parse;
+use stylus_costs::{Core, Costs, Structure};
 use tasks::costs::{self, Guest};
 use tasks::guest::Processor;
 use tasks::toolchain::Toolchain;
