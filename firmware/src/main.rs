@@ -11,8 +11,9 @@
 //! | [`link`] | requests, over two wires |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! Rooms import in one direction: `link` imports `device` and `flash`; `device` imports `tick` and `play`; `flash` imports
-//! `fault`; `fault` imports `tick`; `tick` imports `play`. All may import `boot`, which imports none. Only `main` sees all.
+//! Rooms import in one direction: `link` imports `device` and `flash`; `device` imports `tick` and `play`; `flash`
+//! imports `fault`; `fault` imports `tick`; `tick` imports `play`. All may import `boot`, which imports none. Only
+//! `main` sees all.
 //!
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
 //! blinks while all is well, LD3 on PB14 lights after a fault.

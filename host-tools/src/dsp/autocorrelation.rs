@@ -1,27 +1,28 @@
-//! The biased autocorrelation of a signal, by way of its power spectrum.
+//! Biased autocorrelation of a signal, computed from its power spectrum.
 
 use realfft::num_complex::Complex;
 
 use crate::dsp::with_planner;
 
-/// A signal's second-order statistics.
+/// Second-order statistics of a signal.
 ///
-/// The rectangular window leaks: a line of power P is seen at a distance Δf as a density of P·fs/(2π² N Δf²), which is
-/// 71 dB below P in 1 Hz at 500 Hz from it, for 2 s at 5 kHz. What lies below that cannot be modelled from such a recording.
-/// It is the price of positive definiteness without a taper; a Hann window leaks less and makes ill-conditioned equations.
+/// The rectangular window leaks: a line of power P appears at a distance Δf as a density of P·fs/(2π² N Δf²). For 2 s
+/// at 5 kHz, that is 71 dB below P in 1 Hz at a distance of 500 Hz. Components below this density cannot be modelled
+/// from such a recording. The window is rectangular because the autocorrelation is then positive definite without a
+/// taper; a Hann window leaks less and makes ill-conditioned equations.
 #[derive(Clone, Debug)]
 pub struct Autocorrelation {
-    /// r(m) = (1/N) Σ a(n) a(n+m) for m from 0: biased, no window. The unbiased one is not positive definite and is
-    /// never used.
+    /// r(m) = (1/N) Σ a(n) a(n+m) for m from 0: biased and without a window. The unbiased estimate is not positive
+    /// definite and is never used.
     pub lags: Vec<f64>,
-    /// Power spectrum |A|² of the signal with zeros appended, from 0 Hz to half the sample rate.
+    /// Power spectrum |A|² of the zero-padded signal, from 0 Hz to half the sample rate.
     pub power: Vec<f64>,
-    /// Length of the transform behind `power`: its bins are the sample rate divided by this apart.
+    /// Length of the transform behind `power`: the distance of its bins is the sample rate divided by this length.
     pub transform_length: usize,
 }
 
 impl Autocorrelation {
-    /// Up to `max_lag` of `signal`, or up to its length less one.
+    /// Computes the autocorrelation of `signal` up to lag `max_lag`, or up to its length less one.
     pub fn of(signal: &[f64], max_lag: usize) -> Self {
         let samples = signal.len();
         let max_lag = max_lag.min(samples.saturating_sub(1));
@@ -47,7 +48,7 @@ impl Autocorrelation {
             .expect("lengths come from the plan");
         let scale = 1.0 / (transform_length as f64 * samples.max(1) as f64);
         let mut lags: Vec<f64> = padded[..=max_lag].iter().map(|r| r * scale).collect();
-        // The transform's rounding would leave a constant signal, or lag 0 of any, a little off.
+        // Lag 0 is the exact power, without the round-off of the transform.
         lags[0] = signal.iter().map(|x| x * x).sum::<f64>() / samples.max(1) as f64;
         Self {
             lags,
@@ -57,7 +58,8 @@ impl Autocorrelation {
     }
 }
 
-/// The least length from `least` on that is a product of twos, threes and fives and even: such transforms are quick.
+/// Returns the smallest even length of at least `least` with no prime factors but 2, 3 and 5, because transforms of
+/// such lengths are fast.
 fn quick_length(least: usize) -> usize {
     let quick = |length: &usize| {
         let mut rest = *length;
@@ -81,7 +83,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn lags_are_the_sums_of_their_definition(signal in prop::collection::vec(-10.0f64..10.0, 1..300), max_lag in 0usize..400) {
+        fn lags_are_the_sums_of_their_definition(
+            signal in prop::collection::vec(-10.0f64..10.0, 1..300), max_lag in 0usize..400,
+        ) {
             let fast = Autocorrelation::of(&signal, max_lag).lags;
             prop_assert_eq!(fast.len(), max_lag.min(signal.len() - 1) + 1);
             for (lag, r) in fast.iter().enumerate() {

@@ -1,33 +1,33 @@
-//! Line spectral frequencies: the angles at which P(z) = A(z) + z⁻⁽ⁿ⁺¹⁾A(1/z) and Q(z) = A(z) - z⁻⁽ⁿ⁺¹⁾A(1/z) are zero (Itakura,
-//! J. Acoust. Soc. Am. 57, 1975, S35), by a way that misses none at any order.
+//! Line spectral frequencies: the angles at which P(z) = A(z) + z⁻⁽ⁿ⁺¹⁾A(1/z) and Q(z) = A(z) - z⁻⁽ⁿ⁺¹⁾A(1/z) are zero
+//! (Itakura, J. Acoust. Soc. Am. 57, 1975, S35), by a method that finds all of them at any order.
 //!
-//! On the unit circle z⁻⁽ⁿ⁺¹⁾A(1/z)/A(z) has magnitude one and the phase -φ, φ(ω) = (n + 1)ω + 2 arg A(ω), which rises from 0
-//! to (n + 1)π. Frequency i is where φ = iπ. The argument of A is known without unwrapping, since each step of the order
-//! turns it by less than a right angle.
+//! On the unit circle z⁻⁽ⁿ⁺¹⁾A(1/z)/A(z) has magnitude one and phase -φ, with φ(ω) = (n + 1)ω + 2 arg A(ω), which rises
+//! from 0 to (n + 1)π. Frequency i is the ω at which φ = iπ. The argument of A needs no unwrapping, because each step
+//! of the order recursion turns it by less than a right angle.
 
 use std::f64::consts::PI;
 
 use crate::dsp::log_spectrum::LogSpectrum;
 
-/// Steps of the first search.
+/// Number of steps of the coarse search.
 const COARSE: usize = 1024;
 
-/// Refinements of a frequency at most; each at least halves what is left, in the long run.
+/// Largest number of refinements of a frequency. On average each at least halves the interval.
 const REFINEMENTS: usize = 60;
 
-/// How near φ must come to its value, rad.
+/// Tolerance of φ, rad.
 const TOLERANCE_RAD: f64 = 1e-9;
 
-/// φ at the angle `omega`, rad.
+/// Returns φ at the angle `omega`; both in rad.
 fn phase(reflection: &[f64], omega: f64) -> f64 {
     let (sin, cos) = omega.sin_cos();
-    // A of order m at ω, and e^{-jmω}.
+    // A of order m at ω, and e^(-jmω).
     let (mut re, mut im) = (1.0, 0.0);
     let (mut turn_re, mut turn_im) = (1.0, 0.0);
     let mut turns = 0.0;
     for &k in reflection {
         (turn_re, turn_im) = (turn_re * cos + turn_im * sin, turn_im * cos - turn_re * sin);
-        // A(m) = A(m-1) + k e^{-jmω} A*(m-1)
+        // A(m) = A(m-1) + k e^(-jmω) A*(m-1)
         let next_re: f64 = re + k * (turn_re * re + turn_im * im);
         let next_im: f64 = im + k * (turn_im * re - turn_re * im);
         if (next_im < 0.0) != (im < 0.0) && re < 0.0 {
@@ -38,7 +38,7 @@ fn phase(reflection: &[f64], omega: f64) -> f64 {
     (reflection.len() + 1) as f64 * omega + 2.0 * (im.atan2(re) + 2.0 * PI * turns)
 }
 
-/// The line spectral frequencies of a stable model, rad, ascending, as many as its order.
+/// Returns the line spectral frequencies of a stable model, in rad, ascending, as many as its order.
 pub fn frequencies(reflection: &[f64]) -> Vec<f64> {
     let grid: Vec<f64> = (0..=COARSE)
         .map(|step| PI * step as f64 / COARSE as f64)
@@ -62,8 +62,8 @@ pub fn frequencies(reflection: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Where φ is `wanted`, between two places with what φ is over it there; by the Illinois method, which keeps a root
-/// between its ends.
+/// Returns the angle at which φ is `wanted`, in rad, by the Illinois method, which keeps the root bracketed. `low` and
+/// `high` are an angle each with the excess of φ over `wanted` there.
 fn root(reflection: &[f64], wanted: f64, mut low: (f64, f64), mut high: (f64, f64)) -> f64 {
     let mut last_side = 0;
     for count in 0..REFINEMENTS {
@@ -95,8 +95,9 @@ fn root(reflection: &[f64], wanted: f64, mut low: (f64, f64), mut high: (f64, f6
     f64::midpoint(low.0, high.0)
 }
 
-/// ln 1/|A|² of the model with these line spectral frequencies, rad, ascending, at `bins` frequencies: |A|² =
-/// (|P|² + |Q|²)/4 with both as the products of their zeros.
+/// Returns ln 1/|A|² at `bins` frequencies, for the model with these line spectral frequencies, in rad, ascending.
+///
+/// |A|² = (|P|² + |Q|²)/4, with P and Q as the products of their zeros.
 pub fn log_spectrum(frequencies: &[f64], bins: usize) -> LogSpectrum {
     let order = frequencies.len();
     let cosines: Vec<f64> = frequencies.iter().map(|omega| omega.cos()).collect();
@@ -105,7 +106,7 @@ pub fn log_spectrum(frequencies: &[f64], bins: usize) -> LogSpectrum {
         let x = omega.cos();
         let p = log_product(x, cosines.iter().step_by(2));
         let q = log_product(x, cosines.iter().skip(1).step_by(2));
-        // The zeros at z = 1 and z = -1 that P and Q have beside.
+        // P and Q have further zeros at z = 1 and z = -1.
         let (p_end, q_end) = if order.is_multiple_of(2) {
             (
                 (2.0 * (0.5 * omega).cos()).powi(2),
@@ -121,12 +122,12 @@ pub fn log_spectrum(frequencies: &[f64], bins: usize) -> LogSpectrum {
     LogSpectrum::from_values(values.collect())
 }
 
-/// ln Π 4(x - c)².
+/// Returns ln Π 4(x - c)² over all `cosines` c.
 fn log_product<'a>(x: f64, cosines: impl Iterator<Item = &'a f64>) -> f64 {
     let (mut product, mut log) = (1.0f64, 0.0);
     for cosine in cosines {
         product *= 2.0 * (x - cosine);
-        // Far from under- and overflow, so that a logarithm is needed only now and then.
+        // A logarithm is needed only when the product approaches underflow or overflow.
         if !(1e-100..1e100).contains(&product.abs()) {
             log += product.abs().max(f64::MIN_POSITIVE).ln();
             product = 1.0;

@@ -1,30 +1,30 @@
-//! Linear prediction: Levinson-Durbin, the ways between its parameters, and the choice of the order.
+//! Linear prediction: the Levinson-Durbin recursion, conversions of its parameters, and the choice of the order.
 //!
-//! Conventions: A(z) = 1 + Σ a(i) z⁻ⁱ, reflection coefficient k(m) = -(r(m) + Σ a(i) r(m-i)) / E(m-1), so that k(1) = -r(1)/r(0);
-//! the model is y(n) = e(n) - Σ a(i) y(n-i). The paper's predictor coefficients are h(i) = -a(i).
+//! Conventions: A(z) = 1 + Σ a(i) z⁻ⁱ. The reflection coefficient is k(m) = -(r(m) + Σ a(i) r(m-i)) / E(m-1), so that
+//! k(1) = -r(1)/r(0). The model is y(n) = e(n) - Σ a(i) y(n-i). The paper's predictor coefficients are h(i) = -a(i).
 
-/// White-noise correction: r(0) is raised by this share before the recursion, as if noise 90 dB below the signal were
-/// added.
+/// White-noise correction: the share by which r(0) is raised before the recursion, equal to noise 90 dB below the
+/// signal.
 ///
-/// It bounds the condition of the normal equations, so that signals of a few lines or of no bandwidth still have models
-/// with |k| < 1; on others its effect is below 1e-9 of the power.
+/// It bounds the condition number of the normal equations, so that signals of a few lines or of no bandwidth also have
+/// models with |k| < 1. For other signals its effect is below 1e-9 of the power.
 pub const WHITE_NOISE_CORRECTION: f64 = 1e-9;
 
-/// A linear predictor of every order up to the highest, by Levinson-Durbin.
+/// Linear predictors of every order up to the highest, by the Levinson-Durbin recursion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
-    /// Reflection coefficients k(1), k(2) ...; those of a lower order are the first of them.
+    /// Reflection coefficients k(1), k(2) ...; the predictor of order m has the first m of them.
     pub reflection: Vec<f64>,
-    /// Power of the prediction error at order 0, 1 ..., one more than there are reflection coefficients.
+    /// Power of the prediction error at order 0, 1 ...: one value more than reflection coefficients.
     pub error_power: Vec<f64>,
 }
 
 impl Prediction {
-    /// Solves the normal equations of the autocorrelation `lags` (r(0) first) for all orders up to `max_order` or as many
-    /// as there are lags.
+    /// Solves the normal equations of the autocorrelation `lags`, r(0) first, for all orders up to `max_order` or up to
+    /// the last lag.
     ///
-    /// Stops at the last order that is sound: where rounding has eaten up the error's power, |k| would come out at one
-    /// or more, and no such coefficient is ever returned. Silence has order 0 and no power.
+    /// Stops at the last sound order: where round-off exceeds the power of the error, |k| would be one or more, and no
+    /// such coefficient is ever returned. Silence has order 0 and no power.
     pub fn levinson_durbin(lags: &[f64], max_order: usize) -> Self {
         let max_order = max_order.min(lags.len().saturating_sub(1));
         let power = lags.first().copied().unwrap_or(0.0).max(0.0);
@@ -33,7 +33,7 @@ impl Prediction {
             reflection: Vec::with_capacity(max_order),
             error_power: vec![error],
         };
-        // a(1) .. a(m), and the same backwards in a scratch vector, so that both halves of an update are one pass.
+        // a(1) .. a(m), and a reversed copy, so that the update of both halves is one pass.
         let mut predictor = vec![0.0; max_order];
         let mut reversed = vec![0.0; max_order];
         for m in 0..max_order {
@@ -43,7 +43,7 @@ impl Prediction {
             for (to, &from) in reversed[..m].iter_mut().rev().zip(&predictor[..m]) {
                 *to = from;
             }
-            // r(m) .. r(1) against a(1) .. a(m) is r(1) .. r(m) against a(m) .. a(1).
+            // The sum of a(1) .. a(m) times r(m) .. r(1) equals that of the reversed a times r(1) .. r(m).
             let k = -(lags[m + 1] + dot(&reversed[..m], &lags[1..=m])) / error;
             if !k.is_finite() || k.abs() >= 1.0 {
                 break;
@@ -59,25 +59,25 @@ impl Prediction {
         result
     }
 
-    /// The highest order there is.
+    /// Returns the highest order.
     pub fn max_order(&self) -> usize {
         self.reflection.len()
     }
 
-    /// The order that the Bayesian information criterion prefers for a signal of `samples` samples: the least of
+    /// Returns the order m of the Bayesian information criterion for a signal of N = `samples` samples: the minimum of
     /// N ln E(m) + m ln N.
     pub fn bayesian_order(&self, samples: usize) -> usize {
         let n = samples.max(1) as f64;
         self.order_by(samples, n.ln())
     }
 
-    /// The order that Akaike's criterion prefers for a signal of `samples` samples: the least of N ln E(m) + 2 m, which is where
-    /// the prediction error of another signal of the same kind is expected to be least (Akaike 1974).
+    /// Returns the order m of Akaike's criterion for a signal of N = `samples` samples: the minimum of N ln E(m) + 2 m,
+    /// at which the expected prediction error of another signal of the same kind is least (Akaike 1974).
     pub fn akaike_order(&self, samples: usize) -> usize {
         self.order_by(samples, 2.0)
     }
 
-    /// The order with the least N ln E(m) + `penalty` m.
+    /// Returns the order m with the least N ln E(m) + `penalty` m.
     fn order_by(&self, samples: usize, penalty: f64) -> usize {
         let n = samples.max(1) as f64;
         let criterion = |m: usize| n * self.error_power[m].ln() + m as f64 * penalty;
@@ -88,7 +88,7 @@ impl Prediction {
     }
 }
 
-/// A sum of products in four partial sums, which the compiler can keep in vector registers.
+/// Sum of products in eight partial sums, which the compiler keeps in vector registers.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (a_chunks, a_rest) = a.as_chunks::<8>();
@@ -102,7 +102,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-/// `lags` with [`WHITE_NOISE_CORRECTION`] applied.
+/// Applies [`WHITE_NOISE_CORRECTION`] to `lags`.
 #[must_use]
 pub fn corrected(mut lags: Vec<f64>) -> Vec<f64> {
     if let Some(power) = lags.first_mut() {
@@ -111,7 +111,7 @@ pub fn corrected(mut lags: Vec<f64>) -> Vec<f64> {
     lags
 }
 
-/// The step-up recursion: a(1) .. a(M) of A(z) from the reflection coefficients.
+/// Step-up recursion: a(1) .. a(M) of A(z) from the reflection coefficients.
 pub fn step_up(reflection: &[f64]) -> Vec<f64> {
     let mut predictor: Vec<f64> = Vec::with_capacity(reflection.len());
     for &k in reflection {
@@ -124,8 +124,8 @@ pub fn step_up(reflection: &[f64]) -> Vec<f64> {
     predictor
 }
 
-/// The step-down recursion: reflection coefficients from a(1) .. a(M); `None` where one comes out at a magnitude of one or more,
-/// that is, where 1/A(z) is not stable.
+/// Step-down recursion: reflection coefficients from a(1) .. a(M). Returns `None` if one of them has a magnitude of one
+/// or more, that is, if 1/A(z) is not stable.
 pub fn step_down(predictor: &[f64]) -> Option<Vec<f64>> {
     let mut rest = predictor.to_vec();
     let mut reflection = Vec::with_capacity(rest.len());
@@ -144,7 +144,7 @@ pub fn step_down(predictor: &[f64]) -> Option<Vec<f64>> {
     Some(reflection)
 }
 
-/// Power of the prediction error as a share of the signal's: Π (1 - k²).
+/// Power of the prediction error as a share of the signal's power: Π (1 - k²).
 pub fn error_share(reflection: &[f64]) -> f64 {
     reflection.iter().map(|k| (1.0 - k) * (1.0 + k)).product()
 }
@@ -182,7 +182,7 @@ mod tests {
         #[test]
         fn step_down_undoes_step_up(reflection in prop::collection::vec(-0.95f64..0.95, 0..40)) {
             let back = step_down(&step_up(&reflection)).unwrap();
-            // Coefficients grow as the product of (1 + |k|); so does what rounding does to them.
+            // Round-off grows like the coefficients, as the product of (1 + |k|).
             let growth: f64 = reflection.iter().map(|k| (1.0 + k.abs()) / (1.0 - k.abs())).product();
             for (a, b) in reflection.iter().zip(back) {
                 prop_assert!((a - b).abs() < 1e-15 * growth.max(100.0));
@@ -211,7 +211,7 @@ mod tests {
     }
 
     proptest! {
-        /// Both criteria are of nested models, and the one that punishes an order more never has the higher.
+        /// Both criteria are of nested models, so that the larger penalty never has the higher order.
         #[test]
         fn akaikes_order_is_never_below_the_bayesian_one(
             signal in prop::collection::vec(-1e3f64..1e3, 8..400),

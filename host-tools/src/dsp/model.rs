@@ -1,20 +1,20 @@
-//! The linear predictor of one node: an all-pole model with its level.
+//! The model of one node: a linear predictor with its level.
 
 use model_format::NodeFlags;
 
-/// The model at one node.
+/// An all-pole model of a node, by its reflection coefficients and its power.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// Reflection coefficients, as many as the order.
+    /// Reflection coefficients k(1) to k(order).
     pub reflection: Vec<f64>,
     /// Variance of the signal, (m/s²)².
     pub output_power: f64,
-    /// What is to be known about it.
+    /// Properties of the node, such as silence or doubt.
     pub flags: NodeFlags,
 }
 
 impl Model {
-    /// Silence.
+    /// The model of silence.
     pub fn silent() -> Self {
         Self {
             reflection: Vec::new(),
@@ -23,13 +23,15 @@ impl Model {
         }
     }
 
-    /// Whether it is silence.
+    /// Returns true for the model of silence.
     pub fn is_silent(&self) -> bool {
         self.flags.contains(NodeFlags::SILENT)
     }
 
-    /// A weighted mean of models where every mixture is stable and every level right: of θ = arcsin k, and of the power's
-    /// logarithm (of the power itself where one is silent). Weights add up to one.
+    /// Returns the weighted mean of models; the weights add up to one.
+    ///
+    /// The mean is of θ = arcsin k, so that every mixture is stable, and of the logarithm of the power. It is of the
+    /// power itself if one of the models is silent.
     pub fn mean(models: &[(f64, &Self)]) -> Self {
         let order = models.iter().map(|(_, model)| model.reflection.len()).max();
         let mut thetas = vec![0.0; order.unwrap_or(0)];

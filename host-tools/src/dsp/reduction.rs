@@ -1,6 +1,6 @@
-//! From three axes to one.
+//! Reduction of three axes to one.
 //!
-//! Hands do not tell the direction of high-frequency vibrations, so one axis is enough to play them.
+//! One axis is enough to play a texture, because hands do not perceive the direction of high-frequency vibrations.
 
 use nalgebra::{Matrix3, Vector3};
 use realfft::num_complex::Complex;
@@ -8,14 +8,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::dsp::with_planner;
 
-/// A way from three axes to one.
+/// A method of reduction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Reduction {
     /// Projection on the first principal component, as in the paper.
     Pca,
-    /// DFT321 (Landin, Romano, McMahan, Kuchenbecker, EuroHaptics 2010): the spectrum whose power is the sum of the
-    /// axes' powers at every frequency, with the phase of the axes' sum. Keeps all of the energy.
+    /// DFT321 (Landin, Romano, McMahan, Kuchenbecker, EuroHaptics 2010): at each frequency the power is the sum of the
+    /// axes' powers, and the phase is that of the axes' sum. Keeps all of the energy.
     Dft321,
     /// The first channel alone.
     X,
@@ -25,29 +25,31 @@ pub enum Reduction {
     Z,
 }
 
-/// One axis, and how much of the axes' energy it has.
+/// A signal of one axis, with its share of the energy.
 #[derive(Clone, Debug)]
 pub struct Reduced {
-    /// The signal, with a mean of zero, m/s².
+    /// Signal with a mean of zero, m/s².
     pub signal: Vec<f64>,
-    /// Its energy as a share of that of all axes about their means; 1 if they have none.
+    /// Energy as a share of the energy of all axes about their means; 1 if they have none.
     pub energy_share: f64,
 }
 
-/// Why axes cannot be reduced: the one that was asked for is not there.
+/// The requested axis does not exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no axis {wanted}: the recording has {channels} channel(s)")]
+#[error(
+    "axis {wanted} does not exist: the recording has {channels} channel(s); reduce it by pca or dft321"
+)]
 pub struct NoSuchAxis {
-    /// The axis, from 1.
+    /// Number of the requested axis, from 1.
     pub wanted: usize,
-    /// How many there are.
+    /// Number of channels.
     pub channels: usize,
 }
 
-/// Removes the mean of each of `axes` (one to three, of one length) and brings them down to one.
+/// Reduces `axes`, one to three of equal length in m/s², to one. Removes the mean of each of them in place.
 ///
 /// # Errors
-/// An axis that is not there.
+/// An axis that does not exist.
 pub fn reduce(axes: &mut [Vec<f64>], by: Reduction) -> Result<Reduced, NoSuchAxis> {
     for axis in axes.iter_mut() {
         remove_mean(axis);
@@ -80,12 +82,12 @@ fn single(axes: &[Vec<f64>], index: usize) -> Result<Vec<f64>, NoSuchAxis> {
     axes.get(index).cloned().ok_or(missing)
 }
 
-/// Subtracts the mean; of a constant exactly nothing is left.
+/// Subtracts the mean; a constant becomes exactly zero.
 fn remove_mean(signal: &mut [f64]) {
     let Some(&first) = signal.first() else {
         return;
     };
-    // About the first sample, so that a large offset costs no digits.
+    // The mean is computed about the first sample, so that a large offset costs no digits.
     let mean = first + signal.iter().map(|x| x - first).sum::<f64>() / signal.len() as f64;
     for sample in signal {
         *sample -= mean;
@@ -110,8 +112,8 @@ fn principal_component(axes: &[Vec<f64>]) -> Vec<f64> {
     axis.clone()
 }
 
-/// Direction of the greatest variance, a unit vector; its largest component is positive, so that the sign does not
-/// depend on the eigenvalue solver.
+/// Returns the unit vector in the direction of the greatest variance. Its largest component is positive, so that the
+/// sign does not depend on the eigenvalue solver.
 fn principal_direction(axes: &[Vec<f64>]) -> Vector3<f64> {
     let mut covariance = Matrix3::zeros();
     for (row, a) in axes.iter().enumerate() {
@@ -151,7 +153,7 @@ fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
         }
     }
     for (bin, power) in sum.iter_mut().zip(power) {
-        // Where the axes cancel there is no phase to take; the energy is kept all the same.
+        // A sum of zero has no phase; the energy is kept nevertheless.
         let magnitude = bin.norm();
         *bin = if magnitude > 0.0 {
             *bin * (power.sqrt() / magnitude)
@@ -159,7 +161,7 @@ fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
             Complex::new(power.sqrt(), 0.0)
         };
     }
-    // The first bin of a real signal is real, and so is the last of an even length.
+    // The first bin of a real signal is real, and so is the last one of an even length.
     sum[0].im = 0.0;
     if length.is_multiple_of(2) {
         sum[length / 2].im = 0.0;

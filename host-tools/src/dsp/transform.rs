@@ -1,4 +1,4 @@
-//! Plans of Fourier transforms, made once a thread: a grid has hundreds of recordings of one length.
+//! Plans of Fourier transforms, made once per thread because a grid has hundreds of recordings of equal length.
 
 use std::cell::RefCell;
 
@@ -8,7 +8,7 @@ thread_local! {
     static PLANNER: RefCell<RealFftPlanner<f64>> = RefCell::new(RealFftPlanner::new());
 }
 
-/// Lets `work` plan transforms of real signals.
+/// Calls `work` with this thread's planner of transforms of real signals.
 pub(crate) fn with_planner<T>(work: impl FnOnce(&mut RealFftPlanner<f64>) -> T) -> T {
     PLANNER.with_borrow_mut(work)
 }

@@ -16,8 +16,8 @@ use super::Mismatch;
 pub enum LinkError {
     /// No stylus is on USB.
     #[error(
-        "no stylus on USB (looked for {USB_VENDOR_ID:04x}:{USB_PRODUCT_ID:04x}): plug it in by its own USB port, or name \
-         another link with --link"
+        "no stylus on USB (looked for {USB_VENDOR_ID:04x}:{USB_PRODUCT_ID:04x}): plug it in by its own USB port, or \
+         name another link with --link"
     )]
     NoUsbDevice,
     /// Styluses are on USB, but none with this serial number.
@@ -61,8 +61,8 @@ pub enum LinkError {
     },
     /// The device did not answer in time.
     #[error(
-        "{link}: no answer to the {request} request within {:.1} s: check that it is a stylus, that its firmware runs, and \
-         that no other program uses it", after.as_secs_f64()
+        "{link}: no answer to the {request} request within {:.1} s: check that it is a stylus, that its firmware runs, \
+         and that no other program uses it", after.as_secs_f64()
     )]
     NoAnswer {
         /// The link.

@@ -1,7 +1,8 @@
 //! The host's side of the link to a stylus: over USB, a serial port, or TCP (a virtual stylus).
 //!
-//! [`model_format::link`] defines the messages; this module carries them. A caller needs only [`Device`]: it opens a link,
-//! reads the device's identity, refuses a device that speaks another protocol, and then makes requests and receives streams.
+//! [`model_format::link`] defines the messages; this module carries them. A caller needs only [`Device`]: it opens a
+//! link, reads the device's identity, refuses a device that speaks another protocol, and then makes requests and
+//! receives streams.
 //!
 //! | module | subject |
 //! |---|---|

@@ -23,7 +23,8 @@ const TCP_TIMEOUT: Duration = Duration::from_secs(3);
 const OUTGOING_FRAMES: usize = 4;
 
 /// Remedy where the operating system denies access to a serial port.
-const SERIAL_REMEDY: &str = "add yourself to the port's group (often dialout: `sudo usermod -aG dialout $USER`) and log in again";
+const SERIAL_REMEDY: &str = "add yourself to the port's group (often dialout: `sudo usermod -aG dialout $USER`) and \
+     log in again";
 
 /// Client of one device.
 pub(super) type Client = HostClient<WireError>;

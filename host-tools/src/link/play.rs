@@ -20,8 +20,8 @@ pub const MIN_MOTION_RATE_HZ: u32 = 60;
 /// Motions per request: every 16th motion is a request, so that the device's answers show how far it follows.
 const MOTIONS_PER_ANSWER: u64 = 16;
 
-/// Largest number of outstanding answers. Further motions are skipped, because a link slower than their rate would deliver
-/// them later and later.
+/// Largest number of outstanding answers. Further motions are skipped, because a link slower than their rate would
+/// deliver them later and later.
 const ANSWERS_DUE: usize = 2;
 
 /// Interval between readings of the status.

@@ -12,8 +12,8 @@ use super::capture::{Calibration, Loss, Stream};
 use super::error::Result;
 use crate::support::atomic_file;
 
-/// Window over which the encoder's counts are averaged, s. A slow hand moves the encoder by less than one count per sample
-/// at 5 kHz.
+/// Window over which the encoder's counts are averaged, s. A slow hand moves the encoder by less than one count per
+/// sample at 5 kHz.
 const SPEED_WINDOW_S: f64 = 0.02;
 
 /// Strokes of a free hand, tick by tick.
@@ -62,8 +62,8 @@ pub fn record(
 }
 
 impl Strokes {
-    /// Returns the tangential speed at each sample, in mm/s, from the encoder's counts in a window of 20 ms around it. It is 0
-    /// where the whole window was lost.
+    /// Returns the tangential speed at each sample, in mm/s, from the encoder's counts in a window of 20 ms around it.
+    /// It is 0 where the whole window was lost.
     pub fn speeds_mm_s(&self, calibration: &Calibration) -> Vec<f64> {
         let half = (0.5 * SPEED_WINDOW_S * f64::from(self.rate_hz)) as usize;
         let mut path = vec![0i64];
@@ -86,8 +86,8 @@ impl Strokes {
             .collect()
     }
 
-    /// Writes a CSV file for [`crate::recording::freehand::read`]: `time_s`, three axes in m/s², `speed_mm_s`, `force_n`. A
-    /// lost sample is written as not a number, so that no segment includes it.
+    /// Writes a CSV file for [`crate::recording::freehand::read`]: `time_s`, three axes in m/s², `speed_mm_s`,
+    /// `force_n`. A lost sample is written as not a number, so that no segment includes it.
     ///
     /// # Errors
     /// A file that cannot be written.

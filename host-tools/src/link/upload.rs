@@ -29,14 +29,15 @@ pub struct Uploaded {
     pub retries: u32,
 }
 
-/// Uploads `library`, the bytes of a library file, and reads it back. `progress` gets the number of bytes in the device.
+/// Uploads `library`, the bytes of a library file, and reads it back. `progress` gets the number of bytes in the
+/// device.
 ///
-/// Resumes an interrupted upload of the same bytes, also one of another program. The active library stays active and goes
-/// on playing.
+/// Resumes an interrupted upload of the same bytes, also one of another program. The active library stays active and
+/// goes on playing.
 ///
 /// # Errors
-/// A refusal of the device, a lost link that does not come back, five failures in a row without progress, or a device that
-/// then lists other textures.
+/// A refusal of the device, a lost link that does not come back, five failures in a row without progress, or a device
+/// that then lists other textures.
 pub fn upload(
     device: &mut Device,
     library: &[u8],

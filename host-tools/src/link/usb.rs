@@ -17,8 +17,8 @@ const VENDOR_CLASS: u8 = 0xff;
 const NO_SUCH_FILE: u32 = 2;
 
 /// Remedy where the operating system denies access to the device.
-const PERMISSION_REMEDY: &str = "copy host-tools/70-stylus.rules to /etc/udev/rules.d/, run `sudo udevadm control --reload`, then plug \
-     the stylus in again";
+const PERMISSION_REMEDY: &str = "copy host-tools/70-stylus.rules to /etc/udev/rules.d/, run `sudo udevadm control \
+     --reload`, then plug the stylus in again";
 
 /// Opens the stylus with this serial number, or the only one.
 pub(super) async fn open(

@@ -1,7 +1,7 @@
 //! The USB of a virtual stylus. Its USB host is another process, at a TCP port, which makes bulk transfers on request.
 //!
-//! Each message is its length, four bytes in little-endian order, and a [`ToBus`] or [`FromBus`] in postcard. A connection
-//! serves one program; transfers that wait at its end are cancelled.
+//! Each message is its length, four bytes in little-endian order, and a [`ToBus`] or [`FromBus`] in postcard. A
+//! connection serves one program; transfers that wait at its end are cancelled.
 
 use std::collections::VecDeque;
 use std::io;
@@ -99,8 +99,8 @@ pub(super) struct VirtualIn {
     cleared: UnboundedReceiver<Result<(), String>>,
 }
 
-/// Returns the endpoints of the device whose USB host is at the other end of `stream`. Two tasks on the current runtime carry
-/// the messages.
+/// Returns the endpoints of the device whose USB host is at the other end of `stream`. Two tasks on the current runtime
+/// carry the messages.
 pub(super) fn open(stream: TcpStream) -> (VirtualOut, VirtualIn) {
     let (mut reader, mut writer) = stream.into_split();
     let (to_bus, mut outgoing) = unbounded_channel::<ToBus>();

@@ -1,21 +1,20 @@
-//! Recordings as CSV: one to three columns of samples, and `time_s` if the file tells its own rate.
+//! Recordings as CSV: one to three columns of samples, and optionally `time_s`, which gives the sample rate.
 
 use std::path::Path;
 
-use super::MAX_CHANNELS;
-use super::set::csv_error;
-use super::source::{Cut, Source};
+use super::csv_error::csv_error;
+use super::source::{Cut, MAX_CHANNELS, Source};
 use crate::support::error::{Error, Result};
 
-/// The column that tells when each line was sampled, s.
+/// Column of the time of each sample, s.
 const TIME_COLUMN: &str = "time_s";
 
-/// How far steps of the time column may be from even, as a share of a step.
+/// Largest deviation of a step of the time column from the mean step, as a share of it.
 const UNEVENNESS: f64 = 0.5;
 
-/// Reads the part of a CSV file that `cut` asks for.
+/// Reads the part of a CSV file within `cut`.
 ///
-/// A first line that is not all numbers is a header. Without a column `time_s`, `sample_rate_hz` must be given.
+/// A first line that holds anything but numbers is a header. Without a column `time_s`, `sample_rate_hz` must be given.
 pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Result<Source> {
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
@@ -45,7 +44,7 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
     let time = time_column.map(|index| columns.remove(index));
     if columns.is_empty() || columns.len() > MAX_CHANNELS {
         let problem = format!(
-            "{} columns of samples; there may be 1 to {MAX_CHANNELS}, one an axis",
+            "{} columns of samples: give 1 to {MAX_CHANNELS}, one per axis",
             columns.len()
         );
         return Err(Error::file(path, problem));
@@ -54,8 +53,8 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
         (Some(time), _) => rate_of(path, &time)?,
         (None, Some(rate_hz)) => rate_hz,
         (None, None) => {
-            let problem = "does not tell its sample rate: give a column 'time_s' in it, or \
-                           'sample_rate_hz' in trials.csv, or --sample-rate";
+            let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
+                           trials.csv, or give --sample-rate";
             return Err(Error::file(path, problem));
         }
     };
@@ -71,7 +70,7 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
     })
 }
 
-/// The rate of evenly spaced times.
+/// Returns the sample rate of evenly spaced times, in Hz.
 fn rate_of(path: &Path, time: &[f64]) -> Result<f64> {
     let (Some(first), Some(last)) = (time.first(), time.last()) else {
         return Err(Error::file(path, "holds no samples"));
@@ -83,7 +82,7 @@ fn rate_of(path: &Path, time: &[f64]) -> Result<f64> {
         return Err(Error::file(path, problem));
     }
     let rate_hz = 1.0 / step;
-    // Times are often printed with few digits; a rate a hair off a whole number is that number.
+    // Times are often printed with few digits, so that a rate close to a whole number is that number.
     let whole = rate_hz.round();
     Ok(if (rate_hz / whole - 1.0).abs() < 1e-3 {
         whole

@@ -4,17 +4,17 @@ use std::path::Path;
 
 use super::clipping::clipped_share;
 use super::samples::Samples;
-use super::set::Trial;
 use super::source::Cut;
-use super::{TRIAL_DURATION_S, csv_file, resample, wav};
+use super::trial::{TRIAL_DURATION_S, Trial};
+use super::{csv_file, resample, wav};
 use crate::support::error::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
 
-/// Reads the samples of `trial`.
+/// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
 ///
 /// # Errors
-/// A file that cannot be read, that holds nothing in the part asked for, or whose samples are not all finite, with the
-/// place of the first that is not.
+/// A file that cannot be read, that holds no samples in the trial's part of it, or that holds a sample that is not
+/// finite; the error names the first such sample.
 pub fn read(trial: &Trial) -> Result<Samples> {
     let path = trial.file.as_path();
     let cut = Cut {
@@ -25,15 +25,18 @@ pub fn read(trial: &Trial) -> Result<Samples> {
         "wav" | "wave" => wav::read(path, &cut)?,
         "csv" | "txt" => csv_file::read(path, &cut, trial.sample_rate_hz)?,
         other => {
-            // A name that was mistyped is a file that is not there before it is one of the wrong kind.
+            // A mistyped name is reported as a missing file, not as a file of an unknown kind.
             std::fs::metadata(path).map_err(Error::io("read", path))?;
-            let problem = format!("'{other}' files are not known; give .wav or .csv");
+            let problem = format!("'{other}' files cannot be read: give .wav or .csv");
             return Err(Error::file(path, problem));
         }
     };
     let mut axes = source.channels;
     if axes.first().is_none_or(Vec::is_empty) {
-        let problem = format!("holds no samples after {} s", cut.start_s);
+        let problem = format!(
+            "holds no samples after {} s: give an earlier start_s",
+            cut.start_s
+        );
         return Err(Error::file(path, problem));
     }
     check_finite(path, &axes, source.first_frame)?;
@@ -42,7 +45,7 @@ pub fn read(trial: &Trial) -> Result<Samples> {
     if (rate_hz - f64::from(SAMPLE_RATE_HZ)).abs() > 0.0 {
         axes = at_model_rate(path, &axes, rate_hz)?;
     }
-    // Exactly one where a trial says nothing of a scale.
+    // The scale is exactly one if the list has none.
     if trial.scale_m_s2.to_bits() != 1.0f64.to_bits() {
         for sample in axes.iter_mut().flatten() {
             *sample *= trial.scale_m_s2;
@@ -62,13 +65,13 @@ fn extension(path: &Path) -> String {
 
 fn check_finite(path: &Path, channels: &[Vec<f64>], first_frame: usize) -> Result<()> {
     for (channel, samples) in channels.iter().enumerate() {
-        // A sum is finite only if all of its terms are; looking for the place costs time only where there is one.
+        // A sum is finite only if all of its terms are, so that only a bad recording costs a search.
         if samples.iter().sum::<f64>().is_finite() {
             continue;
         }
         if let Some(index) = samples.iter().position(|sample| !sample.is_finite()) {
             let problem = format!(
-                "sample {} of channel {} is not a finite number; cut it out (start_s, duration_s) or record it again",
+                "sample {} of channel {} is not a finite number: cut it out (start_s, duration_s) or record it again",
                 first_frame + index,
                 channel + 1
             );
@@ -81,7 +84,9 @@ fn check_finite(path: &Path, channels: &[Vec<f64>], first_frame: usize) -> Resul
 fn at_model_rate(path: &Path, axes: &[Vec<f64>], rate_hz: f64) -> Result<Vec<Vec<f64>>> {
     let whole = rate_hz.round();
     if (rate_hz - whole).abs() > 1e-9 * rate_hz || whole < 1.0 || whole > f64::from(u32::MAX) {
-        let problem = format!("a sample rate of {rate_hz} Hz is not a whole number of hertz");
+        let problem = format!(
+            "a sample rate of {rate_hz} Hz is not a whole number of hertz: resample it first"
+        );
         return Err(Error::file(path, problem));
     }
     resample::resample(axes, whole as u32, SAMPLE_RATE_HZ)

@@ -1,18 +1,18 @@
-//! Band-limited change of sample rate.
+//! Band-limited conversion of the sample rate.
 
 use rubato::audioadapter_buffers::direct::SequentialSliceOfVecs;
 use rubato::{Fft, FixedSync, Resampler, WindowFunction};
 
-/// About how many samples one block of the resampler's transform has: its transition band is a few per cent of the
-/// lower Nyquist frequency.
+/// Approximate length of a block of the resampler's transform, in samples of the lower rate. Its transition band is
+/// then a few per cent of the lower Nyquist frequency.
 const BLOCK: usize = 2048;
 
-/// `channels` of `from_hz` at `to_hz`, with all that is above either rate's half removed.
+/// Converts `channels` from `from_hz` to `to_hz`, and removes everything above half the lower rate.
 ///
-/// Rates are whole numbers of hertz, above zero; channels have one length.
+/// Both rates are above zero; channels have equal length. Time is kept: sample n of the result is at n / `to_hz`.
 ///
 /// # Errors
-/// What the resampler says of rates that it cannot bring together.
+/// The resampler's message, for rates that it cannot convert.
 pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Result<Vec<Vec<f64>>, String> {
     let frames = channels.first().map_or(0, Vec::len);
     if frames == 0 || from_hz == to_hz {
@@ -20,7 +20,7 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Result<Vec<V
     }
     let (from, to) = (from_hz as usize, to_hz as usize);
     let step = from / gcd(from, to);
-    // An even number of steps, so that the resampler's delay of half a block is a whole number of samples.
+    // An even number of steps makes the resampler's delay of half a block a whole number of samples.
     let steps = 2 * (BLOCK * from.max(to) / to).div_ceil(2 * step);
     let mut resampler = Fft::<f64>::new_custom(
         from,

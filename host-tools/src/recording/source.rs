@@ -1,16 +1,19 @@
-//! A part of a file, as the file has it.
+//! Part of a recording's file, at the file's own sample rate.
 
-/// Which part of a file to use, s.
+/// Largest number of channels of a recording: three axes.
+pub const MAX_CHANNELS: usize = 3;
+
+/// Part of a file that is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cut {
-    /// Where it begins.
+    /// Start of the part, s from the beginning of the file.
     pub start_s: f64,
-    /// How long it is at most.
+    /// Longest duration of the part, s.
     pub duration_s: f64,
 }
 
 impl Cut {
-    /// First frame and the one after the last, at `rate_hz`.
+    /// Returns the first frame and the one after the last, at `rate_hz`.
     pub(super) fn frames(&self, rate_hz: f64) -> (usize, usize) {
         let first = (self.start_s * rate_hz).round() as usize;
         let count = (self.duration_s * rate_hz).round() as usize;
@@ -18,13 +21,13 @@ impl Cut {
     }
 }
 
-/// What a file holds, at its own rate, from the cut's first frame on.
+/// Samples of a file at its own sample rate, from the cut's first frame on.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// Its sample rate, Hz.
+    /// Sample rate of the file, Hz.
     pub rate_hz: f64,
-    /// The frame that the channels begin at.
+    /// Frame of the file at which the channels begin.
     pub first_frame: usize,
-    /// One to three channels of one length.
+    /// One to three channels of equal length.
     pub channels: Vec<Vec<f64>>,
 }

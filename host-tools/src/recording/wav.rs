@@ -1,4 +1,4 @@
-//! WAV files, integer or float samples of any width.
+//! Recordings as WAV files, with integer or float samples of any width.
 
 use std::fs::File;
 use std::path::Path;
@@ -10,16 +10,14 @@ use symphonia::core::io::{MediaSourceStream, MediaSourceStreamOptions};
 use symphonia::default::codecs::PcmDecoder;
 use symphonia::default::formats::WavReader;
 
-use super::MAX_CHANNELS;
-use super::source::{Cut, Source};
+use super::source::{Cut, MAX_CHANNELS, Source};
 use crate::support::error::{Error, Result};
 
-/// Reads the part of a WAV file that `cut` asks for, every sample exactly: float samples as they are, integer ones
-/// divided by their full scale.
+/// Reads the part of a WAV file within `cut`. Every sample is exact: float samples as they are, integer ones divided by
+/// their full scale.
 pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
-    let unusable = |failure: &WavError| {
-        Error::file(path, format!("not a WAV file that can be read: {failure}"))
-    };
+    let unusable =
+        |failure: &WavError| Error::file(path, format!("is not a readable WAV file: {failure}"));
     let file = File::open(path).map_err(Error::io("open", path))?;
     let stream = MediaSourceStream::new(Box::new(file), MediaSourceStreamOptions::default());
     let mut format =
@@ -33,7 +31,10 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     };
     let declared_frames = track.num_frames;
     let Some(rate_hz) = parameters.sample_rate.filter(|&rate| rate > 0) else {
-        return Err(Error::file(path, "does not tell its sample rate"));
+        return Err(Error::file(
+            path,
+            "has no sample rate in its header: convert it again",
+        ));
     };
     let mut decoder = PcmDecoder::try_new(parameters, &AudioDecoderOptions::default())
         .map_err(|e| unusable(&e))?;
@@ -52,7 +53,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         let frames = decoded.frames();
         if decoded.num_planes() > MAX_CHANNELS {
             let problem = format!(
-                "{} channels; there may be 1 to {MAX_CHANNELS}, one an axis",
+                "{} channels: give 1 to {MAX_CHANNELS}, one per axis",
                 decoded.num_planes()
             );
             return Err(Error::file(path, problem));
@@ -69,7 +70,9 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     if let Some(declared) = declared_frames
         && (position as u64) < declared.min(end as u64)
     {
-        let problem = format!("is truncated: {position} of {declared} samples are there");
+        let problem = format!(
+            "is truncated: it holds {position} of {declared} samples; copy or record it again"
+        );
         return Err(Error::file(path, problem));
     }
     Ok(Source {

@@ -1,4 +1,4 @@
-//! Files that are there whole or not at all.
+//! Files that are written whole or not at all.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -6,12 +6,12 @@ use std::path::Path;
 
 use crate::support::error::{Error, Result};
 
-/// Writes `path` through a temporary file beside it, which takes its place only when `write` has succeeded.
+/// Writes `path` by way of a temporary file in the same folder, which replaces it after `write` has succeeded.
 ///
-/// Whatever was there before stays until then, and stays if anything fails.
+/// An earlier file stays until then, and stays after any failure. Returns the value of `write`.
 ///
 /// # Errors
-/// What `write` returns, or that the file cannot be made or put in place.
+/// The error of `write`, or a file that cannot be created or replaced.
 pub fn write_with<T>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
@@ -38,14 +38,14 @@ pub fn write_with<T>(
 /// Writes `bytes` to `path`, whole or not at all.
 ///
 /// # Errors
-/// That the file cannot be made, written or put in place.
+/// A file that cannot be created, written or replaced.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |file| {
         file.write_all(bytes).map_err(Error::io("write", path))
     })
 }
 
-/// Temporary files are private to their owner; a result is an ordinary file.
+/// Gives a file the permissions of an ordinary one, because temporary files are private to their owner.
 #[cfg(unix)]
 fn make_readable(file: &File) -> std::io::Result<()> {
     use std::os::unix::fs::PermissionsExt;

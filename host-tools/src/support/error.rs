@@ -1,27 +1,27 @@
-//! What can go wrong, in words for the person at the keyboard: what, where, and what to do.
+//! Failures in words for the person at the keyboard: the problem, its place, and the remedy.
 
 use std::path::{Path, PathBuf};
 
-/// A failure of a host tool. Each is one line that names the file, the place in it and the remedy.
+/// A failure of a host tool. Each message is one line that names the file, the place in it and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder could not be read or written.
     #[error("{path}: cannot {action}: {source}", path = path.display())]
     Io {
-        /// What was to be done with it, as a verb.
+        /// The operation, as a verb.
         action: &'static str,
         /// The file or folder.
         path: PathBuf,
-        /// Why not.
+        /// The operating system's reason.
         source: std::io::Error,
     },
-    /// A file was read, and what it holds cannot be used.
+    /// The content of a file cannot be used.
     #[error("{path}: {problem}", path = path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and what to do about it.
+        /// The problem and the remedy.
         problem: String,
     },
     /// A line of a text file cannot be used.
@@ -29,32 +29,32 @@ pub enum Error {
     Line {
         /// The file.
         path: PathBuf,
-        /// Its line, from 1.
+        /// The line, from 1.
         line: u64,
-        /// What is wrong, and what to do about it.
+        /// The problem and the remedy.
         problem: String,
     },
-    /// The bytes of a texture library do not hold.
+    /// The bytes of a texture library are not valid.
     #[error("{path}: {source}", path = path.display())]
     Library {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and where.
+        /// The problem and its place.
         source: model_format::DecodeError,
     },
-    /// Models could not be made into a library.
+    /// Models cannot be encoded as a library.
     #[error("{0}")]
     Model(String),
-    /// A request that no file is to blame for.
+    /// A request cannot be fulfilled, for a reason that is not in a file.
     #[error("{0}")]
     Request(String),
 }
 
-/// What the tools return.
+/// Result of a host tool.
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// Makes an I/O error into one that names the file; for `map_err`.
+    /// Returns a function for `map_err` that adds the operation and the file to an I/O error.
     pub fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Io {
@@ -64,7 +64,7 @@ impl Error {
         }
     }
 
-    /// A file whose content cannot be used.
+    /// An error about the content of a file.
     pub fn file(path: &Path, problem: impl Into<String>) -> Self {
         Self::File {
             path: path.to_owned(),
@@ -72,7 +72,7 @@ impl Error {
         }
     }
 
-    /// A line, from 1, that cannot be used.
+    /// An error about a line, from 1, of a file.
     pub fn line(path: &Path, line: u64, problem: impl Into<String>) -> Self {
         Self::Line {
             path: path.to_owned(),

@@ -1,4 +1,4 @@
-//! TOML texts: reading them, places of values in them, and the checks that name those.
+//! TOML texts: parsing, the fields in them, and checks of values whose errors name the field.
 
 use std::path::Path;
 
@@ -8,10 +8,10 @@ use toml::de::DeTable;
 
 use crate::support::error::{Error, Result};
 
-/// Reads TOML `text`; `path` is only named in errors.
+/// Parses TOML `text`; errors name `path`.
 ///
 /// # Errors
-/// Text that is not TOML, a field that is unknown, missing, or of the wrong type, with the line.
+/// Text that is not TOML, or a field that is unknown, missing or of the wrong type, with the line.
 pub(crate) fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
     toml::from_str(text).map_err(|failure| {
         let start = failure.span().map_or(0, |span| span.start);
@@ -20,7 +20,7 @@ pub(crate) fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<
     })
 }
 
-/// The place of a value, as the keys and positions that lead to it.
+/// A field of a TOML text, as the path of keys and indices that leads to it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Field(Vec<Step>);
 
@@ -39,7 +39,7 @@ impl Field {
         self.with(Step::Item(index))
     }
 
-    /// An error at this place of `text`, which is that of `path`.
+    /// An error about this field of `text`, the content of `path`.
     pub(crate) fn error(&self, path: &Path, text: &str, problem: impl std::fmt::Display) -> Error {
         Error::line(path, line_of(text, self), format!("{self}: {problem}"))
     }
@@ -52,7 +52,7 @@ impl Field {
 }
 
 impl std::fmt::Display for Field {
-    /// `texture[2].roughness.rms_um`, counted from 1 as a reader of the file counts.
+    /// Writes a field such as `texture[2].roughness.rms_um`, with indices from 1 as a reader of the file counts.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         for (position, step) in self.0.iter().enumerate() {
             match step {
@@ -65,7 +65,7 @@ impl std::fmt::Display for Field {
     }
 }
 
-/// A value that is out of its range.
+/// A value outside its range.
 pub(crate) struct Fault {
     pub(crate) field: Field,
     pub(crate) problem: String,
@@ -89,17 +89,17 @@ impl Field {
         }
     }
 
-    /// Not NaN, over `low`, at most `high`.
+    /// Requires a value above `low` and at most `high`, which NaN is not.
     pub(crate) fn over(&self, value: f64, low: f64, high: f64) -> Checked {
         self.require(value > low && value <= high, || {
-            format!("must be over {low} and at most {high}, and is {value}")
+            format!("must be above {low} and at most {high}, but is {value}")
         })
     }
 
-    /// Not NaN, from `low` to `high`.
+    /// Requires a value from `low` to `high`, which NaN is not.
     pub(crate) fn within(&self, value: f64, low: f64, high: f64) -> Checked {
         self.require((low..=high).contains(&value), || {
-            format!("must be from {low} to {high}, and is {value}")
+            format!("must be from {low} to {high}, but is {value}")
         })
     }
 
@@ -112,7 +112,7 @@ impl Field {
 
     pub(crate) fn count(&self, count: usize, least: usize, most: usize) -> Checked {
         self.require((least..=most).contains(&count), || {
-            format!("must have {least} to {most} entries, and has {count}")
+            format!("must have {least} to {most} entries, but has {count}")
         })
     }
 
@@ -128,12 +128,12 @@ impl Field {
         Ok(())
     }
 
-    /// A name that can be a folder and a field of a table everywhere.
+    /// Requires a name that every system accepts as that of a folder, and that a table can hold as a field.
     pub(crate) fn name(&self, name: &str) -> Checked {
         self.require(!name.is_empty(), || "must not be empty".into())?;
         self.require(name.len() <= MAX_NAME_BYTES, || {
             format!(
-                "must be at most {MAX_NAME_BYTES} bytes long, and is {}",
+                "must be at most {MAX_NAME_BYTES} bytes long, but is {}",
                 name.len()
             )
         })?;
@@ -152,13 +152,13 @@ impl Field {
     }
 }
 
-/// The line, from 1, of a byte of `text`.
+/// Returns the line, from 1, of a byte of `text`.
 fn line_at(text: &str, byte: usize) -> u64 {
     let before = text.get(..byte).unwrap_or(text);
     1 + before.matches('\n').count() as u64
 }
 
-/// The line of a field, or of the nearest thing around it that the text holds.
+/// Returns the line, from 1, of a field, or of the nearest enclosing one that the text holds.
 pub(crate) fn line_of(text: &str, field: &Field) -> u64 {
     let Ok(document) = DeTable::parse(text) else {
         return 1;

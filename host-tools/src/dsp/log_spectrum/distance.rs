@@ -4,7 +4,8 @@ use super::values::{BINS, LogSpectrum, STEP_HZ};
 use crate::dsp::spectrum::{BAND_COUNT, band_edges_hz};
 
 impl LogSpectrum {
-    /// Level of `other` over this in each third-octave band, dB. Both are of [`BINS`] frequencies.
+    /// Returns the level of `other` relative to this spectrum in each third-octave band, in dB. Both have [`BINS`]
+    /// values.
     pub fn band_errors_db(&self, other: &Self) -> [Option<f64>; BAND_COUNT] {
         std::array::from_fn(|band| {
             let (low, high) = band_edges_hz(band);
@@ -13,7 +14,7 @@ impl LogSpectrum {
         })
     }
 
-    /// Power between two frequencies, of one side of the spectrum, with fractional bins at both ends.
+    /// Returns the power between two frequencies on one side of the spectrum, with fractional bins at both ends.
     fn power_between(&self, low_hz: f64, high_hz: f64) -> f64 {
         let (low, high) = (low_hz / STEP_HZ, high_hz / STEP_HZ);
         let first = low.round().max(0.0) as usize;
@@ -26,8 +27,9 @@ impl LogSpectrum {
             .sum()
     }
 
-    /// The paper's cost C, equation (6), of a signal with the spectrum `other` against one with this, were the scatter
-    /// of both smoothed away: amplitudes averaged over a running window `width_hz` wide. Both are of [`BINS`] frequencies.
+    /// Returns the paper's cost C, equation (6), of a signal with the spectrum `other` against one with this spectrum,
+    /// without the scatter of either: amplitudes are averaged over a running window of `width_hz`. Both have [`BINS`]
+    /// values.
     pub fn cost(&self, other: &Self, width_hz: f64) -> f64 {
         let (here, there) = (
             self.smoothed_amplitude(width_hz),

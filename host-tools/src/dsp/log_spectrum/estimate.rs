@@ -5,19 +5,20 @@ use std::f64::consts::PI;
 use super::values::{BINS, LENGTH, LogSpectrum};
 use crate::dsp::with_planner;
 
-/// Sine tapers of an estimate: a bandwidth of 4 Hz for 2 s, and leakage that falls with the fourth power of the
-/// distance (Riedel and Sidorenko, IEEE Trans. Signal Processing 43, 1995, 188).
+/// Number of sine tapers of an estimate. The bandwidth for 2 s is 4 Hz, and the leakage falls with the fourth power of
+/// the distance (Riedel and Sidorenko, IEEE Trans. Signal Processing 43, 1995, 188).
 const TAPERS: usize = 7;
 
-/// The least density, as a share of the power, whose logarithm is taken: 120 dB below.
+/// Floor of the density before its logarithm is taken, as a share of the power: 120 dB below it.
 const FLOOR: f64 = 1e-12;
 
 impl LogSpectrum {
-    /// The spectrum of `signals`, taken together, each weighed by its length: pieces of 2 s (or one shorter), each the
-    /// mean of seven periodograms with sine tapers. `None` if they have no power.
+    /// Estimates the common spectrum of `signals`, at the models' sample rate, each weighted by its length. Each signal
+    /// is divided into pieces of at most 2 s, and the spectrum of a piece is the mean of seven periodograms with sine
+    /// tapers. Returns `None` if the signals have no power.
     ///
-    /// What the logarithm of a mean of few periodograms lacks on average (ln n - ψ(n) for n of them) is added, so that
-    /// means of logarithms have the level of the signal.
+    /// The logarithm of the mean of n periodograms is biased by -(ln n - ψ(n)). The estimate is corrected for it, so
+    /// that means of logarithms have the level of the signal.
     pub fn estimate(signals: &[&[f64]]) -> Option<Self> {
         let mut density = vec![0.0; BINS];
         let (mut weight, mut periodograms) = (0.0, 0);
@@ -38,13 +39,13 @@ impl LogSpectrum {
     }
 }
 
-/// `signal` in pieces of at most [`LENGTH`]: as few of equal length as hold it all.
+/// Divides `signal` into the smallest number of equal pieces of at most [`LENGTH`] samples.
 fn pieces(signal: &[f64]) -> impl Iterator<Item = &[f64]> {
     let count = signal.len().div_ceil(LENGTH).max(1);
     signal.chunks(signal.len().div_ceil(count).max(1))
 }
 
-/// Adds to `density` the periodogram of `piece` under sine taper `taper` (from 1), times the piece's length.
+/// Adds to `density` the periodogram of `piece` with sine taper `taper`, from 1, times the piece's length.
 fn add_periodogram(piece: &[f64], taper: usize, density: &mut [f64]) {
     let step = PI * taper as f64 / (piece.len() + 1) as f64;
     let scale = (2.0 / (piece.len() + 1) as f64).sqrt();
@@ -57,14 +58,14 @@ fn add_periodogram(piece: &[f64], taper: usize, density: &mut [f64]) {
     transform
         .process(&mut tapered, &mut spectrum)
         .expect("lengths come from the plan");
-    // Tapers have unit energy; the mean over tapers is taken here, that over pieces by their length.
+    // Tapers have unit energy. The mean over tapers is taken here, and the mean over pieces by the caller.
     let weight = piece.len() as f64 / TAPERS as f64;
     for (sum, bin) in density.iter_mut().zip(&spectrum) {
         *sum += weight * bin.norm_sqr();
     }
 }
 
-/// The digamma function of a whole number above zero (Abramowitz and Stegun 6.3.2).
+/// Digamma function ψ of an integer above zero (Abramowitz and Stegun 6.3.2).
 fn digamma(n: usize) -> f64 {
     const EULER: f64 = 0.577_215_664_901_532_9;
     (1..n).map(|k| 1.0 / k as f64).sum::<f64>() - EULER

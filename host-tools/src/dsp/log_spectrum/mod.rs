@@ -3,8 +3,8 @@
 //!
 //! Values are evenly spaced from 0 Hz to half the models' sample rate. Each is the natural logarithm of the two-sided
 //! density times the sample rate, so that the mean of their exponentials over all frequencies is the power. Spectra of
-//! recordings have [`BINS`] values, [`STEP_HZ`] apart. Spectra of models may have more, because a resonance of a model can
-//! be narrower than any that a recording resolves.
+//! recordings have [`BINS`] values, [`STEP_HZ`] apart. Spectra of models may have more, because a resonance of a model
+//! can be narrower than any that a recording resolves.
 
 mod distance;
 mod estimate;

@@ -9,12 +9,13 @@ use crate::dsp::model::Model;
 use crate::dsp::with_planner;
 
 impl LogSpectrum {
-    /// The spectrum of what `model` puts out, which is not silent, at [`BINS`] frequencies.
+    /// Returns the spectrum of the output of `model`, which must not be silent, at [`BINS`] frequencies.
     pub fn of_model(model: &Model) -> Self {
         Self::of_model_at(model, BINS)
     }
 
-    /// The spectrum of what `model` puts out, which is not silent, at `bins` frequencies, more than the model's order.
+    /// Returns the spectrum of the output of `model`, which must not be silent, at `bins` frequencies, which must be
+    /// more than the model's order.
     pub fn of_model_at(model: &Model, bins: usize) -> Self {
         let length = 2 * (bins - 1);
         let mut response = vec![0.0; length];
@@ -32,7 +33,7 @@ impl LogSpectrum {
         Self::from_values(spectrum.iter().map(log).collect())
     }
 
-    /// The autocorrelation from lag 0 to `max_lag`.
+    /// Returns the autocorrelation from lag 0 to `max_lag`.
     pub fn autocorrelation(&self, max_lag: usize) -> Vec<f64> {
         let length = 2 * (self.values().len() - 1);
         let transform = with_planner(|planner| planner.plan_fft_inverse(length));
@@ -50,12 +51,12 @@ impl LogSpectrum {
         lags
     }
 
-    /// The linear predictor of this spectrum, of every order up to `max_order`.
+    /// Returns the linear predictors of this spectrum, of every order up to `max_order`.
     pub fn prediction(&self, max_order: usize) -> Prediction {
         Prediction::levinson_durbin(&corrected(self.autocorrelation(max_order)), max_order)
     }
 
-    /// The model of order `order` with this spectrum, and its power.
+    /// Returns the model of order `order` of this spectrum, with its power.
     pub fn model(&self, order: usize) -> Model {
         Model {
             reflection: self.prediction(order).reflection,
@@ -64,21 +65,23 @@ impl LogSpectrum {
         }
     }
 
-    /// The model of the least order that is as near to this spectrum as another would be to the ear of the skin: every
-    /// third octave from 20 to 1000 Hz within `tolerance_db`, and the [cost](Self::cost) within 5 %. Of the highest order
-    /// where none is.
+    /// Returns the model of the lowest order that cannot be told from this spectrum by touch: every third-octave band
+    /// from 20 to 1000 Hz is within `tolerance_db`, and the [cost](Self::cost) is at most 5 %. If there is none, it is
+    /// the model of the highest order.
     pub fn economical_model(&self, tolerance_db: f64) -> Model {
         const ORDERS: [usize; 11] = [15, 25, 40, 60, 80, 110, 150, 200, 260, 330, 400];
-        const COST: f64 = 0.05;
+        const MAX_COST: f64 = 0.05;
         let full = self.model(limits::MAX_ORDER);
         for order in ORDERS {
             let model = Model {
                 reflection: full.reflection[..order.min(full.reflection.len())].to_vec(),
                 ..full.clone()
             };
-            let there = Self::of_model(&model);
+            let spectrum = Self::of_model(&model);
             let near = |error: &Option<f64>| error.is_none_or(|e| e.abs() <= tolerance_db);
-            if self.band_errors_db(&there).iter().all(near) && self.cost(&there, 20.0) <= COST {
+            if self.band_errors_db(&spectrum).iter().all(near)
+                && self.cost(&spectrum, 20.0) <= MAX_COST
+            {
                 return model;
             }
         }

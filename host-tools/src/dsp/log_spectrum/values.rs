@@ -5,43 +5,44 @@ use model_format::SAMPLE_RATE_HZ;
 /// Length of the transforms behind a spectrum, samples: 2 s.
 pub(super) const LENGTH: usize = 10_000;
 
-/// Frequencies of a spectrum, from 0 Hz to half the models' rate.
+/// Number of frequencies of a recording's spectrum, from 0 Hz to half the models' sample rate.
 pub const BINS: usize = LENGTH / 2 + 1;
 
-/// Frequencies that hold the resonances of models of any order fitted to 2 s: 0.06 Hz apart.
+/// Number of frequencies that resolve the resonances of models of any order fitted to 2 s: 0.06 Hz apart.
 pub const FINE_BINS: usize = 4 * LENGTH + 1;
 
-/// From one frequency to the next of [`BINS`], Hz.
+/// Step between the frequencies of [`BINS`], Hz.
 pub const STEP_HZ: f64 = SAMPLE_RATE_HZ as f64 / LENGTH as f64;
 
-/// The logarithm of a power spectrum.
+/// Logarithm of a power spectrum.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogSpectrum(Vec<f64>);
 
 impl LogSpectrum {
-    /// A spectrum from its values, evenly from 0 Hz to half the rate.
+    /// A spectrum from its values, evenly spaced from 0 Hz to half the sample rate.
     ///
     /// # Panics
-    /// If there are fewer than two.
+    /// For fewer than two values.
     pub fn from_values(values: Vec<f64>) -> Self {
         assert!(values.len() > 1, "a spectrum has two ends");
         Self(values)
     }
 
-    /// Its values.
+    /// Returns the values.
     pub fn values(&self) -> &[f64] {
         &self.0
     }
 
-    /// The power, (signal's unit)².
+    /// Returns the power, in (signal's unit)².
     pub fn power(&self) -> f64 {
         let last = self.0.len() - 1;
         let inner: f64 = self.0[1..last].iter().map(|l| l.exp()).sum();
         (self.0[0].exp() + 2.0 * inner + self.0[last].exp()) / (2 * last) as f64
     }
 
-    /// The spectrum of the same surface at another speed, if all of it came from the surface: what stood at f now stands
-    /// at f · `to_speed` / `from_speed`. Beyond half the rate the last value goes on.
+    /// Returns the spectrum of the same surface at another speed, on the assumption that all of it comes from the
+    /// surface: components at f move to f · `to_speed` / `from_speed`. The last value continues beyond half the sample
+    /// rate.
     #[must_use]
     pub fn warped(&self, from_speed: f64, to_speed: f64) -> Self {
         let ratio = from_speed / to_speed;
@@ -52,15 +53,15 @@ impl LogSpectrum {
         )
     }
 
-    /// The value at a place between bins, in bins; the ends go on.
-    pub(crate) fn at(&self, place: f64) -> f64 {
-        let place = place.clamp(0.0, (self.0.len() - 1) as f64);
-        let below = (place as usize).min(self.0.len() - 2);
-        let fraction = place - below as f64;
+    /// Interpolates the value at a fractional bin; the values at both ends continue beyond them.
+    pub(crate) fn at(&self, bin: f64) -> f64 {
+        let bin = bin.clamp(0.0, (self.0.len() - 1) as f64);
+        let below = (bin as usize).min(self.0.len() - 2);
+        let fraction = bin - below as f64;
         self.0[below] + (self.0[below + 1] - self.0[below]) * fraction
     }
 
-    /// The weighted mean of logarithms of one number of frequencies; weights add up to one.
+    /// Returns the weighted mean of spectra with equal numbers of frequencies; the weights add up to one.
     pub fn mean(terms: &[(f64, &Self)]) -> Self {
         let mut sum = vec![0.0; terms.first().map_or(BINS, |(_, spectrum)| spectrum.0.len())];
         for (weight, spectrum) in terms {

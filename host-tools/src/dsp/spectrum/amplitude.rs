@@ -4,9 +4,10 @@ use std::f64::consts::TAU;
 
 use crate::dsp::with_planner;
 
-/// One-sided DFT amplitude |X(k)|, k = 0 ... ⌊N/2⌋, of a signal of any length N, in the signal's unit and not scaled.
+/// One-sided DFT amplitude |X(k)|, k = 0 ... ⌊N/2⌋, of a signal of any length N, in the signal's unit and without
+/// scaling.
 ///
-/// Bin k stands at k · `rate_hz` / N. Nothing comes of nothing: an empty signal has no bins.
+/// Bin k is at the frequency k · `rate_hz` / N. An empty signal has no bins.
 pub fn dft_amplitude(signal: &[f64]) -> Vec<f64> {
     if signal.is_empty() {
         return Vec::new();
@@ -20,10 +21,10 @@ pub fn dft_amplitude(signal: &[f64]) -> Vec<f64> {
     output.iter().map(|bin| bin.norm()).collect()
 }
 
-/// S{a}: [`dft_amplitude`] convolved with a Hann kernel whose full width, zero to zero, is `width_hz`.
+/// Smoothed amplitude S{a}: [`dft_amplitude`] convolved with a Hann kernel of the full width `width_hz`, zero to zero.
 ///
-/// At 0 Hz and at half the rate the kernel is cut off and what is left of it weighs one again, so that a flat spectrum
-/// stays flat. A width of at most two bins is no smoothing. The work grows with N² · `width_hz` / `rate_hz`.
+/// At 0 Hz and at half the sample rate the kernel is truncated and normalised again, so that a flat spectrum stays
+/// flat. A width of at most two bins is no smoothing. The work is proportional to N² · `width_hz` / `rate_hz`.
 pub fn smoothed_amplitude(signal: &[f64], rate_hz: f64, width_hz: f64) -> Vec<f64> {
     smooth(
         &dft_amplitude(signal),
@@ -32,7 +33,8 @@ pub fn smoothed_amplitude(signal: &[f64], rate_hz: f64, width_hz: f64) -> Vec<f6
     )
 }
 
-/// Convolves values that are `step_hz` apart with a Hann kernel of full width `width_hz`, renormalised at both ends.
+/// Convolves values that are `step_hz` apart with a Hann kernel of full width `width_hz`, normalised again at both
+/// ends.
 fn smooth(values: &[f64], step_hz: f64, width_hz: f64) -> Vec<f64> {
     let tail = hann_tail(width_hz / step_hz, values.len());
     // tail_sums[n] is the sum of the first n weights.
@@ -57,8 +59,8 @@ fn smooth(values: &[f64], step_hz: f64, width_hz: f64) -> Vec<f64> {
     (0..values.len()).map(mean_around).collect()
 }
 
-/// Weights of a Hann kernel of full width `width` steps at 1, 2, ... steps from its centre, which weighs one; no more
-/// than `most` of them.
+/// Returns the weights of a Hann kernel of full width `width` steps at 1, 2, ... steps from its centre, whose weight is
+/// one; at most `most` of them.
 pub(super) fn hann_tail(width: f64, most: usize) -> Vec<f64> {
     (1..=most)
         .map(|offset| offset as f64)

@@ -2,10 +2,11 @@
 
 use super::power::PowerSpectrum;
 
-/// Smallest change of amplitude that is felt, dB: the lower of 2.2 to 2.5 dB (Israr 2006). Errors below it do not matter.
+/// Just noticeable difference of amplitude, dB: the lower end of 2.2 to 2.5 dB (Israr 2006). Smaller errors are not
+/// felt.
 pub const AMPLITUDE_JND_DB: f64 = 2.2;
 
-/// Third-octave bands from 20 Hz to 1 kHz: what skin feels and a stylus can play.
+/// Number of third-octave bands, from 20 Hz to 1 kHz, the range that skin feels and a stylus can play.
 pub const BAND_COUNT: usize = 18;
 
 /// Nominal centre frequencies of the bands, Hz, as IEC 61260-1 labels them.
@@ -14,18 +15,19 @@ pub const BAND_LABELS_HZ: [&str; BAND_COUNT] = [
     "500", "630", "800", "1000",
 ];
 
-/// A third octave in base ten (IEC 61260-1), as a difference of decimal logarithms of frequency.
+/// Third octave in base ten (IEC 61260-1), as a difference of decimal logarithms of frequency.
 pub(super) const THIRD_OCTAVE: f64 = 0.1;
 
-/// Exact centre frequency of band `band` of [`BAND_LABELS_HZ`], Hz: 1000 · 10^(k/10), k = -17 ... 0, base ten of
-/// IEC 61260-1.
+/// Returns the exact centre frequency of band `band`, the index into [`BAND_LABELS_HZ`], in Hz: 1000 · 10^(k/10),
+/// k = -17 ... 0, base ten of IEC 61260-1.
 pub fn band_centre_hz(band: usize) -> f64 {
     frequency_on_band_scale_hz(band as f64)
 }
 
-/// Lower and upper edge of band `band`, Hz: its exact centre · 10^(∓1/20). One band ends where the next begins.
+/// Returns the lower and upper edge of band `band`, in Hz: its exact centre · 10^(∓1/20). One band ends where the next
+/// begins.
 pub fn band_edges_hz(band: usize) -> (f64, f64) {
-    // Halves are exact, so that an edge is the same number from both sides.
+    // Halves are exact in binary, so that the common edge of two bands is the same number for both.
     let band = band as f64;
     (
         frequency_on_band_scale_hz(band - 0.5),
@@ -37,10 +39,10 @@ fn frequency_on_band_scale_hz(band: f64) -> f64 {
     1000.0 * 10f64.powf((band - (BAND_COUNT - 1) as f64) * THIRD_OCTAVE)
 }
 
-/// Power in each third-octave band, (signal's unit)², from [`PowerSpectrum::welch`].
+/// Returns the power in each third-octave band, in (signal's unit)², from [`PowerSpectrum::welch`].
 ///
-/// A signal shorter than 1 s is resolved less finely than the lowest bands are wide, and shares power among them.
-/// There is no power above half the rate.
+/// The resolution for a signal shorter than 1 s is coarser than the lowest bands, which then share power. There is no
+/// power above half the sample rate.
 pub fn band_powers(signal: &[f64], rate_hz: f64) -> [f64; BAND_COUNT] {
     let spectrum = PowerSpectrum::welch(signal, rate_hz);
     std::array::from_fn(|band| {
@@ -49,9 +51,9 @@ pub fn band_powers(signal: &[f64], rate_hz: f64) -> [f64; BAND_COUNT] {
     })
 }
 
-/// Level of the synthesised signal over that of the recorded one in each third-octave band, dB.
+/// Returns the level of the synthesised signal relative to the recorded one in each third-octave band, in dB.
 ///
-/// `None` for a band in which one of them has no power at all, so that there is no ratio.
+/// It is `None` for a band in which one of the signals has no power.
 pub fn band_errors_db(
     recorded: &[f64],
     synthesised: &[f64],
@@ -64,7 +66,7 @@ pub fn band_errors_db(
     std::array::from_fn(|band| level_db(other[band] / reference[band]))
 }
 
-/// A ratio of powers in dB, if it has a level.
+/// Converts a ratio of powers to dB; `None` if the level is not finite.
 pub(super) fn level_db(ratio: f64) -> Option<f64> {
     Some(10.0 * ratio.log10()).filter(|level| level.is_finite())
 }

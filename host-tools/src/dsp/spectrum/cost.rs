@@ -4,17 +4,17 @@ use std::f64::consts::PI;
 
 use super::amplitude::{hann_tail, smoothed_amplitude};
 
-/// Full width of the Hann kernel that smooths amplitudes, Hz, where nothing else is asked for. The paper does not give
-/// the width of its own.
+/// Default of the full width of the Hann kernel that smooths amplitudes, Hz. The paper does not give its own width.
 pub const DEFAULT_SMOOTHING_WIDTH_HZ: f64 = 20.0;
 
-/// The paper's cost, equation (6): C = RMS(S{a} - S{a_g}) / RMS(S{a}), over all frequencies from 0 to half the rate.
+/// The paper's cost, equation (6): C = RMS(S{a} - S{a_g}) / RMS(S{a}), over all frequencies from 0 to half the sample
+/// rate.
 ///
-/// S is [`smoothed_amplitude`]. The longer signal is cut at its end to the length of the shorter, since amplitudes of
-/// different lengths do not compare. Two independent excerpts of one noise do not come to zero: see
+/// S is [`smoothed_amplitude`]. The end of the longer signal is cut off, because amplitudes of signals of different
+/// lengths cannot be compared. The cost between two independent excerpts of one noise is not zero: see
 /// [`expected_cost_of_noise`].
 ///
-/// `None` when there is nothing to compare with: the recorded signal is empty or silent, or a value is not finite.
+/// Returns `None` if the recorded signal is empty or silent, or if a value is not finite.
 pub fn spectral_cost(
     recorded: &[f64],
     synthesised: &[f64],
@@ -33,11 +33,12 @@ pub fn spectral_cost(
     Some((difference / energy).sqrt()).filter(|cost| cost.is_finite())
 }
 
-/// What [`spectral_cost`] comes to, about, between two independent excerpts, of `len` samples each, of one Gaussian
-/// noise whose spectrum is broad: what a perfect model scores, since it does not copy the recording.
+/// Returns the approximate [`spectral_cost`] between two independent excerpts, of `len` samples each, of one Gaussian
+/// noise with a broad spectrum. A perfect model has this cost, because it does not copy the recording.
 ///
-/// Amplitudes of Gaussian noise are Rayleigh distributed, with a variance of 4/π - 1 times their squared mean;
-/// smoothing with weights w divides it by (Σw)²/Σw², and the difference of two has twice as much.
+/// Amplitudes of Gaussian noise are Rayleigh distributed, with a variance of 4/π - 1 times their squared mean.
+/// Smoothing with weights w divides the variance by (Σw)²/Σw², and the difference of two amplitudes has twice the
+/// variance.
 pub fn expected_cost_of_noise(len: usize, rate_hz: f64, width_hz: f64) -> f64 {
     let tail = hann_tail(width_hz * len as f64 / rate_hz, len / 2);
     let sum = 1.0 + 2.0 * tail.iter().sum::<f64>();

@@ -3,19 +3,19 @@
 use super::bands::{THIRD_OCTAVE, level_db};
 use super::power::PowerSpectrum;
 
-/// How many windows of the log-spectral distance begin within a third octave.
+/// Number of windows that begin within a third octave.
 const WINDOWS_PER_THIRD_OCTAVE: f64 = 10.0;
 
-/// Log-spectral distance, dB: the RMS, over the logarithm of frequency from `low_hz` to `high_hz`, of the difference of
-/// two power spectra in dB, each smoothed by a sliding third-octave window.
+/// Log-spectral distance, dB: the RMS difference, over the logarithm of frequency from `low_hz` to `high_hz`, of two
+/// power spectra in dB, each smoothed by a sliding third-octave window.
 ///
-/// The spectra are [`PowerSpectrum::welch`], so that signals of different lengths compare. Windows lie wholly within
-/// the range and are a tenth of a third octave apart; a range narrower than a third octave is one window. A third
-/// octave is about the smallest change of frequency that skin tells apart (Weber fraction 0.18 to 0.25, Israr 2006),
-/// and it averages the scatter of single bins, which would else hide how near two takes of one surface are. A
-/// difference of level counts like any other; to compare shapes only, bring both to the same power first.
+/// The spectra are [`PowerSpectrum::welch`], so that signals of different lengths can be compared. Windows lie wholly
+/// within the range, at steps of a tenth of a third octave; a range narrower than a third octave is one window. A third
+/// octave is about the just noticeable difference of frequency on skin (Weber fraction 0.18 to 0.25, Israr 2006). It
+/// also averages the scatter of single bins, which would otherwise dominate the distance between two takes of one
+/// surface. Differences of level count; to compare shapes only, scale both signals to the same power first.
 ///
-/// `None` when the range is empty, or one of the signals has no power in some window.
+/// Returns `None` if the range is empty, or if one of the signals has no power in some window.
 pub fn log_spectral_distance_db(
     a: &[f64],
     b: &[f64],
@@ -36,7 +36,7 @@ pub fn log_spectral_distance_db(
     Some(mean.sqrt()).filter(|distance| distance.is_finite())
 }
 
-/// Windows a third octave wide, a tenth of that apart, from edge to edge of a range of frequencies, Hz.
+/// Returns windows of a third octave at steps of a tenth of that, from edge to edge of a range of frequencies, in Hz.
 fn third_octave_windows(low_hz: f64, high_hz: f64) -> Vec<(f64, f64)> {
     if !(low_hz > 0.0 && low_hz < high_hz) {
         return Vec::new();

@@ -4,24 +4,25 @@ use std::f64::consts::TAU;
 
 use super::amplitude::dft_amplitude;
 
-/// Duration of a segment of Welch's estimate, s: it resolves the lowest band, 4.6 Hz wide.
+/// Duration of a segment of Welch's estimate, s. It resolves the lowest third-octave band, which is 4.6 Hz wide.
 const SEGMENT_S: f64 = 1.0;
 
-/// A power spectral density: the power of a signal by frequency.
+/// Power spectral density of a signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PowerSpectrum {
-    /// (signal's unit)²/Hz, one-sided. Value k stands for the frequencies nearer to k · `step_hz` than to another.
+    /// One-sided density, (signal's unit)²/Hz. Value k is for the frequencies nearer to k · `step_hz` than to any
+    /// other.
     density: Vec<f64>,
     step_hz: f64,
     nyquist_hz: f64,
 }
 
 impl PowerSpectrum {
-    /// Welch's estimate: the mean periodogram of Hann-windowed segments of 1 s, or of the whole signal where that is
-    /// shorter. Segments overlap by half, or by a little more where that lets them end with the signal.
+    /// Welch's estimate: the mean periodogram of Hann-windowed segments of 1 s, or of the whole signal if it is
+    /// shorter. Segments overlap by half, or by slightly more so that the last one ends with the signal.
     ///
-    /// Scaled by the window's energy, so that the density integrates to the power of a stationary signal. A signal of
-    /// fewer than two samples has no power here, since a window of one sample is zero.
+    /// The density is scaled by the window's energy, so that it integrates to the power of a stationary signal. A
+    /// signal of fewer than two samples has no power here, because a window of one sample is zero.
     pub fn welch(signal: &[f64], rate_hz: f64) -> Self {
         let segment = ((SEGMENT_S * rate_hz).round() as usize).clamp(1, signal.len().max(1));
         let window: Vec<f64> = (0..segment)
@@ -52,9 +53,10 @@ impl PowerSpectrum {
         }
     }
 
-    /// Power between two frequencies, (signal's unit)²: the integral of the density, with fractional bins at both ends.
+    /// Returns the power between two frequencies, in (signal's unit)²: the integral of the density, with fractional
+    /// bins at both ends.
     ///
-    /// The bins at 0 Hz and at half the rate reach to those frequencies only, and nothing is beyond them.
+    /// The first bin starts at 0 Hz and the last one ends at half the sample rate; there is no power beyond.
     pub fn power_between(&self, low_hz: f64, high_hz: f64) -> f64 {
         let (low, high) = (low_hz.max(0.0), high_hz.min(self.nyquist_hz));
         if low >= high {

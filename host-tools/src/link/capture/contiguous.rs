@@ -25,7 +25,8 @@ pub struct Capture {
     pub holes: u32,
 }
 
-/// Records `seconds` without a hole, after `settle_s` that are left out. Returns `None` as soon as `goes_on` returns false.
+/// Records `seconds` without a hole, after `settle_s` that are left out. Returns `None` as soon as `goes_on` returns
+/// false.
 ///
 /// After each block `heard` gets all samples of the stretch so far, their number at its end, and the sample rate in Hz.
 ///
@@ -65,7 +66,8 @@ pub fn capture(
             return Err(LinkError::Lossy {
                 link: device.address().to_string(),
                 what: format!(
-                    "no {seconds} s without a hole in {:.1} s ({loss}): close other programs that use the link, or use USB",
+                    "no {seconds} s without a hole in {:.1} s ({loss}): close other programs that use the \
+                     link, or use USB",
                     most_ticks as f64 / f64::from(rate_hz)
                 ),
             });

@@ -55,7 +55,8 @@ impl<'a> Stream<'a> {
             Ok(stream)
         } else {
             Err(device.not_verified(format!(
-                "the device records blocks of {} samples at {} Hz, but this program expects {BLOCK_SAMPLES} samples: update the device",
+                "the device records blocks of {} samples at {} Hz, but this program expects \
+                 {BLOCK_SAMPLES} samples: update the device",
                 started.block_samples, started.sample_rate_hz
             )))
         }

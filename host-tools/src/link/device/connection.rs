@@ -107,7 +107,8 @@ impl Device {
                 Ok((requester, info)) => {
                     requester.close();
                     return Err(self.not_verified(format!(
-                        "another device answers (serial number {} instead of {}): plug the first one in and start again",
+                        "another device answers (serial number {} instead of {}): plug the first \
+                         one in and start again",
                         info.serial, self.info.serial
                     )));
                 }

@@ -34,8 +34,8 @@ impl PlannedTrial {
     /// `texture` stands in for an empty or missing one.
     ///
     /// # Errors
-    /// A file that cannot be read, a missing or unknown column, or a line without a texture or with a speed or force that
-    /// is not a number of at least zero.
+    /// A file that cannot be read, a missing or unknown column, or a line without a texture or with a speed or force
+    /// that is not a number of at least zero.
     pub fn from_csv(path: &Path, texture: Option<&str>) -> Result<Vec<Self>> {
         #[derive(serde::Deserialize)]
         #[serde(deny_unknown_fields)]

@@ -6,9 +6,9 @@
 //! 0.0,0,0.5
 //! 1.5,120,0.8
 //! ```
-//! Columns may stand in any order, and other columns are ignored. A column `position_mm` gives the position on the path;
-//! without it the position is the integral of the speed, from 0 mm. A column `contact`, 0 or 1, gives contact with the
-//! surface; without it the contact follows from the force.
+//! Columns may stand in any order, and other columns are ignored. A column `position_mm` gives the position on the
+//! path; without it the position is the integral of the speed, from 0 mm. A column `contact`, 0 or 1, gives contact
+//! with the surface; without it the contact follows from the force.
 
 mod path;
 mod point;

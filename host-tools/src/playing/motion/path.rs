@@ -9,19 +9,19 @@ use super::point::{Point, interpolate};
 use super::table::{self, Table};
 use crate::support::error::{Error, Result};
 
-/// A speed and a force at every moment from 0 s on.
+/// A speed and a force at every moment from 0 s on, and optionally position and contact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionPath {
     /// At least one, in ascending order of time.
     points: Vec<Point>,
-    /// Whether the file told the place; else it is the integral of the speed.
+    /// True if the file gives the position; otherwise it is the integral of the speed.
     tells_position: bool,
-    /// Whether the file told contact; else it follows from the force.
+    /// True if the file gives contact; otherwise it follows from the force.
     tells_contact: bool,
 }
 
 impl MotionPath {
-    /// The same speed, mm/s, and force, N, for ever.
+    /// A motion of constant speed, mm/s, and force, N, without end.
     ///
     /// # Errors
     /// A speed or force that is not finite.
@@ -45,14 +45,14 @@ impl MotionPath {
         })
     }
 
-    /// Reads a CSV file with the columns `time_s`, `speed_mm_s` and `force_n`, and `position_mm` and `contact` if there are
-    /// such; see the module's beginning.
+    /// Reads a CSV file with the columns `time_s`, in s, `speed_mm_s` and `force_n`, and optionally `position_mm` and
+    /// `contact`; see [the module](super).
     ///
-    /// Times begin at zero or later and rise from row to row.
+    /// Times start at zero or later and rise from row to row.
     ///
     /// # Errors
-    /// That the file cannot be read, a column that is missing, a file without rows, and, with its line, a row that is
-    /// not of the header's length, a value that is not a finite number, and a time that does not rise.
+    /// A file that cannot be read or has no rows, a missing column, or, with its line, a row of another length than the
+    /// header, a value that is not a finite number, or a time that does not rise.
     pub fn from_csv(path: &Path) -> Result<Self> {
         let Table {
             points,
@@ -66,16 +66,16 @@ impl MotionPath {
         })
     }
 
-    /// The motion at `time_s`, interpolated linearly between rows; before the first it is the first's, after the last the
-    /// last's.
+    /// Returns the motion at `time_s`, linearly interpolated between rows, and held before the first and after the last
+    /// row.
     ///
-    /// A speed that changes its sign passes through rest, as a hand does that turns round.
+    /// A speed that changes its sign passes through zero, as that of a hand that reverses.
     pub fn at(&self, time_s: f64) -> Motion {
         let (speed, force) = self.values_at(time_s);
-        Motion::new(speed, force).expect("what lies between finite values is finite")
+        Motion::new(speed, force).expect("values between finite ones are finite")
     }
 
-    /// Speed, of either sign, and force at `time_s`, as [`MotionPath::at`] interpolates them; both finite.
+    /// Returns the signed speed and the force at `time_s`, interpolated as by [`MotionPath::at`]; both are finite.
     pub fn values_at(&self, time_s: f64) -> (MillimetresPerSecond, Newton) {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
         let (speed_mm_s, force_n) = match (after.checked_sub(1), self.points.get(after)) {
@@ -96,8 +96,10 @@ impl MotionPath {
         (MillimetresPerSecond(speed_mm_s), Newton(force_n))
     }
 
-    /// The place on the path at `time_s`, mm: what the file tells, linear between rows and held at both ends, or the integral
-    /// of the speed as [`MotionPath::values_at`] interpolates it, from 0 mm at 0 s.
+    /// Returns the position on the path at `time_s`, in mm.
+    ///
+    /// It is that of the file, linear between rows and held at both ends. Without one it is the integral of the speed
+    /// of [`MotionPath::values_at`], from 0 mm at 0 s.
     pub fn position_mm_at(&self, time_s: f64) -> f64 {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
         let first = &self.points[0];
@@ -119,14 +121,14 @@ impl MotionPath {
         }
     }
 
-    /// Whether the tool touches at `time_s`, if the file tells: what the last row up to then says.
+    /// Returns the contact of the last row up to `time_s`, or `None` if the file does not give contact.
     pub fn contact_at(&self, time_s: f64) -> Option<bool> {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
         self.tells_contact
             .then(|| self.points[after.saturating_sub(1)].contact)
     }
 
-    /// When the last row is, s; zero for a constant motion.
+    /// Returns the time of the last row, in s; zero for a constant motion.
     pub fn duration_s(&self) -> f64 {
         self.points.last().map_or(0.0, |point| point.time_s)
     }
@@ -230,7 +232,7 @@ mod tests {
             let ends = [before.or(after).unwrap(), after.or(before).unwrap()];
             let lowest = ends[0].force_n.min(ends[1].force_n);
             let highest = ends[0].force_n.max(ends[1].force_n);
-            // A motion does not tell its parts, but two of them compare.
+            // A `Motion` does not give its parts, but two of them compare.
             let fraction = if ends[0] == ends[1] { 0.0 } else {
                 (moment - ends[0].time_s) / (ends[1].time_s - ends[0].time_s)
             };

@@ -1,19 +1,19 @@
-//! One moment of a motion, and interpolation from one to the next.
+//! One moment of a motion, and interpolation from one moment to the next.
 
-/// What is known of one moment. All numbers are finite.
+/// A motion at one moment. All numbers are finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Point {
     pub time_s: f64,
-    /// Of either sign: the direction along the surface.
+    /// Signed: the sign is the direction along the surface.
     pub speed_mm_s: f32,
     pub force_n: f32,
-    /// As the file tells it, or the integral of the speed.
+    /// Position of the file, or the integral of the speed.
     pub position_mm: f64,
     pub contact: bool,
 }
 
 impl Point {
-    /// The path from here until `time_s`, at most that of `next`, mm: the integral of a speed that changes evenly.
+    /// Returns the path from here until `time_s`, at most the time of `next`, in mm: the integral of a linear speed.
     pub(super) fn path_mm(&self, next: &Self, time_s: f64) -> f64 {
         let (from, to) = (f64::from(self.speed_mm_s), f64::from(next.speed_mm_s));
         let elapsed_s = time_s - self.time_s;
@@ -22,7 +22,7 @@ impl Point {
     }
 }
 
-/// `from` at a fraction of 0, `to` at 1. In double precision no difference of two `f32` overflows.
+/// Interpolates from `from`, at a fraction of 0, to `to`, at 1. Double precision holds every difference of two `f32`.
 pub(super) fn interpolate(from: f32, to: f32, fraction: f64) -> f32 {
     let (from, to) = (f64::from(from), f64::from(to));
     (from + (to - from) * fraction) as f32

@@ -1,4 +1,4 @@
-//! The table of a motion, as a CSV file has it.
+//! Tables of motions in CSV files.
 
 use std::path::Path;
 
@@ -60,7 +60,7 @@ pub(super) fn read(path: &Path) -> Result<Table> {
     if points.is_empty() {
         return Err(Error::file(
             path,
-            "no rows: a motion needs at least one below its header",
+            "no rows: a motion needs at least one row below its header",
         ));
     }
     Ok(Table {
@@ -70,7 +70,7 @@ pub(super) fn read(path: &Path) -> Result<Table> {
     })
 }
 
-/// Where the columns are.
+/// Indices of a table's columns.
 struct Columns {
     time: usize,
     speed: usize,
@@ -108,7 +108,7 @@ impl Columns {
     }
 
     fn point(&self, record: &StringRecord) -> std::result::Result<Point, String> {
-        // What does not fit a single-precision number is not a motion; reading as one makes it infinite, and refused.
+        // A value beyond single precision is parsed as infinite, and refused.
         let single = |index: usize, name: &str| {
             let value: Option<f32> = record[index].parse().ok();
             value
@@ -156,8 +156,8 @@ fn row_problem(error: &csv::Error) -> String {
     }
 }
 
-/// The line, from 1, of the record that a reader finds from `position` on: it counts from the end of the record before,
-/// and skips comments and empty lines.
+/// Returns the line, from 1, of the record that a reader finds at `position`. The reader's own line is that of the end
+/// of the record before, because it skips comments and empty lines.
 fn line_of_record(text: &str, position: &csv::Position) -> u64 {
     let rest = text.get(position.byte() as usize..).unwrap_or_default();
     let skipped = rest

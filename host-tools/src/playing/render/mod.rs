@@ -1,5 +1,5 @@
-//! A texture played on the host, to look at and to listen to: the samples are bit-equal to those of the stylus, because they
-//! come from the stylus's own kernel, with the motion taken over once per update interval as on the device.
+//! A texture played on the host, to look at and to listen to: the samples are bit-equal to those of the stylus, because
+//! they come from the stylus's own kernel, with the motion taken over once per update interval as on the device.
 
 mod samples;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The samples of a rendering: one by one, or in memory.
+//! Samples of a rendering, one by one or in memory.
 
 use model_format::{OutputSample, Texture};
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
@@ -6,12 +6,12 @@ use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 use crate::playing::motion::MotionPath;
 use crate::support::error::{Error, Result};
 
-/// Longest rendering, s: a day.
+/// Longest rendering, s: one day.
 pub const MAX_SECONDS: f64 = 24.0 * 3600.0;
 
-/// A texture as it is played along a motion, sample by sample; nothing is kept.
+/// Iterator over the samples of a texture along a motion; it keeps none of them.
 ///
-/// The same texture, motion and seed give the same samples, always and everywhere.
+/// The same texture, motion and seed give the same samples on every computer.
 #[derive(Clone, Debug)]
 pub struct Rendering<'a> {
     synthesis: Synthesis<'a>,
@@ -21,10 +21,10 @@ pub struct Rendering<'a> {
 }
 
 impl<'a> Rendering<'a> {
-    /// `seconds` of `texture`, from rest.
+    /// A rendering of `seconds` of `texture`, from rest.
     ///
     /// # Errors
-    /// A duration that is not a number, is shorter than a sample, or longer than [`MAX_SECONDS`].
+    /// A duration that is not a number, is shorter than a sample, or is longer than [`MAX_SECONDS`].
     pub fn new(
         texture: Texture<'a>,
         motion: &'a MotionPath,
@@ -34,7 +34,7 @@ impl<'a> Rendering<'a> {
         let samples = (seconds * f64::from(texture.sample_rate_hz())).round();
         if !(seconds <= MAX_SECONDS && samples >= 1.0) {
             return Err(Error::Request(format!(
-                "cannot render {seconds} s: ask for at least one sample and at most {MAX_SECONDS} s"
+                "cannot render {seconds} s: give at least the duration of one sample and at most {MAX_SECONDS} s"
             )));
         }
         Ok(Self {
@@ -45,12 +45,12 @@ impl<'a> Rendering<'a> {
         })
     }
 
-    /// How many samples were at the kernel's full scale so far.
+    /// Number of samples so far at the kernel's full scale.
     pub fn saturations(&self) -> u32 {
         self.synthesis.saturations()
     }
 
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub fn sample_rate_hz(&self) -> u32 {
         self.synthesis.texture().sample_rate_hz()
     }
@@ -86,16 +86,16 @@ impl ExactSizeIterator for Rendering<'_> {}
 /// A rendering in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rendered {
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub sample_rate_hz: u32,
-    /// What the stylus plays.
+    /// Samples that the stylus plays.
     pub samples: Vec<OutputSample>,
-    /// How many of the samples were at the kernel's full scale.
+    /// Number of samples at the kernel's full scale.
     pub saturations: u32,
 }
 
 impl Rendered {
-    /// The samples in m/s², exactly.
+    /// Returns the samples in m/s², without round-off.
     pub fn accelerations_m_s2(&self) -> Vec<f64> {
         self.samples
             .iter()
@@ -104,12 +104,13 @@ impl Rendered {
     }
 }
 
-/// A sample in m/s²; double precision holds every one of them exactly.
+/// Converts a sample to m/s², without round-off because double precision holds every sample.
 pub(super) fn exact_m_s2(sample: OutputSample) -> f64 {
     f64::from(sample.0) / f64::from(1u32 << OutputSample::FRACTION_BITS)
 }
 
-/// Renders `seconds` of `texture` along `motion` into memory; for more than minutes see [`render_wav`].
+/// Renders `seconds` of `texture` along `motion` into memory; [`render_wav`](super::render_wav) suits more than
+/// minutes.
 ///
 /// # Errors
 /// A duration that [`Rendering::new`] refuses.

@@ -10,17 +10,18 @@ use crate::playing::motion::MotionPath;
 use crate::support::error::{Error, Result};
 use crate::support::{atomic_file, progress};
 
-/// Room that a WAV file's headers take of the 4 GiB that its lengths can count, bytes, with some to spare.
+/// Upper bound of the length of a WAV file's headers, bytes. Headers and samples share the 4 GiB that the file's length
+/// fields can count.
 const WAV_HEADER_ROOM: u64 = 1024;
 
-/// How samples are written.
+/// Format of the samples in a WAV file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum WavFormat {
     /// 32-bit floating point, in m/s².
     Float32,
     /// 16-bit integers.
     Pcm16 {
-        /// The acceleration that 32 768 would stand for, m/s²; what is beyond 32 767 or -32 768 is clipped.
+        /// Acceleration of the code 32 768, m/s². Samples beyond the codes -32 768 and 32 767 are clipped.
         full_scale_m_s2: f64,
     },
 }
@@ -44,32 +45,33 @@ impl WavFormat {
             && !(full_scale_m_s2.is_finite() && full_scale_m_s2 > 0.0)
         {
             return Err(Error::Request(format!(
-                "the full scale of 16-bit samples is {full_scale_m_s2} m/s²: it must be a positive number"
+                "the full scale of 16-bit samples is {full_scale_m_s2} m/s²: give a positive number"
             )));
         }
         let bytes = samples as u64 * u64::from(self.spec(1).bits_per_sample / 8);
         if bytes > u64::from(u32::MAX) - WAV_HEADER_ROOM {
             return Err(Error::Request(format!(
-                "{samples} samples are more than the 4 GiB of a WAV file: render less at a time"
+                "{samples} samples exceed the 4 GiB of a WAV file: render a shorter duration"
             )));
         }
         Ok(())
     }
 }
 
-/// What was written into a WAV file.
+/// Summary of a written WAV file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WavSummary {
-    /// Samples in the file.
+    /// Number of samples in the file.
     pub samples: u64,
-    /// How many of them were beyond the full scale of 16-bit samples, and were clipped.
+    /// Number of samples that were clipped at the full scale of 16-bit samples.
     pub clipped: u64,
 }
 
-/// Writes samples as a mono WAV file, whole or not at all, without keeping them. The bytes depend on nothing else.
+/// Writes samples as a mono WAV file, whole or not at all, without keeping them in memory. Equal arguments give equal
+/// bytes.
 ///
 /// # Errors
-/// A full scale that is not positive, more samples than the file's lengths can count, or that the file cannot be
+/// A full scale that is not positive, more samples than the file's length fields can count, or a file that cannot be
 /// written.
 pub fn write_wav(
     path: &Path,
@@ -105,26 +107,26 @@ pub fn write_wav(
     })
 }
 
-/// The 16-bit code of a sample, rounded to nearest, and whether it had to be clipped.
+/// Returns the 16-bit code of a sample, rounded to nearest, and true if it was clipped.
 fn pcm16(sample: OutputSample, full_scale_m_s2: f64) -> (i16, bool) {
     let exact = (exact_m_s2(sample) / full_scale_m_s2 * 32_768.0).round();
     let code = exact.clamp(f64::from(i16::MIN), f64::from(i16::MAX));
     (code as i16, code.total_cmp(&exact).is_ne())
 }
 
-/// What became of a rendering that went into a file.
+/// Summary of a rendering into a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RenderSummary {
-    /// What was written.
+    /// The written file.
     pub wav: WavSummary,
-    /// How many of the samples were at the kernel's full scale.
+    /// Number of samples at the kernel's full scale.
     pub saturations: u32,
 }
 
 /// Renders `seconds` of `texture` along `motion` into a WAV file of any length, with a progress bar.
 ///
 /// # Errors
-/// Those of [`Rendering::new`] and of [`write_wav`]; then no file is left, or the one that was there.
+/// Those of [`Rendering::new`] and of [`write_wav`]. A file from before then stays, and no other one is left.
 pub fn render_wav(
     texture: Texture<'_>,
     motion: &MotionPath,

@@ -1,12 +1,14 @@
-//! Recordings of a free hand: accelerations with the speed and force of every moment, cut where the motion is nearly
-//! steady, and put on a grid.
+//! Recordings of a free hand: accelerations with the speed and force at each sample, cut into segments of nearly steady
+//! motion, which are assigned to the nodes of a grid.
 //!
-//! Blocks of 20 ms are taken together as long as speed and force each stay within a band around their middle
-//! ([`Tolerance`]). A piece that is long enough is a trial at its *median* speed and force, and belongs to the grid's node
-//! nearest to them, if that is no further than half a step. A node with too little data in all is left out and named.
+//! Successive blocks of 20 ms form a segment as long as speed and force each stay within a band around the middle of
+//! their range ([`Tolerance`]). A segment that is long enough is a trial at its *median* speed and force. It belongs to
+//! the grid's node nearest to them, if that is within half a step. A node with too little data is left out and
+//! reported.
 //!
-//! Values that no hand and no sensor has (10⁵ N) are named with their line; their blocks are cut out, and no piece goes
-//! across them. A file in which more than one sample in ten is such a value is refused: something else is wrong with it.
+//! Values that no hand and no sensor can have (10⁵ N) are outliers. They are reported with their line, and no segment
+//! includes a block with one. A file with more than one outlier per ten samples is refused, because its columns or
+//! units are then likely to be wrong.
 
 mod read;
 mod segment;

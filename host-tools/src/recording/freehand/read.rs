@@ -1,4 +1,4 @@
-//! CSV files with a free hand's motion.
+//! CSV files of a free hand's recording, with its motion.
 
 use std::path::Path;
 
@@ -7,43 +7,43 @@ use serde::Serialize;
 use crate::recording::{MAX_CHANNELS, csv_error};
 use crate::support::error::{Error, Result};
 
-/// Columns that are not accelerations.
+/// Names of the columns other than accelerations.
 const TIME: &str = "time_s";
 const SPEED: &str = "speed_mm_s";
 const FORCE: &str = "force_n";
 
-/// What is beyond these is an outlier: a hand presses with tens of newtons and sweeps at some metres a second, and the
-/// stylus plays up to 2048 m/s².
+/// Largest magnitudes; a value beyond them is an outlier. A hand presses with tens of newtons and moves at some metres
+/// per second, and the stylus plays up to 2048 m/s².
 const MAX_FORCE_N: f64 = 100.0;
 const MAX_SPEED_MM_S: f64 = 10_000.0;
 const MAX_ACCELERATION_M_S2: f64 = 2048.0;
 
-/// A file whose share of outliers is larger is refused.
-const MOST_OUTLIERS: f64 = 0.1;
+/// Largest share of samples with an outlier; a file with a larger share is refused.
+const MAX_OUTLIER_SHARE: f64 = 0.1;
 
-/// Of the outliers of a file, so many are named one by one.
+/// Largest number of outliers that are reported one by one.
 const NAMED_OUTLIERS: usize = 20;
 
 /// A recording with its motion, evenly sampled.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Freehand {
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub rate_hz: f64,
-    /// One to three axes, m/s².
+    /// One to three axes of equal length, m/s².
     pub axes: Vec<Vec<f64>>,
     /// Tangential speed, mm/s; not negative.
     pub speed_mm_s: Vec<f64>,
-    /// Normal force, N; below zero is no contact.
+    /// Normal force, N; a value below zero means no contact.
     pub force_n: Vec<f64>,
-    /// Whether a sample has no value that can be.
+    /// True for each sample with an outlier in any column.
     pub is_outlier: Vec<bool>,
-    /// The first of them, by line and value.
+    /// The first outliers, at most 20.
     pub outliers: Vec<Outlier>,
-    /// Whether the file says that it is simulated.
+    /// True if the file declares itself as simulated.
     pub is_simulated: bool,
 }
 
-/// A value that cannot be.
+/// A value that no hand and no sensor can have.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outlier {
     /// Its line in the file, from 1.
@@ -54,12 +54,12 @@ pub struct Outlier {
     pub value: f64,
 }
 
-/// Reads a CSV file with the columns `speed_mm_s` and `force_n`, one to three of accelerations (each sample of 1 is
-/// `scale_m_s2`), and `time_s` unless `rate_hz` is given. Comments begin with `#`; one that begins with SIMULATED says
-/// that the file is.
+/// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of
+/// `scale_m_s2`. A column `time_s` is necessary unless `rate_hz` is given. Comments begin with `#`; a comment at the
+/// top that begins with SIMULATED marks the file as simulated.
 ///
 /// # Errors
-/// A file that cannot be read or has not these columns, a field that is no number, or too many outliers.
+/// A file that cannot be read or lacks one of these columns, a field that is not a number, or too many outliers.
 pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freehand> {
     let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
     let mut reader = csv::ReaderBuilder::new()
@@ -140,14 +140,14 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
 
 fn refuse_too_many_outliers(path: &Path, recording: &Freehand) -> Result<()> {
     let count = recording.is_outlier.iter().filter(|bad| **bad).count();
-    let most = MOST_OUTLIERS * recording.is_outlier.len() as f64;
+    let most = MAX_OUTLIER_SHARE * recording.is_outlier.len() as f64;
     if recording.is_outlier.is_empty() {
         return Err(Error::file(path, "holds no samples"));
     }
     if count as f64 > most {
         let first = &recording.outliers[0];
         let problem = format!(
-            "{count} of {} samples cannot be (line {}: {} is {}); are the columns and units right?",
+            "{count} of {} samples have impossible values (line {}: {} is {}): check its columns and units",
             recording.is_outlier.len(),
             first.line,
             first.column,
@@ -158,7 +158,7 @@ fn refuse_too_many_outliers(path: &Path, recording: &Freehand) -> Result<()> {
     Ok(())
 }
 
-/// Where the columns of a file are.
+/// Indices of a file's columns.
 struct Columns {
     time: Option<usize>,
     speed: usize,
@@ -172,7 +172,7 @@ impl Columns {
         let needed = |name: &str| {
             column(name).ok_or_else(|| {
                 let problem = format!(
-                    "no column '{name}'; a free hand's recording needs {SPEED} and {FORCE}"
+                    "no column '{name}': a free hand's recording needs {SPEED} and {FORCE}"
                 );
                 Error::file(path, problem)
             })
@@ -183,7 +183,7 @@ impl Columns {
             .collect();
         if axes.is_empty() || axes.len() > MAX_CHANNELS {
             let problem = format!(
-                "{} columns of accelerations; there may be 1 to {MAX_CHANNELS}",
+                "{} columns of accelerations: give 1 to {MAX_CHANNELS}",
                 axes.len()
             );
             return Err(Error::file(path, problem));
@@ -197,14 +197,13 @@ impl Columns {
     }
 }
 
-/// The rate that is given, or that of the times, which must ascend evenly.
+/// Returns the given rate, or that of the times, which must ascend in even steps, in Hz.
 fn rate_of(path: &Path, times: &[f64], given: Option<f64>) -> Result<f64> {
     if let Some(rate_hz) = given {
         return Ok(rate_hz);
     }
     let (Some(first), Some(last)) = (times.first(), times.last()) else {
-        let problem =
-            format!("does not tell its sample rate: give a column '{TIME}', or --sample-rate");
+        let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
         return Err(Error::file(path, problem));
     };
     let step = (last - first) / (times.len() - 1).max(1) as f64;

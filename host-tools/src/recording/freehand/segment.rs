@@ -1,4 +1,4 @@
-//! Where a free hand's motion is nearly steady.
+//! Segmentation of a free hand's recording into parts of nearly steady motion.
 
 use std::collections::BTreeMap;
 
@@ -9,12 +9,12 @@ use super::read::Freehand;
 /// Length of a block, s.
 const BLOCK_S: f64 = 0.02;
 
-/// How far a quantity may be from the middle of a piece.
+/// Largest deviation of a quantity from the middle of its range within a segment: the larger of the two bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// As a share of the middle.
+    /// Bound as a share of the middle.
     pub share: f64,
-    /// At least so much, in the quantity's unit.
+    /// Bound in the quantity's unit.
     pub least: f64,
 }
 
@@ -24,26 +24,26 @@ impl Tolerance {
     }
 }
 
-/// Evenly spaced values of a grid.
+/// Axis of a grid with evenly spaced values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridAxis {
-    /// The lowest, above zero.
+    /// Lowest value, above zero.
     pub lowest: f64,
-    /// The highest.
+    /// Highest value.
     pub highest: f64,
-    /// From one to the next.
+    /// Step from one value to the next.
     pub step: f64,
 }
 
 impl GridAxis {
-    /// The value nearest to `value`, if it is within half a step.
+    /// Returns the grid's value nearest to `value`, if it is within half a step.
     fn nearest(&self, value: f64) -> Option<f64> {
         let last = ((self.highest - self.lowest) / self.step + 1e-9).floor();
         let index = ((value - self.lowest) / self.step).round().clamp(0.0, last);
-        let there = self.lowest + index * self.step;
-        // Decimals as they were written: 0.6, not 0.6000000000000001.
-        let there = (there * 1e6).round() / 1e6;
-        ((value - there).abs() <= 0.5 * self.step * (1.0 + 1e-9)).then_some(there)
+        let nearest = self.lowest + index * self.step;
+        // Rounded to the decimals that a user writes: 0.6, not 0.6000000000000001.
+        let nearest = (nearest * 1e6).round() / 1e6;
+        ((value - nearest).abs() <= 0.5 * self.step * (1.0 + 1e-9)).then_some(nearest)
     }
 }
 
@@ -67,42 +67,42 @@ impl std::str::FromStr for GridAxis {
     }
 }
 
-/// How to cut.
+/// Options of a segmentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Of the speed, mm/s.
+    /// Tolerance of the speed, mm/s.
     pub speed: Tolerance,
-    /// Of the force, N.
+    /// Tolerance of the force, N.
     pub force: Tolerance,
-    /// Shortest piece, s.
+    /// Shortest segment, s.
     pub least_s: f64,
-    /// Least data of a node in all, s.
+    /// Least total duration of a node's segments, s.
     pub enough_s: f64,
-    /// The grid's speeds, mm/s.
+    /// Speeds of the grid, mm/s.
     pub speeds: GridAxis,
-    /// The grid's forces, N.
+    /// Forces of the grid, N.
     pub forces: GridAxis,
 }
 
-/// A piece in which the motion is nearly steady.
+/// A part of a recording in which the motion is nearly steady.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Segment {
-    /// Which recording it is of.
+    /// Index of the recording.
     pub recording: usize,
-    /// Its first sample.
+    /// First sample.
     pub first: usize,
-    /// The sample after its last.
+    /// Sample after the last one.
     pub end: usize,
-    /// Median of its speed, mm/s.
+    /// Median speed, mm/s.
     pub median_speed_mm_s: f64,
-    /// Median of its force, N.
+    /// Median force, N.
     pub median_force_n: f64,
 }
 
-/// A piece on its node.
+/// A segment with its node.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Placed {
-    /// The piece.
+    /// The segment.
     pub segment: Segment,
     /// The node's speed, mm/s.
     pub speed_mm_s: f64,
@@ -110,20 +110,20 @@ pub struct Placed {
     pub force_n: f64,
 }
 
-/// What cutting gives.
+/// Result of a segmentation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segmentation {
-    /// The pieces that can be used, by node.
+    /// The segments that can be used, in the order of their nodes.
     pub placed: Vec<Placed>,
-    /// Steady pieces in motion and contact that are off the grid.
+    /// Segments in motion and contact that are not within half a step of any node.
     pub off_grid: Vec<Segment>,
-    /// Nodes with some data, but too little: speed, mm/s, force, N, and how much, s.
+    /// Nodes with too little data: speed, mm/s, force, N, and total duration of the segments, s.
     pub too_little: Vec<(f64, f64, f64)>,
-    /// Share of the time in motion and contact that is steady enough.
+    /// Share of the time in motion and contact that is within segments.
     pub steady_share: f64,
 }
 
-/// Cuts `recordings` and puts the pieces on the grid.
+/// Cuts `recordings` into segments and assigns them to the nodes of the grid.
 pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
     let (mut steady, mut moving) = (0.0, 0.0);
     let mut nodes: BTreeMap<(u64, u64), Vec<Placed>> = BTreeMap::new();
@@ -131,7 +131,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
     let mut seconds = BTreeMap::new();
     for (index, recording) in recordings.iter().enumerate() {
         moving += moving_s(recording, options);
-        for segment in pieces(recording, index, options) {
+        for segment in segments_of(recording, index, options) {
             let length_s = (segment.end - segment.first) as f64 / recording.rate_hz;
             if !is_moving(segment.median_speed_mm_s, segment.median_force_n, options) {
                 continue;
@@ -143,7 +143,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
                 off_grid.push(segment);
                 continue;
             };
-            // Bits of positive numbers are ordered as the numbers are.
+            // The bits of positive numbers have the order of the numbers.
             let node = (speed_mm_s.to_bits(), force_n.to_bits());
             *seconds.entry(node).or_insert(0.0) += length_s;
             nodes.entry(node).or_default().push(Placed {
@@ -178,11 +178,12 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
     }
 }
 
-/// Whether a speed and force are of a tool that moves on the surface: at least half of the grid's lowest.
+/// Returns true for a tool that moves on the surface: speed and force of at least half the grid's lowest values.
 fn is_moving(speed_mm_s: f64, force_n: f64, options: &Options) -> bool {
     speed_mm_s >= 0.5 * options.speeds.lowest && force_n >= 0.5 * options.forces.lowest
 }
 
+/// Returns the time in motion and contact, in s.
 fn moving_s(recording: &Freehand, options: &Options) -> f64 {
     let pairs = recording.speed_mm_s.iter().zip(&recording.force_n);
     let count = pairs
@@ -191,7 +192,7 @@ fn moving_s(recording: &Freehand, options: &Options) -> f64 {
     count as f64 / recording.rate_hz
 }
 
-/// The mean speed and force of each whole block; none of a block with an outlier.
+/// Returns the mean speed and force of each whole block, and `None` for a block with an outlier.
 fn blocks(recording: &Freehand, length: usize) -> Vec<Option<(f64, f64)>> {
     let count = recording.speed_mm_s.len() / length;
     (0..count)
@@ -209,11 +210,12 @@ fn blocks(recording: &Freehand, length: usize) -> Vec<Option<(f64, f64)>> {
         .collect()
 }
 
-fn pieces(recording: &Freehand, index: usize, options: &Options) -> Vec<Segment> {
+/// Returns the segments of one recording.
+fn segments_of(recording: &Freehand, index: usize, options: &Options) -> Vec<Segment> {
     let length = ((BLOCK_S * recording.rate_hz).round() as usize).max(1);
     let blocks = blocks(recording, length);
     let least = (options.least_s / BLOCK_S).ceil().max(1.0) as usize;
-    let mut pieces = Vec::new();
+    let mut segments = Vec::new();
     let mut begin = 0;
     while begin < blocks.len() {
         let end = steady_end(&blocks, begin, options);
@@ -222,7 +224,7 @@ fn pieces(recording: &Freehand, index: usize, options: &Options) -> Vec<Segment>
             continue;
         }
         let (first, end_sample) = (begin * length, end * length);
-        pieces.push(Segment {
+        segments.push(Segment {
             recording: index,
             first,
             end: end_sample,
@@ -231,10 +233,10 @@ fn pieces(recording: &Freehand, index: usize, options: &Options) -> Vec<Segment>
         });
         begin = end;
     }
-    pieces
+    segments
 }
 
-/// The block after the last that belongs to a steady piece from `begin` on.
+/// Returns the first block after the segment that starts at block `begin`.
 fn steady_end(blocks: &[Option<(f64, f64)>], begin: usize, options: &Options) -> usize {
     let (mut speeds, mut forces) = ((f64::MAX, f64::MIN), (f64::MAX, f64::MIN));
     for (index, block) in blocks.iter().enumerate().skip(begin) {
@@ -283,7 +285,7 @@ mod tests {
         },
     };
 
-    /// A recording that holds each (speed, force) for so many seconds.
+    /// A recording that holds each (speed, force) for the given number of seconds.
     fn recording(parts: &[(f64, f64, f64)]) -> Freehand {
         let mut speed_mm_s = Vec::new();
         let mut force_n = Vec::new();

@@ -1,4 +1,4 @@
-//! A free hand's pieces as a recording set that `fit` takes.
+//! Segments of a free hand's recording as a recording set for `fit`.
 
 use std::path::Path;
 
@@ -10,10 +10,10 @@ use crate::recording::TRIALS_FILE;
 use crate::support::atomic_file;
 use crate::support::error::{Error, Result};
 
-/// Writes every piece as a WAV file (32-bit float, m/s²) into `folder`, and then the list of trials of texture `texture`.
+/// Writes every segment as a WAV file (32-bit float, m/s²) into `folder`, and then the list of the trials of `texture`.
 ///
 /// # Errors
-/// A folder that holds a list of trials already, or that cannot be written to.
+/// A folder that already has a list of trials, or that cannot be written to.
 pub fn write(
     folder: &Path,
     texture: &str,
@@ -23,7 +23,7 @@ pub fn write(
     std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
     let list = folder.join(TRIALS_FILE);
     if list.exists() {
-        let problem = "is there already; name a new or empty folder";
+        let problem = "is there already: name a new or empty folder";
         return Err(Error::file(&list, problem));
     }
     let mut writer = csv::Writer::from_writer(Vec::new());
@@ -40,7 +40,7 @@ pub fn write(
     for (index, placed) in segmentation.placed.iter().enumerate() {
         let recording = &recordings[placed.segment.recording];
         let name = format!("segment_{:04}.wav", index + 1);
-        write_piece(&folder.join(&name), recording, placed)?;
+        write_segment(&folder.join(&name), recording, placed)?;
         let seconds = (placed.segment.end - placed.segment.first) as f64 / recording.rate_hz;
         let fields = [
             name,
@@ -58,7 +58,7 @@ pub fn write(
     atomic_file::write(&list, &bytes)
 }
 
-fn write_piece(path: &Path, recording: &Freehand, placed: &Placed) -> Result<()> {
+fn write_segment(path: &Path, recording: &Freehand, placed: &Placed) -> Result<()> {
     let spec = WavSpec {
         channels: recording.axes.len() as u16,
         sample_rate: recording.rate_hz as u32,

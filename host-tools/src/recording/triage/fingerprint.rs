@@ -1,12 +1,12 @@
 //! Recognition of equal recordings.
 
-/// A number that equal samples share and others practically never do.
+/// Returns a 64-bit hash of all samples: equal for equal samples, and almost certainly different for others.
 pub fn fingerprint(axes: &[Vec<f64>]) -> u64 {
     use std::hash::{DefaultHasher, Hasher};
     let mut hasher = DefaultHasher::new();
     for axis in axes {
         hasher.write_usize(axis.len());
-        // Mixing eight samples a step keeps this far below the cost of reading them.
+        // Eight samples per step, so that hashing costs far less than reading.
         let mut mixed = [0u64; 8];
         for chunk in axis.chunks(8) {
             for (mix, sample) in mixed.iter_mut().zip(chunk) {

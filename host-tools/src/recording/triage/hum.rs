@@ -3,15 +3,15 @@
 use crate::dsp::autocorrelation::Autocorrelation;
 use model_format::SAMPLE_RATE_HZ;
 
-/// How far above its surroundings a mains line must stand, dB.
+/// Least level of a mains line above its surroundings, dB.
 pub const HUM_RATIO_DB: f64 = 20.0;
 
 /// Mains frequencies, Hz.
 const MAINS_HZ: [f64; 2] = [50.0, 60.0];
 
-/// Frequency of a mains line in the spectrum of a reduced trial, Hz.
+/// Returns the frequency of a mains line in the spectrum of a reduced trial, in Hz.
 ///
-/// A texture's own line may fall on a mains frequency at one speed; [`confirmed_hum`] tells the two apart.
+/// A line of the texture can coincide with a mains frequency at one speed; [`confirmed_hum`] distinguishes the two.
 pub fn mains_line(autocorrelation: &Autocorrelation) -> Option<f64> {
     let bin_hz = f64::from(SAMPLE_RATE_HZ) / autocorrelation.transform_length as f64;
     let power = &autocorrelation.power;
@@ -34,10 +34,10 @@ pub fn mains_line(autocorrelation: &Autocorrelation) -> Option<f64> {
     })
 }
 
-/// Which of a texture's trials hum, given each one's speed and mains line: a line that stays at its frequency while the
-/// speed changes is the mains', one that comes at a single speed is the texture's own.
+/// Returns the confirmed mains line, in Hz, of each of a texture's trials, given as speed, mm/s, and mains line, Hz.
 ///
-/// With one or two speeds nothing tells them apart, and every line counts.
+/// A line that stays at its frequency at half of the speeds or more is of the mains; another one is of the texture.
+/// With one or two speeds the two cannot be distinguished, and every line counts as hum.
 pub fn confirmed_hum(trials: &[(f64, Option<f64>)]) -> Vec<Option<f64>> {
     let speeds = |lines_only: bool| {
         let mut speeds: Vec<f64> = trials

@@ -4,19 +4,19 @@ use super::verdict::Verdict;
 use crate::recording::samples::Samples;
 use model_format::SAMPLE_RATE_HZ;
 
-/// Trials of fewer samples are too short: 0.4 s at 5 kHz.
+/// Number of samples below which a trial is too short: 0.4 s at 5 kHz.
 pub const SHORT_SAMPLES: usize = 2000;
 
-/// Share of samples at the extremes from which a recording counts as clipped.
+/// Share of samples at the extremes at which a recording counts as clipped.
 pub const CLIPPED_SHARE: f64 = 1e-3;
 
-/// Share of an axis's energy that a straight line explains, from which it counts as drifting.
+/// Share of an axis's energy explained by a straight line at which a recording counts as drifting.
 pub const DRIFT_SHARE: f64 = 0.05;
 
-/// RMS below which a recording is silent unless it is set otherwise, m/s²: less than any accelerometer's own noise.
+/// Default of the RMS below which a recording is silent, m/s²: less than the noise of any accelerometer.
 pub const SILENCE_FLOOR_M_S2: f64 = 1e-3;
 
-/// Findings that need nothing but the trial itself.
+/// Returns the verdicts that need no other trial.
 pub fn samples(samples: &Samples) -> Vec<Verdict> {
     let mut verdicts = Vec::new();
     let axes = samples.axes.as_slice();
@@ -45,15 +45,15 @@ fn worst(axes: &[Vec<f64>], measure: fn(&[f64]) -> f64) -> f64 {
     axes.iter().map(|axis| measure(axis)).fold(0.0, f64::max)
 }
 
-/// Lanes that a compiler keeps in vector registers.
+/// Length of a chunk, which the compiler keeps in vector registers.
 const LANES: usize = 8;
 
-/// Share of the energy about the mean that a straight line explains.
+/// Returns the share of the energy about the mean that a straight line explains.
 fn drift_share(axis: &[f64]) -> f64 {
     let n = axis.len() as f64;
     let first = axis.first().copied().unwrap_or(0.0);
     let (mut sum, mut square, mut moment) = (0.0, 0.0, 0.0);
-    // Within a chunk the line's own rise is nothing beside the chunk's scatter: one moment a chunk.
+    // One moment per chunk, because the line's rise within a chunk is negligible beside the chunk's scatter.
     for (index, chunk) in axis.chunks(LANES).enumerate() {
         let mut chunk_sum = 0.0;
         for x in chunk {
@@ -66,7 +66,7 @@ fn drift_share(axis: &[f64]) -> f64 {
     }
     let energy = square - sum * sum / n;
     let line = 12.0 * moment * moment / (n * (n * n - 1.0));
-    // Below the rounding of the sums there is no energy to speak of.
+    // An energy below the round-off of the sums counts as zero.
     if energy > 1e-12 * square && line.is_finite() {
         line / energy
     } else {

@@ -4,29 +4,29 @@ use std::fmt;
 
 use serde::{Serialize, Serializer};
 
-/// A finding about a trial.
+/// A verdict on a trial.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
-    /// Nothing but at most a constant.
+    /// No signal, apart from a constant.
     Silent,
     /// Too few samples for a good model.
     TooShort {
-        /// How many there are.
+        /// Number of samples.
         samples: usize,
     },
-    /// Samples cut off at the end of the range.
+    /// Samples at the limits of the range.
     Clipped {
-        /// Share of the samples, of the worst axis.
+        /// Share of clipped samples on the worst axis.
         share: f64,
     },
-    /// A slope under the vibration.
+    /// A linear trend under the vibration.
     Drifting {
-        /// Share of the energy, of the worst axis.
+        /// Share of the trend in the energy of the worst axis.
         share: f64,
     },
-    /// A line from the mains.
+    /// A spectral line of the mains.
     Hum {
-        /// Its frequency, Hz.
+        /// Frequency of the line, Hz.
         frequency_hz: f64,
     },
     /// The same samples as another trial.
@@ -34,15 +34,15 @@ pub enum Verdict {
         /// Index of the earlier trial.
         of: usize,
     },
-    /// Sampled more slowly than the models are.
+    /// A lower sample rate than that of the models.
     WrongRate {
-        /// The file's rate, Hz.
+        /// Sample rate of the file, Hz.
         rate_hz: f64,
     },
 }
 
 impl Verdict {
-    /// One word or two, as users name it on the command line.
+    /// Name of the verdict, as users give it on the command line.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Silent => "silent",

@@ -346,7 +346,7 @@ effective_modulus_mpa = 500.0
     }
     let message = read(&many).unwrap_err().to_string();
     assert!(
-        message.contains("texture: must have 1 to 32 entries, and has 33"),
+        message.contains("texture: must have 1 to 32 entries, but has 33"),
         "{message}"
     );
 }

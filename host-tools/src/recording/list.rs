@@ -1,0 +1,185 @@
+//! Lists of trials, `trials.csv`.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use csv::StringRecord;
+use model_format::Provenance;
+
+use super::csv_error::csv_error;
+use super::trial::Trial;
+use crate::support::error::{Error, Result};
+
+/// Reads a list of trials; its files are relative to its folder.
+///
+/// # Errors
+/// A list that is missing or empty, or a line that cannot be used, with its number.
+pub(super) fn read(list: &Path) -> Result<Vec<Trial>> {
+    let mut reader = csv::ReaderBuilder::new()
+        .comment(Some(b'#'))
+        .trim(csv::Trim::All)
+        .from_path(list)
+        .map_err(|failure| csv_error(list, failure))?;
+    let header = reader
+        .headers()
+        .map_err(|failure| csv_error(list, failure))?;
+    let columns = Columns::of(list, header)?;
+    let folder = list.parent().unwrap_or(Path::new("."));
+    let mut trials = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|failure| csv_error(list, failure))?;
+        trials.push(columns.trial(list, folder, &record)?);
+    }
+    if trials.is_empty() {
+        return Err(Error::file(list, "lists no trials: add at least one line"));
+    }
+    Ok(trials)
+}
+
+/// Indices of a list's columns, by name.
+struct Columns(HashMap<&'static str, usize>);
+
+const REQUIRED: [&str; 4] = ["file", "texture", "speed_mm_s", "force_n"];
+
+const OPTIONAL: [&str; 5] = [
+    "scale_m_s2",
+    "start_s",
+    "duration_s",
+    "sample_rate_hz",
+    "simulated",
+];
+
+impl Columns {
+    fn of(list: &Path, header: &StringRecord) -> Result<Self> {
+        let line = header.position().map_or(1, csv::Position::line);
+        let mut columns = HashMap::new();
+        for (index, name) in header.iter().enumerate() {
+            let known = REQUIRED.iter().chain(&OPTIONAL).find(|&&k| k == name);
+            let Some(&known) = known else {
+                let problem = format!(
+                    "unknown column '{name}': the columns are {}, {}",
+                    REQUIRED.join(", "),
+                    OPTIONAL.join(", ")
+                );
+                return Err(Error::line(list, line, problem));
+            };
+            if columns.insert(known, index).is_some() {
+                return Err(Error::line(
+                    list,
+                    line,
+                    format!("more than one column '{name}'"),
+                ));
+            }
+        }
+        if let Some(missing) = REQUIRED.iter().find(|name| !columns.contains_key(*name)) {
+            let problem = format!("no column '{missing}': add it to the header and to every line");
+            return Err(Error::line(list, line, problem));
+        }
+        Ok(Self(columns))
+    }
+
+    fn trial(&self, list: &Path, folder: &Path, record: &StringRecord) -> Result<Trial> {
+        let line = record.position().map_or(0, csv::Position::line);
+        let bad = |problem: String| Error::line(list, line, problem);
+        let field = |name: &str| {
+            let index = *self.0.get(name)?;
+            record.get(index).filter(|text| !text.is_empty())
+        };
+        let text = |name: &str| field(name).ok_or_else(|| bad(format!("no {name}")));
+        let number = |name: &str| match field(name) {
+            None => Ok(None),
+            Some(text) => match text.parse::<f64>() {
+                Ok(value) if value.is_finite() => Ok(Some(value)),
+                _ => Err(bad(format!("{name} '{text}' is not a finite number"))),
+            },
+        };
+        let at_least_zero = |name: &str| match number(name)? {
+            Some(value) if value < 0.0 => Err(bad(format!("{name} {value} is negative"))),
+            value => Ok(value),
+        };
+        let above_zero = |name: &str| match number(name)? {
+            Some(value) if value <= 0.0 => Err(bad(format!("{name} {value} is not above zero"))),
+            value => Ok(value),
+        };
+        let required = |name: &str| at_least_zero(name)?.ok_or_else(|| bad(format!("no {name}")));
+        let provenance = match field("simulated") {
+            None | Some("false") => Provenance::Recorded,
+            Some("true") => Provenance::Simulated,
+            Some(other) => return Err(bad(format!("simulated '{other}' is not true or false"))),
+        };
+        let scale_m_s2 = number("scale_m_s2")?.unwrap_or(1.0);
+        if scale_m_s2.abs() <= 0.0 {
+            return Err(bad("scale_m_s2 is zero".into()));
+        }
+        Ok(Trial {
+            file: folder.join(text("file")?),
+            texture: text("texture")?.to_owned(),
+            speed_mm_s: required("speed_mm_s")?,
+            force_n: required("force_n")?,
+            scale_m_s2,
+            start_s: at_least_zero("start_s")?.unwrap_or(0.0),
+            duration_s: above_zero("duration_s")?,
+            sample_rate_hz: above_zero("sample_rate_hz")?,
+            provenance,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::TRIALS_FILE;
+    use super::*;
+
+    fn parse(text: &str) -> Result<Vec<Trial>> {
+        let folder = tempfile::tempdir().unwrap();
+        let list = folder.path().join(TRIALS_FILE);
+        std::fs::write(&list, text).unwrap();
+        read(&list)
+    }
+
+    const HEADER: &str = "file,texture,speed_mm_s,force_n,scale_m_s2,start_s\n";
+
+    #[test]
+    fn columns_may_come_in_any_order_and_comments_are_skipped() {
+        let trials =
+            parse("# by hand\nforce_n,texture,file,speed_mm_s\n0.5,denim,a.wav,120\n").unwrap();
+        let trial = &trials[0];
+        assert_eq!((trial.speed_mm_s, trial.force_n), (120.0, 0.5));
+        assert_eq!(trial.provenance, Provenance::Recorded);
+        assert!(trial.file.ends_with("a.wav"));
+    }
+
+    #[test]
+    fn a_bad_line_is_named_by_its_number() {
+        for (line, word) in [
+            ("a.wav,denim,fast,1,,", "speed_mm_s"),
+            ("a.wav,denim,100,-1,,", "negative"),
+            ("a.wav,denim,100,NaN,,", "force_n"),
+            ("a.wav,,100,1,,", "texture"),
+            (",denim,100,1,,", "file"),
+            ("a.wav,denim,100,1,0,", "scale_m_s2"),
+            ("a.wav,denim,100,1,,-1", "start_s"),
+            ("a.wav,denim,100", "fields"),
+        ] {
+            let text = format!("{HEADER}a.wav,denim,100,1,,\n{line}\n");
+            let message = parse(&text).unwrap_err().to_string();
+            assert!(
+                message.contains("line 3") && message.contains(word),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn headers_without_their_columns_and_lists_without_trials_are_refused() {
+        for (text, word) in [
+            ("file,texture,speed_mm_s\n", "force_n"),
+            ("file,texture,speed_mm_s,force_n,colour\n", "colour"),
+            (HEADER, "no trials"),
+            ("", "no column"),
+        ] {
+            let message = parse(text).unwrap_err().to_string();
+            assert!(message.contains(word), "{message}");
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! One recording of a recording set.
+
+use std::path::PathBuf;
+
+use model_format::Provenance;
+
+/// Length of a trial that is used unless the trial says otherwise, s; the paper's figure.
+pub const TRIAL_DURATION_S: f64 = 2.0;
+
+/// Speed that stands for a recording whose speed is not known, mm/s.
+pub const NOMINAL_SPEED_MM_S: f64 = 100.0;
+
+/// Force that stands for a recording whose force is not known, N.
+pub const NOMINAL_FORCE_N: f64 = 1.0;
+
+/// One recording of one texture at one speed and force.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trial {
+    /// The WAV or CSV file.
+    pub file: PathBuf,
+    /// Name of the texture.
+    pub texture: String,
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Normal force, N.
+    pub force_n: f64,
+    /// Acceleration of a sample of 1, the full scale of integer samples, m/s².
+    pub scale_m_s2: f64,
+    /// Start of the used part, s.
+    pub start_s: f64,
+    /// Longest duration of the used part, s; [`TRIAL_DURATION_S`] if not given.
+    pub duration_s: Option<f64>,
+    /// Sample rate of a CSV file that has no time column, Hz.
+    pub sample_rate_hz: Option<f64>,
+    /// Origin of the samples: recorded or simulated.
+    pub provenance: Provenance,
+}
