@@ -1,5 +1,5 @@
-//! The `stylus` command: from recordings of a surface to a library of texture models, and to the samples that the stylus
-//! plays.
+//! The `stylus` command: from recordings of a surface to a library of texture models, and to the samples that the
+//! stylus plays.
 
 mod cli;
 

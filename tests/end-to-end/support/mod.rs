@@ -100,8 +100,8 @@ impl Default for Bench {
     }
 }
 
-/// A folder with the recordings `set` of two textures, silk and felt, at two speeds and two forces; `axes` makes the axes of
-/// a recording of an autoregressive signal.
+/// A folder with the recordings `set` of two textures, silk and felt, at two speeds and two forces; `axes` makes the
+/// axes of a recording of an autoregressive signal.
 pub fn two_textures<const AXES: usize>(axes: impl Fn(&[f64]) -> [Vec<f64>; AXES]) -> Bench {
     let bench = Bench::new();
     let mut list = String::from("file,texture,speed_mm_s,force_n\n");

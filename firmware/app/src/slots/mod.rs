@@ -338,7 +338,8 @@ impl<F: MappedFlash> SlotStore<F> {
         self.check_bytes(slot, length, crc32)
             .await
             .map_err(SealFault::Bytes)?;
-        // Noted now, so that the future of this call does not hold it over the write. A listing asks for the state first.
+        // Noted now, so that the future of this call does not hold it over the write. A listing asks for the state
+        // first.
         self.index[slot.index()] = self.check_library(slot, length).map_err(SealFault::Bytes)?;
         let newest = self.newest().and_then(|slot| self.library(slot));
         let header = Header {

@@ -341,7 +341,7 @@ mod tests {
         let (sources, _) = parse(&Tree::of(&[("firmware/src/a.rs", ""), used, unused]));
         let findings = check_places(&sources, &crates(&sources));
         let is_named = |place: &str| findings.iter().any(|finding| finding.path == place);
-        assert!(is_named("host-tools/src/dsp/") && is_named("tests/virtual-stylus/src/core.rs"));
+        assert!(is_named("firmware/kernel/src/") && is_named("tests/virtual-stylus/src/core.rs"));
         assert!(!is_named("firmware/src/"), "{findings:?}");
         assert!(!is_named(used.0) && is_named(unused.0), "{findings:?}");
     }
