@@ -125,8 +125,8 @@ fn a_scene_of_one_texture_is_that_texture_sample_for_sample() {
 #[test]
 fn a_scene_of_constant_motion_is_rendered_without_another_and_a_followed_one_asks_for_it() {
     let bench = bench();
-    let steady = "name = \"steady\"\n[constant_motion]\nspeed_mm_s = 90\nforce_n = 0.7\n[[surface]]\ntexture = \
-         \"silk\"\n";
+    let steady = "name = \"steady\"\n[constant_motion]\nspeed_mm_s = 90\nforce_n = 0.7\n\
+                  [[surface]]\ntexture = \"silk\"\n";
     bench.write("steady.toml", steady);
     let render = "scene render steady.toml --library cloths.lib";
     bench.succeed(&format!("{render} --seconds 1 --out alone.wav"));

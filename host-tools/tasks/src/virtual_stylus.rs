@@ -18,7 +18,7 @@ fn folder() -> PathBuf {
 }
 
 /// Cargo for the host, in the virtual stylus's workspace. It shares the folder of the product's own builds, so that
-/// what both workspaces depend on is built once.
+/// common dependencies are built once.
 fn cargo(subcommand: &str) -> Command {
     let mut cargo = Command::new("cargo");
     cargo.current_dir(folder());

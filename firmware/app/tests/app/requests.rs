@@ -130,9 +130,10 @@ fn a_library_that_was_uploaded_and_activated_is_played_and_stopped() {
     stylus.run(300);
     assert!(stylus.sounds());
     let status = stylus.control.borrow().status();
-    assert!(
-        matches!(status.output.activity, Activity::Playing { selection: Selection::Texture(texture), .. } if texture == "texture 1")
-    );
+    let Activity::Playing { selection, .. } = status.output.activity else {
+        panic!("it plays");
+    };
+    assert!(matches!(selection, Selection::Texture(texture) if texture == "texture 1"));
     assert!(status.output.mute.is_empty());
     stylus.control.borrow_mut().stop().expect("it plays");
     stylus.run(50);

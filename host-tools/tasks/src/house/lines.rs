@@ -2,7 +2,7 @@
 
 use super::finding::Finding;
 use super::pages;
-use super::tree::Tree;
+use super::tree::{TEXTS, Tree, extension};
 
 /// Characters that a line may have.
 const MOST: usize = 120;
@@ -23,7 +23,7 @@ pub fn check(tree: &Tree) -> Checked {
     };
     for (path, text) in tree.texts().filter(|&(path, text)| is_checked(path, text)) {
         checked.count += 1;
-        let is_page = path.ends_with(".md");
+        let is_page = extension(path) == "md";
         let fences = pages::fences(text);
         for (index, line) in text.lines().enumerate() {
             let length = line.chars().count();
@@ -39,9 +39,10 @@ pub fn check(tree: &Tree) -> Checked {
     checked
 }
 
+/// A file without an extension counts if it is a script.
 fn is_checked(path: &str, text: &str) -> bool {
-    let is_named = [".rs", ".toml", ".x", ".md", ".sh", ".py"].iter();
-    is_named.clone().any(|end| path.ends_with(end)) || text.starts_with("#!")
+    let extension = extension(path);
+    TEXTS.contains(&extension) && !extension.is_empty() || text.starts_with("#!")
 }
 
 /// True for a row of a table; within a code fence, for a line with columns.

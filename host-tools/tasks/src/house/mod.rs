@@ -59,7 +59,7 @@ fn check_tree(tree: &Tree) -> Outcome {
         circles::check(&sources, &crates),
         packages.findings,
         invariants::check(&sources, &crates),
-        invariants::check_places(&sources),
+        invariants::check_places(&sources, &crates),
         lines.findings,
         comments.findings,
         paths.findings,

@@ -103,11 +103,11 @@ fn file_of(
         return files.get(joined(here, &given)?.as_str()).copied();
     }
     let stem = path.trim_end_matches(".rs");
-    let inside: String = inside.iter().map(|name| format!("{name}/")).collect();
-    let name = &module.ident;
+    let name = module.ident.to_string();
+    let within = [inside, &[name]].concat().join("/");
     // A file that is no `mod.rs` has its modules in a folder of its name, unless it is a crate's root.
     [stem, here].into_iter().find_map(|base| {
-        let stem = joined(base, &format!("{inside}{name}"))?;
+        let stem = joined(base, &within)?;
         let candidates = [format!("{stem}.rs"), format!("{stem}/mod.rs")];
         candidates
             .iter()
@@ -154,18 +154,16 @@ impl Crate {
                 continue;
             }
             let name = module.ident.to_string();
-            let child = match &module.content {
-                Some((_, items)) => self.add(sources, files, file, items, Some(index), &name),
-                None => {
-                    let inside = self.inline_modules(index);
-                    let path = &sources[file].path;
-                    let Some(file) = file_of(files, path, module, &inside) else {
-                        continue;
-                    };
-                    let items = &sources[file].syntax.items;
-                    self.add(sources, files, file, items, Some(index), &name)
-                }
+            let (file, items) = if let Some((_, items)) = &module.content {
+                (file, items)
+            } else {
+                let inside = self.inline_modules(index);
+                let Some(file) = file_of(files, &sources[file].path, module, &inside) else {
+                    continue;
+                };
+                (file, &sources[file].syntax.items)
             };
+            let child = self.add(sources, files, file, items, Some(index), &name);
             self.modules[index].children.insert(name, child);
         }
         index

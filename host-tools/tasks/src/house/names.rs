@@ -7,7 +7,7 @@ use syn::visit::{self, Visit};
 use super::finding::Finding;
 use super::pages::{Piece, Placed, pieces};
 use super::source::{self, Source};
-use super::tree::{Tree, folder, joined};
+use super::tree::{Tree, extension, folder, joined};
 
 /// The number of names and the departures.
 pub struct Checked {
@@ -23,7 +23,7 @@ pub fn check(tree: &Tree, sources: &[Source]) -> Checked {
         count: 0,
         findings: Vec::new(),
     };
-    for (page, text) in tree.texts().filter(|(path, _)| path.ends_with(".md")) {
+    for (page, text) in tree.texts_of("md") {
         for (name, path, line) in named(&pieces(text)) {
             let paths = [joined(folder(page), &path), joined("", &path)];
             let mut files = paths.iter().flatten();
@@ -64,7 +64,7 @@ fn named(pieces: &[Placed]) -> Vec<(String, String, usize)> {
             }
         };
         if let Some(name) = name.as_deref().and_then(identifier)
-            && path.ends_with(".rs")
+            && extension(&path) == "rs"
         {
             found.push((name, path, placed.line));
         }

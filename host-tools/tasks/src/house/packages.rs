@@ -15,10 +15,14 @@ struct Package {
 }
 
 /// All packages: first the product from the ground up, then its tests and tasks.
-const PACKAGES: [Package; 13] = [
+const PACKAGES: [Package; 14] = [
     package("model-format", &[], &[]),
     package("stylus-kernel", &["model-format"], &[]),
-    package("stylus-app", &["model-format", "stylus-kernel"], &[]),
+    package(
+        "stylus-app",
+        &["model-format", "stylus-kernel"],
+        &["fake-stylus"],
+    ),
     package(
         "stylus-firmware",
         &["model-format", "stylus-app", "stylus-kernel"],
@@ -28,7 +32,12 @@ const PACKAGES: [Package; 13] = [
     package(
         "host-tools",
         &["model-format", "stylus-costs", "stylus-kernel"],
-        &["stylus-app"],
+        &["fake-stylus", "stylus-app"],
+    ),
+    package(
+        "fake-stylus",
+        &["model-format", "stylus-app", "stylus-kernel"],
+        &[],
     ),
     package("kernel-vectors", &["model-format", "stylus-kernel"], &[]),
     package(

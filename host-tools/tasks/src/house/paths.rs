@@ -30,7 +30,7 @@ pub fn check(tree: &Tree) -> Checked {
         count: 0,
         findings: Vec::new(),
     };
-    for (page, text) in tree.texts().filter(|(path, _)| path.ends_with(".md")) {
+    for (page, text) in tree.texts_of("md") {
         checked.pages += 1;
         for placed in pieces(text) {
             let (path, exists) = match &placed.piece {

@@ -18,7 +18,7 @@ pub struct Source {
 /// Parses all Rust files of `tree`, and finds those that cannot be parsed.
 pub fn parse(tree: &Tree) -> (Vec<Source>, Vec<Finding>) {
     let (mut sources, mut findings) = (Vec::new(), Vec::new());
-    for (path, text) in tree.texts().filter(|(path, _)| path.ends_with(".rs")) {
+    for (path, text) in tree.texts_of("rs") {
         match parsed(path, text) {
             Ok(source) => sources.push(source),
             Err(error) => {

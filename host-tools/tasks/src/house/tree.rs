@@ -10,8 +10,8 @@ use std::{fs, io};
 /// Folders of outputs, which belong to no repository.
 const OUTPUTS: [&str; 5] = [".git", "target", "demo-out", "corpus", "artifacts"];
 
-/// File names' ends whose text is read. A name without a dot is read too, because it may be a script.
-const TEXTS: [&str; 6] = [".rs", ".toml", ".md", ".x", ".sh", ".py"];
+/// Extensions of the files whose text is read. A file without one is read too, because it may be a script.
+pub const TEXTS: [&str; 7] = ["", "rs", "toml", "md", "x", "sh", "py"];
 
 /// Paths from the repository's root, with `/` between folders, and the texts that the rules read.
 #[derive(Clone, Debug, Default)]
@@ -35,7 +35,7 @@ impl Tree {
             if !file.is_file() {
                 continue;
             }
-            let text = if is_text(&path) {
+            let text = if TEXTS.contains(&extension(&path)) {
                 String::from_utf8(fs::read(file)?).ok()
             } else {
                 None
@@ -46,6 +46,7 @@ impl Tree {
     }
 
     /// A tree of `files`, each a path and its text.
+    #[cfg(test)]
     pub fn of(files: &[(&str, &str)]) -> Self {
         let file = |&(path, text): &(&str, &str)| (path.to_owned(), Some(text.to_owned()));
         Self {
@@ -64,6 +65,12 @@ impl Tree {
         texts.filter_map(|(path, text)| Some((path.as_str(), text.as_deref()?)))
     }
 
+    /// All files of the kind that `extension` names, without the dot.
+    pub fn texts_of(&self, extension: &str) -> impl Iterator<Item = (&str, &str)> {
+        self.texts()
+            .filter(move |(path, _)| self::extension(path) == extension)
+    }
+
     /// True for a file, and for a folder that holds one.
     pub fn has(&self, path: &str) -> bool {
         let path = path.trim_end_matches('/');
@@ -76,11 +83,6 @@ impl Tree {
                 .next()
                 .is_some_and(|(file, _)| file.starts_with(&below))
     }
-}
-
-fn is_text(path: &str) -> bool {
-    let name = path.rsplit('/').next().unwrap_or(path);
-    !name.contains('.') || TEXTS.iter().any(|end| name.ends_with(end))
 }
 
 /// `None` where git is missing, `root` is no repository of its own, or git lists nothing.
@@ -131,6 +133,12 @@ pub fn joined(folder: &str, path: &str) -> Option<String> {
         }
     }
     Some(parts.join("/"))
+}
+
+/// The extension of a file's name, empty if it has none.
+pub fn extension(path: &str) -> &str {
+    let name = path.rsplit('/').next().unwrap_or(path);
+    name.rsplit_once('.').map_or("", |(_, extension)| extension)
 }
 
 /// The folder of `path`, empty for the root.

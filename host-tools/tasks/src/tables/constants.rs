@@ -1,4 +1,4 @@
-//! Tables of what the code declares: settings, limits, terms of a scene's cost.
+//! Tables of declared constants: settings, limits, terms of a scene's cost.
 
 use model_format::limits;
 use model_format::link::Setting;

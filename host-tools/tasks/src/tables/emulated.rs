@@ -1,4 +1,4 @@
-//! The table of instructions on emulated processors, of a run of the test vectors.
+//! The table of instructions on emulated processors, from a run of the test vectors.
 
 use kernel_vectors::MEASURED;
 
@@ -18,7 +18,7 @@ pub struct Runs<'a> {
     pub compiler: &'a str,
 }
 
-/// Instructions per sample and per update of each measured texture, and how much was played.
+/// Instructions per sample and per update of each measured texture, and the number of played words.
 pub fn table_of(runs: &Runs<'_>) -> String {
     let cost = |costs: &[Cost], texture: &str| {
         let found = costs.iter().find(|cost| cost.texture == texture);

@@ -1,8 +1,8 @@
-//! Tables as Markdown has them.
+//! Tables in Markdown.
 
 use std::fmt::Write;
 
-/// A table with `header` and `rows`; columns after the first are figures, or text without bars.
+/// A table with `header` and `rows`. No cell may contain a bar.
 pub fn table<const COLUMNS: usize>(
     header: [&str; COLUMNS],
     rows: impl IntoIterator<Item = [String; COLUMNS]>,
@@ -30,7 +30,7 @@ pub fn grouped(number: u64) -> String {
     text
 }
 
-/// A range as text, or the one number that it is.
+/// A range as text, or one number if both ends are equal.
 pub fn range(least: u64, most: u64) -> String {
     if least == most {
         grouped(most)

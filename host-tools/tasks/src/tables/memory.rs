@@ -1,4 +1,4 @@
-//! The table of what the image takes of each memory.
+//! The table of the image's use of each memory.
 
 use super::markdown::{grouped, table};
 use crate::firmware::Memory;
@@ -6,7 +6,7 @@ use crate::firmware::Memory;
 /// The table's name.
 pub const NAME: &str = "memory";
 
-/// Bytes of each memory that `memory` takes, as built by `compiler`, without the name of it.
+/// The taken bytes of each memory. `compiler` is the version of the compiler, without its name.
 pub fn table_of(memory: &Memory, compiler: &str) -> String {
     let rows = memory.uses().iter().map(|memory| {
         [

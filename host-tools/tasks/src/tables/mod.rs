@@ -3,12 +3,12 @@
 //!
 //! | table | made from | checked by |
 //! |---|---|---|
-//! | those of [`INSTANT`] | constants, and `host-tools/costs/costs.json` | `cargo tasks tables --check`, within a second |
+//! | those of [`INSTANT`] | constants, `host-tools/costs/costs.json` | `cargo tasks tables --check`, within a second |
 //! | [`emulated`] | a run of the vectors on QEMU | the test of `qemu-tests` that plays them |
 //! | [`memory`] | the sections of the image | `cargo tasks test-virtual-stylus` |
 //! | [`TICKS`] | the image's ticks on the virtual stylus | its tests, which include [`page`] by its path |
 //!
-//! The last three depend on the compiler and name it; made by another one they are not compared.
+//! The last three depend on the compiler and name it. Tables of another compiler are not compared.
 
 mod constants;
 mod counted;
@@ -27,7 +27,7 @@ use crate::toolchain::Toolchain;
 use crate::{compare, costs, firmware, workspace};
 use page::{OPENING, Page, PageError};
 
-/// The table of ticks on the virtual stylus, whose rows that workspace's tests make.
+/// The table of ticks on the virtual stylus. The tests of that workspace make its rows.
 pub const TICKS: &str = "ticks";
 
 /// A table that is made within a second.
@@ -36,7 +36,7 @@ struct Instant {
     make: fn(&Costs) -> String,
 }
 
-/// All that are made within a second.
+/// All tables that are made within a second.
 const INSTANT: [Instant; 6] = [
     Instant {
         name: "settings",
@@ -64,7 +64,7 @@ const INSTANT: [Instant; 6] = [
     },
 ];
 
-/// The page of each table, from the workspace's folder.
+/// The page of each table, as a path from the workspace's folder.
 const PAGES: [(&str, &str); 9] = [
     ("settings", "firmware/README.md"),
     (TICKS, "firmware/README.md"),
@@ -102,10 +102,10 @@ fn counted() -> Result<Costs> {
     Ok(qemu_tests::costs::parse(&text)?)
 }
 
-/// Checks the tables that are made within a second, and that the pages have every table, and no other.
+/// Checks the tables that are made within a second, and that the pages have every table and no other.
 ///
 /// # Errors
-/// The first row that is not what its command would write, with its page and table.
+/// The first row that differs from its command's, with its page and table.
 pub fn check_instant() -> Result<()> {
     let counted = counted()?;
     for table in &INSTANT {
@@ -133,11 +133,11 @@ fn no_unknown_tables() -> Result<()> {
     Ok(())
 }
 
-/// Writes the tables called `asked`, or, where none is, those that are made within a second. Tells `told` of each that
-/// changed. The tests on the virtual stylus write [`TICKS`], not this.
+/// Writes the tables called `asked`; without names, those that are made within a second. Calls `told` with the name of
+/// each changed table. The tests on the virtual stylus write [`TICKS`], not this function.
 ///
 /// # Errors
-/// A name of no table, a page without the block, or what a table is made from cannot be had.
+/// A name is that of no table, a page lacks the block, or the source of a table is missing.
 pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
     let counted = counted()?;
     let instant = INSTANT.iter().map(|table| table.name.to_owned());
@@ -154,7 +154,7 @@ pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
     Ok(())
 }
 
-/// Makes table `name` anew.
+/// Makes table `name` again.
 fn made(name: &str, counted: &Costs) -> Result<String> {
     if let Some(table) = INSTANT.iter().find(|table| table.name == name) {
         return Ok((table.make)(counted));
@@ -174,8 +174,8 @@ fn made(name: &str, counted: &Costs) -> Result<String> {
     Err(no_table(name))
 }
 
-/// Compares a table that depends on the compiler with what was made now, if the page names the same compiler. Returns
-/// whether it does.
+/// Compares a table that depends on the compiler with `made`, if the page names the same compiler. Returns true if it
+/// does.
 ///
 /// # Errors
 /// The first row that differs.

@@ -11,7 +11,7 @@ pub const OPENING: &str = "<!-- table: ";
 /// The line that closes a block.
 pub const CLOSING: &str = "<!-- end -->";
 
-/// A page whose block is not what its command writes.
+/// A fault of a page or of one of its blocks.
 #[derive(Debug, thiserror::Error)]
 pub enum PageError {
     /// The page cannot be read or written.
@@ -33,10 +33,10 @@ pub enum PageError {
         /// The table.
         name: String,
     },
-    /// The block's content is not what its command writes.
+    /// The block's content differs from its command's.
     #[error(
         "{path}, table '{name}', row {row}: the page says\n  {found}\nand it is\n  {expected}\n\
-         write it anew: `cargo tasks tables {name}`",
+         write it again: `cargo tasks tables {name}`",
         path = path.display()
     )]
     Stale {
@@ -46,9 +46,9 @@ pub enum PageError {
         name: String,
         /// The first line that differs, from 1, counted from the opening line.
         row: usize,
-        /// That line of the page.
+        /// The page's line there.
         found: String,
-        /// The line that the command writes.
+        /// The command's line there.
         expected: String,
     },
 }
@@ -112,7 +112,7 @@ impl Page {
         }
     }
 
-    /// Writes `content` into block `name`, and the page to its file if that changes it. Returns whether it did.
+    /// Writes `content` into block `name`, and the page to its file if that changes it. Returns true if it does.
     ///
     /// # Errors
     /// There is no such block, or the page cannot be written.
@@ -129,7 +129,7 @@ impl Page {
         Ok(true)
     }
 
-    /// Where the content of block `name` begins and ends.
+    /// The begin and the end of the content of block `name`.
     fn range(&self, name: &str) -> Result<(usize, usize), PageError> {
         let missing = || PageError::Missing {
             path: self.path.clone(),
@@ -139,7 +139,7 @@ impl Page {
         let begin = self.text.find(&opening).ok_or_else(missing)? + opening.len() + 1;
         let rest = self.text.get(begin..).ok_or_else(missing)?;
         let end = rest.find(CLOSING).ok_or_else(missing)?;
-        // Another block that opens before this one closes is one that was left open.
+        // If another block opens before this one closes, this one was left open.
         if rest[..end].contains(OPENING) {
             return Err(missing());
         }
