@@ -188,6 +188,10 @@ impl<'a> Asked<'a> {
         }
     }
 
+    #[expect(
+        clippy::result_large_err,
+        reason = "the device's answers carry their texts, without allocation"
+    )]
     fn dispatch(&self, key: Key) -> Option<Vec<u8>> {
         let control = &self.requests.control;
         macro_rules! now {

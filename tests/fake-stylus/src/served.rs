@@ -155,12 +155,11 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>) {
             connection = Some(Connection::new(stream));
         }
         let blocks = catch_up(&control, begin.elapsed());
-        let frames = match &mut connection {
-            Some(open) => open.receive(),
-            None => {
-                thread::sleep(Duration::from_millis(1));
-                Vec::new()
-            }
+        let frames = if let Some(open) = &mut connection {
+            open.receive()
+        } else {
+            thread::sleep(Duration::from_millis(1));
+            Vec::new()
         };
         // As they are now, and not before the wait for the frames.
         let faults = lock(shared).faults.clone();
