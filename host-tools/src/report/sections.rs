@@ -120,7 +120,7 @@ impl<'a> Sections<'a> {
         self.figure(
             &picture,
             "order-against-cost.svg",
-            "C of the example trial of each texture by the order of its model, as in the paper's figure 8. The mark \
+            "C of the example trial of each texture by the order of its model (the paper's figure 8). The mark \
              is the order that the library has there.",
         )
     }
@@ -163,7 +163,7 @@ impl<'a> Sections<'a> {
         self.figure(
             &picture,
             &format!("{}-time-and-frequency.svg", file_stem(&example.trial.texture)),
-            "The example trial and its synthesis in time and frequency, as in the paper's figures 5 and 7.",
+            "The example trial and its synthesis in time and frequency (the paper's figure 7).",
         )
     }
 
