@@ -25,11 +25,7 @@ const GROUPS: [&str; 2] = ["scene", "settings"];
 /// Options of other programs that the pages name.
 const OF_OTHERS: [&str; 1] = ["--port"];
 
-<<<<<<< HEAD
-/// Returns what `stylus` prints for `arguments` and `--help`.
-=======
 /// The output of `stylus` for `arguments` and `--help`.
->>>>>>> house-housecheck
 fn help(arguments: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
         .args(arguments)

@@ -162,7 +162,10 @@ impl<'a> Sections<'a> {
         )?;
         self.figure(
             &picture,
-            &format!("{}-time-and-frequency.svg", file_stem(&example.trial.texture)),
+            &format!(
+                "{}-time-and-frequency.svg",
+                file_stem(&example.trial.texture)
+            ),
             "The example trial and its synthesis in time and frequency (the paper's figure 7).",
         )
     }

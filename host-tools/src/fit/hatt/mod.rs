@@ -9,11 +9,7 @@
 //! | in the file | what becomes of it |
 //! |---|---|
 //! | not XML, a number that is none, no models, triangles out of range | refused, with the place |
-<<<<<<< HEAD
-//! | a model that is unstable, or whose variance or gain is negative or not finite | left out with its triangles |
-=======
 //! | a model that is unstable, or whose variance or gain is negative or not finite | left out with triangles; said |
->>>>>>> house-housecheck
 //! | a model of variance zero | silence; the timbre around it is that of its neighbours |
 //! | line spectral frequencies that are not those of the coefficients | said; the coefficients count |
 
