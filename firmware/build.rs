@@ -1,10 +1,10 @@
-//! Tells the linker how the image lies in memory.
+//! Linker arguments for the memory map of the image.
 
 use std::{env, error::Error, path::Path};
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=build.rs");
-    // The image alone is linked here; the guest of the emulator brings its own map.
+    // Only the image is linked here; the emulator's guest has a map of its own.
     if env::var_os("CARGO_FEATURE_IMAGE").is_none() || env::var("CARGO_CFG_TARGET_ARCH")? != "arm" {
         return Ok(());
     }
@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let package = Path::new(&package);
     let root = package
         .parent()
-        .ok_or("the package lies in the workspace")?;
+        .ok_or("the package is not in the workspace")?;
     for folder in [package, root] {
         println!("cargo::rustc-link-search={}", folder.display());
     }
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "cargo::rerun-if-changed={}",
         root.join("memory.x").display()
     );
-    // `tick.x` comes first: what it names must not be taken by the others.
+    // `tick.x` comes first, because the other scripts would place the sections that it names.
     for argument in [
         "-Ttick.x",
         "-Tlink.x",

@@ -1,90 +1,84 @@
 //! The hardware as `stylus_app::control` sees it.
 #![expect(
     unsafe_code,
-    reason = "what is played is exchanged while the tick plays nothing"
+    reason = "the voices are exchanged while the tick plays nothing"
 )]
 
 use core::fmt::Write;
 
 use embassy_stm32::uid;
 use heapless::String;
+use model_format::FORMAT_VERSION;
 use model_format::link::{
-    DeviceInfo, Fault, FaultKind, FaultText, LinkCounters, MotionSource, PROTOCOL_VERSION,
-    PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
-    SCHEMA_HASH, Selection, Settings, TickCounters,
+    DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
+    RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection, Settings,
+    TickCounters,
 };
-use model_format::{FORMAT_VERSION, Library};
-use stylus_app::control::{Device, ResetReport, TickReport};
+use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
 use stylus_app::recorder::Recorder;
 use stylus_app::safety;
 use stylus_app::status::Histogram;
 use stylus_app::storage::LoadFault;
-use stylus_kernel::scene::Plan;
 use stylus_kernel::scene::cost::BUDGET;
 
-use crate::clock::CORE_HZ;
-use crate::library_ram::LibraryRam;
-use crate::link_counters::{SERIAL, USB};
-use crate::{direction, fault, tick, update, voice};
+use crate::boot::clock::CORE_HZ;
+use crate::play::direction::{self, Next};
+use crate::play::library_ram::LibraryRam;
+use crate::play::{update, voice};
+use crate::tick;
 
-/// Everything of the hardware's but flash and wires.
+/// All hardware except flash and wires.
 pub struct Hardware {
     library: LibraryRam,
-    /// Turns samples into blocks.
+    /// The recorder, which packs samples into blocks.
     pub recorder: Recorder<'static>,
     reset: ResetReport,
+    link_counters: fn() -> [LinkCounters; 2],
     settings: Settings,
     muted: bool,
-    /// The first tick that has seen the present mute.
+    /// Number of the first tick that has seen the present mute.
     muted_since: u64,
 }
 
 impl Hardware {
-    /// With nothing played and nothing recorded; there is one, as there is one recorder's end of the queue.
-    pub fn new(recorder: Recorder<'static>, reset: ResetReport) -> Self {
-        // SAFETY: this runs once: whoever calls it has given its only recorder away.
+    /// Hardware that plays and records nothing. There is one, because there is one consuming end of the recorder's
+    /// queue.
+    pub fn new(
+        recorder: Recorder<'static>,
+        reset: ResetReport,
+        link_counters: fn() -> [LinkCounters; 2],
+    ) -> Self {
+        // SAFETY: this runs once, because the caller gives its only recorder away.
         let library = unsafe { LibraryRam::new() };
         Self {
             library,
             recorder,
             reset,
+            link_counters,
             settings: Settings::default(),
             muted: true,
             muted_since: 0,
         }
     }
 
-    /// Copies `library` to where it is played from. Nothing is played.
+    /// Copies `library` to the RAM that it is played from. Nothing is played then.
     ///
     /// # Errors
-    /// It is not one.
+    /// The bytes are not a library.
     pub fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
         self.clear();
-        // SAFETY: the only textures that outlive a call are the director's, and that was just forgotten.
+        // SAFETY: only the director and the next plan hold textures beyond a call, and both were just forgotten.
         unsafe { self.library.load(library) }
-    }
-
-    /// The plan of what is asked for, and how the hand is followed through it; none if it is not there or cannot be played.
-    fn plan(&self, selection: &Selection) -> Option<(Plan<'static>, Follower)> {
-        let library = self.library.library()?;
-        match selection {
-            Selection::Texture(name) => {
-                let plan = Plan::of_texture(library.texture(name)?);
-                Some((plan, Follower::new(false)))
-            }
-            Selection::Scene(name) => {
-                let plan = Plan::new(&library.scene(name)?, &library).ok()?;
-                Some((plan, Follower::new(true)))
-            }
-        }
     }
 }
 
 impl Device for Hardware {
+    type Plan = Next;
+
     fn info(&self) -> DeviceInfo {
         let mut build = String::new();
-        // Fits; if it did not, less would be told.
+        // Fits; a longer text would be cut.
         let _ = write!(build, "{}, STM32H743ZI", env!("STYLUS_PROFILE"));
         DeviceInfo {
             product: text("stylus"),
@@ -102,7 +96,7 @@ impl Device for Hardware {
     }
 
     fn tick_report(&self) -> TickReport {
-        let Some(report) = tick::report() else {
+        let Some(tick) = tick::snapshot() else {
             return TickReport {
                 counters: TickCounters::default(),
                 histogram: Histogram::new().report(CORE_HZ),
@@ -113,29 +107,21 @@ impl Device for Hardware {
             };
         };
         TickReport {
-            counters: report.counters,
-            histogram: report.histogram.report(CORE_HZ),
+            counters: tick.counters,
+            histogram: tick.histogram.report(CORE_HZ),
             saturations: voice::saturations(),
-            safety: report.safety.counters(),
-            thermal_load_permille: report.safety.thermal_load_permille(),
-            thermal_gain_permille: report.safety.thermal_gain_permille(),
+            safety: tick.safety.counters(),
+            thermal_load_permille: tick.safety.thermal_load_permille(),
+            thermal_gain_permille: tick.safety.thermal_gain_permille(),
         }
     }
 
     fn link_counters(&self) -> [LinkCounters; 2] {
-        [USB.get(), SERIAL.get()]
+        (self.link_counters)()
     }
 
     fn reset_report(&self) -> ResetReport {
         self.reset.clone()
-    }
-
-    fn library(&self) -> Option<Library<'_>> {
-        self.library.library()
-    }
-
-    fn scene_budget(&self) -> u32 {
-        BUDGET
     }
 
     fn is_at_rest(&self) -> bool {
@@ -153,24 +139,32 @@ impl Device for Hardware {
         }
     }
 
-    fn start(&mut self, request: &PlayRequest, config: safety::Config) {
-        self.clear();
-        let Some((plan, follower)) = self.plan(&request.selection) else {
-            return;
-        };
-        // SAFETY: the tick was told to play nothing, and tasks cannot be here in the middle of it.
+    fn plan(&self, selection: &Selection) -> Result<Next, PlayError> {
+        let library = self.library.library().ok_or(PlayError::NoLibrary)?;
+        Ok(Next {
+            plan: plan_of(selection, &library, BUDGET)?,
+            follower: Follower::new(matches!(selection, Selection::Scene(_))),
+        })
+    }
+
+    fn prepare(&mut self, plan: Next) {
+        direction::prepare(plan);
+    }
+
+    fn start(&mut self, request: &PlayRequest, config: safety::Config) -> Result<(), NotPrepared> {
+        tick::stop();
+        // SAFETY: the tick was told to play nothing, and no task runs in the middle of a tick.
         unsafe {
             voice::clear();
-            direction::start(plan, follower, request.seed);
+            direction::start(request.seed)?;
         }
         tick::configure(config);
         tick::play();
+        Ok(())
     }
 
-    fn switch(&mut self, request: &PlayRequest) {
-        if let Some((plan, follower)) = self.plan(&request.selection) {
-            direction::switch(plan, follower);
-        }
+    fn switch(&mut self, _request: &PlayRequest, plan: Next) {
+        direction::switch(plan);
     }
 
     fn clear(&mut self) {
@@ -207,99 +201,7 @@ impl Device for Hardware {
     }
 }
 
-/// `text`, or nothing if it does not fit.
+/// `text`, or an empty text if it does not fit.
 fn text<const N: usize>(text: &str) -> String<N> {
     String::try_from(text).unwrap_or_default()
-}
-
-/// How this start came about, from what the processor and the memory kept.
-pub fn reset_report(flags: ResetFlags, before: fault::Before) -> ResetReport {
-    let caught = before.caught.map(|caught| Fault {
-        kind: match caught.kind {
-            fault::Kind::HardFault => FaultKind::HardFault,
-            fault::Kind::Nmi => FaultKind::Nmi,
-            fault::Kind::Panic => FaultKind::Panic,
-            fault::Kind::UnexpectedInterrupt => FaultKind::UnexpectedInterrupt,
-            fault::Kind::TickStopped => FaultKind::TickStopped,
-            fault::Kind::ExecutorStopped => FaultKind::ExecutorStopped,
-        },
-        program_counter: caught.program_counter,
-        detail: caught.detail,
-        text: place_in_words(&caught),
-    });
-    let reason = match flags {
-        ResetFlags::PowerOn => ResetReason::PowerOn,
-        ResetFlags::Brownout => ResetReason::Brownout,
-        ResetFlags::Watchdog => ResetReason::Watchdog,
-        ResetFlags::Software if before.new_fault => ResetReason::Fault,
-        ResetFlags::Software => ResetReason::Software,
-        ResetFlags::Pin => ResetReason::Pin,
-        ResetFlags::Unknown => ResetReason::Unknown,
-    };
-    ResetReport {
-        reason,
-        resets: before.resets,
-        fault: caught,
-    }
-}
-
-/// File and line of a panic, the file's end if it is long; of anything else return addresses in hexadecimal, the newest
-/// first, for `addr2line` on the image's file.
-fn place_in_words(caught: &fault::Caught) -> FaultText {
-    /// What a line's number and the colon need at most.
-    const LINE_CHARACTERS: usize = 8;
-    let mut text = FaultText::new();
-    if let Some((file, line)) = fault::place(caught.location) {
-        let left_out = file.len().saturating_sub(text.capacity() - LINE_CHARACTERS);
-        // Fits. A name with letters of several bytes may be cut within one, then the line alone is told.
-        let _ = write!(text, "{}:{line}", file.get(left_out..).unwrap_or_default());
-        return text;
-    }
-    for &address in caught.trace.iter().filter(|&&address| address != 0) {
-        let separator = if text.is_empty() { "" } else { " " };
-        if write!(text, "{separator}{address:08x}").is_err() {
-            break;
-        }
-    }
-    text
-}
-
-/// What the processor says about the last reset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
-pub enum ResetFlags {
-    /// Power came.
-    PowerOn,
-    /// Power dipped.
-    Brownout,
-    /// The independent watchdog.
-    Watchdog,
-    /// The processor itself.
-    Software,
-    /// The reset pin.
-    Pin,
-    /// None of these.
-    Unknown,
-}
-
-impl ResetFlags {
-    /// Reads and clears RCC_RSR (RM0433 section 8.7.38). Other resets set the pin's flag too, and power all of them, so the
-    /// order counts.
-    pub fn take() -> Self {
-        let rsr = embassy_stm32::pac::RCC.rsr();
-        let flags = rsr.read();
-        rsr.modify(|w| w.set_rmvf(true));
-        if flags.porrstf() {
-            Self::PowerOn
-        } else if flags.borrstf() {
-            Self::Brownout
-        } else if flags.iwdg1rstf() {
-            Self::Watchdog
-        } else if flags.sftrstf() {
-            Self::Software
-        } else if flags.pinrstf() {
-            Self::Pin
-        } else {
-            Self::Unknown
-        }
-    }
 }

@@ -1,6 +1,6 @@
-//! Faults on request, for the tests of how they end. Compiled only with the feature `fault-injection`.
+//! Faults on request, for the tests of the fault handlers. Compiled only with the feature `fault-injection`.
 //!
-//! A message of one byte on the topic [`PATH`] asks for one; the image that is handed out does not know the topic.
+//! A message of one byte on the topic [`PATH`] asks for a fault. The image that is handed out does not know the topic.
 #![expect(unsafe_code, reason = "faults are what this is for")]
 
 use core::arch::asm;
@@ -11,7 +11,7 @@ use embassy_stm32::interrupt::Interrupt;
 use embassy_stm32::pac::TIM6;
 use postcard_rpc::Key;
 
-use crate::clock::CORE_HZ;
+use crate::boot::clock::CORE_HZ;
 
 /// The topic's path.
 pub const PATH: &str = "stylus/fault-injection";
@@ -23,30 +23,31 @@ pub const KEY: Key = Key::for_path::<u8>(PATH);
 const LONG_TICK: u8 = 1;
 /// A tick that never ends.
 const ENDLESS_TICK: u8 = 2;
-/// A task that never gives way.
+/// A task that never yields.
 const ENDLESS_TASK: u8 = 3;
 /// A panic.
 const PANIC: u8 = 4;
-/// A jump to what is no Thumb instruction.
+/// A jump to an address that is no Thumb instruction.
 const BAD_JUMP: u8 = 5;
-/// An interrupt that has no handler.
+/// An interrupt without a handler.
 const UNEXPECTED_INTERRUPT: u8 = 6;
-/// The non-maskable interrupt.
+/// A non-maskable interrupt.
 const NMI: u8 = 7;
-/// The sample timer stops.
+/// A stop of the sample timer.
 const NO_TICK: u8 = 8;
 /// A panic in the tick.
 const PANIC_IN_TICK: u8 = 9;
 
 static IN_TICK: AtomicU8 = AtomicU8::new(0);
 
-/// Does what `fault` stands for, or has the next tick do it.
+/// Causes `fault` now, or in the next tick.
 pub fn inject(fault: u8) {
     match fault {
         LONG_TICK | ENDLESS_TICK | PANIC_IN_TICK => IN_TICK.store(fault, Ordering::Relaxed),
         ENDLESS_TASK => spin(),
         PANIC => panic!("asked for"),
-        // SAFETY: there is none; the processor refuses the jump, which is what is asked for (INVSTATE, ARM DDI 0403E, B1.5.14).
+        // SAFETY: none is needed: the processor refuses the jump, which is the fault (INVSTATE, ARM DDI 0403E,
+        // B1.5.14).
         BAD_JUMP => unsafe { asm!("bx {}", in(reg) 0x0800_0000, options(noreturn)) },
         UNEXPECTED_INTERRUPT => {
             // SAFETY: no critical section masks by priority, and the handler is the one for all that have none.
@@ -60,7 +61,7 @@ pub fn inject(fault: u8) {
     }
 }
 
-/// Does in the tick what was asked for there.
+/// Causes the fault that was requested for the tick, if any.
 #[inline(always)]
 pub fn in_tick() {
     match IN_TICK.swap(0, Ordering::Relaxed) {

@@ -1,6 +1,6 @@
-//! The part of the stylus that is bound to its processor: instructions that no compiler finds by itself.
+//! Instructions of the stylus's processor that no compiler generates by itself, for the kernel's inner loops.
 //!
-//! All unsafe code of the product is in this package. On a host it is empty.
+//! All unsafe code of the product is in this package. On a host this library is empty.
 #![no_std]
 
 #[cfg(target_arch = "arm")]

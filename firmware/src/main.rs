@@ -1,48 +1,33 @@
 //! The stylus's image for the STM32H743 on a NUCLEO-H743ZI2.
 //!
-//! | module | what |
+//! | room | content |
 //! |---|---|
-//! | [`startup`], [`clock`], [`priority`] | from reset to running |
-//! | [`tick`], [`inputs`], [`output`] | one sample, 5000 times a second |
-//! | [`update`], [`direction`], [`voice`], [`shared`] | one block every 2 ms, handed to the tick |
-//! | [`device`], [`library_ram`], [`storage`], [`flash`], [`flash_word`] | what `stylus_app` needs of the hardware |
-//! | [`link`], [`serial`], [`usb`] | requests, over two wires |
-//! | [`otg`], [`otg_control`] | what embassy's driver of the USB core does not survive by itself |
-//! | [`fault`], [`watchdog`], [`stack`] | the end, and why; what keeps from it |
+//! | [`boot`] | from reset to running: memory, clocks, interrupt priorities, cause of the reset |
+//! | [`play`] | one block every 2 ms, handed to the tick |
+//! | [`tick`] | one sample, 5000 times per second |
+//! | [`fault`] | ends of the program, their reasons, and the guards: handlers, watchdog, stack |
+//! | [`flash`] | library slots and settings in flash |
+//! | [`device`] | the hardware as `stylus_app::control` sees it |
+//! | [`link`] | requests, over two wires |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! The pins stand at the head of [`inputs`], [`output`], [`serial`] and [`usb`]; LED LD1 on PB0 blinks while all is well, LD3
-//! on PB14 lights after a fault.
+//! Rooms import in one direction: `link` imports `device` and `flash`; `device` imports `tick` and `play`; `flash` imports
+//! `fault`; `fault` imports `tick`; `tick` imports `play`. All may import `boot`, which imports none. Only `main` sees all.
+//!
+//! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
+//! blinks while all is well, LD3 on PB14 lights after a fault.
 #![no_std]
 #![no_main]
 
-mod clock;
+mod boot;
 mod device;
-mod direction;
 mod fault;
 mod flash;
-mod flash_word;
 #[cfg(feature = "fault-injection")]
 mod injection;
-mod inputs;
-mod library_ram;
 mod link;
-mod link_counters;
-mod otg;
-mod otg_control;
-mod output;
-mod priority;
-mod serial;
-mod shared;
-mod stack;
-mod startup;
-mod storage;
+mod play;
 mod tick;
-mod update;
-mod usb;
-mod voice;
-mod watchdog;
-mod wire;
 
 use defmt_rtt as _;
 use panic_probe as _;
@@ -58,19 +43,26 @@ use stylus_app::inputs::InputConfig;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety;
 
-use crate::device::{Hardware, ResetFlags, reset_report};
-use crate::wire::Wire;
+use crate::boot::reset::ResetFlags;
+use crate::boot::{clock, priority, startup};
+use crate::device::Hardware;
+use crate::fault::{record, report, stack, watchdog};
+use crate::flash::word;
+use crate::link::wire::{self, Wire};
+use crate::link::{counters, recording, requests, serial, storage, usb};
+use crate::play::update;
+use crate::tick::inputs;
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     let Some(mut core) = cortex_m::Peripherals::take() else {
-        defmt::unreachable!("nobody took them before");
+        defmt::unreachable!("the core peripherals are taken once");
     };
     startup::prepare_memory(&mut core.SCB, &mut core.CPUID);
     startup::start_cycle_counter(&mut core.DCB, &mut core.DWT);
-    flash_word::enable_bus_fault(&mut core.SCB);
+    word::enable_bus_fault(&mut core.SCB);
     let flags = ResetFlags::take();
-    let before = fault::take(flags == ResetFlags::PowerOn, flags == ResetFlags::Watchdog);
+    let before = record::take(flags == ResetFlags::PowerOn, flags == ResetFlags::Watchdog);
     let p = embassy_stm32::init(clock::config());
     priority::assign();
     watchdog::start(p.IWDG1);
@@ -89,7 +81,7 @@ async fn main(spawner: Spawner) {
     });
     static SAMPLES: ConstStaticCell<SampleQueue> = ConstStaticCell::new(Queue::new());
     let (producer, consumer) = SAMPLES.take().split();
-    // What the tick starts with, until the settings are read.
+    // The defaults hold until the settings are read.
     let settings = Settings::default();
     update::start(InputConfig::new(&settings));
     tick::start(
@@ -99,7 +91,11 @@ async fn main(spawner: Spawner) {
     );
     priority::enable();
 
-    let hardware = Hardware::new(Recorder::new(consumer), reset_report(flags, before));
+    let hardware = Hardware::new(
+        Recorder::new(consumer),
+        report::reset_report(flags, before),
+        counters::all,
+    );
     let fault_led = if before.caught.is_some() {
         Level::High
     } else {
@@ -108,23 +104,42 @@ async fn main(spawner: Spawner) {
     core::mem::forget(Output::new(p.PB14, fault_led, Speed::Low));
     spawner.spawn(blink(Output::new(p.PB0, Level::Low, Speed::Low)).unwrap());
     storage::start(spawner, hardware).await;
-    spawner.spawn(link::record::stream().unwrap());
-    if let Ok((half, inlet)) = serial::open(p.USART3, p.PD8, p.PD9) {
-        wire::SERIAL.open(half).await;
-        spawner.spawn(serve_serial(inlet).unwrap());
+    spawner.spawn(recording::stream().unwrap());
+    if let Ok((sender, receiver)) = serial::open(p.USART3, p.PD8, p.PD9) {
+        wire::SERIAL.open(sender).await;
+        spawner.spawn(serve_serial(receiver).unwrap());
     } else {
-        defmt::error!("the clock does not give the serial port's rate");
+        defmt::error!("serial link: the clock cannot give the baud rate; the link stays off");
     }
-    usb::start(spawner, p.USB_OTG_FS, p.PA12, p.PA11).await;
+    if usb::answers().await {
+        let (device, sender, receiver) = usb::open(p.USB_OTG_FS, p.PA12, p.PA11);
+        wire::USB.open(sender).await;
+        spawner.spawn(run_usb(device).unwrap());
+        spawner.spawn(serve_usb(receiver).unwrap());
+    } else {
+        defmt::warn!("USB link: the peripheral does not answer; the link stays off");
+    }
 }
 
 #[embassy_executor::task]
-async fn serve_serial(inlet: serial::Inlet) -> ! {
+async fn serve_serial(receiver: serial::Receiver) -> ! {
     static BUFFER: ConstStaticCell<serial::Buffer> = ConstStaticCell::new(serial::EMPTY);
-    link::serve(Wire::Serial, inlet, BUFFER.take()).await
+    requests::serve(Wire::Serial, receiver, BUFFER.take()).await
 }
 
-/// Shows that the executor lives, and now and then how much stack was needed and how warm the coil is.
+#[embassy_executor::task]
+async fn run_usb(mut device: usb::Device) -> ! {
+    device.run().await
+}
+
+#[embassy_executor::task]
+async fn serve_usb(receiver: usb::Receiver) -> ! {
+    static BUFFER: ConstStaticCell<usb::Buffer> =
+        ConstStaticCell::new([0; size_of::<usb::Buffer>()]);
+    requests::serve(Wire::Usb, receiver, BUFFER.take()).await
+}
+
+/// Blinks while the executor runs, and logs every ten seconds the stack used and the load of the coil.
 #[embassy_executor::task]
 async fn blink(mut led: Output<'static>) -> ! {
     const BLINKS: u32 = 20;
@@ -134,12 +149,12 @@ async fn blink(mut led: Output<'static>) -> ! {
             Timer::after_millis(500).await;
         }
         let (used, bytes) = stack::used();
-        defmt::info!("stack: {} of {} bytes were used", used, bytes);
-        if let Some(report) = tick::report() {
-            let load = f32::from(report.safety.thermal_load_permille().max(1)) / 1000.0;
-            // For people: a logarithm to a tenth is enough.
+        defmt::info!("stack: {} of {} bytes used", used, bytes);
+        if let Some(tick) = tick::snapshot() {
+            let load = f32::from(tick.safety.thermal_load_permille().max(1)) / 1000.0;
+            // For people to read, so a logarithm exact to a tenth is enough.
             let decibel = 10.0 * load.log10();
-            defmt::info!("the coil is {} dB above its power limit", decibel);
+            defmt::info!("coil: {} dB above its power limit", decibel);
         }
     }
 }

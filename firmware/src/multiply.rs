@@ -1,4 +1,4 @@
-//! The kernel's inner loops in instructions of ARMv7E-M that no compiler finds by itself.
+//! The kernel's inner loops, in instructions of ARMv7E-M that no compiler generates for them.
 
 use core::arch::asm;
 
@@ -7,14 +7,15 @@ use stylus_kernel::rotation::Rotation;
 
 /// The arithmetic of a Cortex-M4 and M7.
 ///
-/// Instructions and their operands: ARM DDI 0403E, chapter A7; cycles of the Cortex-M4: ARM DDI 0439D, table 3-1.
+/// The instructions and their operands are those of ARM DDI 0403E, chapter A7; the cycles of the Cortex-M4 those of ARM
+/// DDI 0439D, table 3-1.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CortexM;
 
-/// Stages of one turn of [`CortexM`]'s loop: their backward signals are loaded two at a time.
+/// Stages per turn of [`CortexM`]'s loop, whose backward signals are loaded two at a time.
 const TURN_STAGES: usize = 4;
 
-/// Five products of words below `r10` and `r11`, added to `r8` and `r9`. Ten loads of a word each take eleven cycles.
+/// Five products of words below `r10` and `r11`, added to `r8` and `r9`. The ten loads of one word take eleven cycles.
 macro_rules! five_products_loaded_singly {
     ($a:literal, $b:literal, $c:literal, $d:literal, $e:literal $(, $down:literal)?) => {
         concat!(
@@ -33,7 +34,7 @@ macro_rules! five_products_loaded_singly {
     };
 }
 
-/// The same, loaded by two instructions, which take twelve.
+/// The same five products, with their words loaded by two instructions, which take twelve cycles.
 macro_rules! five_products_loaded_at_once {
     () => {
         concat!(
@@ -56,9 +57,9 @@ macro_rules! five_products {
     };
 }
 
-/// Two stages, of 21 instructions: five loads of a word a stage take two and a half, and each of the two sums takes two multiplications,
-/// one step that truncates toward zero and one that doubles. A stage's forward signal ends in the register of the other sum, so
-/// that two stages bring it back.
+/// Two stages in 21 instructions. The five words that a stage loads or stores take two and a half instructions. Each of
+/// the two sums per stage takes two multiplications, one step that truncates toward zero and one that doubles. A stage
+/// leaves its forward signal in the register of the other sum, so two stages bring it back.
 macro_rules! two_stages {
     () => {
         concat!(
@@ -87,7 +88,7 @@ macro_rules! two_stages {
     };
 }
 
-/// One stage of a sample, whose forward signal is `$forward`, and what it puts up.
+/// One stage of a sample with forward signal `$forward`; `$up` is the backward signal that it passes on.
 macro_rules! stage {
     ($cos:literal, $sin:literal, $neg_sin:literal, $forward:literal, $backward:literal, $up:literal) => {
         concat!(
@@ -151,9 +152,9 @@ macro_rules! stage {
     };
 }
 
-/// Two stages of two samples: the first sample's forward signal is `r8`, the second's, a stage behind, `r9`. The rotations of
-/// the stage above are in `r3` to `r5`, as those of the lower stage are at the end. What the first sample puts up goes from
-/// `r7` to the second and not to memory.
+/// Two stages of two samples: the first sample's forward signal is `r8`, the second's, a stage behind, `r9`. The
+/// rotations of the stage above are in `r3` to `r5`, as those of the lower stage are at the end. The backward signal of
+/// the first sample goes to the second in `r7` and not through memory.
 macro_rules! two_stages_of_two {
     () => {
         concat!(
@@ -170,12 +171,11 @@ macro_rules! two_stages_of_two {
     };
 }
 
-/// What [`CortexM`]'s loop over products takes in one turn: six times five and twice five.
+// One turn of the loop over products takes six times five products loaded singly and twice five loaded at once.
 const _: () = assert!(TURN_TAPS == 6 * 5 + 2 * 5);
 
 impl Arithmetic for CortexM {
-    /// Of a product two and two thirds of an instruction and, on a Cortex-M4 without wait states, three and three eighths of a
-    /// cycle.
+    /// Takes 2 2/3 instructions per product and, on a Cortex-M4 without wait states, 3 3/8 cycles.
     #[inline]
     fn sum_of_products(coefficients: &[Turn], samples: &[Turn]) -> i64 {
         let turns = coefficients.len().min(samples.len());
@@ -185,11 +185,12 @@ impl Arithmetic for CortexM {
         let coefficients = coefficients[..turns].as_ptr_range();
         let samples = samples[..turns].as_ptr_range();
         let (mut low, mut high) = (0u32, 0u32);
-        // SAFETY: with n the words of `turns` turns, at least one, the loop reads words n - 1 to 0 of both slices, from their ends down, and
-        // writes no memory but its own three words of stack, which it gives back (so `nostack` is not claimed). r6 and r7,
-        // which the compiler may hold for itself, are among them and restored; no operand is in either. All other registers
-        // are named; the flags are said to change. SMLAL's two results live at once, so that they are never one register.
-        #[expect(unsafe_code, reason = "a compiler's loop has too few registers")]
+        // SAFETY: with n the number of words of `turns` turns, at least one, the loop reads words n - 1 to 0 of both
+        // slices, from their ends down. It writes no memory except three words of its own on the stack, which it pops
+        // (so `nostack` is not claimed). These hold r6 and r7 among others, which the compiler may reserve and which
+        // are restored; no operand is in either. All other registers are named; the flags are declared as changed.
+        // SMLAL's two results live at once, so they are never in one register.
+        #[expect(unsafe_code, reason = "the compiler's loop has too few registers")]
         unsafe {
             asm!(
                 "push {{r6, r7, r12}}",
@@ -224,23 +225,24 @@ impl Arithmetic for CortexM {
         i64::from(high as i32) << 32 | i64::from(low)
     }
 
-    /// 11 instructions a stage and, on a Cortex-M4 without wait states, 15 cycles.
+    /// Takes 11 instructions per stage and, on a Cortex-M4 without wait states, 15 cycles.
     #[inline]
     fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32 {
         let (turns, rest) = rotations.as_chunks::<TURN_STAGES>();
         let stages = turns.as_flattened().len();
-        // The stages beyond whole turns come first, as the last stages do.
+        // The stages beyond whole turns are the last ones, which come first.
         let mut forward = Portable::rotate(rest, &mut backward[stages..], forward);
         if stages == 0 {
             return forward;
         }
         let turns = turns.as_flattened().as_ptr_range();
         let ends = backward[..=stages].as_mut_ptr_range();
-        // SAFETY: with n = `stages`, a positive multiple of 4, the loop reads rotations n - 1 to 0, three words each (`Rotation` is
-        // `repr(C)` of three), reads words n - 1 to 0 of `backward`, and writes words n to 1: it begins at the end of
-        // `rotations` and at word n, the slice of n + 1 words less one, and runs until the first rotation is done. All words are
-        // aligned, as LDRD and LDM want them; all registers are named, Q and the flags are said to change, the stack is not used.
-        #[expect(unsafe_code, reason = "a compiler's loop is a quarter longer")]
+        // SAFETY: with n = `stages`, a positive multiple of 4, the loop reads rotations n - 1 to 0, three words each
+        // (`Rotation` is `repr(C)` of three), reads words n - 1 to 0 of `backward`, and writes words n to 1. It begins
+        // at the end of `rotations` and at word n, the last of the slice of n + 1 words, and runs until the first
+        // rotation is done. All words are aligned, as LDRD and LDM require. All registers are named, Q and the flags
+        // are declared as changed, and the stack is not used.
+        #[expect(unsafe_code, reason = "the compiler's loop is a quarter longer")]
         unsafe {
             asm!(
                 "2:",
@@ -265,8 +267,7 @@ impl Arithmetic for CortexM {
         forward
     }
 
-    /// Nine and three quarters of an instruction a stage and sample and, on a Cortex-M4 without wait states, eleven and five eighths
-    /// of a cycle.
+    /// Takes 9 3/4 instructions per stage and sample and, on a Cortex-M4 without wait states, 11 5/8 cycles.
     #[inline]
     fn rotate_two(
         rotations: &[Rotation],
@@ -276,7 +277,7 @@ impl Arithmetic for CortexM {
         let Some((&last, others)) = rotations.split_last() else {
             return [first, second];
         };
-        // The first sample's last stage, and the stages beyond whole turns.
+        // The last stage of the first sample, and the stages beyond whole turns.
         let mut up;
         (first, up) = rotated(last, first, backward[others.len()]);
         backward[rotations.len()] = up;
@@ -289,13 +290,14 @@ impl Arithmetic for CortexM {
         if stages > 0 {
             let ends = rotations[..stages].as_ptr_range();
             let signals = backward[..stages + 2].as_mut_ptr_range();
-            // SAFETY: with n = `stages`, a positive multiple of 4, the loop reads rotation n, which is there since `rotations` holds
-            // one more than `others`, and then n - 1 to 0, three words each (`Rotation` is `repr(C)` of three); it reads words n - 1 to 0
-            // of `backward` and writes words n + 1 to 2, all of the slice of n + 2, whose end less two is word n. All words are
-            // aligned, as LDRD and LDM want them. It pushes three words and gives them back (so `nostack` is not claimed); r6 and
-            // r7, which the compiler may hold for itself, are among them and restored, and no operand is in either. All other
-            // registers are named; Q and the flags are said to change.
-            #[expect(unsafe_code, reason = "a compiler's loop has too few registers")]
+            // SAFETY: with n = `stages`, a positive multiple of 4, the loop reads rotation n, which exists because
+            // `rotations` holds one more than `others`, and then n - 1 to 0, three words each (`Rotation` is `repr(C)`
+            // of three). It reads words n - 1 to 0 of `backward` and writes words n + 1 to 2, all of the slice of n + 2
+            // words, whose end minus two is word n. All words are aligned, as LDRD and LDM require. It pushes three
+            // words and pops them (so `nostack` is not claimed). These hold r6 and r7 among others, which the compiler
+            // may reserve and which are restored; no operand is in either. All other registers are named; Q and the
+            // flags are declared as changed.
+            #[expect(unsafe_code, reason = "the compiler's loop has too few registers")]
             unsafe {
                 asm!(
                     "push {{r6, r7, lr}}",

@@ -1,4 +1,4 @@
-//! `memory.x` against the processor's manual and against what the code counts on.
+//! `memory.x` against the processor's manual and the constants of the code.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,8 +8,8 @@ use std::path::Path;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use stylus_app::settings::SETTINGS_RANGE;
 
-/// Sector of the STM32H743's flash, the least that can be erased, bytes.
-const SECTOR_BYTES: u64 = 128 * 1024;
+/// Smallest part of the flash that can be erased, bytes.
+const SECTOR_BYTES: u64 = stylus_app::flash::SECTOR_BYTES as u64;
 const BANK_1: Range<u64> = 0x0800_0000..0x0810_0000;
 const BANK_2: Range<u64> = 0x0810_0000..0x0820_0000;
 
@@ -26,7 +26,7 @@ fn regions() -> BTreeMap<String, Range<u64>> {
     regions
 }
 
-/// `NAME (attributes) : ORIGIN = number, LENGTH = number`
+/// Name and range of a line `NAME (attributes) : ORIGIN = number, LENGTH = number`.
 fn region(line: &str) -> Option<(String, Range<u64>)> {
     let (head, rest) = line.split_once(": ORIGIN = ")?;
     let (origin, rest) = rest.split_once(", LENGTH = ")?;
@@ -106,7 +106,7 @@ fn settings_lie_where_the_store_looks_for_them_in_whole_sectors_behind_the_code(
     );
     assert!(contains(&BANK_1, settings) && code.end <= settings.start);
     assert!(settings.start.is_multiple_of(SECTOR_BYTES));
-    // A map in flash needs a sector to move to.
+    // A map in flash needs another sector to move to.
     assert!((settings.end - settings.start) / SECTOR_BYTES >= 2);
 }
 

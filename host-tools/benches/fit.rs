@@ -1,6 +1,6 @@
-//! What fitting and synthesis cost on the host, step by step. `cargo bench -p host-tools` runs it.
+//! Cost of the steps of fitting and of synthesis on the host. `cargo bench -p host-tools` runs it.
 //!
-//! Whole fits are compared with NumPy and SciPy by `benches/compare_fit`, as processes.
+//! `benches/compare_fit` compares whole fits with NumPy and SciPy, as processes.
 
 use std::hint::black_box;
 
@@ -14,7 +14,8 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
-const SAMPLES_A_ROUND: usize = 5000;
+/// Samples per iteration of a synthesis: one second.
+const SAMPLES_PER_ITERATION: usize = 5000;
 
 /// Three axes of one coloured noise, as long as the paper's trials.
 fn axes() -> Vec<Vec<f64>> {
@@ -65,7 +66,7 @@ fn synthesis(criterion: &mut Criterion) {
     let lags = corrected(Autocorrelation::of(&signal, 400).lags);
     let prediction = Prediction::levinson_durbin(&lags, 400);
     let mut group = criterion.benchmark_group("synthesis");
-    group.throughput(Throughput::Elements(SAMPLES_A_ROUND as u64));
+    group.throughput(Throughput::Elements(SAMPLES_PER_ITERATION as u64));
     for structure in [StructureChoice::Lattice, StructureChoice::Direct] {
         let model = host_tools::dsp::model::Model {
             reflection: prediction.reflection.clone(),
@@ -95,7 +96,7 @@ fn synthesis(criterion: &mut Criterion) {
         let motion = Motion::new(MillimetresPerSecond(100.0), Newton(0.7)).expect("finite");
         group.bench_function(format!("{structure:?}/400/one second"), |bencher| {
             bencher.iter(|| {
-                for n in 0..SAMPLES_A_ROUND {
+                for n in 0..SAMPLES_PER_ITERATION {
                     if n.is_multiple_of(UPDATE_INTERVAL_SAMPLES as usize) {
                         synthesis.follow(motion, UPDATE_INTERVAL_SAMPLES);
                     }

@@ -1,4 +1,4 @@
-"""The fit of a recording set as one writes it with NumPy and SciPy, to compare `stylus fit --order 400` with.
+"""A fit of a recording set with NumPy and SciPy, as a reference for the speed of `stylus fit --order 400`.
 
 Usage: python3 fit_numpy.py RECORDINGS OUT.npz
 """

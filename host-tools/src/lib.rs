@@ -15,6 +15,7 @@
 pub mod dsp;
 pub mod evaluation;
 pub mod fit;
+#[cfg(feature = "device")]
 pub mod link;
 pub mod playing;
 pub mod recording;

@@ -1,4 +1,4 @@
-//! Writing a library. Only hosts do.
+//! Writing a library, which only hosts do.
 
 use alloc::vec::Vec;
 
@@ -16,33 +16,33 @@ use crate::wire::{
 pub struct TextureSpec {
     /// Name, unique in its library.
     pub name: alloc::string::String,
-    /// Samples a second at which the models hold.
+    /// Sample rate of the models, Hz.
     pub sample_rate_hz: u32,
-    /// What the coefficients are for.
+    /// Structure that the coefficients are for.
     pub structure: Structure,
-    /// Where the recordings came from.
+    /// Origin of the recordings.
     pub provenance: Provenance,
-    /// Tangential speeds, mm/s, ascending.
+    /// Tangential speeds of the grid, mm/s, ascending.
     pub speed_axis_mm_s: Vec<f32>,
-    /// Normal forces, N, ascending.
+    /// Normal forces of the grid, N, ascending.
     pub force_axis_n: Vec<f32>,
-    /// Models, speed-major: all forces of the first speed come first.
+    /// Models of all nodes, speed-major: all forces of the first speed come first.
     pub nodes: Vec<NodeSpec>,
-    /// What is certified of a direct form's cells, see [`crate::Certificate::DirectForm`]; empty if nothing is. A lattice
-    /// has none: what is certified of it follows from its codes.
+    /// Margins of a direct form's cells, see [`crate::Certificate::DirectForm`]; empty if no margin is certified.
+    /// Always empty for a lattice, whose certificate follows from its codes.
     pub cell_margins: Vec<u8>,
 }
 
 /// A model to be written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodeSpec {
-    /// Variance of what the model puts out, (m/s²)².
+    /// Variance of the model's output, (m/s²)².
     pub output_power: f32,
     /// Variance of the white excitation of a direct form, (m/s²)².
     pub prediction_error_power: f32,
-    /// What is to be known about its origin.
+    /// Origin of the node, and its remarks.
     pub flags: NodeFlags,
-    /// Coefficients, as many as the order.
+    /// Coefficients, as many as the model's order.
     pub codes: CodeSpec,
 }
 
@@ -102,22 +102,58 @@ impl CodeSpec {
     }
 }
 
-/// The bytes of a library of `textures`.
+/// Encodes a library of `textures`.
 ///
-/// What is returned has been through [`Library::decode`].
+/// The bytes returned have passed [`Library::decode`].
 ///
 /// # Errors
-/// Whatever makes the library invalid, as decoding it would tell.
+/// The first fault that makes the library invalid, as decoding it would report it.
 pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
     encode_with_scenes(textures, &[])
 }
 
-/// The bytes of a library of `textures` and of `scenes` that refer to them.
+/// Encodes a library of `textures` and of `scenes`, which refer to textures by their index.
 ///
-/// What is returned has been through [`Library::decode`].
+/// The bytes returned have passed [`Library::decode`].
+///
+/// ```
+/// # use model_format::{CodeSpec, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec};
+/// use model_format::scene::{Region, Scene, SceneProblem, Surface};
+/// use model_format::{Library, Problem, encode_with_scenes};
+/// # let node = NodeSpec {
+/// #     output_power: 4.0,
+/// #     prediction_error_power: 1.0,
+/// #     flags: NodeFlags::NONE,
+/// #     codes: CodeSpec::Lattice(vec![-20_000]),
+/// # };
+/// # let textures = [TextureSpec {
+/// #     name: "denim".into(),
+/// #     sample_rate_hz: SAMPLE_RATE_HZ,
+/// #     structure: Structure::NormalisedLattice,
+/// #     provenance: Provenance::Simulated,
+/// #     speed_axis_mm_s: vec![100.0],
+/// #     force_axis_n: vec![1.0],
+/// #     nodes: vec![node],
+/// #     cell_margins: vec![],
+/// # }];
+///
+/// let name = "strip".try_into().expect("at most 48 bytes");
+/// let mut strip = Scene::of_surface(name, SAMPLE_RATE_HZ, Surface::of_texture(0));
+/// let region = Region { start_mm: 0.0, end_mm: 40.0, surface: 0 };
+/// strip.regions.push(region).expect("at most 32 regions");
+/// let bytes = encode_with_scenes(&textures, &[strip.clone()])?;
+/// assert_eq!(Library::decode(&bytes)?.scene("strip"), Some(strip.clone()));
+///
+/// strip.surfaces[0].texture = Some(1);
+/// let error = encode_with_scenes(&textures, &[strip]).unwrap_err();
+/// let unknown = SceneProblem::UnknownTexture { texture: 1, count: 1 };
+/// assert!(matches!(error.problem, Problem::Scene(fault) if fault.problem == unknown));
+/// assert_eq!(error.to_string(), "scene 0: surface 0: texture 1 is not there: the library has 1");
+/// # Ok::<(), model_format::DecodeError>(())
+/// ```
 ///
 /// # Errors
-/// Whatever makes the library invalid, as decoding it would tell.
+/// The first fault that makes the library invalid, as decoding it would report it.
 pub fn encode_with_scenes(
     textures: &[TextureSpec],
     scenes: &[Scene],
@@ -127,10 +163,10 @@ pub fn encode_with_scenes(
     Ok(bytes)
 }
 
-/// As [`encode`], but direct forms need no certificate; see [`Library::decode_uncertified`], which reads what it gives.
+/// As [`encode`], but direct forms need no certificate. [`Library::decode_uncertified`] reads the bytes.
 ///
 /// # Errors
-/// Whatever makes the library invalid, as decoding it would tell.
+/// The first fault that makes the library invalid, as decoding it would report it.
 pub fn encode_uncertified(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
     encode_with_scenes_uncertified(textures, &[])
 }
@@ -138,7 +174,7 @@ pub fn encode_uncertified(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeErr
 /// As [`encode_with_scenes`], but direct forms need no certificate.
 ///
 /// # Errors
-/// Whatever makes the library invalid, as decoding it would tell.
+/// The first fault that makes the library invalid, as decoding it would report it.
 pub fn encode_with_scenes_uncertified(
     textures: &[TextureSpec],
     scenes: &[Scene],
@@ -265,7 +301,7 @@ fn axis_bytes(values: &[f32]) -> Vec<u8> {
         .collect()
 }
 
-/// Fills in the prefix of a library whose body is complete.
+/// Writes the prefix of a library whose body is complete.
 fn write_prefix(bytes: &mut [u8]) {
     let mut prefix = Prefix {
         magic: wire::MAGIC,
@@ -275,7 +311,7 @@ fn write_prefix(bytes: &mut [u8]) {
         crc32: 0,
     };
     for _ in 0..2 {
-        // Once to have the bytes that the checksum covers, once with the checksum.
+        // The first turn writes the bytes that the checksum covers, the second the checksum.
         postcard::to_slice(&prefix, &mut bytes[..wire::PREFIX_BYTES])
             .expect("a prefix of fixed-width fields fits its fixed length");
         prefix.crc32 = wire::checksum(bytes);

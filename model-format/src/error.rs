@@ -1,4 +1,4 @@
-//! Why bytes are not a library, and where.
+//! Faults of bytes that are not a valid library, each with its place.
 
 use core::fmt;
 
@@ -7,13 +7,13 @@ use crate::scene::SceneError;
 use crate::scene::limits::MAX_SCENES;
 use crate::wire::{FORMAT_VERSION, Structure};
 
-/// Bytes that are not a library that the stylus can play.
+/// The first fault found in bytes that are not a library that the stylus can play.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{place}: {problem}")]
 pub struct DecodeError {
-    /// Where the fault is.
+    /// Place of the fault.
     pub place: Place,
-    /// What it is.
+    /// The fault.
     pub problem: Problem,
 }
 
@@ -37,13 +37,13 @@ pub enum Place {
         /// Index on the force axis.
         force: usize,
     },
-    /// A cell of a texture's grid: what lies between neighbouring nodes.
+    /// A cell of a texture's grid: the rectangle between neighbouring nodes.
     Cell {
         /// The texture.
         texture: usize,
-        /// Index on the speed axis of the cell's lowest speed.
+        /// Index on the speed axis of the cell's lower speed.
         speed: usize,
-        /// Index on the force axis of its lowest force.
+        /// Index on the force axis of the cell's lower force.
         force: usize,
     },
     /// A scene.
@@ -75,14 +75,14 @@ impl fmt::Display for Place {
     }
 }
 
-/// What is wrong with a library.
+/// A fault of a library.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Problem {
     /// The first bytes are not those of a library.
     #[error("not a texture library (its first bytes are not \"HTXL\")")]
     NotALibrary,
-    /// Another format's version.
+    /// A format version that this program does not read.
     #[error(
         "format version {found}, and this program reads version {FORMAT_VERSION}: {}",
         if *found > FORMAT_VERSION { "the program is older than the file, update the program" }
@@ -92,125 +92,125 @@ pub enum Problem {
         /// The version in the file.
         found: u16,
     },
-    /// Fewer or more bytes than the library says it has.
+    /// Fewer or more bytes than the prefix declares.
     #[error(
         "{found} bytes where the library declares {declared}: truncated, or followed by something else"
     )]
     Length {
-        /// What the prefix declares.
+        /// Length that the prefix declares, bytes.
         declared: u32,
-        /// How many bytes there are.
+        /// Length of the bytes.
         found: usize,
     },
-    /// Too few bytes for anything.
+    /// Fewer bytes than a prefix and a texture count take.
     #[error("{found} bytes are too few for a library")]
     TooShort {
-        /// How many bytes there are.
+        /// Length of the bytes.
         found: usize,
     },
-    /// More than a slot holds.
+    /// More bytes than a slot holds.
     #[error(
         "{found} bytes are more than the {} that a slot holds",
         limits::MAX_LIBRARY_BYTES
     )]
     TooLarge {
-        /// How many bytes there are.
+        /// Length of the bytes.
         found: usize,
     },
-    /// The bytes are not those that were written.
+    /// A stored checksum that is not the bytes' own.
     #[error("checksum {computed:08x} where {stored:08x} is stored: the bytes were damaged")]
     Checksum {
-        /// The CRC-32 in the file.
+        /// CRC-32 in the prefix.
         stored: u32,
-        /// The CRC-32 of its bytes.
+        /// CRC-32 of the bytes.
         computed: u32,
     },
-    /// A field that must be zero is not.
+    /// A reserved field that is not zero.
     #[error("a reserved field is not zero")]
     Reserved,
-    /// A node whose coefficients are for another structure than its texture's. Only writers can come upon it.
+    /// A node whose coefficients are for another structure than its texture's. Only encoding can meet it.
     #[error(
         "coefficients for the structure \"{node}\" in a texture of the structure \"{texture}\""
     )]
     StructureMismatch {
-        /// What the node's coefficients are for.
+        /// Structure of the node's coefficients.
         node: Structure,
         /// The texture's structure.
         texture: Structure,
     },
-    /// The texture's header does not parse.
+    /// A texture's header that does not parse.
     #[error("the header does not parse")]
     Malformed,
-    /// Bytes are left after the last scene.
+    /// Bytes after the last scene; their number.
     #[error("{0} bytes are left over after the last scene")]
     LeftOver(usize),
-    /// No texture, or too many.
+    /// No texture, or too many; their number.
     #[error("{0} textures; there must be 1 to {max}", max = limits::MAX_TEXTURES)]
     TextureCount(usize),
-    /// The bytes end after the last texture.
-    #[error("it ends where the number of its scenes is due")]
+    /// Bytes that end before the number of scenes.
+    #[error("it ends before the number of its scenes")]
     NoSceneCount,
-    /// Too many scenes.
+    /// Too many scenes; their number.
     #[error("{0} scenes; there must be at most {MAX_SCENES}")]
     SceneCount(usize),
     /// A record that is no scene, or more than one.
     #[error("its record does not parse as a scene")]
     MalformedScene,
-    /// A scene of the same name.
+    /// A scene with the name of an earlier one; that one's index.
     #[error("the same name as scene {0}")]
     SceneNameTaken(usize),
     /// A scene that cannot be played.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// A name that is empty or too long.
+    /// A name that is empty or too long; its length in bytes.
     #[error("a name of {0} bytes; there must be 1 to {max}", max = limits::MAX_NAME_BYTES)]
     NameLength(usize),
     /// A name with characters that cannot be typed or shown.
     #[error("a name with a control character")]
     NameCharacter,
-    /// Two textures of one name.
+    /// A texture with the name of an earlier one; that one's index.
     #[error("the same name as texture {0}")]
     NameTaken(usize),
-    /// A sample rate of zero, or too high.
+    /// A sample rate of zero, or too high, Hz.
     #[error("a sample rate of {0} Hz; there must be 1 to {max}", max = limits::MAX_SAMPLE_RATE_HZ)]
     SampleRate(u32),
-    /// An axis without values, or with too many.
+    /// An axis without values, or with too many; their number.
     #[error("{0} values; there must be 1 to {max}", max = limits::MAX_AXIS_LEN)]
     AxisLength(usize),
-    /// A byte string that holds no whole number of records.
+    /// A byte string whose length is no multiple of its records' length.
     #[error("{found} bytes are no whole number of records of {record} bytes")]
     Ragged {
-        /// Length of the string.
+        /// Length of the string, bytes.
         found: usize,
-        /// Length of one record.
+        /// Length of one record, bytes.
         record: usize,
     },
     /// A value on an axis that is negative or not finite.
     #[error("value {index} is {value}; it must be finite and not negative")]
     AxisValue {
-        /// Which value.
+        /// Index of the value.
         index: usize,
-        /// What it is.
+        /// The value.
         value: f32,
     },
     /// Values on an axis that do not ascend.
     #[error("value {index} is not greater than the one before; the axis must ascend")]
     AxisOrder {
-        /// Which value.
+        /// Index of the value.
         index: usize,
     },
     /// More or fewer nodes than the axes span.
     #[error("{found} nodes where the axes span {expected}")]
     NodeCount {
-        /// How many are there.
+        /// Number of nodes.
         found: usize,
-        /// How many there must be.
+        /// Number of nodes that the axes span.
         expected: usize,
     },
     /// An order above the limit.
     #[error("order {0}; the highest is {max}", max = limits::MAX_ORDER)]
     Order(usize),
-    /// Flags that this version does not know.
+    /// Flags that this version does not know, all of the byte.
     #[error("unknown flags {0:#04x}")]
     Flags(u8),
     /// A power that is negative, too large or not finite.
@@ -219,15 +219,15 @@ pub enum Problem {
         limits::MAX_OUTPUT_POWER
     )]
     Power {
-        /// Which of the powers: "output" or "prediction error".
+        /// Name of the power: "output" or "prediction error".
         what: &'static str,
-        /// What it is.
+        /// The power, (m/s²)².
         value: f32,
     },
-    /// The model's input would be stronger than its output.
+    /// A prediction error that is stronger than the output that it drives.
     #[error("the prediction error's power is above the output's")]
     PowerOrder,
-    /// The silent flag and the power disagree.
+    /// A silent flag that disagrees with the output power.
     #[error("the silent flag is set exactly where the output power is zero; here they disagree")]
     SilentFlag,
     /// A node at rest or out of contact that is not silent.
@@ -236,33 +236,33 @@ pub enum Problem {
     /// Coefficients that do not lie one node after the other.
     #[error("coefficients begin at byte {found} where {expected} is due")]
     Offset {
-        /// Where they begin.
+        /// Byte at which they begin.
         found: u32,
-        /// Where the previous node's end.
+        /// Byte at which those of the node before end.
         expected: usize,
     },
     /// More or fewer coefficient bytes than the nodes use.
     #[error("{found} bytes of coefficients where the nodes use {expected}")]
     CoefficientLength {
-        /// How many are there.
+        /// Length of the texture's coefficients, bytes.
         found: usize,
-        /// How many the nodes use.
+        /// Length that the nodes use, bytes.
         expected: usize,
     },
-    /// An exponent that this structure does not have.
+    /// An exponent above the highest of the structure.
     #[error("exponent {exponent} in a {structure}; the highest is {highest}")]
     Exponent {
-        /// What is stored.
+        /// The stored exponent.
         exponent: u8,
         /// The texture's structure.
         structure: Structure,
-        /// The highest that is allowed.
+        /// The highest exponent of the structure.
         highest: u8,
     },
-    /// A reflection coefficient of magnitude one: a stage that never forgets.
+    /// A reflection coefficient of magnitude one, whose stage would never decay.
     #[error("stage {stage} has a reflection coefficient of magnitude 1")]
     ReflectionCoefficient {
-        /// Which stage, from 1.
+        /// Number of the stage, from 1.
         stage: usize,
     },
     /// Coefficients so large that the kernel's sums could overflow.
@@ -279,20 +279,20 @@ pub enum Problem {
     /// A certificate for another structure than the texture's.
     #[error("the certificate is not one for a {0}")]
     CertificateKind(Structure),
-    /// A certificate whose bound on θ is not the nodes' own.
+    /// A certificate whose bound on |θ| is not the nodes' own.
     #[error("the certificate bounds |θ| by code {stored}, and the nodes' largest is {found}")]
     CertifiedTheta {
-        /// What is stored.
+        /// Code in the certificate.
         stored: u16,
-        /// What the nodes have.
+        /// Largest code of the nodes.
         found: u16,
     },
     /// A certificate for more or fewer cells than there are.
     #[error("the certificate is for {found} cells where the axes span {expected}")]
     CertifiedCells {
-        /// How many it is for.
+        /// Number of cells that it is for.
         found: usize,
-        /// How many there are.
+        /// Number of cells that the axes span.
         expected: usize,
     },
     /// A certificate that was issued for other axes, nodes or coefficients.
@@ -300,12 +300,12 @@ pub enum Problem {
         "the certificate is for other coefficients: checksum {computed:08x} where {stored:08x} is stored"
     )]
     CertificateChecksum {
-        /// The CRC-32 in the certificate.
+        /// CRC-32 in the certificate.
         stored: u32,
-        /// That of the texture.
+        /// CRC-32 of the texture's axes, nodes, coefficients and margins.
         computed: u32,
     },
-    /// A cell that is not stable throughout, or of which that is not known.
+    /// A cell whose stability is not certified.
     #[error("the certificate does not hold here: fit the texture as a lattice")]
     UncertifiedCell,
 }

@@ -1,8 +1,4 @@
-//! What the host and the stylus must agree on: physical units with the scales of the converters, the texture library, the
-//! file that `stylus fit` writes, that is flashed, and that the synthesis kernel plays from, and the [scenes](scene) in it.
-//!
-//! Decoding allocates nothing and borrows everything from the bytes it is given. [`Library::decode`] is the one
-//! validator, on both sides: what it accepts, the kernel can play without a further check.
+#![doc = include_str!("../README.md")]
 #![no_std]
 
 #[cfg(feature = "alloc")]
@@ -30,12 +26,13 @@ pub use library::{
     Texture, UNCERTIFIED_CELL,
 };
 pub use units::{
-    AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample, Volt,
+    AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample,
+    SAMPLE_RATE_HZ, Volt,
 };
 pub use wire::{FORMAT_VERSION, Provenance, Structure};
 
-/// The angle that one step of a stored lattice code stands for, rad: codes of ±2¹⁵ are ±π/2.
+/// Angle of one step of a stored lattice code, rad: codes of ±2¹⁵ are ±π/2.
 ///
-/// A node of a normalised lattice stores θ = arcsin k, not the reflection coefficient k itself: near |k| = 0.9999, where
-/// resonances live, a step of θ is worth 7e-7 in k, forty times finer than a 16-bit k.
+/// A node of a normalised lattice stores θ = arcsin k, not the reflection coefficient k itself: near |k| = 0.9999,
+/// where resonances live, a step of θ is worth 7e-7 in k, forty times finer than a 16-bit k.
 pub const THETA_STEP_RAD: f64 = core::f64::consts::PI / 65_536.0;

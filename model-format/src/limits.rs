@@ -1,15 +1,18 @@
-//! Bounds that every library keeps, so that a validator's work and a player's memory are known beforehand.
+//! Bounds that every library keeps, so that a validator's work and a player's memory are known in advance.
 
 /// Largest order of a model: taps of the direct form, stages of the lattice.
 pub const MAX_ORDER: usize = 400;
 
-/// One library slot in the stylus's flash, bytes (four 128 KiB sectors; `memory.x` holds the same figure).
+/// Size of a library slot in the stylus's flash, bytes (four 128 KiB sectors; `memory.x` holds the same figure).
 pub const SLOT_BYTES: usize = 512 * 1024;
 
-/// What a slot keeps for its own header, bytes: a few flash words, written last.
+/// Flash word of the STM32H743, bytes: the smallest piece that can be programmed (RM0433 section 4.3.9).
+pub const FLASH_WORD_BYTES: usize = 32;
+
+/// Size of a slot's own header, bytes: a few flash words, written last.
 pub const SLOT_HEADER_BYTES: usize = 256;
 
-/// Largest library, bytes: what fits in a slot.
+/// Largest library, bytes: it fits in a slot beside the header.
 pub const MAX_LIBRARY_BYTES: usize = SLOT_BYTES - SLOT_HEADER_BYTES;
 
 /// Most textures in a library.
@@ -21,14 +24,14 @@ pub const MAX_NAME_BYTES: usize = 48;
 /// Most values on one axis of a grid.
 pub const MAX_AXIS_LEN: usize = 64;
 
-/// Highest sample rate a texture may ask for, Hz.
+/// Highest sample rate of a texture, Hz.
 pub const MAX_SAMPLE_RATE_HZ: u32 = 48_000;
 
 /// Largest output power of a node, (m/s²)²: RMS of 256 m/s², an eighth of the output's full scale.
 pub const MAX_OUTPUT_POWER: f32 = 65_536.0;
 
-/// Largest sum of magnitudes of a direct-form node's coefficients, so that the kernel's 64-bit sums cannot overflow
-/// whatever the history holds.
+/// Largest sum of magnitudes of a direct-form node's coefficients. The bound keeps the kernel's 64-bit sums from
+/// overflowing, whatever the history holds.
 pub const MAX_COEFFICIENT_SUM: u64 = 1024;
 
 /// Largest binary exponent of a direct-form node: coefficients of up to 2¹⁰ in magnitude.

@@ -1,4 +1,7 @@
-//! Newtypes for physical quantities and converter codes, with their scales beside them.
+//! The sample rate, and newtypes for physical quantities and converter codes, with their scales beside them.
+
+/// Sample rate of the stylus, Hz: of the models, of recordings, and of the device's tick. A sample has 200 µs.
+pub const SAMPLE_RATE_HZ: u32 = 5_000;
 
 /// A voltage, V.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
@@ -8,23 +11,23 @@ pub struct Volt(pub f32);
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct MetresPerSecondSquared(pub f32);
 
-/// A force, N. As a normal force it is positive when the tool presses on the surface.
+/// A force, N. A normal force is positive when the tool presses on the surface.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct Newton(pub f32);
 
-/// A speed, mm/s. As a tangential speed it is the magnitude of the tool's velocity along the surface.
+/// A speed, mm/s. A tangential speed is the magnitude of the tool's velocity along the surface.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct MillimetresPerSecond(pub f32);
 
 /// Supply and reference of the board's analogue side, V.
 const REFERENCE_VOLT: f32 = 3.3;
 
-/// A sample of a 16-bit analogue-to-digital converter: code 0 is 0 V, 65 536 would be 3.3 V.
+/// A code of a 16-bit analogue-to-digital converter: code 0 is 0 V, 65 536 would be 3.3 V.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct AdcCode(pub u16);
 
 impl AdcCode {
-    /// What one code stands for.
+    /// Voltage of one code.
     pub const STEP: Volt = Volt(REFERENCE_VOLT / 65_536.0);
 
     /// The voltage on the pin.
@@ -38,7 +41,7 @@ impl AdcCode {
 pub struct DacCode(u16);
 
 impl DacCode {
-    /// What one code stands for.
+    /// Voltage of one code.
     pub const STEP: Volt = Volt(REFERENCE_VOLT / 4096.0);
 
     /// Mid-scale, at which the coil carries no current.
@@ -64,9 +67,9 @@ impl DacCode {
     }
 }
 
-/// A sample as the kernel gives it: acceleration in fixed point, 2⁻²⁰ m/s² a step, full scale ±2048 m/s².
+/// A sample of the kernel's output: acceleration in fixed point, in steps of 2⁻²⁰ m/s², full scale ±2048 m/s².
 ///
-/// A step is about 1 µm/s²: far below what can be felt, so one scale serves every texture.
+/// A step is about 1 µm/s². That is far below what can be felt, so one scale serves every texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub struct OutputSample(pub i32);
 

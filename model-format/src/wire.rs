@@ -1,18 +1,5 @@
-//! The bytes of a library, layer by layer.
+//! The records of a library as they are stored. The package's `README.md` has the layout with offsets.
 //!
-//! ```text
-//! prefix    16 bytes   postcard, all fields of fixed width: magic, version, total length, CRC-32
-//! count      1 byte    number of textures
-//! texture    postcard  name, rate, structure, provenance, four byte strings, and the certificate:
-//!                        speed axis   f32 each, mm/s
-//!                        force axis   f32 each, N
-//!                        nodes        16 bytes each, speed-major: [`NodeRecord`]
-//!                        coefficients i16 or i32 each, the nodes' one after the other
-//!                        certificate  [`CertificateRecord`]
-//! count      1 byte    number of scenes, which may be 0
-//! scene      postcard  a byte string each, which holds a [`crate::scene::Scene`] as postcard writes it: fields in the order of
-//!                      their declaration, coefficients of the equaliser as zigzag varints in steps of 2⁻²⁸
-//! ```
 //! Multi-byte numbers in byte strings are little-endian and not aligned. The CRC covers every byte before and after
 //! itself, the version and the length included.
 
@@ -28,12 +15,12 @@ pub(crate) const MAGIC: [u8; 4] = *b"HTXL";
 #[cfg(feature = "alloc")]
 pub(crate) const PREFIX_BYTES: usize = 16;
 
-/// Where [`Prefix::crc32`] stands.
+/// Bytes of [`Prefix::crc32`].
 pub(crate) const CRC_RANGE: core::ops::Range<usize> = 12..16;
 
 pub(crate) const CRC32: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
-/// CRC-32 (ISO-HDLC, that of zlib) of a library but for the field that holds it.
+/// CRC-32 (ISO-HDLC, that of zlib) of a library without the field that holds it.
 ///
 /// `bytes` must be at least as long as a [`Prefix`].
 pub(crate) fn checksum(bytes: &[u8]) -> u32 {
@@ -57,14 +44,14 @@ pub(crate) struct Prefix {
     pub crc32: u32,
 }
 
-/// How a texture's coefficients are to be used, and stored.
+/// Filter structure of a texture, and with it the format of its coefficients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Structure {
-    /// Normalised (four-multiplier) all-pole lattice; θ = arcsin k of each stage in 16 bits.
+    /// Normalised (four-multiplier) all-pole lattice: θ = arcsin k of each stage in 16 bits.
     NormalisedLattice,
-    /// Direct form, the paper's own; predictor coefficients h in 16 bits, with one exponent a node.
+    /// Direct form, the paper's own: predictor coefficients h in 16 bits, with one exponent per node.
     DirectForm16,
-    /// Direct form; predictor coefficients h in 32 bits, with one exponent a node.
+    /// Direct form: predictor coefficients h in 32 bits, with one exponent per node.
     DirectForm32,
 }
 
@@ -88,7 +75,7 @@ impl core::fmt::Display for Structure {
     }
 }
 
-/// Where the recordings behind a texture came from. It goes with the texture wherever that goes.
+/// Origin of the recordings behind a texture. It stays with the texture in every library, listing and report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Provenance {
     /// Recorded from a real tool on a real surface.
@@ -106,7 +93,7 @@ impl core::fmt::Display for Provenance {
     }
 }
 
-/// A texture as postcard carries it.
+/// A texture as postcard encodes it.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct TextureRecord<'a> {
     pub name: &'a str,
@@ -121,14 +108,14 @@ pub(crate) struct TextureRecord<'a> {
     pub certificate: CertificateRecord<'a>,
 }
 
-/// What is stored of a texture's certificate; [`crate::Certificate`] tells what it means.
+/// A texture's certificate as it is stored; [`crate::Certificate`] has its meaning.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) enum CertificateRecord<'a> {
-    /// There is none.
+    /// No certificate.
     None,
     /// Largest |θ| of all nodes, in stored steps.
     Lattice { largest_theta_code: u16 },
-    /// A byte a cell, speed-major, and the CRC-32 of axes, nodes, coefficients and these bytes, one after the other.
+    /// One byte per cell, speed-major, and the CRC-32 of axes, nodes, coefficients and these bytes, in this order.
     DirectForm {
         #[serde(with = "postcard::fixint::le")]
         crc32: u32,
@@ -136,7 +123,7 @@ pub(crate) enum CertificateRecord<'a> {
     },
 }
 
-/// CRC-32 of byte strings one after the other: what binds a certificate to the numbers that it was issued for.
+/// CRC-32 of byte strings in turn. It binds a certificate to the numbers that it was issued for.
 pub(crate) fn checksum_of_strings(strings: [&[u8]; 5]) -> u32 {
     let mut digest = CRC32.digest();
     for string in strings {
@@ -145,7 +132,7 @@ pub(crate) fn checksum_of_strings(strings: [&[u8]; 5]) -> u32 {
     digest.finalize()
 }
 
-/// A node of the grid in its fixed-width form, so that any node is found without reading those before it.
+/// A node of the grid in its form of fixed width, so that any node is found without reading those before it.
 #[derive(Clone, Copy)]
 pub(crate) struct NodeRecord {
     pub order: u16,
@@ -153,7 +140,7 @@ pub(crate) struct NodeRecord {
     pub exponent: u8,
     pub output_power: f32,
     pub prediction_error_power: f32,
-    /// Where the node's coefficients begin, counted in bytes of the coefficient string.
+    /// Byte of the coefficient string at which the node's coefficients begin.
     pub offset: u32,
 }
 

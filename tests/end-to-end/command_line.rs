@@ -95,8 +95,8 @@ fn the_same_seed_gives_the_same_bytes() {
 #[test]
 fn a_simulated_set_is_simulated_wherever_it_goes() {
     let bench = Bench::new();
-    let scene = bench.succeed("simulate-rig --print-scene");
-    let scene = scene
+    let rig = bench.succeed("simulate-rig --print-rig");
+    let rig = rig
         .lines()
         .map(|line| match line.split('=').next().unwrap_or("").trim() {
             "speeds_mm_s" => "speeds_mm_s = [60, 180]",
@@ -105,8 +105,8 @@ fn a_simulated_set_is_simulated_wherever_it_goes() {
         })
         .collect::<Vec<_>>()
         .join("\n");
-    bench.write("scene.toml", scene);
-    let said = bench.succeed("simulate-rig --scene scene.toml --out rig --seed 3");
+    bench.write("rig.toml", rig);
+    let said = bench.succeed("simulate-rig --rig rig.toml --out rig --seed 3");
     assert!(said.contains("SIMULATED"), "{said}");
     let fitted = bench.succeed("fit rig --out rig.lib");
     assert!(fitted.contains("SIMULATED"), "{fitted}");
@@ -207,7 +207,7 @@ fn what_cannot_be_used_is_refused_in_one_line_and_nothing_is_written() {
         ),
         ("inspect noise.wav", &["noise.wav", "not a texture library"]),
         (
-            "simulate-rig --scene nowhere.toml --out rig",
+            "simulate-rig --rig nowhere.toml --out rig",
             &["nowhere.toml"],
         ),
     ] {

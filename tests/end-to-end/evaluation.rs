@@ -7,18 +7,18 @@ use std::process::Command;
 use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::{Prepared, Row};
 use host_tools::recording::RecordingSet;
-use host_tools::rig::{self, Scene};
+use host_tools::rig::{self, RigFile};
 use host_tools::texture::domain::Method;
 use support::{Bench, RATE_HZ, all_pole, noise, text};
 
 /// A simulated set of five speeds and three forces, of denim alone.
 fn simulated() -> Bench {
     let bench = Bench::new();
-    let scene = bench.succeed("simulate-rig --print-scene");
-    let (head, textures) = scene.split_once("[[texture]]").unwrap();
+    let rig = bench.succeed("simulate-rig --print-rig");
+    let (head, textures) = rig.split_once("[[texture]]").unwrap();
     let denim = textures.split("[[texture]]").last().unwrap();
-    let scene = format!("{head}[[texture]]{denim}");
-    let scene: Vec<&str> = scene
+    let rig = format!("{head}[[texture]]{denim}");
+    let rig: Vec<&str> = rig
         .lines()
         .map(|line| match line.split('=').next().unwrap_or("").trim() {
             "speeds_mm_s" => "speeds_mm_s = [80, 100, 120, 140, 160, 180]",
@@ -26,8 +26,8 @@ fn simulated() -> Bench {
             _ => line,
         })
         .collect();
-    bench.write("scene.toml", scene.join("\n"));
-    bench.succeed("simulate-rig --scene scene.toml --out rig --seed 5");
+    bench.write("rig.toml", rig.join("\n"));
+    bench.succeed("simulate-rig --rig rig.toml --out rig --seed 5");
     bench
 }
 
@@ -90,11 +90,11 @@ fn removed_nodes_are_predicted_alike_by_any_number_of_threads_and_better_by_the_
     assert!(own < dense, "{own} against {dense}");
 }
 
-/// A part of the default scene, for time: the figures over all of it are the README's.
+/// A part of the default rig, for time: the figures over all of it are the README's.
 #[test]
 fn on_the_simulated_textures_the_dense_grid_halves_the_papers_error_and_keeps_nine_bands_in_ten() {
     let bench = Bench::new();
-    let scene: Vec<String> = Scene::paper()
+    let rig: Vec<String> = RigFile::paper()
         .text()
         .lines()
         .map(|line| match line.split('=').next().unwrap_or("").trim() {
@@ -103,8 +103,8 @@ fn on_the_simulated_textures_the_dense_grid_halves_the_papers_error_and_keeps_ni
             _ => line.to_owned(),
         })
         .collect();
-    let scene = Scene::from_toml(&bench.path("scene.toml"), &scene.join("\n")).unwrap();
-    rig::simulate_to_folder(&scene, 1, &bench.path("rig")).unwrap();
+    let rig = RigFile::from_toml(&bench.path("rig.toml"), &rig.join("\n")).unwrap();
+    rig::simulate_to_folder(&rig, 1, &bench.path("rig")).unwrap();
     let set = RecordingSet::open(&[bench.path("rig")]).unwrap();
     let options = leave_one_out::Options::default();
     let (paper, dense) = (Row::Interpolated(Method::PAPER), Row::Densified);

@@ -10,18 +10,18 @@ use host_tools::evaluation::frontier::{
 use host_tools::evaluation::stress::cases::{Length, suite};
 use host_tools::fit::Order;
 use host_tools::recording::RecordingSet;
-use host_tools::rig::{self, Scene};
+use host_tools::rig::{self, RigFile};
 use serde_json::Value;
 use support::{Bench, RATE_HZ, all_pole, noise, text, wav};
 
 /// Two takes of denim at two speeds and two forces.
 fn simulated() -> Bench {
     let bench = Bench::new();
-    let paper = Scene::paper();
+    let paper = RigFile::paper();
     let (head, textures) = paper.text().split_once("[[texture]]").unwrap();
     let denim = textures.split("[[texture]]").last().unwrap();
-    let scene = format!("{head}[[texture]]{denim}");
-    let scene: Vec<&str> = scene
+    let rig = format!("{head}[[texture]]{denim}");
+    let rig: Vec<&str> = rig
         .lines()
         .map(|line| match line.split('=').next().unwrap_or("").trim() {
             "speeds_mm_s" => "speeds_mm_s = [100, 120]",
@@ -29,9 +29,9 @@ fn simulated() -> Bench {
             _ => line,
         })
         .collect();
-    let scene = Scene::from_toml(&bench.path("scene.toml"), &scene.join("\n")).unwrap();
+    let rig = RigFile::from_toml(&bench.path("rig.toml"), &rig.join("\n")).unwrap();
     for seed in [5, 6] {
-        rig::simulate_to_folder(&scene, seed, &bench.path(&format!("rig{seed}"))).unwrap();
+        rig::simulate_to_folder(&rig, seed, &bench.path(&format!("rig{seed}"))).unwrap();
     }
     bench
 }
@@ -160,7 +160,7 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
         !page.contains("NaN"),
         "a figure is missing and not said to be"
     );
-    for peer in &Costs::measured().peers {
+    for peer in &Costs::measured().table().peers {
         assert!(
             page.contains(&host_tools::report::html::escaped(&peer.name)),
             "{}",

@@ -557,8 +557,8 @@ fn a_tap_that_was_rendered_is_found_again() {
 #[test]
 fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
     let bench = Bench::new();
-    let scene = bench.succeed("simulate-rig --print-scene");
-    let scene: Vec<&str> = scene
+    let rig = bench.succeed("simulate-rig --print-rig");
+    let rig: Vec<&str> = rig
         .lines()
         .map(|line| match line.split('=').next().unwrap_or("").trim() {
             "speeds_mm_s" => "speeds_mm_s = [40, 120, 200]",
@@ -566,8 +566,8 @@ fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
             _ => line,
         })
         .collect();
-    bench.write("rig.toml", scene.join("\n"));
-    bench.succeed("simulate-rig --scene rig.toml --out rig");
+    bench.write("rig.toml", rig.join("\n"));
+    bench.succeed("simulate-rig --rig rig.toml --out rig");
     bench.succeed("fit rig --out rig.lib");
     let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     for name in [

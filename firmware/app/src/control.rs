@@ -1,6 +1,6 @@
-//! Requests that are answered at once: everything but what erases or writes flash, for which see [`crate::storage`].
+//! Requests that are answered at once: all except those that read, erase or write flash, see [`crate::storage`].
 //!
-//! One [`Control`] serves all links. Each method is one endpoint or topic and takes and gives the types of
+//! One [`Control`] serves all links. Each method is one endpoint or topic and takes and returns the types of
 //! [`model_format::link`], so that a dispatcher only has to call it.
 
 use model_format::Library;
@@ -20,55 +20,64 @@ use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 use stylus_kernel::scene::Plan;
 use stylus_kernel::scene::cost::OverBudget;
 
-/// What the hardware's side tells and does. Nothing here waits.
+/// The hardware's side of the application. No method waits.
 pub trait Device {
-    /// What this device is.
+    /// A texture or scene that is ready to be played.
+    type Plan;
+
+    /// Identity of this device.
     fn info(&self) -> DeviceInfo;
 
-    /// Ticks since the start.
+    /// Number of ticks since the start.
     fn now(&self) -> u64;
 
-    /// What the tick has counted.
+    /// Counters and state of the tick.
     fn tick_report(&self) -> TickReport;
 
-    /// What the links have counted: USB, serial.
+    /// Counters of the links: USB, serial.
     fn link_counters(&self) -> [LinkCounters; 2];
 
-    /// How the last reset came about.
+    /// Cause of the last reset.
     fn reset_report(&self) -> ResetReport;
 
-    /// The library in RAM, if one is there.
-    fn library(&self) -> Option<Library<'_>>;
-
-    /// Instructions that a scene may take of a tick.
-    fn scene_budget(&self) -> u32;
-
-    /// Whether the tick has the output at rest, having seen the mute of the last [`Device::set_mute`].
+    /// Returns true if the output is at rest and the tick has seen the last [`Device::set_mute`].
     fn is_at_rest(&self) -> bool;
 
-    /// Whether the motion that is followed is too old, as the last update saw it.
+    /// Returns true if the motion that is followed was too old at the last update.
     fn is_motion_stale(&self) -> bool;
 
-    /// Tells the tick to be mute or not.
+    /// Mutes or unmutes the tick.
     fn set_mute(&mut self, muted: bool);
 
-    /// At rest: play what `request` asks for, which is there and can be played, from silence, with `config`.
-    fn start(&mut self, request: &PlayRequest, config: Config);
+    /// The plan of `selection`, by [`plan_of`] from the library in RAM.
+    ///
+    /// # Errors
+    /// There is no library, or the texture or scene cannot be played.
+    fn plan(&self, selection: &Selection) -> Result<Self::Plan, PlayError>;
 
-    /// While something of the same library is played: play what `request` asks for, which is there and can be played, as soon
-    /// as the director has faded what sounds.
-    fn switch(&mut self, request: &PlayRequest);
+    /// Keeps `plan` for [`Device::start`], in place of one that was prepared before. What is played goes on.
+    fn prepare(&mut self, plan: Self::Plan);
 
-    /// At rest: play nothing.
+    /// At rest: plays the prepared plan, that of `request`, from silence, with `config`.
+    ///
+    /// # Errors
+    /// No plan was prepared; nothing is played then.
+    fn start(&mut self, request: &PlayRequest, config: Config) -> Result<(), NotPrepared>;
+
+    /// While something of the same library is played: plays `plan`, that of `request`, as soon as the director has
+    /// faded what sounds.
+    fn switch(&mut self, request: &PlayRequest, plan: Self::Plan);
+
+    /// At rest: plays nothing, and forgets the prepared plan.
     fn clear(&mut self);
 
-    /// Where the motion is to come from.
+    /// Sets the source of motion.
     fn set_motion_source(&mut self, source: MotionSource);
 
-    /// The host's motion.
+    /// Sets the host's motion.
     fn set_host_motion(&mut self, motion: Timed);
 
-    /// New settings hold, at rest: for the inputs and the safety stages.
+    /// At rest: applies settings to the inputs and the safety stages.
     fn set_settings(&mut self, settings: &Settings);
 
     /// Begins a recording.
@@ -77,24 +86,28 @@ pub trait Device {
     /// As `Recorder::start`.
     fn start_recording(&mut self) -> Result<RecordStarted, RecordError>;
 
-    /// Ends it.
+    /// Ends the recording.
     ///
     /// # Errors
     /// As `Recorder::stop`.
     fn stop_recording(&mut self) -> Result<RecordStopped, RecordError>;
 
-    /// What the recorder has counted.
+    /// Counters of the recorder.
     fn record_counters(&self) -> RecordCounters;
 }
 
-/// What the tick tells.
+/// No plan was there to be started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotPrepared;
+
+/// Counters and state of the tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TickReport {
     /// The tick's own counters.
     pub counters: TickCounters,
-    /// How long ticks took.
+    /// Histogram of the ticks' durations.
     pub histogram: TickHistogram,
-    /// The kernel's saturations.
+    /// Number of saturations in the kernel.
     pub saturations: u32,
     /// The safety stages' counters.
     pub safety: Counters,
@@ -104,21 +117,21 @@ pub struct TickReport {
     pub thermal_gain_permille: u16,
 }
 
-/// How the last reset came about.
+/// Cause of the last reset.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResetReport {
-    /// Why.
+    /// Reason of the reset.
     pub reason: ResetReason,
-    /// How many there were since power came.
+    /// Number of resets since power-on.
     pub resets: u32,
-    /// The last fault since power came.
+    /// The last fault since power-on.
     pub fault: Option<Fault>,
 }
 
-/// Ticks without a frame after which the link is lost.
+/// Ticks without a frame after which the link counts as lost.
 const LINK_LOST_TICKS: u64 = (LINK_LOST_AFTER_MS * TICKS_PER_MS) as u64;
 
-/// The device as its requests see it.
+/// The device as requests see it.
 pub struct Control<D> {
     device: D,
     player: Player,
@@ -130,7 +143,7 @@ pub struct Control<D> {
 }
 
 impl<D: Device> Control<D> {
-    /// Nothing is played, and no library is there.
+    /// A control that plays nothing and has no library.
     pub fn new(mut device: D, settings: Settings, settings_faulty: bool) -> Self {
         device.set_settings(&settings);
         device.set_mute(true);
@@ -145,12 +158,12 @@ impl<D: Device> Control<D> {
         }
     }
 
-    /// To be called for every frame that was understood, of whatever link.
+    /// Notes that the host is there. Called for every frame that was decoded, of either link.
     pub fn heard(&mut self) {
         self.heard_at = Some(self.device.now());
     }
 
-    /// To be called every millisecond: follows what the tick and the links do, and moves the player on.
+    /// Follows the state of tick and links, and moves the player on. Called every millisecond.
     pub fn poll(&mut self) {
         let observed = Observed {
             at_rest: self.device.is_at_rest(),
@@ -161,7 +174,9 @@ impl<D: Device> Control<D> {
         match action {
             Some(Action::Start(request)) => {
                 let config = Config::new(&self.settings, request.gain);
-                self.device.start(&request, config);
+                if self.device.start(&request, config).is_err() {
+                    self.player.not_started();
+                }
             }
             Some(Action::Clear) => self.device.clear(),
             None => {}
@@ -179,12 +194,12 @@ impl<D: Device> Control<D> {
         self.device.set_mute(!self.player.mute().is_empty());
     }
 
-    /// `InfoEndpoint`.
+    /// Serves `InfoEndpoint`.
     pub fn info(&self) -> DeviceInfo {
         self.device.info()
     }
 
-    /// `StatusEndpoint`.
+    /// Serves `StatusEndpoint`.
     pub fn status(&self) -> Status {
         let tick = self.device.tick_report();
         let [usb, serial] = self.device.link_counters();
@@ -225,17 +240,18 @@ impl<D: Device> Control<D> {
         }
     }
 
-    /// `PlayEndpoint`.
+    /// Serves `PlayEndpoint`.
     ///
     /// # Errors
-    /// What keeps the texture or scene from being played; what was played before goes on.
+    /// The texture or scene cannot be played, for the reason in the error. Playing goes on as before.
     pub fn play(&mut self, request: PlayRequest) -> Result<Playing, PlayError> {
-        self.check_play(&request)?;
+        let plan = self.plan(&request)?;
         let begin = self.player.play(request.clone());
         let begin = begin.map_err(|_| PlayError::Busy)?;
         self.device.set_motion_source(request.motion);
-        if begin == Begin::Switch {
-            self.device.switch(&request);
+        match begin {
+            Begin::Switch => self.device.switch(&request, plan),
+            Begin::AtRest => self.device.prepare(plan),
         }
         self.tell_mute();
         Ok(Playing {
@@ -244,7 +260,7 @@ impl<D: Device> Control<D> {
         })
     }
 
-    fn check_play(&self, request: &PlayRequest) -> Result<(), PlayError> {
+    fn plan(&self, request: &PlayRequest) -> Result<D::Plan, PlayError> {
         // A comparison with NaN is false.
         if !(0.0..=MAX_PLAY_GAIN).contains(&request.gain) {
             return Err(PlayError::Gain { gain: request.gain });
@@ -255,11 +271,10 @@ impl<D: Device> Control<D> {
         if self.active.is_none() {
             return Err(PlayError::NoLibrary);
         }
-        let library = self.device.library().ok_or(PlayError::NoLibrary)?;
-        check_selection(&request.selection, &library, self.device.scene_budget())
+        self.device.plan(&request.selection)
     }
 
-    /// `StopEndpoint`.
+    /// Serves `StopEndpoint`.
     ///
     /// # Errors
     /// Nothing is played.
@@ -269,17 +284,17 @@ impl<D: Device> Control<D> {
         Ok(self.output(&self.device.tick_report()))
     }
 
-    /// `MotionEndpoint` and `MotionTopic`; tells where motion is taken from.
+    /// Serves `MotionEndpoint` and `MotionTopic`; returns the source of the motion that is followed.
     ///
     /// # Errors
-    /// A motion that is not finite; the one before holds.
+    /// The motion is not finite. The one before holds.
     pub fn motion(&mut self, sample: MotionSample) -> Result<MotionSource, MotionRefused> {
         let motion = Timed::from_host(sample, self.device.now())?;
         self.device.set_host_motion(motion);
         Ok(self.player.motion_source())
     }
 
-    /// `RecordStartEndpoint`.
+    /// Serves `RecordStartEndpoint`.
     ///
     /// # Errors
     /// One is under way.
@@ -287,7 +302,7 @@ impl<D: Device> Control<D> {
         self.device.start_recording()
     }
 
-    /// `RecordStopEndpoint`.
+    /// Serves `RecordStopEndpoint`.
     ///
     /// # Errors
     /// None is under way.
@@ -295,34 +310,34 @@ impl<D: Device> Control<D> {
         self.device.stop_recording()
     }
 
-    /// `SettingsGetEndpoint`.
+    /// Serves `SettingsGetEndpoint`.
     pub fn settings(&self) -> Settings {
         self.settings
     }
 
-    /// `UploadProgressEndpoint`.
+    /// Serves `UploadProgressEndpoint`.
     pub fn upload(&self) -> UploadState {
         self.upload
     }
 
-    /// Whether settings may change: nothing is played and no library is being activated.
+    /// Returns true if settings may change: nothing is played and no library is being activated.
     pub fn is_idle(&self) -> bool {
         !self.player.is_playing() && !self.player.may_exchange()
     }
 
-    /// New settings hold, as the store has them. They change nothing of what is played, see [`Control::is_idle`].
+    /// Applies the settings of the store. Nothing is played then, see [`Control::is_idle`].
     pub fn set_settings(&mut self, settings: Settings, faulty: bool) {
         self.settings = settings;
         self.settings_faulty = faulty;
         self.device.set_settings(&settings);
     }
 
-    /// How far an upload has come, for the status.
+    /// Sets the progress of the upload, for the status.
     pub fn set_upload(&mut self, upload: UploadState) {
         self.upload = upload;
     }
 
-    /// Fades out and stops, so that the library can be exchanged when [`Control::may_exchange`] says so.
+    /// Fades out and stops, so that the library can be exchanged once [`Control::may_exchange`] is true.
     ///
     /// # Errors
     /// Another activation is under way.
@@ -332,30 +347,30 @@ impl<D: Device> Control<D> {
         Ok(())
     }
 
-    /// Whether the library in RAM may be exchanged.
+    /// Returns true if the library in RAM may be exchanged.
     pub fn may_exchange(&self) -> bool {
         self.player.may_exchange()
     }
 
-    /// The exchange is over: with another library, or none, or given up with the one before.
+    /// Ends the activation. `active` is the library in RAM: another one, none, or the one before.
     pub fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
         self.active = active;
         self.player.end_activation();
         self.tell_mute();
     }
 
-    /// The library in RAM.
+    /// The library in RAM, with its slot.
     pub fn active(&self) -> Option<(SlotId, SlotInfo)> {
         self.active
     }
 
-    /// A fault was found: mute until the device is restarted.
+    /// Mutes until the device is restarted, because a fault was found.
     pub fn fault(&mut self) {
         self.player.fault();
         self.tell_mute();
     }
 
-    /// Why the output is mute.
+    /// Reasons for which the output is mute; none if it is not.
     pub fn mute(&self) -> MuteReasons {
         self.player.mute()
     }
@@ -366,12 +381,16 @@ impl<D: Device> Control<D> {
     }
 }
 
-/// Whether `selection` is in `library` and can be played, taking at most `budget` instructions of a tick.
-fn check_selection(
+/// The plan of `selection` from `library`, which takes at most `budget` instructions per tick.
+///
+/// # Errors
+/// The library lacks the texture or scene; its sample rate is not the device's; the scene is invalid or over the
+/// budget.
+pub fn plan_of<'l>(
     selection: &Selection,
-    library: &Library<'_>,
+    library: &Library<'l>,
     budget: u32,
-) -> Result<(), PlayError> {
+) -> Result<Plan<'l>, PlayError> {
     let of_this_rate = |texture_hz: u32| {
         let device_hz = SAMPLE_RATE_HZ;
         if texture_hz == device_hz {
@@ -387,7 +406,7 @@ fn check_selection(
             let missing = || PlayError::NoSuchTexture { name: name.clone() };
             let texture = library.texture(name).ok_or_else(missing)?;
             of_this_rate(texture.sample_rate_hz())?;
-            within(&Plan::of_texture(texture), budget)
+            within(Plan::of_texture(texture), budget)
         }
         Selection::Scene(name) => {
             let missing = || PlayError::NoSuchScene { name: name.clone() };
@@ -396,16 +415,17 @@ fn check_selection(
             let plan = Plan::new(&scene, library).map_err(|error| PlayError::InvalidScene {
                 reason: in_words(&error),
             })?;
-            within(&plan, budget)
+            within(plan, budget)
         }
     }
 }
 
-fn within(plan: &Plan<'_>, budget: u32) -> Result<(), PlayError> {
+fn within(plan: Plan<'_>, budget: u32) -> Result<Plan<'_>, PlayError> {
     let refused = |OverBudget { cost, budget }| PlayError::OverBudget {
         instructions: cost.instructions(),
         budget,
         arithmetic: in_words(&cost),
     };
-    plan.within(budget).map(|_| ()).map_err(refused)
+    plan.within(budget).map_err(refused)?;
+    Ok(plan)
 }

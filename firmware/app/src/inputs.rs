@@ -1,13 +1,13 @@
-//! Speed, force, place and contact: from the encoder and the force sensor, or from the host, with their age.
+//! Speed, force, position and contact, with their age: from the encoder and the force sensor, or from the host.
 //!
 //! **Force** is (code - zero) times a constant. **Speed** is the change of the encoder's count over the last
-//! [`WINDOW_TICKS`] ticks, 20 ms, times the path of a count, over that time: the mean speed of 10 ms ago. One count is
-//! path-per-count / 20 ms of it, 0.5 mm/s for counts of 0.01 mm. The direction does not matter.
+//! [`WINDOW_TICKS`] ticks, 20 ms, times the path per count, divided by that time: the mean speed of 10 ms ago. Its
+//! resolution is path per count / 20 ms, 0.5 mm/s for counts of 0.01 mm. Its direction does not matter.
 //!
-//! **Place** is the encoder's count since playing began, times the path of a count. **Contact** follows from the force, see
-//! [`ContactDetector`]. The host may give either of them.
+//! **Position** is the encoder's count since playing began, times the path per count. **Contact** follows from the
+//! force, see [`ContactDetector`]. The host may give either of them instead.
 //!
-//! An input that is older than [`STALE_TICKS`] is no longer believed.
+//! An input that is older than [`STALE_TICKS`] is stale and mutes the output.
 
 use model_format::link::{
     MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings,
@@ -18,29 +18,29 @@ use stylus_kernel::{Motion, MotionError, UPDATE_INTERVAL_SAMPLES};
 
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 
-/// Age from which an input is not believed, ticks.
+/// Greatest age of an input that is not stale, ticks.
 pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;
 
-/// Blocks of ticks over which the speed is taken.
+/// Blocks of the window that the speed is averaged over.
 const WINDOW_BLOCKS: usize = 10;
 
-/// Ticks over which the speed is taken.
+/// Ticks of the window that the speed is averaged over.
 pub const WINDOW_TICKS: u32 = WINDOW_BLOCKS as u32 * UPDATE_INTERVAL_SAMPLES;
 
-/// What turns counts and codes into speed and force.
+/// Conversion of counts and codes to speed, position and force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InputConfig {
-    /// mm/s for a count in the window.
+    /// Speed per count in the window, mm/s.
     speed_per_count: f32,
-    /// mm.
+    /// Path per count, mm.
     path_per_count: f32,
     force_zero: AdcCode,
-    /// N for a code.
+    /// Force per code, N.
     force_per_code: f32,
 }
 
 impl InputConfig {
-    /// For `settings`.
+    /// The conversion by `settings`.
     pub fn new(settings: &Settings) -> Self {
         let windows_per_second = SAMPLE_RATE_HZ as f32 / WINDOW_TICKS as f32;
         let path_per_count = settings.get(Setting::PathPerCount);
@@ -52,36 +52,36 @@ impl InputConfig {
         }
     }
 
-    /// The force that `code` stands for.
+    /// Force of `code`.
     pub fn force(&self, code: AdcCode) -> Newton {
         let codes = i32::from(code.0) - i32::from(self.force_zero.0);
         Newton(codes as f32 * self.force_per_code)
     }
 
-    /// The speed of `counts` in a window.
+    /// Speed of `counts` in a window.
     fn speed(&self, counts: i32) -> MillimetresPerSecond {
         MillimetresPerSecond((counts as f32 * self.speed_per_count).abs())
     }
 
-    /// The place `counts` from the origin, mm.
+    /// Position `counts` from the origin, mm.
     fn position_mm(&self, counts: i32) -> f32 {
         counts as f32 * self.path_per_count
     }
 }
 
-/// Follows the count of a 16-bit quadrature counter.
+/// Follower of a 16-bit quadrature counter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Encoder {
     count: u16,
 }
 
 impl Encoder {
-    /// A counter that stands at `count`.
+    /// A follower of a counter that stands at `count`.
     pub const fn new(count: u16) -> Self {
         Self { count }
     }
 
-    /// By how much the counter has changed to `count`, the short way round: right up to 32 767 counts a tick.
+    /// Change of the counter to `count`, the short way around: correct up to 32 767 counts per tick.
     #[inline(always)]
     pub fn delta(&mut self, count: u16) -> i16 {
         let delta = count.wrapping_sub(self.count) as i16;
@@ -90,18 +90,18 @@ impl Encoder {
     }
 }
 
-/// The sensors' last values, gathered by the tick.
+/// Last values of the sensors, gathered by the tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Sensors {
-    /// Counts of the block that is under way.
+    /// Counts of the block under way.
     block_counts: i32,
-    /// Counts of the blocks before, round about.
+    /// Counts of the blocks before, as a ring.
     blocks: [i32; WINDOW_BLOCKS],
     oldest: usize,
-    /// Counts of all blocks, round about 2³².
+    /// Counts of all blocks, modulo 2³².
     counts: i32,
     force: AdcCode,
-    /// The tick at which the last good conversion was read.
+    /// Tick at which the last good conversion was read.
     updated_at: Option<u64>,
 }
 
@@ -112,7 +112,7 @@ impl Default for Sensors {
 }
 
 impl Sensors {
-    /// Nothing has been read.
+    /// Sensors of which nothing has been read.
     pub const fn new() -> Self {
         Self {
             block_counts: 0,
@@ -124,7 +124,7 @@ impl Sensors {
         }
     }
 
-    /// What was read at `tick`. `fresh` tells whether the conversion was there in time; if not, `force` is left out.
+    /// Takes the values read at `tick`. If the conversion was not `fresh`, that is in time, `force` is left out.
     #[inline(always)]
     pub fn read(&mut self, tick: u64, encoder_delta: i16, force: AdcCode, fresh: bool) {
         self.block_counts = self.block_counts.saturating_add(i32::from(encoder_delta));
@@ -134,7 +134,7 @@ impl Sensors {
         }
     }
 
-    /// Ends a block of [`UPDATE_INTERVAL_SAMPLES`] ticks. Called at each block's boundary, whoever gives the motion.
+    /// Ends a block of [`UPDATE_INTERVAL_SAMPLES`] ticks. Called at each block's boundary, for any source of motion.
     #[inline(always)]
     pub fn end_block(&mut self) {
         self.blocks[self.oldest] = self.block_counts;
@@ -143,7 +143,7 @@ impl Sensors {
         self.block_counts = 0;
     }
 
-    /// The motion of the last window, and the tick at which it was good.
+    /// Motion of the last window, and the tick of its last good conversion.
     pub fn motion(&self, config: &InputConfig) -> Timed {
         let counts = self
             .blocks
@@ -159,27 +159,27 @@ impl Sensors {
         }
     }
 
-    /// Where the encoder stood at the end of the last block, in counts, round about 2³².
+    /// Count of the encoder at the end of the last block, modulo 2³².
     pub fn counts(&self) -> i32 {
         self.counts
     }
 }
 
-/// A motion and when it was good.
+/// A motion and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timed {
     /// The motion.
     pub motion: Motion,
-    /// The place on the path, mm, and finite; none leaves it to the encoder.
+    /// Position on the path, mm, finite; if none, the encoder gives it.
     pub position_mm: Option<f32>,
-    /// Whether the tool touches; none leaves it to the force.
+    /// True if the tool touches; if none, the force decides.
     pub contact: Option<bool>,
-    /// The tick, none if there was no input yet.
+    /// Tick of the input; none before the first one.
     pub at: Option<u64>,
 }
 
 impl Timed {
-    /// No input yet.
+    /// No input so far.
     pub const NEVER: Self = Self {
         motion: Motion::REST,
         position_mm: None,
@@ -187,10 +187,10 @@ impl Timed {
         at: None,
     };
 
-    /// What the host says at `tick`.
+    /// The host's sample, received at `tick`.
     ///
     /// # Errors
-    /// A speed, force or position that is not finite.
+    /// Speed, force or position is not finite.
     pub fn from_host(sample: MotionSample, tick: u64) -> Result<Self, MotionRefused> {
         let motion = Motion::new(sample.speed, sample.force).map_err(|error| match error {
             MotionError::Speed => MotionRefused::Speed,
@@ -210,15 +210,15 @@ impl Timed {
         })
     }
 
-    /// Whether the motion is too old to be believed at `tick`.
+    /// Returns true if the motion is too old at `tick`.
     pub fn is_stale(&self, tick: u64) -> bool {
-        // An input noted a moment after the tick was read has no age.
+        // An input noted just after `tick` was read has age zero.
         self.at
             .is_none_or(|at| tick.saturating_sub(at) > STALE_TICKS)
     }
 }
 
-/// What of `sensors` and `host` is followed by `source`. A stale motion is what it was: the mute fades it out.
+/// The motion that `source` selects. A stale motion is returned unchanged, because the mute fades it out.
 pub fn choose(source: MotionSource, sensors: Timed, host: Timed) -> Timed {
     match source {
         MotionSource::Sensors => sensors,
@@ -226,18 +226,18 @@ pub fn choose(source: MotionSource, sensors: Timed, host: Timed) -> Timed {
     }
 }
 
-/// How a hand is followed from the moment that playing began.
+/// Follower of the hand from the time that playing began.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Follower {
-    /// Whether place and contact count; if not, the tool touches the path's origin for ever.
+    /// True if position and contact count; otherwise the tool touches the path's origin forever.
     locates: bool,
-    /// The encoder's count at the origin, as soon as it is known.
+    /// Count of the encoder at the origin, once it is known.
     origin: Option<i32>,
     contact: ContactDetector,
 }
 
 impl Follower {
-    /// One that has not seen anything yet. What a scene plays depends on place and contact, what a texture plays does not.
+    /// A follower that has seen nothing yet. A scene depends on position and contact (`locates`), a texture does not.
     pub const fn new(locates: bool) -> Self {
         Self {
             locates,
@@ -246,8 +246,8 @@ impl Follower {
         }
     }
 
-    /// What the hand does, by the motion that was chosen and the sensors at the same time. The origin is where the encoder
-    /// stands when this is called first.
+    /// Interaction of the hand, from the chosen motion and the sensors at the same time. The origin is the encoder's
+    /// count at the first call.
     pub fn follow(
         &mut self,
         chosen: Timed,
@@ -263,7 +263,8 @@ impl Follower {
         let position = chosen.position_mm.unwrap_or(by_encoder);
         let by_force = self.contact.touches(chosen.motion);
         let contact = chosen.contact.unwrap_or(by_force);
-        // Both positions are finite: the host's was checked, and a count is at most 2³¹ of a setting in its range.
+        // Both positions are finite: the host's was checked, and the encoder's is at most 2³¹ times a setting in its
+        // range.
         Interaction::new(chosen.motion, position, contact).unwrap_or(Interaction::NONE)
     }
 }

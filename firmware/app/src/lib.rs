@@ -1,7 +1,7 @@
-//! What the stylus does, but for its hardware: the same code in the image, in tests on the host, and where the host
-//! computes what the device will put out.
+//! The application of the stylus, without its hardware: the same code runs in the image, in tests on the host, and
+//! where the host computes the output of the device.
 //!
-//! Nothing here allocates, waits for hardware, or knows a register. What needs hardware stands behind small traits:
+//! Nothing here allocates, waits for hardware, or knows a register. Hardware stands behind small traits:
 //! [`control::Device`], [`slots::MappedFlash`], [`storage::Stage`].
 //!
 //! | module | runs in |
@@ -14,13 +14,14 @@
 #![no_std]
 #![expect(
     clippy::result_large_err,
-    reason = "an error that tells a person its reason carries the words: there is no heap to put them on"
+    reason = "errors carry their reason as text, and there is no heap to put it on"
 )]
 
 #[cfg(test)]
 extern crate std;
 
 pub mod control;
+pub mod flash;
 pub mod inputs;
 pub mod player;
 pub mod recorder;
@@ -32,8 +33,7 @@ pub mod storage;
 pub mod upload;
 mod words;
 
-/// Ticks a second: samples are read, computed and put out at this rate.
-pub const SAMPLE_RATE_HZ: u32 = 5_000;
+pub use model_format::SAMPLE_RATE_HZ;
 
-/// Ticks in a millisecond.
+/// Ticks per millisecond: there is one tick per sample.
 pub const TICKS_PER_MS: u32 = SAMPLE_RATE_HZ / 1_000;

@@ -1,9 +1,9 @@
-//! What is played, and why not.
+//! State of playing, and the reasons for silence.
 //!
-//! A library is exchanged only while the output rests at mid-scale: the mute ramp takes it there first, and so it does where
-//! the gain changes. Another texture or scene of the same library and gain takes over while playing goes on: the kernel's
-//! director fades one out and the other in. The player says when to be mute; the safety stages say when the output has come to
-//! rest.
+//! A library is exchanged only while the output rests at mid-scale, so the mute ramp goes there first. The same holds
+//! for a change of gain. Another texture or scene of the same library and gain takes over while playing goes on: the
+//! kernel's director fades one out and the other in. The player decides when to mute; the safety stages report when the
+//! output is at rest.
 //!
 //! ```text
 //!            play                      at rest
@@ -21,36 +21,36 @@ use model_format::link::{
     StopError,
 };
 
-/// What the rest of the device tells the player.
+/// State of the rest of the device, as the player sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Observed {
-    /// The output is at mid-scale and muted: `safety::State::is_at_rest`, as the tick told it after it saw the present mute.
+    /// The output is at mid-scale and muted: `safety::State::is_at_rest`, after the tick has seen the present mute.
     pub at_rest: bool,
     /// The motion that is followed is too old.
     pub stale: bool,
-    /// Nothing has been heard from the host for too long.
+    /// The host has sent nothing for too long.
     pub link_lost: bool,
 }
 
-/// What the device has to do, at rest.
+/// Action of the device, at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
-    /// Take up what is asked for, which is there, from silence.
+    /// Start what was prepared for the request, from silence.
     Start(PlayRequest),
     /// Play nothing.
     Clear,
 }
 
-/// How a request is met.
+/// Time at which a request takes effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Begin {
-    /// When the output has come to rest: [`Action::Start`] says so.
+    /// Once the output is at rest, by [`Action::Start`].
     AtRest,
-    /// Now, while what was played goes on until it has faded.
+    /// At once: the director fades what is played.
     Switch,
 }
 
-/// What comes after the fade.
+/// Step after the fade-out.
 #[derive(Clone, Debug, PartialEq)]
 enum Then {
     Stop,
@@ -66,7 +66,7 @@ enum Phase {
     Activating,
 }
 
-/// What is played, and the reasons for silence.
+/// State of playing, and the reasons for silence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Player {
     phase: Phase,
@@ -81,7 +81,7 @@ impl Default for Player {
 }
 
 impl Player {
-    /// Idle and mute.
+    /// A player that is idle and mute.
     pub const fn new() -> Self {
         Self {
             phase: Phase::Idle,
@@ -90,11 +90,11 @@ impl Player {
         }
     }
 
-    /// Plays `request`, whose texture or scene is there: at once if something is played with the same gain, else at the next
-    /// [`Player::poll`] at rest, after what is played has faded out.
+    /// Plays `request`, whose texture or scene exists: at once if something is played with the same gain, otherwise at
+    /// the next [`Player::poll`] at rest, after the fade-out.
     ///
     /// # Errors
-    /// A library is being activated, or is about to be.
+    /// A library is being activated or about to be.
     pub fn play(&mut self, request: PlayRequest) -> Result<Begin, Busy> {
         if self.is_activating() {
             return Err(Busy);
@@ -130,7 +130,7 @@ impl Player {
         }
     }
 
-    /// Fades out, stops, and lets a library be exchanged: when [`Player::may_exchange`] says so.
+    /// Fades out and stops, so that the library can be exchanged once [`Player::may_exchange`] is true.
     ///
     /// # Errors
     /// Another activation is under way.
@@ -143,12 +143,12 @@ impl Player {
         Ok(())
     }
 
-    /// Whether the library may be exchanged now: nothing is played and the output is at rest.
+    /// Returns true if the library may be exchanged: nothing is played and the output is at rest.
     pub fn may_exchange(&self) -> bool {
         self.phase == Phase::Activating
     }
 
-    /// The exchange is over, or was given up.
+    /// Ends the activation, with or without an exchange.
     pub fn end_activation(&mut self) {
         if self.is_activating() {
             self.phase = Phase::Idle;
@@ -157,16 +157,24 @@ impl Player {
         }
     }
 
-    /// A fault was found: mute until the device is restarted.
+    /// Mutes until the device is restarted, because a fault was found.
     pub fn fault(&mut self) {
         self.set(MuteReason::Fault, true);
     }
 
-    /// Takes account of `observed`; what is to be done now. Called every millisecond or so, and after it the tick is to be
-    /// told of [`Player::mute`].
+    /// Becomes idle and muted by a fault, because nothing was prepared to be started, and the status must not say that
+    /// it plays.
+    pub fn not_started(&mut self) {
+        self.phase = Phase::Idle;
+        self.set(MuteReason::NotPlaying, true);
+        self.fault();
+    }
+
+    /// Moves the player on by `observed` and returns the action that is due. Called about every millisecond; the caller
+    /// then passes [`Player::mute`] to the tick.
     pub fn poll(&mut self, observed: Observed) -> Option<Action> {
         let playing = matches!(self.phase, Phase::Playing(_));
-        // Whoever does not play needs no motion and no host.
+        // Without playing, neither motion nor host is needed.
         self.set(MuteReason::Stale, playing && observed.stale);
         self.set(MuteReason::LinkLost, playing && observed.link_lost);
         if !observed.at_rest {
@@ -176,7 +184,7 @@ impl Player {
         let (phase, action) = match phase {
             Phase::FadingOut(Then::Play(request)) => {
                 self.set(MuteReason::Changing, false);
-                // Its motion is judged from the next poll on; one that was never there must not be let through till then.
+                // These are judged again at the next poll. A motion that never came must not pass until then.
                 self.set(MuteReason::Stale, observed.stale);
                 self.set(MuteReason::LinkLost, observed.link_lost);
                 (
@@ -192,22 +200,22 @@ impl Player {
         action
     }
 
-    /// Why the output is mute; none if it is not.
+    /// Reasons for which the output is mute; none if it is not.
     pub fn mute(&self) -> MuteReasons {
         self.mute
     }
 
-    /// How often each reason began.
+    /// Number of times that each reason has begun.
     pub fn mute_counts(&self) -> [u32; MUTE_REASON_COUNT] {
         self.counts
     }
 
-    /// Whether something is played or about to be.
+    /// Returns true if something is played, about to be, or fading out.
     pub fn is_playing(&self) -> bool {
         matches!(self.phase, Phase::Playing(_) | Phase::FadingOut(_))
     }
 
-    /// Where the motion of what is played, or about to be, comes from.
+    /// Source of motion for what is played or about to be.
     pub fn motion_source(&self) -> MotionSource {
         match &self.phase {
             Phase::Playing(request) | Phase::FadingOut(Then::Play(request)) => request.motion,
@@ -215,7 +223,7 @@ impl Player {
         }
     }
 
-    /// For the status.
+    /// Activity, for the status.
     pub fn activity(&self) -> Activity {
         match &self.phase {
             Phase::Idle => Activity::Idle,
@@ -243,6 +251,6 @@ impl Player {
     }
 }
 
-/// A library is being activated.
+/// Refusal because a library is being activated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Busy;

@@ -1,8 +1,8 @@
-//! Recording without a lock between the tick and thread mode.
+//! Recording, without a lock between the tick and thread mode.
 //!
-//! The tick puts one sample a tick into a queue, [`Tap`], and thread mode packs them into blocks, [`Recorder`]. A block's
-//! number follows from the tick of its samples, so a sample that did not fit the queue makes its block a gap in the numbers,
-//! which both sides can count.
+//! The tick puts one sample per tick into a queue ([`Tap`]), and thread mode packs them into blocks ([`Recorder`]). The
+//! number of a block follows from the ticks of its samples, so a sample that did not fit the queue makes its block a
+//! gap in the numbers, which both sides can count.
 
 use heapless::spsc::{Consumer, Producer, Queue};
 use model_format::link::{
@@ -12,10 +12,10 @@ use model_format::link::{
 
 use crate::SAMPLE_RATE_HZ;
 
-/// Length of the queue: 100 ms of samples, one place stays empty.
+/// Length of the queue: 100 ms of samples. One entry always stays empty.
 pub const QUEUE_SAMPLES: usize = 512;
 
-/// A sample with the lower digits of its tick.
+/// A sample with the lower 32 bits of its tick's number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimedSample {
     tick: u32,
@@ -25,18 +25,18 @@ pub struct TimedSample {
 /// The queue from the tick to thread mode.
 pub type SampleQueue = Queue<TimedSample, QUEUE_SAMPLES>;
 
-/// The tick's end of the queue.
+/// Producing end of the queue, for the tick.
 pub struct Tap<'q> {
     queue: Producer<'q, TimedSample>,
 }
 
 impl<'q> Tap<'q> {
-    /// On the queue's producing end.
+    /// A tap on the queue's producing end.
     pub const fn new(queue: Producer<'q, TimedSample>) -> Self {
         Self { queue }
     }
 
-    /// Notes the sample of `tick`. If the queue is full it is lost, and the recorder finds the gap.
+    /// Queues the sample of `tick`. If the queue is full, the sample is lost, and the recorder finds the gap.
     #[inline(always)]
     pub fn put(&mut self, tick: u64, sample: RecordSample) {
         let timed = TimedSample {
@@ -47,23 +47,24 @@ impl<'q> Tap<'q> {
     }
 }
 
-/// Thread mode's end: blocks of a recording.
+/// Consuming end of the queue, for thread mode: it packs samples into the blocks of a recording.
 pub struct Recorder<'q> {
     queue: Consumer<'q, TimedSample>,
     recording: bool,
-    /// The tick of the recording's first sample, once it is known.
+    /// Tick of the recording's first sample, once it is known.
     start: Option<u64>,
-    /// How many samples from the start the next one is.
+    /// Index of the next sample, counted from the first one.
     next: u64,
-    /// Samples of the block under way, unless one of it is missing.
+    /// Samples of the block under way.
     samples: [PackedSample; BLOCK_SAMPLES],
+    /// True if the block under way misses no sample so far.
     whole: bool,
     blocks: u32,
     lost_blocks: u32,
 }
 
 impl<'q> Recorder<'q> {
-    /// On the queue's consuming end, not recording.
+    /// A recorder on the queue's consuming end that does not record.
     pub const fn new(queue: Consumer<'q, TimedSample>) -> Self {
         Self {
             queue,
@@ -77,7 +78,7 @@ impl<'q> Recorder<'q> {
         }
     }
 
-    /// Begins a recording with the next sample after what is in the queue.
+    /// Begins a recording with the next sample after those in the queue.
     ///
     /// # Errors
     /// One is under way.
@@ -85,7 +86,7 @@ impl<'q> Recorder<'q> {
         if self.recording {
             return Err(RecordError::Recording);
         }
-        // What is left of the time before belongs to no recording. A bounded number, or a fast tick would hold us here.
+        // Samples of the time before belong to no recording. The number is bounded, because the tick goes on queueing.
         for _ in 0..QUEUE_SAMPLES {
             self.queue.dequeue();
         }
@@ -116,9 +117,9 @@ impl<'q> Recorder<'q> {
         })
     }
 
-    /// The next whole block, if enough samples have come. `now` is about the present tick, within 2^31 ticks or 5 days.
+    /// The next whole block, if enough samples have come. `now` is the present tick, to within 2³¹ ticks or 5 days.
     pub fn next_block(&mut self, now: u64) -> Option<RecordBlock> {
-        // No more than a queue full at a time: the tick fills it while we read.
+        // At most one queue full per call, because the tick fills the queue meanwhile.
         for _ in 0..QUEUE_SAMPLES {
             let timed = self.queue.dequeue()?;
             if self.recording
@@ -130,7 +131,7 @@ impl<'q> Recorder<'q> {
         None
     }
 
-    /// Takes the sample of `tick`; the block that it completes.
+    /// Takes the sample of `tick` and returns the block that it completes.
     fn take(&mut self, tick: u64, sample: PackedSample) -> Option<RecordBlock> {
         let start = *self.start.get_or_insert(tick);
         let index = tick.saturating_sub(start);
@@ -148,7 +149,7 @@ impl<'q> Recorder<'q> {
         })
     }
 
-    /// Counts what is missing before the sample at `index`.
+    /// Counts the blocks that miss samples before the sample at `index`.
     fn close_missed(&mut self, index: u64) {
         if index <= self.next {
             return;
@@ -161,13 +162,13 @@ impl<'q> Recorder<'q> {
         let missed = (missed_to - block) as u32;
         self.blocks = self.blocks.saturating_add(missed);
         self.lost_blocks = self.lost_blocks.saturating_add(missed);
-        // A block that begins with this very sample has lost nothing.
+        // A block that begins with this sample misses nothing.
         if missed > 0 && index.is_multiple_of(BLOCK_SAMPLES as u64) {
             self.whole = true;
         }
     }
 
-    /// Ends the block under way; its number if it is whole.
+    /// Ends the block under way and returns its number if it is whole.
     fn close_block(&mut self) -> Option<u32> {
         let sequence = self.blocks;
         self.blocks = self.blocks.saturating_add(1);
@@ -179,7 +180,7 @@ impl<'q> Recorder<'q> {
         None
     }
 
-    /// What is counted, of this recording or the last.
+    /// Counters of this recording or the last one.
     pub fn counters(&self) -> RecordCounters {
         RecordCounters {
             recording: self.recording,
@@ -189,7 +190,7 @@ impl<'q> Recorder<'q> {
     }
 }
 
-/// The tick nearest to `now` whose lower digits are `low`.
+/// The tick nearest to `now` whose lower 32 bits are `low`.
 fn whole_tick(low: u32, now: u64) -> u64 {
     let ahead = low.wrapping_sub(now as u32) as i32;
     now.wrapping_add_signed(i64::from(ahead))

@@ -1,8 +1,8 @@
-//! Settings in flash: each under its own key in a sequential-storage map, so that one that changes is appended and nothing
-//! is erased but once in a thousand changes.
+//! Settings in flash: each has its own key in a sequential-storage map, so that a change is appended, and a sector is
+//! erased only once in a thousand changes.
 //!
-//! A word that faults when it is read, as after a power cut, reads as zeros here: the map's checksums drop it, and the value
-//! before holds.
+//! A word that faults when it is read, as after a power cut, reads as zeros here. The map's checksums then drop it, and
+//! the value before holds.
 
 use core::ops::Range;
 
@@ -12,16 +12,15 @@ use sequential_storage::Error;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};
 
-/// Where settings are kept, bytes from the start of bank 1: its last two sectors of 128 KB. The code ends before them.
+use crate::flash::WORD_BYTES;
+
+/// Range of the settings, bytes from the start of bank 1: its last two sectors of 128 KB. The code ends before them.
 ///
-/// While one of them is erased or written, code of the same bank waits; the tick runs from ITCM and does not.
+/// While one of them is erased or written, code of the same bank stalls; the tick runs from ITCM and does not.
 pub const SETTINGS_RANGE: Range<u32> = 0x000c_0000..0x0010_0000;
 
-/// Room for a key and a value, in whole flash words.
+/// Space for a key and a value, in whole flash words.
 const BUFFER_BYTES: usize = 64;
-
-/// The largest flash word.
-const MAX_WORD_BYTES: usize = 32;
 
 type NoCache = Cache<Uncached, Uncached, Uncached, u8>;
 
@@ -33,11 +32,11 @@ pub struct SettingsStore<F: NorFlash> {
 }
 
 impl<F: NorFlash> SettingsStore<F> {
-    /// Reads the settings in `range` of `flash`, which is two whole sectors or more. What is not there, or cannot be read,
-    /// or may not be, is at its default.
+    /// Reads the settings in `range` of `flash`, which is two whole sectors or more. A setting that is missing,
+    /// unreadable or out of its range has its default.
     ///
     /// # Panics
-    /// A range that is not whole sectors, or less than two.
+    /// The range is not of whole sectors, or of less than two.
     pub async fn open(flash: F, range: Range<u32>) -> Self {
         let config = MapConfig::new(range);
         let mut store = Self {
@@ -55,12 +54,12 @@ impl<F: NorFlash> SettingsStore<F> {
         store
     }
 
-    /// The settings that hold.
+    /// The settings in force.
     pub fn settings(&self) -> Settings {
         self.settings
     }
 
-    /// Whether something in flash could not be used when it was read, and defaults hold instead.
+    /// Returns true if some content of the flash could not be used when it was read, so that defaults hold instead.
     pub fn is_faulty(&self) -> bool {
         self.faulty
     }
@@ -68,7 +67,7 @@ impl<F: NorFlash> SettingsStore<F> {
     /// Changes one setting, in flash first.
     ///
     /// # Errors
-    /// A value that the setting may not have; a fault of the flash. Then the settings are as before.
+    /// The value is out of the setting's range, or the flash fails. The settings in force stay.
     pub async fn set(&mut self, change: SettingChange) -> Result<Settings, SettingsError> {
         let settings = self.settings.with(change)?;
         self.store(change).await?;
@@ -76,10 +75,10 @@ impl<F: NorFlash> SettingsStore<F> {
         Ok(settings)
     }
 
-    /// Every setting to its default.
+    /// Resets every setting to its default.
     ///
     /// # Errors
-    /// A fault of the flash. Settings that were reached are at their defaults, the others as before.
+    /// The flash fails. Some settings then have their defaults, the others stay.
     pub async fn reset(&mut self) -> Result<Settings, SettingsError> {
         for default in Settings::default().iter() {
             if self.faulty || self.settings.get(default.setting) != default.value {
@@ -101,18 +100,18 @@ impl<F: NorFlash> SettingsStore<F> {
             let Some(value) = value else { continue };
             match self.settings.with(SettingChange { setting, value }) {
                 Ok(settings) => self.settings = settings,
-                // Of a firmware with other ranges.
+                // Written by a firmware with other ranges.
                 Err(_) => self.faulty = true,
             }
         }
         Ok(())
     }
 
-    /// What is in the flash is no map: never written, or beyond repair.
+    /// Starts with an empty map, because the flash holds none: it was never written, or is beyond repair.
     async fn start_anew(&mut self) {
         self.settings = Settings::default();
         self.faulty = true;
-        // If it fails, the next change will tell.
+        // If this fails, the next change reports it.
         let _ = self.map.erase_all().await;
     }
 
@@ -123,7 +122,7 @@ impl<F: NorFlash> SettingsStore<F> {
         stored.map_err(|_| SettingsError::Flash {
             operation: FlashOperation::Write,
         })?;
-        // What was written is what counts only if it can be read.
+        // The change counts only if it can be read back.
         let back = self.map.fetch_item::<f32>(&mut buffer, &key).await;
         match back {
             Ok(Some(value)) if value == change.value => Ok(()),
@@ -142,11 +141,16 @@ impl<F: ErrorType> ErrorType for Tolerant<F> {
 }
 
 impl<F: NorFlash> ReadNorFlash for Tolerant<F> {
-    /// Whole words, so that a fault takes no more than itself.
+    /// A whole word, so that a fault affects only its own word.
     const READ_SIZE: usize = F::WRITE_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
-        const { assert!(F::WRITE_SIZE <= MAX_WORD_BYTES, "a flash word fits") };
+        const {
+            assert!(
+                F::WRITE_SIZE <= WORD_BYTES,
+                "a flash word is longer than expected"
+            );
+        };
         for (index, word) in bytes.chunks_mut(F::WRITE_SIZE).enumerate() {
             let at = offset + (index * F::WRITE_SIZE) as u32;
             if self.0.read(at, word).await.is_err() {

@@ -1,8 +1,8 @@
-//! What the tick counts about itself.
+//! Histogram of the tick's duration.
 
 use model_format::link::{TICK_BIN_COUNT, TICK_BIN_CYCLES, TickHistogram};
 
-/// How long ticks took, in bins of fixed width.
+/// Durations of ticks, in bins of fixed width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Histogram {
     shortest: u32,
@@ -20,7 +20,7 @@ impl Default for Histogram {
 }
 
 impl Histogram {
-    /// Empty.
+    /// A histogram of no ticks.
     pub const fn new() -> Self {
         Self {
             shortest: u32::MAX,
@@ -29,7 +29,7 @@ impl Histogram {
         }
     }
 
-    /// Counts a tick of `cycles`.
+    /// Counts a tick that took `cycles`.
     #[inline(always)]
     pub fn count(&mut self, cycles: u32) {
         let bin = ((cycles >> BIN_BITS) as usize).min(TICK_BIN_COUNT - 1);
@@ -38,7 +38,7 @@ impl Histogram {
         self.longest = self.longest.max(cycles);
     }
 
-    /// As it is sent, of a processor with a clock of `core_hz`.
+    /// The histogram as it is sent, for a processor with a clock of `core_hz`.
     pub fn report(&self, core_hz: u32) -> TickHistogram {
         TickHistogram {
             core_hz,

@@ -1,7 +1,8 @@
-//! Requests that read, erase or write flash, one after the other, and may take seconds.
+//! Requests that read, erase or write flash. They are served one after the other and may take seconds.
 //!
-//! They belong in a task of their own, so that motion and status are served meanwhile. [`Stage`] is what they need of the
-//! rest of the device; the image makes it of its [`crate::control::Control`] behind a lock that is never held across a wait.
+//! They belong in a task of their own, so that motion and status are served meanwhile. [`Stage`] is their view of the
+//! rest of the device; the image implements it by its [`crate::control::Control`] behind a lock that is never held
+//! across a wait.
 
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
@@ -14,7 +15,7 @@ use crate::settings::SettingsStore;
 use crate::slots::{MappedFlash, SlotStore};
 use crate::upload::Uploader;
 
-/// What storage needs of the rest of the device. Nothing here waits but [`Stage::pause`].
+/// The rest of the device, as storage sees it. No method waits except [`Stage::pause`].
 pub trait Stage {
     /// As `Control::begin_activation`.
     ///
@@ -26,10 +27,10 @@ pub trait Stage {
     fn may_exchange(&self) -> bool;
 
     /// Copies `library`, which is valid, to the RAM that is played from, and decodes it there. Called only while
-    /// [`Stage::may_exchange`] says so.
+    /// [`Stage::may_exchange`] is true.
     ///
     /// # Errors
-    /// What was copied is not what was validated: the RAM holds no library now.
+    /// The copy is not valid. The RAM holds no library then.
     fn load(&mut self, library: &[u8]) -> Result<(), LoadFault>;
 
     /// As `Control::end_activation`.
@@ -48,14 +49,14 @@ pub trait Stage {
     fn pause(&mut self) -> impl Future<Output = ()>;
 }
 
-/// A library that did not get into RAM as it was.
+/// Failure to copy a library to RAM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoadFault;
 
-/// How long the output may take to come to rest, ms: the longest mute ramp, many times over.
+/// Longest wait until the output is at rest, ms: many times the longest mute ramp.
 const REST_TIMEOUT_MS: u32 = 500;
 
-/// Flash: the two slots and the settings.
+/// The two slots and the settings in flash.
 pub struct Storage<F, S: NorFlash> {
     slots: SlotStore<F>,
     settings: SettingsStore<S>,
@@ -65,7 +66,7 @@ pub struct Storage<F, S: NorFlash> {
 }
 
 impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
-    /// On opened stores.
+    /// A storage of opened stores.
     pub const fn new(slots: SlotStore<F>, settings: SettingsStore<S>) -> Self {
         Self {
             slots,
@@ -75,9 +76,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         }
     }
 
-    /// At boot: makes the newest library that is valid and readable the active one. None is no fault of the boot's.
+    /// At boot: activates the newest library that is valid and readable. A boot without one is no fault.
     pub async fn activate_newest(&mut self, stage: &mut impl Stage) -> Option<Activated> {
-        // A slot that turns out faulty is no longer the newest, so this ends.
+        // A slot that proves faulty is no longer the newest, so this ends.
         while let Some(slot) = self.slots.newest() {
             match self.activate(stage, slot).await {
                 Ok(activated) => return Some(activated),
@@ -88,31 +89,32 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         None
     }
 
-    /// `SlotsEndpoint`.
+    /// Serves `SlotsEndpoint`.
     pub fn slots(&self) -> Slots {
         self.slots.slots()
     }
 
-    /// `ListEndpoint`.
+    /// Serves `ListEndpoint`.
     ///
     /// # Errors
-    /// No library in the slot, or not so many textures.
+    /// The slot has no library, or the library has fewer textures.
     pub fn list(&self, request: ListRequest) -> Result<model_format::link::TextureInfo, ListError> {
         self.slots.texture(request.slot, request.index)
     }
 
-    /// `ListSceneEndpoint`.
+    /// Serves `ListSceneEndpoint`.
     ///
     /// # Errors
-    /// No library in the slot, or not so many scenes.
+    /// The slot has no library, or the library has fewer scenes.
     pub fn list_scene(&self, request: ListRequest) -> Result<SceneInfo, ListError> {
         self.slots.scene(request.slot, request.index)
     }
 
-    /// `ActivateEndpoint`: fades out, copies the library to RAM, and makes its slot the active one.
+    /// Serves `ActivateEndpoint`: fades out, copies the library to RAM, and makes its slot the active one.
     ///
     /// # Errors
-    /// What keeps it from being activated. The library in RAM stays unless the copy itself failed.
+    /// The library cannot be activated, for the reason in the error. The library in RAM stays unless the copy itself
+    /// failed.
     pub async fn activate(
         &mut self,
         stage: &mut impl Stage,
@@ -143,7 +145,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         slot: SlotId,
         library: SlotInfo,
     ) -> Result<Activated, ActivateError> {
-        // Everything that can fail for the flash's sake comes before the RAM is touched.
+        // Everything in which the flash can fail comes before the RAM is touched.
         let faulty = |fault| ActivateError::Faulty { slot, fault };
         let bytes = self.slots.library_bytes(slot).await.map_err(faulty)?;
         let mut waited_ms = 0;
@@ -162,7 +164,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         Ok(Activated { slot, library })
     }
 
-    /// `UploadBeginEndpoint`.
+    /// Serves `UploadBeginEndpoint`.
     ///
     /// # Errors
     /// As [`Uploader::begin`].
@@ -176,7 +178,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         result
     }
 
-    /// `UploadChunkEndpoint`.
+    /// Serves `UploadChunkEndpoint`.
     ///
     /// # Errors
     /// As [`Uploader::chunk`].
@@ -190,7 +192,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         result
     }
 
-    /// `UploadCommitEndpoint`.
+    /// Serves `UploadCommitEndpoint`.
     ///
     /// # Errors
     /// As [`Uploader::commit`].
@@ -203,20 +205,20 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         result
     }
 
-    /// `UploadAbortEndpoint`.
+    /// Serves `UploadAbortEndpoint`.
     ///
     /// # Errors
-    /// None so far; the answer leaves room for one.
+    /// None; the endpoint's type leaves room for one.
     pub fn upload_abort(&mut self, stage: &mut impl Stage) -> Result<UploadState, UploadError> {
         self.uploader.abort(&mut self.slots);
         stage.set_upload(self.uploader.state());
         Ok(self.uploader.state())
     }
 
-    /// `SettingsSetEndpoint`.
+    /// Serves `SettingsSetEndpoint`.
     ///
     /// # Errors
-    /// A value that the setting may not have; a texture is played; a fault of the flash.
+    /// The value is out of the setting's range; something is played; the flash fails.
     pub async fn settings_set(
         &mut self,
         stage: &mut impl Stage,
@@ -226,10 +228,10 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         self.settings_change(stage, Some(change)).await
     }
 
-    /// `SettingsResetEndpoint`.
+    /// Serves `SettingsResetEndpoint`.
     ///
     /// # Errors
-    /// A texture is played; a fault of the flash.
+    /// Something is played; the flash fails.
     pub async fn settings_reset(
         &mut self,
         stage: &mut impl Stage,
@@ -249,7 +251,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             Some(change) => self.settings.set(change).await,
             None => self.settings.reset().await,
         };
-        // A reset that failed half way has changed some.
+        // Also after an error, because a reset that failed half way has changed some settings.
         stage.set_settings(self.settings.settings(), self.settings.is_faulty());
         result
     }

@@ -1,8 +1,8 @@
-//! Receiving a library: begin, chunks in turn, commit.
+//! Upload of a library: begin, chunks in order, commit.
 //!
-//! Each call does at most one erase of a sector: `begin` that of the header, a chunk that of the sector it reaches first.
-//! A call that fails in the flash, or is dropped half way, ends the upload, since a word cannot be written twice; a call that
-//! was refused leaves it as it was. What is being received never touches the active slot.
+//! Each call erases at most one sector: `begin` that of the header, a chunk the sector that it is the first to reach. A
+//! call that fails in the flash, or is dropped half way, ends the upload, because a word cannot be written twice. A
+//! call that is refused leaves the upload as it was. An upload never touches the active slot.
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
@@ -10,18 +10,19 @@ use model_format::link::{
     UploadError, UploadProgress, UploadState,
 };
 
-use crate::slots::{MappedFlash, SealFault, SlotStore, WORD_BYTES, WriteFault};
+use crate::flash::WORD_BYTES;
+use crate::slots::{MappedFlash, SealFault, SlotStore, WriteFault};
 
 const _: () =
     assert!(CHUNK_ALIGN.is_multiple_of(WORD_BYTES) && MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));
 
-/// An upload under way, or none.
+/// The upload under way, if any.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Uploader {
     upload: Option<Upload>,
 }
 
-/// What has been received.
+/// Progress of an upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Upload {
     begin: UploadBegin,
@@ -40,22 +41,22 @@ impl Upload {
 }
 
 impl Uploader {
-    /// None under way.
+    /// An uploader with no upload under way.
     pub const fn new() -> Self {
         Self { upload: None }
     }
 
-    /// How far it has come.
+    /// Progress of the upload, for the status.
     pub fn state(&self) -> UploadState {
         self.upload.map_or(UploadState::Idle, |upload| {
             UploadState::Receiving(upload.progress())
         })
     }
 
-    /// Begins an upload, or goes on with the one of the same length and checksum; another one is given up.
+    /// Begins an upload, or continues the one of the same length and checksum. Any other upload under way ends.
     ///
     /// # Errors
-    /// A length that no library has; a fault of the flash.
+    /// No library has this length; the flash fails.
     pub async fn begin<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,
@@ -89,10 +90,11 @@ impl Uploader {
         Ok(upload.progress())
     }
 
-    /// Takes the next bytes.
+    /// Writes the next chunk.
     ///
     /// # Errors
-    /// None under way; a chunk out of turn, of a wrong length or past the end; a fault of the flash, which ends the upload.
+    /// No upload is under way; the chunk is out of order, of a wrong length or past the end; the flash fails, which
+    /// ends the upload.
     pub async fn chunk<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,
@@ -100,7 +102,7 @@ impl Uploader {
     ) -> Result<UploadProgress, UploadError> {
         let upload = self.upload.ok_or(UploadError::NotBegun)?;
         let next_offset = check_chunk(upload, chunk)?;
-        // Until the words are written the upload is not there, so that one that is dropped half way is over.
+        // The upload ends here and is restored once the words are written, so that a call dropped half way ends it.
         self.end(store);
         write_chunk(store, upload, chunk)
             .await
@@ -114,11 +116,11 @@ impl Uploader {
         Ok(upload.progress())
     }
 
-    /// Validates what was received and makes it a library of its slot. It does not become the active one by that.
+    /// Validates the received bytes and makes them the library of their slot, which does not become the active one.
     ///
     /// # Errors
-    /// None under way, or not complete; anything else ends the upload: bytes that are not those announced or no library, a
-    /// fault of the flash.
+    /// No upload is under way, or it is not complete. Any other error ends the upload: the bytes are not those
+    /// announced, or not a library, or the flash fails.
     pub async fn commit<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,
@@ -148,7 +150,7 @@ impl Uploader {
         })
     }
 
-    /// Gives the upload up, if one is under way.
+    /// Ends the upload under way, if any.
     pub fn abort<F: MappedFlash>(&mut self, store: &mut SlotStore<F>) {
         if self.upload.is_some() {
             self.end(store);
@@ -162,7 +164,7 @@ impl Uploader {
     }
 }
 
-/// Where the chunk after `chunk` begins, if `chunk` is the next of `upload`.
+/// Checks that `chunk` is the next of `upload`, and returns the offset of the chunk after it.
 fn check_chunk(upload: Upload, chunk: UploadChunk<'_>) -> Result<u32, UploadError> {
     let (expected, total) = (upload.next_offset, upload.begin.length);
     if chunk.offset != expected {
@@ -189,7 +191,7 @@ fn check_chunk(upload: Upload, chunk: UploadChunk<'_>) -> Result<u32, UploadErro
     Ok(end)
 }
 
-/// Writes `chunk`, after erasing the sector that it begins or reaches into.
+/// Writes `chunk`, after erasing the sector that it is the first to reach.
 async fn write_chunk<F: MappedFlash>(
     store: &mut SlotStore<F>,
     upload: Upload,
@@ -198,14 +200,14 @@ async fn write_chunk<F: MappedFlash>(
     let sector = SlotStore::<F>::sector_bytes();
     let end = chunk.offset + chunk.data.len() as u32;
     let border = chunk.offset.next_multiple_of(sector);
-    // The header's sector was erased at the beginning. Sectors are longer than chunks, so one border at most is reached.
+    // `begin` erased the header's sector. Sectors are longer than chunks, so a chunk reaches at most one border.
     if border < end && border != SlotStore::<F>::header_sector() {
         store.erase_sector(upload.slot, border).await?;
     }
     store.write(upload.slot, chunk.offset, chunk.data).await
 }
 
-/// A fault of the flash as it is told to the host.
+/// A fault of the flash, as the host sees it.
 struct UploadFault(UploadError);
 
 impl From<WriteFault> for UploadFault {
@@ -236,7 +238,7 @@ fn bytes_error(slot: SlotId, fault: SlotFault) -> UploadError {
             operation: model_format::link::FlashOperation::Read,
             offset,
         },
-        // The header was written a moment ago with what was checked, so another one means that it did not stay.
+        // Only the scan of a slot finds these. A commit reads back the header's word as it writes it.
         SlotFault::Unfinished | SlotFault::HeaderVersion { .. } | SlotFault::Length { .. } => {
             UploadError::ReadBack {
                 slot,

@@ -1,14 +1,14 @@
-//! Text of a bounded length.
+//! Text of bounded length.
 
 use core::fmt::{self, Display, Write};
 
 use heapless::String;
 
-/// What fits of a text.
+/// The part of a text that fits in `N` bytes.
 struct Fitting<const N: usize>(String<N>);
 
 impl<const N: usize> Write for Fitting<N> {
-    /// Takes what fits and drops the rest, character by character.
+    /// Appends the characters that fit and drops the rest.
     fn write_str(&mut self, text: &str) -> fmt::Result {
         for character in text.chars() {
             if self.0.push(character).is_err() {
@@ -19,10 +19,10 @@ impl<const N: usize> Write for Fitting<N> {
     }
 }
 
-/// `told` as far as it fits in `N` bytes.
-pub(crate) fn in_words<const N: usize>(told: &impl Display) -> String<N> {
+/// The text of `value`, cut to `N` bytes.
+pub(crate) fn in_words<const N: usize>(value: &impl Display) -> String<N> {
     let mut words = Fitting(String::new());
-    // Writing to it never fails, and the Display of what is told does not.
-    let _ = write!(words, "{told}");
+    // Neither this writer nor the Display of a value in this program fails.
+    let _ = write!(words, "{value}");
     words.0
 }

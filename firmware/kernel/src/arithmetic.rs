@@ -1,5 +1,5 @@
-//! The arithmetic of the inner loops, as a trait: a processor with better instructions than a compiler finds brings its own.
-//! [`Portable`] is the reference, and every other gives the same bits.
+//! The arithmetic of the inner loops, as a trait: a processor whose instructions a compiler does not find brings its
+//! own implementation. [`Portable`] is the reference, and every other gives the same bits.
 
 use core::cell::Cell;
 use core::sync::atomic::{Ordering, compiler_fence};
@@ -7,30 +7,31 @@ use core::sync::atomic::{Ordering, compiler_fence};
 use crate::fixed::high_word_toward_zero;
 use crate::rotation::Rotation;
 
-/// Taps that are summed in one turn of a loop.
+/// Number of taps that are summed in one turn of the loop.
 pub const TURN_TAPS: usize = 40;
 
 /// Coefficients or samples of one turn.
 pub type Turn = [i32; TURN_TAPS];
 
-/// What the inner loops do most.
+/// The operations of the inner loops.
 pub trait Arithmetic: Copy {
     /// Σ a·b over as many turns as both have, in 64 bits.
     ///
-    /// Exact; wraps only where the sum itself overflows, which no valid library's coefficients can bring about.
+    /// The sum is exact. It wraps only if it overflows, which no valid library's coefficients can cause.
     fn sum_of_products(coefficients: &[Turn], samples: &[Turn]) -> i64;
 
-    /// Puts `forward` through the stages of a lattice, the last of `rotations` first, and gives what comes out; see
+    /// Passes `forward` through the stages of a lattice, the last of `rotations` first, and returns the output; see
     /// [`crate::lattice`].
     ///
     /// `backward` holds one word more than there are stages. Word m - 1 is the backward signal that stage m reads and
-    /// word m the one that it writes; word 0 is for the caller to write.
+    /// word m the one that it writes. The caller writes word 0.
     fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32;
 
-    /// Puts two samples through in one pass: the bits of two calls of [`Arithmetic::rotate`] with word 0 written in between.
+    /// Passes two samples through at once: the bits of two calls of [`Arithmetic::rotate`] with word 0 written in
+    /// between.
     ///
-    /// The second follows the first a stage behind, so that it takes what the first puts out there before that goes to memory,
-    /// and one pass over the rotations serves both.
+    /// The second sample follows the first one stage behind. It takes the first one's backward signal before that
+    /// goes to memory, and one pass over the rotations serves both.
     fn rotate_two(rotations: &[Rotation], backward: &mut [i32], forward: [i32; 2]) -> [i32; 2];
 }
 
@@ -54,8 +55,8 @@ impl Arithmetic for Portable {
             let up;
             (forward, up) = rotated(rotation, forward, pair[0].get());
             pair[1].set(up);
-            // No instruction; it keeps the compiler from running ahead along the forward path, which costs it more
-            // registers than there are and doubles the time of a stage on a Cortex-M4.
+            // This is no instruction. It keeps the compiler from running ahead along the forward path, because that
+            // takes more registers than there are and doubles the time of a stage on a Cortex-M4.
             compiler_fence(Ordering::SeqCst);
         }
         forward
@@ -84,7 +85,7 @@ impl Arithmetic for Portable {
     }
 }
 
-/// One stage of a lattice: the forward signal that goes on down, and the backward signal that goes up.
+/// One stage of a lattice: the forward signal for the stage below, and the backward signal for the stage above.
 #[inline(always)]
 pub fn rotated(rotation: Rotation, forward: i32, backward: i32) -> (i32, i32) {
     let (cos, f, g) = (

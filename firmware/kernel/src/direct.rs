@@ -1,13 +1,14 @@
 //! The direct form, the paper's own structure: `a[n] = σ e[n] + Σ h[i] a[n-i]`.
 //!
-//! Coefficients between nodes are the weighted mean of the four around. It is computed when the motion changes, with the frame, and
-//! not at every sample: four sums over one history, weighed at every sample, are the same number and need no such
-//! pass, but cost a sample 3.4 times as much and a frame four times the memory. In 32 bits the mean is
-//! within 2⁻³¹ of the largest coefficient, whatever width they are stored in.
+//! Coefficients between nodes are the weighted mean of the four nodes around the motion. The mean is computed with the
+//! frame when the motion changes, and not at every sample. Four sums over one history, weighted at every sample, would
+//! give the same number without that pass, but a sample would cost 3.4 times as much and a frame four times the memory.
+//! In 32 bits the mean is within 2⁻³¹ of the largest coefficient, whatever width they are stored in.
 //!
-//! The history is kept in fixed point at a scale of the texture's own: its loudest node's RMS lies between a sixteenth
-//! and an eighth of full scale. Sums are exact in 64 bits, and truncated toward zero once a sample. Unlike the lattice's, this
-//! structure's stability depends on its coefficients: between two stable nodes it may be unstable, then it saturates.
+//! The history is kept in fixed point at the texture's own scale: its loudest node's RMS lies between a sixteenth and
+//! an eighth of full scale. Sums are exact in 64 bits, and truncated toward zero once per sample. Unlike the
+//! lattice's, this structure's stability depends on its coefficients: between two stable nodes it may be unstable,
+//! and then it saturates.
 
 use model_format::limits::{MAX_EXPONENT, MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{Coefficients, OutputSample, Texture};
@@ -18,38 +19,38 @@ use crate::fixed::{saturate, shift_toward_zero};
 use crate::grid::{GridPoint, ONE};
 use crate::level::{Levels, Ramp, rms_in_steps};
 
-/// Digits after the point of what is summed up for a sample, in steps of the history.
+/// Digits after the point of a sample's sum, in steps of the history.
 pub const SUM_FRACTION_BITS: u32 = 20;
 
 /// Digits after the point of a coefficient at exponent 0.
 const COEFFICIENT_FRACTION_BITS: u32 = 31;
 
-/// What the codes of a frame stay below in sum, so that the 64-bit sum of products cannot overflow, whatever the history.
+/// Bound on the sum of a frame's codes, so that the 64-bit sum of products cannot overflow, whatever the history.
 const CODE_SUM_LIMIT: u64 = 1 << 32;
 
-/// Turns that no sum exceeds.
+/// Number of turns that no sum exceeds.
 const MAX_TURNS: usize = MAX_ORDER / TURN_TAPS;
 
 const _: () = assert!(MAX_ORDER.is_multiple_of(TURN_TAPS));
 const _: () = assert!(MAX_EXPONENT as u32 <= COEFFICIENT_FRACTION_BITS - SUM_FRACTION_BITS);
 
-/// What a (speed, force) calls for: coefficients and the level.
+/// The frame of a motion: coefficients and the level.
 #[derive(Clone, Debug)]
 pub struct DirectFrame {
     /// h₁ first; h = code · 2^(exponent - 31). Their magnitudes add up to less than [`CODE_SUM_LIMIT`].
     coefficients: [Turn; MAX_TURNS],
-    /// How many of them a sample takes.
+    /// Number of them that a sample takes.
     turns: usize,
     exponent: u32,
-    /// Where `coefficients` are of, so that a motion that rests costs nothing.
+    /// Position for which `coefficients` were computed, so that an unchanged motion costs no interpolation.
     point: Option<GridPoint>,
-    /// Output steps a history step, as a power of two.
+    /// Steps of the history per step of the output, as a power of two.
     scale_bits: u32,
     deviation: Ramp,
     fade: Ramp,
 }
 
-/// What was played: the last outputs.
+/// The state of a direct form: the last outputs.
 #[derive(Clone, Debug)]
 pub struct DirectState {
     /// The newest [`MAX_ORDER`] samples from `newest` on, written twice so that they never wrap.
@@ -58,7 +59,7 @@ pub struct DirectState {
 }
 
 impl DirectFrame {
-    /// A silent frame for `texture`. It goes through all coefficients, once.
+    /// A silent frame for `texture`. This reads all coefficients once.
     pub fn silent(texture: &Texture<'_>) -> Self {
         Self::silent_at(texture, exponent(texture))
     }
@@ -76,8 +77,8 @@ impl DirectFrame {
         }
     }
 
-    /// Makes this frame that of `point` on the grid of `texture`, the one that it was made for; levels go there from
-    /// `from`, those of the frame before, in `samples` samples.
+    /// Makes this the frame of `point` on the grid of `texture`, the one that it was made for. Levels go from `from`,
+    /// those of the frame before, to their new values in `samples` samples.
     pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
         let rests = |last: GridPoint| (last.nodes, last.weights) == (point.nodes, point.weights);
         if !self.point.replace(*point).is_some_and(rests) {
@@ -97,12 +98,13 @@ impl DirectFrame {
         }
     }
 
-    /// The mean of the four nodes' coefficients; taps that a node's model lacks have h = 0.
+    /// The weighted mean of the four nodes' coefficients. Taps that a node's model lacks have h = 0.
     fn interpolate(&mut self, texture: &Texture<'_>, point: &GridPoint) {
-        /// A weight of one has so many binary digits: a product with a code is then one of two 32-bit words, and four of
-        /// them fit in 64 bits.
+        /// Binary digits of a weight of one: a product with a code is then one of two 32-bit words, and four of them
+        /// fit in 64 bits.
         const FACTOR_BITS: u32 = 30;
-        /// What a weight has more than that, so that nothing is lost where an exponent is smaller than the texture's.
+        /// Digits that a weight lacks of these. They are added below, so that nothing is lost where a node's exponent
+        /// is smaller than the texture's.
         const MORE_BITS: u32 = FACTOR_BITS - ONE.ilog2();
         const { assert!(MAX_EXPONENT as u32 <= MORE_BITS) }
         let mut sums = [1i64 << (FACTOR_BITS - 1); MAX_ORDER];
@@ -132,10 +134,10 @@ impl DirectFrame {
     }
 }
 
-/// The exponent at which every mean of a texture's nodes has room: h = code · 2^(exponent - 31). A mean is off by at most half a
-/// step of these.
+/// The exponent at which every mean of a texture's nodes has room: h = code · 2^(exponent - 31). The round-off of a
+/// mean is at most half a step of these.
 pub fn exponent(texture: &Texture<'_>) -> u32 {
-    /// A mean's rounding may add half a step a tap.
+    /// Rounding of a mean may add half a step per tap.
     const ROOM: u64 = CODE_SUM_LIMIT - MAX_ORDER as u64;
     let node = |coefficients: Coefficients<'_>| match coefficients {
         Coefficients::Direct16 { exponent, codes } => {
@@ -158,7 +160,7 @@ pub fn exponent(texture: &Texture<'_>) -> u32 {
     needed.max().unwrap_or(0).min(u32::from(MAX_EXPONENT))
 }
 
-/// How many binary digits finer than the output's the history's steps are, for a texture of this highest power.
+/// Binary digits by which the history's steps are finer than the output's, for a texture of this highest power.
 fn scale_bits(max_output_power: f32) -> u32 {
     const FINEST: u32 = OutputSample::FRACTION_BITS;
     let mut bits = 0;
@@ -179,7 +181,7 @@ impl DirectState {
         }
     }
 
-    /// A filter that has put out `history`, newest first.
+    /// A filter whose last outputs are `history`, newest first.
     pub fn from_history(history: &[i32; MAX_ORDER]) -> Self {
         let mut state = Self::new();
         let (first, second) = state.history.split_at_mut(MAX_ORDER);
@@ -188,13 +190,15 @@ impl DirectState {
         state
     }
 
-    /// What was put out last, newest first, as it is kept.
+    /// The last outputs, newest first, in steps of the history.
     pub fn history(&self) -> &[i32] {
         &self.history[self.newest..][..MAX_ORDER]
     }
 
-    /// Puts one sample of excitation through the filter of `frame`, in steps of the history with [`SUM_FRACTION_BITS`] digits; what
-    /// comes out, in those steps, and whether it had to be saturated.
+    /// Passes one sample of excitation through the filter of `frame`.
+    ///
+    /// The excitation has steps of the history with [`SUM_FRACTION_BITS`] digits after the point; the output has
+    /// steps of the history. The flag is true if the output was saturated.
     #[inline]
     pub fn filter<A: Arithmetic>(&mut self, frame: &DirectFrame, excitation: i64) -> (i32, bool) {
         let window: &[i32; MAX_ORDER] = self.history[self.newest..]
@@ -210,7 +214,7 @@ impl DirectState {
     }
 
     /// The next sample of a texture: `excitation` through the filter of `frame`, with `left` samples of its ramps to
-    /// come; and whether it had to be saturated.
+    /// come. The flag is true if the filter was saturated.
     #[inline]
     pub fn next_sample<A: Arithmetic>(
         &mut self,
@@ -222,8 +226,8 @@ impl DirectState {
         let driven = driven >> (excitation::FRACTION_BITS - SUM_FRACTION_BITS);
         let (filtered, saturated) = self.filter::<A>(frame, driven);
         let faded = i64::from(filtered) * i64::from(frame.fade.value(left));
-        // Truncated twice, toward zero, is truncated once. The mask is for the compiler, as above; a scene's gain may take a
-        // fade above one, and what is faded beyond a word.
+        // Truncating twice toward zero is truncating once. The mask is for the compiler, as above. A scene's gain may
+        // make the fade larger than one, and so the product longer than a word.
         let faded = shift_toward_zero(faded, ONE.ilog2());
         let output = shift_toward_zero(faded, frame.scale_bits & 31);
         (OutputSample(output as i32), saturated)

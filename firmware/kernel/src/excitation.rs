@@ -1,8 +1,9 @@
 //! White Gaussian excitation of unit variance from a seeded generator, on a fixed path of instructions.
 //!
-//! A permuted congruential generator (PCG-XSH-RR, period 2⁶⁴) gives 32 uniform bits a sample: one for the sign, 31 for
-//! the half-normal quantile. The quantile is read from a table with sixteen linear pieces in each octave of the tail's
-//! probability, so that its relative resolution is the same from the middle out to 6 σ, with no rejection and no loop.
+//! A permuted congruential generator (PCG-XSH-RR, period 2⁶⁴) gives 32 uniform bits per sample: one for the sign, 31
+//! for the half-normal quantile. The quantile is read from a table with sixteen linear pieces in each octave of the
+//! tail's probability, so that its relative resolution is the same from the middle out to 6 σ, with no rejection and
+//! no loop.
 
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -42,7 +43,7 @@ impl Excitation {
     }
 }
 
-/// The Gaussian sample that belongs to 32 uniform bits.
+/// The Gaussian sample of 32 uniform bits.
 #[inline(always)]
 fn gaussian(bits: u32) -> i32 {
     const FRACTION: u32 = 16;
@@ -54,7 +55,7 @@ fn gaussian(bits: u32) -> i32 {
     let index = (octave as usize % OCTAVES) * PIECES + piece;
     let (outer, inner) = (QUANTILES[index], QUANTILES[index + 1]);
     let magnitude = outer - ((i64::from(outer - inner) * i64::from(fraction)) >> FRACTION) as i32;
-    // The top bit, which v does not hold, is the sign; all ones negate.
+    // The top bit, which v does not hold, is the sign: a mask of ones negates.
     let sign = (bits as i32) >> 31;
     (magnitude ^ sign) - sign
 }
@@ -163,8 +164,8 @@ mod tests {
         assert!((kurtosis - 3.0).abs() < 2e-3, "kurtosis {kurtosis}");
     }
 
-    /// The map from bits to magnitude falls throughout, so that the tail beyond x has exactly the probability of the bits
-    /// below its bound.
+    /// The map from bits to magnitude falls monotonically, so that the tail beyond x has exactly the probability of
+    /// the bits below its bound.
     #[test]
     fn tails_are_right_to_six_standard_deviations() {
         for x in [0.1, 0.5, 1.0, 2.0, 3.0, 4.0, 4.5, 5.0, 5.5, 6.0] {

@@ -1,7 +1,7 @@
 //! Fixed-point steps that round toward zero, so that no rounding adds energy or a bias.
 
-/// The upper half of `sum`, truncated toward zero; where nothing is cut off from a negative sum it comes out one step
-/// nearer to zero still, never farther.
+/// The upper half of `sum`, truncated toward zero. A negative sum without a fraction comes out one step nearer to zero,
+/// never farther.
 ///
 /// One instruction after the product on ARM: `add hi, hi, hi, lsr #31`.
 #[inline(always)]
@@ -12,14 +12,15 @@ pub fn high_word_toward_zero(sum: i64) -> i32 {
 
 /// `value` / 2^`bits`, truncated toward zero, for `bits` below 64.
 ///
-/// A sum and a shift: a division, even by a power of two that is not a constant, would take a time that depends on the data.
+/// It is a sum and a shift, because a division, even by a power of two that is not a constant, takes a time that
+/// depends on the data.
 #[inline(always)]
 pub fn shift_toward_zero(value: i64, bits: u32) -> i64 {
     let below_one = (1i64 << bits) - 1;
     (value + ((value >> 63) & below_one)) >> bits
 }
 
-/// `value` in 32 bits, saturated, and whether it had to be.
+/// `value` in 32 bits, saturated; the flag is true if saturation changed it.
 #[inline(always)]
 pub fn saturate(value: i64) -> (i32, bool) {
     let (word, sign) = (value as i32, (value >> 63) as i32);

@@ -1,8 +1,8 @@
-//! Where a (speed, force) lies on a texture's grid.
+//! Position of a motion on a texture's grid: the four nodes around it, their weights, and the fade at rest.
 
 use model_format::{Axis, MillimetresPerSecond, Newton, Texture};
 
-/// What the hand does at a moment: a tangential speed and a normal force, both finite and not negative.
+/// Motion of the tool at a moment: a tangential speed and a normal force, both finite and not negative.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     speed_mm_s: f32,
@@ -36,7 +36,7 @@ impl Motion {
         force_n: 0.0,
     };
 
-    /// A motion of either direction along the surface; a force below zero is no contact.
+    /// A motion. The speed's sign is dropped, and a negative force is no contact.
     ///
     /// # Errors
     /// A speed or force that is not finite.
@@ -64,23 +64,23 @@ impl Motion {
     }
 }
 
-/// A one in weights and fades: 2¹⁶.
+/// The number one in weights, fades and gains: they have steps of 2⁻¹⁶.
 pub const ONE: u32 = 1 << 16;
 
-/// A place on a grid: the four nodes around it with their bilinear weights, and how far the level has faded.
+/// A position on a grid: the four nodes around it with their bilinear weights, and the fade of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GridPoint {
-    /// (speed index, force index) of the nodes; some may be the same node, then with weight zero.
+    /// (speed index, force index) of the nodes. At an edge two of them are the same node, one with weight zero.
     pub nodes: [(usize, usize); 4],
-    /// Their weights in steps of 2⁻¹⁶, which add up to exactly [`ONE`].
+    /// Weights of the nodes in steps of 2⁻¹⁶. They add up to exactly [`ONE`].
     pub weights: [u32; 4],
-    /// What to multiply the amplitude by, in steps of 2⁻¹⁶: [`ONE`] on the grid and above it, less below the lowest
-    /// speed or force, and exactly zero at rest or without contact.
+    /// Factor of the amplitude in steps of 2⁻¹⁶: [`ONE`] on the grid and above it, less below the lowest speed or
+    /// force, and exactly zero at rest or without contact.
     pub fade: u32,
 }
 
 impl GridPoint {
-    /// Finds `motion` on the grid of `texture`; above the grid its edge counts.
+    /// Finds `motion` on the grid of `texture`. Above the grid its edge counts.
     pub fn locate(texture: &Texture<'_>, motion: Motion) -> Self {
         let speed = Position::on(texture.speed_axis(), motion.speed_mm_s);
         let force = Position::on(texture.force_axis(), motion.force_n);
@@ -113,7 +113,7 @@ impl GridPoint {
     }
 }
 
-/// A value's place on one axis.
+/// Position of a value on one axis.
 struct Position {
     below: usize,
     above: usize,

@@ -4,12 +4,12 @@
 //! f[m-1] = cos θ[m] · f[m] - sin θ[m] · g[m-1]      for m = M .. 1, with g the backward signals of the sample before,
 //! g[m]   = sin θ[m] · f[m] + cos θ[m] · g[m-1]      f[M] the excitation, f[0] = g[0] the output, k = sin θ
 //! ```
-//! Every stage is a rotation, so that the norm of `(f[M], g)` is that of `(f[0], g)`: neither changing all θ at every sample
-//! nor any history lets the state grow (Laroche, J. Audio Eng. Soc. 55(6), 2007). In integers the same holds because
-//! cos² + sin² ≤ 1 holds in them and products are truncated toward zero: f² + g² never grows in any stage, and shrinks
-//! by at least one step in every stage that holds anything, so that silence comes and is exact. Saturation can only
-//! shrink it too. All signals have the variance of the excitation, whatever the texture, so that one scale fits all:
-//! one standard deviation is 2²⁸, full scale is eight of them.
+//! Every stage is a rotation, so that the norm of `(f[M], g)` is that of `(f[0], g)`. The state cannot grow, even if
+//! all θ change at every sample, and whatever the history (Laroche, J. Audio Eng. Soc. 55(6), 2007). The same holds
+//! in integers, because cos² + sin² ≤ 1 holds in them and products are truncated toward zero: f² + g² never grows in
+//! any stage, and shrinks by at least one step in every stage whose signals are not zero. Silence therefore comes,
+//! and is exact. Saturation can only shrink the norm too. All signals have the variance of the excitation, whatever
+//! the texture, so that one scale fits all: one standard deviation is 2²⁸, full scale is eight of them.
 
 use model_format::limits::MAX_ORDER;
 use model_format::{Coefficients, OutputSample, Texture};
@@ -21,9 +21,9 @@ use crate::level::{Levels, Ramp, rms_in_steps};
 use crate::rotation::{Rotation, THETA_FRACTION_BITS};
 
 /// Digits after the point of the gain in m/s²: full scale of the lattice times full gain is that of the output.
-const GAIN_FRACTION_BITS: u32 = 23;
+pub(crate) const GAIN_FRACTION_BITS: u32 = 23;
 
-/// What a (speed, force) calls for: rotations of all stages and the level.
+/// The frame of a motion: rotations of all stages, and the level.
 #[derive(Clone, Debug)]
 pub struct LatticeFrame {
     rotations: [Rotation; MAX_ORDER],
@@ -31,15 +31,18 @@ pub struct LatticeFrame {
     gain: Ramp,
 }
 
-/// What was played: the backward signals.
+/// The state of a lattice: the backward signals.
 #[derive(Clone, Debug)]
 pub struct LatticeState {
-    /// g[0] to g[M]; the last is written and never read.
+    /// g[0] to g[M]. The last is written and never read.
     backward: [i32; MAX_ORDER + 1],
 }
 
 impl LatticeFrame {
-    /// A frame of `stages` stages, at most [`MAX_ORDER`], that is silent.
+    /// A silent frame of `stages` stages.
+    ///
+    /// # Panics
+    /// If there are more than [`MAX_ORDER`] stages.
     pub const fn silent(stages: usize) -> Self {
         assert!(stages <= MAX_ORDER);
         Self {
@@ -49,8 +52,8 @@ impl LatticeFrame {
         }
     }
 
-    /// Makes this frame that of `point` on the grid of `texture`, a lattice of at most as many stages; the level goes
-    /// there from `from`, that of the frame before, in `samples` samples.
+    /// Makes this the frame of `point` on the grid of `texture`, a lattice of at most as many stages. The level goes
+    /// from `from`, that of the frame before, to its new value in `samples` samples.
     pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
         self.interpolate_rotations(texture, point);
         let power = point.mean(|speed, force| texture.node(speed, force).output_power);
@@ -59,7 +62,7 @@ impl LatticeFrame {
         self.gain = Ramp::between(from.amplitude, gain as u32, samples);
     }
 
-    /// θ is interpolated, bilinearly; stages that a node's model lacks have θ = 0.
+    /// Bilinear interpolation of θ. Stages that a node's model lacks have θ = 0.
     fn interpolate_rotations(&mut self, texture: &Texture<'_>, point: &GridPoint) {
         const DROPPED_BITS: u32 = 16 - THETA_FRACTION_BITS;
         let mut thetas = [0i32; MAX_ORDER];
@@ -77,7 +80,7 @@ impl LatticeFrame {
         }
     }
 
-    /// The level with `left` samples of the ramp to come. It includes the fade.
+    /// The level with `left` samples of the ramp to come, the fade included.
     pub fn levels(&self, left: u32) -> Levels {
         Levels {
             amplitude: self.gain.value(left),
@@ -90,7 +93,8 @@ impl LatticeFrame {
         &self.rotations[..self.stages]
     }
 
-    /// What the lattice puts out, at the level with `left` samples of the ramp to come; and whether it is at full scale.
+    /// Output of the lattice at the level with `left` samples of the ramp to come. The flag is true if the lattice is
+    /// at full scale.
     #[inline(always)]
     fn output(&self, filtered: i32, left: u32) -> (OutputSample, bool) {
         let gain = self.gain.value(left);
@@ -124,12 +128,12 @@ impl LatticeState {
         &self.backward[..stages]
     }
 
-    /// Whether nothing is left that `stages` stages could ever put out.
+    /// Returns whether the state of `stages` stages is zero, so that they never put out anything without an excitation.
     pub fn is_silent(&self, stages: usize) -> bool {
         self.backward(stages).iter().all(|&g| g == 0)
     }
 
-    /// Puts one sample of excitation through the lattice, both in steps of 2⁻²⁸ of a standard deviation.
+    /// Passes one sample of excitation through the lattice, both in steps of 2⁻²⁸ of a standard deviation.
     #[inline]
     pub fn filter<A: Arithmetic>(&mut self, rotations: &[Rotation], excitation: i32) -> i32 {
         let rotations = &rotations[..rotations.len().min(MAX_ORDER)];
@@ -139,7 +143,7 @@ impl LatticeState {
         output
     }
 
-    /// Puts two samples of excitation through, as two calls of [`LatticeState::filter`] do and in less time.
+    /// Passes two samples of excitation through, as two calls of [`LatticeState::filter`] do, in less time.
     #[inline]
     pub fn filter_two<A: Arithmetic>(
         &mut self,
@@ -154,7 +158,7 @@ impl LatticeState {
     }
 
     /// The next sample of a texture: `excitation` through the lattice of `frame`, at its level with `left` samples of
-    /// its ramp to come; and whether the lattice is at full scale.
+    /// its ramp to come. The flag is true if the lattice is at full scale.
     #[inline]
     pub fn next_sample<A: Arithmetic>(
         &mut self,

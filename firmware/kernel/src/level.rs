@@ -1,4 +1,4 @@
-//! Levels: from a power in (m/s²)² to a gain in fixed point, and a ramp from one gain to the next.
+//! Levels: from a power in (m/s²)² to a gain in fixed point, and ramps from one gain to the next.
 
 /// √(power · 4^bits), truncated: the RMS of `power` in steps of 2^-`bits`.
 ///
@@ -9,7 +9,7 @@ pub fn rms_in_steps(power: f32, bits: u32) -> u32 {
     scaled.isqrt().min(i32::MAX as u64) as u32
 }
 
-/// A quantity that goes in equal steps from what it was to what a frame calls for, so that no change clicks.
+/// A quantity that goes in equal steps from its value to that of the next frame, so that no change clicks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ramp {
     target: i32,
@@ -22,7 +22,8 @@ impl Ramp {
         Self { target: 0, step: 0 }
     }
 
-    /// A ramp from `from`, which is not negative, to `target` (at most 2³¹ - 1) in `samples` steps.
+    /// A ramp from `from`, which must not be negative, to `target` in `samples` steps. Targets above 2³¹ - 1 count as
+    /// that.
     pub fn between(from: i32, target: u32, samples: u32) -> Self {
         let target = target.min(i32::MAX as u32) as i32;
         Self {
@@ -31,16 +32,16 @@ impl Ramp {
         }
     }
 
-    /// The value when `left` samples of the ramp are still to come; exactly the target at the end.
+    /// The value with `left` samples of the ramp still to come. At the end it is exactly the target.
     #[inline(always)]
     pub fn value(self, left: u32) -> i32 {
         self.target - self.step * left as i32
     }
 }
 
-/// What a frame's ramps stand at, for the next frame to go on from.
+/// Values of a frame's ramps, from which the next frame goes on.
 ///
-/// The units are those of the texture's frames; between frames of one texture they are the same.
+/// The units are those of the texture's frames. They are the same for all frames of one texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Levels {
     pub(crate) amplitude: i32,
@@ -48,7 +49,7 @@ pub struct Levels {
 }
 
 impl Levels {
-    /// Nothing sounds.
+    /// Silence.
     pub const SILENT: Self = Self {
         amplitude: 0,
         fade: 0,

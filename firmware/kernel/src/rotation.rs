@@ -1,10 +1,10 @@
 //! Rotations (cos θ, sin θ) in 32 bits that never lengthen a vector, in the integers themselves.
 //!
 //! θ is added up from a coarse angle, whose sine and cosine are read from a table, and a small one, by the addition
-//! theorems. The table's radius is a little below one, by more than all rounding errors, so that
-//! cos² + sin² ≤ 2⁶² holds exactly: that is what the lattice's bound on energy rests on.
+//! theorems. The table's radius is below one by more than all round-off, so that cos² + sin² ≤ 2⁶² holds exactly. The
+//! lattice's bound on energy rests on this.
 
-/// Binary digits of a stored θ code that an interpolated θ has in addition.
+/// Binary digits that an interpolated θ has in addition to a stored θ code.
 pub const THETA_FRACTION_BITS: u32 = 8;
 
 /// θ = ±π/2, the ends of the range, in steps of an interpolated θ: 2²³.
@@ -14,7 +14,7 @@ pub const THETA_QUARTER_TURN: i32 = 1 << (15 + THETA_FRACTION_BITS);
 const COARSE_BITS: u32 = 15;
 const COARSE_COUNT: usize = (THETA_QUARTER_TURN >> COARSE_BITS) as usize;
 
-/// What the table's radius lacks of one, in steps of 2⁻³¹.
+/// Difference of the table's radius from one, in steps of 2⁻³¹.
 const RADIUS_DEFICIT: i32 = 2;
 
 /// Sines of the coarse angles in Q31, times the radius. Read backwards they are the cosines.
@@ -22,8 +22,8 @@ static SINES: [i32; COARSE_COUNT + 1] = sines();
 
 /// A rotation by θ = arcsin k, in steps of 2⁻³¹. cos² + sin² ≤ 2⁶² holds in the integers.
 ///
-/// The negative of the sine is kept as well, so that the lattice needs no instruction to make it. Three words in this order:
-/// a processor's own [`crate::arithmetic::Arithmetic`] may load them as such.
+/// The negative of the sine is kept as well, so that the lattice needs no instruction to make it. The three words have
+/// this order because a processor's own [`crate::arithmetic::Arithmetic`] may load them at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct Rotation {
@@ -43,7 +43,7 @@ impl Rotation {
         neg_sin: 0,
     };
 
-    /// The rotation by `theta`, in steps of π/2²⁴ rad, between ∓[`THETA_QUARTER_TURN`]; what is beyond counts as the end.
+    /// The rotation by `theta`, in steps of π/2²⁴ rad. Values beyond ±[`THETA_QUARTER_TURN`] count as that.
     ///
     /// Sine and cosine are within 4 steps of 2⁻³¹ of the exact ones.
     #[inline]
@@ -66,10 +66,11 @@ impl Rotation {
     }
 }
 
-/// sin b and 1 - cos b in Q31 for b below one coarse step, by their series; what is left out is below a seventh of a step.
+/// sin b and 1 - cos b in Q31 for b below one coarse step, by their series, whose remainder is below a seventh of a
+/// step.
 #[inline(always)]
 fn small_angle(fine: u32) -> (i32, i32) {
-    /// π·2⁷ (Q31 a step of θ) with 23 more digits.
+    /// π·2⁷, the Q31 angle per step of θ, with 23 more digits.
     const STEP: u64 = (core::f64::consts::PI * (1u64 << 30) as f64 + 0.5) as u64;
     let angle = ((u64::from(fine) * STEP + (1 << 22)) >> 23) as i32;
     let square = difference_of_products(angle, angle, 0, 0);

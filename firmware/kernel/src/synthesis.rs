@@ -1,7 +1,8 @@
 //! A texture being played: excitation, filter and level behind one interface for all structures.
 //!
-//! [`Frame`] is what a motion calls for, [`Playback`] what was played: a device computes the next frame below its
-//! sample's priority and hands it over whole. [`Synthesis`] is both in one, for where there is no such hurry.
+//! A [`Frame`] holds the coefficients and levels of a motion, a [`Playback`] the state of what was played. A device
+//! computes the next frame below its sample's priority and hands it over as a whole. [`Synthesis`] joins both, for
+//! programs that compute frame and samples in one thread.
 
 use core::marker::PhantomData;
 
@@ -14,23 +15,23 @@ use crate::grid::{GridPoint, Motion, ONE};
 use crate::lattice::{LatticeFrame, LatticeState};
 use crate::level::Levels;
 
-/// How often coefficients follow the motion, samples: every 2 ms at 5 kHz.
+/// Update interval of the coefficients, samples: 2 ms at 5 kHz.
 pub const UPDATE_INTERVAL_SAMPLES: u32 = 10;
 
-/// Coefficients and levels that a motion calls for.
+/// Coefficients and levels of a motion.
 #[derive(Clone, Debug)]
 pub struct Frame(FrameOf);
 
-/// What the frames of a texture have in common. To find it out goes through all coefficients of a direct form, which is too
-/// long for an update.
+/// Scale that all frames of a texture share. Finding it reads all coefficients of a direct form, which takes too long
+/// for an update.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scale {
-    /// Of a direct form's coefficients; see [`direct::exponent`].
+    /// Exponent of a direct form's coefficients; see [`direct::exponent`].
     exponent: u32,
 }
 
 impl Scale {
-    /// That of `texture`.
+    /// The scale of `texture`.
     pub fn of(texture: &Texture<'_>) -> Self {
         let exponent = match texture.structure() {
             Structure::NormalisedLattice => 0,
@@ -40,7 +41,7 @@ impl Scale {
     }
 }
 
-/// One for each kind of filter.
+/// A frame of either filter.
 #[derive(Clone, Debug)]
 #[expect(
     clippy::large_enum_variant,
@@ -79,19 +80,19 @@ impl Frame {
         })
     }
 
-    /// Makes this frame that of `motion` on `texture`, the one that it was made for; levels go there from `from`, those
-    /// of the frame before, in `samples` samples.
+    /// Makes this the frame of `motion` on `texture`, the one that it was made for. Levels go from `from`, those of the
+    /// frame before, to their new values in `samples` samples.
     ///
-    /// The work is some tens of thousands of instructions (`cargo tasks qemu` counts them), in bounded time, and is not part
-    /// of a sample's.
+    /// The work is some tens of thousands of instructions (`cargo tasks qemu` counts them), is bounded, and is not
+    /// part of a sample's.
     pub fn update(&mut self, texture: &Texture<'_>, motion: Motion, from: Levels, samples: u32) {
         self.update_scaled(texture, motion, ONE, from, samples);
     }
 
-    /// As [`Frame::update`], with the level times `gain`, in steps of 2⁻¹⁶; [`ONE`] changes nothing.
+    /// As [`Frame::update`], with the level times `gain`, in steps of 2⁻¹⁶: [`ONE`] leaves the level as it is.
     ///
-    /// The gain costs nothing in a sample, as it is in the level's ramp. It must be one that a scene of `texture` may have;
-    /// [`model_format::scene::Scene::validate`] knows which.
+    /// The gain costs nothing in a sample, because it is part of the level's ramp. It must be a gain that a valid
+    /// scene of `texture` may have, see [`model_format::scene::Scene::validate`].
     pub fn update_scaled(
         &mut self,
         texture: &Texture<'_>,
@@ -105,13 +106,13 @@ impl Frame {
         each_frame!(&mut self.0, frame => frame.update(texture, &point, from, samples));
     }
 
-    /// The levels with `left` samples of their ramps to come: 0 when this frame has been played to its end.
+    /// The levels with `left` samples of their ramps to come; `left` is 0 at the end of the frame.
     pub fn levels(&self, left: u32) -> Levels {
         each_frame!(&self.0, frame => frame.levels(left))
     }
 }
 
-/// What was played of a texture, and the noise to come.
+/// State of a texture's filter, and the source of its excitation.
 #[derive(Clone, Debug)]
 pub struct Playback {
     excitation: Excitation,
@@ -141,7 +142,7 @@ impl State {
 }
 
 impl Playback {
-    /// `texture` at rest; the same `seed` gives the same samples, always and everywhere.
+    /// The state of `texture` at rest. The same `seed` gives the same samples on every machine.
     pub fn new(texture: &Texture<'_>, seed: u64) -> Self {
         Self {
             excitation: Excitation::new(seed),
@@ -151,20 +152,21 @@ impl Playback {
         }
     }
 
-    /// Takes up `texture`, at rest; the noise goes on.
+    /// Changes to `texture`, at rest. The excitation goes on.
     pub fn restart(&mut self, texture: &Texture<'_>) {
         self.state = State::at_rest(texture);
         self.left = 0;
     }
 
-    /// A frame begins whose ramps take `samples` samples.
+    /// Begins a frame whose ramps take `samples` samples.
     #[inline]
     pub fn begin_frame(&mut self, samples: u32) {
         self.left = samples;
     }
 
-    /// The next sample, by a frame of the texture that this was made for; by that of another structure it is silence. `A` is
-    /// the processor's arithmetic; all give the same bits.
+    /// The next sample, by a frame of the texture that this was made for. A frame of another structure gives silence.
+    ///
+    /// `A` is the processor's arithmetic; all give the same bits.
     #[inline]
     pub fn next_sample<A: Arithmetic>(&mut self, frame: &Frame) -> OutputSample {
         self.left = self.left.saturating_sub(1);
@@ -182,8 +184,10 @@ impl Playback {
         output
     }
 
-    /// The next two samples, those of two calls of [`Playback::next_sample`]. A lattice takes less time for two than for one and
-    /// one: for whoever need not put the first out before the second is known.
+    /// The next two samples, those of two calls of [`Playback::next_sample`].
+    ///
+    /// A lattice takes less time for two at once. This is for programs that may know the second sample before the
+    /// first is put out.
     #[inline]
     pub fn next_two_samples<A: Arithmetic>(&mut self, frame: &Frame) -> [OutputSample; 2] {
         let (FrameOf::Lattice(lattice), State::Lattice(state)) = (&frame.0, &mut self.state) else {
@@ -204,8 +208,8 @@ impl Playback {
         self.left
     }
 
-    /// How many samples were at full scale since the beginning: of the lattice its output before the level, of the direct
-    /// form its history.
+    /// Number of samples at full scale since the beginning: in a lattice the output before the level, in a direct
+    /// form the history.
     pub fn saturations(&self) -> u32 {
         self.saturations
     }
@@ -221,7 +225,8 @@ pub struct Synthesis<'a, A: Arithmetic = Portable> {
 }
 
 impl<'a, A: Arithmetic> Synthesis<'a, A> {
-    /// `texture` at rest, silent until it is moved; the same `seed` gives the same samples, always and everywhere.
+    /// Plays `texture`, from rest: it is silent until [`Synthesis::follow`] gives it a motion. The same `seed` gives
+    /// the same samples on every machine.
     pub fn new(texture: Texture<'a>, seed: u64) -> Self {
         Self {
             texture,
@@ -231,8 +236,8 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
         }
     }
 
-    /// Takes over the motion of the moment: coefficients change with the next sample, the level goes from where it is to
-    /// its new value within `samples` samples. See [`Frame::update`].
+    /// Follows `motion`: coefficients change with the next sample, and the level goes to its new value in `samples`
+    /// samples. It is called once per update interval, see [`UPDATE_INTERVAL_SAMPLES`] and [`Frame::update`].
     pub fn follow(&mut self, motion: Motion, samples: u32) {
         let from = self.frame.levels(self.playback.left());
         self.frame.update(&self.texture, motion, from, samples);
@@ -251,7 +256,7 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
         self.playback.next_two_samples::<A>(&self.frame)
     }
 
-    /// See [`Playback::saturations`].
+    /// Number of samples at full scale; see [`Playback::saturations`].
     pub fn saturations(&self) -> u32 {
         self.playback.saturations()
     }

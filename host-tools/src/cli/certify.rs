@@ -5,34 +5,34 @@ use std::path::PathBuf;
 use host_tools::report::plot::{Caption, certificate_map};
 use host_tools::support::error::{Error, Result};
 use host_tools::texture::certificate;
-use host_tools::texture::certificate::{Cell, Finding, Report, SAMPLES_A_SIDE, Stored};
+use host_tools::texture::certificate::{Cell, Certification, Finding, SAMPLES_PER_SIDE, Stored};
 use model_format::Library;
 
 use super::table::table;
 use crate::cli::library_file::read_library;
 use crate::cli::output::{print, print_json};
 
-/// How many cells that fail are shown one by one.
+/// Number of failing cells that are shown one by one.
 const SHOWN_FAILURES: usize = 10;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The library
+    /// Library to certify
     library: PathBuf,
-    /// Print everything, cell by cell, as JSON
+    /// Print all figures, cell by cell, as JSON
     #[arg(long)]
     json: bool,
-    /// Draw the grid of a texture as SVG
+    /// SVG file for a map of a texture's grid
     #[arg(long, value_name = "SVG")]
     picture: Option<PathBuf>,
-    /// Only this texture; needed for a picture of a library of several
+    /// Name of a single texture to certify; needed for a picture if the library has several
     #[arg(long, value_name = "NAME")]
     texture: Option<String>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let bytes = read_library(&arguments.library)?;
-    // What a stylus refuses can be looked into here.
+    // Uncertified, because this command examines textures that a stylus refuses.
     let library = Library::decode_uncertified(&bytes).map_err(|source| Error::Library {
         path: arguments.library.clone(),
         source,
@@ -43,7 +43,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         )?],
         None => library.textures().collect(),
     };
-    let reports: Vec<Report> = textures.iter().map(certificate::certify).collect();
+    let reports: Vec<Certification> = textures.iter().map(certificate::certify).collect();
     if let Some(path) = &arguments.picture {
         draw(&reports, path)?;
     }
@@ -52,14 +52,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         show(&reports)?;
     }
-    let unsound = |report: &&Report| !report.holds || report.stored != Stored::Same;
+    let unsound = |report: &&Certification| !report.holds || report.stored != Stored::Same;
     match reports.iter().find(unsound) {
         None => Ok(()),
         Some(report) => Err(Error::file(&arguments.library, why_unsound(report))),
     }
 }
 
-fn why_unsound(report: &Report) -> String {
+fn why_unsound(report: &Certification) -> String {
     let texture = &report.texture;
     match report.failures().first() {
         Some(cell) => format!("texture '{texture}': {cell}; fit it as a lattice"),
@@ -67,21 +67,21 @@ fn why_unsound(report: &Report) -> String {
             format!("texture '{texture}' holds, but its certificate is missing; fit it again")
         }
         None => {
-            format!("texture '{texture}' holds, but its certificate says otherwise; fit it again")
+            format!("texture '{texture}' holds, but its certificate differs; fit it again")
         }
     }
 }
 
-fn draw(reports: &[Report], path: &std::path::Path) -> Result<()> {
+fn draw(reports: &[Certification], path: &std::path::Path) -> Result<()> {
     let [report] = reports else {
         return Err(Error::Request(
-            "a picture shows one texture; say which by --texture".to_owned(),
+            "a picture shows one texture; name it with --texture".to_owned(),
         ));
     };
     if path.extension().is_none_or(|extension| extension != "svg") {
         return Err(Error::file(
             path,
-            "pictures are SVG; give a name that ends in .svg",
+            "a picture is an SVG file; give a name that ends in .svg",
         ));
     }
     let title = format!("Certificate of '{}', {}", report.texture, report.structure);
@@ -92,7 +92,7 @@ fn draw(reports: &[Report], path: &std::path::Path) -> Result<()> {
     certificate_map(&caption, report)?.write(path)
 }
 
-fn show(reports: &[Report]) -> Result<()> {
+fn show(reports: &[Certification]) -> Result<()> {
     let header = [
         "texture",
         "structure",
@@ -114,7 +114,7 @@ fn show(reports: &[Report]) -> Result<()> {
     print(&legend(reports))
 }
 
-fn row(report: &Report) -> Vec<String> {
+fn row(report: &Certification) -> Vec<String> {
     let holding = report.cells.iter().filter(|cell| cell.holds()).count();
     let [margin, worst, speed, force] = worst(&report.cells);
     let stored = match report.stored {
@@ -135,7 +135,7 @@ fn row(report: &Report) -> Vec<String> {
     ]
 }
 
-/// Least margin, and largest pole radius or reflection coefficient with its place.
+/// Least margin, and largest pole radius or reflection coefficient with its speed and force.
 fn worst(cells: &[Cell]) -> [String; 4] {
     let mut margin = Some(f64::INFINITY);
     let (mut largest, mut point) = (0.0f64, None::<(f64, f64, f64)>);
@@ -173,24 +173,24 @@ fn worst(cells: &[Cell]) -> [String; 4] {
     }
 }
 
-/// What the figures mean.
-fn legend(reports: &[Report]) -> String {
+/// Explanation of the table's columns.
+fn legend(reports: &[Certification]) -> String {
     let lattice = |cell: &&Cell| matches!(cell.finding, Finding::Lattice { .. });
     let cells = || reports.iter().flat_map(|report| &report.cells);
     let mut lines = Vec::new();
     if cells().any(|cell| lattice(&cell)) {
         lines.push(
-            "Lattice, proved: all |θ| below π/2 at the nodes and so between them, rotations that do not lengthen, power in \
-             range; stable under every motion. Worst: the largest |k|."
+            "Lattice, proved: all |θ| below π/2 at the nodes and so between them, rotations that do not lengthen, \
+             power in range; so stable under every motion. Worst: the largest |k|."
                 .to_owned(),
         );
     }
     if cells().any(|cell| !lattice(&cell)) {
-        let side = SAMPLES_A_SIDE + 1;
+        let side = SAMPLES_PER_SIDE + 1;
         lines.push(format!(
-            "Direct form, proved: no zero of A on or outside the unit circle at any point of a cell, |A| at least the margin. \
-             Sampled: worst is the largest pole radius of {side} x {side} points a cell. Not shown: what happens while \
-             coefficients change, or after saturation (see stylus stress)."
+            "Direct form, proved: no zero of A on or outside the unit circle at any point of a cell, |A| at least the \
+             margin. Sampled: worst is the largest pole radius of {side} x {side} points per cell. Not covered: \
+             changing coefficients, and recovery from saturation (see stylus stress)."
         ));
     }
     format!("\n{}", lines.join("\n"))

@@ -1,4 +1,4 @@
-//! `stylus demo`: the whole way on simulated recordings.
+//! `stylus demo`: every step from recordings to sound, on simulated recordings.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -8,17 +8,17 @@ use host_tools::fit;
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::{WavFormat, render_wav};
 use host_tools::recording::RecordingSet;
-use host_tools::report::evaluation_page as report;
-use host_tools::rig::{self, Scene};
+use host_tools::report::evaluation_folder as report;
+use host_tools::rig::{self, RigFile};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
 use model_format::{Library, MillimetresPerSecond, Newton};
 
-use super::inspect::{Summary, summary_table};
+use super::inspect::{TextureSummary, texture_table};
 use crate::cli::library_file::decode_library;
 use crate::cli::output::print;
 
-/// The motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
+/// Motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
 const STROKE: &str = "\
 time_s,speed_mm_s,force_n
 0,0,0
@@ -35,7 +35,7 @@ const LISTENING_FULL_SCALE_M_S2: f64 = 60.0;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Folder for everything that the demonstration makes
+    /// Folder for all outputs
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
     /// Seed of the simulated recordings and of the syntheses
@@ -56,17 +56,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     let recordings = out.join("recordings");
     step(1, "stylus simulate-rig: the paper's protocol, SIMULATED")?;
-    let simulated = rig::simulate_to_folder(&Scene::paper(), arguments.seed, &recordings)?;
+    let simulated = rig::simulate_to_folder(&RigFile::paper(), arguments.seed, &recordings)?;
     print(simulated.to_string().trim_end())?;
 
-    step(2, "stylus fit: a model a node, its order chosen by BIC")?;
+    step(2, "stylus fit: one model per node, its order chosen by BIC")?;
     let set = RecordingSet::open(&[recordings])?;
     let (fit, bytes) = super::fit::fit_library(&set, &fit::Options::default())?;
     let path = out.join("textures.lib");
     atomic_file::write(&path, &bytes)?;
     let library = decode_library(&path, &bytes)?;
-    let textures: Vec<Summary> = library.textures().map(|t| Summary::of(&t, false)).collect();
-    print(&summary_table(&textures))?;
+    let textures: Vec<TextureSummary> = library
+        .textures()
+        .map(|t| TextureSummary::of(&t, false))
+        .collect();
+    print(&texture_table(&textures))?;
     for warning in &fit.warnings {
         print(&format!("warning: {warning}"))?;
     }

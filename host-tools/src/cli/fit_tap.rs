@@ -10,24 +10,24 @@ use super::input::positive;
 use super::table::table;
 use crate::cli::output::{print, print_json};
 
-/// Rate of force that is taken where none is known, N/s.
+/// Rate of force that is assumed if none is known, N/s.
 const ASSUMED_FORCE_RATE_N_S: f64 = 100.0;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Recordings of taps: what record-strokes writes (with the force), or WAV or CSV recordings
+    /// Recordings of taps: files of record-strokes (with the force), or WAV or CSV recordings
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
-    /// Rate of force at contact in N/s, one for each recording, where no force was recorded
+    /// Rates of force at contact in N/s, one per recording, if no force was recorded
     #[arg(long, value_name = "N_S,N_S...", value_delimiter = ',', value_parser = positive)]
     force_rates: Vec<f64>,
-    /// Acceleration that a sample of 1 stands for, in m/s²
+    /// Acceleration of a sample of 1, in m/s²
     #[arg(long, value_name = "M_S2", value_parser = positive, default_value_t = 1.0)]
     scale: f64,
-    /// From three axes to one
+    /// Reduction from three axes to one
     #[arg(long, value_enum, default_value = "pca")]
     reduce: Reduction,
-    /// Print everything as JSON
+    /// Print all figures as JSON
     #[arg(long)]
     json: bool,
 }
@@ -36,7 +36,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let rates = &arguments.force_rates;
     if !(rates.is_empty() || rates.len() == arguments.recordings.len()) {
         return Err(Error::Request(format!(
-            "--force-rates has {} values for {} recordings: give one for each",
+            "--force-rates has {} values for {} recordings; give one per recording",
             rates.len(),
             arguments.recordings.len()
         )));
@@ -95,7 +95,7 @@ fn text(fit: &TapFit) -> String {
     let simulated = if fit.is_simulated { ", SIMULATED" } else { "" };
     let scatter = fit.gain_scatter.map_or_else(String::new, |scatter| {
         format!(
-            ", amplitudes are {:.0} % off the gain's line",
+            ", amplitudes deviate from the gain's line by {:.0} %",
             100.0 * scatter
         )
     });
@@ -104,7 +104,7 @@ fn text(fit: &TapFit) -> String {
             let counted = fit.impacts.iter().filter(|i| i.left_out.is_none());
             let loudest = counted.map(|i| i.amplitude_m_s2).fold(0.0, f64::max);
             let guess = loudest / ASSUMED_FORCE_RATE_N_S;
-            (guess, "  # a guess: the loudest at 100 N/s")
+            (guess, "  # a guess: the loudest tap at 100 N/s")
         },
         |gain| (gain, ""),
     );

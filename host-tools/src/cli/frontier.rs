@@ -17,25 +17,26 @@ use crate::cli::output::{print, to_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Recordings to fit and to judge by: a folder with trials.csv, or such a list [default: simulated ones]
+    /// Recordings to fit and to evaluate against: a folder with trials.csv, or such a list [default: simulated ones]
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Another take of the same trials to judge by [default: the second half of each recording, the first being fitted]
+    /// Another take of the same trials to evaluate against [default: the second half of each recording; the first is
+    /// fitted]
     #[arg(long, value_name = "DIR", requires = "data")]
     takes: Option<PathBuf>,
-    /// Folder for the page, its pictures and its figures
+    /// Folder for the page, its figures and its numbers
     #[arg(long, value_name = "DIR", default_value = "frontier-out")]
     out: PathBuf,
-    /// Orders that are the same for all nodes; those chosen per node come beside
+    /// Orders that are the same for all nodes, beside orders chosen per node
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = order, default_values_t = frontier::ORDERS)]
     orders: Vec<usize>,
-    /// From three axes to one
+    /// Reduction from three axes to one
     #[arg(long, value_enum, default_value = "pca")]
     reduce: Reduction,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, in hertz
     #[arg(long, value_name = "HZ", value_parser = not_negative, default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ)]
     smoothing: f64,
-    /// Seed of the syntheses' noise
+    /// Seed of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -43,7 +44,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let out = arguments.out.as_path();
     std::fs::create_dir_all(out).map_err(Error::io("create", out))?;
-    // Simulated recordings are read while they are compared, and then go.
+    // Simulated recordings are needed only during the comparison.
     let scratch = tempfile::tempdir().map_err(Error::io("create", &std::env::temp_dir()))?;
     let material = match (&arguments.data, &arguments.takes) {
         (None, _) => Material::simulated(scratch.path())?,
@@ -60,10 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         seed: arguments.seed,
         ..Options::default()
     };
-    let bar = progress::bar(
-        (frontier::FITS * material.fit.trials.len()) as u64,
-        "fitting",
-    );
+    let bar = progress::bar(material.fit.trials.len() as u64, "fitting");
     let prepared = Prepared::new(&material, &options, || bar.inc(1))?;
     bar.finish_and_clear();
     let bar = progress::bar(prepared.work() as u64, "comparing");
@@ -85,7 +83,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&format!("\n{}", page.display()))
 }
 
-/// An order that a library holds.
+/// Parses an order that a library can hold.
 fn order(text: &str) -> std::result::Result<usize, String> {
     const MAX_ORDER: usize = model_format::limits::MAX_ORDER;
     match text.parse() {
@@ -94,7 +92,7 @@ fn order(text: &str) -> std::result::Result<usize, String> {
     }
 }
 
-/// The Pareto front, and what it is of.
+/// Table of the Pareto front, and an explanation of its columns.
 fn summary(frontier: &Frontier) -> String {
     let header = [
         "structure",
@@ -143,9 +141,11 @@ fn summary(frontier: &Frontier) -> String {
         ""
     };
     format!(
-        "The Pareto front of {} choices (structure, order, interval of updates): nothing cheaper has a lower error.\n\n{}\n\n\
-         error: third-octave bands, at rest against recordings held out and in motion against float64; cycles: modelled, at \
-         worst,\nupdates included; shares are of 200 µs; safe front: that of what holds every hard case{origin}",
+        "The Pareto front of {} choices (structure, order, update interval): no cheaper choice has a lower \
+         error.\n\n{}\n\n\
+         error: third-octave bands, at rest against held-out recordings, in motion against float64; cycles: modelled \
+         worst case\nper sample, with updates; shares are of 200 µs; safe front: the front of the choices that hold \
+         every hard case{origin}",
         frontier.points.len(),
         table(&header, &rows),
     )

@@ -15,16 +15,16 @@ pub struct Arguments {
     /// HaTT model files; each becomes a texture named like the file
     #[arg(required = true, value_name = "XML")]
     files: Vec<PathBuf>,
-    /// Library to write
+    /// Library file to write
     #[arg(long, value_name = "LIB")]
     out: PathBuf,
-    /// Speeds of the grid, up to the file's highest
+    /// Number of speeds of the grid, up to the file's highest
     #[arg(long, default_value_t = 10)]
     speeds: usize,
-    /// Forces of the grid, up to the file's highest
+    /// Number of forces of the grid, up to the file's highest
     #[arg(long, default_value_t = 6)]
     forces: usize,
-    /// Print the conversion's errors, node by node, as JSON
+    /// Print the errors of the conversion, node by node, as JSON
     #[arg(long)]
     json: bool,
 }
@@ -107,7 +107,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     print(&format!(
         "{} textures -> {} ({} bytes); errors are of the conversion, within the models' own band; above it the level \
-         falls by {ROLL_OFF_DB_PER_OCTAVE} dB an octave",
+         falls by {ROLL_OFF_DB_PER_OCTAVE} dB per octave",
         reports.len(),
         arguments.out.display(),
         bytes.len()

@@ -1,17 +1,17 @@
-//! Recordings on a command line.
+//! Arguments that several commands share: recordings, and numbers with a range.
 
 use std::path::PathBuf;
 
 use host_tools::recording::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet};
 use host_tools::support::error::{Error, Result};
 
-/// Which recordings, and what is to be known of those that do not tell.
+/// Recordings, with the values that their files may lack.
 #[derive(clap::Args)]
 pub struct Recordings {
-    /// A folder with trials.csv, such a list, or WAV or CSV recordings (each becomes a texture named like the file)
+    /// Folder with trials.csv, such a list, or WAV or CSV recordings (each becomes a texture named like the file)
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
-    /// Use so much of a trial whose list gives no duration_s, in seconds [default: 2]
+    /// Duration of a trial whose list gives no duration_s, in seconds [default: 2]
     #[arg(long, value_name = "S", value_parser = positive)]
     duration: Option<f64>,
     /// Sample rate of CSV recordings without a time column, in hertz
@@ -29,7 +29,7 @@ impl Recordings {
     /// Opens the set.
     ///
     /// # Errors
-    /// What [`RecordingSet::open`] says.
+    /// See [`RecordingSet::open`].
     pub fn open(&self) -> Result<RecordingSet> {
         for input in &self.inputs {
             if let Err(source) = std::fs::metadata(input) {
@@ -50,7 +50,7 @@ impl Recordings {
     }
 }
 
-/// A finite number above zero.
+/// Parses a finite number above zero.
 pub fn positive(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
@@ -58,7 +58,7 @@ pub fn positive(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-/// A finite number that is not negative.
+/// Parses a finite number that is not negative.
 pub fn not_negative(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),

@@ -1,4 +1,4 @@
-//! Library files on a command line.
+//! Library files: reading and decoding, with errors that name the file.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ pub fn read_library(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(Error::io("read", path))
 }
 
-/// Decodes a library, with its file's name in the error.
+/// Decodes a library; `path` is only named in errors.
 pub fn decode_library<'a>(path: &Path, bytes: &'a [u8]) -> Result<Library<'a>> {
     Library::decode(bytes).map_err(|source| Error::Library {
         path: path.to_owned(),

@@ -1,8 +1,12 @@
-//! The command line: one module a command, thin over the library.
+//! The `stylus` command: one module per command.
+//!
+//! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
+//! the link belong to the library, where other programs can use them. Of the shared modules, `input` and `library_file`
+//! read, `output` and `table` print; they import no command.
 
 mod certify;
 mod demo;
-mod densify;
+#[cfg(feature = "device")]
 mod device;
 mod evaluate;
 mod fit;
@@ -11,7 +15,6 @@ mod frontier;
 mod import_hatt;
 mod input;
 mod inspect;
-mod leave_one_out;
 mod library_file;
 mod output;
 mod render;
@@ -21,7 +24,6 @@ mod segment;
 mod simulate_rig;
 mod stress;
 mod table;
-mod takes;
 
 use std::io;
 use std::process::ExitCode;
@@ -29,13 +31,19 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use host_tools::support::error::Error;
 
-/// What a failure that the user can mend ends with: a file, a value or a request that cannot be used.
+/// Exit code of a failure that the user can mend: a file, a value or a request that cannot be used.
 const EXIT_UNUSABLE: u8 = 2;
 
-/// Data-driven haptic textures: fit models to recordings of a tool on a surface, judge them, and render exactly what the
-/// stylus plays.
+/// The last line of the help where the commands for a stylus are left out.
+#[cfg(not(feature = "device"))]
+const WITHOUT_DEVICE: &str =
+    "The commands for a stylus need the feature `device`; `cargo stylus` has it.";
+
+/// Data-driven haptic textures: fit models to recordings of a tool on a surface, evaluate them, and render exactly what
+/// the stylus plays.
 #[derive(Parser)]
 #[command(name = "stylus", version, arg_required_else_help = true)]
+#[cfg_attr(not(feature = "device"), command(after_help = WITHOUT_DEVICE))]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -43,39 +51,40 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Simulate a drum rig's recordings from a scene
+    /// Simulate the recordings of a drum rig
     SimulateRig(simulate_rig::Arguments),
     /// Fit a texture library to recordings
     Fit(fit::Arguments),
-    /// Compare what the stylus plays with recordings
+    /// Compare the stylus's output with recordings
     Evaluate(evaluate::Arguments),
-    /// Render what the stylus plays to a WAV file, sample for sample
+    /// Render the stylus's output to a WAV file, sample for sample
     Render(render::Arguments),
-    /// Show what is in a library
+    /// Show the content of a library
     Inspect(inspect::Arguments),
-    /// Write one page with everything: tables, the paper's figures, maps, spectrograms, sounds
+    /// Write one page with all results: tables, the paper's figures, maps, spectrograms, sounds
     Report(report::Arguments),
-    /// Cut a free hand's recordings where they are steady, for fit
+    /// Cut the steady pieces out of free-hand recordings, for fit
     Segment(segment::Arguments),
-    /// Make HaTT's model files a library
+    /// Convert HaTT's model files to a library
     ImportHatt(import_hatt::Arguments),
     /// Check, compile, render and draw scenes: surfaces along a path, with effects
     Scene(scene::Arguments),
-    /// Find a scene's tap transient in recordings of taps
+    /// Fit a scene's tap transient to recordings of taps
     FitTap(fit_tap::Arguments),
     /// Prove a library's textures stable at every point of their grids
     Certify(certify::Arguments),
-    /// Play the hard cases by the device's kernel and check what it promises
+    /// Play the hard cases with the device's kernel and check its guarantees
     Stress(stress::Arguments),
-    /// Compare structures, orders and intervals of updates: accuracy against time, and the Pareto front
+    /// Compare structures, orders and update intervals: accuracy against time, and the Pareto front
     Frontier(frontier::Arguments),
-    /// Do all of it on simulated recordings, with a report
+    /// Run every step on simulated recordings, with a report
     Demo(demo::Arguments),
+    #[cfg(feature = "device")]
     #[command(flatten)]
     Device(device::Command),
 }
 
-/// Runs the command that the process was started with.
+/// Runs the command on the process's command line.
 pub fn run() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::SimulateRig(arguments) => simulate_rig::run(&arguments),
@@ -92,11 +101,12 @@ pub fn run() -> ExitCode {
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        #[cfg(feature = "device")]
         Command::Device(command) => device::run(&command),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
-        // Whoever reads our output has seen enough, as `head` has.
+        // The reader of the output has closed it, as `head` does after its last line.
         Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::BrokenPipe => {
             ExitCode::SUCCESS
         }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use host_tools::support::error::{Error, Result};
 
-/// Prints to standard output; `println!` would panic when the reader has gone.
+/// Prints to standard output. `println!` would panic if the reader has closed it.
 pub fn print(text: &str) -> Result<()> {
     let mut output = io::stdout().lock();
     output
@@ -19,6 +19,7 @@ pub fn print_json(value: &impl serde::Serialize) -> Result<()> {
     print(&to_json(value))
 }
 
+/// Formats a value as JSON.
 pub fn to_json(value: &impl serde::Serialize) -> String {
     serde_json::to_string_pretty(value).expect("reports have text keys only")
 }

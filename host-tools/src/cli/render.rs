@@ -14,27 +14,33 @@ use crate::cli::output::print;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The library
+    /// Library to render from
     library: PathBuf,
-    /// Which of its textures
+    /// Name of the texture
     #[arg(long, value_name = "NAME")]
     texture: String,
     /// Tangential speed, in mm/s
-    #[arg(long, value_name = "MM_S", value_parser = not_negative, requires = "force", required_unless_present = "motion")]
+    #[arg(
+        long,
+        value_name = "MM_S",
+        value_parser = not_negative,
+        requires = "force",
+        required_unless_present = "motion"
+    )]
     speed: Option<f64>,
     /// Normal force, in newtons
     #[arg(long, value_name = "N", value_parser = not_negative, requires = "speed", required_unless_present = "motion")]
     force: Option<f64>,
-    /// A motion instead: CSV with time_s, speed_mm_s, force_n
+    /// Motion instead: CSV with time_s, speed_mm_s, force_n
     #[arg(long, value_name = "CSV", conflicts_with_all = ["speed", "force"])]
     motion: Option<PathBuf>,
-    /// How long, in seconds [default: the motion's duration]
+    /// Duration, in seconds [default: the motion's]
     #[arg(long, value_name = "S", value_parser = positive, required_unless_present = "motion")]
     seconds: Option<f64>,
     /// WAV file to write: 32-bit float, m/s²
     #[arg(long, value_name = "WAV")]
     out: PathBuf,
-    /// Write 16-bit samples instead, with this full scale in m/s², for listening
+    /// Write 16-bit samples with this full scale in m/s² instead, for listening
     #[arg(long, value_name = "FULL_SCALE", value_parser = positive)]
     pcm16: Option<f64>,
     /// Seed of the noise: the same seed gives the same samples

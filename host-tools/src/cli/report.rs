@@ -9,8 +9,9 @@ use host_tools::evaluation::leave_one_out::{Prepared, Row};
 use host_tools::evaluation::{evaluate, takes};
 use host_tools::fit::{self, Order};
 use host_tools::recording::RecordingSet;
-use host_tools::report::whole_page as whole_report;
-use host_tools::report::whole_page::Inputs;
+use host_tools::report::removed_nodes::RemovedNodeTest;
+use host_tools::report::set_page;
+use host_tools::report::set_page::Inputs;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
 
@@ -22,25 +23,25 @@ use crate::cli::output::print;
 pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,
-    /// Page to write
+    /// HTML file to write
     #[arg(long, value_name = "HTML")]
     out: PathBuf,
-    /// The library to report on [default: fitted to the recordings]
+    /// Library to report on [default: fitted to the recordings]
     #[arg(long, value_name = "LIB")]
     library: Option<PathBuf>,
-    /// Other takes of the same trials, a folder or a list, to compare with
+    /// Other takes of the same trials, as a folder or a list, to compare with
     #[arg(long, value_name = "DIR")]
     takes: Option<PathBuf>,
-    /// Order of the models that are fitted here: 0 to 400, or 'auto'
+    /// Order of fitted models: 0 to 400, or 'auto'
     #[arg(long, default_value = "400")]
     order: Order,
-    /// From three axes to one; as for the fit
+    /// Reduction from three axes to one; the same as for the fit
     #[arg(long, value_enum, default_value = "pca")]
     reduce: Reduction,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, in hertz
     #[arg(long, value_name = "HZ", value_parser = not_negative, default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ)]
     smoothing: f64,
-    /// Seed of the syntheses' noise
+    /// Seed of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -80,7 +81,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         seed: arguments.seed,
         ..leave_one_out::Options::default()
     };
-    // Sets without a node between others have no such test; the rest of the page stands without it.
+    // A set without a node between others has no such test, and the page is written without it.
     let prepared = Prepared::new(&set, &removal).ok();
     let test = match &prepared {
         Some(prepared) => {
@@ -99,11 +100,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         test: test
             .as_ref()
             .zip(prepared.as_ref())
-            .map(|(t, p)| (t, p, removal)),
+            .map(|(test, prepared)| RemovedNodeTest {
+                test,
+                prepared,
+                options: removal,
+            }),
         takes: &distances,
     };
     let bar = progress::bar(evaluation.textures.len() as u64, "reporting");
-    whole_report::write(&inputs, &arguments.out, || bar.inc(1))?;
+    set_page::write(&inputs, &arguments.out, || bar.inc(1))?;
     bar.finish_and_clear();
     let origin = if evaluation.simulated {
         ", of SIMULATED recordings"

@@ -9,45 +9,45 @@ use host_tools::support::error::{Error, Result};
 use super::input::positive;
 use crate::cli::output::print;
 
-/// How many pieces that are off the grid are shown one by one.
+/// Number of pieces off the grid that are shown one by one.
 const SHOWN: usize = 10;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// CSV recordings of a free hand: speed_mm_s, force_n, one to three accelerations, and time_s
+    /// Free-hand recordings: CSV with speed_mm_s, force_n, one to three accelerations, and time_s
     #[arg(required = true, value_name = "CSV")]
     files: Vec<PathBuf>,
     /// Name of the texture
     #[arg(long, value_name = "NAME")]
     texture: String,
-    /// Folder for the pieces and their list, to be given to fit
+    /// Folder for the pieces and their list, as fit reads it
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// The grid's speeds, in mm/s
+    /// Speeds of the grid, in mm/s
     #[arg(long, value_name = "LOW:HIGH:STEP", default_value = "20:300:20")]
     speeds: GridAxis,
-    /// The grid's forces, in newtons
+    /// Forces of the grid, in newtons
     #[arg(long, value_name = "LOW:HIGH:STEP", default_value = "0.2:1.4:0.2")]
     forces: GridAxis,
-    /// How far speed and force may be from the middle of a piece, as a share
+    /// Largest deviation of speed and force from the middle of a piece, as a share
     #[arg(long, value_parser = positive, default_value_t = 0.12)]
     tolerance: f64,
-    /// Shortest piece, in seconds
+    /// Least duration of a piece, in seconds
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.2)]
     least: f64,
-    /// Least data of a node in all, in seconds
+    /// Least total duration of a node's pieces, in seconds
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.5)]
     enough: f64,
     /// Sample rate of files without a column time_s, in hertz
     #[arg(long, value_name = "HZ", value_parser = positive)]
     sample_rate: Option<f64>,
-    /// Acceleration that a sample of 1 stands for, in m/s²
+    /// Acceleration of a sample of 1, in m/s²
     #[arg(long, value_name = "M_S2", value_parser = positive, default_value_t = 1.0)]
     scale: f64,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    // What counts as steady at the lowest speeds and forces: a quarter of a step.
+    // At the lowest speeds and forces a share is too strict; a quarter of the grid's step counts as steady there.
     let tolerance = |axis: &GridAxis| Tolerance {
         share: arguments.tolerance,
         least: 0.25 * axis.step,
@@ -68,7 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     for (path, recording) in arguments.files.iter().zip(&recordings) {
         for outlier in &recording.outliers {
             eprintln!(
-                "warning: {}, line {}: {} is {}, which cannot be; cut out",
+                "warning: {}, line {}: {} is {}, which is out of range; cut out",
                 path.display(),
                 outlier.line,
                 outlier.column,
@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let more = recording.is_outlier.iter().filter(|bad| **bad).count();
         if more > recording.outliers.len() {
             eprintln!(
-                "warning: {}: {more} samples cannot be, in all",
+                "warning: {}: {more} samples in total are out of range",
                 path.display()
             );
         }
@@ -87,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     show_what_is_left_out(&cut);
     if cut.placed.is_empty() {
         return Err(Error::Request(
-            "nothing is steady for long enough on this grid: record longer strokes, or give a wider --tolerance, \
+            "no piece is steady for long enough on this grid; record longer strokes, or give a wider --tolerance, \
              a shorter --least or --enough, or another grid"
                 .into(),
         ));
@@ -125,7 +125,7 @@ fn show_what_is_left_out(cut: &Segmentation) {
     }
     if cut.off_grid.len() > SHOWN {
         eprintln!(
-            "warning: {} pieces are off the grid, in all",
+            "warning: {} pieces in total are off the grid",
             cut.off_grid.len()
         );
     }

@@ -2,38 +2,39 @@
 
 use std::path::PathBuf;
 
-use crate::cli::output::print;
-use host_tools::rig::{self, Scene};
+use host_tools::rig::{self, RigFile};
 use host_tools::support::error::{Error, Result};
+
+use crate::cli::output::print;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Scene to simulate [default: the paper's protocol on paper, organza, vinyl and denim]
-    #[arg(long, value_name = "SCENE.toml")]
-    scene: Option<PathBuf>,
+    /// Rig file to simulate [default: the paper's protocol on paper, organza, vinyl and denim]
+    #[arg(long, value_name = "RIG.toml")]
+    rig: Option<PathBuf>,
     /// Folder to write the recordings to
-    #[arg(long, value_name = "DIR", required_unless_present = "print_scene")]
+    #[arg(long, value_name = "DIR", required_unless_present = "print_rig")]
     out: Option<PathBuf>,
-    /// Seed of everything that is random: the same seed gives the same recordings
+    /// Seed of everything random: the same seed gives the same recordings
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Print the scene, to start one's own from, and do nothing
+    /// Print the rig file, as a start for one's own, and simulate nothing
     #[arg(long)]
-    print_scene: bool,
+    print_rig: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let scene = match &arguments.scene {
-        None => Scene::paper(),
+    let rig = match &arguments.rig {
+        None => RigFile::paper(),
         Some(path) => {
             let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
-            Scene::from_toml(path, &text)?
+            RigFile::from_toml(path, &text)?
         }
     };
-    let Some(out) = arguments.out.as_deref().filter(|_| !arguments.print_scene) else {
-        return print(scene.text().trim_end());
+    let Some(out) = arguments.out.as_deref().filter(|_| !arguments.print_rig) else {
+        return print(rig.text().trim_end());
     };
-    let summary = rig::simulate_to_folder(&scene, arguments.seed, out)?;
+    let summary = rig::simulate_to_folder(&rig, arguments.seed, out)?;
     print(summary.to_string().trim_end())?;
     print(&format!("-> {}", out.display()))
 }

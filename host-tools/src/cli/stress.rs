@@ -10,10 +10,10 @@ use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Minutes instead of seconds: longer runs, and 10⁸ samples of random motion
+    /// Run for minutes instead of seconds, with 10⁸ samples of random motion
     #[arg(long)]
     long: bool,
-    /// Print everything as JSON
+    /// Print all figures as JSON
     #[arg(long)]
     json: bool,
 }
@@ -24,7 +24,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         cases::Length::Full
     });
-    // Three structures a case but where only the lattice is run.
+    // Three structures per case, except where only the lattice runs.
     let runs = cases
         .iter()
         .map(|case| if case.lattice_only { 1 } else { 3 });
@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .count();
     if broken > 0 {
         return Err(Error::Request(format!(
-            "the lattice does not hold all of its promises in {broken} case(s): see the last column"
+            "the lattice does not hold all of its guarantees in {broken} case(s): see the last column"
         )));
     }
     Ok(())
@@ -68,9 +68,9 @@ fn summary(outcomes: &[Outcome]) -> String {
     let held = lattices().filter(|outcome| outcome.broken().is_empty());
     let outside = lattices().filter(|outcome| !outcome.is_within_common_limits());
     format!(
-        "{}\n\nThe lattice holds its promises in {} of {} cases. In {} of them, all marked *, SNR is below {} dB or the spectrum off \
-         by more than {} dB: lines so narrow, of pole radius above 0.998, have limits of their own, set by their radius.\n\
-         The direct forms promise none of this; they are shown beside.",
+        "{}\n\nThe lattice holds its guarantees in {} of {} cases. In {} of them, all marked *, the SNR is below {} dB \
+         or the spectrum deviates by more than {} dB: lines this narrow, of pole radius above 0.998, have limits of \
+         their own, set by the radius.\nThe direct forms guarantee none of this; they are shown for comparison.",
         table(&header, &rows),
         held.count(),
         lattices().count(),

@@ -12,6 +12,3 @@ pub mod spectrum;
 mod transform;
 
 pub(crate) use transform::with_planner;
-
-/// Sample rate of the models and of the stylus, Hz.
-pub const MODEL_RATE_HZ: u32 = 5000;

@@ -1,4 +1,4 @@
-//! Orders within a budget of cycles a sample, and what they give up.
+//! Orders within a budget of cycles per sample, and what they give up.
 //!
 //! The time of a sample is that of the highest order of a texture's nodes, wherever the hand is: so that the path of a tick does
 //! not depend on the data, a frame has as many stages, or sums as many taps, as any node of its texture. A budget
@@ -9,7 +9,6 @@
 use model_format::NodeFlags;
 use serde::Serialize;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::log_spectrum::LogSpectrum;
 use crate::dsp::model::Model;
@@ -19,6 +18,7 @@ use crate::fit::{Fit, Order};
 use crate::recording::TRIAL_DURATION_S;
 use crate::support::error::{Error, Result};
 use crate::texture::quantise::StructureChoice;
+use model_format::SAMPLE_RATE_HZ;
 
 /// So many cycles for the synthesis of one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,7 +29,7 @@ pub struct Budget {
     pub core: Core,
 }
 
-/// What a texture gives up for a budget.
+/// The accuracy that a texture gives up for a budget.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Concession {
     /// The texture.
@@ -38,7 +38,7 @@ pub struct Concession {
     pub highest_order: usize,
     /// Nodes with a model of their own, those that are filled left out.
     pub nodes: usize,
-    /// How many of them have a lower order than they would.
+    /// Number of them whose order the budget lowers.
     pub capped: usize,
     /// The lowest and the highest order that those would have; zero where there are none.
     pub orders_without: (usize, usize),
@@ -81,7 +81,7 @@ impl Budget {
     }
 }
 
-/// What `order` becomes within a budget that leaves orders up to `highest`.
+/// Returns `order` within a budget that leaves orders up to `highest`.
 pub fn capped(order: Order, highest: usize) -> Order {
     match order {
         Order::Auto => Order::AtMost(highest),
@@ -90,7 +90,7 @@ pub fn capped(order: Order, highest: usize) -> Order {
     }
 }
 
-/// What each texture of `within`, fitted with orders up to `highest_order`, gives up of `without`, the same set fitted with no such
+/// Returns the accuracy that each texture of `within`, fitted with orders up to `highest_order`, gives up of `without`, the same set fitted with no such
 /// bound.
 pub fn concessions(without: &Fit, within: &Fit, highest_order: usize) -> Vec<Concession> {
     let textures = without.textures.iter().zip(&within.textures);
@@ -116,8 +116,8 @@ pub fn concessions(without: &Fit, within: &Fit, highest_order: usize) -> Vec<Con
             .collect();
         let worst = (0..rises.len()).max_by(|&a, &b| rises[a].total_cmp(&rises[b]));
         let floor = expected_cost_of_noise(
-            (TRIAL_DURATION_S * f64::from(MODEL_RATE_HZ)) as usize,
-            f64::from(MODEL_RATE_HZ),
+            (TRIAL_DURATION_S * f64::from(SAMPLE_RATE_HZ)) as usize,
+            f64::from(SAMPLE_RATE_HZ),
             DEFAULT_SMOOTHING_WIDTH_HZ,
         );
         let costs = lowered
@@ -150,7 +150,7 @@ pub fn concessions(without: &Fit, within: &Fit, highest_order: usize) -> Vec<Con
     concession.collect()
 }
 
-/// How much more power the prediction error of `kept` has than that of `wanted`, dB.
+/// Returns the power of the prediction error of `kept` over that of `wanted`, dB.
 fn error_rise_db(wanted: &Model, kept: &Model) -> f64 {
     10.0 * (error_share(&kept.reflection) / error_share(&wanted.reflection)).log10()
 }
@@ -212,7 +212,7 @@ mod tests {
         assert!(refusal(least - 1.0).is_err(), "{text}");
     }
 
-    /// What is foretold of a model of lower order is what is measured between its noise and that of the full one.
+    /// The error foretold for a model of lower order equals the one measured between its noise and that of the full model.
     #[test]
     fn the_expected_cost_is_that_of_synthesised_noise() {
         let reflection = vec![-0.9, 0.7, -0.3, 0.5, -0.4, 0.3, 0.2, -0.35];

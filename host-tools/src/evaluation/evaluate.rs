@@ -1,11 +1,10 @@
-//! How near the stylus comes to recordings: each trial is played by the device's own kernel at its speed and force, and
+//! Comparison with recordings: each trial is played by the device's own kernel at its speed and force, and
 //! compared with what was recorded.
 
 use model_format::{Library, MillimetresPerSecond, Newton, Texture};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ};
@@ -14,21 +13,24 @@ use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
+use crate::texture::library::uncertified_library;
+use crate::texture::quantise::StructureChoice;
+use model_format::SAMPLE_RATE_HZ;
 
-/// How much of a synthesis is left out before it is compared, s: filters start from rest.
-const WARM_UP_S: f64 = 0.5;
+/// Beginning of a synthesis that no comparison uses, s, because filters start from rest.
+pub(super) const WARM_UP_S: f64 = 0.5;
 
 /// The range over which the log-spectral distance is taken, Hz.
 pub const DISTANCE_RANGE_HZ: (f64, f64) = (30.0, 1000.0);
 
-/// How to evaluate.
+/// Options of an evaluation.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// From three axes to one; as for the fit.
     pub reduction: Reduction,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
     pub smoothing_hz: f64,
-    /// How long each synthesis is, s; at least as long as the recording. Longer ones tell the bands' levels better.
+    /// Duration of each synthesis, s; at least that of the recording. Longer ones give more exact levels of bands.
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise.
     pub seed: u64,
@@ -45,7 +47,7 @@ impl Default for Options {
     }
 }
 
-/// How near the stylus comes to one trial.
+/// The comparison of one trial.
 #[derive(Clone, Debug, Serialize)]
 pub struct TrialEvaluation {
     /// The recording.
@@ -62,7 +64,7 @@ pub struct TrialEvaluation {
     pub synthesised_rms_m_s2: f64,
     /// The paper's cost C, equation (6); none where the recording or the stylus is silent.
     pub cost: Option<f64>,
-    /// What C would be for a perfect model of broadband noise, whose synthesis is noise of its own.
+    /// C of a perfect model of broadband noise, which is not 0 because its synthesis is noise of its own.
     pub cost_floor: f64,
     /// Level of the synthesis over that of the recording in each third-octave band from 20 to 1000 Hz, dB.
     pub band_errors_db: [Option<f64>; BAND_COUNT],
@@ -73,7 +75,7 @@ pub struct TrialEvaluation {
 }
 
 impl TrialEvaluation {
-    /// Whether the stylus plays nothing here.
+    /// Returns whether the stylus plays nothing here.
     pub fn is_silent(&self) -> bool {
         self.cost.is_none()
     }
@@ -119,16 +121,16 @@ impl TextureEvaluation {
     }
 }
 
-/// What an evaluation gives, with what is needed to read it.
+/// The outcome of an evaluation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Evaluation {
     /// The kernel that smooths amplitudes for C.
     pub smoothing: String,
     /// The bands' nominal centre frequencies, Hz.
     pub bands_hz: [&'static str; BAND_COUNT],
-    /// Whether any recording behind it is simulated.
+    /// True if any recording behind it is simulated.
     pub simulated: bool,
-    /// A line a texture.
+    /// One line per texture.
     pub textures: Vec<TextureEvaluation>,
     /// Every trial, in the order of the set.
     pub trials: Vec<TrialEvaluation>,
@@ -170,10 +172,21 @@ pub fn compare(
     seed: u64,
 ) -> Result<Comparison> {
     let (recorded, _) = fit::signal(trial, options.reduction)?;
-    let rate_hz = f64::from(MODEL_RATE_HZ);
-    if texture.sample_rate_hz() != MODEL_RATE_HZ {
+    play_beside(recorded, trial, texture, options, seed)
+}
+
+/// Plays `trial` from `texture` for at least as long as its reduced signal `recorded`.
+fn play_beside(
+    recorded: Vec<f64>,
+    trial: &Trial,
+    texture: Texture<'_>,
+    options: &Options,
+    seed: u64,
+) -> Result<Comparison> {
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    if texture.sample_rate_hz() != SAMPLE_RATE_HZ {
         return Err(Error::Request(format!(
-            "texture '{}' plays at {} Hz, recordings are compared at {MODEL_RATE_HZ}",
+            "texture '{}' plays at {} Hz, recordings are compared at {SAMPLE_RATE_HZ}",
             texture.name(),
             texture.sample_rate_hz()
         )));
@@ -237,7 +250,7 @@ pub fn evaluate(
 }
 
 fn judge(trial: &Trial, comparison: &Comparison, options: &Options) -> TrialEvaluation {
-    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let Comparison {
         recorded,
         synthesised,
@@ -318,26 +331,37 @@ pub fn cost_by_order(
     orders: &[usize],
     options: &Options,
 ) -> Result<Vec<(usize, f64)>> {
+    let Some(&highest) = orders.iter().max() else {
+        return Ok(Vec::new());
+    };
     let alone = RecordingSet {
         trials: vec![trial.clone()],
         is_listed: true,
     };
+    let fit_options = fit::Options {
+        order: fit::Order::Fixed(highest),
+        reduction: options.reduction,
+        ..fit::Options::default()
+    };
+    let (analysis, recorded) = fit::analyse_with_signal(trial, &fit_options, highest)?;
+    let fit = fit::fit_analysed(&alone, &[analysis], &fit_options)?;
+    let fitted = &fit.textures[0];
     let costs = orders.par_iter().map(|&order| {
-        let fit_options = fit::Options {
-            order: fit::Order::Fixed(order),
-            reduction: options.reduction,
-            ..fit::Options::default()
-        };
-        let fit = fit::fit(&alone, &fit_options, || ())?;
-        let reached = fit.textures[0].grid.models[0].reflection.len();
-        let bytes = model_format::encode(&fit.specs)
+        let mut grid = fitted.grid.clone();
+        // Levinson-Durbin's model of a lower order is the first stages of that of a higher one.
+        let reflection = &mut grid.models[0].reflection;
+        reflection.truncate(order);
+        if reflection.len() < order {
+            return Ok(None);
+        }
+        let bytes = uncertified_library(&fitted.name, &grid, StructureChoice::Lattice)?;
+        let library = Library::decode_uncertified(&bytes)
             .map_err(|failure| Error::Model(failure.to_string()))?;
-        let library =
-            Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
         let texture = texture_named(&library, &trial.texture)?;
-        let comparison = compare(trial, texture, options, options.seed)?;
-        let cost = judge(trial, &comparison, options).cost;
-        Ok(cost.filter(|_| reached == order).map(|cost| (order, cost)))
+        let comparison = play_beside(recorded.clone(), trial, texture, options, options.seed)?;
+        Ok(judge(trial, &comparison, options)
+            .cost
+            .map(|cost| (order, cost)))
     });
     let costs = costs.collect::<Result<Vec<_>>>()?;
     Ok(costs.into_iter().flatten().collect())

@@ -1,17 +1,17 @@
-//! How far takes of one surface are from each other: what a synthesis can be measured against.
+//! Distances between takes of one surface, which are the floor for a synthesis.
 //!
 //! A model fitted to one take need not come nearer to another take than the first take itself does.
 
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::evaluation::evaluate::{DISTANCE_RANGE_HZ, Evaluation, rms};
 use crate::fit;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
+use model_format::SAMPLE_RATE_HZ;
 
 /// A trial, and how far another take of the same texture, speed and force is from it.
 #[derive(Clone, Debug, Serialize)]
@@ -24,14 +24,14 @@ pub struct TakeDistance {
     pub texture: String,
     /// Log-spectral distance of the other take from the trial, 30 to 1000 Hz, dB; none if one is silent.
     pub take_db: Option<f64>,
-    /// That of the synthesis.
+    /// Log-spectral distance of the synthesis, dB.
     pub synthesis_db: Option<f64>,
     /// Level of the other take over the trial's, dB.
     pub level_db: Option<f64>,
 }
 
 impl TakeDistance {
-    /// How much further the synthesis is than the other take, dB.
+    /// Returns the distance of the synthesis beyond that of the other take, dB.
     pub fn excess_db(&self) -> Option<f64> {
         Some(self.synthesis_db? - self.take_db?)
     }
@@ -57,7 +57,7 @@ pub fn distances(
                 fit::signal(other, reduction)?.0,
             );
             let (low_hz, high_hz) = DISTANCE_RANGE_HZ;
-            let rate_hz = f64::from(MODEL_RATE_HZ);
+            let rate_hz = f64::from(SAMPLE_RATE_HZ);
             let level_db = 20.0 * (rms(&b) / rms(&a)).log10();
             Ok(TakeDistance {
                 file: judged.file.clone(),

@@ -11,13 +11,13 @@ use super::trial_report::TrialReport;
 pub struct FittedTexture {
     /// Name.
     pub name: String,
-    /// Where its recordings came from.
+    /// Origin of its recordings.
     pub provenance: Provenance,
     /// Its models.
     pub grid: Grid,
 }
 
-/// What a fit gives.
+/// The outcome of a fit.
 #[derive(Clone, Debug)]
 pub struct Fit {
     /// Every trial, in the order of the set.
@@ -26,6 +26,6 @@ pub struct Fit {
     pub specs: Vec<TextureSpec>,
     /// The textures before quantisation, in the same order.
     pub textures: Vec<FittedTexture>,
-    /// What the user should know, a line each.
+    /// Notes for the user, one line each.
     pub warnings: Vec<String>,
 }

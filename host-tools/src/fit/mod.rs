@@ -11,20 +11,19 @@ mod options;
 mod trial;
 mod trial_report;
 
-use model_format::{Provenance, TextureSpec};
+use model_format::Provenance;
 use rayon::prelude::*;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::recording::triage;
 use crate::recording::triage::Verdict;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::texture::certificate;
-use crate::texture::quantise;
+use crate::texture::library::texture_spec;
 
 pub use fitted::{Fit, FittedTexture};
 pub use options::{Estimator, Options, Order};
-pub use trial::{Analysis, analyse, signal};
+pub use trial::{Analysis, analyse, analyse_with_signal, signal};
 pub use trial_report::TrialReport;
 
 /// Fits `set`, telling `progress` of each trial done.
@@ -35,17 +34,36 @@ pub use trial_report::TrialReport;
 /// The first trial that cannot be used; with [`Options::strict`] the first with a verdict; a texture that the chosen
 /// structure or the library cannot hold.
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) -> Result<Fit> {
+    let analyses = analyse_set(set, options, progress)?;
+    fit_analysed(set, &analyses, options)
+}
+
+/// Reads and analyses every trial of `set` for models of the highest order of `options`, telling `progress` of each trial
+/// done.
+///
+/// # Errors
+/// The first trial that cannot be used.
+pub fn analyse_set(
+    set: &RecordingSet,
+    options: &Options,
+    progress: impl Fn() + Sync,
+) -> Result<Vec<Analysis>> {
     let max_order = options.order.highest();
-    let analyses = set
-        .trials
-        .par_iter()
-        .map(|trial| {
-            let analysis = analyse(trial, options, max_order);
-            progress();
-            analysis
-        })
-        .collect::<Result<Vec<Analysis>>>()?;
-    let verdicts = all_verdicts(set, &analyses);
+    let analyses = set.trials.par_iter().map(|trial| {
+        let analysis = analyse(trial, options, max_order);
+        progress();
+        analysis
+    });
+    analyses.collect()
+}
+
+/// Fits `set` to the analyses of its trials, in the order of the set. They were made with `options`, or with an order at
+/// least as high.
+///
+/// # Errors
+/// With [`Options::strict`] the first trial with a verdict; a texture that the chosen structure or the library cannot hold.
+pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options) -> Result<Fit> {
+    let verdicts = all_verdicts(set, analyses);
     let dropped = |verdicts: &[Verdict]| {
         let is_dropped = |verdict: &Verdict| options.drop.iter().any(|d| d == verdict.name());
         verdicts.iter().any(is_dropped)
@@ -53,7 +71,7 @@ pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) ->
     let trials: Vec<TrialReport> = set
         .trials
         .iter()
-        .zip(&analyses)
+        .zip(analyses)
         .zip(verdicts)
         .map(|((trial, analysis), verdicts)| TrialReport {
             file: trial.file.display().to_string(),
@@ -77,7 +95,7 @@ pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) ->
         warnings: Vec::new(),
     };
     for name in set.textures() {
-        fit_texture(name, set, &analyses, options, &mut fit)?;
+        fit_texture(name, set, analyses, options, &mut fit)?;
     }
     Ok(fit)
 }
@@ -153,16 +171,8 @@ fn fit_texture(
     let reports: Vec<&TrialReport> = members.iter().map(|member| member.2).collect();
     let notes = notes::of(name, &grid, &reports, options);
     fit.warnings.extend(notes);
-    fit.specs.push(certificate::certified(TextureSpec {
-        name: name.to_owned(),
-        sample_rate_hz: MODEL_RATE_HZ,
-        structure: options.structure.structure(),
-        provenance,
-        speed_axis_mm_s: grid.speeds_mm_s.clone(),
-        force_axis_n: grid.forces_n.clone(),
-        nodes: quantise::nodes(name, &grid, options.structure)?,
-        cell_margins: Vec::new(),
-    })?);
+    let spec = texture_spec(name, provenance, &grid, options.structure)?;
+    fit.specs.push(certificate::certified(spec)?);
     fit.textures.push(FittedTexture {
         name: name.to_owned(),
         provenance,

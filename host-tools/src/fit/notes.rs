@@ -1,4 +1,4 @@
-//! What a fit did to recordings that are not as they should be, in words.
+//! Notes on a fit of recordings that are not as they should be.
 
 use model_format::NodeFlags;
 
@@ -11,7 +11,7 @@ use super::trial_report::TrialReport;
 /// for.
 const LARGE_MEAN: f64 = 1.0;
 
-/// What is to be told of texture `name`, a line each.
+/// Returns the notes on texture `name`, one line each.
 pub(super) fn of(
     name: &str,
     grid: &Grid,
@@ -40,7 +40,7 @@ pub(super) fn of(
     lowered.into_iter().chain(removed).collect()
 }
 
-/// How many measured nodes have a lower order than a fixed one that was asked for; the lowest, with its speed and force.
+/// Returns the number of measured nodes below the fixed order that was asked for, the lowest order, its speed and force.
 fn lowered_orders(grid: &Grid, options: &Options) -> Option<(usize, usize, f32, f32)> {
     let Order::Fixed(asked) = options.order else {
         return None;

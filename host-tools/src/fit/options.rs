@@ -6,7 +6,7 @@ use crate::dsp::reduction::Reduction;
 use crate::recording::triage::SILENCE_FLOOR_M_S2;
 use crate::texture::quantise::StructureChoice;
 
-/// How a model's order is chosen.
+/// The choice of a model's order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
@@ -41,7 +41,7 @@ impl std::str::FromStr for Order {
     }
 }
 
-/// How a recording's autocorrelation is estimated.
+/// The estimate of a recording's autocorrelation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Estimator {
     /// Biased, of the recording as it was cut out, as in the paper: the finest lines, and leakage from strong ones.
@@ -51,7 +51,7 @@ pub enum Estimator {
     Multitaper,
 }
 
-/// How to fit.
+/// Options of a fit.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Orders of the models.

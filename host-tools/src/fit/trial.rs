@@ -7,15 +7,15 @@ use crate::recording::triage::Verdict;
 use crate::recording::{self, Trial};
 use crate::support::error::{Error, Result};
 
-use super::{Estimator, Options};
+use super::options::{Estimator, Options};
 use crate::dsp::log_spectrum::LogSpectrum;
 
-/// What a fit keeps of a trial.
+/// The statistics of a trial that a fit keeps.
 #[derive(Clone, Debug)]
 pub struct Analysis {
     /// Biased autocorrelation of the reduced signal from lag 0 on, (m/s²)².
     pub lags: Vec<f64>,
-    /// How many samples it is of.
+    /// Number of samples that it comes from.
     pub samples: usize,
     /// Variance of the reduced signal, (m/s²)².
     pub power: f64,
@@ -23,7 +23,7 @@ pub struct Analysis {
     pub mean_m_s2: f64,
     /// Share of the axes' energy that the reduced signal keeps.
     pub energy_share: f64,
-    /// What the trial by itself tells triage.
+    /// Findings of triage on the trial by itself.
     pub verdicts: Vec<Verdict>,
     /// A line at a mains frequency, Hz; whether it is hum, the other trials tell.
     pub mains_line_hz: Option<f64>,
@@ -32,7 +32,7 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Whether triage found it silent.
+    /// Returns whether triage found it silent.
     pub fn is_silent(&self) -> bool {
         self.verdicts.contains(&Verdict::Silent)
     }
@@ -54,6 +54,18 @@ pub fn signal(trial: &Trial, reduction: Reduction) -> Result<(Vec<f64>, f64)> {
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
 pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Analysis> {
+    Ok(analyse_with_signal(trial, options, max_order)?.0)
+}
+
+/// As [`analyse`], with the reduced signal, m/s², beside the analysis.
+///
+/// # Errors
+/// A file that cannot be used, or without the axis that was asked for.
+pub fn analyse_with_signal(
+    trial: &Trial,
+    options: &Options,
+    max_order: usize,
+) -> Result<(Analysis, Vec<f64>)> {
     let mut samples = recording::read(trial)?;
     let mut verdicts = triage::samples(&samples);
     let fingerprint = triage::fingerprint(&samples.axes);
@@ -80,7 +92,7 @@ pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Ana
         Estimator::Rectangular => autocorrelation.lags,
         Estimator::Multitaper => multitaper_lags(&reduced.signal, autocorrelation.lags),
     };
-    Ok(Analysis {
+    let analysis = Analysis {
         samples: reduced.signal.len(),
         power,
         mean_m_s2,
@@ -89,7 +101,8 @@ pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Ana
         mains_line_hz,
         fingerprint,
         lags,
-    })
+    };
+    Ok((analysis, reduced.signal))
 }
 
 /// As many lags as `plain`, from tapered spectra, with the power of `plain`.

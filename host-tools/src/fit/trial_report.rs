@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::recording::triage::Verdict;
 
-/// What became of a trial.
+/// The account of a trial.
 #[derive(Clone, Debug, Serialize)]
 pub struct TrialReport {
     /// The file.
@@ -21,8 +21,8 @@ pub struct TrialReport {
     pub mean_m_s2: f64,
     /// Share of the axes' energy that the reduced signal keeps.
     pub energy_share: f64,
-    /// What triage found; nothing is ok.
+    /// Findings of triage; none for a sound recording.
     pub verdicts: Vec<Verdict>,
-    /// Whether the fit used it.
+    /// True if the fit used it.
     pub used: bool,
 }

@@ -2,15 +2,16 @@
 
 use std::path::Path;
 
+use model_format::SAMPLE_RATE_HZ;
+
 use super::clipping::clipped_share;
 use super::samples::Samples;
 use super::source::Cut;
 use super::trial::{TRIAL_DURATION_S, Trial};
 use super::{csv_file, resample, wav};
-use crate::dsp::MODEL_RATE_HZ;
 use crate::support::error::{Error, Result};
 
-/// Reads the samples of `trial`: one to three axes at [`MODEL_RATE_HZ`], in m/s².
+/// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
 ///
 /// # Errors
 /// A file that cannot be read, that holds no samples in the trial's part of it, or that holds a sample that is not
@@ -42,7 +43,7 @@ pub fn read(trial: &Trial) -> Result<Samples> {
     check_finite(path, &axes, source.first_frame)?;
     let clipped_share = clipped_share(&axes);
     let rate_hz = source.rate_hz;
-    if (rate_hz - f64::from(MODEL_RATE_HZ)).abs() > 0.0 {
+    if (rate_hz - f64::from(SAMPLE_RATE_HZ)).abs() > 0.0 {
         axes = at_model_rate(path, &axes, rate_hz)?;
     }
     // The scale is exactly one if the list has none.
@@ -89,6 +90,6 @@ fn at_model_rate(path: &Path, axes: &[Vec<f64>], rate_hz: f64) -> Result<Vec<Vec
         );
         return Err(Error::file(path, problem));
     }
-    resample::resample(axes, whole as u32, MODEL_RATE_HZ)
+    resample::resample(axes, whole as u32, SAMPLE_RATE_HZ)
         .map_err(|problem| Error::file(path, problem))
 }

@@ -3,7 +3,7 @@
 /// The samples of a trial.
 #[derive(Clone, Debug)]
 pub struct Samples {
-    /// One to three axes of equal length, at [`MODEL_RATE_HZ`](crate::dsp::MODEL_RATE_HZ), m/s².
+    /// One to three axes of equal length, at [`SAMPLE_RATE_HZ`](model_format::SAMPLE_RATE_HZ), m/s².
     pub axes: Vec<Vec<f64>>,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use stylus_costs::Origin;
 use stylus_kernel::arithmetic::TURN_TAPS;
 
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
-use crate::evaluation::frontier::costs::Origin;
 use crate::evaluation::frontier::{
     CLOCKS_HZ, Filter, FilterStructure, Frontier, INTERVALS, Point, interval_ms, moving, share,
 };
@@ -32,7 +32,7 @@ pub struct Pictures {
 /// Draws them.
 ///
 /// # Errors
-/// That a picture cannot be laid out.
+/// A picture that cannot be laid out.
 pub fn pictures(frontier: &Frontier) -> Result<Pictures> {
     let caption = |title| Caption {
         title,
@@ -353,7 +353,7 @@ fn time_table(page: &mut Page, frontier: &Frontier) {
                     "{:.0} to {:.0}",
                     m4.update.instructions_least, m4.update.instructions_most
                 ),
-                filter.library_bytes_a_node.to_string(),
+                filter.library_bytes_per_node.to_string(),
                 filter.ram_bytes.to_string(),
             ]);
             row
@@ -417,9 +417,9 @@ fn peer_table(page: &mut Page, frontier: &Frontier) {
             vec![
                 peer.name.clone(),
                 peer.order.to_string(),
-                format!("{:.0}", peer.instructions),
-                format!("{:.0}", peer.best_cycles),
-                format!("{:.0}", peer.worst_cycles),
+                peer.instructions.to_string(),
+                peer.best_cycles.to_string(),
+                peer.worst_cycles.to_string(),
                 peer.includes.clone(),
                 match peer.origin {
                     Origin::Measured => "counted in this run",

@@ -2,8 +2,11 @@
 //!
 //! Invariant: a report shows figures that another wing computed; it computes none of its own.
 
-pub mod evaluation_page;
+pub mod evaluation_folder;
 pub mod frontier_page;
 pub mod html;
 pub mod plot;
-pub mod whole_page;
+pub mod removed_nodes;
+mod sections;
+pub mod set_page;
+mod sound;

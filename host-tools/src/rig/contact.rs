@@ -9,7 +9,7 @@ pub struct Contact {
 
 impl Contact {
     /// The contact of a tip of `tip_radius_mm` on a surface of effective modulus `effective_modulus_mpa`, pressed by
-    /// `force_n`; none when the force is not above zero.
+    /// `force_n`; none if the force is not above zero.
     ///
     /// a = (3FR / 4E*)^{1/3}, k = 2E*a (Johnson 1985, eq. 4.22 and the derivative of 4.23).
     pub fn hertz(tip_radius_mm: f64, effective_modulus_mpa: f64, force_n: f64) -> Option<Self> {
@@ -34,13 +34,13 @@ impl Contact {
         self.stiffness_n_per_um
     }
 
-    /// How much of a profile of `wavenumber_rad_per_mm` is left in the mean height under the contact, weighted by the
-    /// pressure: 3(sin u - u cos u)/u³, the Fourier transform of the parabola that the Hertz pressure leaves when it
-    /// is summed across the track. 1 for long waves, ±3/u² for short ones.
+    /// Gain from a profile of `wavenumber_rad_per_mm` to the mean height under the contact, weighted by the pressure:
+    /// 3(sin u - u cos u)/u³. This is the Fourier transform of the parabola that the Hertz pressure gives when it is
+    /// summed across the track. It is 1 for long waves and within ±3/u² for short ones.
     pub fn patch_response(&self, wavenumber_rad_per_mm: f64) -> f64 {
         let u = wavenumber_rad_per_mm * self.radius_mm;
         if u < 0.05 {
-            // The quotient loses its digits here; the next term of the series is u⁶/15120 < 2e-12.
+            // The quotient suffers cancellation here. The next term of the series is u⁶/15120 < 2e-12.
             let square = u * u;
             return 1.0 - square / 10.0 + square * square / 280.0;
         }

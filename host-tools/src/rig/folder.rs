@@ -1,4 +1,4 @@
-//! The folder that a simulated set is written to: empty, new, or an earlier simulated set and nothing else.
+//! The folder that a simulated set is written to: new, empty, or an earlier simulated set and nothing else.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -6,21 +6,21 @@ use std::path::{Path, PathBuf};
 
 use crate::support::error::{Error, Result};
 
-/// Says that the set is simulated; written before any recording.
+/// The note that the set is simulated; written before any recording.
 pub(super) const MARKER: &str = "SIMULATED.txt";
-/// How the marker begins, so that a file of that name from elsewhere is not taken for it.
+/// The marker's first words, so that another file of that name is not mistaken for it.
 pub(super) const MARKER_START: &str = "SIMULATED. Nothing in this folder was measured.";
 /// The table of trials; written after everything else.
 pub(super) const TRIALS: &str = "trials.csv";
-/// The scene's text.
-pub(super) const SCENE: &str = "scene.toml";
-/// How the name of every recording begins.
+/// The copy of the rig file.
+pub(super) const RIG: &str = "rig.toml";
+/// Prefix of the name of every recording.
 pub(super) const RECORDING_PREFIX: &str = "simulated_";
 
-/// Makes `out` ready for a new set, with the table of trials gone first, so that a run that is cut short has none.
+/// Clears `out` for a new set. The table of trials is removed first, so that an interrupted run leaves none.
 ///
 /// # Errors
-/// That `out` holds anything but an earlier simulated set; nothing is touched then.
+/// A folder that holds anything but an earlier simulated set; it is left as it is.
 pub(super) fn claim(out: &Path) -> Result<()> {
     fs::create_dir_all(out).map_err(Error::io("create", out))?;
     let Contents { recordings, others } = list(out)?;
@@ -36,12 +36,12 @@ pub(super) fn claim(out: &Path) -> Result<()> {
         return Err(Error::file(
             out,
             format!(
-                "the folder is not empty and is no simulated set (its {MARKER} is missing or not ours); name a new or \
-                 empty folder"
+                "the folder is not empty and is no simulated set (its {MARKER} is missing, or was not written by \
+                 simulate-rig); name a new or empty folder"
             ),
         ));
     }
-    // The table first and the marker never: at every moment the folder is known for what it is.
+    // The table goes first and the marker stays, so that the folder says SIMULATED at every moment.
     let table = out.join(TRIALS);
     let table = others.contains(&table).then_some(table);
     let rest = others
@@ -50,7 +50,8 @@ pub(super) fn claim(out: &Path) -> Result<()> {
     for path in table.into_iter().chain(recordings).chain(rest) {
         fs::remove_file(&path).map_err(Error::io("remove", &path))?;
     }
-    // Folders of textures that the new set may not have; one that is not empty by now is not ours to remove.
+    // The new set may lack some of these textures. A folder that is still not empty holds someone else's files: it
+    // stays.
     for entry in entries(out)? {
         if entry.is_dir() {
             let _ = fs::remove_dir(&entry);
@@ -65,7 +66,10 @@ struct Contents {
     others: Vec<PathBuf>,
 }
 
-/// Lists a folder's files, and refuses any that a simulated set does not have.
+/// Lists the files of a simulated set.
+///
+/// # Errors
+/// A file that a simulated set does not have.
 fn list(out: &Path) -> Result<Contents> {
     let mut contents = Contents {
         recordings: Vec::new(),
@@ -81,7 +85,7 @@ fn list(out: &Path) -> Result<Contents> {
                 contents.recordings.push(inner);
             }
         } else if is_plain(&path, fs::FileType::is_file)?
-            && ([MARKER, TRIALS, SCENE].contains(&name) || name.starts_with(TEMPORARY_PREFIX))
+            && ([MARKER, TRIALS, RIG].contains(&name) || name.starts_with(TEMPORARY_PREFIX))
         {
             contents.others.push(path);
         } else {
@@ -91,7 +95,7 @@ fn list(out: &Path) -> Result<Contents> {
     Ok(contents)
 }
 
-/// What [`crate::support::atomic_file`] leaves behind when the machine stops in the middle.
+/// Prefix of the files that [`crate::support::atomic_file`] leaves behind if the machine stops in the middle.
 const TEMPORARY_PREFIX: &str = ".stylus-";
 
 fn is_recording(path: &Path) -> Result<bool> {
@@ -101,7 +105,7 @@ fn is_recording(path: &Path) -> Result<bool> {
         && is_plain(path, fs::FileType::is_file)?)
 }
 
-/// Links are not followed: what they lead to is not ours.
+/// Returns true if `path` itself is of this kind. Links are not followed, because their targets may belong to others.
 fn is_plain(path: &Path, kind: impl Fn(&fs::FileType) -> bool) -> Result<bool> {
     let metadata = fs::symlink_metadata(path).map_err(Error::io("read", path))?;
     Ok(kind(&metadata.file_type()))
@@ -122,8 +126,8 @@ fn foreign(out: &Path, path: &Path) -> Error {
     Error::file(
         out,
         format!(
-            "the folder holds `{}`, which is not of a simulated set; simulated and other files are not mixed: name a \
-             new or empty folder",
+            "the folder holds `{}`, which is no part of a simulated set, and simulated files are not mixed with \
+             others; name a new or empty folder",
             name.display()
         ),
     )
@@ -155,7 +159,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         put(folder.path(), MARKER, MARKER_START);
         put(folder.path(), TRIALS, "");
-        put(folder.path(), SCENE, "");
+        put(folder.path(), RIG, "");
         put(folder.path(), "denim/simulated_20mm_s_0.0N.wav", "");
         folder
     }

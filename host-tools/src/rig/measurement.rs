@@ -1,4 +1,4 @@
-//! What measuring adds to the tool's acceleration.
+//! Effects of measuring, added to the tool's acceleration.
 
 use std::f64::consts::TAU;
 
@@ -6,14 +6,14 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use realfft::num_complex::Complex;
 
+use super::description::{Hum, Measurement, Noise, Tremor};
 use super::random::StreamKey;
-use super::scene::{Hum, Measurement, Noise, Tremor};
 
-/// Sines that a tremor is made of; enough that their sum is Gaussian.
+/// Number of sines that make up a tremor; enough that their sum is nearly Gaussian.
 const TREMOR_SINES: usize = 24;
 
 /// Adds the effects that `measurement` names to `samples` (axis by axis, m/s²), in the order tremor, hum, offset,
-/// noise, clipping. Returns how many samples were clipped.
+/// noise, clipping. Returns the number of clipped samples.
 pub(super) fn apply(
     measurement: &Measurement,
     sample_rate_hz: f64,
@@ -59,7 +59,8 @@ fn add_along(samples: &mut [Vec<f64>; 3], movement: &[f64], direction: [f64; 3])
     }
 }
 
-/// A Gaussian movement of expected RMS 1 whose power is spread evenly over the band: sines of random frequency in it.
+/// A Gaussian movement of expected RMS 1 with its power spread evenly over the band: a sum of sines of random
+/// frequency.
 fn tremor_movement(
     tremor: &Tremor,
     sample_rate_hz: f64,
@@ -74,7 +75,7 @@ fn tremor_movement(
         let frequency_hz = tremor.lowest_hz + position * (tremor.highest_hz - tremor.lowest_hz);
         let (cosine, sine): (f64, f64) =
             (random.sample(StandardNormal), random.sample(StandardNormal));
-        // A rotating phasor costs a multiplication a sample, and is off by 1e-12 after 10⁴.
+        // A rotating phasor costs one multiplication per sample, and its error after 10⁴ samples is 1e-12.
         let mut phasor = Complex::new(cosine, sine) * scale;
         let step = Complex::cis(TAU * frequency_hz / sample_rate_hz);
         for value in &mut movement {

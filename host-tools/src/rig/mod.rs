@@ -1,18 +1,21 @@
 //! The rig simulator: the paper's measuring protocol, drum speeds by normal forces by textures, as recordings computed
-//! from a physical model. **Nothing it writes was measured**, and every file it writes says so.
+//! from a physical model.
 //!
-//! It exists so that the chain from recordings to the stylus can be exercised, and its errors known against a source
-//! whose every part is known, without the rig. A [`Scene`] names the surfaces, the tool and what measuring adds.
-//! *What a scene does not name is not computed*: no work is done and no random number is drawn for it, and since every
-//! effect draws from a stream of its own, naming one more leaves what the others add bit for bit as it was.
+//! **Invariant: nothing here was measured, and every recording and table that is written says SIMULATED.** Only the
+//! model of a rig and its files belong here; fitting, and recordings of a real rig, do not.
+//!
+//! The simulator exercises the chain from recordings to the stylus without a rig, and it shows the errors of that
+//! chain, because every part of the source is known. A [`RigFile`] names the surfaces, the tool and the effects of
+//! measuring. *An effect that the rig file does not name is not computed*: it costs no work and draws no random number.
+//! Every effect draws from a random stream of its own, so that one effect more leaves the others the same bit for bit.
 //!
 //! # The model
 //!
 //! A stiff hand-held tool with a hemispherical tip of radius R touches a drum of circumference L whose surface passes
-//! at the speed v. Static normal force F; axes x along the surface's motion, y across it, z along the normal.
+//! at the speed v under the static normal force F. Axes: x along the surface's motion, y across it, z along the normal.
 //!
-//! **Surface** ([`Surface`]). The height along the track, one fixed profile a texture and seed whatever the speed and
-//! force, periodic with the drum: h(x) = Re Σ_{n≥1} cₙ e^{2πi n x / L}.
+//! **Surface** ([`Surface`]). The height along the track is one fixed profile per texture and seed, the same for every
+//! speed and force, and periodic with the drum: h(x) = Re Σ_{n≥1} cₙ e^{2πi n x / L}.
 //! - *Weave*: A · Σ_m b_m cos m(2πx/Λ + φ(x)), b₁ = 1, with Λ moved to the nearest L/integer. The spacing of yarns
 //!   wanders by a Gaussian phase φ of given RMS and correlation length ℓ, R_φ(s) ∝ exp(-s²/2ℓ²).
 //! - *Roughness*: a Gaussian field of given RMS height, self-affine: for a profile the power spectrum goes with
@@ -21,48 +24,48 @@
 //!   nature of surface roughness", J. Phys.: Condens. Matter 17, 2005, R1).
 //!
 //! **Contact** ([`Contact`]). Hertz (Johnson, *Contact Mechanics*, 1985, ch. 4), with E* the effective modulus of tip
-//! and surface: radius a = (3FR / 4E*)^{1/3}; normal stiffness k = dF/dδ = 2E*a, so k ∝ F^{1/3}. The contact feels the mean
-//! height under it, weighted by the Hertz pressure √(1 - r²/a²); for a profile that is the same across the track this
-//! multiplies a wavenumber q by 3(sin u - u cos u)/u³, u = qa (the contact filter of wheel and rail noise, Remington,
-//! J. Acoust. Soc. Am. 81, 1987, 1805). At 0 N there is no contact and no vibration. A named loss factor η makes
-//! the stiffness k(1 + iη).
+//! and surface: radius a = (3FR / 4E*)^{1/3}; normal stiffness k = dF/dδ = 2E*a, so k ∝ F^{1/3}. The contact feels the
+//! mean height under it, weighted by the Hertz pressure √(1 - r²/a²); for a profile that is the same across the track
+//! this multiplies a wavenumber q by 3(sin u - u cos u)/u³, u = qa (the contact filter of wheel and rail noise,
+//! Remington, J. Acoust. Soc. Am. 81, 1987, 1805). At 0 N there is no contact and no vibration. If a loss factor η is
+//! named, the stiffness is k(1 + iη).
 //!
-//! **Tool in the hand** ([`ToolResponse`]). Modal superposition (Ewins, *Modal Testing*, 2000, ch. 2). A dynamic force f
-//! at the tip along z gives the accelerometer, on each axis, f(ω) · Σ_r -ω² p_r / (ω_r² - ω² + 2iζ_r ω_r ω), with the
-//! participation p_r in (m/s²)/N. Where a mode also names how far the tip itself gives way (q_r, same form, without the
-//! -ω²), the contact spring sits between the surface and that: f = k h / (1 + k G), G = Σ_r q_r / (ω_r² - ω² + ...).
-//! That makes the tip follow the surface at low frequency and gives the tool its contact resonance, which rises with
-//! force. Where no mode names it, the tip is held rigidly: f = k h.
+//! **Tool in the hand** ([`ToolResponse`]). Modal superposition (Ewins, *Modal Testing*, 2000, ch. 2). A dynamic force
+//! f at the tip along z gives the accelerometer, on each axis, f(ω) · Σ_r -ω² p_r / (ω_r² - ω² + 2iζ_r ω_r ω), with the
+//! participation p_r in (m/s²)/N. If a mode also names the displacement of the tip itself (q_r, the same form without
+//! the -ω²), the contact spring lies between the surface and the tip: f = k h / (1 + k G), with G = Σ_r q_r / (ω_r² -
+//! ω² + ...). The tip then follows the surface at low frequency, and the tool has a contact resonance that rises with
+//! force. If no mode names it, the tip is held rigidly: f = k h.
 //!
 //! **Motion.** x = x₀ + vt, with x₀ drawn for each trial. All of the above is linear, so the steady state is a Fourier
 //! series in x whose n-th term is multiplied by the response at the frequency nv/L. Terms at or above half the sample
-//! rate are left out, as an ideal anti-alias filter does, and the series is evaluated at the sample instants exactly,
-//! by a chirp z-transform: there is no interpolation and there are no aliases at any speed.
+//! rate are left out, as by an ideal anti-alias filter. A chirp z-transform evaluates the series exactly at the sample
+//! instants, so that no speed has interpolation errors or aliases.
 //!
 //! **Measuring**, in this order: physiological tremor (Gaussian, in a narrow band), mains hum, offset, white sensor
 //! noise, clipping at the range.
 //!
-//! # What it leaves out
+//! # Limits of the model
 //!
-//! Loss of contact and the Hertz spring's curvature (the model is linear in h), stick-slip and any friction other than
-//! what a mode's participation on x stands for, wear, a profile that differs across the track or a strip shorter than
-//! the drum, run-out and speed ripple of the drum, drift of the force, start and stop, quantisation, a sensor's own
-//! resonance. Real recordings have all of these: a figure obtained on simulated trials says nothing about
-//! real ones.
+//! The model leaves out loss of contact and the Hertz spring's curvature (it is linear in h); stick-slip, and any
+//! friction beyond a mode's participation on x; wear; a profile that differs across the track, and a strip shorter than
+//! the drum; run-out and speed ripple of the drum; drift of the force; start and stop; quantisation; the sensor's own
+//! resonance. Real recordings have all of these, so a figure obtained on simulated trials says nothing about real ones.
 //!
 //! # Repeatability
 //!
-//! Every random stream is keyed by the seed, the texture's name, the trial's speed and force and the effect. The same
-//! scene and seed give the same bytes on the same build, whatever the number of threads; adding a speed, a force or a
-//! texture leaves the other trials as they were.
+//! Every random stream is keyed by the seed, the texture's name, the trial's speed and force, and the effect. The same
+//! rig and seed give the same bytes on the same build for any number of threads. A speed, a force or a texture more
+//! leaves the other trials the same.
 
 mod contact;
+mod description;
+mod file;
 mod folder;
 mod measurement;
 mod output;
 mod random;
 mod resonance;
-mod scene;
 mod series;
 mod surface;
 #[cfg(test)]
@@ -71,11 +74,12 @@ mod trial;
 mod validate;
 
 pub use contact::Contact;
+pub use description::{
+    Clipping, Drum, Hum, Jitter, Measurement, Mode, Noise, Offset, Recording, RigDescription,
+    Roughness, Texture, Tool, Tremor, Weave,
+};
+pub use file::RigFile;
 pub use output::{Summary, TextureSummary, simulate_to_folder};
 pub use resonance::{Response, ToolResponse};
-pub use scene::{
-    Clipping, Description, Drum, Hum, Jitter, Measurement, Mode, Noise, Offset, Recording,
-    Roughness, Scene, Texture, Tool, Tremor, Weave,
-};
 pub use surface::Surface;
 pub use trial::{Strip, Trial};

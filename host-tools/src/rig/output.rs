@@ -1,4 +1,4 @@
-//! A simulated set on disk: one WAV file a trial, and the table of trials, each of which says that it is simulated.
+//! A simulated set on disk: one WAV file per trial, and the table of trials. Each of them says that it is simulated.
 
 use std::fmt;
 use std::fs;
@@ -8,34 +8,35 @@ use std::path::Path;
 use hound::{SampleFormat, WavSpec, WavWriter};
 use rayon::prelude::*;
 
-use super::folder::{self, MARKER, MARKER_START, RECORDING_PREFIX, SCENE, TRIALS};
-use super::scene::{Description, Scene};
+use super::description::RigDescription;
+use super::file::RigFile;
+use super::folder::{self, MARKER, MARKER_START, RECORDING_PREFIX, RIG, TRIALS};
 use super::trial::{Strip, Trial};
 use crate::support::error::{Error, Result};
 use crate::support::{atomic_file, progress};
 
-/// What a run wrote.
+/// Summary of the files of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
-    /// Trials, each in a file of its own.
+    /// Number of trials, each in a file of its own.
     pub trials: usize,
     /// Samples of a trial on each axis.
     pub samples_per_trial: usize,
     /// Size of all files together.
     pub bytes: u64,
-    /// The textures, in the scene's order.
+    /// The textures, in the rig's order.
     pub textures: Vec<TextureSummary>,
 }
 
-/// What a run wrote of one texture.
+/// Summary of one texture's trials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TextureSummary {
     /// Its name.
     pub name: String,
-    /// Lowest and highest RMS of the trials in contact (force over zero), the three axes together, m/s²; none without
-    /// such a trial.
+    /// Lowest and highest RMS of the trials in contact (force above zero) over the three axes together, m/s²; none if
+    /// no trial is in contact.
     pub rms_range_m_s2: Option<(f64, f64)>,
-    /// Samples that the sensor's range cut off.
+    /// Number of samples that the sensor's range cut off.
     pub clipped_samples: u64,
 }
 
@@ -63,18 +64,20 @@ impl fmt::Display for Summary {
     }
 }
 
-/// Runs every trial of `scene` with `seed` and writes them to the folder `out`.
+/// Runs every trial of `rig` with `seed` and writes them to the folder `out`.
 ///
-/// A WAV file a trial, `TEXTURE/simulated_SPEEDmm_s_FORCEN.wav`: 3 channels (x, y, z), 32-bit float, m/s². Beside them
-/// `SIMULATED.txt`, a copy of the scene (`scene.toml`), and last `trials.csv`, so that a run that was cut short has
-/// none. Same scene, same seed: same bytes, whatever the number of threads.
+/// Each trial is a WAV file `TEXTURE/simulated_SPEEDmm_s_FORCEN.wav` of 3 channels (x, y, z), 32-bit float, m/s².
+/// Beside them lie `SIMULATED.txt`, a copy of the rig file (`rig.toml`), and `trials.csv`, which is written last, so
+/// that an interrupted run has none. The same rig and seed give the same bytes for any number of threads.
+///
+/// An earlier simulated set in `out` is replaced.
 ///
 /// # Errors
-/// `out` holds anything that is not of an earlier simulated set (which is replaced), or cannot be written.
-pub fn simulate_to_folder(scene: &Scene, seed: u64, out: &Path) -> Result<Summary> {
+/// A folder that holds other files, or cannot be written.
+pub fn simulate_to_folder(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
     folder::claim(out)?;
-    let description = scene.description();
-    let notice = notice(scene, seed);
+    let description = rig.description();
+    let notice = notice(rig, seed);
     atomic_file::write(&out.join(MARKER), notice.as_bytes())?;
     for texture in &description.textures {
         let folder = out.join(&texture.name);
@@ -87,7 +90,7 @@ pub fn simulate_to_folder(scene: &Scene, seed: u64, out: &Path) -> Result<Summar
     let bar = progress::bar(trials as u64, "simulating trials");
     let mut rows = Vec::with_capacity(trials);
     for (position, texture) in description.textures.iter().enumerate() {
-        let strip = Strip::new(scene, position, seed);
+        let strip = Strip::new(rig, position, seed);
         let of_texture = (0..speeds * forces)
             .into_par_iter()
             .map(|i| {
@@ -101,19 +104,19 @@ pub fn simulate_to_folder(scene: &Scene, seed: u64, out: &Path) -> Result<Summar
     }
     bar.finish_and_clear();
 
-    atomic_file::write(&out.join(SCENE), scene.text().as_bytes())?;
+    atomic_file::write(&out.join(RIG), rig.text().as_bytes())?;
     let table = table(description, seed, &rows).map_err(Error::io("write", &out.join(TRIALS)))?;
     atomic_file::write(&out.join(TRIALS), &table)?;
     let recordings: u64 = rows.iter().map(|row| row.bytes).sum();
     Ok(Summary {
         trials: rows.len(),
         samples_per_trial: description.recording.samples(),
-        bytes: recordings + (notice.len() + scene.text().len() + table.len()) as u64,
+        bytes: recordings + (notice.len() + rig.text().len() + table.len()) as u64,
         textures: summarise(description, &rows),
     })
 }
 
-/// What is kept of a trial once its samples are written.
+/// A trial's row of the table, kept after its samples are written.
 struct Row {
     texture: String,
     /// Relative to the set's folder, with `/` between the parts.
@@ -127,7 +130,7 @@ struct Row {
 
 impl Row {
     fn write(
-        description: &Description,
+        description: &RigDescription,
         texture: &str,
         trial: &Trial,
         seed: u64,
@@ -160,16 +163,16 @@ impl Row {
     }
 }
 
-/// Who made this and from what, for the head of every output.
-fn provenance(description: &Description, seed: u64) -> String {
+/// Origin of the set, for the recordings and the table of trials.
+fn provenance(description: &RigDescription, seed: u64) -> String {
     format!(
-        "SIMULATED by the rig simulator, nothing here was measured; scene {:?}, seed {seed}",
+        "SIMULATED by the rig simulator, nothing here was measured; rig {:?}, seed {seed}",
         description.name
     )
 }
 
-fn notice(scene: &Scene, seed: u64) -> String {
-    let description = scene.description();
+fn notice(rig: &RigFile, seed: u64) -> String {
+    let description = rig.description();
     let recording = &description.recording;
     format!(
         "{MARKER_START}\n\
@@ -178,7 +181,7 @@ fn notice(scene: &Scene, seed: u64) -> String {
          a tool dragged over a surface. No tool, no drum and no accelerometer was involved, and no result\n\
          obtained from these files is a result about a real surface.\n\
          \n\
-         Scene: {} (its text is in {SCENE})\n\
+         Rig: {} (its text is in {RIG})\n\
          Seed: {seed}\n\
          Trials: {} textures at {} speeds and {} forces, {} samples at {} Hz each, in {TRIALS}\n\
          Samples: WAV, 32-bit float, channels x (along the motion), y (across), z (normal), in m/s²\n",
@@ -191,7 +194,7 @@ fn notice(scene: &Scene, seed: u64) -> String {
     )
 }
 
-fn table(description: &Description, seed: u64, rows: &[Row]) -> std::io::Result<Vec<u8>> {
+fn table(description: &RigDescription, seed: u64, rows: &[Row]) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     writeln!(bytes, "# {}", provenance(description, seed))?;
     let mut writer = csv::Writer::from_writer(bytes);
@@ -208,7 +211,7 @@ fn table(description: &Description, seed: u64, rows: &[Row]) -> std::io::Result<
     writer.into_inner().map_err(csv::IntoInnerError::into_error)
 }
 
-fn summarise(description: &Description, rows: &[Row]) -> Vec<TextureSummary> {
+fn summarise(description: &RigDescription, rows: &[Row]) -> Vec<TextureSummary> {
     description
         .textures
         .iter()
@@ -227,7 +230,7 @@ fn summarise(description: &Description, rows: &[Row]) -> Vec<TextureSummary> {
         .collect()
 }
 
-/// `1.0`, `0.2`, `0.25`: a force with at least one decimal.
+/// A number with at least one decimal: `1.0`, `0.2`, `0.25`.
 fn with_a_decimal(value: f64) -> String {
     let text = value.to_string();
     if text.contains('.') {
@@ -237,8 +240,7 @@ fn with_a_decimal(value: f64) -> String {
     }
 }
 
-/// A trial as a WAV file, with `comment` in its own chunk, so that a file that has left its folder still tells what
-/// it is.
+/// A trial as a WAV file. A chunk of its own holds `comment`, so that the file says SIMULATED outside its folder, too.
 fn wav_bytes(trial: &Trial, sample_rate_hz: u32, comment: &str) -> hound::Result<Vec<u8>> {
     let spec = WavSpec {
         channels: 3,
@@ -261,7 +263,7 @@ fn wav_bytes(trial: &Trial, sample_rate_hz: u32, comment: &str) -> hound::Result
     Ok(bytes)
 }
 
-/// Appends a LIST chunk of type INFO with an ICMT entry (RIFF MCI, 1991), and counts it in the RIFF header's length.
+/// Appends a LIST chunk of type INFO with an ICMT entry (RIFF MCI, 1991), and adds its size to the RIFF header.
 fn append_comment(wav: &mut Vec<u8>, comment: &str) {
     // Texts are zero-terminated, and chunks start at even offsets.
     let mut text = comment.as_bytes().to_vec();

@@ -1,9 +1,9 @@
-//! One random stream for each effect of each trial, so that none depends on what else is computed, or when.
+//! Random streams: one per effect and trial, so that no stream depends on the others or on the order of computation.
 
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-/// What a stream is for, folded into 64 bits (FNV-1a: Fowler, Noll, Vo).
+/// The purpose of a stream, hashed to 64 bits (FNV-1a: Fowler, Noll, Vo).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StreamKey(u64);
 
@@ -12,7 +12,7 @@ impl StreamKey {
         Self(0xCBF2_9CE4_8422_2325).bytes(&seed.to_le_bytes())
     }
 
-    /// 0xFF ends a text, as it occurs in no UTF-8.
+    /// Adds a text. The byte 0xFF ends it, because UTF-8 never contains that byte.
     pub(super) fn text(self, text: &str) -> Self {
         self.bytes(text.as_bytes()).bytes(&[0xFF])
     }
@@ -39,7 +39,7 @@ impl StreamKey {
     }
 }
 
-/// Which streams the thread has begun, for tests of what a scene calls for.
+/// Counts of the streams that the thread has begun, for tests of the effects that a rig draws for.
 #[cfg(test)]
 pub(super) mod drawn {
     use std::cell::RefCell;
@@ -53,7 +53,7 @@ pub(super) mod drawn {
         EFFECTS.with_borrow_mut(|effects| *effects.entry(effect.to_owned()).or_default() += 1);
     }
 
-    /// How many streams of each effect were begun since this was last asked.
+    /// Returns the number of streams per effect since the last call, and clears it.
     pub fn take() -> BTreeMap<String, usize> {
         EFFECTS.take()
     }

@@ -1,11 +1,11 @@
-//! Resonances of the hand-held tool, and what they make of a surface pressed against the tip.
+//! Resonances of the hand-held tool, and the force that a surface gives at its tip.
 
 use std::f64::consts::TAU;
 
 use realfft::num_complex::Complex;
 
 use super::contact::Contact;
-use super::scene::Mode;
+use super::description::Mode;
 
 /// The tool in the hand, as a sum of modes.
 #[derive(Debug, Clone)]
@@ -13,7 +13,7 @@ pub struct ToolResponse {
     modes: Vec<Mode>,
 }
 
-/// How the tool answers at one frequency.
+/// Response of the tool at one frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
     /// Acceleration at the accelerometer for a force at the tip, (m/s²)/N, on x, y, z.
@@ -30,7 +30,7 @@ impl ToolResponse {
         }
     }
 
-    /// The answer at `frequency_hz`, over zero, in the convention e^{+iωt}.
+    /// The response at `frequency_hz`, which must be above zero, in the convention e^{+iωt}.
     pub fn at(&self, frequency_hz: f64) -> Response {
         let omega = TAU * frequency_hz;
         let mut response = Response {
@@ -57,7 +57,7 @@ impl ToolResponse {
 }
 
 impl Response {
-    /// Dynamic force for a micrometre of (mean) height under the contact, N/µm: k / (1 + kG) with k(1 + iη) for k.
+    /// Dynamic force per micrometre of mean height under the contact, N/µm: k / (1 + kG) with k(1 + iη) for k.
     pub fn force_per_height(&self, contact: &Contact, loss_factor: Option<f64>) -> Complex<f64> {
         let stiffness =
             Complex::new(1.0, loss_factor.unwrap_or(0.0)) * contact.stiffness_n_per_um();

@@ -1,9 +1,8 @@
-//! A Fourier series at uniformly spaced points, exactly, by the chirp z-transform (Bluestein 1970; Rabiner, Schafer and
-//! Rader 1969).
+//! Exact values of a Fourier series at uniformly spaced points, by the chirp z-transform (Bluestein 1970; Rabiner,
+//! Schafer and Rader 1969).
 //!
-//! A trial's samples lie v/fs apart on a track of period L, and v/fs seldom divides L. Writing
-//! ni = (n² + i² - (i-n)²)/2 turns Σ cₙ W^{ni} into one convolution, done by FFT, so that no grid and no interpolation
-//! come between the series and its samples.
+//! A trial's samples lie v/fs apart on a track of period L, and v/fs seldom divides L. The substitution
+//! ni = (n² + i² - (i-n)²)/2 turns Σ cₙ W^{ni} into one convolution by FFT, so that no interpolation is needed.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -11,7 +10,7 @@ use std::sync::Arc;
 use realfft::num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 
-/// Evaluates series of up to a given number of terms at the points `0, step, 2·step ...`.
+/// Evaluator of series of up to a given number of terms at the points `0, step, 2·step ...`.
 pub(super) struct UniformSampler {
     terms: usize,
     samples: usize,
@@ -24,7 +23,7 @@ pub(super) struct UniformSampler {
 }
 
 impl UniformSampler {
-    /// For `terms` terms, `samples` points, and points `step_cycles` apart, in periods of the series.
+    /// An evaluator of `terms` terms at `samples` points that lie `step_cycles` periods of the series apart.
     pub(super) fn new(
         planner: &mut RealFftPlanner<f64>,
         terms: usize,
@@ -88,7 +87,7 @@ impl UniformSampler {
     }
 
     fn back(&self, spectrum: &mut [Complex<f64>]) -> Vec<f64> {
-        // Of a real signal these two bins are real; rounding must not say otherwise.
+        // These two bins of a real signal are real, but round-off leaves small imaginary parts.
         spectrum[0].im = 0.0;
         let last = spectrum.len() - 1;
         spectrum[last].im = 0.0;

@@ -7,8 +7,8 @@ use rand_distr::StandardNormal;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
+use super::description::{Drum, Jitter, Roughness, Texture, Weave};
 use super::random::StreamKey;
-use super::scene::{Drum, Jitter, Roughness, Texture, Weave};
 
 /// A profile along the track, as the terms of a Fourier series over the drum's circumference.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// The surface of `texture` on `drum`; the same for the same seed and texture, whatever else the scene holds.
+    /// The surface of `texture` on `drum`. The same seed and texture give the same surface on any rig.
     pub fn new(drum: &Drum, texture: &Texture, seed: u64) -> Self {
         let circumference_mm = drum.circumference_mm;
         let key = StreamKey::new(seed).text(&texture.name);
@@ -38,7 +38,7 @@ impl Surface {
         }
     }
 
-    /// Whether there is no height anywhere.
+    /// Returns true if the height is zero everywhere.
     pub fn is_flat(&self) -> bool {
         self.coefficients.is_empty()
     }
@@ -70,12 +70,12 @@ pub(super) fn periods(circumference_mm: f64, wavelength_mm: f64) -> f64 {
     (circumference_mm / wavelength_mm).round().max(1.0)
 }
 
-/// Highest term that a weave takes, sidebands of its jitter included.
+/// Highest term of a weave, including the sidebands of its jitter.
 pub(super) fn highest_weave_term(weave: &Weave, circumference_mm: f64) -> f64 {
     let harmonics = (weave.harmonics.len() + 1) as f64;
     let line = harmonics * periods(circumference_mm, weave.wavelength_mm);
     match &weave.jitter {
-        // Carson's bandwidth of a phase modulation, twice over: (1 + peak phase) times its highest frequency.
+        // Twice Carson's bandwidth of a phase modulation, (1 + peak phase) times its highest frequency.
         Some(jitter) => {
             let peak_rad = 4.0 * harmonics * jitter.rms_rad;
             (line + 2.0 * (1.0 + peak_rad) * jitter_terms(jitter, circumference_mm)).ceil()
@@ -89,7 +89,7 @@ pub(super) fn highest_roughness_term(roughness: &Roughness, circumference_mm: f6
     (circumference_mm / roughness.shortest_mm).floor()
 }
 
-/// Terms of a jitter's phase: its Gaussian spectrum exp(-q²ℓ²/2) is 4e-6 of its top at qℓ = 5.
+/// Number of terms of a jitter's phase: its Gaussian spectrum exp(-q²ℓ²/2) is down to 4e-6 of its maximum at qℓ = 5.
 fn jitter_terms(jitter: &Jitter, circumference_mm: f64) -> f64 {
     (5.0 * circumference_mm / (TAU * jitter.correlation_mm)).ceil()
 }
@@ -120,8 +120,8 @@ fn weave_terms(weave: &Weave, circumference_mm: f64, key: StreamKey) -> Vec<Comp
         }
         return terms;
     };
-    // The phase wanders with the place, so the profile is written out along the drum and transformed, on a grid twice
-    // as fine as the highest sideband needs.
+    // The phase varies along the drum, so the profile is computed in space and transformed, on a grid twice as fine as
+    // the highest sideband needs.
     let length = (4 * (highest + 1)).next_power_of_two();
     let mut planner = RealFftPlanner::<f64>::new();
     let mut phase_spectrum = vec![Complex::default(); length / 2 + 1];
@@ -152,7 +152,7 @@ fn weave_terms(weave: &Weave, circumference_mm: f64, key: StreamKey) -> Vec<Comp
     terms
 }
 
-/// Bins of the wandering phase, for an inverse transform without a factor.
+/// Spectrum of the jitter's phase, scaled for an inverse transform without a factor.
 fn jitter_spectrum(jitter: &Jitter, circumference_mm: f64, key: StreamKey) -> Vec<Complex<f64>> {
     let terms = jitter_terms(jitter, circumference_mm) as usize;
     gaussian_terms(terms, jitter.rms_rad, key, "weave jitter", |n| {
@@ -160,7 +160,7 @@ fn jitter_spectrum(jitter: &Jitter, circumference_mm: f64, key: StreamKey) -> Ve
         (-0.5 * q_l * q_l).exp()
     })
     .into_iter()
-    // A bin and its mirror image share the term's amplitude.
+    // The bin and its mirror image have half of the term's amplitude each.
     .map(|term| term * 0.5)
     .collect()
 }
@@ -177,7 +177,7 @@ fn roughness_terms(
     })
 }
 
-/// Terms 0 to `highest` of a Gaussian field whose expected RMS is `rms` and whose power goes with `power(n)`.
+/// Terms 0 to `highest` of a Gaussian field of expected RMS `rms`, with power in proportion to `power(n)`.
 fn gaussian_terms(
     highest: usize,
     rms: f64,

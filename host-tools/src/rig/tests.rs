@@ -16,7 +16,7 @@ use realfft::num_complex::Complex;
 use super::random::{StreamKey, drawn};
 use super::*;
 
-/// What most scenes here share: speeds, forces, drum.
+/// Speeds, forces and drum that most rigs here have.
 pub(super) const PROTOCOL: &str = r#"
 name = "test"
 [recording]
@@ -87,15 +87,15 @@ const CLIPPING: &str = r"
 range_g = 0.1
 ";
 
-pub(super) fn scene(parts: &[&str]) -> Scene {
-    Scene::from_toml(Path::new("test.toml"), &parts.concat()).unwrap()
+pub(super) fn rig(parts: &[&str]) -> RigFile {
+    RigFile::from_toml(Path::new("test.toml"), &parts.concat()).unwrap()
 }
 
 /// Every trial of the first texture.
 fn trials(parts: &[&str], seed: u64) -> Vec<Trial> {
-    let scene = scene(parts);
-    let recording = &scene.description().recording;
-    let strip = Strip::new(&scene, 0, seed);
+    let rig = rig(parts);
+    let recording = &rig.description().recording;
+    let strip = Strip::new(&rig, 0, seed);
     (0..recording.speeds_mm_s.len())
         .flat_map(|speed| (0..recording.forces_n.len()).map(move |force| (speed, force)))
         .map(|(speed, force)| strip.trial(speed, force))
@@ -221,14 +221,14 @@ type State = Vec<[f64; 2]>;
 /// The oracle: the modes' equations of motion integrated in time (Runge-Kutta, fourth order) with the contact spring
 /// pushing on them, in place of the frequency domain.
 fn integrated(
-    scene: &Scene,
+    rig: &RigFile,
     surface: &Surface,
     contact: &Contact,
     speed_mm_s: f64,
     start_mm: f64,
 ) -> Vec<[f64; 3]> {
-    let tool = scene.description().tool.as_ref().unwrap();
-    let circumference_mm = scene.description().drum.circumference_mm;
+    let tool = rig.description().tool.as_ref().unwrap();
+    let circumference_mm = rig.description().drum.circumference_mm;
     let felt: Vec<_> = surface
         .coefficients_um()
         .iter()
@@ -302,8 +302,8 @@ fn integrated(
 
 #[test]
 fn samples_are_those_of_the_equations_of_motion() {
-    let scene = scene(&[PROTOCOL, TOOL, STRIP, WEAVE]);
-    let strip = Strip::new(&scene, 0, 3);
+    let rig = rig(&[PROTOCOL, TOOL, STRIP, WEAVE]);
+    let strip = Strip::new(&rig, 0, 3);
     for (speed, force) in [(0, 3), (1, 1), (2, 2), (3, 3)] {
         let trial = strip.trial(speed, force);
         let start_cycles: f64 = StreamKey::new(3)
@@ -314,7 +314,7 @@ fn samples_are_those_of_the_equations_of_motion() {
             .random();
         let contact = Contact::hertz(1.5, 1000.0, trial.force_n).unwrap();
         let expected = integrated(
-            &scene,
+            &rig,
             strip.surface(),
             &contact,
             trial.speed_mm_s,
@@ -493,7 +493,7 @@ fn a_trial_does_not_depend_on_the_others_of_its_scene() {
     let rougher = format!("{STRIP}{ROUGHNESS}")
         .replace("strip", "other")
         .replace("0.05", "0.01");
-    let behind = scene(&[&[PROTOCOL, TOOL, &rougher], &parts[1..]].concat());
+    let behind = rig(&[&[PROTOCOL, TOOL, &rougher], &parts[1..]].concat());
     assert_eq!(Strip::new(&behind, 1, 9).trial(1, 2), whole[6]);
 }
 
@@ -526,10 +526,10 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     all
 }
 
-fn small_scene() -> Scene {
+fn small_rig() -> RigFile {
     let short = PROTOCOL.replace("2.0", "0.1");
     let other = STRIP.replace("strip", "other");
-    scene(&[&short, TOOL, &other, STRIP, WEAVE, ROUGHNESS, TREMOR, NOISE])
+    rig(&[&short, TOOL, &other, STRIP, WEAVE, ROUGHNESS, TREMOR, NOISE])
 }
 
 #[test]
@@ -541,7 +541,7 @@ fn the_same_scene_and_seed_are_the_same_bytes_whatever_the_number_of_threads() {
             .build()
             .unwrap();
         let summary = pool
-            .install(|| simulate_to_folder(&small_scene(), seed, folder.path()))
+            .install(|| simulate_to_folder(&small_rig(), seed, folder.path()))
             .unwrap();
         let files = files(folder.path());
         let bytes: usize = files.values().map(Vec::len).sum();
@@ -558,15 +558,15 @@ fn the_same_scene_and_seed_are_the_same_bytes_whatever_the_number_of_threads() {
         other_seed.keys().collect::<Vec<_>>()
     );
     for (name, bytes) in &one {
-        assert_eq!(*bytes == other_seed[name], name == "scene.toml", "{name}");
+        assert_eq!(*bytes == other_seed[name], name == "rig.toml", "{name}");
     }
 }
 
 #[test]
 fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
-    let scene = small_scene();
+    let rig = small_rig();
     let folder = tempfile::tempdir().unwrap();
-    let summary = simulate_to_folder(&scene, 4, folder.path()).unwrap();
+    let summary = simulate_to_folder(&rig, 4, folder.path()).unwrap();
 
     let table = fs::read_to_string(folder.path().join("trials.csv")).unwrap();
     let (comment, rest) = table.split_once('\n').unwrap();
@@ -585,12 +585,12 @@ fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
     assert_eq!(rows[31].0, "strip/simulated_300mm_s_1.4N.wav");
     assert_eq!(rows[0].0, "other/simulated_20mm_s_0.0N.wav");
 
-    let recording = &scene.description().recording;
-    let strips = [Strip::new(&scene, 0, 4), Strip::new(&scene, 1, 4)];
+    let recording = &rig.description().recording;
+    let strips = [Strip::new(&rig, 0, 4), Strip::new(&rig, 1, 4)];
     for (i, (file, texture, speed_mm_s, force_n, simulated)) in rows.iter().enumerate() {
         let (speed, force) = (i % 16 / 4, i % 4);
         assert!(*simulated);
-        assert_eq!(*texture, scene.description().textures[i / 16].name);
+        assert_eq!(*texture, rig.description().textures[i / 16].name);
         assert_eq!(*speed_mm_s, recording.speeds_mm_s[speed]);
         assert_eq!(*force_n, recording.forces_n[force]);
         let mut wav = hound::WavReader::open(folder.path().join(file)).unwrap();
@@ -612,8 +612,8 @@ fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
     let notice = fs::read_to_string(folder.path().join("SIMULATED.txt")).unwrap();
     assert!(notice.contains("Nothing in this folder was measured") && notice.contains("Seed: 4"));
     assert_eq!(
-        fs::read_to_string(folder.path().join("scene.toml")).unwrap(),
-        scene.text()
+        fs::read_to_string(folder.path().join("rig.toml")).unwrap(),
+        rig.text()
     );
 
     let range = summary.textures[1].rms_range_m_s2.unwrap();
@@ -624,15 +624,15 @@ fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
 #[test]
 fn a_set_takes_the_place_of_an_earlier_one_and_of_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
-    simulate_to_folder(&small_scene(), 1, folder.path()).unwrap();
+    simulate_to_folder(&small_rig(), 1, folder.path()).unwrap();
     let short = PROTOCOL.replace("2.0", "0.1");
-    simulate_to_folder(&scene(&[&short, STRIP]), 1, folder.path()).unwrap();
+    simulate_to_folder(&rig(&[&short, STRIP]), 1, folder.path()).unwrap();
     let second = files(folder.path());
     assert_eq!(second.len(), 16 + 3);
     assert!(!folder.path().join("other").exists());
 
     fs::write(folder.path().join("strip/measured.wav"), "precious").unwrap();
-    let message = simulate_to_folder(&small_scene(), 1, folder.path())
+    let message = simulate_to_folder(&small_rig(), 1, folder.path())
         .unwrap_err()
         .to_string();
     assert!(message.contains("strip/measured.wav"), "{message}");
@@ -641,8 +641,8 @@ fn a_set_takes_the_place_of_an_earlier_one_and_of_nothing_else() {
 
 #[test]
 fn the_papers_scene_has_its_protocol_and_levels_of_its_kind() {
-    let scene = Scene::paper();
-    let recording = &scene.description().recording;
+    let rig = RigFile::paper();
+    let recording = &rig.description().recording;
     assert_eq!(
         recording.speeds_mm_s,
         (1..=15).map(|i| f64::from(20 * i)).collect::<Vec<_>>()
@@ -655,7 +655,7 @@ fn the_papers_scene_has_its_protocol_and_levels_of_its_kind() {
         (recording.samples(), recording.sample_rate_hz),
         (10_000, 5000)
     );
-    let names: Vec<_> = scene
+    let names: Vec<_> = rig
         .description()
         .textures
         .iter()
@@ -663,7 +663,7 @@ fn the_papers_scene_has_its_protocol_and_levels_of_its_kind() {
         .collect();
     assert_eq!(names, ["paper", "organza", "vinyl", "denim"]);
     for texture in 0..4 {
-        let strip = Strip::new(&scene, texture, 1);
+        let strip = Strip::new(&rig, texture, 1);
         let mut means = Vec::new();
         for speed in [0, 4, 9, 14] {
             let levels = [0, 1, 4, 7].map(|force| strip.trial(speed, force).rms_m_s2());

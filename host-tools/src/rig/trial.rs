@@ -1,4 +1,4 @@
-//! One trial: a tip on a surface that passes at one speed under one force.
+//! One trial: a tip on a surface that passes by at one speed under one force.
 
 use std::f64::consts::TAU;
 
@@ -8,26 +8,27 @@ use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
 use super::contact::Contact;
+use super::description::{RigDescription, Texture, Tool};
+use super::file::RigFile;
 use super::measurement;
 use super::random::StreamKey;
 use super::resonance::ToolResponse;
-use super::scene::{Description, Scene, Texture, Tool};
 use super::series::UniformSampler;
 use super::surface::Surface;
 
-/// One texture of a scene on the drum, with one seed: its surface, and for each speed the way from that to samples.
+/// One texture on the drum with one seed: its surface, and per speed the response that turns the surface into samples.
 ///
-/// Its trials do not depend on what other textures the scene has.
+/// Its trials do not depend on the other textures of the rig.
 pub struct Strip<'a> {
-    description: &'a Description,
+    description: &'a RigDescription,
     texture: &'a Texture,
     key: StreamKey,
     surface: Surface,
-    /// One for each speed; none where there is nothing to be felt: a flat surface, no tool, or never a force.
+    /// One per speed; empty if nothing is felt: a flat surface, no tool, or no force above zero.
     passes: Vec<Pass>,
 }
 
-/// What a trial records.
+/// The recording of one trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial {
     /// Surface speed, mm/s.
@@ -38,7 +39,7 @@ pub struct Trial {
     ///
     /// [`Recording::samples`]: super::Recording::samples
     pub samples_m_s2: [Vec<f64>; 3],
-    /// How many of them the sensor's range cut off.
+    /// Number of samples that the sensor's range cut off.
     pub clipped: u64,
 }
 
@@ -61,10 +62,10 @@ impl Trial {
     }
 }
 
-/// How a profile is turned into samples at one speed.
+/// The response that turns a profile into samples at one speed.
 struct Pass {
     sampler: UniformSampler,
-    /// For each term of a profile, how the tool answers at its frequency, and its wavenumber.
+    /// Wavenumber of each term of the profile, and the tool's response at its frequency.
     tool: Vec<TermResponse>,
 }
 
@@ -74,12 +75,12 @@ struct TermResponse {
 }
 
 impl<'a> Strip<'a> {
-    /// Makes the surface of the texture at position `texture` of [`Description::textures`], and what its trials share.
+    /// Computes the surface of the texture at position `texture` of [`RigDescription::textures`], and its passes.
     ///
     /// # Panics
-    /// If the scene has no such texture.
-    pub fn new(scene: &'a Scene, texture: usize, seed: u64) -> Self {
-        let description = scene.description();
+    /// If the rig has no such texture.
+    pub fn new(rig: &'a RigFile, texture: usize, seed: u64) -> Self {
+        let description = rig.description();
         let texture = &description.textures[texture];
         let surface = Surface::new(&description.drum, texture, seed);
         let touches = description
@@ -110,11 +111,11 @@ impl<'a> Strip<'a> {
         &self.surface
     }
 
-    /// Runs the trial at positions `speed` and `force` of the scene's [`Recording`](super::Recording); the same for the
-    /// same scene and seed, whatever ran before.
+    /// Runs the trial at positions `speed` and `force` of the rig's [`Recording`](super::Recording). The same rig and
+    /// seed give the same trial in any order.
     ///
     /// # Panics
-    /// If the scene has no such speed or force.
+    /// If the rig has no such speed or force.
     pub fn trial(&self, speed: usize, force: usize) -> Trial {
         let recording = &self.description.recording;
         let speed_mm_s = recording.speeds_mm_s[speed];
@@ -151,12 +152,12 @@ impl<'a> Strip<'a> {
 }
 
 impl Pass {
-    fn new(description: &Description, tool: &Tool, speed_mm_s: f64, surface: &Surface) -> Self {
+    fn new(description: &RigDescription, tool: &Tool, speed_mm_s: f64, surface: &Surface) -> Self {
         let recording = &description.recording;
         let circumference_mm = description.drum.circumference_mm;
         let sample_rate_hz = f64::from(recording.sample_rate_hz);
         let step_cycles = speed_mm_s / (sample_rate_hz * circumference_mm);
-        // Below half the sample rate, strictly: a term there would be half sampled.
+        // Strictly below half the sample rate, because samples at that frequency depend on the phase.
         let below_nyquist = ((0.5 / step_cycles).ceil() as usize).saturating_sub(1);
         let terms = (surface.coefficients_um().len() - 1).min(below_nyquist);
         let tool = ToolResponse::new(&tool.modes);
@@ -209,11 +210,11 @@ impl Pass {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{PROTOCOL, ROUGHNESS, STRIP, TOOL, WEAVE, scene};
+    use super::super::tests::{PROTOCOL, ROUGHNESS, STRIP, TOOL, WEAVE, rig};
     use super::*;
 
     fn passes(parts: &[&str]) -> usize {
-        Strip::new(&scene(parts), 0, 1).passes.len()
+        Strip::new(&rig(parts), 0, 1).passes.len()
     }
 
     #[test]

@@ -1,29 +1,25 @@
-//! From a scene's text to a checked description, with errors that name the line and the field.
-
-use std::path::Path;
+//! The ranges of a rig's description, and faults that name the field.
 
 use super::contact::Contact;
-use super::scene::{Description, Measurement, Mode, Recording, Roughness, Texture, Tool, Weave};
+use super::description::{
+    Measurement, Mode, Recording, RigDescription, Roughness, Texture, Tool, Weave,
+};
 use super::surface::{highest_roughness_term, highest_weave_term};
-use crate::support::error::Result;
-use crate::support::toml_field::{Checked, Field, from_toml};
+use crate::support::toml_field::{Checked, Field};
 use model_format::limits::{MAX_AXIS_LEN, MAX_SAMPLE_RATE_HZ, MAX_TEXTURES};
 
 /// Longest trial, s.
 const MAX_DURATION_S: f64 = 600.0;
 /// Most weaves of a texture, harmonics of a weave, modes of a tool.
 const MAX_PARTS: usize = 64;
-/// Finest profile, as periods of its shortest wave on the drum: 16 MiB of terms.
+/// Most periods of a profile's shortest wave on the drum; they take 16 MiB of terms.
 const MAX_TERMS: f64 = 1_048_576.0;
 
-/// Reads and checks a scene; `path` is only named in errors.
-pub(super) fn parse(path: &Path, text: &str) -> Result<Description> {
-    let description: Description = from_toml(path, text)?;
-    check(&description).map_err(|fault| fault.field.error(path, text, fault.problem))?;
-    Ok(description)
-}
-
-fn check(description: &Description) -> Checked {
+/// Checks every value of `description`, and that they go together.
+///
+/// # Errors
+/// The first fault, with its field.
+pub(super) fn check(description: &RigDescription) -> Checked {
     let root = Field::default();
     root.key("name").name(&description.name)?;
     check_recording(&root.key("recording"), &description.recording)?;
@@ -40,7 +36,7 @@ fn check(description: &Description) -> Checked {
         let field = textures.item(index);
         check_texture(&field, texture, circumference_mm)?;
         check_contact(&field, texture, description)?;
-        // Folders of some systems do not tell upper from lower case.
+        // Some file systems do not distinguish upper and lower case.
         let name = texture.name.to_lowercase();
         let earlier = description.textures[..index]
             .iter()
@@ -65,7 +61,10 @@ fn check_recording(field: &Field, recording: &Recording) -> Checked {
     let duration = field.key("duration_s");
     duration.over(recording.duration_s, 0.0, MAX_DURATION_S)?;
     duration.require(recording.samples() >= 1, || {
-        format!("must hold a sample, and {} s do not", recording.duration_s)
+        format!(
+            "must be at least one sample, and is {} s",
+            recording.duration_s
+        )
     })?;
 
     let speeds = field.key("speeds_mm_s");
@@ -175,11 +174,11 @@ fn check_roughness(field: &Field, roughness: &Roughness, circumference_mm: f64) 
     )
 }
 
-/// That a profile has a tool to feel it, and that the Hertz contact stays smaller than the tip.
-fn check_contact(field: &Field, texture: &Texture, description: &Description) -> Checked {
+/// Checks that a profile has a tool to feel it, and that the Hertz contact stays smaller than the tip.
+fn check_contact(field: &Field, texture: &Texture, description: &RigDescription) -> Checked {
     let Some(tool) = &description.tool else {
         return field.require(!texture.has_profile(), || {
-            "has a profile, and the scene has no [tool] to feel it; add [tool] with a [[tool.mode]]"
+            "has a profile, and the rig has no [tool] to feel it; add [tool] with a [[tool.mode]]"
                 .into()
         });
     };
@@ -195,8 +194,8 @@ fn check_contact(field: &Field, texture: &Texture, description: &Description) ->
         .key("effective_modulus_mpa")
         .require(radius_mm < tool.tip_radius_mm, || {
             format!(
-                "{} is so soft that the tip would sink in at {largest_n} N: the contact would be {radius_mm:.3} mm in \
-                 radius, and the tip is {}",
+                "is {}, too soft for {largest_n} N: the contact would have a radius of {radius_mm:.3} mm, and the tip \
+                 has {} mm",
                 texture.effective_modulus_mpa, tool.tip_radius_mm
             )
         })

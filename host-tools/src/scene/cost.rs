@@ -1,4 +1,5 @@
-//! What a scene takes of a tick, situation by situation, with the arithmetic.
+//! Cost of a scene in instructions per tick, per situation, with the arithmetic. The kernel's own cost model gives it,
+//! so that the host refuses a scene exactly when the device does.
 
 use model_format::Library;
 use model_format::scene::{Scene, Surface};
@@ -8,52 +9,52 @@ use stylus_kernel::scene::cost::{Cost, Item, Term};
 
 use crate::support::error::{Error, Result};
 
-/// A scene's cost against a budget, in instructions of each tick, by the kernel's own model.
+/// A scene's cost against a budget, in instructions per tick.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CostReport {
     /// The scene's name.
     pub scene: String,
-    /// What a tick has for it.
+    /// Instructions per tick that the scene may take.
     pub budget_instructions: u32,
-    /// Whether the worst case is within the budget; the device refuses the scene if not.
+    /// True if the worst case is within the budget; otherwise the device refuses the scene.
     pub fits: bool,
-    /// What can happen at most.
+    /// The worst case of all motions.
     pub worst_case: Situation,
-    /// What happens most of the time.
+    /// The cases between transitions: without contact, and on each surface.
     pub typical: Vec<Situation>,
 }
 
-/// What the tick does in one situation.
+/// The cost of one situation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Situation {
-    /// When that is.
+    /// Description of the situation.
     pub when: String,
-    /// What it takes in all.
+    /// Instructions per tick, in total.
     pub instructions: u32,
-    /// How that comes about.
-    pub arithmetic: Vec<Line>,
+    /// Cost of each stage.
+    pub arithmetic: Vec<StageCost>,
 }
 
-/// One stage: base + count · each instructions.
+/// The cost of one stage: base + count · each instructions.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Line {
-    /// What it is for.
+pub struct StageCost {
+    /// Name of the stage.
     pub item: String,
-    /// Instructions of the stage as such.
+    /// Instructions of the stage itself.
     pub base: u16,
-    /// Instructions for each of what it counts.
+    /// Instructions per counted item.
     pub each: u16,
-    /// How many those are.
+    /// Number of items.
     pub count: u16,
-    /// Its sum.
+    /// Instructions in total.
     pub instructions: u32,
 }
 
 impl CostReport {
-    /// That of `scene`, whose surfaces are called `names`, against `budget` instructions.
+    /// The cost of `scene` with the surfaces `names` against `budget` instructions per tick.
     ///
     /// # Errors
-    /// What [`Scene::validate`] finds.
+    /// See [`Scene::validate`].
     pub fn new(
         scene: &Scene,
         names: &[String],
@@ -61,7 +62,7 @@ impl CostReport {
         budget: u32,
     ) -> Result<Self> {
         let worst = worst_case(scene, library)?;
-        // The base of the sample's path is there in silence, too; it comes first.
+        // The first term is the base of the sample's path, which runs in silence, too.
         let silence = &worst.terms()[..1];
         let mut typical = vec![Situation::new("no contact, all rung out", silence, names)];
         let occurring = |index: usize| {
@@ -112,7 +113,10 @@ impl CostReport {
 
 impl Situation {
     fn new(when: &str, terms: &[Term], names: &[String]) -> Self {
-        let arithmetic: Vec<Line> = terms.iter().map(|&term| Line::new(term, names)).collect();
+        let arithmetic: Vec<StageCost> = terms
+            .iter()
+            .map(|&term| StageCost::new(term, names))
+            .collect();
         Self {
             when: when.to_owned(),
             instructions: arithmetic.iter().map(|line| line.instructions).sum(),
@@ -127,7 +131,7 @@ impl Situation {
     }
 }
 
-impl Line {
+impl StageCost {
     fn new(term: Term, names: &[String]) -> Self {
         let named = |surface: u8| names.get(usize::from(surface)).map_or("", String::as_str);
         Self {
@@ -144,7 +148,7 @@ impl Line {
     }
 }
 
-impl std::fmt::Display for Line {
+impl std::fmt::Display for StageCost {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self {
             item,
@@ -167,8 +171,8 @@ fn worst_case(scene: &Scene, library: &Library<'_>) -> Result<Cost> {
     Ok(plan.worst_case())
 }
 
-/// The stages while the tool is on `surface`, which is number `index` of `scene`: those of a scene of it alone, but for the
-/// fade, which is only there while scenes are exchanged.
+/// Terms of the stages that run on `surface`, number `index` of `scene`. They are those of a scene of this surface
+/// alone, without the fade, which runs only while scenes are exchanged.
 fn terms_on(
     scene: &Scene,
     surface: Surface,
@@ -181,7 +185,7 @@ fn terms_on(
     let cost = worst_case(&alone, library)?;
     let terms = cost.terms().iter().copied();
     let here = |mut term: Term| {
-        // Of a scene of one surface, that is number 0.
+        // The scene of this surface alone counts it as number 0.
         if let Item::Voice { surface, .. } | Item::StickSlip { surface } = &mut term.item {
             *surface = index as u8;
         }

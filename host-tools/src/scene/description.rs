@@ -1,38 +1,39 @@
-//! What a scene's text says, before anything is looked up. Its ranges are those of [`model_format::scene`].
+//! The content of a scene's text, with names in place of positions. The ranges of the values are those of
+//! [`model_format::scene`].
 
 use std::path::PathBuf;
 
 use serde::Deserialize;
 
 use super::equaliser::SectionKind;
-use crate::dsp::MODEL_RATE_HZ;
+use model_format::SAMPLE_RATE_HZ;
 
 /// A scene's content.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Description {
-    /// Its name, unique in its library.
+pub struct SceneDescription {
+    /// Name of the scene, unique in its library.
     pub name: String,
-    /// Samples a second, Hz; that of the models if not given.
+    /// Sample rate, Hz; that of the models if not given.
     #[serde(default = "model_rate_hz")]
     pub sample_rate_hz: u32,
-    /// Width of the transition between neighbouring regions, mm; none if not given.
+    /// Width of the transition between neighbouring regions, mm; 0 if not given.
     #[serde(default)]
     pub transition_mm: f32,
-    /// The motion that the textures follow; unnamed, the stylus's own.
+    /// Motion that the textures follow; the stylus's own if not given.
     pub constant_motion: Option<ConstantMotion>,
     /// The surfaces.
     #[serde(default, rename = "surface")]
     pub surfaces: Vec<SurfaceDescription>,
-    /// Where they lie, in any order; none is the first surface everywhere.
+    /// Regions of the path in any order; without any, the first surface is everywhere.
     #[serde(default, rename = "region")]
     pub regions: Vec<RegionDescription>,
-    /// What undoes the actuator's own response; unnamed, nothing.
+    /// Equaliser of the actuator's own response; none if not given.
     pub equaliser: Option<EqualiserDescription>,
 }
 
 const fn model_rate_hz() -> u32 {
-    MODEL_RATE_HZ
+    SAMPLE_RATE_HZ
 }
 
 /// A motion that does not change.
@@ -45,20 +46,20 @@ pub struct ConstantMotion {
     pub force_n: f32,
 }
 
-/// Something to be touched.
+/// A surface to be touched.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceDescription {
-    /// What regions call it; the texture's name if not given.
+    /// Name for regions to refer to; the texture's name if not given.
     pub name: Option<String>,
-    /// Name of its texture in the library; unnamed, the surface is smooth.
+    /// Name of its texture in the library; the surface is smooth if not given.
     pub texture: Option<String>,
     /// Gain of the texture.
     #[serde(default = "unity")]
     pub gain: f32,
-    /// What it answers to an impact; unnamed, nothing.
+    /// Response to an impact; none if not given.
     pub tap: Option<TapDescription>,
-    /// How the tool sticks to it and slips; unnamed, it does not.
+    /// Sticking and slipping of the tool; none if not given.
     pub stick_slip: Option<StickSlipDescription>,
 }
 
@@ -67,7 +68,7 @@ const fn unity() -> f32 {
 }
 
 impl SurfaceDescription {
-    /// What regions call it.
+    /// Name that regions refer to.
     pub fn name(&self) -> Option<&str> {
         self.name.as_deref().or(self.texture.as_deref())
     }
@@ -81,7 +82,7 @@ pub struct TapDescription {
     pub frequency_hz: f32,
     /// Time constant of the decay, s.
     pub decay_s: f32,
-    /// Amplitude for a rate of force at contact, m/s² per N/s.
+    /// Amplitude per rate of force at contact, m/s² per N/s.
     pub gain_m_s2_per_n_s: f32,
     /// Largest amplitude, m/s².
     pub limit_m_s2: f32,
@@ -91,15 +92,15 @@ pub struct TapDescription {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StickSlipDescription {
-    /// Path from one slip to the next, mm.
+    /// Distance from one slip to the next, mm.
     pub period_mm: f32,
     /// Share of the period that the slip takes, 0 to 1.
     pub duty: f32,
-    /// By how much the texture is weaker while the tool sticks, 0 to 1.
+    /// Share by which the texture is weaker while the tool sticks, 0 to 1.
     pub depth: f32,
-    /// Speed from which on the tool slides, mm/s.
+    /// Speed below which the tool sticks, mm/s.
     pub below_mm_s: f32,
-    /// Force up to which the tool slides, N.
+    /// Force above which the tool sticks, N.
     pub above_n: f32,
 }
 
@@ -109,27 +110,28 @@ pub struct StickSlipDescription {
 pub struct RegionDescription {
     /// Name of its surface in the scene.
     pub surface: String,
-    /// Where it begins, mm.
+    /// Start, mm.
     pub start_mm: f32,
-    /// Where it ends, mm.
+    /// End, mm.
     pub end_mm: f32,
 }
 
-/// The equaliser: a response to undo, or sections as they are.
+/// The equaliser: a response to invert, or sections as they are.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EqualiserDescription {
-    /// The actuator's response, a file beside the scene's.
+    /// File of the actuator's response, relative to the scene's.
     pub response: Option<PathBuf>,
-    /// Most gain at any frequency, dB.
+    /// Largest gain at any frequency, dB.
     pub max_gain_db: Option<f64>,
-    /// Most sections for the response.
+    /// Largest number of sections for the response.
     pub max_sections: Option<usize>,
-    /// Where the response begins to be undone, Hz; its lowest frequency if not given.
+    /// Lower edge of the equalised band, Hz; the response's lowest frequency if not given.
     pub lowest_hz: Option<f64>,
-    /// Up to where it is undone, Hz; its highest frequency, or what the sample rate allows, if not given.
+    /// Upper edge of the equalised band, Hz; the response's highest frequency, or the highest that the sample rate
+    /// allows, if not given.
     pub highest_hz: Option<f64>,
-    /// Sections, one after the other.
+    /// Sections of the cascade, in order.
     #[serde(default, rename = "section")]
     pub sections: Vec<SectionDescription>,
 }
@@ -138,12 +140,12 @@ pub struct EqualiserDescription {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SectionDescription {
-    /// What it does around its frequency.
+    /// Effect around its frequency.
     pub kind: SectionKind,
-    /// Its frequency, Hz.
+    /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// Its quality factor Q.
+    /// Quality factor Q.
     pub q: f64,
-    /// Its gain, dB.
+    /// Gain, dB.
     pub gain_db: f64,
 }

@@ -1,4 +1,4 @@
-//! Scenes in a library that is there already.
+//! Scenes in an existing library.
 
 use model_format::scene::Scene;
 use model_format::{
@@ -8,10 +8,10 @@ use model_format::{
 
 use crate::support::error::{Error, Result};
 
-/// The bytes of `library` with `scenes`; those of the same name are replaced, others stay as they are.
+/// Encodes `library` with `scenes`. Scenes of the same name are replaced; all others stay the same.
 ///
 /// # Errors
-/// A scene that its library cannot hold.
+/// A scene that the library cannot hold.
 pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {
     let textures: Vec<TextureSpec> = library
         .textures()
@@ -24,7 +24,7 @@ pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {
         .map_err(|error| Error::Model(format!("the library cannot hold these scenes: {error}")))
 }
 
-/// A texture to be written as it was read.
+/// The specification of a decoded texture, which encodes to the same bytes.
 pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
     let codes = |coefficients: Coefficients<'_>| match coefficients {
         Coefficients::Lattice(codes) => {
@@ -62,7 +62,7 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
     }
 }
 
-/// What the surfaces of a scene from a library are called: a library holds their textures' names and no others.
+/// Names of the surfaces of a scene from a library: their textures' names, because a library holds no other ones.
 pub fn surface_names(scene: &Scene, library: &Library<'_>) -> Vec<String> {
     let surfaces = scene.surfaces.iter().enumerate();
     surfaces

@@ -1,23 +1,35 @@
-//! Scenes on the host: from a text with comments and units to the scene that a library holds, and from that to its cost and
-//! the very samples that the stylus plays.
+//! Scenes on the host: from a TOML text to the scene that a library holds, to its cost, and to the samples that the
+//! stylus plays.
 //!
-//! A scene's text is TOML. Units are in the names of the keys; what is not named is not played.
+//! A scene has one name per form, in the order of its making:
+//!
+//! | form | type |
+//! |---|---|
+//! | the content of the TOML text | [`SceneDescription`], in a [`SceneFile`] |
+//! | the wire form, as a library holds it | [`model_format::scene::Scene`], in a [`CompiledScene`] |
+//! | the stages of a tick | [`stylus_kernel::scene::Plan`] |
+//! | the samples along a motion | [`SceneRendering`] |
+//!
+//! **Invariant: a scene plays what its text names and nothing else, and a rendering is bit for bit what the stylus
+//! plays.** Synthesis belongs to the kernel, and the wire form to the model format; neither belongs here.
+//!
+//! The keys of the text have their units in their names:
 //!
 //! ```toml
 //! name = "two cloths"
 //! transition_mm = 4                    # fade between neighbours over 4 mm of path; 0 if not given
 //!
 //! [[surface]]
-//! texture = "denim"                    # of the library; without one the surface is smooth
+//! texture = "denim"                    # in the library; without one the surface is smooth
 //! gain = 1.0                           # the default
-//! [surface.tap]                        # a decaying sine at an impact; `stylus fit-tap` finds these from recordings
+//! [surface.tap]                        # a decaying sine at an impact; `stylus fit-tap` fits it to recordings
 //! frequency_hz = 240
 //! decay_s = 0.012
 //! gain_m_s2_per_n_s = 0.4
 //! limit_m_s2 = 40
 //!
 //! [[surface]]
-//! name = "sticky vinyl"                # the texture's name if not given
+//! name = "sticky vinyl"                # the default is the texture's name
 //! texture = "vinyl"
 //! [surface.stick_slip]                 # bursts below a speed and above a force
 //! period_mm = 1.5
@@ -26,7 +38,7 @@
 //! below_mm_s = 60
 //! above_n = 0.5
 //!
-//! [[region]]                           # where on the path; none is the first surface everywhere
+//! [[region]]                           # a stretch of the path; without any, the first surface is everywhere
 //! surface = "denim"
 //! start_mm = 0
 //! end_mm = 40
@@ -39,22 +51,25 @@
 //! response = "coil.csv"                # beside this file: frequency_hz,magnitude_db
 //! max_gain_db = 12
 //! ```
-//! `[constant_motion]` with `speed_mm_s` and `force_n` plays a texture as if always moved so while there is contact;
-//! `sample_rate_hz` is 5000 if not given.
+//! `[constant_motion]` with `speed_mm_s` and `force_n` plays the textures at that motion while there is contact. The
+//! default of `sample_rate_hz` is 5000.
 
+mod compile;
 mod cost;
 mod description;
 pub mod equaliser;
 mod file;
 mod library;
+mod place;
 mod rendering;
 pub mod tap;
 
-pub use cost::{CostReport, Line, Situation};
+pub use compile::CompiledScene;
+pub use cost::{CostReport, Situation, StageCost};
 pub use description::{
-    ConstantMotion, Description, EqualiserDescription, RegionDescription, SectionDescription,
+    ConstantMotion, EqualiserDescription, RegionDescription, SceneDescription, SectionDescription,
     SurfaceDescription,
 };
-pub use file::{Compiled, SceneFile};
+pub use file::SceneFile;
 pub use library::{surface_names, texture_spec, with_scenes};
 pub use rendering::{Hand, SceneRendering};

@@ -1,4 +1,5 @@
-//! A scene played on the host: the very samples that the stylus plays for the same motion, block by block.
+//! Rendering of a scene on the host: the same samples as on the stylus for the same motion, because the same kernel
+//! plays them. The motion is updated every [`UPDATE_INTERVAL_SAMPLES`] samples.
 
 use model_format::OutputSample;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
@@ -8,7 +9,7 @@ use crate::playing::motion::MotionPath;
 use crate::playing::render::MAX_SECONDS;
 use crate::support::error::{Error, Result};
 
-/// The hand of a motion, as a scene follows it: its place and whether it touches go with speed and force.
+/// A hand that follows a motion: position and contact beside speed and force, as a scene needs them.
 #[derive(Clone, Debug)]
 pub struct Hand<'a> {
     motion: &'a MotionPath,
@@ -16,7 +17,7 @@ pub struct Hand<'a> {
 }
 
 impl<'a> Hand<'a> {
-    /// Not touching yet.
+    /// A hand on `motion` without contact so far.
     pub fn new(motion: &'a MotionPath) -> Self {
         Self {
             motion,
@@ -24,8 +25,8 @@ impl<'a> Hand<'a> {
         }
     }
 
-    /// What it does at `time_s`. Asked for one moment after the other, as it detects contact on the way where the motion does
-    /// not tell it.
+    /// The interaction at `time_s`. Times must ascend from call to call, because contact is detected from the force's
+    /// history if the motion does not give it.
     pub fn at(&mut self, time_s: f64) -> Interaction {
         let motion = self.motion.at(time_s);
         let touches = self.detector.touches(motion);
@@ -40,9 +41,9 @@ impl<'a> Hand<'a> {
     }
 }
 
-/// A scene as it is played along a motion, sample by sample; nothing is kept.
+/// Iterator over the samples of a scene along a motion.
 ///
-/// The same scene, library, motion and seed give the same samples, always and everywhere.
+/// The same scene, library, motion and seed give the same samples on every machine.
 #[derive(Clone, Debug)]
 pub struct SceneRendering<'a> {
     player: ScenePlayer<'a>,
@@ -53,10 +54,10 @@ pub struct SceneRendering<'a> {
 }
 
 impl<'a> SceneRendering<'a> {
-    /// `seconds` of `plan`, from rest without contact.
+    /// A rendering of `seconds` of `plan`, from rest without contact.
     ///
     /// # Errors
-    /// A duration that is not a number, is shorter than a sample, or longer than [`MAX_SECONDS`].
+    /// A duration that is not a number, shorter than a sample, or longer than [`MAX_SECONDS`].
     pub fn new(plan: Plan<'a>, motion: &'a MotionPath, seconds: f64, seed: u64) -> Result<Self> {
         let sample_rate_hz = plan.sample_rate_hz();
         let samples = (seconds * f64::from(sample_rate_hz)).round();
@@ -74,12 +75,12 @@ impl<'a> SceneRendering<'a> {
         })
     }
 
-    /// How many samples were at full scale so far.
+    /// Number of samples at full scale so far.
     pub fn saturations(&self) -> u32 {
         self.player.saturations()
     }
 
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub fn sample_rate_hz(&self) -> u32 {
         self.sample_rate_hz
     }

@@ -9,7 +9,7 @@ use crate::dsp::log_spectrum::{FINE_BINS, LogSpectrum};
 use crate::dsp::model::Model;
 use crate::texture::quantise::StructureChoice;
 
-/// What of a model's shape is averaged.
+/// The representation of a model's shape that is averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Domain {
     /// Predictor coefficients h, as in the paper. A mean of stable models need not be stable.
@@ -31,7 +31,7 @@ pub enum Domain {
     WarpedLogSpectrum,
 }
 
-/// How the level is averaged.
+/// The representation of the level that is averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
     /// By the excitation's variance σ², as in the paper: the output's power is what the mean filter makes of it.
@@ -55,7 +55,7 @@ impl Method {
     /// The paper's: h and σ², played in the direct form.
     pub const PAPER: Self = Self::new(Domain::Predictor, Level::Excitation);
 
-    /// What the device plays between nodes: θ and power.
+    /// The device's own method: θ and power.
     pub const DEVICE: Self = Self::new(Domain::Angle, Level::Power);
 
     /// Every method, the paper's first.

@@ -5,5 +5,7 @@
 pub mod certificate;
 pub mod domain;
 pub mod grid;
+pub mod library;
 pub mod quantise;
 pub mod recorded_spectra;
+pub mod stored;

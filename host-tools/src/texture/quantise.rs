@@ -21,7 +21,7 @@ pub enum StructureChoice {
 }
 
 impl StructureChoice {
-    /// What the library calls it.
+    /// Returns the library's name of the structure.
     pub fn structure(self) -> Structure {
         match self {
             Self::Lattice => Structure::NormalisedLattice,

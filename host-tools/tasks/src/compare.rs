@@ -1,4 +1,4 @@
-//! Holding a report against what the host plays, and against the budgets.
+//! Comparison of a report with the host's words and with the budgets.
 
 use std::fmt::Write;
 
@@ -12,24 +12,24 @@ use crate::qemu;
 use crate::report::{Cost, Played, Report};
 use crate::toolchain::Toolchain;
 
-/// Fewest calls that a count of instructions is taken from.
+/// The fewest calls that make a count of instructions.
 const MIN_CALLS: u32 = 200;
 
 /// Builds the image for `processor`, runs it, and reads its report.
 ///
 /// # Errors
-/// The toolchain or QEMU is missing, the build or the image fails, or the report is none.
+/// The toolchain or QEMU is missing, the build or the image fails, or the image prints something else.
 pub fn play(processor: Processor) -> Result<Report> {
     let toolchain = Toolchain::find()?;
     let image = guest::build(&toolchain, processor)?;
     Report::parse(&qemu::run(processor, &image, None)?)
 }
 
-/// What the host plays, in the order of a report.
+/// The host's own words, in the order of a report.
 pub fn on_host() -> Vec<Played> {
     let library = library();
     let mut played = Vec::new();
-    // The host has one arithmetic, and the target's own must give the same bits.
+    // The host has one arithmetic, and the target's instructions must give the same bits.
     for arithmetic in [PORTABLE, CORTEX_M] {
         for vector in &VECTORS {
             let mut words = Vec::new();
@@ -55,7 +55,7 @@ pub fn on_host() -> Vec<Played> {
     played
 }
 
-/// Checks that what `processor` played is what the host plays, bit for bit, and that nothing is missing.
+/// Checks that `processor` played the host's words, bit for bit, and all of them.
 ///
 /// # Errors
 /// The first difference.
@@ -77,7 +77,7 @@ pub fn same_bits(processor: Processor, played: &[Played], host: &[Played]) -> Re
             processor: processor.name(),
             arithmetic: more.arithmetic.clone(),
             what: more.texture.clone().unwrap_or_default(),
-            problem: "played beyond what was asked for".to_owned(),
+            problem: "played, although the host plays nothing more".to_owned(),
         }),
     }
 }
@@ -109,10 +109,10 @@ fn same(played: Option<&Played>, host: &Played) -> std::result::Result<(), Strin
     Ok(())
 }
 
-/// Checks that samples of each measured texture all took the same number of instructions.
+/// Checks that all samples of a measured texture took the same number of instructions.
 ///
 /// # Errors
-/// A texture whose samples did not, or that was not measured often enough.
+/// A texture has samples that differ, or was not measured often enough.
 pub fn same_cost_always(processor: Processor, samples: &[Cost]) -> Result<()> {
     each_measured(processor, samples, |_, cost| {
         if cost.fewest == cost.most {
@@ -129,7 +129,7 @@ pub fn same_cost_always(processor: Processor, samples: &[Cost]) -> Result<()> {
 /// Checks that samples of each measured texture stay within their budget.
 ///
 /// # Errors
-/// A texture whose samples do not, or that was not measured often enough.
+/// A texture has a dearer sample, or was not measured often enough.
 pub fn within_budget(processor: Processor, samples: &[Cost]) -> Result<()> {
     each_measured(processor, samples, |measured, cost| {
         let (most, budget) = (cost.most, measured.budget_instructions);
@@ -169,7 +169,7 @@ fn find<'a>(costs: &'a [Cost], texture: &str) -> Option<&'a Cost> {
     costs.iter().find(|cost| cost.texture == texture)
 }
 
-/// The measured costs as a table, in instructions.
+/// The measured costs as a table, in instructions per sample and per update.
 pub fn table(processor: Processor, report: &Report) -> String {
     let range = |costs: &[Cost], texture| match find(costs, texture) {
         Some(cost) if cost.fewest == cost.most => cost.most.to_string(),
@@ -180,9 +180,9 @@ pub fn table(processor: Processor, report: &Report) -> String {
         "{:<10} {:<22} {:>8} {:>8} {:>16}\n",
         processor.name(),
         "instructions",
-        "a sample",
+        "per sample",
         "budget",
-        "an update"
+        "per update"
     );
     for measured in &MEASURED {
         let _ = writeln!(

@@ -1,5 +1,7 @@
-//! What a sample and an update cost, by structure, number of nodes, order and processor: every instruction of some calls
-//! is traced on emulated processors and given its cycles; see [`qemu_tests`].
+//! The costs of a sample and of an update, by structure, number of nodes, order and processor.
+//!
+//! Every instruction of some calls is traced on emulated processors and takes the cycles of the manual; see
+//! [`qemu_tests`].
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -11,9 +13,9 @@ use kernel_vectors::{
     COUNTED_ORDERS, COUNTED_SAMPLES, COUNTED_UPDATES, PEER_SAMPLES, counted_library,
 };
 use model_format::limits::MAX_ORDER;
-use qemu_tests::costs::{Core, Costs, Entry, Origin, Peer, SampleCost, Structure, UpdateCost};
 use qemu_tests::count::{Alignment, Call, Counter};
 use qemu_tests::image::Image;
+use stylus_costs::{Core, Costs, Entry, Origin, Peer, SampleCost, Structure, UpdateCost};
 
 use crate::error::{Error, Result};
 use crate::guest::{self, Processor};
@@ -22,17 +24,17 @@ use crate::{qemu, workspace};
 
 /// The file of the table.
 pub fn path() -> PathBuf {
-    workspace::root().join("tests/qemu/costs.json")
+    workspace::root().join("host-tools/costs/costs.json")
 }
 
-/// An image with its code, ready to be traced.
+/// An image with its code, ready for a trace.
 pub struct Guest {
     processor: Processor,
     file: PathBuf,
     image: Image,
 }
 
-/// What the image is asked to play for a structure, and the functions that do it: parts of their mangled names.
+/// The image's job for a structure, and the functions that do it, by parts of their mangled names.
 struct Subject {
     filter: Filter,
     stored: model_format::Structure,
@@ -89,10 +91,10 @@ impl Guest {
         })
     }
 
-    /// What `structure` costs at `orders`, on one node and on four.
+    /// The costs of `structure` at `orders`, on one node and on four.
     ///
     /// # Errors
-    /// QEMU is missing, the image fails, an instruction's time is not known, or samples differ in what they cost.
+    /// QEMU is missing, the image fails, an instruction's time is not known, or samples differ in cost.
     pub fn count(&self, structure: Structure, orders: &[usize]) -> Result<Vec<Entry>> {
         let subject = subject(structure);
         let library = counted_library(subject.stored, orders);
@@ -161,9 +163,9 @@ impl Guest {
 const UPDATE: usize = 0;
 const SAMPLE: usize = 1;
 
-/// Ranges around `addresses`, as few as leave out other functions.
+/// The fewest ranges that hold `addresses` and no other functions.
 fn ranges(addresses: &BTreeSet<u32>) -> Vec<RangeInclusive<u32>> {
-    /// Bytes that a gap in what is executed may have, such as a jump over a few instructions.
+    /// The largest gap within a range, bytes, such as a jump over a few instructions.
     const GAP_BYTES: u32 = 32;
     let mut ranges: Vec<RangeInclusive<u32>> = Vec::new();
     for &address in addresses {
@@ -175,7 +177,7 @@ fn ranges(addresses: &BTreeSet<u32>) -> Vec<RangeInclusive<u32>> {
     ranges
 }
 
-/// Filters that the image runs without excitation and level: a part of the function's mangled name, and what it is.
+/// Filters that the image runs without excitation and level: a part of the function's mangled name, and the filter.
 const ALONE: [(&str, &str); 7] = [
     (
         "5peers13lattice_alone",
@@ -202,7 +204,7 @@ const ALONE: [(&str, &str); 7] = [
 ];
 
 impl Guest {
-    /// What filters of order 400 cost, others' and ours, without what the product has around them.
+    /// The costs of filters of order 400, others' and ours, without the excitation and level of the product.
     ///
     /// # Errors
     /// QEMU is missing, the image fails, or an instruction's time is not known.
@@ -243,14 +245,14 @@ impl Guest {
     }
 }
 
-/// What a call of a library's filter does.
+/// The work of a call of a library's filter.
 const FILTER_ALONE: &str = "filter";
 
 /// The order of all peers.
 const HIGHEST_ORDER: u32 = MAX_ORDER as u32;
 
-/// What the calls of one texture cost. `extra` are the cycles that some samples, one after the other, take for accesses that
-/// are not aligned; what follows the last of them may be counted there too, so that it is left out.
+/// The cost of the calls of one texture. `extra` has the cycles that successive samples take for unaligned accesses.
+/// Its last value is left out, because it may include the code after that sample.
 fn costs(calls: &[Call], extra: &[u32]) -> std::result::Result<(SampleCost, UpdateCost), String> {
     let (updates, samples): (Vec<Call>, Vec<Call>) =
         calls.iter().partition(|call| call.function == UPDATE);
@@ -294,7 +296,7 @@ fn costs(calls: &[Call], extra: &[u32]) -> std::result::Result<(SampleCost, Upda
     Ok((sample, update))
 }
 
-/// Counts everything, telling `progress` what is done.
+/// Counts everything, and reports each finished structure to `progress`.
 ///
 /// # Errors
 /// See [`Guest::count`].
@@ -334,8 +336,9 @@ pub fn compiler(toolchain: &Toolchain) -> Result<String> {
         .to_owned())
 }
 
-/// CMSIS-DSP's filters at 400 taps, one sample a call, the fastest build of each, counted by the same rules on the same
-/// emulator: what, instructions, cycles at best and at worst. They are references: the library is C, and not part of this build.
+/// CMSIS-DSP's filters at 400 taps, one sample per call, the fastest build of each: name, instructions, cycles at best
+/// and at worst. They were counted by the same rules on the same emulator. They are references, because the library is
+/// C and not part of this build.
 const CMSIS_DSP: [(&str, u32, u32, u32); 7] = [
     ("FIR, q31", 2514, 3217, 4422),
     ("FIR, fast q31", 2564, 3908, 4825),
@@ -346,9 +349,9 @@ const CMSIS_DSP: [(&str, u32, u32, u32); 7] = [
     ("all-pole lattice, f32, two multipliers", 5192, 7084, 8320),
 ];
 
-/// Ours at the highest order on a Cortex-M4, `others`, and CMSIS-DSP's.
+/// The product's filters at the highest order on a Cortex-M4, then `others`, then CMSIS-DSP's.
 fn peers(entries: &[Entry], others: Vec<Peer>) -> Vec<Peer> {
-    // Four nodes or one are the same samples.
+    // A sample takes the same over four nodes and over one.
     let ours = entries
         .iter()
         .filter(|entry| entry.core == Core::M4 && entry.order == HIGHEST_ORDER && entry.nodes == 4);
@@ -375,7 +378,7 @@ fn peers(entries: &[Entry], others: Vec<Peer>) -> Vec<Peer> {
     ours.chain(others).chain(theirs).collect()
 }
 
-/// The table of entries, of each core its own columns, and the peers, as text.
+/// The entries as a table with columns for each core, and the peers, as text.
 pub fn table(costs: &Costs) -> String {
     let mut text = format!(
         "rustc {}, QEMU {}; cycles are the Cortex-M4's, modelled, best to worst; the worst bounds a Cortex-M7\n\n",
@@ -384,7 +387,7 @@ pub fn table(costs: &Costs) -> String {
     let _ = writeln!(
         text,
         "{:<32} {:>5} {:>5}  {:>8} {:>15}  {:>8} {:>15}  {:>16}",
-        "a sample", "nodes", "order", "M4", "cycles", "M7", "cycles", "an update, M4"
+        "per sample", "nodes", "order", "M4", "cycles", "M7", "cycles", "per update, M4"
     );
     for m4 in costs.entries.iter().filter(|entry| entry.core == Core::M4) {
         let Some(m7) = costs.entry(m4.structure, m4.nodes, Core::M7, m4.order) else {
@@ -411,8 +414,8 @@ pub fn table(costs: &Costs) -> String {
     }
     let _ = writeln!(
         text,
-        "\n{:<58} {:>12} {:>7} {:>7}  what the call does",
-        "at order 400 on a Cortex-M4, one sample a call", "instructions", "best", "worst",
+        "\n{:<58} {:>12} {:>7} {:>7}  work of the call",
+        "at order 400 on a Cortex-M4, one sample per call", "instructions", "best", "worst",
     );
     for peer in &costs.peers {
         let origin = match peer.origin {
@@ -456,7 +459,7 @@ mod tests {
 
     #[test]
     fn an_update_goes_from_the_cheapest_to_the_dearest_and_a_sample_is_one_figure() {
-        // The last sample's accesses are not those of a sample alone.
+        // The last sample's accesses include those of the code after it.
         let (sample, update) = costs(&calls(), &[3, 1, 7, 99]).unwrap();
         assert_eq!(
             (sample.instructions, sample.best_cycles, sample.worst_cycles),

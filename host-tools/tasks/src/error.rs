@@ -1,8 +1,8 @@
-//! What can go wrong, with what to do about it.
+//! The failures of tasks, with remedies.
 
 use std::path::PathBuf;
 
-use crate::toolchain::TARGET;
+use crate::target::{DEBIAN_PACKAGES, TARGET};
 
 /// A task that failed.
 #[derive(Debug, thiserror::Error)]
@@ -10,12 +10,12 @@ use crate::toolchain::TARGET;
 pub enum Error {
     /// No toolchain builds for the target.
     #[error(
-        "no Rust toolchain here builds for {TARGET}; install it: `rustup target add {TARGET}`, or, where rustup has no such \
-         target, on Debian 12 as root: `apt-get install {}`",
-        crate::toolchain::DEBIAN_PACKAGES.join(" ")
+        "no Rust toolchain here builds for {TARGET}; install it: `rustup target add {TARGET}`, or, where rustup has no \
+         such target, on Debian 12 as root: `apt-get install {}`",
+        DEBIAN_PACKAGES.join(" ")
     )]
     NoToolchain,
-    /// A program that a task needs is missing.
+    /// A needed program is missing.
     #[error(
         "{program} is not installed; install it, on Debian as root: `apt-get install {package}`"
     )]
@@ -25,75 +25,99 @@ pub enum Error {
         /// The Debian package that has it.
         package: &'static str,
     },
-    /// A program could not be started or waited for.
+    /// A program could not be started, or its end could not be awaited.
     #[error("cannot run {program}: {source}")]
     Run {
         /// The program.
         program: String,
-        /// Why not.
+        /// The system's reason.
         source: std::io::Error,
     },
-    /// A program ended with a failure; what it printed is on the screen already.
+    /// A program ended with a failure. Its output is on the screen already.
     #[error("{program} failed ({status}); see above")]
     Failed {
         /// The program with its arguments.
         program: String,
-        /// How it ended.
+        /// The exit status.
         status: std::process::ExitStatus,
     },
     /// A build ended well and left no image.
-    #[error("{path}: the build left no image here", path = .0.display())]
+    #[error("{path}: the build succeeded and left no image here", path = .0.display())]
     NoImage(PathBuf),
-    /// The image in the emulator failed.
+    /// A page has another table than its command writes.
+    #[error(transparent)]
+    Page(#[from] crate::tables::page::PageError),
+    /// A name is that of no table.
+    #[error("no command writes a table '{name}'; there are {known}")]
+    NoTable {
+        /// The name.
+        name: String,
+        /// The names of all tables.
+        known: String,
+    },
+    /// The emulated image failed.
     #[error("the image on {machine} failed ({status}); its last lines:\n{tail}")]
     Guest {
         /// The emulated machine.
         machine: &'static str,
-        /// How the emulator ended.
+        /// The emulator's exit status.
         status: std::process::ExitStatus,
-        /// What was printed last.
+        /// The last printed lines.
         tail: String,
     },
-    /// The image in the emulator did not end.
+    /// The emulated image did not end.
     #[error(
         "the image on {machine} did not end within {seconds} s and was stopped; its last lines:\n{tail}"
     )]
     Timeout {
         /// The emulated machine.
         machine: &'static str,
-        /// How long it was given.
+        /// The time that it was given, s.
         seconds: u64,
-        /// What was printed last.
+        /// The last printed lines.
         tail: String,
     },
-    /// A traced image that does not end.
+    /// A traced image did not end.
     #[error("the image did not end within {0} lines of the emulator's log and was stopped")]
     Endless(u64),
-    /// A job that the emulated memory has no room for.
-    #[error("a job for the image takes more than the {0} bytes that it has for one")]
+    /// A job is larger than the emulated memory's room for it.
+    #[error("a job for the image takes more than the {0} bytes of its room")]
     LargeJob(usize),
-    /// A job that cannot be written.
-    #[error("a temporary file for the emulator: {0}")]
+    /// The file of a job cannot be written.
+    #[error("cannot write a temporary file for the emulator: {0}")]
     JobFile(std::io::Error),
-    /// Something that cannot be counted.
+    /// A count failed.
     #[error(transparent)]
     Count(#[from] qemu_tests::error::Error),
-    /// A trace with other calls than the image was told to make.
+    /// A trace has other calls than the image's job.
     #[error("{processor}, {what}: {problem}")]
     Calls {
         /// The processor.
         processor: &'static str,
-        /// What was played.
+        /// The played structure, order and number of nodes.
         what: String,
-        /// What is wrong.
+        /// The difference.
         problem: String,
     },
-    /// A file that cannot be written.
+    /// A file or folder cannot be read.
+    #[error("{path}: {source}", path = path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Code or pages depart from the drawn layout. The departures are on the screen already.
+    #[error(
+        "the house is not as drawn, in {0} places above; the rules are in host-tools/tasks/src/house"
+    )]
+    House(usize),
+    /// A file cannot be written.
     #[error("{path}: {source}", path = path.display())]
     Write {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The system's reason.
         source: std::io::Error,
     },
     /// The image printed something else than a report.
@@ -101,7 +125,7 @@ pub enum Error {
     Report {
         /// The line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// The line's fault.
         problem: String,
     },
     /// The emulated processor and the host played different samples.
@@ -109,20 +133,20 @@ pub enum Error {
     Bits {
         /// The processor.
         processor: &'static str,
-        /// How pairs of 16-bit numbers were multiplied.
+        /// The multiplication of pairs of 16-bit numbers: a keyword.
         arithmetic: String,
-        /// The texture, or what else was played.
+        /// The texture, or the edges of arithmetic.
         what: String,
         /// The first difference.
         problem: String,
     },
-    /// A file that is no image of a program.
+    /// A file is no image of a program.
     #[error("the image cannot be read: {0}")]
     Elf(String),
-    /// Something that the tick reaches is not where it must be.
-    #[error("{0}: what the tick reaches must be in ITCM and DTCM, name it in firmware/tick.x")]
+    /// Code or data that the tick reaches is in flash.
+    #[error("{0}: all that the tick reaches must be in ITCM or DTCM; name it in firmware/tick.x")]
     Placement(String),
-    /// The program that flashes is missing.
+    /// The flashing program is missing.
     #[error(
         "probe-rs is not installed; install it: https://probe.rs/docs/getting-started/installation"
     )]
@@ -134,10 +158,10 @@ pub enum Error {
         processor: &'static str,
         /// The texture.
         texture: String,
-        /// What is wrong.
+        /// The excess or the variation.
         problem: String,
     },
 }
 
-/// What tasks return.
+/// The result of a task.
 pub type Result<T> = std::result::Result<T, Error>;

@@ -3,17 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::toolchain::{TARGET, Toolchain};
+use crate::target::TARGET;
+use crate::toolchain::Toolchain;
 use crate::{process, workspace};
 
-/// A processor that the kernel is built for, and the board of Arm's on which QEMU has it.
+/// A processor that the kernel is built for. QEMU has each on one of Arm's boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 #[value(rename_all = "kebab-case")]
 pub enum Processor {
-    /// What a small stylus would use.
+    /// The processor of a small stylus.
     #[value(name = "cortex-m4")]
     CortexM4,
-    /// The board's.
+    /// The processor of the product's board.
     #[value(name = "cortex-m7")]
     CortexM7,
 }
@@ -22,7 +23,7 @@ impl Processor {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::CortexM4, Self::CortexM7];
 
-    /// Its name, as the compiler knows it.
+    /// The compiler's name of it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::CortexM4 => "cortex-m4",
@@ -44,20 +45,20 @@ pub fn folder() -> PathBuf {
     workspace::root().join("tests/qemu/guest")
 }
 
-/// Flags for the compiler: the processor, cortex-m-rt's linker script, and segments that are not padded to pages.
+/// Flags for the compiler: the processor, cortex-m-rt's linker script, and segments without padding to pages.
 pub fn compiler_flags(processor: Processor) -> String {
     let name = processor.name();
     format!("-C target-cpu={name} -C link-arg=-Tlink.x -C link-arg=--nmagic")
 }
 
-/// Builds the guest, and tells where its image is.
+/// Builds the guest, and returns its image.
 ///
 /// # Errors
 /// There is no toolchain, or the build fails.
 pub fn build(toolchain: &Toolchain, processor: Processor) -> Result<PathBuf> {
     let target_folder = workspace::target_folder(processor.name());
     let mut cargo = toolchain.cargo("build", &folder(), &target_folder);
-    cargo.arg("--release").arg("--quiet");
+    cargo.args(["--release", "--quiet", "--locked"]);
     cargo.env("RUSTFLAGS", compiler_flags(processor));
     process::run(&mut cargo)?;
     let image = target_folder

@@ -1,5 +1,6 @@
 //! Tasks around the microcontroller's core that take more than one cargo call: finding a toolchain that has the target,
-//! building for it, and running what was built on emulated processors.
+//! building for it, and running the images on emulated processors; and the check of the repository's layout
+//! ([`house`]).
 //!
 //! The tests in `tests/qemu` use this library; the command `cargo tasks` is a thin layer over it.
 
@@ -8,10 +9,13 @@ pub mod costs;
 pub mod error;
 pub mod firmware;
 pub mod guest;
+pub mod house;
 pub mod lint;
 pub mod process;
 pub mod qemu;
 pub mod report;
+pub mod tables;
+pub mod target;
 pub mod toolchain;
 pub mod virtual_stylus;
 pub mod workspace;

@@ -1,4 +1,4 @@
-//! Clippy for what is built for the target.
+//! Clippy for all code that is built for the target.
 
 use crate::error::Result;
 use crate::guest::{self, Processor};
@@ -24,7 +24,7 @@ pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     let target_folder = workspace::target_folder("lint");
     let mut packages = toolchain.cargo("clippy", workspace::root(), &target_folder);
     packages.args(PACKAGES.iter().flat_map(|package| ["--package", package]));
-    // The image, with what only its tests have.
+    // The image, with the faults that only its tests have.
     let mut image = toolchain.cargo("clippy", workspace::root(), &target_folder);
     image.args([
         "--package",
@@ -32,12 +32,12 @@ pub fn check_target(toolchain: &Toolchain) -> Result<()> {
         "--features",
         "fault-injection",
     ]);
-    // In the folder and profile of its build, so that most of that serves here too.
+    // The folder and profile of its build, so that most of that build is used again.
     let target_folder = workspace::target_folder(PROCESSOR.name());
     let mut guest = toolchain.cargo("clippy", &guest::folder(), &target_folder);
     guest.arg("--release");
     for command in [&mut packages, &mut image, &mut guest] {
-        command.arg("--quiet");
+        command.args(["--quiet", "--locked"]);
         command.env("RUSTFLAGS", guest::compiler_flags(PROCESSOR));
         process::run(command.args(["--", "--deny", "warnings"]))?;
     }

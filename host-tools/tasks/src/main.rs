@@ -10,7 +10,7 @@ use tasks::error::{Error, Result};
 use tasks::firmware::Image;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::{Toolchain, check_clippy};
-use tasks::{compare, costs, firmware, lint, qemu, virtual_stylus};
+use tasks::{compare, costs, firmware, house, lint, qemu, tables, virtual_stylus, workspace};
 
 /// Tasks around the microcontroller's core.
 #[derive(Parser)]
@@ -22,7 +22,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Say what is installed, and how to install what is missing
+    /// List the needed programs, and how to install the missing ones
     Setup,
     /// Build the image that plays the test vectors
     BuildGuest {
@@ -32,9 +32,9 @@ enum Task {
     },
     /// Play the test vectors on emulated processors, compare with the host, and count instructions
     Qemu,
-    /// Count what a sample and an update cost, instruction by instruction, and write tests/qemu/costs.json; some minutes
+    /// Count the cost per sample and per update, by instruction, and write host-tools/costs/costs.json (some minutes)
     Costs,
-    /// Build the image for the STM32H743, check where the tick's code is, and show what it takes of each memory
+    /// Build the image for the STM32H743, check the place of the tick's code, and show the use of each memory
     Firmware {
         /// With faults on request, for tests
         #[arg(long)]
@@ -44,7 +44,7 @@ enum Task {
     Flash,
     /// Build the image and run it on an emulated STM32H743, with a socket for `stylus --link tcp:`
     VirtualStylus {
-        /// Of the virtual stylus: `-- --help` tells them
+        /// Arguments of the virtual stylus: `-- --help` lists them
         #[arg(last = true)]
         arguments: Vec<OsString>,
     },
@@ -53,11 +53,21 @@ enum Task {
         /// A minute of recording instead of seconds, a million frames instead of thousands
         #[arg(long)]
         long: bool,
-        /// Of the tests, such as a name
+        /// Arguments of the tests, such as a name
         #[arg(last = true)]
         arguments: Vec<OsString>,
     },
-    /// Lint all that runs on the target; every warning fails
+    /// Check that code and pages keep to the drawn layout: wings, import circles, line lengths, names in pages
+    House,
+    /// Write tables of figures into the pages: the named ones, or all that need no build and no emulator
+    Tables {
+        /// Names of tables
+        names: Vec<String>,
+        /// Write nothing, and fail with page and row if a table differs from what this would write
+        #[arg(long, conflicts_with = "names")]
+        check: bool,
+    },
+    /// Lint all code for the target; every warning fails
     CheckTarget,
     /// Lint the virtual stylus; every warning fails
     CheckVirtualStylus,
@@ -81,6 +91,9 @@ fn main() -> ExitCode {
         }
         Task::TestVirtualStylus { long, arguments } => Toolchain::find()
             .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
+        Task::House => check_house(),
+        Task::Tables { check: true, .. } => tables::check_instant(),
+        Task::Tables { names, .. } => write_tables(names),
         Task::CheckVirtualStylus => virtual_stylus::lint(),
         Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),
     };
@@ -93,7 +106,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Tells about everything, and fails with the first that is missing.
+/// Shows every needed program, and fails with the first missing one.
 fn setup() -> Result<()> {
     let mut failures = Vec::new();
     let mut tell = |what: &str, found: Result<String>| match found {
@@ -132,7 +145,7 @@ fn build_guest(processor: Option<Processor>) -> Result<()> {
     Ok(())
 }
 
-/// Builds, shows what is taken of each memory, and tells where the file is.
+/// Builds the image, and shows the use of each memory and the file.
 fn build_firmware(image: Image) -> Result<PathBuf> {
     let file = firmware::build(&Toolchain::find()?, image)?;
     print!("{}", firmware::memory(&file)?);
@@ -140,7 +153,33 @@ fn build_firmware(image: Image) -> Result<PathBuf> {
     Ok(file)
 }
 
-/// Counts, shows and writes.
+/// Shows every departure from the drawn layout, a line each, or what was checked.
+fn check_house() -> Result<()> {
+    let outcome = house::check(workspace::root())?;
+    for finding in &outcome.findings {
+        println!("{finding}");
+    }
+    println!("house: {}", outcome.summary());
+    match outcome.findings.len() {
+        0 => Ok(()),
+        count => Err(Error::House(count)),
+    }
+}
+
+/// Writes the tables called `names`. Without names, writes those that need no build.
+fn write_tables(mut names: Vec<String>) -> Result<()> {
+    let asked = names.len();
+    names.retain(|name| name != tables::TICKS);
+    if names.len() < asked {
+        virtual_stylus::write_ticks(&Toolchain::find()?)?;
+        if names.is_empty() {
+            return Ok(());
+        }
+    }
+    tables::write(&names, |name| println!("{name}: written"))
+}
+
+/// Counts all costs, shows them and writes the table.
 fn count_all() -> Result<()> {
     let begin = Instant::now();
     let counted = costs::count(&Toolchain::find()?, |processor, structure| {
@@ -149,7 +188,7 @@ fn count_all() -> Result<()> {
     })?;
     print!("{}", costs::table(&counted));
     let path = costs::path();
-    std::fs::write(&path, counted.to_text()).map_err(|source| Error::Write {
+    std::fs::write(&path, qemu_tests::costs::to_text(&counted)).map_err(|source| Error::Write {
         path: path.clone(),
         source,
     })?;

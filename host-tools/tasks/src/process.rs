@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 /// Runs `command` to its end; it prints to the screen.
 ///
 /// # Errors
-/// It cannot be started, or ends with a failure.
+/// The program cannot be started, or ends with a failure.
 pub fn run(command: &mut Command) -> Result<()> {
     let status = command.status().map_err(|source| Error::Run {
         program: name(command),
@@ -31,12 +31,12 @@ pub fn run(command: &mut Command) -> Result<()> {
     }
 }
 
-/// The program of `command`, as it was asked for.
+/// The program of `command`, as the caller gave it.
 pub fn name(command: &Command) -> String {
     command.get_program().to_string_lossy().into_owned()
 }
 
-/// Where `program` is found on the search path.
+/// The file of `program` on the search path.
 pub fn find(program: &str) -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     std::env::split_paths(&path)

@@ -18,19 +18,19 @@ use crate::process;
 
 const QEMU: &str = "qemu-system-arm";
 
-/// The image takes a second or two; a machine that is a hundred times slower is out of order.
+/// The longest run. The image takes a second or two, and a machine that is a hundred times slower is out of order.
 const TIME_LIMIT: Duration = Duration::from_mins(3);
 
-/// Lines of a log, more than any traced job has, some minutes' worth: an image that goes on after them does not end at all.
+/// The most lines of a log: some minutes' worth, and more than any traced job has. A longer run does not end at all.
 const MOST_LINES: u64 = 200_000_000;
 
-/// How much of the output a message quotes.
+/// The lines of output that a message quotes.
 const TAIL_LINES: usize = 20;
 
-/// Checks that QEMU is there.
+/// Checks that QEMU is installed.
 ///
 /// # Errors
-/// It is not.
+/// QEMU is missing.
 pub fn check() -> Result<()> {
     match process::find(QEMU) {
         Some(_) => Ok(()),
@@ -41,10 +41,10 @@ pub fn check() -> Result<()> {
     }
 }
 
-/// QEMU's version, as it tells it: numbers with points.
+/// QEMU's version as it prints it: numbers with points.
 ///
 /// # Errors
-/// QEMU is missing or does not tell.
+/// QEMU is missing or prints no version.
 pub fn version() -> Result<String> {
     check()?;
     let output = Command::new(QEMU)
@@ -61,10 +61,9 @@ pub fn version() -> Result<String> {
         .ok_or_else(|| failed(io::Error::other("it tells no version")))
 }
 
-/// Runs `image` to its end and gives what it printed, `job` in its memory if there is one.
+/// Runs `image` to its end, with `job` in its memory if there is one, and returns its output.
 ///
-/// Virtual time goes on by 256 ns with each instruction, whatever the host does, so that what the image counts repeats
-/// exactly.
+/// Virtual time advances by 256 ns per instruction, whatever the host does, so that the image's counts repeat exactly.
 ///
 /// # Errors
 /// QEMU is missing, the image fails, or it does not end in time.
@@ -75,7 +74,7 @@ pub fn run(processor: Processor, image: &Path, job: Option<&Job<'_>>) -> Result<
         .args(["-icount", "shift=8"])
         .spawn()
         .map_err(failed)?;
-    // Both are read while it runs: a full pipe would stop it.
+    // Both are read while it runs, because a full pipe would stop it.
     let output = read_to_end(child.stdout.take());
     let errors = read_to_end(child.stderr.take());
     let status = child.wait_timeout(TIME_LIMIT).map_err(failed)?;
@@ -101,7 +100,7 @@ pub fn run(processor: Processor, image: &Path, job: Option<&Job<'_>>) -> Result<
     }
 }
 
-/// Runs `image` to its end with `job` in its memory, and gives `executed` the address of each instruction, in order.
+/// Runs `image` to its end with `job` in its memory, and hands `executed` the address of each instruction, in order.
 ///
 /// # Errors
 /// QEMU is missing, the image fails or does not end, or `executed` refuses an instruction.
@@ -122,7 +121,7 @@ pub fn trace(
     Ok(trace.end().map_or(Ok(()), executed)?)
 }
 
-/// The same with the registers at each instruction, but only for those in `ranges` of addresses: each takes the emulator
+/// The same with the registers at each instruction, only for addresses in `ranges`, because each takes the emulator
 /// twenty times as long.
 ///
 /// # Errors
@@ -144,8 +143,8 @@ pub fn trace_registers(
     Ok(trace.end().map_or(Ok(()), executed)?)
 }
 
-/// Runs `image` to its end with `job` in its memory, one instruction a block, and gives `take` each line of the log that
-/// `options` ask for.
+/// Runs `image` to its end with `job` in its memory, one instruction per block, and hands `take` each line of the log
+/// that `options` select.
 fn log(
     processor: Processor,
     image: &Path,
@@ -156,7 +155,7 @@ fn log(
     let version = version()?;
     let job = JobFile::write(job)?;
     let mut child = command(processor, image, Some(&job))
-        .args(one_instruction_a_block(&version))
+        .args(one_instruction_per_block(&version))
         .args(options)
         .spawn()
         .map_err(failed)?;
@@ -165,7 +164,7 @@ fn log(
     let log = log.map(|log| BufReader::with_capacity(1 << 20, log));
     let followed = log.map_or(Ok(Vec::new()), |log| follow(log, take));
     if followed.is_err() {
-        // It may have ended already; what it did no longer matters.
+        // It may have ended already, and its status no longer matters.
         let _ = child.kill();
     }
     let status = child.wait().map_err(failed)?;
@@ -182,7 +181,7 @@ fn log(
     }
 }
 
-/// Hands on the lines of a trace, and gives those that are none: what the emulator has to say.
+/// Hands on the lines of a trace, and returns the others, which are the emulator's messages.
 fn follow(
     log: impl BufRead,
     take: &mut dyn FnMut(&str) -> qemu_tests::error::Result<()>,
@@ -203,8 +202,8 @@ fn follow(
     Ok(rest)
 }
 
-/// The option that makes each block one instruction: it got another name with QEMU 8.1.
-fn one_instruction_a_block(version: &str) -> &'static [&'static str] {
+/// The option that makes each block one instruction. QEMU 8.1 renamed it.
+fn one_instruction_per_block(version: &str) -> &'static [&'static str] {
     let mut numbers = version
         .split('.')
         .map(|number| number.parse::<u32>().unwrap_or(0));
@@ -215,7 +214,7 @@ fn one_instruction_a_block(version: &str) -> &'static [&'static str] {
     }
 }
 
-/// The emulator with `image`, quiet but for what the image prints.
+/// The emulator with `image`. It prints nothing but the image's output.
 fn command(processor: Processor, image: &Path, job: Option<&JobFile>) -> Command {
     let mut command = Command::new(QEMU);
     command
@@ -228,7 +227,7 @@ fn command(processor: Processor, image: &Path, job: Option<&JobFile>) -> Command
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
     if let Some(JobFile(file)) = job {
-        // A comma in a value is written twice.
+        // QEMU reads a doubled comma as one within a value.
         let path = file.path().to_string_lossy().replace(',', ",,");
         command.args([
             "-device",
@@ -238,7 +237,7 @@ fn command(processor: Processor, image: &Path, job: Option<&JobFile>) -> Command
     command
 }
 
-/// A job where the emulator can read it; it is gone with this.
+/// A job in a file for the emulator. The file is removed with this value.
 struct JobFile(tempfile::NamedTempFile);
 
 impl JobFile {
@@ -262,14 +261,14 @@ fn read_to_end(stream: Option<impl Read + Send + 'static>) -> thread::JoinHandle
     thread::spawn(move || {
         let mut bytes = Vec::new();
         if let Some(mut stream) = stream {
-            // What was read until an error is what there is to show.
+            // After an error, the text so far is all there is to show.
             let _ = stream.read_to_end(&mut bytes);
         }
         String::from_utf8_lossy(&bytes).into_owned()
     })
 }
 
-/// The last lines that are not played words, which say nothing to a reader.
+/// The last lines without those of played words, which tell a reader nothing.
 fn tail(text: &str) -> String {
     let told = |line: &&str| !line.starts_with(WORDS);
     let lines: Vec<_> = text.lines().filter(told).collect();
@@ -281,14 +280,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_instruction_a_block_is_asked_for_by_the_name_that_the_version_knows() {
+    fn one_instruction_per_block_is_asked_for_by_the_name_that_the_version_knows() {
         for (version, option) in [
             ("7.2.22", "-singlestep"),
             ("8.0.5", "-singlestep"),
             ("8.1.0", "-accel"),
             ("10.0.2", "-accel"),
         ] {
-            assert_eq!(one_instruction_a_block(version)[0], option, "{version}");
+            assert_eq!(one_instruction_per_block(version)[0], option, "{version}");
         }
     }
 

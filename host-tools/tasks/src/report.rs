@@ -1,43 +1,43 @@
-//! Reading what the image printed: the lines of [`kernel_vectors::report`].
+//! The reader of the image's output: the lines of [`kernel_vectors::report`].
 
 use kernel_vectors::report as keyword;
 
 use crate::error::{Error, Result};
 
-/// What the image played and measured.
+/// The words and measurements of the image.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// What it played, in order.
+    /// The played textures and edges, in order.
     pub played: Vec<Played>,
-    /// What samples cost.
+    /// The costs of samples.
     pub samples: Vec<Cost>,
-    /// What updates of coefficients cost.
+    /// The costs of updates of the coefficients.
     pub follows: Vec<Cost>,
 }
 
-/// A texture that was played, or the edges of arithmetic.
+/// A played texture, or the edges of arithmetic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Played {
-    /// How pairs of 16-bit numbers were multiplied: a keyword.
+    /// The multiplication of pairs of 16-bit numbers: a keyword.
     pub arithmetic: String,
     /// The texture's name; none for the edges.
     pub texture: Option<String>,
     /// The samples, in two's complement.
     pub words: Vec<u32>,
-    /// How many samples were at full scale; none for the edges.
+    /// The number of samples at full scale; none for the edges.
     pub full_scale: Option<u32>,
 }
 
-/// What calls cost, in instructions.
+/// The cost of calls, in instructions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cost {
     /// The texture's name.
     pub texture: String,
-    /// Of the cheapest call.
+    /// The cheapest call's instructions.
     pub fewest: u32,
-    /// Of the dearest call.
+    /// The dearest call's instructions.
     pub most: u32,
-    /// How many calls were counted.
+    /// The number of counted calls.
     pub calls: u32,
 }
 
@@ -45,7 +45,7 @@ impl Report {
     /// Reads a whole report.
     ///
     /// # Errors
-    /// A line that is none of a report's, or no last line.
+    /// A line is none of a report's, or the last line is missing.
     pub fn parse(text: &str) -> Result<Self> {
         let mut report = Self::default();
         let mut ended = false;

@@ -1,29 +1,17 @@
 //! A Rust toolchain that builds for the microcontroller's core.
 //!
-//! On most machines that is rustup's, with the target that `rust-toolchain.toml` asks for. Where rustup cannot get it,
-//! Debian's own toolchain does: it has no such target either, and builds `core` from the library's source.
+//! On most machines it is rustup's, with the target that `rust-toolchain.toml` names. Where rustup cannot install the
+//! target, Debian's own toolchain serves. It has no such target either, and builds `core` from the library's source.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::error::{Error, Result};
+use crate::target::TARGET;
 use crate::{process, workspace};
 
-/// Cortex-M4 and M7 with a floating-point unit.
-pub const TARGET: &str = "thumbv7em-none-eabihf";
-
-/// Debian 12's packages that build for the target.
-pub const DEBIAN_PACKAGES: [&str; 6] = [
-    "rustc-web",
-    "cargo-web",
-    "rust-web-src",
-    "rust-web-llvm",
-    "rust-web-clippy",
-    "lld-22",
-];
-
-/// Where Debian puts its programs.
+/// The folder of Debian's programs.
 const DEBIAN_FOLDER: &str = "/usr/bin";
 
 /// A toolchain that builds for [`TARGET`].
@@ -34,7 +22,7 @@ pub enum Toolchain {
         /// Its folder.
         sysroot: PathBuf,
     },
-    /// Debian's, which builds `core` itself.
+    /// Debian's toolchain, which builds `core` itself.
     Debian,
 }
 
@@ -42,7 +30,7 @@ impl Toolchain {
     /// The first toolchain found that builds for the target.
     ///
     /// # Errors
-    /// There is none.
+    /// None is installed.
     pub fn find() -> Result<Self> {
         if let Some(sysroot) = sysroot(Path::new("rustc"))
             && sysroot
@@ -63,7 +51,7 @@ impl Toolchain {
         }
     }
 
-    /// What its compiler calls itself, such as `rustc 1.95.0 (59807616e 2026-04-14)`.
+    /// The compiler's own name and version, such as `rustc 1.95.0 (59807616e 2026-04-14)`.
     ///
     /// # Errors
     /// It cannot be run.
@@ -72,7 +60,7 @@ impl Toolchain {
             Self::Installed { .. } => Command::new("rustc"),
             Self::Debian => Command::new(Path::new(DEBIAN_FOLDER).join("rustc")),
         };
-        // In the folder whose `rust-toolchain.toml` counts.
+        // The folder decides which `rust-toolchain.toml` counts.
         let output = rustc
             .arg("--version")
             .current_dir(workspace::root())
@@ -84,14 +72,14 @@ impl Toolchain {
         Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
     }
 
-    /// `cargo <subcommand> --target <the target>`, to be run in `folder`, with what it builds in `target_folder`.
+    /// `cargo <subcommand> --target <the target>`, run in `folder`, with outputs in `target_folder`.
     pub fn cargo(&self, subcommand: &str, folder: &Path, target_folder: &Path) -> Command {
         let mut command = match self {
             Self::Installed { .. } => Command::new("cargo"),
             Self::Debian => Command::new(Path::new(DEBIAN_FOLDER).join("cargo")),
         };
         command.current_dir(folder);
-        // Cargo hands these to what it runs, such as this task or a test; here they would make the other build differ.
+        // Cargo sets these for the programs it runs, such as this task or a test. They would change the other build.
         for inherited in [
             "CARGO_BUILD_TARGET",
             "CARGO_ENCODED_RUSTFLAGS",
@@ -106,7 +94,7 @@ impl Toolchain {
         command.args([subcommand, "--target", TARGET]);
         if *self == Self::Debian {
             command.env("PATH", debian_first());
-            // Building `core` is a nightly's feature; nothing else of a nightly is used.
+            // Building `core` is a nightly feature. No other nightly feature is used.
             command
                 .env("RUSTC_BOOTSTRAP", "1")
                 .args(["-Z", "build-std=core"]);
@@ -144,7 +132,7 @@ fn debian_first() -> OsString {
     path
 }
 
-/// Whether this toolchain can lint, as `setup` asks.
+/// Checks that `toolchain` can lint.
 ///
 /// # Errors
 /// Clippy is missing.

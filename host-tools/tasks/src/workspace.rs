@@ -1,4 +1,4 @@
-//! Where things are.
+//! The folders of the workspace and of its builds.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -10,10 +10,15 @@ pub fn root() -> &'static Path {
     package.ancestors().nth(2).unwrap_or(package)
 }
 
-/// The folder for what a build of `name` leaves: inside that of the host's builds, and never the same, since cargo locks
-/// the one it uses and other flags would make it build everything anew.
-pub fn target_folder(name: &str) -> PathBuf {
+/// The folder of the host's builds.
+pub fn host_target_folder() -> PathBuf {
     let host =
         env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
-    root().join(host).join("tasks").join(name)
+    root().join(host)
+}
+
+/// The folder for the outputs of a build of `name`. It lies inside the host's and is never the same, because cargo
+/// locks its folder, and because other flags would make it build everything again.
+pub fn target_folder(name: &str) -> PathBuf {
+    host_target_folder().join("tasks").join(name)
 }

@@ -1,26 +1,26 @@
-//! What a device is and which versions it speaks.
+//! Identity and versions of a device.
 
 use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// A product's name.
+/// Name of a product.
 pub type ProductName = String<32>;
-/// A board's serial number, hexadecimal: the 96-bit unique id of the STM32 (RM0433 section 61.1).
+/// Serial number of a board, hexadecimal: the 96-bit unique id of the STM32 (RM0433 section 61.1).
 pub type Serial = String<24>;
-/// A version in words.
+/// A version as text.
 pub type VersionText = String<64>;
 
-/// What a device is. This type never changes; what else a host should know goes to an endpoint of its own.
+/// Identity and versions of a device. This type never changes; anything else goes to an endpoint of its own.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct DeviceInfo {
-    /// What the product is called.
+    /// Name of the product.
     pub product: ProductName,
-    /// The board's own number.
+    /// Serial number of the board.
     pub serial: Serial,
     /// Version of the firmware.
     pub firmware_version: VersionText,
-    /// How it was built: profile, compiler, revision if known.
+    /// Build of the firmware: profile, compiler, revision if known.
     pub build: VersionText,
     /// [`crate::link::PROTOCOL_VERSION`] of the device.
     pub protocol_version: u16,

@@ -1,35 +1,35 @@
-//! What host and stylus say to each other: postcard-rpc endpoints and topics, the same over USB and over the serial
-//! port.
+//! Messages between host and stylus: postcard-rpc endpoints and topics, the same over USB and over the serial port.
 //!
-//! A frame is postcard-rpc's header, a key that stands for path and type, and the type in postcard. A type that changes
-//! changes its key, so that two sides that differ do not misread each other: a request is answered with an unknown key.
-//! [`DeviceInfo`] alone never changes, so that any host can tell which side is the older one.
+//! A frame is postcard-rpc's header, with a key that stands for path and type, and the type in postcard. A change of a
+//! type changes its key, so that two sides that differ do not misread each other: the answer to such a request is an
+//! unknown key. [`DeviceInfo`] alone never changes, so that any host can tell which side is the older one.
 //!
 //! Over USB a frame is a bulk transfer; over the serial port it is one COBS frame, ended by a zero byte. The host sends
 //! frames of at most [`MAX_HOST_FRAME_BYTES`] and the device of at most [`MAX_DEVICE_FRAME_BYTES`].
 //!
-//! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]; every other one is answered at once.
+//! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]. Every other one is answered at once.
 
 mod info;
 mod library;
 mod motion;
+mod mute;
 mod play;
 mod record;
 mod settings;
+mod slot;
 mod status;
 #[cfg(test)]
 mod tests;
+mod text;
 mod units;
 mod upload;
 
 use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
 
 pub use info::{DeviceInfo, ProductName, Serial, VersionText};
-pub use library::{
-    ActivateError, Activated, ListError, ListRequest, SceneInfo, SlotFault, SlotId, SlotInfo,
-    SlotState, Slots, TextureInfo, TextureName,
-};
+pub use library::{ActivateError, Activated, ListError, ListRequest, SceneInfo, TextureInfo};
 pub use motion::{MotionRefused, MotionSample};
+pub use mute::{MUTE_REASON_COUNT, MuteReason, MuteReasons};
 pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
 };
@@ -38,23 +38,24 @@ pub use record::{
     RecordStopped,
 };
 pub use settings::{SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError};
+pub use slot::{LIBRARY_CRC, SlotFault, SlotId, SlotInfo, SlotState, Slots};
 pub use status::{
-    Activity, Fault, FaultKind, FaultText, LinkCounters, MUTE_REASON_COUNT, MuteReason,
-    MuteReasons, OutputStatus, RecordCounters, ResetReason, Status, TICK_BIN_COUNT,
-    TICK_BIN_CYCLES, TickCounters, TickHistogram,
+    Activity, Fault, FaultKind, FaultText, LinkCounters, OutputStatus, RecordCounters, ResetReason,
+    Status, TICK_BIN_COUNT, TICK_BIN_CYCLES, TickCounters, TickHistogram,
 };
+pub use text::{Reason, TextureName};
 pub use upload::{
-    CHUNK_ALIGN, FlashOperation, LIBRARY_CRC, MAX_CHUNK_BYTES, Reason, UploadBegin, UploadChunk,
-    UploadCommitted, UploadError, UploadProgress, UploadState,
+    CHUNK_ALIGN, FlashOperation, MAX_CHUNK_BYTES, UploadBegin, UploadChunk, UploadCommitted,
+    UploadError, UploadProgress, UploadState,
 };
 
-/// The protocol's version. It changes when a message changes its meaning, even where its type stays.
+/// Version of the protocol. It changes when a message changes its meaning, even where its type stays.
 pub const PROTOCOL_VERSION: u16 = 1;
 
 /// Longest frame that the host sends, bytes before COBS.
 pub const MAX_HOST_FRAME_BYTES: usize = 1024;
 
-/// Longest frame that the device sends, bytes before COBS. Host clients of postcard-rpc read no more.
+/// Longest frame that the device sends, bytes before COBS. Host clients of postcard-rpc read no longer ones.
 pub const MAX_DEVICE_FRAME_BYTES: usize = 1024;
 
 /// Rate of the serial port, baud.
@@ -66,22 +67,23 @@ pub const USB_VENDOR_ID: u16 = 0x1209;
 /// Product id of the USB device: pid.codes' id for tests, to be replaced by the product's own before it is sold.
 pub const USB_PRODUCT_ID: u16 = 0x0001;
 
-/// An input older than this is no longer believed and the output fades, ms.
+/// Age beyond which a speed or force is stale and the output fades, ms.
 pub const STALE_AFTER_MS: u32 = 50;
 
-/// Without a well-formed frame from the host for this long the link counts as lost and the output fades, ms.
+/// Time without a well-formed frame from the host after which the link counts as lost and the output fades, ms.
 ///
 /// With the longest mute ramp that settings allow, the output is silent within 100 ms.
 pub const LINK_LOST_AFTER_MS: u32 = 50;
 
-/// How often a host sends [`KeepAliveTopic`] while it plays and has nothing else to say, ms.
+/// Interval at which a host sends [`KeepAliveTopic`] while it plays and sends nothing else, ms.
 pub const KEEP_ALIVE_MS: u32 = 10;
 
-/// How long a host waits for an answer that takes no flash, ms.
+/// Time that a host waits for an answer that takes no flash, ms.
 pub const ANSWER_TIMEOUT_MS: u32 = 1_000;
 
-/// How long a host waits for an answer that erases or writes flash, ms. One request erases at most one sector of 128 KB,
-/// which takes up to some seconds, more the narrower the programming parallelism (DS12110, flash memory programming).
+/// Time that a host waits for an answer that erases or writes flash, ms. One request erases at most one sector of 128
+/// KB, which takes up to some seconds, more the narrower the programming parallelism (DS12110, flash memory
+/// programming).
 pub const FLASH_TIMEOUT_MS: u32 = 16_000;
 
 type InfoResult = DeviceInfo;

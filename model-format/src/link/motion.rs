@@ -1,24 +1,24 @@
-//! The motion that the host gives.
+//! Motion sent by the host.
 
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::{MillimetresPerSecond, Newton};
 
-/// What the hand does at a moment, as the host knows it. Sent at up to 1 kHz.
+/// Motion of the tool at a moment, as the host knows it. It is sent at up to 1 kHz.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct MotionSample {
     /// Tangential speed; its sign does not matter.
     pub speed: MillimetresPerSecond,
-    /// Normal force; below zero is no contact.
+    /// Normal force; a negative one is no contact.
     pub force: Newton,
-    /// The place on the path of a scene, mm from where playing began; none leaves it to the device's encoder.
+    /// Position on the path of a scene, mm from where playing began; none leaves it to the device's encoder.
     pub position_mm: Option<f32>,
-    /// Whether the tool touches; none leaves it to the force.
+    /// Contact of the tool; none leaves it to the force.
     pub contact: Option<bool>,
 }
 
-/// Why a motion is not followed. The one before stays until it is stale.
+/// Reason for which a motion is not followed. The one before stays until it is stale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum MotionRefused {
     /// The speed is NaN or infinite.

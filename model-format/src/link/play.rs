@@ -10,7 +10,7 @@ use crate::scene::SceneName;
 /// Largest gain of a play request.
 pub const MAX_PLAY_GAIN: f32 = 4.0;
 
-/// Where speed and force come from.
+/// Source of speed and force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum MotionSource {
     /// The encoder and the force sensor.
@@ -19,10 +19,10 @@ pub enum MotionSource {
     Host,
 }
 
-/// Something that a library has to be played.
+/// A texture or a scene of a library, by its name.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Selection {
-    /// A texture, everywhere and without effects: it is heard whatever the position, and fades with speed and force alone.
+    /// A texture, everywhere and without effects. Position does not matter; it fades with speed and force alone.
     Texture(TextureName),
     /// A scene.
     Scene(SceneName),
@@ -37,35 +37,35 @@ impl core::fmt::Display for Selection {
     }
 }
 
-/// The lines of a plan's cost, in words.
+/// The terms of a plan's cost, as text.
 pub type Arithmetic = String<384>;
 
-/// Asks for a texture or a scene of the active library.
+/// Request to play a texture or a scene of the active library.
 ///
-/// While something is played with the same gain, the new one takes over within some milliseconds and without a mute; the noise
-/// then goes on, and the seed does not count. Otherwise what is played fades out first.
+/// While something is played with the same gain, the new one takes over within some milliseconds and without a mute;
+/// the noise then goes on, and the seed does not count. Otherwise what is played fades out first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct PlayRequest {
-    /// Which one.
+    /// The texture or scene.
     pub selection: Selection,
-    /// What to multiply the amplitude by, 0 to [`MAX_PLAY_GAIN`]; 1 is as recorded.
+    /// Factor of the amplitude, 0 to [`MAX_PLAY_GAIN`]; 1 is as recorded.
     pub gain: f32,
-    /// Where speed and force come from.
+    /// Source of speed and force.
     pub motion: MotionSource,
-    /// Seed of the excitation: the same one gives the same samples.
+    /// Seed of the excitation: the same seed gives the same samples.
     pub seed: u64,
 }
 
-/// What is being played.
+/// State of playing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Playing {
-    /// What is played, as the device has understood it.
+    /// The request, as the device has understood it.
     pub request: PlayRequest,
-    /// What still keeps the output at mid-scale.
+    /// Reasons that still keep the output at mid-scale.
     pub mute: MuteReasons,
 }
 
-/// Why something is not played. What was played before goes on.
+/// Reason for which a request is not played. What was played before goes on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(
     clippy::large_enum_variant,
@@ -75,53 +75,54 @@ pub enum PlayError {
     /// No library is active.
     #[error("no library is active: upload one and activate it")]
     NoLibrary,
-    /// The active library has no texture of this name.
+    /// A name that no texture of the active library has.
     #[error("the active library has no texture \"{name}\": list what it has")]
     NoSuchTexture {
-        /// What was asked for.
+        /// The requested value.
         name: TextureName,
     },
-    /// The texture or scene was made for another rate than the device's.
+    /// A texture or scene that was made for another sample rate than the device's.
     #[error(
         "it was made for {texture_hz} Hz and this device plays {device_hz} Hz: fit the textures again at that rate"
     )]
     SampleRate {
-        /// The texture's or scene's.
+        /// Sample rate of the texture or scene, Hz.
         texture_hz: u32,
-        /// The device's.
+        /// Sample rate of the device, Hz.
         device_hz: u32,
     },
-    /// The active library has no scene of this name.
+    /// A name that no scene of the active library has.
     #[error("the active library has no scene \"{name}\": list what it has")]
     NoSuchScene {
-        /// What was asked for.
+        /// The requested value.
         name: SceneName,
     },
     /// A scene that cannot be played with the library's textures.
     #[error("the scene cannot be played: {reason}")]
     InvalidScene {
-        /// Where and why not.
+        /// Place and fault, as text.
         reason: Reason,
     },
-    /// A scene whose worst case takes more of a tick than there is.
+    /// A scene whose worst case takes more instructions of a tick than the budget.
     #[error(
-        "the scene takes {instructions} instructions a tick of {budget} there are for it ({arithmetic}): use fewer effects or lower orders"
+        "the scene takes {instructions} instructions per tick, of {budget} available ({arithmetic}): \
+         use fewer effects or lower orders"
     )]
     OverBudget {
-        /// What it takes.
+        /// Instructions of a tick in the worst case.
         instructions: u32,
-        /// What there is.
+        /// Instructions of a tick that a scene may take.
         budget: u32,
-        /// How that comes about.
+        /// Terms of the cost.
         arithmetic: Arithmetic,
     },
     /// A gain that is not finite or out of range.
     #[error("a gain of {gain}; it must be 0 to {MAX_PLAY_GAIN}")]
     Gain {
-        /// What was asked for.
+        /// The requested value.
         gain: f32,
     },
-    /// A library is being activated.
+    /// An activation is under way.
     #[error("a library is being activated: try again in a moment")]
     Busy,
     /// The output is off after a fault.
@@ -129,10 +130,10 @@ pub enum PlayError {
     Fault,
 }
 
-/// Why playing does not stop.
+/// Reason for which playing does not stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum StopError {
-    /// Nothing is being played.
+    /// Nothing is played.
     #[error("nothing is being played: there is nothing to stop")]
     NotPlaying,
 }

@@ -1,25 +1,25 @@
-//! Recording: what the converters gave at each tick, in numbered blocks.
+//! Recording: the converters' codes of each tick, in numbered blocks.
 
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::AdcCode;
 
-/// Samples in a block.
+/// Number of samples in a block.
 pub const BLOCK_SAMPLES: usize = 32;
 
-/// What was read at one tick.
+/// The codes of one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecordSample {
     /// Axes X, Y and Z of the accelerometer.
     pub acceleration: [AdcCode; 3],
     /// The force sensor.
     pub force: AdcCode,
-    /// By how much the encoder's count changed since the tick before.
+    /// Change of the encoder's count since the tick before.
     pub encoder_delta: i16,
 }
 
-/// A sample as it is sent: five little-endian numbers of 16 bits, so that a block has the same length whatever is in it.
+/// A sample as it is sent: five little-endian numbers of 16 bits, so that every block has the same length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct PackedSample([u8; Self::BYTES]);
 
@@ -58,9 +58,9 @@ impl From<PackedSample> for RecordSample {
 /// A block of samples of successive ticks.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct RecordBlock {
-    /// Counts blocks from 0 at the start of a recording; a number left out is a block that the device lost.
+    /// Number of the block, from 0 at the start of a recording. A number left out is a block that the device lost.
     pub sequence: u32,
-    /// Tick of the first sample, counted from the device's start: 200 µs each.
+    /// Tick of the first sample, counted from the device's start; a tick is 200 µs.
     pub first_tick: u64,
     /// Blocks that the device lost since the start of the recording.
     pub lost_blocks: u32,
@@ -71,7 +71,7 @@ pub struct RecordBlock {
 /// A recording that has begun: block 0 comes next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct RecordStarted {
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub sample_rate_hz: u32,
     /// [`BLOCK_SAMPLES`] of the device.
     pub block_samples: u32,
@@ -86,13 +86,13 @@ pub struct RecordStopped {
     pub lost_blocks: u32,
 }
 
-/// Why a recording does not start or stop.
+/// Reason for which a recording does not start or stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum RecordError {
-    /// One is under way, perhaps of another link.
+    /// A recording is under way, perhaps of another link.
     #[error("a recording is under way: stop it first")]
     Recording,
-    /// None is under way.
+    /// No recording is under way.
     #[error("no recording is under way: start one")]
     NotRecording,
 }

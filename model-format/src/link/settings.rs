@@ -1,4 +1,4 @@
-//! Settings: what differs from one stylus to the next, each a number with a unit and a range.
+//! Settings: the properties that differ from one stylus to the next, each a number with a unit and a range.
 
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -12,9 +12,9 @@ use crate::{AdcCode, Volt};
 pub enum Setting {
     /// ADC code of the force sensor without force.
     ForceZero,
-    /// Force for a volt above that, N/V.
+    /// Force per voltage above that, N/V.
     ForcePerVolt,
-    /// Path for one count of the encoder, mm.
+    /// Path per count of the encoder, mm.
     PathPerCount,
     /// ADC code of the accelerometer's X axis without acceleration.
     AccelerationZeroX,
@@ -22,17 +22,17 @@ pub enum Setting {
     AccelerationZeroY,
     /// The same of axis Z.
     AccelerationZeroZ,
-    /// Acceleration of axis X for a volt above that, m/s² per V.
+    /// Acceleration of axis X per voltage above that, m/s² per V.
     AccelerationPerVoltX,
     /// The same of axis Y.
     AccelerationPerVoltY,
     /// The same of axis Z.
     AccelerationPerVoltZ,
-    /// Voltage at the DAC for an acceleration, V per m/s².
+    /// Voltage at the DAC per acceleration, V per m/s².
     OutputGain,
-    /// Voltage at the coil for a volt at the DAC, V/V.
+    /// Voltage at the coil per voltage at the DAC, V/V.
     AmplifierGain,
-    /// Largest voltage at the DAC, from mid-scale to either side, V.
+    /// Largest voltage at the DAC to either side of mid-scale, V.
     HardLimit,
     /// Fastest change of the voltage at the DAC, V/ms.
     SlewLimit,
@@ -40,18 +40,18 @@ pub enum Setting {
     CoilResistance,
     /// Time constant of the coil's warming, s.
     ThermalTimeConstant,
-    /// Power that the coil bears for ever, W.
+    /// Power that the coil bears continuously, W.
     PowerLimit,
-    /// How long the output takes to full level when it is let go, ms.
+    /// Time of the output's ramp to full level when a mute ends, ms.
     SoftStart,
-    /// How long it takes from full level to mid-scale when it is muted, ms.
+    /// Time of the output's ramp from full level to mid-scale when it is muted, ms.
     MuteRamp,
 }
 
-/// How many settings there are.
+/// Number of settings.
 pub const SETTING_COUNT: usize = 18;
 
-/// What is to be known of a setting.
+/// Name, unit, range and default of a setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SettingSpec {
     /// Its name on a command line.
@@ -62,14 +62,14 @@ pub struct SettingSpec {
     pub lowest: f32,
     /// The highest value.
     pub highest: f32,
-    /// The value of a device that was never set: one that can do no harm.
+    /// The value of a device that was never set, which can do no harm.
     pub default: f32,
-    /// Whether it must be a whole number.
+    /// True if it must be a whole number.
     pub whole: bool,
 }
 
 impl Setting {
-    /// All, in the order of their numbers.
+    /// All settings, in the order of their numbers.
     pub const ALL: [Self; SETTING_COUNT] = [
         Self::ForceZero,
         Self::ForcePerVolt,
@@ -111,19 +111,20 @@ impl Setting {
             Self::ThermalTimeConstant => number("thermal-time-constant", "s", [1.0, 1000.0], 10.0),
             Self::PowerLimit => number("power-limit", "W", [0.001, 100.0], 0.1),
             Self::SoftStart => number("soft-start", "ms", [1.0, 5000.0], 200.0),
-            // With LINK_LOST_AFTER_MS, a few ms to notice and at most 16 ms of slew, the output is silent within 100 ms.
+            // LINK_LOST_AFTER_MS, a few ms until the mute begins and at most 16 ms of slew add up to silence within
+            // 100 ms.
             Self::MuteRamp => number("mute-ramp", "ms", [1.0, 30.0], 20.0),
         }
     }
 
-    /// The setting of this name.
+    /// The setting of this name, if there is one.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL
             .into_iter()
             .find(|setting| setting.spec().name == name)
     }
 
-    /// `value` if this setting may have it.
+    /// Returns `value` if this setting may have it.
     ///
     /// # Errors
     /// A value that is not finite, out of range, or not whole where it must be.
@@ -215,7 +216,7 @@ impl Settings {
         self.0[setting as usize]
     }
 
-    /// These settings with one changed.
+    /// Returns these settings with one changed.
     ///
     /// # Errors
     /// A value that the setting may not have.
@@ -224,7 +225,7 @@ impl Settings {
         Ok(self)
     }
 
-    /// Each setting with its value.
+    /// All settings with their values.
     pub fn iter(&self) -> impl Iterator<Item = SettingChange> {
         let of = |(setting, value)| SettingChange { setting, value };
         Setting::ALL.into_iter().zip(self.0).map(of)
@@ -244,7 +245,7 @@ impl Settings {
         ]
     }
 
-    /// Acceleration for a volt of each axis, m/s² per V.
+    /// Acceleration per voltage of each axis, m/s² per V.
     pub const fn acceleration_per_volt(&self) -> [f32; 3] {
         [
             self.get(Setting::AccelerationPerVoltX),
@@ -259,16 +260,16 @@ impl Settings {
     }
 }
 
-/// One setting and a value for it.
+/// A setting and a value for it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SettingChange {
-    /// Which.
+    /// The setting.
     pub setting: Setting,
-    /// Its value, in the setting's unit.
+    /// The value, in the setting's unit.
     pub value: f32,
 }
 
-/// Why settings were not changed. Those before hold, unless it is said otherwise.
+/// Reason for which settings were not changed. Those before hold, unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum SettingsError {
     /// A value that the setting may not have.
@@ -277,22 +278,22 @@ pub enum SettingsError {
         setting.spec().unit, if setting.spec().whole { ", a whole number" } else { "" }
     )]
     OutOfRange {
-        /// Which setting.
+        /// The setting.
         setting: Setting,
         /// The value.
         value: f32,
-        /// The lowest that it may have.
+        /// The lowest value of the setting.
         lowest: f32,
-        /// The highest.
+        /// The highest value of the setting.
         highest: f32,
     },
-    /// Something is being played.
+    /// A texture or scene is played.
     #[error("settings do not change while a texture is played: stop it first")]
     Playing,
-    /// The flash reported a fault.
+    /// A fault that the flash reported.
     #[error("a fault while {operation} the settings: try again; if it stays, reset them")]
     Flash {
-        /// What was done.
+        /// The operation that failed.
         operation: FlashOperation,
     },
 }

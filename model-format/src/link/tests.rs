@@ -1,4 +1,4 @@
-//! What the protocol promises, over every message in its largest and smallest forms.
+//! The protocol's promises, over every message in its largest and smallest forms.
 
 extern crate std;
 
@@ -12,12 +12,12 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::*;
-use crate::{AdcCode, MillimetresPerSecond, Newton, Provenance, Structure};
+use crate::{AdcCode, MillimetresPerSecond, Newton, Provenance, SAMPLE_RATE_HZ, Structure};
 
 /// postcard-rpc's header with the longest key and sequence number: one byte, eight and four.
 const HEADER_BYTES: usize = 13;
 
-/// Checks that `value` comes back, in a frame of `limit` bytes; tells its length.
+/// Checks that `value` comes back, in a frame of `limit` bytes, and returns its length.
 fn check<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: &T, limit: usize) -> usize {
     let mut bytes = [0; 4096];
     let used = postcard::to_slice(value, &mut bytes).expect("no message is so long");
@@ -27,7 +27,7 @@ fn check<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: &T, limit: 
         used.len()
     );
     assert_eq!(postcard::from_bytes::<T>(used).as_ref(), Ok(value));
-    // The last byte is not there for nothing.
+    // Without its last byte the message is incomplete.
     if let Some(cut) = used.len().checked_sub(1) {
         assert!(
             postcard::from_bytes::<T>(&used[..cut]).is_err(),
@@ -359,7 +359,7 @@ fn texture_infos() -> Vec<TextureInfo> {
         .collect()
 }
 
-/// The response types by the endpoint's own name, so that a table that changes is seen here.
+/// The response type of an endpoint. It is found by the endpoint's name, so that a change of the tables shows here.
 type Response<E> = <E as postcard_rpc::Endpoint>::Response;
 
 #[test]
@@ -517,9 +517,9 @@ fn a_record_block_takes_less_than_400_bytes_whatever_is_in_it() {
         .into(); BLOCK_SAMPLES],
     };
     assert!(check(&block(u16::MAX, u32::MAX), 400) > check(&block(0, 0), 400));
-    // At the serial rate, 10 bits a byte, blocks take less than three quarters of the line.
-    let bytes_per_second =
-        5_000 / BLOCK_SAMPLES as u32 * (check(&block(u16::MAX, u32::MAX), 400) as u32 + 20);
+    // At the serial rate, 10 bits per byte, blocks take less than three quarters of the line.
+    let bytes_per_second = SAMPLE_RATE_HZ / BLOCK_SAMPLES as u32
+        * (check(&block(u16::MAX, u32::MAX), 400) as u32 + 20);
     assert!(bytes_per_second * 10 < SERIAL_BAUD / 4 * 3);
 }
 
@@ -601,7 +601,7 @@ fn mute_reasons_are_kept_apart() {
     assert_eq!(all_mute_reasons().iter().count(), MUTE_REASON_COUNT);
 }
 
-/// Every error of the protocol, in words.
+/// The text of every error of the protocol.
 fn errors_in_words() -> Vec<String> {
     fn words<E: Display>(errors: impl IntoIterator<Item = E>) -> impl Iterator<Item = String> {
         errors
@@ -633,7 +633,7 @@ fn every_error_says_what_is_wrong_and_what_to_do() {
     }
 }
 
-/// Path and keys of this protocol's own entries, a line each.
+/// Path and key of each of this protocol's own entries.
 fn keys() -> Vec<(String, Key)> {
     let own = |path: &str| path.starts_with("stylus/");
     let mut keys = Vec::new();
@@ -673,7 +673,7 @@ fn no_two_messages_of_one_direction_share_a_key() {
     }
 }
 
-/// What postcard-rpc's dispatcher computes when it is compiled; a collision is a panic there.
+/// postcard-rpc's dispatcher computes this when it is compiled; a collision is a panic there.
 #[test]
 fn a_dispatcher_can_tell_all_messages_apart() {
     use postcard_rpc::server::min_key_needed;
@@ -696,7 +696,7 @@ fn keys_and_versions_are_those_that_are_written_down() {
     assert_eq!(
         lines,
         include_str!("keys.txt"),
-        "the protocol has changed: if it was meant, take the new lines over into keys.txt, and raise PROTOCOL_VERSION if an \
+        "the protocol has changed: if this was meant, copy the new lines to keys.txt, and raise PROTOCOL_VERSION if an \
          older program could misunderstand a message whose key is the same"
     );
 }

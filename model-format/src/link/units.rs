@@ -8,7 +8,7 @@ use crate::{
     AdcCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, Provenance, Structure, Volt,
 };
 
-/// A unit is on the wire what it wraps.
+/// Encodes a unit on the wire as the number that it wraps.
 macro_rules! transparent {
     ($($unit:ident($inner:ty)),* $(,)?) => {$(
         impl Serialize for $unit {

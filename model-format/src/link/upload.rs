@@ -1,27 +1,20 @@
-//! Carrying a library to the device, in chunks, so that a broken link costs no more than a chunk.
+//! Upload of a library to the device, in chunks, so that a broken link costs no more than a chunk.
 
-use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::SlotId;
-use crate::limits::MAX_LIBRARY_BYTES;
+use super::{Reason, SlotId};
+use crate::limits::{FLASH_WORD_BYTES, MAX_LIBRARY_BYTES};
 
 /// Most bytes in a chunk.
 pub const MAX_CHUNK_BYTES: usize = 512;
 
-/// Every chunk but the last is a multiple of this long, bytes: the flash word of the STM32H743 (RM0433 section 4.3.9).
-pub const CHUNK_ALIGN: usize = 32;
+/// Length of every chunk but the last is a multiple of this, bytes: whole flash words.
+pub const CHUNK_ALIGN: usize = FLASH_WORD_BYTES;
 
-/// The CRC-32 of a whole library, as announced before an upload and kept in a slot.
-pub static LIBRARY_CRC: crc::Crc<u32> = crate::wire::CRC32;
-
-/// Words for a person.
-pub type Reason = String<160>;
-
-/// Asks to receive a library into the slot that is not active.
+/// Request to receive a library into the slot that is not active.
 ///
-/// The same length and checksum as an upload that was broken off, in the same session of the device, resume it.
+/// The length and checksum of an upload that was broken off resume it, within the same session of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct UploadBegin {
     /// Length of the library, bytes.
@@ -30,47 +23,47 @@ pub struct UploadBegin {
     pub crc32: u32,
 }
 
-/// Bytes of a library.
+/// A chunk of a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct UploadChunk<'a> {
-    /// Where they begin; must be the next offset that the device expects.
+    /// Byte of the library at which the chunk begins; must be the next offset that the device expects.
     pub offset: u32,
     /// The bytes, at most [`MAX_CHUNK_BYTES`], a multiple of [`CHUNK_ALIGN`] unless they are the last.
     pub data: &'a [u8],
 }
 
-/// How far an upload has come.
+/// Progress of an upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct UploadProgress {
-    /// What was begun.
+    /// The upload that was begun.
     pub upload: UploadBegin,
-    /// Where it goes.
+    /// The slot that receives it.
     pub slot: SlotId,
-    /// Where the next chunk must begin; the length when all is there.
+    /// Byte at which the next chunk must begin; the library's length once all chunks are there.
     pub next_offset: u32,
 }
 
-/// Whether an upload is under way.
+/// State of the upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum UploadState {
-    /// None is.
+    /// No upload is under way.
     Idle,
-    /// One is, and can be resumed from its next offset.
+    /// An upload is under way, and can be resumed from its next offset.
     Receiving(UploadProgress),
 }
 
-/// A library that is in flash, read back and valid.
+/// An uploaded library that was read back from flash and is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct UploadCommitted {
-    /// Where it is.
+    /// Its slot.
     pub slot: SlotId,
     /// Its sequence number, above that of every other library in the device.
     pub sequence: u32,
-    /// How many textures it has.
+    /// Number of its textures.
     pub textures: u8,
 }
 
-/// What the flash was asked to do.
+/// An operation of the flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum FlashOperation {
     /// Reading.
@@ -91,7 +84,7 @@ impl core::fmt::Display for FlashOperation {
     }
 }
 
-/// Why an upload does not go on. The library that is active is never touched by it.
+/// Reason for which an upload does not go on. The active library is never touched by it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum UploadError {
     /// A library that is empty or does not fit a slot.
@@ -99,7 +92,7 @@ pub enum UploadError {
         "a library of {length} bytes; a slot holds 1 to {MAX_LIBRARY_BYTES}: fit fewer textures or lower orders"
     )]
     Length {
-        /// What was announced.
+        /// Announced length, bytes.
         length: u32,
     },
     /// A chunk or a commit without a begin.
@@ -108,9 +101,9 @@ pub enum UploadError {
     /// A chunk out of turn.
     #[error("a chunk at byte {found} where byte {expected} is due: go on from there")]
     Offset {
-        /// Where the next chunk must begin.
+        /// Byte at which the next chunk must begin.
         expected: u32,
-        /// Where this one does.
+        /// Byte at which this one begins.
         found: u32,
     },
     /// A chunk that is empty, too long, or of an odd length before the end.
@@ -118,64 +111,64 @@ pub enum UploadError {
         "a chunk of {length} bytes; send 1 to {MAX_CHUNK_BYTES}, multiples of {CHUNK_ALIGN} before the end"
     )]
     ChunkLength {
-        /// Its length.
+        /// Its length, bytes.
         length: u32,
     },
-    /// A chunk that goes past the announced length.
+    /// A chunk that ends beyond the announced length.
     #[error(
         "a chunk up to byte {end} of a library of {length} bytes: begin again with the right length"
     )]
     PastEnd {
-        /// Where it ends.
+        /// Byte at which it ends.
         end: u32,
-        /// What was announced.
+        /// Announced length, bytes.
         length: u32,
     },
     /// A commit before the last chunk.
     #[error("{next_offset} of {length} bytes have arrived: send the rest first")]
     Incomplete {
-        /// How many are there.
+        /// Number of bytes that have arrived.
         next_offset: u32,
-        /// What was announced.
+        /// Announced length, bytes.
         length: u32,
     },
-    /// The bytes in flash are not those that were announced.
+    /// Bytes in flash with another checksum than the announced one.
     #[error("checksum {found:08x} where {expected:08x} was announced: upload again")]
     Checksum {
-        /// What was announced.
+        /// Announced CRC-32.
         expected: u32,
-        /// Of the bytes in flash.
+        /// CRC-32 of the bytes in flash.
         found: u32,
     },
-    /// The bytes are not a library that this device can play.
+    /// Bytes that are not a library that this device can play.
     #[error("not a library that this device can play: {reason}")]
     Invalid {
-        /// What the device's validator says.
+        /// Message of the device's validator.
         reason: Reason,
     },
-    /// The flash did not keep what was written.
+    /// Flash that did not keep the bytes written.
     #[error(
         "byte {offset} of slot {slot} reads back wrong: upload again; if it stays, the flash is worn"
     )]
     ReadBack {
         /// The slot.
         slot: SlotId,
-        /// Where in it.
+        /// Byte of the slot.
         offset: u32,
     },
-    /// The flash reported a fault.
+    /// A fault that the flash reported.
     #[error(
         "a fault while {operation} slot {slot} at byte {offset}: upload again; if it stays, the flash is worn"
     )]
     Flash {
         /// The slot.
         slot: SlotId,
-        /// What was done.
+        /// The operation that failed.
         operation: FlashOperation,
-        /// Where in the slot.
+        /// Byte of the slot.
         offset: u32,
     },
-    /// The library in the other slot is being activated.
+    /// The other slot's library is being activated.
     #[error("a library is being activated: try again in a moment")]
     Busy,
 }

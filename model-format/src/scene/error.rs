@@ -1,24 +1,24 @@
-//! Why a scene cannot be played, and where.
+//! Faults of scenes that cannot be played, each with its place.
 
 use core::fmt;
 
 use super::limits;
 use crate::limits::{MAX_NAME_BYTES, MAX_SAMPLE_RATE_HZ};
 
-/// A scene that the stylus cannot play.
+/// The first fault found in a scene that the stylus cannot play.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{place}: {problem}")]
 pub struct SceneError {
-    /// Where the fault is.
+    /// Place of the fault.
     pub place: ScenePlace,
-    /// What it is.
+    /// The fault.
     pub problem: SceneProblem,
 }
 
-/// A place in a scene. Surfaces, regions and sections are counted from 0, as a library does.
+/// A place in a scene. Surfaces, regions and sections are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScenePlace {
-    /// The scene as such.
+    /// The whole scene.
     Scene,
     /// A surface.
     Surface(usize),
@@ -48,7 +48,7 @@ impl fmt::Display for ScenePlace {
     }
 }
 
-/// What is wrong with a scene.
+/// A fault of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneProblem {
@@ -58,7 +58,7 @@ pub enum SceneProblem {
     /// A name with characters that cannot be typed or shown.
     #[error("a name with a control character")]
     NameCharacter,
-    /// A sample rate of zero, or too high.
+    /// A sample rate of zero, or too high, Hz.
     #[error("a sample rate of {0} Hz; there must be 1 to {MAX_SAMPLE_RATE_HZ}")]
     SampleRate(u32),
     /// No surface.
@@ -67,57 +67,57 @@ pub enum SceneProblem {
     /// A number that is not finite or out of its range.
     #[error("{field} is {value} {unit}; it must be finite and {lowest} to {highest}")]
     Range {
-        /// The field, as it is called in [`super::Scene`] but for its unit.
+        /// Name of the field in [`super::Scene`], without its unit.
         field: &'static str,
-        /// What it is.
+        /// The value.
         value: f32,
-        /// The lowest it may be.
+        /// The lowest value of the field.
         lowest: f32,
-        /// The highest it may be.
+        /// The highest value of the field.
         highest: f32,
-        /// Its unit, or nothing.
+        /// Unit of the field; empty for a number without one.
         unit: &'static str,
     },
-    /// A region that ends where it begins, or before.
+    /// A region that does not end beyond its beginning.
     #[error("it ends at {end_mm} mm, which is not beyond its beginning at {start_mm} mm")]
     RegionEnd {
-        /// Where it begins, mm.
+        /// Beginning of the region, mm.
         start_mm: f32,
-        /// Where it ends, mm.
+        /// End of the region, mm.
         end_mm: f32,
     },
-    /// A region that begins before the one before it ends.
+    /// A region that begins before the end of the region before it.
     #[error("it begins at {start_mm} mm, before region {before} ends at {end_mm} mm")]
     RegionOverlap {
-        /// Where it begins, mm.
+        /// Beginning of the region, mm.
         start_mm: f32,
-        /// The region before.
+        /// Index of the region before.
         before: usize,
-        /// Where that ends, mm.
+        /// End of the region before, mm.
         end_mm: f32,
     },
-    /// A surface that there is not.
+    /// A surface that the scene does not have.
     #[error("surface {surface} is not there: the scene has {count}")]
     UnknownSurface {
-        /// Which was asked for.
+        /// Index of the surface.
         surface: u8,
-        /// How many there are.
+        /// Number of surfaces.
         count: usize,
     },
     /// A texture that the library does not have.
     #[error("texture {texture} is not there: the library has {count}")]
     UnknownTexture {
-        /// Which was asked for.
+        /// Index of the texture.
         texture: u8,
-        /// How many there are.
+        /// Number of textures.
         count: usize,
     },
     /// A texture of another sample rate.
     #[error("its texture is for {texture_hz} Hz and the scene for {scene_hz} Hz")]
     TextureRate {
-        /// The texture's.
+        /// Sample rate of the texture, Hz.
         texture_hz: u32,
-        /// The scene's.
+        /// Sample rate of the scene, Hz.
         scene_hz: u32,
     },
     /// A gain above 1 that leaves its texture too little room.
@@ -127,10 +127,10 @@ pub enum SceneProblem {
     TooLoud {
         /// The gain.
         gain: f32,
-        /// The highest that this texture bears.
+        /// The highest gain for this texture.
         highest: f32,
     },
-    /// Stick-slip without a texture to which it could happen.
+    /// Stick-slip on a surface without a texture.
     #[error("stick-slip modulates a texture, and the surface has none")]
     NothingToModulate,
     /// A pole beyond the limit.
@@ -139,7 +139,7 @@ pub enum SceneProblem {
         limits::MAX_POLE_RADIUS_1024THS
     )]
     PoleRadius,
-    /// A section or the sections up to it with too much gain.
+    /// A section with too much gain, by itself or together with the sections before it.
     #[error(
         "this section, or all up to it, have a gain above {}",
         limits::MAX_EQUALISER_GAIN

@@ -12,7 +12,7 @@ pub const MAX_REGIONS: usize = 32;
 /// Most sections of an equaliser.
 pub const MAX_SECTIONS: usize = 8;
 
-/// The farthest place on a path, to either side of its origin, mm: at 100 m a step of `f32` is still 8 µm.
+/// Farthest place on a path, to either side of its origin, mm: at 100 m a step of `f32` is still 8 µm.
 pub const MAX_POSITION_MM: f32 = 100_000.0;
 
 /// Widest transition, mm.
@@ -33,7 +33,7 @@ pub const MIN_TAP_HZ: f32 = 10.0;
 /// Highest frequency of a tap transient, as a share of the sample rate.
 pub const MAX_TAP_SHARE_OF_RATE: f32 = 0.45;
 
-/// Time constants of a tap transient, s.
+/// Shortest and longest time constant of a tap transient, s.
 pub const TAP_DECAY_S: [f32; 2] = [0.000_5, 1.0];
 
 /// Largest gain of a tap transient, m/s² per N/s.
@@ -42,18 +42,18 @@ pub const MAX_TAP_GAIN: f32 = 100.0;
 /// Largest amplitude of a tap transient, m/s²: an eighth of the output's full scale.
 pub const MAX_TAP_M_S2: f32 = 256.0;
 
-/// Periods of stick-slip, mm.
+/// Shortest and longest period of stick-slip, mm.
 pub const STICK_SLIP_PERIOD_MM: [f32; 2] = [0.01, 1000.0];
 
-/// Shares of a period that a slip may take.
+/// Smallest and largest share of a period that a slip takes.
 pub const STICK_SLIP_DUTY: [f32; 2] = [0.05, 1.0];
 
 /// Lowest threshold of a stick-slip, mm/s or N.
 pub const MIN_STICK_SLIP_THRESHOLD: f32 = 0.001;
 
-/// No pole of an equaliser's section lies farther out than this over 1024: 1023/1024 is a time constant of 1023
-/// samples, 0.2 s at 5 kHz.
+/// Largest radius of a pole of an equaliser's section, in 1024ths: 1023/1024 is a time constant of 1023 samples, 0.2 s
+/// at 5 kHz.
 pub const MAX_POLE_RADIUS_1024THS: i64 = 1023;
 
-/// Largest gain of an equaliser at any frequency, of each of its sections, and up to each of them: 24 dB.
+/// Largest gain of an equaliser at any frequency, of each of its sections and of all sections up to each: 24 dB.
 pub const MAX_EQUALISER_GAIN: f64 = 16.0;

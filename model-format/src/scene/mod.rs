@@ -1,13 +1,13 @@
-//! Scenes: which texture lies where along the stylus's path, and which effects go with it.
+//! Scenes: textures along the stylus's path, and the effects that go with them.
 //!
-//! A scene is owned and bounded: it takes no allocation, goes through postcard as it is, and stands in a library after the
-//! textures that it names. [`Scene::validate`] is the one check, on both sides; what passes it can be compiled to a plan and
-//! played.
+//! A scene is owned and bounded: it takes no allocation, postcard encodes it as it is, and it stands in a library
+//! after the textures that it names. [`Scene::validate`] is the one check, on both sides; a scene that passes it can be
+//! compiled to a plan and played.
 //!
-//! **Regions** lie along the path, in mm, one after the other; where there is none there is nothing. A scene without
-//! regions is its first surface everywhere. Where two regions touch, one surface fades into the other over the
-//! transition's width, centred on the boundary, at equal power; where a region ends at nothing, it fades within itself
-//! over half that width. A region shorter than the width shortens the transitions at its ends to its own length.
+//! **Regions** lie along the path, in mm, one after the other. Between regions nothing sounds. A scene without regions
+//! is its first surface everywhere. Where two regions touch, one surface fades into the other over the transition's
+//! width, centred on the boundary, at equal power. Where a region has no neighbour, it fades within itself over half
+//! that width. A region shorter than the width shortens the transitions at its ends to its own length.
 
 mod equaliser;
 mod error;
@@ -25,55 +25,55 @@ use crate::limits::MAX_NAME_BYTES;
 /// Name of a scene.
 pub type SceneName = String<MAX_NAME_BYTES>;
 
-/// What is played along a path.
+/// Surfaces along a path, and how they are played.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
     /// Name, unique among its library's scenes.
     pub name: SceneName,
-    /// Samples a second: that of all textures in the scene, and what the equaliser was designed for.
+    /// Sample rate of all textures in the scene, for which the equaliser was designed too, Hz.
     pub sample_rate_hz: u32,
-    /// The surfaces, at least one.
+    /// Surfaces, at least one.
     pub surfaces: Vec<Surface, { limits::MAX_SURFACES }>,
-    /// Where they lie, ascending along the path and without overlap; none is the first surface everywhere.
+    /// Regions of the surfaces, ascending along the path and without overlap; none is the first surface everywhere.
     pub regions: Vec<Region, { limits::MAX_REGIONS }>,
     /// Width of the transition between neighbouring regions, mm.
     pub transition_mm: f32,
-    /// Which speed and force the textures follow.
+    /// Speed and force that the textures follow.
     pub motion: MotionOfScene,
-    /// The inverse of the actuator's response, as sections one after the other; none leaves the output as it is.
+    /// Inverse of the actuator's response, as a cascade of sections; none leaves the output as it is.
     pub equaliser: Vec<Biquad, { limits::MAX_SECTIONS }>,
 }
 
-/// Something to be touched.
+/// A surface: a texture, and its response to taps and to slow, heavy motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Surface {
-    /// Index of its texture in the library; none for a surface that is smooth.
+    /// Index of its texture in the library; none for a smooth surface.
     pub texture: Option<u8>,
     /// Gain of the texture; 0 silences it. Tap transients have a gain of their own.
     pub gain: f32,
-    /// What it answers to an impact.
+    /// Response to an impact.
     pub tap: Option<Tap>,
-    /// How the tool sticks to it and slips.
+    /// Stick-slip of the tool on it.
     pub stick_slip: Option<StickSlip>,
 }
 
-/// A stretch of the path that is one surface.
+/// A stretch of the path with one surface.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Region {
-    /// Where it begins, mm.
+    /// Beginning, mm.
     pub start_mm: f32,
-    /// Where it ends, mm.
+    /// End, mm.
     pub end_mm: f32,
     /// Index of its surface in the scene.
     pub surface: u8,
 }
 
-/// Which speed and force the textures follow.
+/// Speed and force that the textures follow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum MotionOfScene {
-    /// Those of the moment.
+    /// Speed and force of the moment.
     Followed,
-    /// Always these, while there is contact: no coefficient changes.
+    /// These, while there is contact, so that no coefficient changes.
     Constant {
         /// Tangential speed, mm/s.
         speed_mm_s: f32,
@@ -82,38 +82,39 @@ pub enum MotionOfScene {
     },
 }
 
-/// A tap transient: on contact, `a · exp(-t/τ) · sin(2πft)`, where the amplitude a is the gain times the rate of force
-/// (Okamura, Cutkosky and Dennerlein, *Reality-based models for vibration feedback in virtual environments*, IEEE/ASME
-/// Trans. Mechatronics 6(3), 2001, scale the same model by the speed of impact).
+/// A tap transient: on contact, `a · exp(-t/τ) · sin(2πft)`, where the amplitude a is the gain times the rate of force.
+///
+/// Okamura, Cutkosky and Dennerlein, *Reality-based models for vibration feedback in virtual environments*, IEEE/ASME
+/// Trans. Mechatronics 6(3), 2001, scale the same model by the speed of impact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tap {
     /// Frequency f, Hz.
     pub frequency_hz: f32,
     /// Time constant τ of the decay, s.
     pub decay_s: f32,
-    /// Amplitude for a rate of force at contact, m/s² per N/s.
+    /// Amplitude per rate of force at contact, m/s² per N/s.
     pub gain_m_s2_per_n_s: f32,
     /// Largest amplitude, m/s², however hard or often the tool strikes.
     pub limit_m_s2: f32,
 }
 
-/// Stick-slip: the texture comes in bursts, one for each period of the path, below a speed and above a force.
+/// Stick-slip: below a speed and above a force the texture comes in bursts, one per period of the path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StickSlip {
     /// Path from one slip to the next, mm.
     pub period_mm: f32,
     /// Share of the period that the slip takes, 0 to 1.
     pub duty: f32,
-    /// By how much the texture is weaker while the tool sticks: 0 is not at all, 1 is silence.
+    /// Attenuation of the texture while the tool sticks: 0 is none, 1 is silence.
     pub depth: f32,
-    /// Speed from which on the tool slides, mm/s. Sticking sets in below and is full at three quarters of it.
+    /// Speed at and above which the tool slides, mm/s. Sticking sets in below it and is full at three quarters of it.
     pub below_mm_s: f32,
-    /// Force up to which the tool slides, N. Sticking sets in above and is full at five quarters of it.
+    /// Force up to which the tool slides, N. Sticking sets in above it and is full at five quarters of it.
     pub above_n: f32,
 }
 
 impl Scene {
-    /// A scene of `surface` everywhere, without a transition or an equaliser, that follows the motion.
+    /// A scene of `surface` everywhere that follows the motion, without a transition or an equaliser.
     pub fn of_surface(name: SceneName, sample_rate_hz: u32, surface: Surface) -> Self {
         let mut surfaces = Vec::new();
         // There is room for one.
@@ -131,7 +132,7 @@ impl Scene {
 }
 
 impl Surface {
-    /// Texture number `texture` of the library, at its own level and without effects.
+    /// The surface of texture number `texture` of the library, at its own level and without effects.
     pub const fn of_texture(texture: u8) -> Self {
         Self {
             texture: Some(texture),

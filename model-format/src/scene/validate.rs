@@ -1,4 +1,4 @@
-//! The one check of a scene.
+//! The check of a scene.
 
 use super::error::{SceneError, ScenePlace, SceneProblem};
 use super::{MotionOfScene, Scene, StickSlip, Surface, Tap, equaliser, limits};
@@ -6,7 +6,7 @@ use crate::library::{Library, Texture};
 use crate::limits::{MAX_OUTPUT_POWER, MAX_SAMPLE_RATE_HZ};
 
 impl Scene {
-    /// Checks everything about the scene, and that `library` has its textures.
+    /// Checks the whole scene, and that `library` has its textures.
     ///
     /// # Errors
     /// The first fault found, with its place.
@@ -143,9 +143,10 @@ fn validate_stick_slip(stick_slip: &StickSlip) -> Result<(), SceneProblem> {
     )
 }
 
-/// The highest gain that `texture` bears: 1, or as much more as leaves its loudest node at half the highest RMS of a node.
+/// The highest gain for `texture`: 1, or the largest power of two that leaves its loudest node at half the highest RMS
+/// of a node.
 ///
-/// The largest power of two, so that it is found without a root; the kernel's direct form relies on it.
+/// A power of two is found without a root. The kernel's direct form relies on the bound.
 fn highest_gain(texture: &Texture<'_>) -> f32 {
     let loudest = texture.max_output_power();
     let mut gain = 1.0;

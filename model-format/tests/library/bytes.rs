@@ -1,11 +1,11 @@
 //! A second writer of the format that checks nothing, and the checksum by its definition.
 
-use model_format::{FORMAT_VERSION, NodeFlags, Structure};
+use model_format::{FORMAT_VERSION, NodeFlags, SAMPLE_RATE_HZ, Structure};
 
 /// Length of the prefix, bytes.
 pub const PREFIX_BYTES: usize = 16;
 
-/// A library to be written, right or wrong. `None` is what the rest implies.
+/// A library to be written, right or wrong. `None` stands for the value that the rest implies.
 #[derive(Clone, Debug)]
 pub struct RawLibrary {
     pub magic: [u8; 4],
@@ -21,7 +21,7 @@ pub struct RawLibrary {
     pub tail: Vec<u8>,
 }
 
-/// A texture; axes, nodes and coefficients as they are to stand in its byte strings.
+/// A texture to be written, with the content of its byte strings.
 #[derive(Clone, Debug)]
 pub struct RawTexture {
     pub name: Vec<u8>,
@@ -32,26 +32,26 @@ pub struct RawTexture {
     pub force_axis: Vec<f32>,
     pub nodes: Vec<RawNode>,
     pub coefficients: Vec<u8>,
-    /// `None` is one that holds.
+    /// `None` stands for one that holds.
     pub certificate: Option<RawCertificate>,
     /// Bytes that follow the records of a string and make it ragged.
     pub ragged: Ragged,
 }
 
-/// A certificate, as it is to stand behind the byte strings.
+/// A certificate to be written after the byte strings.
 #[derive(Clone, Debug)]
 pub enum RawCertificate {
-    /// There is none.
+    /// No certificate.
     None,
-    /// Of a lattice: the largest |θ|.
+    /// Certificate of a lattice: the largest |θ|.
     Lattice(u16),
-    /// Of a direct form: a byte a cell. Its checksum is the right one, plus this.
+    /// Certificate of a direct form: one byte per cell, and the difference of its checksum from the right one.
     DirectForm(Vec<u8>, u32),
-    /// Another kind, which there is not.
+    /// A kind that does not exist.
     Unknown(u32),
 }
 
-/// How many bytes too many each byte string has.
+/// Number of bytes that each byte string has too many.
 #[derive(Clone, Debug, Default)]
 pub struct Ragged {
     pub speed_axis: usize,
@@ -73,8 +73,8 @@ pub struct RawNode {
 impl RawLibrary {
     /// A valid library of one small texture of each structure: lattice, direct form of 16 bits, of 32 bits.
     ///
-    /// Each has the speeds 0, 50 and 100 mm/s and the forces 0.5 and 1 N; the nodes at speed 0 are silent and of order 0,
-    /// the others of order 2.
+    /// Each has the speeds 0, 50 and 100 mm/s and the forces 0.5 and 1 N; the nodes at speed 0 are silent and of
+    /// order 0, the others of order 2.
     pub fn sound() -> Self {
         Self {
             magic: *b"HTXL",
@@ -158,7 +158,7 @@ impl RawTexture {
         nodes.extend((0..4).map(moving));
         Self {
             name: name.as_bytes().to_vec(),
-            sample_rate_hz: 5000,
+            sample_rate_hz: SAMPLE_RATE_HZ,
             structure,
             provenance: 1,
             speed_axis: vec![0.0, 50.0, 100.0],
@@ -210,7 +210,7 @@ impl RawTexture {
         }
     }
 
-    /// The certificate that holds.
+    /// The certificate that holds for this texture.
     pub fn sound_certificate(&self) -> RawCertificate {
         if self.structure == Structure::NormalisedLattice as u32 {
             let codes = self.coefficients.as_chunks().0.iter();
@@ -234,7 +234,7 @@ impl RawNode {
     }
 }
 
-/// Seven bits a byte, the lowest first; the top bit tells that more follow.
+/// Appends seven bits per byte, the lowest first; the top bit tells that more follow.
 fn append_varint(mut value: u32, bytes: &mut Vec<u8>) {
     while value >= 0x80 {
         bytes.push(value as u8 | 0x80);
@@ -247,16 +247,16 @@ fn append_f32(value: f32, bytes: &mut Vec<u8>) {
     bytes.extend(value.to_le_bytes());
 }
 
-/// Zigzag: signs alternate, 0, -1, 1, -2 ...
+/// Appends a zigzag varint: signs alternate, 0, -1, 1, -2 ...
 fn append_signed(value: i32, bytes: &mut Vec<u8>) {
     append_varint(((value << 1) ^ (value >> 31)).cast_unsigned(), bytes);
 }
 
-/// Texture 0 everywhere, and nothing else.
+/// A scene of texture 0 everywhere.
 fn plain_scene() -> Vec<u8> {
     let mut bytes = Vec::new();
     append_string(b"plain", &mut bytes);
-    append_varint(5000, &mut bytes);
+    append_varint(SAMPLE_RATE_HZ, &mut bytes);
     // One surface: texture 0, gain 1, no tap, no stick-slip.
     bytes.extend([1, 1, 0]);
     append_f32(1.0, &mut bytes);
@@ -268,11 +268,11 @@ fn plain_scene() -> Vec<u8> {
     bytes
 }
 
-/// Two surfaces, one of them smooth, on two regions, at constant motion, through a section.
+/// A scene of two surfaces, one of them smooth, on two regions, at constant motion, through one section.
 fn full_scene() -> Vec<u8> {
     let mut bytes = Vec::new();
     append_string(b"full", &mut bytes);
-    append_varint(5000, &mut bytes);
+    append_varint(SAMPLE_RATE_HZ, &mut bytes);
     bytes.push(2);
     bytes.extend([1, 2]);
     append_f32(0.5, &mut bytes);
@@ -315,7 +315,7 @@ fn append_string(string: &[u8], bytes: &mut Vec<u8>) {
     bytes.extend(string);
 }
 
-/// Makes length and checksum of `bytes` right; bytes too few for a prefix stay as they are.
+/// Makes length and checksum of `bytes` right. Bytes that are too few for a prefix stay as they are.
 pub fn repair(bytes: &mut [u8]) {
     if bytes.len() >= PREFIX_BYTES {
         let total_bytes = bytes.len() as u32;
@@ -329,7 +329,7 @@ fn repair_checksum(bytes: &mut [u8]) {
     bytes[12..16].copy_from_slice(&crc32.to_le_bytes());
 }
 
-/// The checksum that `bytes` should hold: all of them but the checksum itself.
+/// The checksum that `bytes` should hold: that of all bytes but the checksum itself.
 pub fn checksum(bytes: &[u8]) -> u32 {
     crc32(bytes[..12].iter().chain(&bytes[16..]).copied())
 }

@@ -1,4 +1,4 @@
-//! Bytes that were damaged, cut, or never a library: each gives a typed error or a library that holds all promises.
+//! Bytes that were damaged, cut, or never a library. Each gives a typed error, or a library that keeps all promises.
 
 use model_format::{DecodeError, Library, Place, Problem, encode_with_scenes};
 use proptest::collection::vec;
@@ -39,7 +39,7 @@ fn every_truncation_is_an_error() {
     }
 }
 
-/// Behind a repaired prefix, it is the structure itself that must notice.
+/// Behind a repaired prefix, the structure itself must show the truncation.
 #[test]
 fn every_truncation_with_repaired_prefix_is_an_error() {
     let bytes = RawLibrary::with_scenes().bytes();
@@ -57,7 +57,7 @@ fn every_truncation_with_repaired_prefix_is_an_error() {
     }
 }
 
-/// What any bytes must come to.
+/// Checks that `bytes` are refused with an error, or are a library that keeps all promises.
 fn sound_or_refused(bytes: &[u8]) -> Result<(), TestCaseError> {
     match Library::decode(bytes) {
         Ok(library) => {
@@ -127,13 +127,13 @@ enum Mutation {
     Flip(u8),
     Insert(u8),
     Remove,
-    /// Copies up to so many bytes from here to the end of the library.
+    /// Appends a copy of up to so many bytes from here.
     Repeat(usize),
 }
 
 impl Mutation {
     fn apply(self, at: Index, bytes: &mut Vec<u8>) {
-        // Magic and version stay, so that the body is reached.
+        // Magic and version stay as they are, so that the body is reached.
         let at = 6 + at.index(bytes.len() - 6);
         match self {
             Self::Set(byte) => bytes[at] = byte,

@@ -1,9 +1,9 @@
-//! Bytes with exactly one fault, for each fault there is: what it is, where it is, and what a person reads.
+//! Bytes with exactly one fault, for each fault there is: its kind, its place, and the text that a person reads.
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_OUTPUT_POWER};
 use model_format::{
     CodeSpec, DecodeError, FORMAT_VERSION, Library, NodeFlags, NodeSpec, Place, Problem,
-    Provenance, Structure, TextureSpec, encode,
+    Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
 };
 
 use crate::bytes::{RawCertificate, RawLibrary, RawTexture, checksum, repair};
@@ -32,7 +32,7 @@ fn refused(bytes: &[u8]) -> DecodeError {
     Library::decode(bytes).expect_err("a library with a fault")
 }
 
-/// What decoding says to the sound library after `spoil` has put a fault into it.
+/// The error of decoding the sound library after `spoil` has put a fault into it.
 fn fault(spoil: impl FnOnce(&mut RawLibrary)) -> DecodeError {
     let mut library = RawLibrary::sound();
     assert!(Library::decode(&library.bytes()).is_ok());
@@ -45,7 +45,7 @@ fn texture_fault(spoil: impl FnOnce(&mut RawTexture)) -> DecodeError {
     fault(|library| spoil(&mut library.textures[1]))
 }
 
-/// Checks what, where, and that the message names the place and says `told`.
+/// Checks fault and place, and that the message names the place and contains `told`.
 fn check(error: DecodeError, place: Place, problem: Problem, told: &str) {
     assert_eq!((error.place, error.problem), (place, problem));
     check_message(error, place, told);
@@ -98,7 +98,7 @@ fn a_newer_version_asks_for_a_newer_program_and_an_older_one_for_a_new_fit() {
     }
 }
 
-/// A version is told even where nothing else of a foreign library is understood.
+/// The version is reported even if nothing else of a foreign library is understood.
 #[test]
 fn the_version_is_judged_before_all_else() {
     let error = fault(|library| {
@@ -226,7 +226,7 @@ fn nothing_may_follow_the_last_record() {
         Problem::LeftOver(3),
         "3 bytes are left over",
     );
-    // What follows too few textures is read as scenes.
+    // A texture beyond the declared number is read as scenes.
     let error = fault(|library| library.count = Some(2));
     check(
         error,
@@ -297,7 +297,7 @@ fn sample_rates_have_bounds() {
     }
 }
 
-/// Each of the two axes with one of `values` in it, and what must be said of that.
+/// Checks the error of `values` on each of the two axes.
 fn axis_faults(values: &[f32], problem: impl Fn(&DecodeError) -> bool, told: &str) {
     let error = texture_fault(|texture| texture.speed_axis = values.to_vec());
     assert!(problem(&error), "{error}");
@@ -332,7 +332,12 @@ fn values_on_axes_are_finite_and_not_negative() {
         f32::NEG_INFINITY,
         f32::NAN,
     ] {
-        let same = |error: &DecodeError| matches!(error.problem, Problem::AxisValue { index: 1, value } if value.to_bits() == bad.to_bits());
+        let same = |error: &DecodeError| {
+            let Problem::AxisValue { index: 1, value } = error.problem else {
+                return false;
+            };
+            value.to_bits() == bad.to_bits()
+        };
         axis_faults(&[0.5, bad, 2.0], same, "value 1 is");
         axis_faults(&[0.5, bad, 2.0], same, "finite and not negative");
     }
@@ -614,7 +619,7 @@ fn a_direct_form_without_a_certificate_is_for_benches_only() {
     }
 }
 
-/// On a bench too: who has a certificate must have the right one.
+/// On a bench too, a certificate that is there must be the right one.
 fn check_everywhere(error: DecodeError, certificate: RawCertificate) {
     let mut library = RawLibrary::sound();
     library.textures[1].certificate = Some(certificate);
@@ -682,7 +687,7 @@ fn a_cell_that_is_not_certified_is_named() {
     check_everywhere(error, certificate);
 }
 
-/// The certificate that held before stays, and axes, nodes, coefficients or margins are others.
+/// The certificate stays as it was, and axes, nodes, coefficients or margins change.
 #[test]
 fn a_certificate_for_other_numbers_is_told() {
     let certificate = RawCertificate::DirectForm(vec![0, 1], 1);
@@ -701,7 +706,7 @@ fn a_certificate_for_other_numbers_is_told() {
     };
     let coefficient = position(&sound.textures[1].coefficients);
     for at in [
-        // The lowest byte of a coefficient, of a power, of the highest speed.
+        // The lowest byte of a coefficient, of a power, and of the highest speed.
         coefficient + 8,
         coefficient - 2 - 12,
         position(b"oak") + 3 + 2 + 1 + 1 + 1 + 8,
@@ -721,7 +726,7 @@ fn a_certificate_for_other_numbers_is_told() {
 fn spec() -> TextureSpec {
     TextureSpec {
         name: "felt".to_owned(),
-        sample_rate_hz: 5000,
+        sample_rate_hz: SAMPLE_RATE_HZ,
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Recorded,
         speed_axis_mm_s: vec![50.0],
@@ -739,7 +744,7 @@ fn spec() -> TextureSpec {
     }
 }
 
-/// What the decoder refuses, the encoder does not write, and says so in the same words.
+/// The encoder does not write what the decoder refuses, and its error has the same text.
 #[test]
 fn the_encoder_refuses_what_the_decoder_would() {
     type Case = (fn(&mut TextureSpec), Place, Problem);

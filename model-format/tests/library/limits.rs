@@ -1,4 +1,4 @@
-//! The work on any bytes is bounded: limits are enforced on what is declared, before anything is walked.
+//! Bounded work on any bytes: limits are enforced on declared counts, before anything is walked.
 
 use model_format::limits::{
     MAX_AXIS_LEN, MAX_LIBRARY_BYTES, MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES,
@@ -14,7 +14,7 @@ fn problem(library: &RawLibrary) -> Problem {
         .problem
 }
 
-/// Not one of the textures is there: reading the first would tell so.
+/// None of the textures is there, so that reading the first would be another error.
 #[test]
 fn the_texture_count_is_judged_before_any_texture_is_read() {
     for count in [0, MAX_TEXTURES as u8 + 1, u8::MAX] {
@@ -25,7 +25,7 @@ fn the_texture_count_is_judged_before_any_texture_is_read() {
     }
 }
 
-/// The very first value is a fault, and is not reached.
+/// The first value is a fault too, and is not reached.
 #[test]
 fn the_length_of_an_axis_is_judged_before_its_values() {
     for length in [MAX_AXIS_LEN + 1, 50_000] {
@@ -54,7 +54,7 @@ fn the_size_of_the_whole_is_judged_before_its_checksum() {
     assert_eq!(problem(&library), Problem::TooLarge { found });
 }
 
-/// A declared length beyond the end, up to the largest that its encoding can hold, is an error and nothing is reserved.
+/// Declared lengths beyond the end, up to the largest that the encoding can hold. Nothing is reserved for them.
 #[test]
 fn declared_lengths_beyond_the_end_are_errors() {
     for length in [
@@ -77,7 +77,7 @@ fn declared_lengths_beyond_the_end_are_errors() {
     }
 }
 
-/// Every limit reached at once, as far as a slot's size allows: all of it is read and written again.
+/// Every limit is reached at once, as far as a slot's size allows. The whole library is read and written again.
 #[test]
 fn a_library_at_its_limits_is_valid() {
     let mut library = RawLibrary::sound();
@@ -111,7 +111,7 @@ fn a_library_at_its_limits_is_valid() {
     let textures = (1..MAX_TEXTURES).map(small).collect::<Vec<_>>();
     library.textures = textures;
     library.textures.push(large);
-    // What is missing to the full size goes into one more node's coefficients.
+    // The bytes missing to the full size become coefficients of more nodes.
     let missing = MAX_LIBRARY_BYTES - library.bytes().len();
     let last = library.textures.last_mut().expect("one was pushed");
     let more = missing / (2 * MAX_ORDER);

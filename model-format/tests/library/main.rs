@@ -1,6 +1,6 @@
-//! What the library's format promises, tested through its public interface only.
+//! The promises of the library's format, tested through its public interface only.
 //!
-//! [`bytes`] writes the format a second time, from its description in `wire.rs`, so that the decoder meets bytes that
+//! [`bytes`] writes the format a second time, from its description in `README.md`, so that the decoder meets bytes that
 //! the encoder would never write.
 
 mod bytes;

@@ -1,4 +1,4 @@
-//! Content survives the way into bytes and back, and bytes the way into content and back.
+//! Round trips: from content to bytes and back, and from bytes to content and back.
 
 use model_format::{
     CodeSpec, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, UNCERTIFIED_CELL,
@@ -106,14 +106,15 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
     })
 }
 
-/// Up to 40 bytes, so that an index fits before.
+/// A name of up to 40 bytes, so that an index fits before it.
 fn name() -> impl Strategy<Value = String> {
     "\\PC{1,10}".prop_filter("no control character", |name| {
         !name.chars().any(char::is_control)
     })
 }
 
-/// Any finite values that are not negative, zero, the smallest and the largest among them: their bits ascend as they do.
+/// Any finite values that are not negative, with zero, the smallest and the largest among them. Such values are ordered
+/// as their bits are.
 fn axis() -> impl Strategy<Value = Vec<f32>> {
     let bits = prop_oneof![
         4 => 0..=f32::MAX.to_bits(),
@@ -163,7 +164,7 @@ fn node(structure: Structure, at_zero: bool) -> impl Strategy<Value = NodeSpec> 
     })
 }
 
-/// Codes up to the largest that the bound on their sum lets all of them have.
+/// Codes up to the largest magnitude that the bound on their sum allows for all of them.
 fn codes(structure: Structure, order: usize) -> impl Strategy<Value = CodeSpec> {
     let any = vec(any::<i16>(), order);
     (any, 0..=limits::MAX_EXPONENT).prop_map(move |(any, exponent)| {

@@ -1,4 +1,4 @@
-//! Scenes: any that is valid goes into a library and comes out the same; each fault is told with its place and its numbers.
+//! Scenes: every valid one goes through a library unchanged, and each fault is reported with its place and its numbers.
 
 use std::f64::consts::PI;
 
@@ -10,7 +10,7 @@ use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, ScenePlace, SceneProblem,
     StickSlip, Surface, Tap,
 };
-use model_format::{DecodeError, Library, Place, Problem, encode_with_scenes};
+use model_format::{DecodeError, Library, Place, Problem, SAMPLE_RATE_HZ, encode_with_scenes};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -25,7 +25,7 @@ fn sound() -> Vec<u8> {
     RawLibrary::sound().bytes()
 }
 
-/// What a scene with one change is told about, checked by itself and as part of a library.
+/// The fault of a scene with one change, checked by itself and as part of a library.
 fn fault(spoil: impl FnOnce(&mut Scene)) -> SceneError {
     let bytes = RawLibrary::with_scenes().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
@@ -39,7 +39,7 @@ fn fault(spoil: impl FnOnce(&mut Scene)) -> SceneError {
     error
 }
 
-/// Checks what, where, and what a person reads.
+/// Checks the place of the fault, and the text that a person reads.
 fn check(error: SceneError, place: ScenePlace, told: &str) {
     assert_eq!(error.place, place, "{error}");
     let message = error.to_string();
@@ -65,7 +65,7 @@ fn a_name_must_be_there_and_be_readable() {
 
 type Spoil = fn(&mut Scene, f32);
 
-/// Every number of a scene: how to set it, where it is, what it is called, and its range in the scene "full".
+/// Every number of a scene: its setter, its place, its name, and its range in the scene "full".
 const FIELDS: [(Spoil, ScenePlace, &str, [f32; 2]); 19] = [
     (
         |s, x| s.transition_mm = x,
@@ -282,7 +282,7 @@ fn all_textures_must_have_the_scenes_rate() {
     }
 }
 
-/// The loudest node has 4 (m/s²)²: an RMS of 2, and room for 128.
+/// The loudest node has a power of 4 (m/s²)²: an RMS of 2 m/s², with room for 128 m/s².
 #[test]
 fn a_gain_above_one_must_leave_its_texture_room() {
     let bytes = RawLibrary::with_scenes().bytes();
@@ -332,7 +332,7 @@ fn names_are_unique_and_scenes_are_few() {
     assert_eq!(error.problem, Problem::SceneCount(MAX_SCENES + 1));
 }
 
-/// Beside a record that a scene fills, and a count that is judged before any scene.
+/// A record must be filled by one scene, and the count is judged before any scene.
 #[test]
 fn a_record_is_one_scene_and_no_more() {
     for spoil in [
@@ -353,7 +353,7 @@ fn a_record_is_one_scene_and_no_more() {
     assert_eq!(error.problem, Problem::SceneCount(33));
 }
 
-/// Without scenes a library takes one byte for saying so; the largest scene stays below a kilobyte and a half.
+/// A library without scenes has one byte for their number; the largest scene takes less than a kilobyte and a half.
 #[test]
 fn scenes_are_small() {
     let bytes = sound();
@@ -375,7 +375,7 @@ fn scenes_are_small() {
         numerator: [1 << 28, 0, 0],
         denominator: [-(1 << 28), 1 << 27],
     }) {
-        // One with gain enough to be compensated by the next one's lack would be longer by a few bytes.
+        // A section whose gain the next one compensates would be longer by a few bytes.
         let last = scene.equaliser.len() - 1;
         scene.equaliser[last].numerator = [1 << 20; 3];
     }
@@ -412,7 +412,7 @@ fn jurys_triangle_is_the_radius_of_the_poles() {
             let angle = PI * f64::from(step) / 24.0;
             let denominator = [-2.0 * radius * angle.cos(), radius * radius];
             let biquad = Biquad::from_f64([1.0, 0.0, 0.0], denominator).expect("in range");
-            // Coefficients are rounded, and a double pole on the axis moves by the root of that.
+            // Coefficients are rounded, and a double pole on the axis moves by the root of the round-off.
             let split = angle.sin() < 1e-6 && (radius - LIMIT).abs() < 1e-4;
             assert!(
                 split || biquad.poles_are_within_limit() == within,
@@ -445,7 +445,7 @@ fn an_equaliser_with_too_much_gain_is_refused_where_it_gets_too_much() {
     for (gains, section) in [
         (vec![4.0, 4.0], None),
         (vec![4.0, 4.0, 1.01], Some(2)),
-        // What comes after does not mend it: the signal between is what saturates.
+        // A later section does not mend it, because the signal between saturates.
         (vec![7.0, 7.0, 0.1], Some(1)),
     ] {
         let set = |scene: &mut Scene| scene.equaliser = gains.iter().copied().map(flat).collect();
@@ -465,12 +465,12 @@ fn an_equaliser_with_too_much_gain_is_refused_where_it_gets_too_much() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(512))]
 
-    /// A single resonance, of any frequency and width, and a gain that is a little below or above what is allowed at its peak.
+    /// A single resonance, of any frequency and width, with a gain a little below or above the limit at its peak.
     #[test]
     fn no_resonance_is_too_narrow_to_be_seen(radius in 0.5f64..0.998, angle in 0.01f64..3.13, excess in 0.5f64..2.0) {
         let denominator = [-2.0 * radius * angle.cos(), radius * radius];
         let peak = (0..=20_000).map(|step| {
-            // Densely around the pole, where the peak is.
+            // The peak lies at the pole, so that frequencies are dense around it.
             let around = (f64::from(step) / 10_000.0 - 1.0) * 4.0 * (1.0 - radius);
             let omega = (angle + around).clamp(0.0, PI);
             let real = 1.0 + denominator[0] * omega.cos() + denominator[1] * (2.0 * omega).cos();
@@ -481,7 +481,7 @@ proptest! {
         prop_assume!(gain < 7.9 && (excess - 1.0).abs() > 0.01);
         let bytes = sound();
         let library = Library::decode(&bytes).expect("a valid library");
-        let mut scene = Scene::of_surface(name("peak"), 5000, Surface::of_texture(0));
+        let mut scene = Scene::of_surface(name("peak"), SAMPLE_RATE_HZ, Surface::of_texture(0));
         scene.equaliser.push(Biquad::from_f64([gain, 0.0, 0.0], denominator).expect("in range")).expect("room");
         prop_assert_eq!(scene.validate(&library).is_ok(), excess < 1.0);
     }
@@ -494,7 +494,7 @@ proptest! {
         motion in prop::option::of((0.0f32..1000.0, 0.0f32..100.0)),
         text in "[a-zA-ZäöüßéÅ ]{1,24}",
     ) {
-        let mut scene = Scene::of_surface(name(&text), 5000, Surface::of_texture(0));
+        let mut scene = Scene::of_surface(name(&text), SAMPLE_RATE_HZ, Surface::of_texture(0));
         scene.surfaces = surfaces.iter().map(|&(texture, gain, tapped)| Surface {
             texture,
             gain,

@@ -1,8 +1,9 @@
-//! Libraries stay as small as the flash and the download expect.
+//! Sizes of libraries, which must suit the flash and the download.
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_ORDER};
 use model_format::{
-    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode,
+    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec,
+    encode,
 };
 
 /// A dense grid of 15 speeds and 8 forces, every node of the highest order.
@@ -19,7 +20,7 @@ fn dense(name: &str) -> TextureSpec {
     };
     TextureSpec {
         name: name.to_owned(),
-        sample_rate_hz: 5000,
+        sample_rate_hz: SAMPLE_RATE_HZ,
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Recorded,
         speed_axis_mm_s: (1..=15).map(|step| 20.0 * step as f32).collect(),

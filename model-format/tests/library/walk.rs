@@ -9,7 +9,7 @@ use model_format::{
 /// The content of `library`, through its public interface.
 ///
 /// # Panics
-/// Where it breaks what a valid library promises to the kernel.
+/// If the library breaks a promise to the kernel.
 pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
     let mut textures = Vec::new();
     for texture in library.textures() {
@@ -67,7 +67,7 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
 /// The scenes of `library`, through its public interface.
 ///
 /// # Panics
-/// Where one breaks what the kernel relies on.
+/// If a scene breaks a promise to the kernel.
 pub fn scenes(library: &Library<'_>) -> Vec<Scene> {
     let scenes: Vec<Scene> = library.scenes().collect();
     assert_eq!(scenes.len(), library.scene_count());
@@ -83,7 +83,7 @@ pub fn scenes(library: &Library<'_>) -> Vec<Scene> {
             };
             let texture = library.textures().nth(usize::from(texture));
             let loudest = texture.expect("it is there").max_output_power();
-            // What the kernel's direct form relies on, beside a gain of at most one.
+            // The kernel's direct form relies on this, or on a gain of at most one.
             let room = 4.0 * surface.gain * surface.gain * loudest <= limits::MAX_OUTPUT_POWER;
             assert!(surface.gain >= 0.0 && (surface.gain <= 1.0 || room));
         }
@@ -91,7 +91,7 @@ pub fn scenes(library: &Library<'_>) -> Vec<Scene> {
     scenes
 }
 
-/// What is certified of the cells of a direct form. What is certified of a lattice is what its nodes have.
+/// The margins of a direct form's cells. A lattice has none: its certificate must be the bound of its nodes.
 fn cell_margins(texture: &Texture<'_>) -> Vec<u8> {
     let lattice = texture.structure() == Structure::NormalisedLattice;
     match texture.certificate() {
@@ -135,7 +135,7 @@ fn codes(coefficients: Coefficients<'_>) -> CodeSpec {
         }
         Coefficients::Direct32 { exponent, codes } => {
             let codes: Vec<i32> = codes.iter().map(|&c| i32::from_le_bytes(c)).collect();
-            // What the kernel's 64-bit sums need beside the bound on the coefficients themselves.
+            // The kernel's 64-bit sums need this beside the bound on the coefficients themselves.
             let sum: u64 = codes
                 .iter()
                 .map(|code| u64::from(code.unsigned_abs()))

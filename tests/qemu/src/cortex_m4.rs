@@ -1,12 +1,13 @@
-//! Cycles of a Cortex-M4, by Arm's Technical Reference Manual (DDI 0439D): tables 3-1, 3-2 and 7-1, and section 3.3.2 on
-//! how loads and stores stand beside each other.
+//! Cycles of a Cortex-M4, by Arm's Technical Reference Manual (DDI 0439D): tables 3-1, 3-2 and 7-1, and section 3.3.2
+//! on adjacent loads and stores.
 //!
-//! *Best* takes every chance that the manual gives: loads overlap where it says that they can, IT is taken along by the
-//! narrow instruction before it, and a branch refills the pipeline in one cycle. *Worst* takes none, and three cycles for
-//! every branch taken. What both leave out: wait states, contention for the bus, interrupts, that an instruction skipped within
-//! an IT block takes one cycle only, and what wide instructions cost where they are not aligned, of which the manual says nothing
-//! but that it is part of P. What divides takes 2 to 12 cycles by its operands, and is at either end here. Data that is
-//! not aligned is counted apart, since it takes the addresses: [`crate::count::Alignment`].
+//! The *best* case takes every saving that the manual allows: loads overlap where they can, IT is folded onto the
+//! narrow instruction before it, and a branch refills the pipeline in one cycle. The *worst* case takes no saving, and
+//! three cycles for every taken branch. Both leave out wait states, contention for the bus, interrupts, and the shorter
+//! time (one cycle) of an instruction that is skipped within an IT block. They also leave out the cost of wide
+//! instructions that are not aligned, of which the manual says only that it is part of P. A division takes 2 to 12
+//! cycles by its operands: 2 at best, 12 at worst. Unaligned data is counted apart, because its cost depends on the
+//! addresses: [`crate::count::Alignment`].
 
 use std::ops::AddAssign;
 
@@ -15,9 +16,9 @@ use crate::thumb::{Instruction, Timing};
 /// Cycles in the best and the worst case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cycles {
-    /// With all overlaps.
+    /// The best case: with all overlaps.
     pub best: u32,
-    /// With none.
+    /// The worst case: without overlaps.
     pub worst: u32,
 }
 
@@ -28,14 +29,14 @@ impl AddAssign for Cycles {
     }
 }
 
-/// P, the cycles of a pipeline refill: 1 to 3, "depending on the alignment and width of the target instruction, and whether the
-/// processor manages to speculate the address early".
+/// P, the cycles of a pipeline refill: 1 to 3, "depending on the alignment and width of the target instruction, and
+/// whether the processor manages to speculate the address early".
 const REFILL: Cycles = Cycles { best: 1, worst: 3 };
 
 /// The refill after a load of the program counter or a table branch: "three cycles for the pipeline reload".
 const FULL_REFILL: Cycles = Cycles { best: 3, worst: 3 };
 
-/// What `this` takes after `before`, if `next` is the address of what was executed after it.
+/// The cycles of `this` after `before`. `next` is the address of the instruction that was executed after it.
 pub fn cycles(before: Option<&Instruction>, this: &Instruction, next: u32) -> Cycles {
     let both = |cycles| Cycles {
         best: cycles,
@@ -74,7 +75,8 @@ pub fn cycles(before: Option<&Instruction>, this: &Instruction, next: u32) -> Cy
         if before.computed.meets(this.address_registers) {
             cycles += both(1);
         }
-        // Section 7.2.3: floating-point arithmetic takes "one cycle longer if their result is consumed by the following instruction".
+        // Section 7.2.3: floating-point arithmetic takes "one cycle longer if their result is consumed by the following
+        // instruction".
         if before.is_late && before.computed.meets(this.read) {
             cycles += both(1);
         }
@@ -86,8 +88,8 @@ pub fn cycles(before: Option<&Instruction>, this: &Instruction, next: u32) -> Cy
     cycles
 }
 
-/// "If the next instruction is an LDR or STR, and the destination of the first LDR is not used to compute the address for the
-/// next instruction."
+/// The condition for an overlap of two accesses: "If the next instruction is an LDR or STR, and the destination of the
+/// first LDR is not used to compute the address for the next instruction."
 fn overlaps(before: &Instruction, this: &Instruction) -> bool {
     before.timing == Timing::Load && !before.loaded.meets(this.address_registers)
 }
@@ -97,7 +99,7 @@ mod tests {
     use super::*;
     use crate::thumb::Decoder;
 
-    /// Cycles of these instructions, one after the other, as (best, worst).
+    /// Cycles of successive instructions, as (best, worst).
     fn take(code: &[&[u8]]) -> (u32, u32) {
         let decoder = Decoder::new().unwrap();
         let (mut sum, mut before, mut address) = (Cycles::default(), None, 0x100);
@@ -110,7 +112,7 @@ mod tests {
         (sum.best, sum.worst)
     }
 
-    /// The same of one instruction that goes elsewhere.
+    /// Cycles of one instruction that branches, as (best, worst).
     fn branch(code: &[u8]) -> (u32, u32) {
         let this = Decoder::new().unwrap().decode(code, 0x100).unwrap();
         let taken = cycles(None, &this, 0x80);
@@ -128,7 +130,7 @@ mod tests {
 
     #[test]
     fn the_manuals_examples_of_loads_and_stores_take_what_it_says() {
-        // Each "normally" takes so many cycles: the best case, since nothing stalls.
+        // Each "normally" takes so many cycles: the best case, because nothing stalls.
         assert_eq!(take(&[LDR_R0_R1, LDR_R1_R2]).0, 3);
         assert_eq!(take(&[LDR_R0_R1_R2, STR_R0_R3_20]).0, 3);
         assert_eq!(take(&[LDR_R0_R1_R2, STR_R1_R3_R2]).0, 3);
@@ -162,7 +164,7 @@ mod tests {
         assert_eq!(take(&[LDR_R1_R2, LDR_R0_R1]), (4, 4));
         // add r1, r2, r3; ldr r0, [r1]: no forwarding path.
         assert_eq!(take(&[ADD_R1_R2_R3, LDR_R0_R1]), (4, 4));
-        // With something between them there is time.
+        // With an instruction between them there is no stall.
         assert_eq!(take(&[ADD_R1_R2_R3, &[0x00, 0xbf], LDR_R0_R1]), (4, 4));
     }
 
@@ -183,8 +185,8 @@ mod tests {
         assert_eq!(branch(&[0x10, 0xbd]), (4, 6));
     }
 
-    /// Measured by its timer on an STM32F103, whose Cortex-M3 has the same pipeline and the same times of these two: a turn of
-    /// `subs r0, #4; bhi` takes four cycles (blaatschaap.be, "Wait a microsecond", 2023).
+    /// A loop of `subs r0, #4; bhi` takes four cycles per turn, by the timer of an STM32F103, whose Cortex-M3 has the
+    /// same pipeline and the same times of both instructions (blaatschaap.be, "Wait a microsecond", 2023).
     #[test]
     fn a_loop_that_was_measured_lies_between_best_and_worst() {
         const MEASURED: u32 = 4;
@@ -212,7 +214,7 @@ mod tests {
         assert_eq!(take(&[VADD_S0_S0_S1]), (1, 1));
         assert_eq!(take(&[VFMA_S0_S1_S2]), (3, 3));
         assert_eq!(take(&[VDIV_S0_S1_S2]), (14, 14));
-        // A result is one cycle late for what follows: vadd s0, s0, s1 twice; and vmov r0, s0 after it.
+        // A result is one cycle late for the next instruction: vadd s0, s0, s1 twice, and vmov r0, s0 after it.
         assert_eq!(take(&[VADD_S0_S0_S1, VADD_S0_S0_S1]), (3, 3));
         assert_eq!(take(&[VADD_S0_S0_S1, &[0x10, 0xee, 0x10, 0x0a]]), (3, 3));
         // vldr s0, [r0]; vldr d0, [r0]; vmov r0, r1, d0; vpush {d8, d9}

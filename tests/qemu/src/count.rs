@@ -1,4 +1,4 @@
-//! Counting calls: from a function's first instruction to the one that returns, with all that it calls.
+//! Counts of calls: from a function's first instruction to the one that returns, including the functions that it calls.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -11,17 +11,17 @@ use crate::trace::Moment;
 /// One call of a counted function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Call {
-    /// The function: its place among those asked for.
+    /// The function, by its index among the counted ones.
     pub function: usize,
     /// Instructions executed.
     pub instructions: u32,
-    /// Cycles that they take a Cortex-M4.
+    /// Cycles of the instructions on a Cortex-M4.
     pub cycles: Cycles,
-    /// How many of them take a time that depends on their operands' values.
+    /// The number of instructions whose time depends on the values of their operands.
     pub data_dependent: u32,
 }
 
-/// Follows a trace, and counts the calls of some functions in it.
+/// A counter of the calls of some functions in a trace.
 pub struct Counter<'a> {
     image: &'a Image,
     functions: &'a [u32],
@@ -31,18 +31,18 @@ pub struct Counter<'a> {
     now: Option<u32>,
     open: Option<Open>,
     calls: Vec<Call>,
-    /// Of each function, what its calls executed.
+    /// The executed addresses of each function's calls.
     executed: Vec<BTreeSet<u32>>,
 }
 
 struct Open {
     call: Call,
-    /// Where the caller goes on.
+    /// The address at which the caller continues.
     return_address: u32,
 }
 
 impl<'a> Counter<'a> {
-    /// Counts the functions at these addresses of `image`.
+    /// A counter of the functions at these addresses of `image`.
     ///
     /// # Errors
     /// The disassembler does not start.
@@ -60,10 +60,11 @@ impl<'a> Counter<'a> {
         })
     }
 
-    /// The next executed instruction.
+    /// Takes the next executed instruction.
     ///
     /// # Errors
-    /// Within a counted function, one whose time is not known; a function that was entered by no call.
+    /// The time of an instruction within a counted function is not known, or a counted function was entered without a
+    /// call.
     pub fn take(&mut self, next: u32) -> Result<()> {
         if let Some(now) = self.now {
             if let Some(mut open) = self.open.take() {
@@ -103,15 +104,15 @@ impl<'a> Counter<'a> {
         Ok(())
     }
 
-    /// The addresses of what calls of function `function` executed so far.
+    /// The addresses that calls of function `function` executed so far.
     pub fn executed(&self, function: usize) -> &BTreeSet<u32> {
         &self.executed[function]
     }
 
-    /// All calls, in order.
+    /// Returns all calls, in order.
     ///
     /// # Errors
-    /// One of them did not end.
+    /// The trace ends within a call.
     pub fn end(self) -> Result<Vec<Call>> {
         match self.open {
             None => Ok(self.calls),
@@ -128,9 +129,9 @@ impl<'a> Counter<'a> {
     }
 }
 
-/// Counts what accesses take in addition because they are not aligned, call by call of one function.
+/// A counter of the additional cycles of unaligned accesses, for each call of one function.
 ///
-/// It takes a trace with registers, which may leave out what is not part of such calls.
+/// It needs a trace with registers. The trace may leave out code that is not part of such calls.
 pub struct Alignment<'a> {
     image: &'a Image,
     function: u32,
@@ -140,7 +141,7 @@ pub struct Alignment<'a> {
 }
 
 impl<'a> Alignment<'a> {
-    /// Counts calls of the function at this address of `image`.
+    /// A counter of the calls of the function at this address of `image`.
     ///
     /// # Errors
     /// The disassembler does not start.
@@ -154,10 +155,10 @@ impl<'a> Alignment<'a> {
         })
     }
 
-    /// The next executed instruction.
+    /// Takes the next executed instruction.
     ///
     /// # Errors
-    /// One whose time is not known.
+    /// The time of the instruction is not known.
     pub fn take(&mut self, moment: &Moment) -> Result<()> {
         if moment.address == self.function {
             self.calls.push(0);
@@ -176,7 +177,7 @@ impl<'a> Alignment<'a> {
         Ok(())
     }
 
-    /// The cycles in addition, of each call from one entry to the next.
+    /// Returns the additional cycles of each call, from one entry to the next.
     pub fn end(self) -> Vec<u32> {
         self.calls
     }
@@ -186,8 +187,8 @@ impl<'a> Alignment<'a> {
 mod tests {
     use super::*;
 
-    /// At 0x400 a caller: nop; bl 0x410; nop. At 0x410 the function: push {r4, lr}; bl 0x420; pop {r4, pc}. At 0x420: ldr r0, [r1];
-    /// ldr r1, [r2]; bx lr.
+    /// The caller at 0x400: nop; bl 0x410; nop. The function at 0x410: push {r4, lr}; bl 0x420; pop {r4, pc}. The
+    /// function that it calls, at 0x420: ldr r0, [r1]; ldr r1, [r2]; bx lr.
     fn image() -> Image {
         let mut code = vec![0u8; 0x40];
         let mut put = |at: usize, bytes: &[u8]| code[at..at + bytes.len()].copy_from_slice(bytes);

@@ -1,26 +1,24 @@
-//! Why something cannot be counted.
+//! The failures of counting, with remedies.
 
 /// A count that failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file that is no image of a program.
+    /// A file is no image of a program.
     #[error("the image cannot be read: {0}")]
     Image(String),
-    /// A function that is to be counted is not in the image, or more than one is.
-    #[error(
-        "the image has {found} functions whose names contain '{name}', and one is to be counted"
-    )]
+    /// The image has no function to count of that name, or more than one.
+    #[error("the image has {found} functions whose names contain '{name}', and it must have one")]
     Function {
-        /// A part of its name.
+        /// The part of the name.
         name: String,
-        /// How many there are.
+        /// The number of such functions.
         found: usize,
     },
-    /// A line of the emulator's log that is none of a trace's.
+    /// A line of the emulator's log is none of a trace.
     #[error("the emulator's log has the line '{0}', which is none of a trace")]
     Line(String),
-    /// An instruction taken back that was not the last one.
+    /// The emulator took back an instruction that was not the last one.
     #[error(
         "the emulator took back the instruction at {taken_back:#010x}, and the last was at {last:#010x}"
     )]
@@ -30,32 +28,34 @@ pub enum Error {
         /// The address before it.
         last: u32,
     },
-    /// An address without code.
+    /// An executed address has no code.
     #[error("{0:#010x} was executed, and the image has no code there")]
     NoCode(u32),
-    /// An instruction of which the manual's tables, as they stand in `tests/qemu/src/thumb.rs`, say nothing.
+    /// The time of an instruction is not in the manual's tables as `tests/qemu/src/thumb.rs` has them.
     #[error(
         "the time of '{text}' at {address:#010x} is not known: add it to tests/qemu/src/thumb.rs with its source"
     )]
     Unknown {
-        /// Where it is.
+        /// The address.
         address: u32,
-        /// What it is, disassembled.
+        /// The disassembled text.
         text: String,
     },
-    /// A counted function was reached by something else than a call.
-    #[error("a counted function was entered at {0:#010x} by no call, so that its end is not known")]
+    /// A counted function was entered without a call.
+    #[error(
+        "a counted function was entered at {0:#010x} without a call, so that its end is not known"
+    )]
     NoCall(u32),
-    /// The trace ended within a counted function.
+    /// The trace ends within a counted function.
     #[error("the trace ends within the function at {0:#010x}")]
     Cut(u32),
     /// The disassembler failed.
-    #[error("the disassembler: {0}")]
+    #[error("the disassembler failed: {0}")]
     Disassembler(#[from] capstone::Error),
     /// The table of costs cannot be read.
-    #[error("tests/qemu/costs.json: {0}; make it anew with `cargo tasks costs`")]
+    #[error("host-tools/costs/costs.json: {0}; write it again with `cargo tasks costs`")]
     Costs(#[from] serde_json::Error),
 }
 
-/// What counting returns.
+/// The result of counting.
 pub type Result<T> = std::result::Result<T, Error>;

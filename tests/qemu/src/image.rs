@@ -1,4 +1,4 @@
-//! An image's code and functions.
+//! The code and the functions of an image.
 
 use object::read::elf::ElfFile32;
 use object::{Endianness, Object, ObjectSection, ObjectSymbol, SectionKind, SymbolKind};
@@ -8,9 +8,9 @@ use crate::error::{Error, Result};
 /// The code of an image, as the linker left it.
 #[derive(Clone, Debug)]
 pub struct Image {
-    /// Address and bytes of each section of code.
+    /// The address and the bytes of each section of code.
     sections: Vec<(u32, Vec<u8>)>,
-    /// Address, size in bytes and name of each function.
+    /// The address, the size in bytes and the name of each function.
     functions: Vec<(u32, u32, String)>,
 }
 
@@ -18,7 +18,7 @@ impl Image {
     /// Reads an ELF file.
     ///
     /// # Errors
-    /// Bytes that are none.
+    /// The bytes are no ELF file.
     pub fn parse(bytes: &[u8]) -> Result<Self> {
         let unreadable = |error: object::Error| Error::Image(error.to_string());
         let file = ElfFile32::<Endianness>::parse(bytes).map_err(unreadable)?;
@@ -34,7 +34,7 @@ impl Image {
             .symbols()
             .filter(|symbol| symbol.kind() == SymbolKind::Text && symbol.size() > 0)
             .map(|symbol| {
-                // The lowest bit of a function's address tells that it is Thumb code.
+                // The lowest bit of a function's address marks Thumb code.
                 let address = symbol.address() as u32 & !1;
                 let name = symbol.name().unwrap_or_default().to_owned();
                 (address, symbol.size() as u32, name)
@@ -46,7 +46,7 @@ impl Image {
         })
     }
 
-    /// Code without names, for tests.
+    /// An image of code without names, for tests.
     #[cfg(test)]
     pub(crate) fn of_code(address: u32, code: Vec<u8>) -> Self {
         Self {
@@ -55,10 +55,10 @@ impl Image {
         }
     }
 
-    /// The address of the one function whose name, as the compiler mangled it, contains `name`.
+    /// The address of the one function whose mangled name contains `name`.
     ///
     /// # Errors
-    /// There is none, or more than one.
+    /// No function or more than one has such a name.
     pub fn function(&self, name: &str) -> Result<u32> {
         let found: Vec<u32> = self
             .functions
@@ -75,10 +75,10 @@ impl Image {
         }
     }
 
-    /// Up to four bytes of code from `address` on: the longest instruction.
+    /// Up to four bytes of code from `address` on, which is the longest instruction.
     ///
     /// # Errors
-    /// There is no code.
+    /// There is no code at the address.
     pub fn code(&self, address: u32) -> Result<&[u8]> {
         const LONGEST: usize = 4;
         let found = self.sections.iter().find_map(|(start, bytes)| {

@@ -1,13 +1,13 @@
-//! What a call costs on an emulated processor: every instruction that it executes, and the cycles that those take.
+//! The cost of a call on an emulated processor: the executed instructions and their cycles.
 //!
-//! QEMU runs an image one instruction a block and tells the address of each ([`trace`]); the image's own bytes are decoded
-//! there ([`thumb`]), and each instruction takes the cycles that Arm's manual of the Cortex-M4 gives it ([`cortex_m4`]).
-//! Instructions are exact and repeat exactly. Cycles are a model, between a best and a worst case, with neither wait
-//! states nor interrupts. For a Cortex-M7 no such manual exists: it issues up to two instructions a cycle and predicts
-//! branches, so that the worst column bounds it.
+//! QEMU runs an image one instruction per block and logs the address of each ([`trace`]). The image's own bytes at that
+//! address are decoded ([`thumb`]), and each instruction takes the cycles of Arm's manual of the Cortex-M4
+//! ([`cortex_m4`]). Instructions are exact and repeat exactly. Cycles are a model, between a best and a worst case,
+//! with neither wait states nor interrupts. For a Cortex-M7 no such manual exists. It issues up to two instructions per
+//! cycle and predicts branches, so that the Cortex-M4's worst case bounds it.
 //!
-//! The tests are in `tests/`; the image that they run is in `guest/`; what a sample and an update cost stands in
-//! `costs.json` ([`costs`]), written by `cargo tasks costs`.
+//! The tests are in `tests/`, and the image that they run is in `guest/`. The costs of samples and updates are kept in
+//! `host-tools/costs/costs.json` ([`costs`]), which `cargo tasks costs` writes.
 
 pub mod cortex_m4;
 pub mod costs;

@@ -1,7 +1,8 @@
-//! Thumb instructions, and what their time depends on.
+//! Thumb instructions, with all that their times depend on.
 //!
-//! Times are those of Arm's Cortex-M4 Technical Reference Manual (DDI 0439D), tables 3-1 and 3-2 for the processor and table
-//! 7-1 for its floating-point unit. An instruction that does not stand there, or not here, is an error: nothing is guessed.
+//! Times are those of Arm's Cortex-M4 Technical Reference Manual (DDI 0439D), tables 3-1 and 3-2 for the processor and
+//! table 7-1 for its floating-point unit. An instruction that is missing there or here is an error, because a guess
+//! would pass for a measurement.
 
 use capstone::arch::arm::{ArchExtraMode, ArchMode, ArmOperand, ArmOperandType, ArmReg, ArmShift};
 use capstone::arch::{BuildsCapstone, BuildsCapstoneExtraMode, DetailsArchInsn};
@@ -14,7 +15,7 @@ use crate::error::{Error, Result};
 pub struct Registers(u64);
 
 impl Registers {
-    /// The number of the one register of the processor that this is; none if it is more or none.
+    /// The number of the register, if the set is exactly one register of the processor.
     fn number(self) -> Option<usize> {
         (self.0.is_power_of_two() && self.0 < 1 << Self::S0)
             .then(|| self.0.trailing_zeros() as usize)
@@ -38,12 +39,12 @@ impl Registers {
             ArmReg::ARM_REG_D0..=ArmReg::ARM_REG_D15 => {
                 Self(0b11 << (Self::S0 + 2 * (number - ArmReg::ARM_REG_D0)))
             }
-            // Flags, and no register at all.
+            // Flags are no register here.
             _ => Self::default(),
         }
     }
 
-    /// Whether a register is in both sets.
+    /// True if a register is in both sets.
     pub fn meets(self, other: Self) -> bool {
         self.0 & other.0 != 0
     }
@@ -57,44 +58,44 @@ impl Registers {
     }
 }
 
-/// How an instruction's time comes about, apart from what its neighbours add or take away.
+/// The kind of an instruction's time, apart from the effects of its neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Timing {
-    /// So many cycles always.
+    /// A constant number of cycles.
     Cycles(u32),
-    /// SDIV and UDIV: 2 to 12, by the operands' values.
+    /// SDIV and UDIV: 2 to 12 cycles, by the values of the operands.
     Divide,
-    /// A load of one register, which loads and stores beside it can overlap.
+    /// A load of one register, which adjacent loads and stores can overlap.
     Load,
-    /// A load of the program counter, which nothing overlaps.
+    /// A load of the program counter, without overlap.
     LoadToPc,
     /// A store of one register to a register plus a number.
     StoreImmediate,
     /// A store of one register to the sum of two.
     StoreRegister,
-    /// Loads or stores of so many words by one instruction, which nothing overlaps.
+    /// Loads or stores of so many words by one instruction, without overlap.
     Words(u32),
-    /// IT, which a narrow instruction before it can take along.
+    /// IT, which can be folded onto a narrow instruction before it.
     IfThen,
     /// TBB and TBH.
     TableBranch,
 }
 
-/// Where an instruction loads or stores, and how much.
+/// The address and the size of a load or store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// Number of the base register.
+    /// The number of the base register.
     base: usize,
-    /// Number of the register that is added to it, and by how many bits it is shifted to the left.
+    /// The number of the added register, and its shift to the left, bits.
     index: Option<(usize, u32)>,
-    /// What is added to both.
+    /// The constant offset, bytes.
     offset: i32,
-    /// How many bytes: 1, 2 or 4.
+    /// The size: 1, 2 or 4 bytes.
     bytes: u32,
 }
 
 impl Place {
-    /// The address, by what r0 to r15 hold when the instruction begins.
+    /// The address, from r0 to r15 at the begin of the instruction.
     pub fn address(&self, registers: &[u32; 16]) -> u32 {
         let index = self
             .index
@@ -104,8 +105,9 @@ impl Place {
             .wrapping_add_signed(self.offset)
     }
 
-    /// How many accesses more than one it takes at `address`: a halfword at an odd address goes byte by byte, a word at an even
-    /// one that is no multiple of four in halves, and at an odd one as byte, halfword and byte (section 3.3.2).
+    /// The number of additional accesses at `address`. A halfword at an odd address takes two bytes. A word takes two
+    /// halfwords at an even address that is no multiple of four, and byte, halfword and byte at an odd one (section
+    /// 3.3.2).
     pub fn extra_accesses(&self, address: u32) -> u32 {
         match (self.bytes, address % self.bytes) {
             (_, 0) => 0,
@@ -118,52 +120,52 @@ impl Place {
 /// A decoded instruction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Instruction {
-    /// Where it is.
+    /// The address.
     pub address: u32,
-    /// Bytes: 2 or 4.
+    /// The size: 2 or 4 bytes.
     pub size: u32,
-    /// Disassembled.
+    /// The disassembled text.
     pub text: String,
-    /// Its own time.
+    /// The kind of its time.
     pub timing: Timing,
-    /// Of what its memory address is made.
+    /// The registers that make its memory address.
     pub address_registers: Registers,
-    /// Where in memory, if it loads or stores one register of the processor at an address that need not be aligned.
+    /// The access, if it is of one register of the processor at an address that need not be aligned.
     pub place: Option<Place>,
-    /// What it loads from memory.
+    /// The registers that it loads from memory.
     pub loaded: Registers,
-    /// What it computes.
+    /// The registers that it computes.
     pub computed: Registers,
-    /// What it reads other than for an address.
+    /// The registers that it reads other than for an address.
     pub read: Registers,
-    /// Whether it is floating-point arithmetic, whose result is late for the instruction after it.
+    /// True for floating-point arithmetic, whose result is late for the next instruction.
     pub is_late: bool,
-    /// Whether it puts the address of the next instruction into the link register.
+    /// True if it puts the address of the next instruction into the link register.
     pub is_call: bool,
 }
 
 impl Instruction {
-    /// The address of what comes after it in memory.
+    /// The address after it in memory.
     pub fn end(&self) -> u32 {
         self.address + self.size
     }
 
-    /// Whether it loads a constant from beside the code.
+    /// True for a load of a constant from beside the code.
     pub fn is_literal(&self) -> bool {
         self.timing == Timing::Load && self.address_registers == Registers(1 << Registers::PC)
     }
 
-    /// Whether its time depends on the values of its operands.
+    /// True if its time depends on the values of its operands.
     pub fn depends_on_data(&self) -> bool {
         self.timing == Timing::Divide
     }
 }
 
-/// Decodes instructions.
+/// A decoder of instructions.
 pub struct Decoder(Capstone);
 
 impl Decoder {
-    /// Makes one for Thumb code of the M profile.
+    /// A decoder for Thumb code of the M profile.
     ///
     /// # Errors
     /// The disassembler does not start.
@@ -177,10 +179,10 @@ impl Decoder {
         Ok(Self(disassembler))
     }
 
-    /// Decodes the instruction that `code` begins with, which lies at `address`.
+    /// Decodes the first instruction of `code`, which lies at `address`.
     ///
     /// # Errors
-    /// It is none, or its time is not known.
+    /// The bytes are no instruction, or its time is not known.
     pub fn decode(&self, code: &[u8], address: u32) -> Result<Instruction> {
         let found = self.0.disasm_count(code, u64::from(address), 1)?;
         let Some(found) = found.first() else {
@@ -207,15 +209,15 @@ impl Decoder {
     }
 }
 
-/// What an instruction does, as far as its time goes.
+/// The operation of an instruction, as far as its time depends on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
-    /// Computes in so many cycles.
+    /// Computes in a constant number of cycles.
     Compute(u32),
-    /// Floating-point arithmetic in so many cycles.
+    /// Floating-point arithmetic in a constant number of cycles.
     Float(u32),
     Divide,
-    /// Loads one register in two cycles at most.
+    /// Loads one register in at most two cycles.
     Load,
     /// Stores one register.
     Store,
@@ -258,9 +260,9 @@ impl Kind {
             | "sub" | "subw" | "sxtab" | "sxtah" | "sxtb" | "sxtb16" | "sxth" | "teq" | "tst"
             | "uadd8" | "ubfx" | "umaal" | "umlal" | "umull" | "usat" | "usat16" | "usub8"
             | "uxtab" | "uxtah" | "uxtb" | "uxtb16" | "uxth"
-            // Table 7-1; to the disassembler, VMRS of the flags is `fmstat` and VMOV of a number `fconsts`.
+            // Table 7-1. The disassembler calls VMRS of the flags `fmstat` and VMOV of a number `fconsts`.
             | "fconsts" | "fmstat" | "vmrs" | "vmsr" => Self::Compute(1),
-            // Other hints than NOP wait, or do not.
+            // Hints other than NOP may wait.
             "hint" if mnemonic == "nop" => Self::Compute(1),
             "sdiv" | "udiv" => Self::Divide,
             "ldr" | "ldrb" | "ldrh" | "ldrsb" | "ldrsh" => Self::Load,
@@ -282,7 +284,7 @@ impl Kind {
                 Self::Float(3)
             }
             "vdiv" | "vsqrt" => Self::Float(14),
-            // Two registers of the processor take a cycle more.
+            // Two registers of the processor take one more cycle.
             "vmov" => Self::Compute(if operands.len() > 2 { 2 } else { 1 }),
             "vldr" => Self::FloatLoad,
             "vstr" => Self::FloatStore,
@@ -291,7 +293,7 @@ impl Kind {
     }
 }
 
-/// How many of the first operands are results; the disassembler does not say so of all instructions.
+/// The number of first operands that are results, because the disassembler does not mark them in all instructions.
 fn results(kind: Kind, name: &str) -> usize {
     match (kind, name) {
         (
@@ -308,7 +310,7 @@ fn results(kind: Kind, name: &str) -> usize {
     }
 }
 
-/// Whether the results are operands, too.
+/// True if the results are operands too.
 fn accumulates(kind: Kind, name: &str) -> bool {
     kind == Kind::Float(3)
         || matches!(name, "bfi" | "movt" | "umaal" | "umlal")
@@ -394,7 +396,7 @@ fn instruction(
     };
     let results = results(kind, name);
     let computed = union(operands.get(..results).unwrap_or_default());
-    // What accumulates reads its result's register too.
+    // An accumulating instruction reads its result's register too.
     let unread = if accumulates(kind, name) { 0 } else { results };
     let mut read = Registers::default();
     for register in operands.iter().skip(unread).filter_map(register) {
@@ -417,7 +419,7 @@ fn instruction(
     }
 }
 
-/// Where a load or store of one register goes, but for constants beside the code, which are aligned.
+/// The access of a load or store of one register. Constants beside the code are left out, because they are aligned.
 fn place(kind: Kind, name: &str, operands: &[ArmOperand], text: &str) -> Option<Place> {
     if !matches!(kind, Kind::Load | Kind::Store) {
         return None;
@@ -434,7 +436,7 @@ fn place(kind: Kind, name: &str, operands: &[ArmOperand], text: &str) -> Option<
         ArmShift::Lsl(bits) => bits,
         _ => 0,
     };
-    // What is added after the access is no part of its address.
+    // A post-index offset is no part of the address.
     let is_post_indexed = text.contains("],");
     Some(Place {
         base,
@@ -471,7 +473,7 @@ mod tests {
     #[test]
     fn an_instruction_that_the_manual_does_not_time_is_an_error_that_names_it() {
         let decoder = Decoder::new().unwrap();
-        // vadd.f64 d0, d0, d1; and svc #1; and what is undefined for ever.
+        // vadd.f64 d0, d0, d1; svc #1; and a permanently undefined instruction.
         for (code, name) in [
             (&[0x30, 0xee, 0x01, 0x0b][..], "vadd.f64"),
             (&[0x01, 0xdf], "svc"),

@@ -1,28 +1,28 @@
-//! The emulator's log of executed blocks, `-d exec,nochain`, with one instruction a block.
+//! The emulator's log of executed blocks, `-d exec,nochain`, with one instruction per block.
 
 use crate::error::{Error, Result};
 
 const EXECUTED: &str = "Trace ";
 const TAKEN_BACK: &str = "Stopped execution of TB chain before ";
 
-/// Makes of the log's lines the addresses of the instructions that were executed.
+/// A reader of the log's lines that yields the addresses of the executed instructions.
 ///
-/// The emulator tells an instruction before it begins it, and may then leave without having executed it, to look after
-/// something else; a line after it says so. So each address waits for the next line.
+/// The emulator logs an instruction before it begins it, and may then leave without executing it, to handle something
+/// else. A following line takes the instruction back. Each address therefore waits for the next line.
 #[derive(Debug, Default)]
 pub struct Trace {
     last: Option<u32>,
 }
 
 impl Trace {
-    /// Takes a line, and gives the instruction that is now known to have been executed, if there is one.
+    /// Takes a line, and returns the instruction that the line confirms as executed, if any.
     ///
     /// # Errors
-    /// A line of something else.
+    /// The line is none of a trace.
     pub fn take(&mut self, line: &str) -> Result<Option<u32>> {
         let unknown = || Error::Line(line.to_owned());
         if line.starts_with(EXECUTED) {
-            // Trace 0: 0x7f50c0000100 [00800408/00000400/00000110/ff020201] name: base, address, and two words of flags.
+            // Trace 0: 0x7f50c0000100 [00800408/00000400/00000110/ff020201] name: base, address, two words of flags.
             let address = bracketed(line)
                 .and_then(|fields| fields.split('/').nth(1))
                 .ok_or_else(unknown)?;
@@ -43,22 +43,22 @@ impl Trace {
         }
     }
 
-    /// The last instruction.
+    /// Returns the last instruction.
     pub fn end(self) -> Option<u32> {
         self.last
     }
 }
 
-/// An instruction and what r0 to r15 held when it began.
+/// An instruction with r0 to r15 at its begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Moment {
     /// The instruction's address.
     pub address: u32,
-    /// r0 to r15.
+    /// The values of r0 to r15.
     pub registers: [u32; 16],
 }
 
-/// Makes instructions with their registers of a log that has those too, `-d exec,nochain,cpu`.
+/// A reader of a log with registers, `-d exec,nochain,cpu`, that yields instructions with their registers.
 #[derive(Debug, Default)]
 pub struct RegisterTrace {
     trace: Trace,
@@ -66,10 +66,10 @@ pub struct RegisterTrace {
 }
 
 impl RegisterTrace {
-    /// Takes a line, and gives the instruction that is now known to have been executed, if there is one.
+    /// Takes a line, and returns the instruction that the line confirms as executed, if any.
     ///
     /// # Errors
-    /// A line of something else.
+    /// The line is none of a trace.
     pub fn take(&mut self, line: &str) -> Result<Option<Moment>> {
         if line.starts_with('R') {
             self.read(line)
@@ -86,7 +86,7 @@ impl RegisterTrace {
             .map(|address| Moment { address, registers }))
     }
 
-    /// The last instruction.
+    /// Returns the last instruction.
     pub fn end(self) -> Option<Moment> {
         let registers = self.registers;
         self.trace

@@ -1,4 +1,4 @@
-//! `tests/qemu/costs.json` against what is counted now.
+//! `host-tools/costs/costs.json` against new counts.
 
 use std::sync::LazyLock;
 
@@ -9,21 +9,23 @@ use tasks::costs::{self, Guest};
 use tasks::guest::Processor;
 use tasks::toolchain::Toolchain;
 
-/// The orders that are counted anew: the code has no other way for another.
+/// The orders that are counted again. One is enough, because the code takes the same path for every order.
 const ORDERS: [usize; 1] = [50];
 
-/// Orders between those of the table: just above a turn of a direct form's sum, and with stages beyond whole turns of a lattice's.
+/// Orders between those of the table: just above a turn of a direct form's sum, and with stages beyond whole turns of a
+/// lattice's.
 const ORDERS_BETWEEN: [usize; 4] = [21, 23, 41, 121];
 
-/// What a sample may take more than `fit --budget-cycles` looks up, cycles: three stages that a lattice does not do four at a time.
+/// The most cycles by which a sample may exceed the look-up of `fit --budget-cycles`: those of three stages that a
+/// lattice does not process four at a time.
 const BETWEEN_CYCLES: f64 = 30.0;
 
-/// What a figure may differ, as a share of itself.
+/// The allowed difference of a figure, as a share of itself.
 const TOLERANCE: f64 = 0.01;
 
 static COSTS: LazyLock<Costs> = LazyLock::new(|| {
     let text = std::fs::read_to_string(costs::path()).unwrap();
-    Costs::parse(&text).unwrap_or_else(|error| panic!("{error}"))
+    parse(&text).unwrap_or_else(|error| panic!("{error}"))
 });
 
 #[test]
@@ -41,7 +43,7 @@ fn every_structure_has_its_costs_on_every_core_and_they_rise_with_the_order() {
                 assert!(low.worst_cycles <= high.worst_cycles, "{pair:?}");
             }
             for entry in entries {
-                // No instruction takes less than a cycle but IT, and few are those.
+                // Only IT takes less than a cycle, and there are few of them.
                 assert!(
                     entry.sample.best_cycles >= entry.sample.instructions,
                     "{entry:?}"
@@ -63,7 +65,7 @@ fn what_is_counted_now_is_what_the_table_says() {
     let is_same = compiler == COSTS.rustc;
     if !is_same {
         println!(
-            "counted by rustc {compiler}, and the table by {}: no comparison",
+            "this is rustc {compiler}, and the table was counted with {}: no comparison",
             COSTS.rustc
         );
     }
@@ -80,7 +82,8 @@ fn what_is_counted_now_is_what_the_table_says() {
                 let difference = entry.difference(&now);
                 assert!(
                     !is_same || difference <= TOLERANCE,
-                    "{:.1} % off: the table says\n{entry:?}, and it is\n{now:?}; make it anew with `cargo tasks costs`",
+                    "{:.1} % off: the table has\n{entry:?}, and now it is\n{now:?}; write it again with \
+                     `cargo tasks costs`",
                     100.0 * difference
                 );
             }
@@ -94,22 +97,19 @@ fn a_budget_looks_up_no_less_than_what_is_counted_but_for_a_few_cycles() {
     let compiler = costs::compiler(&toolchain).unwrap();
     if compiler != COSTS.rustc {
         println!(
-            "rustc {compiler}, and the table is of {}: no comparison",
+            "this is rustc {compiler}, and the table was counted with {}: no comparison",
             COSTS.rustc
         );
         return;
     }
-    let table = frontier::Costs::measured();
+    let table = LookUps::measured();
     let processor = Processor::CortexM4;
     let guest = Guest::build(&toolchain, processor).unwrap_or_else(|error| panic!("{error}"));
-    for structure in Structure::ALL {
-        let counted = guest.count(structure, &ORDERS_BETWEEN);
-        // Both sides name structures as the file does.
-        let name = serde_json::to_value(structure).unwrap();
-        let looked_for: FilterStructure = serde_json::from_value(name).unwrap();
+    for looked_for in FilterStructure::ALL {
+        let counted = guest.count(looked_for.into(), &ORDERS_BETWEEN);
         for now in counted.unwrap_or_else(|error| panic!("{error}")) {
             let (nodes, order) = (now.nodes as usize, now.order as usize);
-            let cost = table.at(looked_for, nodes, frontier::Core::M4, order);
+            let cost = table.at(looked_for, nodes, Core::M4, order);
             let looked_up = cost
                 .expect("the table has orders around it")
                 .sample
@@ -117,7 +117,7 @@ fn a_budget_looks_up_no_less_than_what_is_counted_but_for_a_few_cycles() {
             let worst = f64::from(now.sample.worst_cycles);
             assert!(
                 worst <= looked_up + BETWEEN_CYCLES,
-                "{looked_up:.0} cycles are looked up, and it is {now:?}"
+                "the look-up gives {looked_up:.0} cycles, and a sample takes {now:?}"
             );
         }
     }

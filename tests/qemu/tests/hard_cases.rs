@@ -1,5 +1,5 @@
-//! The cases of `stylus stress` on emulated processors: no input changes what a sample costs, and every processor plays
-//! the host's bits.
+//! The cases of `stylus stress` on emulated processors: no input changes the cost of a sample, and every processor
+//! plays the host's bits.
 
 use std::collections::BTreeMap;
 
@@ -21,10 +21,11 @@ const STRUCTURES: [StructureChoice; 3] = [
     StructureChoice::Direct16,
 ];
 
-/// How many motions of a case are played; each lasts as long as it does there, or once for all where the case rests.
+/// The number of motions of a case that are played. Each lasts as long as in the case; a case at rest has one.
 const MOTIONS: usize = 48;
 
-/// Samples of each phase, seven a case: enough for all motions, and for a state of full scale to leave its marks.
+/// Samples per phase, with seven phases per case: enough for all motions, and for a state of full scale to have its
+/// effects.
 const SAMPLES: u32 = 60;
 
 /// A case ready for the image.
@@ -33,13 +34,13 @@ struct Prepared {
     library: Vec<u8>,
     motions: Vec<u8>,
     every: u32,
-    /// All that a sample's cost may depend on.
+    /// The properties that a sample's cost may depend on.
     plan: String,
 }
 
 impl Prepared {
     fn new(case: &Case, structure: StructureChoice) -> Option<Self> {
-        // What `fit` refuses cannot be played anywhere.
+        // A model that `fit` refuses cannot be played anywhere.
         let library = library(&case.nodes(), structure).ok()?;
         let changes: Vec<usize> = (0..case.samples)
             .filter(|&sample| case.path.changes_at(sample))
@@ -93,7 +94,7 @@ fn prepared() -> Vec<Prepared> {
     cases.collect()
 }
 
-/// The cases in as many jobs as they take.
+/// The cases, in as many jobs as they need.
 fn jobs(cases: &[Prepared]) -> Vec<Vec<u8>> {
     let mut jobs: Vec<Vec<u8>> = vec![Vec::new()];
     for case in cases {
@@ -109,7 +110,7 @@ fn jobs(cases: &[Prepared]) -> Vec<Vec<u8>> {
     jobs
 }
 
-/// What the image on `processor` reports of all cases.
+/// The report of the image on `processor` on all cases.
 fn play(processor: Processor, cases: &[Prepared]) -> Report {
     let failed = |error: tasks::error::Error| -> ! { panic!("{error}") };
     let toolchain = Toolchain::find().unwrap_or_else(|error| failed(error));
@@ -125,7 +126,7 @@ fn play(processor: Processor, cases: &[Prepared]) -> Report {
     whole
 }
 
-/// Fewest and most instructions of each way to a sample, by all that they may depend on.
+/// The fewest and the most instructions of a sample, by the properties that they may depend on.
 fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32, Vec<String>)> {
     let mut extremes = BTreeMap::new();
     for case in cases {
@@ -133,7 +134,7 @@ fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32,
             let name = format!("{way} {}", case.name);
             let cost = samples.iter().find(|cost| cost.texture == name);
             let cost = cost.unwrap_or_else(|| panic!("{name} was not measured"));
-            // Playing takes one phase, the filter alone six.
+            // Playing has one phase, and the filter alone has six.
             let phases = if way == report::SYNTHESIS { 1 } else { 6 };
             assert_eq!(cost.calls, phases * SAMPLES, "{name}");
             let found = extremes.entry(format!("{way}, {}", case.plan)).or_insert((
@@ -159,7 +160,7 @@ fn every_hard_case(processor: Processor) {
     let extremes = extremes(&cases, &report.samples);
     for (plan, (fewest, most, cases)) in &extremes {
         println!(
-            "{}: {plan}: {fewest} to {most} instructions a sample, {} cases",
+            "{}: {plan}: {fewest} to {most} instructions per sample, {} cases",
             processor.name(),
             cases.len()
         );

@@ -1,20 +1,22 @@
 //! The kernel, built for two processors and run on their emulations, against the kernel on the host.
 //!
-//! Whatever these tests need and do not find, they fail and tell how to install it; `cargo tasks setup` tells it too.
+//! If a needed program is missing, these tests fail and name the command that installs it. `cargo tasks setup` does
+//! too.
 
 use std::sync::LazyLock;
 
 use model_format::limits::MAX_ORDER;
-use qemu_tests::costs::Structure;
+use stylus_costs::Structure;
 use tasks::compare;
-use tasks::costs::Guest;
+use tasks::costs::{self, Guest};
 use tasks::guest::Processor;
 use tasks::report::{Played, Report};
+use tasks::tables::{self, emulated};
 use tasks::toolchain::Toolchain;
 
 static HOST: LazyLock<Vec<Played>> = LazyLock::new(compare::on_host);
 
-/// Each image is built and run once for all tests.
+/// The reports of both images, each built and run once for all tests.
 static REPORTS: [LazyLock<Result<Report, String>>; 2] = [
     LazyLock::new(|| play(Processor::CortexM4)),
     LazyLock::new(|| play(Processor::CortexM7)),
@@ -63,6 +65,23 @@ fn m7_plays_the_hosts_bits() {
     plays_the_hosts_bits(Processor::CortexM7);
 }
 
+/// The figures are those of the compiler that the page names; another one's are not compared.
+#[test]
+fn the_page_has_the_figures_of_this_run() {
+    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
+    let compiler = costs::compiler(&toolchain).unwrap_or_else(|error| panic!("{error}"));
+    let made = emulated::table_of(&emulated::Runs {
+        m4: report(Processor::CortexM4),
+        m7: report(Processor::CortexM7),
+        compiler: &compiler,
+    });
+    match tables::check_made(emulated::NAME, &made, &compiler) {
+        Ok(true) => (),
+        Ok(false) => println!("rustc {compiler} is not the page's: no comparison"),
+        Err(error) => panic!("{error}"),
+    }
+}
+
 #[test]
 fn a_sample_takes_the_same_instructions_whatever_the_data() {
     for processor in Processor::ALL {
@@ -83,8 +102,8 @@ fn the_kernel_is_within_its_budget() {
     }
 }
 
-/// Two ways to count: the image by its timer, in virtual time, and the trace, instruction by instruction. They differ by the
-/// call and return of the function that is traced.
+/// Two counts agree: the image's by its timer, in virtual time, and the trace's, by instruction. They differ by the
+/// call and return of the traced function.
 #[test]
 fn the_timer_and_the_trace_count_the_same_but_for_a_call() {
     /// Instructions of a call, a return, and saving and restoring registers around another.

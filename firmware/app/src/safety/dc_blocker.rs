@@ -1,6 +1,7 @@
-//! A high pass of first order, so that no steady current warms the coil or pushes the hand.
+//! First-order high-pass filter, so that no steady current warms the coil or pushes the hand.
 //!
-//! y = x - m, where the mean m follows x: m += α (x - m). Corner frequency α f / 2π to first order: 1.99 Hz at 5 kHz.
+//! y = x - m, where the mean m follows x: m += α (x - m). The corner frequency is α f / 2π to first order, 1.99 Hz at 5
+//! kHz.
 
 use super::fixed::{STEP_BITS, shift_toward_zero};
 
@@ -8,13 +9,14 @@ use super::fixed::{STEP_BITS, shift_toward_zero};
 const ALPHA: i64 = 82;
 const ALPHA_BITS: u32 = 15;
 
-/// Binary digits of the mean beyond the input's: what rounding leaves of it is below 2^-7 of the input's last digit.
+/// Binary digits of the mean beyond the input's. They keep the round-off of the mean below 2^-7 of the input's last
+/// digit.
 const EXTRA_BITS: u32 = 16;
 
-/// The mean that is taken off.
+/// State of the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DcBlocker {
-    /// In converter steps of 2^-32.
+    /// The mean that is subtracted, in converter steps of 2^-32.
     mean: i64,
 }
 
@@ -23,7 +25,7 @@ impl DcBlocker {
         Self { mean: 0 }
     }
 
-    /// `input` without its mean; at most twice as large as the largest input.
+    /// `input` without its mean, at most twice the largest input in magnitude.
     #[inline(always)]
     pub fn next(&mut self, input: i64) -> i64 {
         // Inputs are below 2^28 and means below 2^44, so the product stays below 2^52.

@@ -1,6 +1,6 @@
-//! Converter steps in fixed point, and roundings that add neither energy nor a bias.
+//! Converter steps in fixed point, and rounding that adds neither energy nor a bias.
 
-/// Binary digits after the point of a value between the stages: it is in converter steps of 2^-16.
+/// Binary digits after the point of the values between the stages, which are in converter steps of 2^-16.
 pub const STEP_BITS: u32 = 16;
 
 /// `value` / 2^`bits`, truncated toward zero, for `bits` below 63.

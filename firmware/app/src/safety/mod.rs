@@ -1,14 +1,15 @@
-//! From a sample of the kernel to a code for the converter, so that no sample can harm the coil or the hand.
+//! Safety stages between a sample of the kernel and a code for the converter, so that no sample can harm the coil or
+//! the hand.
 //!
 //! ```text
 //! OutputSample -> gain -> DC blocker -> mute ramp -> thermal limiter -> hard limit -> slew limit -> DacCode
 //!                                                         ^                                          |
 //!                                                         +--------------- coil model <--------------+
 //! ```
-//! The ramp comes after the DC blocker, so that a muted output is at exactly mid-scale when the ramp has ended, without the
-//! blocker's tail. The coil's model is fed with what is put out, not with what was wished for.
+//! The ramp comes after the DC blocker, so that a muted output is at exactly mid-scale when the ramp has ended, without
+//! the blocker's tail. The coil's model is fed with the codes that are put out, not with its own input.
 //!
-//! A sample takes integer arithmetic and the same path whatever the data. [`Config`] is computed from settings, in
+//! A sample takes integer arithmetic and the same path for all data. [`Config`] is computed from settings, in
 //! floating-point operations that IEEE 754 defines to the last bit, so that host and device put out the same codes.
 
 mod dc_blocker;
@@ -30,24 +31,24 @@ pub use thermal::PEAK_POWER_RATIO;
 /// Binary digits after the point of the gain.
 const GAIN_BITS: u32 = 20;
 
-/// Largest input of the stages after the gain, steps of the converter in 2^-16: its whole range, to either side.
+/// Largest magnitude of the input of the stages after the gain: half the converter's range, in 2^-16 steps.
 const FULL_SCALE: i64 = 2048 << STEP_BITS;
 
-/// What the safety stages do, computed when settings or a texture change.
+/// Configuration of the safety stages, computed when settings or the played texture change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Config {
-    /// Converter steps in 2^-16 for a step of the kernel's output, 2^-20.
+    /// Converter steps of 2^-16 per step of the kernel's output, in 2^-20.
     gain: i32,
     ramp: RampConfig,
     coil: CoilConfig,
     /// Largest offset from mid-scale, converter steps.
     limit: i32,
-    /// Largest change from sample to sample, converter steps.
+    /// Largest change per sample, converter steps.
     slew: i32,
 }
 
 impl Config {
-    /// For `settings` and a texture that is played at `play_gain`, which must be finite and not negative.
+    /// The configuration by `settings` for playing at `play_gain`, which must be finite and not negative.
     pub fn new(settings: &Settings, play_gain: f32) -> Self {
         let per_step = 1.0 / DacCode::STEP.0;
         let steps_per_acceleration = settings.get(Setting::OutputGain) * play_gain * per_step;
@@ -57,7 +58,7 @@ impl Config {
         let limit = (settings.hard_limit().0 * per_step) as i32;
         let slew_per_sample = settings.get(Setting::SlewLimit) * 1e3 / SAMPLE_RATE_HZ as f32;
         Self {
-            // A conversion of a float saturates.
+            // The conversion of a float saturates.
             gain: (steps_per_acceleration * scale) as i32,
             ramp: RampConfig::new(settings),
             coil,
@@ -66,35 +67,36 @@ impl Config {
         }
     }
 
-    /// Largest offset from mid-scale that can be put out, converter steps: the hard limit, or what [`PEAK_POWER_RATIO`] allows.
+    /// Largest offset of the output from mid-scale, converter steps: the hard limit, or the limit by
+    /// [`PEAK_POWER_RATIO`].
     pub fn limit_steps(&self) -> i32 {
         self.limit
     }
 
-    /// Largest change from one sample to the next, converter steps.
+    /// Largest change per sample, converter steps.
     pub fn slew_steps(&self) -> i32 {
         self.slew
     }
 
-    /// How many samples it takes at most from any output to exactly mid-scale once it is muted.
+    /// Most samples from any output to exactly mid-scale after a mute.
     pub fn mute_samples(&self) -> u32 {
-        // The slew limit may lag behind the ramp's end, but by no more than it takes from one limit to mid-scale.
+        // The slew limit may lag behind the end of the ramp, by at most the time from one limit to mid-scale.
         self.ramp.down_samples() + (self.limit / self.slew) as u32 + 1
     }
 }
 
-/// What the safety stages remember and count.
+/// State and counters of the safety stages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct State {
     dc_blocker: DcBlocker,
     ramp: Ramp,
     coil: CoilState,
-    /// What was put out last, converter steps from mid-scale.
+    /// Last output, converter steps from mid-scale.
     offset: i32,
     counters: Counters,
 }
 
-/// How often the safety stages changed a sample.
+/// Numbers of samples that the safety stages changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Samples that the hard limit cut.
@@ -112,7 +114,8 @@ impl Default for State {
 }
 
 impl State {
-    /// At mid-scale and muted. The coil counts as warm as it may be without attenuation: nobody knows how it was before.
+    /// State at mid-scale and muted. The coil counts as warm as it may be without attenuation, because its state is
+    /// unknown.
     pub const fn new() -> Self {
         Self {
             dc_blocker: DcBlocker::new(),
@@ -129,7 +132,7 @@ impl State {
 
     /// The next code for the converter.
     ///
-    /// While `muted` the output goes to mid-scale along the mute ramp and stays there; afterwards it comes back along the
+    /// While `muted`, the output goes to mid-scale along the mute ramp and stays there. Afterwards it returns along the
     /// soft start.
     #[inline(always)]
     pub fn process(&mut self, config: &Config, sample: OutputSample, muted: bool) -> DacCode {
@@ -138,8 +141,8 @@ impl State {
         let without_dc = self.dc_blocker.next(amplified);
         let ramped = self.ramp.next(config.ramp, without_dc, muted);
         let (cooled, attenuated) = self.coil.attenuate(ramped);
-        let wished = round_to_step(cooled);
-        let limited = within(wished, -config.limit, config.limit);
+        let requested = round_to_step(cooled);
+        let limited = within(requested, -config.limit, config.limit);
         let offset = within(
             limited,
             self.offset - config.slew,
@@ -148,26 +151,26 @@ impl State {
         self.coil.follow(config.coil, offset);
         self.offset = offset;
         self.counters
-            .count(wished != limited, limited != offset, attenuated);
+            .count(requested != limited, limited != offset, attenuated);
         DacCode::from_mid_scale(offset)
     }
 
-    /// Whether the output is at mid-scale and the ramp at its lower end, so that what is played can be exchanged.
+    /// Returns true if the output is at mid-scale and the ramp at its lower end, so that the voices can be exchanged.
     pub fn is_at_rest(&self) -> bool {
         self.offset == 0 && self.ramp.is_down()
     }
 
-    /// How often samples were changed.
+    /// Numbers of samples changed.
     pub fn counters(&self) -> Counters {
         self.counters
     }
 
-    /// The coil's modelled warmth, per mille of what the power limit leads to in the end.
+    /// Modelled temperature rise of the coil, per mille of the steady rise at the power limit.
     pub fn thermal_load_permille(&self) -> u16 {
         self.coil.load_permille()
     }
 
-    /// The thermal limiter's gain, per mille.
+    /// Gain of the thermal limiter, per mille.
     pub fn thermal_gain_permille(&self) -> u16 {
         self.coil.gain_permille()
     }

@@ -1,4 +1,4 @@
-//! Soft start and mute: a gain that goes in equal steps between exactly nothing and exactly one.
+//! Soft start and mute: a gain that goes in equal steps between exactly zero and exactly one.
 
 use model_format::link::{Setting, Settings};
 
@@ -9,7 +9,7 @@ use crate::SAMPLE_RATE_HZ;
 const ONE: i32 = 1 << 30;
 const ONE_BITS: u32 = 30;
 
-/// How fast the gain goes up and down, a sample.
+/// Steps of the gain per sample, up and down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RampConfig {
     up: i32,
@@ -28,13 +28,13 @@ impl RampConfig {
         }
     }
 
-    /// How many samples the way down takes.
+    /// Number of samples from one to zero.
     pub fn down_samples(self) -> u32 {
         (ONE as u32).div_ceil(self.down as u32)
     }
 }
 
-/// The gain of the moment.
+/// The present gain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ramp {
     gain: i32,
@@ -48,7 +48,7 @@ impl Ramp {
     #[inline(always)]
     pub fn next(&mut self, config: RampConfig, input: i64, muted: bool) -> i64 {
         let step = if muted { -config.down } else { config.up };
-        // Steps are at most a fifth of one, so the sum does not overflow.
+        // A step is at most a fifth, so the sum does not overflow.
         self.gain = (self.gain + step).clamp(0, ONE);
         shift_toward_zero(input * i64::from(self.gain), ONE_BITS)
     }

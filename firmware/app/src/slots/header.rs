@@ -1,17 +1,17 @@
-//! A slot's header: one flash word, so that it is written whole or not at all.
+//! Header of a slot: one flash word, so that it is written whole or not at all.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::{Deserialize, Serialize};
 
-use super::WORD_BYTES;
+use crate::flash::WORD_BYTES;
 
-/// The header's version. It changes when an older firmware could misread a newer slot.
+/// Version of the header. It changes when an older firmware could misread a newer slot.
 pub const HEADER_VERSION: u16 = 1;
 
 const MAGIC: [u8; 4] = *b"HTXS";
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
-/// What makes bytes in a slot a library.
+/// Header of a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     pub sequence: u32,
@@ -19,16 +19,16 @@ pub struct Header {
     pub crc32: u32,
 }
 
-/// What a word turned out to be.
+/// Content of a header's word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Read {
+pub enum HeaderWord {
     Header(Header),
     Blank,
     Version(u16),
     Damaged,
 }
 
-/// The word but for its checksum, every field of fixed width.
+/// The word without its checksum, all fields of fixed width.
 #[derive(Serialize, Deserialize)]
 struct Fields {
     magic: [u8; 4],
@@ -65,21 +65,21 @@ impl Header {
         word
     }
 
-    pub fn read(word: &[u8; WORD_BYTES]) -> Read {
+    pub fn read(word: &[u8; WORD_BYTES]) -> HeaderWord {
         if *word == [0xff; WORD_BYTES] {
-            return Read::Blank;
+            return HeaderWord::Blank;
         }
         let crc = CRC.checksum(&word[..FIELD_BYTES]);
         let Ok(fields) = postcard::from_bytes::<Fields>(&word[..FIELD_BYTES]) else {
-            return Read::Damaged;
+            return HeaderWord::Damaged;
         };
         if fields.magic != MAGIC || word[FIELD_BYTES..][..4] != crc.to_le_bytes() {
-            return Read::Damaged;
+            return HeaderWord::Damaged;
         }
         if fields.version != HEADER_VERSION {
-            return Read::Version(fields.version);
+            return HeaderWord::Version(fields.version);
         }
-        Read::Header(Self {
+        HeaderWord::Header(Self {
             sequence: fields.sequence,
             length: fields.length,
             crc32: fields.crc32,
@@ -99,9 +99,9 @@ mod tests {
         ) {
             let header = Header { sequence, length, crc32 };
             let mut word = header.word();
-            prop_assert_eq!(Header::read(&word), Read::Header(header));
+            prop_assert_eq!(Header::read(&word), HeaderWord::Header(header));
             word[bit / 8] ^= 1 << (bit % 8);
-            prop_assert_eq!(Header::read(&word), Read::Damaged);
+            prop_assert_eq!(Header::read(&word), HeaderWord::Damaged);
         }
     }
 
@@ -116,7 +116,7 @@ mod tests {
         word[4] += 1;
         let crc = CRC.checksum(&word[..FIELD_BYTES]);
         word[FIELD_BYTES..][..4].copy_from_slice(&crc.to_le_bytes());
-        assert_eq!(Header::read(&word), Read::Version(HEADER_VERSION + 1));
-        assert_eq!(Header::read(&[0xff; WORD_BYTES]), Read::Blank);
+        assert_eq!(Header::read(&word), HeaderWord::Version(HEADER_VERSION + 1));
+        assert_eq!(Header::read(&[0xff; WORD_BYTES]), HeaderWord::Blank);
     }
 }

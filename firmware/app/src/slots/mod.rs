@@ -1,12 +1,12 @@
-//! Two places for a library in flash, one of which is always left alone.
+//! The two library slots in flash, of which an upload overwrites one and leaves the other.
 //!
-//! A slot is the library's bytes from its start and, in its last [`SLOT_HEADER_BYTES`], a header of one flash word that is
-//! written last, when the bytes have been read back and found valid. The sector with the header is the first to be erased.
-//! So whenever power is lost, a slot is what it was, or it has no valid header.
+//! A slot holds the library's bytes from its start and, in its last [`SLOT_HEADER_BYTES`], a header of one flash word.
+//! The header is written last, after the bytes have been read back and found valid, and its sector is erased first. So
+//! after a power loss at any time, a slot is as it was, or it has no valid header.
 //!
-//! At boot the newest slot that is valid is taken. A flash word that was being programmed when power was lost may fault
-//! when it is read (RM0433 section 4.3.16, double ECC error); such a slot counts as faulty. Each word is therefore read by
-//! [`ReadNorFlash::read`], which tells of a fault, before the bytes are looked at where they lie.
+//! The boot takes the newest valid slot. A flash word that was being programmed when power was lost may fault when it
+//! is read (RM0433 section 4.3.16, double ECC error); such a slot counts as faulty. Each word is therefore read by
+//! [`ReadNorFlash::read`], which reports a fault, before the bytes are read in place.
 
 mod header;
 
@@ -26,27 +26,25 @@ use model_format::{Library, NodeFlags, Texture};
 
 use crate::words::in_words;
 
+pub use crate::flash::WORD_BYTES;
 pub use header::HEADER_VERSION;
-use header::{Header, Read};
+use header::{Header, HeaderWord};
 
 #[cfg(doc)]
 use embedded_storage_async::nor_flash::ReadNorFlash;
 
-/// Flash word of the STM32H743, bytes: what is programmed at once and shares one ECC (RM0433 section 4.3.9).
-pub const WORD_BYTES: usize = 32;
-
-/// Bytes between two chances for others to run, while a slot is read.
+/// Bytes read between two yields to other tasks.
 const STRIDE_BYTES: usize = 4096;
 
-/// Flash that can also be read where it lies.
+/// Flash that can also be read in place.
 ///
-/// Offset 0 is the start of slot A, [`SLOT_BYTES`] that of slot B. `read` must report a word that faults as an error, and
-/// not as a bus fault.
+/// Offset 0 is the start of slot A, [`SLOT_BYTES`] that of slot B. `read` must report a word that faults as an error,
+/// and not as a bus fault.
 pub trait MappedFlash: NorFlash {
     /// The bytes of `range`, each word of which has been read without error since it was last written.
     ///
     /// # Errors
-    /// A range outside the flash.
+    /// The range lies outside the flash.
     fn bytes(&self, range: Range<u32>) -> Result<&[u8], Self::Error>;
 }
 
@@ -56,7 +54,7 @@ impl<F: MappedFlash> MappedFlash for &mut F {
     }
 }
 
-/// Textures and scenes of a slot, so that a listing does not read flash.
+/// Textures and scenes of a slot, kept so that a listing need not read flash.
 #[derive(Clone, Debug, Default)]
 struct Index {
     textures: Vec<TextureInfo, MAX_TEXTURES>,
@@ -70,7 +68,7 @@ impl Index {
     };
 
     fn of(library: &Library<'_>) -> Self {
-        // A valid library has no more of either than fit.
+        // A valid library has at most as many of either as fit.
         Self {
             textures: library
                 .textures()
@@ -81,7 +79,7 @@ impl Index {
     }
 }
 
-/// The two slots.
+/// The two slots, their contents, and the active one.
 pub struct SlotStore<F> {
     flash: F,
     states: [SlotState; 2],
@@ -89,45 +87,48 @@ pub struct SlotStore<F> {
     active: Option<SlotId>,
 }
 
-/// A fault of the flash, with its place in a slot.
+/// A fault of the flash, with its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlashFault {
     /// The slot.
     pub slot: SlotId,
-    /// What was done.
+    /// The operation that failed.
     pub operation: FlashOperation,
-    /// Where in the slot.
+    /// Offset in the slot.
     pub offset: u32,
 }
 
-/// Why bytes did not get into flash.
+/// Failure of a write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WriteFault {
     /// The flash reported a fault.
     Flash(FlashFault),
-    /// It did not, but something else is there now.
+    /// The flash reported no fault, but the bytes read back are different.
     ReadBack {
         /// The slot.
         slot: SlotId,
-        /// The word, as an offset in the slot.
+        /// Offset of the word in the slot.
         offset: u32,
     },
 }
 
 impl<F: MappedFlash> SlotStore<F> {
     const FITS: () = {
-        assert!(F::WRITE_SIZE == WORD_BYTES, "words of this length");
+        assert!(
+            F::WRITE_SIZE == WORD_BYTES,
+            "the flash has words of another length"
+        );
         assert!(
             WORD_BYTES.is_multiple_of(F::READ_SIZE),
-            "a word can be read"
+            "a word is not a whole number of reads"
         );
         assert!(
             SLOT_BYTES.is_multiple_of(F::ERASE_SIZE),
-            "a slot is whole sectors"
+            "a slot is not a whole number of sectors"
         );
         assert!(
             F::ERASE_SIZE >= SLOT_HEADER_BYTES,
-            "the header is in one sector"
+            "the header does not fit one sector"
         );
     };
 
@@ -146,7 +147,7 @@ impl<F: MappedFlash> SlotStore<F> {
         store
     }
 
-    /// What is in the slots.
+    /// Contents of both slots, and the active one.
     pub fn slots(&self) -> Slots {
         Slots {
             slots: self.states.clone(),
@@ -154,7 +155,7 @@ impl<F: MappedFlash> SlotStore<F> {
         }
     }
 
-    /// What is in `slot`.
+    /// Content of `slot`.
     pub fn state(&self, slot: SlotId) -> &SlotState {
         &self.states[slot.index()]
     }
@@ -176,12 +177,12 @@ impl<F: MappedFlash> SlotStore<F> {
         valid.max_by_key(|&slot| sequence(slot))
     }
 
-    /// The slot whose library is played.
+    /// The active slot: the one whose library is in RAM.
     pub fn active(&self) -> Option<SlotId> {
         self.active
     }
 
-    /// Notes which slot's library is played; an upload goes to the other.
+    /// Sets the active slot. An upload goes to the other.
     pub fn set_active(&mut self, slot: Option<SlotId>) {
         self.active = slot;
     }
@@ -197,7 +198,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// Texture `index` of `slot`.
     ///
     /// # Errors
-    /// No library in the slot, or not so many textures.
+    /// The slot has no library, or the library has fewer textures.
     pub fn texture(&self, slot: SlotId, index: u8) -> Result<TextureInfo, ListError> {
         let textures = &self.listed(slot)?.textures;
         let found = textures.get(usize::from(index)).cloned();
@@ -211,7 +212,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// Scene `index` of `slot`.
     ///
     /// # Errors
-    /// No library in the slot, or not so many scenes.
+    /// The slot has no library, or the library has fewer scenes.
     pub fn scene(&self, slot: SlotId, index: u8) -> Result<SceneInfo, ListError> {
         let scenes = &self.listed(slot)?.scenes;
         let found = scenes.get(usize::from(index)).cloned();
@@ -233,10 +234,10 @@ impl<F: MappedFlash> SlotStore<F> {
         }
     }
 
-    /// The bytes of the library in `slot`, read once more for faults, checked against its checksum.
+    /// The bytes of the library in `slot`, after reading each word again and comparing the checksum.
     ///
     /// # Errors
-    /// What is wrong with the slot, which counts as faulty from then on.
+    /// The slot has a fault, and counts as faulty from then on.
     pub async fn library_bytes(&mut self, slot: SlotId) -> Result<&[u8], SlotFault> {
         let Some(info) = self.library(slot) else {
             return Err(SlotFault::Unfinished);
@@ -248,12 +249,12 @@ impl<F: MappedFlash> SlotStore<F> {
         self.mapped(slot, info.length)
     }
 
-    /// Forgets what is in `slot`, which is about to be overwritten.
+    /// Notes that `slot` is being overwritten.
     pub(crate) fn set_receiving(&mut self, slot: SlotId) {
         self.set_state(slot, SlotState::Receiving);
     }
 
-    /// Notes that an upload to `slot` was given up.
+    /// Notes that an upload to `slot` has ended unfinished.
     pub(crate) fn set_unfinished(&mut self, slot: SlotId) {
         self.set_state(slot, SlotState::Faulty(SlotFault::Unfinished));
     }
@@ -261,6 +262,20 @@ impl<F: MappedFlash> SlotStore<F> {
     fn set_state(&mut self, slot: SlotId, state: SlotState) {
         self.states[slot.index()] = state;
         self.index[slot.index()] = Index::EMPTY;
+    }
+
+    /// Notes that `slot` holds the library of `header`, which was validated and whose content is noted.
+    fn set_valid(&mut self, slot: SlotId, header: Header) -> SlotInfo {
+        let index = &self.index[slot.index()];
+        let info = SlotInfo {
+            sequence: header.sequence,
+            length: header.length,
+            crc32: header.crc32,
+            textures: index.textures.len() as u8,
+            scenes: index.scenes.len() as u8,
+        };
+        self.states[slot.index()] = SlotState::Valid(info);
+        info
     }
 
     /// Erases the sector of `slot` that holds `offset`.
@@ -278,7 +293,7 @@ impl<F: MappedFlash> SlotStore<F> {
             .map_err(|_| flash_fault(slot, FlashOperation::Erase, from))
     }
 
-    /// Where the sector with the header of a slot begins.
+    /// Offset of the sector with a slot's header.
     pub(crate) const fn header_sector() -> u32 {
         (SLOT_BYTES - F::ERASE_SIZE) as u32
     }
@@ -288,7 +303,7 @@ impl<F: MappedFlash> SlotStore<F> {
         F::ERASE_SIZE as u32
     }
 
-    /// Programs `bytes` at `offset` of `slot`, word by word, the last one filled up with ones, and reads them back.
+    /// Programs `bytes` at `offset` of `slot` word by word, the last word padded with ones, and reads each word back.
     pub(crate) async fn write(
         &mut self,
         slot: SlotId,
@@ -313,7 +328,7 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(())
     }
 
-    /// Validates `length` bytes in `slot` and makes them a library: its header is the last word that is written.
+    /// Validates `length` bytes in `slot`, each read once, and makes them a library by writing its header.
     pub(crate) async fn seal(
         &mut self,
         slot: SlotId,
@@ -323,7 +338,8 @@ impl<F: MappedFlash> SlotStore<F> {
         self.check_bytes(slot, length, crc32)
             .await
             .map_err(SealFault::Bytes)?;
-        self.check_library(slot, length).map_err(SealFault::Bytes)?;
+        // Noted now, so that the future of this call does not hold it over the write. A listing asks for the state first.
+        self.index[slot.index()] = self.check_library(slot, length).map_err(SealFault::Bytes)?;
         let newest = self.newest().and_then(|slot| self.library(slot));
         let header = Header {
             sequence: newest
@@ -335,54 +351,42 @@ impl<F: MappedFlash> SlotStore<F> {
         self.write(slot, HEADER_OFFSET, &header.word())
             .await
             .map_err(SealFault::Write)?;
-        self.scan(slot).await;
-        match &self.states[slot.index()] {
-            SlotState::Valid(info) => Ok(*info),
-            SlotState::Faulty(fault) => Err(SealFault::Bytes(fault.clone())),
-            SlotState::Empty | SlotState::Receiving => Err(SealFault::Bytes(SlotFault::Unfinished)),
+        Ok(self.set_valid(slot, header))
+    }
+
+    /// Reads and validates `slot`.
+    async fn scan(&mut self, slot: SlotId) {
+        match self.read_slot(slot).await {
+            Ok(Some(header)) => {
+                self.set_valid(slot, header);
+            }
+            Ok(None) => self.set_state(slot, SlotState::Empty),
+            Err(fault) => self.set_state(slot, SlotState::Faulty(fault)),
         }
     }
 
-    /// Finds out what is in `slot`.
-    async fn scan(&mut self, slot: SlotId) {
-        self.index[slot.index()] = Index::EMPTY;
-        self.states[slot.index()] = match self.read_slot(slot).await {
-            Ok(state) => state,
-            Err(fault) => SlotState::Faulty(fault),
-        };
-    }
-
-    async fn read_slot(&mut self, slot: SlotId) -> Result<SlotState, SlotFault> {
+    /// Header of the library in `slot`, whose content is noted; none if the slot is empty.
+    async fn read_slot(&mut self, slot: SlotId) -> Result<Option<Header>, SlotFault> {
         let word = self.read_word(slot, HEADER_OFFSET).await;
         let word = word.ok_or(SlotFault::Unreadable {
             offset: HEADER_OFFSET,
         })?;
         let header = match Header::read(&word) {
-            Read::Header(header) => header,
-            Read::Blank if self.is_blank(slot).await? => return Ok(SlotState::Empty),
-            Read::Blank | Read::Damaged => return Err(SlotFault::Unfinished),
-            Read::Version(found) => return Err(SlotFault::HeaderVersion { found }),
+            HeaderWord::Header(header) => header,
+            HeaderWord::Blank if self.is_blank(slot).await? => return Ok(None),
+            HeaderWord::Blank | HeaderWord::Damaged => return Err(SlotFault::Unfinished),
+            HeaderWord::Version(found) => return Err(SlotFault::HeaderVersion { found }),
         };
-        let Header {
-            sequence,
-            length,
-            crc32,
-        } = header;
+        let Header { length, crc32, .. } = header;
         if length == 0 || length as usize > MAX_LIBRARY_BYTES {
             return Err(SlotFault::Length { length });
         }
         self.check_bytes(slot, length, crc32).await?;
         self.index[slot.index()] = self.check_library(slot, length)?;
-        Ok(SlotState::Valid(SlotInfo {
-            sequence,
-            length,
-            crc32,
-            textures: self.index[slot.index()].textures.len() as u8,
-            scenes: self.index[slot.index()].scenes.len() as u8,
-        }))
+        Ok(Some(header))
     }
 
-    /// Whether a slot without header was never begun: a library would begin in its first word.
+    /// Returns true if a slot without header is empty. An upload that has begun shows in the first word.
     async fn is_blank(&mut self, slot: SlotId) -> Result<bool, SlotFault> {
         let word = self
             .read_word(slot, 0)
@@ -391,7 +395,7 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(word == [0xff; WORD_BYTES])
     }
 
-    /// Reads every word of the first `length` bytes of `slot`, and compares their checksum.
+    /// Reads every word of the first `length` bytes of `slot` and compares their checksum.
     async fn check_bytes(
         &mut self,
         slot: SlotId,
@@ -418,7 +422,8 @@ impl<F: MappedFlash> SlotStore<F> {
         }
     }
 
-    /// The textures of the library in the first `length` bytes of `slot`, each word of which has been read.
+    /// Decodes the library in the first `length` bytes of `slot`, each word of which has been read, and lists its
+    /// content.
     fn check_library(&self, slot: SlotId, length: u32) -> Result<Index, SlotFault> {
         let library = Library::decode(self.mapped(slot, length)?).map_err(|error| {
             let reason = in_words(&error);
@@ -441,7 +446,7 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 }
 
-/// Why bytes did not become a library.
+/// Reason why bytes did not become a library.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum SealFault {
     Bytes(SlotFault),

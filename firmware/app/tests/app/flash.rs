@@ -7,9 +7,9 @@ use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use model_format::limits::SLOT_BYTES;
-use stylus_app::slots::{MappedFlash, WORD_BYTES};
-
-pub const SECTOR_BYTES: usize = 128 * 1024;
+pub use stylus_app::flash::SECTOR_BYTES;
+use stylus_app::flash::WORD_BYTES;
+use stylus_app::slots::MappedFlash;
 
 /// What is in the flash when power is gone.
 #[derive(Clone)]

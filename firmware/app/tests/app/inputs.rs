@@ -1,4 +1,4 @@
-//! Speed, force and their age.
+//! Speed, force, position and contact, with their age.
 
 use model_format::link::{
     MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, SettingChange, Settings,
@@ -25,7 +25,7 @@ fn motion(speed: f32, force: f32) -> Motion {
     Motion::new(MillimetresPerSecond(speed), Newton(force)).expect("finite")
 }
 
-/// Sensors after `ticks` ticks of `count_of(tick)` on a 16-bit counter.
+/// Sensors after `ticks` ticks, with `count_of(tick)` on a 16-bit counter.
 fn sensors(ticks: u32, count_of: impl Fn(u32) -> i64) -> Sensors {
     let mut encoder = Encoder::new(count_of(0) as u16);
     let mut sensors = Sensors::new();
@@ -53,13 +53,14 @@ proptest! {
         counts_per_second in -2e6f64..2e6, start: u16, per_count in 0.001f32..0.1,
     ) {
         let config = InputConfig::new(&settings(&[(Setting::PathPerCount, per_count)]));
-        let count = |tick| (f64::from(tick) * counts_per_second / f64::from(SAMPLE_RATE_HZ)).floor() as i64 + i64::from(start);
+        let counts_per_tick = counts_per_second / f64::from(SAMPLE_RATE_HZ);
+        let count = |tick| (f64::from(tick) * counts_per_tick).floor() as i64 + i64::from(start);
         let sensors = sensors(3 * WINDOW_TICKS, count);
         let expected = counts_per_second.abs() * f64::from(per_count);
         let one_count = f64::from(per_count) * f64::from(SAMPLE_RATE_HZ) / f64::from(WINDOW_TICKS);
         let found = sensors.motion(&config);
         let near = |offset: f64| motion((expected + offset).max(0.0) as f32, 0.0);
-        // A motion cannot be looked into, but it can be compared on a grid; here its Debug is as good.
+        // A motion shows its values only by Debug.
         let speed = |motion: Motion| {
             let text = format!("{motion:?}");
             let number = text.split(&[' ', ','][..]).nth(3).expect("it has a speed").to_owned();
@@ -133,7 +134,10 @@ fn an_input_is_stale_after_its_time_and_not_before() {
 fn conversions_that_do_not_come_make_the_sensors_stale() {
     let config = InputConfig::new(&Settings::default());
     let mut sensors = Sensors::new();
-    assert!(sensors.motion(&config).is_stale(0), "nothing was ever read");
+    assert!(
+        sensors.motion(&config).is_stale(0),
+        "nothing was read so far"
+    );
     sensors.read(10, 0, AdcCode(7), true);
     for tick in 11..1_000 {
         sensors.read(tick, 0, AdcCode(9), false);
@@ -175,7 +179,7 @@ fn a_motion_that_is_not_finite_is_refused() {
     }
 }
 
-/// Sensors that saw `counts` in one block, at a force of `code`.
+/// Sensors after one block with `counts`, at a force of `code`.
 fn moved(mut sensors: Sensors, counts: i16, code: u16) -> Sensors {
     sensors.read(1, counts, AdcCode(code), true);
     sensors.end_block();
@@ -196,7 +200,7 @@ fn a_scene_is_followed_from_where_playing_began_and_from_the_first_touch() {
     let on = moved(before, -250, 20_000);
     let gone = follow(&on, None);
     assert_eq!((gone.position_mm(), gone.contact), (-2.5, true));
-    // The host's word counts where it gives it.
+    // Position and contact of the host take precedence.
     let sample = |position_mm, contact| MotionSample {
         speed: MillimetresPerSecond(50.0),
         force: Newton(1.0),

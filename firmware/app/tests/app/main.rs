@@ -1,8 +1,5 @@
-//! What the stylus does, tested on the host through its public interface, on flash that can lose power.
-#![expect(
-    clippy::result_large_err,
-    reason = "an error that tells a person its reason carries the words"
-)]
+//! Tests of the application on the host, through its public interface, on flash that can lose power.
+#![expect(clippy::result_large_err, reason = "errors carry their reason as text")]
 
 mod flash;
 mod inputs;

@@ -1,4 +1,4 @@
-//! The player against a model of the output: what is exchanged is exchanged in silence.
+//! The player against a model of the output: every exchange happens in silence.
 
 use model_format::link::{
     ActivateError, Activity, MotionSource, MuteReason, PlayRequest, Selection, StopError,
@@ -74,7 +74,7 @@ fn another_gain_begins_when_the_first_has_faded() {
     assert!(player.mute().contains(MuteReason::Changing));
     assert_eq!(player.poll(SOUNDING), None);
     assert_eq!(player.activity(), Activity::FadingOut);
-    // What is asked for while it fades is what begins.
+    // The request that came last during the fade-out begins.
     let last = PlayRequest {
         gain: 2.0,
         ..request("two")
@@ -168,7 +168,7 @@ enum Step {
 }
 
 proptest! {
-    /// The output is modelled by a level that rises while it is not mute and falls while it is.
+    /// The model of the output is a level that rises while it is not mute and falls while it is.
     #[test]
     fn nothing_is_exchanged_while_the_output_sounds(steps in prop::collection::vec(prop_oneof![
         1 => Just(Step::Play), 1 => Just(Step::Stop), 1 => Just(Step::Begin), 1 => Just(Step::End),

@@ -1,5 +1,5 @@
-//! Power that is lost at any operation of an upload, in any of four ways, leaves the library that was there or the one that
-//! came, and a device into which the next can be uploaded.
+//! Power cuts at every operation of an upload, in four ways: each leaves the old library or the new one, and a device
+//! that accepts the next upload.
 
 use embassy_futures::block_on;
 use model_format::limits::SLOT_BYTES;
@@ -21,7 +21,7 @@ fn with_library(bytes: &[u8]) -> Memory {
     flash.memory
 }
 
-/// The checksum of the library that a device with `memory` boots with.
+/// Checksum of the library that a device with `memory` boots with.
 fn booted(memory: Memory) -> Option<u32> {
     let mut flash = SimulatedFlash::new(memory);
     block_on(async {
@@ -32,7 +32,7 @@ fn booted(memory: Memory) -> Option<u32> {
     })
 }
 
-/// After the cut another upload is taken, whatever the spare slot looks like.
+/// Uploads once more after the cut, whatever the spare slot holds.
 fn next_upload_works(memory: Memory, bytes: &[u8]) {
     let mut flash = SimulatedFlash::new(memory);
     block_on(async {
@@ -47,7 +47,7 @@ fn next_upload_works(memory: Memory, bytes: &[u8]) {
     assert_eq!(booted(flash.memory), Some(announcement(bytes).crc32));
 }
 
-/// Cuts an upload of `new` over `before` at every operation. Tells how many cuts there were.
+/// Cuts an upload of `new` over `before` at every operation, and returns the number of cuts.
 fn cut_everywhere(before: &Memory, old: &[u8], new: &[u8], upload_again_every: usize) -> usize {
     let (old_crc, new_crc) = (announcement(old).crc32, announcement(new).crc32);
     let (mut cuts, mut sealed) = (0, 0);
@@ -55,7 +55,7 @@ fn cut_everywhere(before: &Memory, old: &[u8], new: &[u8], upload_again_every: u
         // The last word of a slot's library area is followed by its header; the header ends the upload.
         let is_header = matches!(operation, Operation::Write { word, .. }
             if word == (2 * SLOT_BYTES - model_format::limits::SLOT_HEADER_BYTES) / 32);
-        // Before an operation is after the one before it.
+        // A cut before an operation is the cut after the previous one.
         let first = usize::from(cuts > 0);
         for &how in &Cut::ALL[first..] {
             let mut memory = memory.clone();
@@ -95,7 +95,7 @@ fn cut_everywhere(before: &Memory, old: &[u8], new: &[u8], upload_again_every: u
 #[test]
 fn a_cut_at_any_operation_of_a_full_upload_leaves_the_old_library_or_the_new() {
     let (old, new) = (library(1, 4, 1), library(5, 400, 2));
-    // It reaches into the sector of the header.
+    // The library reaches into the header's sector.
     assert!(new.len() > 3 * SECTOR_BYTES, "{}", new.len());
     let cuts = cut_everywhere(&with_library(&old), &old, &new, 4_999);
     assert!(cuts > 3 * 15_000, "{cuts}");
@@ -103,7 +103,7 @@ fn a_cut_at_any_operation_of_a_full_upload_leaves_the_old_library_or_the_new() {
 
 #[test]
 fn a_cut_at_any_operation_over_a_slot_that_was_full_leaves_the_old_library_or_the_new() {
-    // Slot B holds an older library, whose header must not come back to life.
+    // Slot B holds an older library, whose header must not become valid again.
     let (older, old, new) = (library(2, 30, 3), library(1, 4, 1), library(1, 40, 2));
     let mut flash = SimulatedFlash::new(with_library(&older));
     block_on(async {

@@ -1,11 +1,11 @@
-//! Blocks against what was put in, with and without loss.
+//! Blocks against the samples put in, with and without loss.
 
 use model_format::AdcCode;
 use model_format::link::{BLOCK_SAMPLES, RecordBlock, RecordError, RecordSample};
 use proptest::prelude::*;
 use stylus_app::recorder::{QUEUE_SAMPLES, Recorder, SampleQueue, Tap};
 
-/// A sample that tells its tick.
+/// A sample that contains the number of its tick.
 fn sample(tick: u64) -> RecordSample {
     RecordSample {
         acceleration: [tick, tick >> 16, tick >> 32].map(|part| AdcCode(part as u16)),
@@ -87,7 +87,7 @@ fn starting_twice_and_stopping_twice_are_refused() {
 }
 
 proptest! {
-    /// However long the reader stays away, what comes is right, and numbers tell exactly what did not come.
+    /// However long the reader pauses, every block is right, and the numbers show exactly which blocks are missing.
     #[test]
     fn loss_is_counted_block_by_block(start in 0u64..1 << 34, pauses in prop::collection::vec(1u64..1500, 1..40)) {
         let mut queue = SampleQueue::new();
@@ -96,7 +96,7 @@ proptest! {
         recorder.start().expect("none is under way");
         let (mut tick, mut came, mut whole) = (start, Vec::new(), Vec::new());
         let mut in_queue = 0u64;
-        // The oracle: a sample is lost if the queue, of one place less than its length, is full.
+        // The oracle: a sample is lost if the queue, which holds one less than its length, is full.
         let mut lost_ticks = std::collections::BTreeSet::new();
         for pause in pauses {
             for _ in 0..pause {
@@ -117,7 +117,7 @@ proptest! {
         let block_of = |tick: u64| (tick - start) / BLOCK_SAMPLES as u64;
         let lost: std::collections::BTreeSet<_> = lost_ticks.iter().map(|&tick| block_of(tick)).collect();
         let last_seen = (start..tick).rev().find(|tick| !lost_ticks.contains(tick)).expect("the first comes");
-        // Blocks that are over as far as the reader can know.
+        // Blocks that have ended as far as the reader can know.
         let over = (last_seen + 1 - start) / BLOCK_SAMPLES as u64;
         whole.extend((0..over).filter(|block| !lost.contains(block)).map(|block| block as u32));
         prop_assert_eq!(&came, &whole);

@@ -16,7 +16,7 @@ use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{
     FORMAT_VERSION, Library, MillimetresPerSecond, Newton, OutputSample, encode, encode_with_scenes,
 };
-use stylus_app::control::{Control, Device, ResetReport, TickReport};
+use stylus_app::control::{Control, Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
 use stylus_app::safety::{Config, State};
 use stylus_app::settings::SettingsStore;
@@ -39,6 +39,7 @@ struct Bench {
     safety: State,
     config: Config,
     playing: Option<PlayRequest>,
+    prepared: bool,
     source: MotionSource,
     host: Timed,
     sensors: Sensors,
@@ -65,6 +66,7 @@ impl Bench {
             safety: State::new(),
             config: Config::new(&settings, 0.0),
             playing: None,
+            prepared: false,
             source: MotionSource::Sensors,
             host: Timed::NEVER,
             sensors: Sensors::new(),
@@ -93,6 +95,8 @@ impl Bench {
 }
 
 impl Device for Bench {
+    type Plan = ();
+
     fn info(&self) -> DeviceInfo {
         DeviceInfo {
             product: "bench".try_into().expect("short"),
@@ -135,14 +139,6 @@ impl Device for Bench {
         }
     }
 
-    fn library(&self) -> Option<Library<'_>> {
-        Library::decode(&self.ram).ok()
-    }
-
-    fn scene_budget(&self) -> u32 {
-        self.budget
-    }
-
     fn is_at_rest(&self) -> bool {
         self.safety.is_at_rest()
     }
@@ -155,17 +151,30 @@ impl Device for Bench {
         self.muted = muted;
     }
 
-    fn start(&mut self, request: &PlayRequest, config: Config) {
+    fn plan(&self, selection: &Selection) -> Result<(), PlayError> {
+        let library = Library::decode(&self.ram).map_err(|_| PlayError::NoLibrary)?;
+        plan_of(selection, &library, self.budget).map(|_| ())
+    }
+
+    fn prepare(&mut self, (): ()) {
+        self.prepared = true;
+    }
+
+    fn start(&mut self, request: &PlayRequest, config: Config) -> Result<(), NotPrepared> {
         assert!(
             self.safety.is_at_rest(),
             "a texture is exchanged while the output sounds"
         );
+        if !core::mem::take(&mut self.prepared) {
+            return Err(NotPrepared);
+        }
         self.playing = Some(request.clone());
         self.config = config;
         self.starts += 1;
+        Ok(())
     }
 
-    fn switch(&mut self, request: &PlayRequest) {
+    fn switch(&mut self, request: &PlayRequest, (): ()) {
         assert!(self.playing.is_some(), "there is something to fade");
         self.playing = Some(request.clone());
         self.switches += 1;
@@ -740,6 +749,19 @@ fn a_fault_silences_until_a_restart() {
     stylus.run(300);
     stylus.control.borrow_mut().fault();
     stylus.run(50);
+    assert!(!stylus.sounds());
+    assert_eq!(stylus.play("texture 0"), Err(PlayError::Fault));
+}
+
+#[test]
+fn a_device_that_has_nothing_to_start_is_muted_by_a_fault_and_does_not_say_that_it_plays() {
+    let stylus = Stylus::with_library(&library(1, 20, 1));
+    stylus.play("texture 0").expect("it is there");
+    stylus.control.borrow_mut().device().prepared = false;
+    stylus.run(300);
+    let status = stylus.control.borrow().status();
+    assert_eq!(status.output.activity, Activity::Idle);
+    assert!(status.output.mute.contains(MuteReason::Fault));
     assert!(!stylus.sounds());
     assert_eq!(stylus.play("texture 0"), Err(PlayError::Fault));
 }

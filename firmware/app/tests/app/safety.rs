@@ -1,4 +1,4 @@
-//! What no input, no settings and no timing may bring about.
+//! Bounds of the output that hold for all inputs, settings and timings.
 
 use model_format::link::{LINK_LOST_AFTER_MS, STALE_AFTER_MS, Setting, SettingChange, Settings};
 use model_format::{DacCode, OutputSample};
@@ -18,7 +18,7 @@ fn with(changes: &[(Setting, f32)]) -> Settings {
         })
 }
 
-/// Settings that let a signal through as it is.
+/// Settings that pass a signal unchanged.
 fn transparent() -> Settings {
     with(&[
         (Setting::HardLimit, 1.6),
@@ -30,7 +30,7 @@ fn transparent() -> Settings {
     ])
 }
 
-/// Any settings at all of the output's stages, the ends of their ranges not rare.
+/// Any settings of the output's stages; the ends of the ranges are frequent.
 fn any_settings() -> impl Strategy<Value = Settings> {
     let output = [
         Setting::OutputGain,
@@ -48,7 +48,7 @@ fn any_settings() -> impl Strategy<Value = Settings> {
         let value = |(setting, share): (Setting, f64)| {
             let spec = setting.spec();
             let (low, high) = (f64::from(spec.lowest), f64::from(spec.highest));
-            // Ranges of several decades are covered evenly by decades.
+            // A range of several decades is covered evenly by decades.
             let value = if low > 0.0 {
                 low * (high / low).powf(share)
             } else {
@@ -66,7 +66,7 @@ fn any_settings() -> impl Strategy<Value = Settings> {
     })
 }
 
-/// Inputs that try the limits: noise, steps, full scale, silence, each for a while.
+/// Inputs that stress the limits: noise, steps, full scale, silence, each for a while.
 fn any_input() -> impl Strategy<Value = Vec<(i32, i32, bool, u16)>> {
     let level = prop_oneof![
         Just(i32::MAX),
@@ -81,7 +81,7 @@ fn any_input() -> impl Strategy<Value = Vec<(i32, i32, bool, u16)>> {
     )
 }
 
-/// The samples of such an input: each piece goes back and forth between two levels.
+/// Samples of such an input: each piece alternates between two levels.
 fn samples(pieces: &[(i32, i32, bool, u16)]) -> impl Iterator<Item = (OutputSample, bool)> {
     pieces.iter().flat_map(|&(a, b, muted, length)| {
         (0..length).map(move |n| (OutputSample(if n % 7 < 3 { a } else { b }), muted))
@@ -101,7 +101,7 @@ fn power(settings: &Settings, offset: i32) -> f64 {
     volt * volt / f64::from(limit)
 }
 
-/// The coil's model in floating point, from the equation.
+/// Thermal model of the coil in floating point, from the equation.
 struct Coil {
     rise: f64,
     share: f64,
@@ -130,7 +130,9 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn no_input_goes_beyond_the_limits_or_changes_faster(settings in any_settings(), gain in 0.0f32..=4.0, input in any_input()) {
+    fn no_input_goes_beyond_the_limits_or_changes_faster(
+        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(),
+    ) {
         let config = Config::new(&settings, gain);
         let limit = f64::from(settings.hard_limit().0) / f64::from(DacCode::STEP.0);
         let slew = f64::from(settings.get(Setting::SlewLimit)) * 1e3 / RATE / f64::from(DacCode::STEP.0);
@@ -156,12 +158,14 @@ proptest! {
             }
         }
         let load = f64::from(state.thermal_load_permille()) / 1000.0;
-        // What the device counts is never less than the model by more than rounding, and seldom much more.
+        // The device's value is below the model by at most the round-off, and seldom much above it.
         prop_assert!(load > coil.rise - 0.005 && load < coil.rise * 1.01 + 0.1, "{load} {}", coil.rise);
     }
 
     #[test]
-    fn whoever_is_muted_is_at_exactly_mid_scale_in_time(settings in any_settings(), gain in 0.0f32..=4.0, input in any_input()) {
+    fn whoever_is_muted_is_at_exactly_mid_scale_in_time(
+        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(),
+    ) {
         let config = Config::new(&settings, gain);
         let mut state = State::new();
         for (sample, _) in samples(&input) {
@@ -174,7 +178,7 @@ proptest! {
         for (sample, _) in samples(&input) {
             prop_assert_eq!(state.process(&config, sample, true), DacCode::MID_SCALE);
         }
-        // 5 ms for whoever watches the inputs.
+        // 5 ms are for the detection of stale inputs.
         let allowed_ms = 100 - STALE_AFTER_MS.max(LINK_LOST_AFTER_MS) - 2;
         prop_assert!(config.mute_samples() <= allowed_ms * TICKS_PER_MS, "{} samples", config.mute_samples());
     }
@@ -186,7 +190,7 @@ proptest! {
         for (sample, muted) in samples(&input) {
             state.process(&config, sample, muted);
         }
-        // The DC blocker forgets with a time constant of 80 ms.
+        // The DC blocker settles with a time constant of 80 ms.
         for _ in 0..3 * SAMPLE_RATE_HZ {
             state.process(&config, OutputSample::SILENCE, false);
         }
@@ -272,7 +276,7 @@ fn a_soft_start_rises_in_its_time_and_a_mute_falls_in_its() {
     };
     let rise = envelope(0, 3_000, false);
     let full = rise[290];
-    // A quarter of a second is half the way, half a second the whole.
+    // A quarter of a second is half of the ramp, half a second all of it.
     assert!(
         (rise[124] - full / 2).abs() < full / 50,
         "{} of {full}",
@@ -320,7 +324,7 @@ fn an_endless_overload_is_held_below_the_power_limit_without_a_jump() {
         mean < 1.0 && mean > 0.75,
         "mean power is {mean} of the limit"
     );
-    // The gain falls with four times the rise, which grows fastest at the peak power.
+    // The gain falls by four times the rise, which grows fastest at the peak power.
     let steepest = (4e3 * f64::from(PEAK_POWER_RATIO) / (2.0 * RATE)).ceil() as u16 + 1;
     let step = gains.windows(2).map(|pair| pair[0].abs_diff(pair[1])).max();
     assert!(step <= Some(steepest), "{step:?} of {steepest}");

@@ -1,4 +1,4 @@
-//! Settings in flash that can lose power.
+//! Settings in flash, with power lost at any operation.
 
 use embassy_futures::block_on;
 use model_format::link::{FlashOperation, Setting, SettingChange, Settings, SettingsError};
@@ -49,7 +49,7 @@ fn what_is_set_is_there_after_a_restart_whatever_went_before() {
     let mut flash = SimulatedFlash::new(blank());
     let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
     let mut expected = Settings::default();
-    // More changes than two sectors hold, so that sectors are erased and what they held is kept.
+    // More changes than two sectors hold, so that sectors are erased and their settings moved.
     for round in 0..6_000u32 {
         let setting = Setting::ALL[round as usize % (Setting::ALL.len() - 1)];
         let spec = setting.spec();
@@ -101,7 +101,7 @@ fn a_reset_brings_the_defaults_back_for_good() {
 
 #[test]
 fn a_cut_at_any_operation_of_a_change_leaves_the_value_before_or_the_new() {
-    // So many changes that a sector is closed and the next erased among the last ones.
+    // So many changes that among the last ones a sector is closed and the next one erased.
     let mut flash = SimulatedFlash::new(blank());
     let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
     block_on(store.set(change(Setting::PowerLimit, 7.0))).expect("in range");
@@ -134,7 +134,7 @@ fn a_cut_at_any_operation_of_a_change_leaves_the_value_before_or_the_new() {
                 kept += usize::from(found == f32::from(round - 1));
                 taken += usize::from(found == f32::from(round));
                 cuts += 1;
-                // And the next change is taken.
+                // The next change is stored.
                 let next = block_on(store.set(change(Setting::ForceZero, 65_000.0)));
                 assert!(
                     next.is_ok(),

@@ -1,4 +1,4 @@
-//! What slots are found to hold.
+//! Contents of slots, as a store finds them.
 
 use embassy_futures::block_on;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
@@ -9,7 +9,7 @@ use stylus_app::upload::Uploader;
 use crate::flash::{Memory, SimulatedFlash};
 use crate::library::{announcement, library, upload};
 
-/// Two libraries, the one in slot B the newer.
+/// Flash with two libraries, of which the one in slot B is newer.
 fn two_libraries() -> (Memory, Vec<u8>, Vec<u8>) {
     let (first, second) = (library(1, 10, 1), library(3, 20, 2));
     let mut flash = SimulatedFlash::two_slots();
@@ -128,7 +128,7 @@ fn a_changed_bit_makes_a_slot_invalid_wherever_it_is() {
 fn a_slot_that_goes_bad_while_the_device_runs_is_not_handed_out() {
     let (memory, first, _) = two_libraries();
     let mut flash = SimulatedFlash::new(memory);
-    // Opening reads each word of it once, and so does handing it out.
+    // Opening the store reads each word once, and so does returning the library.
     flash.wears_out = Some((64, 2));
     let mut store = block_on(SlotStore::open(flash));
     assert_eq!(

@@ -1,11 +1,11 @@
-//! Uploads that go wrong in other ways than by a power cut.
+//! Uploads that fail for other reasons than a power cut.
 
 use embassy_futures::block_on;
 use embassy_futures::poll_once;
-use model_format::limits::MAX_LIBRARY_BYTES;
+use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
-    FlashOperation, MAX_CHUNK_BYTES, SlotId, SlotState, UploadBegin, UploadChunk, UploadError,
-    UploadState,
+    FlashOperation, MAX_CHUNK_BYTES, SlotFault, SlotId, SlotState, UploadBegin, UploadChunk,
+    UploadError, UploadState,
 };
 use proptest::prelude::*;
 use stylus_app::slots::SlotStore;
@@ -132,7 +132,7 @@ fn chunks_out_of_turn_are_refused_and_change_nothing() {
             })
         );
         assert_eq!(*store.state(SlotId::B), SlotState::Receiving);
-        // And it still goes through.
+        // The upload still succeeds.
         assert!(upload(&mut uploader, &mut store, &new, 512).await.is_ok());
     });
     assert_library_is_left(&mut store, &old);
@@ -256,7 +256,8 @@ fn bytes_that_are_no_library_or_not_those_announced_are_not_sealed() {
     assert_library_is_left(&mut store, &old);
 }
 
-/// Uploads with `fault` into a device; tells the error, and that the library before is there and the next upload works.
+/// Uploads with `fault` into a device and returns the error, after checking that the library before is there and that
+/// the next upload succeeds.
 fn with_fault(fault: Fault) -> Option<UploadError> {
     let new = library(1, 30, 2);
     let (memory, old) = flash_with_library();
@@ -269,7 +270,7 @@ fn with_fault(fault: Fault) -> Option<UploadError> {
     assert_eq!(block_on(store.library_bytes(SlotId::A)), Ok(&old[..]));
     if result.is_err() {
         assert_eq!(store.newest(), Some(SlotId::A));
-        // The fault comes once.
+        // The fault happens once.
         let again = block_on(upload(&mut uploader, &mut store, &new, 512));
         assert!(again.is_ok(), "{again:?}");
     }
@@ -319,6 +320,26 @@ fn a_fault_of_the_flash_is_told_with_its_place() {
 }
 
 #[test]
+fn a_commit_reads_each_word_once_and_what_it_reads_is_what_it_validates() {
+    let new = library(1, 30, 2);
+    let (memory, _) = flash_with_library();
+    let mut flash = SimulatedFlash::new(memory);
+    // One read after the word was written, one in the commit.
+    let offset = 64;
+    flash.wears_out = Some((SLOT_BYTES + offset, 2));
+    let mut store = block_on(SlotStore::open(flash));
+    store.set_active(store.newest());
+    let uploaded = block_on(upload(&mut Uploader::new(), &mut store, &new, 512));
+    assert_eq!(uploaded.map(|committed| committed.slot), Ok(SlotId::B));
+    let offset = offset as u32;
+    assert_eq!(
+        block_on(store.library_bytes(SlotId::B)),
+        Err(SlotFault::Unreadable { offset }),
+        "no read was left"
+    );
+}
+
+#[test]
 fn a_call_that_is_dropped_half_way_ends_the_upload() {
     let (mut uploader, mut store, old) = device();
     let new = library(1, 30, 2);
@@ -335,7 +356,7 @@ fn a_call_that_is_dropped_half_way_ends_the_upload() {
                 .expect("in turn");
         }
     });
-    // A commit lets others run while it reads; whoever drops it there has no upload any more.
+    // A commit yields while it reads. A caller that drops it there ends the upload.
     assert!(poll_once(uploader.commit(&mut store)).is_pending());
     assert_eq!(uploader.state(), UploadState::Idle);
     assert_eq!(store.newest(), Some(SlotId::A));
@@ -355,7 +376,8 @@ enum Step {
 fn steps() -> impl Strategy<Value = Vec<Step>> {
     let step = prop_oneof![
         2 => (0usize..3).prop_map(Step::Begin),
-        12 => (prop::bool::weighted(0.9), 1usize..=16).prop_map(|(good, words)| Step::Chunk { good, length: words * 32 }),
+        12 => (prop::bool::weighted(0.9), 1usize..=16)
+            .prop_map(|(good, words)| Step::Chunk { good, length: words * 32 }),
         2 => Just(Step::Commit),
         1 => Just(Step::Abort),
         1 => Just(Step::ActivateNewest),
@@ -366,7 +388,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Whatever a host sends, in whatever order, there is always a library, and it is one of those that were sent whole.
+    /// There is always a library, and it is one of those that were sent whole, for all requests in all orders.
     #[test]
     fn any_order_of_requests_leaves_a_whole_library(steps in steps()) {
         let libraries = [library(1, 1, 5), library(1, 2, 6), library(1, 3, 7)];

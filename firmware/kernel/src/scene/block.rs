@@ -1,4 +1,4 @@
-//! What the tick is handed for a block: the stages to run, and nothing about why.
+//! The block that the director hands to the tick: a list of stages.
 
 use heapless::Vec;
 
@@ -7,40 +7,40 @@ use super::stick_slip::StickSlipFrame;
 use super::tap::{Resonance, Strike};
 use crate::level::Ramp;
 
-/// Voices that can sound at a time: two, while one surface fades into another.
+/// Number of voices that can sound at a time: two, while one surface fades into another.
 pub const SLOTS: usize = 2;
 
-/// Most stages of a block: two voices, a tap, the equaliser, and the fade when a scene is exchanged.
+/// Most stages of a block: two voices, a tap, the equaliser, and the fade while scenes are exchanged.
 pub const MAX_STAGES: usize = SLOTS + 3;
 
 /// A voice that sounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VoiceStage {
-    /// Which voice.
+    /// Index of the slot.
     pub slot: u8,
-    /// Which of its two frames.
+    /// Index of the frame within the slot.
     pub buffer: u8,
-    /// Whether that frame begins with the block; otherwise it goes on from the block before.
+    /// True if that frame begins with the block; otherwise it goes on from the block before.
     pub begins: bool,
 }
 
-/// One thing that the tick does at each sample.
+/// A stage that the tick runs per sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// A voice.
     Voice(VoiceStage),
     /// A voice whose tool sticks and slips.
     StickSlip(VoiceStage, StickSlipFrame),
-    /// What a tap left ringing.
+    /// A tap that rings.
     Tap(Resonance),
-    /// The equaliser, over all before.
+    /// The equaliser of all stages before.
     Equaliser,
-    /// All before fades by this ramp, which ends at nothing with the block.
+    /// A fade of all stages before, by a ramp that ends at zero with the block.
     FadeOut(Ramp),
 }
 
 impl Stage {
-    /// The voice of the stage, if it is one.
+    /// The voice of the stage, if it has one.
     pub fn voice(&self) -> Option<VoiceStage> {
         match *self {
             Self::Voice(voice) | Self::StickSlip(voice, _) => Some(voice),
@@ -54,11 +54,11 @@ impl Stage {
 pub struct Block {
     pub(super) stages: Vec<Stage, MAX_STAGES>,
     pub(super) strike: Option<Strike>,
-    /// Whether what rings is forgotten before the first sample.
+    /// True if tap and equaliser are reset before the first sample.
     pub(super) resets: bool,
     pub(super) samples: u32,
     pub(super) equaliser: Equaliser,
-    /// Of which plan that is the equaliser, counted.
+    /// Number of the plan whose equaliser this is.
     pub(super) equaliser_of: u32,
 }
 
@@ -75,12 +75,18 @@ impl Block {
         }
     }
 
-    /// What the tick runs at each sample.
+    /// Adds a stage to the list.
+    pub(super) fn push(&mut self, stage: Stage) {
+        // There is room for one of each.
+        let _ = self.stages.push(stage);
+    }
+
+    /// The stages that the tick runs per sample, in their order.
     pub fn stages(&self) -> &[Stage] {
         &self.stages
     }
 
-    /// Samples of the block, over which all ramps go.
+    /// Number of samples of the block, over which all ramps go.
     pub fn samples(&self) -> u32 {
         self.samples
     }

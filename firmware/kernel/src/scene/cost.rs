@@ -1,7 +1,7 @@
-//! What a plan costs the tick, in instructions: a base and so much for each of something, stage by stage.
+//! Cost of a plan in instructions per tick: for each stage a base, and a share per lattice stage, turn or section.
 //!
-//! **The constants are counts** of the image on the virtual stylus, whose test `scenes` holds them against the ticks of the image as
-//! it was built: never below what is counted, and not far above. Instructions are not cycles.
+//! **The constants are counts** of the image on the virtual stylus. Its test `scenes` compares them with the ticks of
+//! the image as built: they are never below the counts, and not far above. Instructions are not cycles.
 
 use core::fmt;
 
@@ -11,62 +11,62 @@ use model_format::{Structure, Texture};
 use super::block::{MAX_STAGES, SLOTS};
 use crate::arithmetic::TURN_TAPS;
 
-/// Instructions of the sample's path whatever is played: the list of stages, the sum of voices, its saturation. A list that is
-/// empty takes 22 of them.
+/// Instructions of every sample: the list of stages, the sum of voices, its saturation. An empty list takes 22 of them.
 pub const MIX: StageCost = StageCost { base: 53, each: 0 };
 
-/// A voice of a normalised lattice; each is a stage of it.
+/// A voice of a normalised lattice, with `each` per stage of the lattice.
 pub const LATTICE: StageCost = StageCost {
     base: 151,
     each: 11,
 };
 
-/// A voice of a direct form; each is a turn of [`TURN_TAPS`] taps of the predictor.
+/// A voice of a direct form, with `each` per turn of [`TURN_TAPS`] taps of the predictor.
 pub const DIRECT: StageCost = StageCost {
     base: 212,
     each: 107,
 };
 
-/// What stick-slip adds to a voice.
+/// Stick-slip of a voice, in addition to the voice.
 pub const STICK_SLIP: StageCost = StageCost { base: 46, each: 0 };
 
 /// A tap transient.
 pub const TAP: StageCost = StageCost { base: 37, each: 0 };
 
-/// The equaliser; each is a section.
+/// The equaliser, with `each` per section.
 pub const EQUALISER: StageCost = StageCost { base: 53, each: 81 };
 
 /// The fade while scenes are exchanged.
 pub const FADE_OUT: StageCost = StageCost { base: 25, each: 0 };
 
-/// Instructions that a scene may take of a tick: at the device's 400 MHz a period of 200 µs is 80 000 cycles, at two cycles an
-/// instruction, which is pessimistic, 40 000 instructions; half of it is for safety, inputs, interrupts and margin.
+/// Instructions per tick that a scene may take. At the device's 400 MHz a period of 200 µs is 80 000 cycles, or 40
+/// 000 instructions at two cycles per instruction, which is pessimistic. Half of them are for safety, inputs,
+/// interrupts and margin.
 pub const BUDGET: u32 = 20_000;
 
-/// Instructions of a stage at each sample.
+/// Instructions of a stage per sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StageCost {
-    /// Once.
+    /// Instructions once.
     pub base: u16,
-    /// For each stage of a lattice, turn of a predictor's taps, or section.
+    /// Instructions per stage of a lattice, turn of a predictor's taps, or section.
     pub each: u16,
 }
 
-/// What a term is for.
+/// The subject of a term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Item {
     /// [`MIX`].
     Mix,
     /// The voice of a surface, with its texture's structure.
     Voice {
-        /// Which surface.
+        /// Index of the surface.
         surface: u8,
         /// The structure of its texture.
         structure: Structure,
     },
     /// The stick-slip of a surface.
     StickSlip {
-        /// Which surface.
+        /// Index of the surface.
         surface: u8,
     },
     /// A tap transient.
@@ -77,34 +77,34 @@ pub enum Item {
     FadeOut,
 }
 
-/// One line of the arithmetic.
+/// One term of a plan's cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Term {
-    /// What it is for.
+    /// Subject of the term.
     pub item: Item,
-    /// What it costs.
+    /// Cost of one stage.
     pub cost: StageCost,
-    /// How many of what it counts.
+    /// Number of lattice stages, turns or sections.
     pub count: u16,
 }
 
-/// The most that a plan takes of a tick, with the arithmetic.
+/// The worst case of a plan, as a sum of terms.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
     terms: Vec<Term, { MAX_STAGES + SLOTS + 1 }>,
 }
 
-/// A plan that takes more of a tick than there is.
+/// A plan whose worst case is above the budget.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OverBudget {
-    /// What it takes.
+    /// Cost of the plan.
     pub cost: Cost,
-    /// What there is, instructions.
+    /// The budget, instructions per tick.
     pub budget: u32,
 }
 
 impl Term {
-    /// Instructions.
+    /// Instructions of the term per sample.
     pub const fn instructions(&self) -> u32 {
         self.cost.base as u32 + self.cost.each as u32 * self.count as u32
     }
@@ -139,20 +139,20 @@ impl Cost {
         let _ = self.terms.push(term);
     }
 
-    /// The lines of the arithmetic.
+    /// Terms of the sum.
     pub fn terms(&self) -> &[Term] {
         &self.terms
     }
 
-    /// Instructions at each sample.
+    /// Sum of all terms, instructions per sample.
     pub fn instructions(&self) -> u32 {
         self.terms.iter().map(Term::instructions).sum()
     }
 
-    /// The cost again, if it is within `budget` instructions.
+    /// Returns the cost if it is within `budget` instructions per tick.
     ///
     /// # Errors
-    /// It is not.
+    /// A cost above the budget.
     pub fn within(self, budget: u32) -> Result<Self, OverBudget> {
         if self.instructions() <= budget {
             Ok(self)
@@ -199,7 +199,10 @@ impl fmt::Display for Cost {
 impl fmt::Display for OverBudget {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (cost, budget) = (&self.cost, self.budget);
-        write!(f, "the scene takes {cost}, and a tick has {budget} for it")
+        write!(
+            f,
+            "the scene takes {cost}, and the budget of a tick is {budget}"
+        )
     }
 }
 

@@ -1,19 +1,19 @@
 //! The actuator's equaliser: a cascade of sections of second order in fixed point.
 //!
-//! A section is stored as a biquad and played as a normalised lattice of two stages with taps (Gray and Markel, *A normalized
-//! digital filter structure*, IEEE Trans. ASSP 23(3), 1975), the poles' part of which is [`crate::lattice`] once more:
+//! A section is stored as a biquad and played as a normalised lattice of two stages with taps (Gray and Markel, *A
+//! normalized digital filter structure*, IEEE Trans. ASSP 23(3), 1975). Its poles' part is that of [`crate::lattice`]:
 //!
 //! ```text
 //! k2 = a2    k1 = a1 / (1 + a2)    y = v0 g0 + v1 g1 + v2 g2,  g the backward signals
 //! v2 = b2    v1 = (b1 - b2 a1) / cos θ2    v0 = (b0 - b2 a2 - v1 cos θ2 k1) / (cos θ1 cos θ2)
 //! ```
-//! Why not the biquad itself: a recursion that is truncated, either way, may ring on for ever without an input, and error
-//! feedback, which moves that noise elsewhere, does not end it. Here every rotation is one that cannot lengthen
-//! (cos² + sin² ≤ 2⁶² in the integers) with products truncated toward zero, so that what rings dies to exact zero, whatever
-//! the poles and however they are exchanged; see `tests/kernel/silence.rs` for the proof. The taps are not recursive.
+//! The biquad itself is not played, because a direct recursion, truncated or rounded, may ring on for ever without an
+//! input, and error feedback, which moves that noise elsewhere, does not end it. Here no rotation lengthens its vector
+//! (cos² + sin² ≤ 2⁶² in the integers) and products are truncated toward zero, so that the state decays to exact zero,
+//! whatever the poles and however they change; see `tests/kernel/silence.rs` for the proof. The taps are not recursive.
 //!
-//! Signals inside have steps of 2⁻¹⁵ m/s² and 32 times the output's full scale: as much as a section at the limit of the
-//! poles' radius makes of a full-scale tone within its lattice.
+//! Internal signals have steps of 2⁻¹⁵ m/s² and 32 times the output's full scale: as much as a section at the limit of
+//! the poles' radius makes of a full-scale tone within its lattice.
 
 use heapless::Vec;
 use model_format::OutputSample;
@@ -22,11 +22,11 @@ use model_format::scene::limits::MAX_SECTIONS;
 
 use crate::fixed::{high_word_toward_zero, saturate, shift_toward_zero};
 
-/// Digits that signals inside have less than the output.
+/// Digits that internal signals lack of the output's.
 const HEADROOM_BITS: u32 = 5;
 
-/// Digits after the point of a tap: between -32 and 32. A section's taps are an orthonormal expansion, the sum of their squares
-/// is that of its impulse response, and so they are not above its largest gain, 16.
+/// Digits after the point of a tap, which lies between -32 and 32. A section's taps are an orthonormal expansion of its
+/// impulse response: the sum of their squares is that of the response, so that no tap is above its largest gain, 16.
 const TAP_FRACTION_BITS: u32 = 26;
 
 /// A section as it is played.
@@ -44,7 +44,7 @@ pub struct Equaliser {
     sections: Vec<Section, MAX_SECTIONS>,
 }
 
-/// What was played: the backward signals of all sections.
+/// State of an equaliser: the backward signals of all sections.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EqualiserState {
     /// g0 and g1 of each section.
@@ -71,7 +71,7 @@ impl Section {
         }
     }
 
-    /// One sample; whether anything was at full scale.
+    /// Passes one sample through. The flag is true if any signal was at full scale.
     #[inline(always)]
     fn process(&self, backward: &mut [i32; 2], input: i32) -> (i32, bool) {
         let [one, two] = self.rotations;
@@ -112,12 +112,12 @@ fn rotate((cos, sin): (i32, i32), forward: i32, backward: i32) -> (i32, i32) {
 }
 
 impl Equaliser {
-    /// One that leaves the output as it is.
+    /// The equaliser that leaves the output as it is.
     pub const NONE: Self = Self {
         sections: Vec::new(),
     };
 
-    /// The cascade of `biquads`, whose poles are within the limit.
+    /// The cascade of `biquads`, whose poles must be within the limit.
     pub fn new(biquads: &[Biquad]) -> Self {
         Self {
             sections: biquads
@@ -128,26 +128,26 @@ impl Equaliser {
         }
     }
 
-    /// How many sections there are.
+    /// Number of sections.
     pub fn len(&self) -> usize {
         self.sections.len()
     }
 
-    /// Whether there is none.
+    /// Returns whether there is no section.
     pub fn is_empty(&self) -> bool {
         self.sections.is_empty()
     }
 }
 
 impl EqualiserState {
-    /// At rest.
+    /// The state at rest.
     pub const fn new() -> Self {
         Self {
             backward: [[0; 2]; MAX_SECTIONS],
         }
     }
 
-    /// One sample; and whether anything was at full scale.
+    /// Passes one sample through. The flag is true if any signal was at full scale.
     #[inline]
     pub fn process(&mut self, equaliser: &Equaliser, input: OutputSample) -> (OutputSample, bool) {
         let mut signal = shift_toward_zero(i64::from(input.0), HEADROOM_BITS) as i32;
@@ -161,13 +161,13 @@ impl EqualiserState {
         (OutputSample(output), saturated | full)
     }
 
-    /// Whether nothing rings, nor ever will without an input.
+    /// Returns whether the state is zero, so that the output is zero until the next input.
     pub fn is_silent(&self) -> bool {
         let all = self.backward.as_flattened().iter();
         all.fold(0, |any, &signal| any | signal) == 0
     }
 
-    /// The square of the norm of what is remembered, in steps of 2⁻¹⁵ m/s².
+    /// The square of the state's norm, in steps of 2⁻¹⁵ m/s².
     pub fn square_norm(&self) -> u128 {
         let signals = self.backward.as_flattened().iter();
         signals

@@ -1,18 +1,18 @@
-//! What the hand does with the tool, as a scene follows it.
+//! Interaction of the tool with a scene: motion, position and contact.
 
 use crate::grid::Motion;
 
-/// Motion, place and contact at a moment. All numbers are finite.
+/// Motion, position and contact at a moment. All numbers are finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interaction {
     /// Speed and force.
     pub motion: Motion,
     position_mm: f32,
-    /// Whether the tool touches.
+    /// True while the tool touches.
     pub contact: bool,
 }
 
-/// A place that no sensor should give: it is NaN or infinite.
+/// A position that is NaN or infinite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InteractionError;
 
@@ -32,7 +32,7 @@ impl Interaction {
         contact: false,
     };
 
-    /// A motion at a place on the path, mm from its origin.
+    /// An interaction with `motion` at a position on the path, mm from its origin.
     ///
     /// # Errors
     /// A position that is not finite.
@@ -47,7 +47,7 @@ impl Interaction {
         })
     }
 
-    /// A motion in contact at the path's origin: all that a scene of one surface without effects needs.
+    /// A motion in contact at the path's origin, which is all that a scene of one surface without effects needs.
     pub const fn touching(motion: Motion) -> Self {
         Self {
             motion,
@@ -56,32 +56,32 @@ impl Interaction {
         }
     }
 
-    /// The place on the path, mm.
+    /// Position on the path, mm.
     pub fn position_mm(&self) -> f32 {
         self.position_mm
     }
 }
 
-/// Tells contact from a force that is never quite zero: it begins above one force and ends below a lower one, so that noise
-/// around either makes no taps.
+/// Detector of contact, from a force that is never quite zero. Contact begins above one force and ends below a lower
+/// one, so that noise around either causes no taps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ContactDetector {
     touching: bool,
 }
 
 impl ContactDetector {
-    /// Force from which on the tool touches, N.
+    /// Force above which contact begins, N.
     pub const BEGINS_N: f32 = 0.02;
 
-    /// Force up to which it does not any more, N.
+    /// Force at and below which contact ends, N.
     pub const ENDS_N: f32 = 0.01;
 
-    /// Not touching.
+    /// A detector without contact.
     pub const fn new() -> Self {
         Self { touching: false }
     }
 
-    /// Whether the tool touches, now that the force is that of `motion`.
+    /// Follows the force of `motion`, and returns whether the tool touches.
     pub fn touches(&mut self, motion: Motion) -> bool {
         let bound = if self.touching {
             Self::ENDS_N

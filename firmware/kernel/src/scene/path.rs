@@ -1,4 +1,4 @@
-//! Where along the path which surfaces sound, and how much: equal-power transitions.
+//! Surfaces along the path, and their weights in equal-power transitions.
 
 use heapless::Vec;
 use model_format::scene::limits::MAX_REGIONS;
@@ -7,13 +7,13 @@ use model_format::scene::{Region, Scene};
 use crate::grid::ONE;
 use crate::rotation::{Rotation, THETA_QUARTER_TURN};
 
-/// A surface that sounds at a place.
+/// A surface that sounds at a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Located {
-    /// Index in the scene.
+    /// Index of the surface in the scene.
     pub surface: u8,
-    /// What to multiply its amplitude by, in steps of 2⁻¹⁶. The squares of all at a place add up to at most 2³², and to
-    /// that within rounding unless the place is at the edge of nothing.
+    /// Factor of its amplitude, in steps of 2⁻¹⁶. The squares of all weights at a position add up to at most 2³².
+    /// Within rounding they add up to that, except near the end of a region without a neighbour.
     pub weight: u32,
 }
 
@@ -33,7 +33,7 @@ impl Path {
         }
     }
 
-    /// One surface, the first, everywhere.
+    /// The path with the first surface everywhere.
     pub const fn everywhere() -> Self {
         Self {
             regions: Vec::new(),
@@ -41,7 +41,7 @@ impl Path {
         }
     }
 
-    /// Indices of the surfaces that can be come upon, ascending.
+    /// Indices of the surfaces that lie on the path, ascending.
     pub fn surfaces(&self) -> impl Iterator<Item = u8> + '_ {
         let count = if self.regions.is_empty() { 1 } else { u8::MAX };
         (0..count).filter(|&surface| {
@@ -49,7 +49,7 @@ impl Path {
         })
     }
 
-    /// The surfaces at `position_mm`, at most two, and they are different; the one that lies there comes first.
+    /// The surfaces at `position_mm`: at most two different ones, that of the region at this position first.
     pub fn locate(&self, position_mm: f32) -> Vec<Located, 2> {
         let mut found = Vec::new();
         let mut add = |surface: u8, weight: u32| {
@@ -73,7 +73,7 @@ impl Path {
             .regions
             .get(index + 1)
             .filter(|after| after.start_mm == region.end_mm);
-        // Transitions reach at most to the middle of a region, so that there is one of them at a place at most.
+        // Transitions reach at most to the middle of a region, so that a position lies in one at most.
         let (from_start, to_end) = (position_mm - region.start_mm, region.end_mm - position_mm);
         let (neighbour, distance) = if from_start <= to_end {
             (before, from_start)
@@ -106,8 +106,8 @@ impl Path {
     }
 }
 
-/// The weight of what comes in and of what goes out, a `share` (0 to 1) into a transition: sine and cosine of a quarter
-/// turn's share, whose squares add up to at most one in the integers.
+/// Weights of the incoming and the outgoing surface at `share` (0 to 1) of a transition: sine and cosine of that
+/// share of a quarter turn, whose squares add up to at most one in the integers.
 fn weights(share: f32) -> (u32, u32) {
     let theta = (share * THETA_QUARTER_TURN as f32) as i32;
     let rotation = Rotation::from_theta(theta);

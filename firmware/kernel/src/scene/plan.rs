@@ -1,4 +1,4 @@
-//! What a scene compiles to: everything that does not depend on the moment.
+//! The compiled scene: everything that does not depend on the moment.
 
 use heapless::Vec;
 use model_format::scene::limits::MAX_SURFACES;
@@ -13,7 +13,7 @@ use super::tap::Resonance;
 use crate::grid::{Motion, ONE};
 use crate::synthesis::Scale;
 
-/// A scene, ready to be played.
+/// A scene, compiled for playing.
 #[derive(Clone, Debug)]
 pub struct Plan<'a> {
     pub(super) surfaces: Vec<PlannedSurface<'a>, MAX_SURFACES>,
@@ -23,18 +23,18 @@ pub struct Plan<'a> {
     pub(super) sample_rate_hz: u32,
 }
 
-/// A surface with everything looked up and computed.
+/// A surface with its texture looked up and its constants computed.
 #[derive(Clone, Debug)]
 pub(super) struct PlannedSurface<'a> {
-    /// None if it sounds like nothing.
+    /// None for a smooth surface.
     pub texture: Option<PlannedTexture<'a>>,
-    /// In steps of 2⁻¹⁶.
+    /// Gain in steps of 2⁻¹⁶.
     pub gain: u32,
     pub tap: Option<PlannedTap>,
     pub stick_slip: Option<StickSlipWindow>,
 }
 
-/// A texture with what its frames have in common.
+/// A texture with the scale of its frames.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlannedTexture<'a> {
     pub texture: Texture<'a>,
@@ -55,10 +55,10 @@ pub(super) struct PlannedTap {
 }
 
 impl<'a> Plan<'a> {
-    /// The plan of `scene` with the textures of `library`, after checking all of it.
+    /// Compiles `scene` with the textures of `library`, after a check of the whole scene.
     ///
     /// # Errors
-    /// What [`Scene::validate`] finds.
+    /// The fault that [`Scene::validate`] finds.
     pub fn new(scene: &Scene, library: &Library<'a>) -> Result<Self, SceneError> {
         scene.validate(library)?;
         let rate = scene.sample_rate_hz;
@@ -81,7 +81,7 @@ impl<'a> Plan<'a> {
         })
     }
 
-    /// The plan that is `texture` everywhere, and nothing else.
+    /// The plan of `texture` everywhere, without effects.
     pub fn of_texture(texture: Texture<'a>) -> Self {
         let mut surfaces = Vec::new();
         // There is room for one.
@@ -100,15 +100,15 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub fn sample_rate_hz(&self) -> u32 {
         self.sample_rate_hz
     }
 
-    /// The most that the scene takes of a tick, in the model of [`cost`].
+    /// Instructions per tick in the worst case, in the model of [`cost`].
     ///
-    /// With two surfaces or more, the dearest two sound at a time: the tool may jump from any one to any other. With one
-    /// there is one voice, and no other is counted.
+    /// With two surfaces or more, the two most expensive ones sound at a time, because the tool may jump from any one
+    /// to any other. With one surface there is one voice.
     pub fn worst_case(&self) -> Cost {
         let voices = |surface: u8| -> Option<[Option<Term>; 2]> {
             let planned = self.surfaces.get(usize::from(surface))?;
@@ -157,10 +157,10 @@ impl<'a> Plan<'a> {
         cost
     }
 
-    /// [`Plan::worst_case`], if a tick has `budget` instructions for it.
+    /// Returns [`Plan::worst_case`] if it is within `budget` instructions per tick.
     ///
     /// # Errors
-    /// It has not; the arithmetic is in the error.
+    /// A worst case above the budget; the error holds its terms.
     pub fn within(&self, budget: u32) -> Result<Cost, OverBudget> {
         self.worst_case().within(budget)
     }

@@ -1,4 +1,4 @@
-//! The half of a scene that is the tick's.
+//! The half of a scene that the tick runs.
 
 use model_format::OutputSample;
 
@@ -8,16 +8,16 @@ use super::stick_slip::StickSlipState;
 use super::tap::TapState;
 use crate::fixed::{saturate, shift_toward_zero};
 
-/// What rings, for the [`super::Director`] to know.
+/// The parts of a scene that ring, as the [`super::Director`] needs to know.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ringing {
-    /// A tap.
+    /// True if a tap rings.
     pub tap: bool,
-    /// The equaliser.
+    /// True if the equaliser rings.
     pub equaliser: bool,
 }
 
-/// What was played of a scene, but for its voices.
+/// State of a scene without its voices.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ScenePlayback {
     tap: TapState,
@@ -40,7 +40,7 @@ impl ScenePlayback {
         }
     }
 
-    /// `block` begins, which was not played before; `begin_voice` is given each voice whose frame begins with it, for
+    /// Begins `block`, which was not played before. `begin_voice` gets each voice whose frame begins with it, for
     /// [`crate::Playback::begin_frame`].
     #[inline]
     pub fn begin_block(&mut self, block: &Block, mut begin_voice: impl FnMut(VoiceStage)) {
@@ -59,7 +59,7 @@ impl ScenePlayback {
         }
     }
 
-    /// The next sample of `block`; `voice` gives that of a voice, see [`crate::Playback::next_sample`].
+    /// The next sample of `block`. `voice` returns the next sample of a voice, see [`crate::Playback::next_sample`].
     #[inline]
     pub fn next_sample(
         &mut self,
@@ -95,7 +95,7 @@ impl ScenePlayback {
         OutputSample(output)
     }
 
-    /// What rings. To be asked after [`ScenePlayback::begin_block`] and before the director's next decision.
+    /// Returns which parts ring. Call it after [`ScenePlayback::begin_block`] and before the director's next decision.
     pub fn ringing(&self) -> Ringing {
         Ringing {
             tap: !self.tap.is_silent(),
@@ -108,7 +108,7 @@ impl ScenePlayback {
         self.left
     }
 
-    /// How many samples were at full scale in the sum or the equaliser; voices count their own.
+    /// Number of samples at full scale in the sum or the equaliser. Voices count their own.
     pub fn saturations(&self) -> u32 {
         self.saturations
     }

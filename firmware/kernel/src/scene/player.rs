@@ -5,32 +5,33 @@ use core::marker::PhantomData;
 use model_format::OutputSample;
 
 use super::block::{Block, SLOTS};
-use super::director::{Director, Voices};
+use super::director::Director;
 use super::interaction::Interaction;
 use super::plan::Plan;
 use super::playback::ScenePlayback;
+use super::slots::Voices;
 use crate::arithmetic::{Arithmetic, Portable};
 use crate::level::Levels;
 use crate::synthesis::{Frame, Playback};
 
-/// A scene being played: what decides and what sounds, in one.
+/// A scene being played: director, voices and playback in one.
 #[derive(Clone, Debug)]
 pub struct ScenePlayer<'a, A: Arithmetic = Portable> {
     director: Director<'a>,
-    voices: Slots,
+    voices: OwnVoices,
     playback: ScenePlayback,
     block: Block,
     arithmetic: PhantomData<A>,
 }
 
-/// The voices, all the director's own.
+/// The voices, none of them shared.
 #[derive(Clone, Debug)]
-struct Slots {
+struct OwnVoices {
     frames: [[Option<Frame>; 2]; SLOTS],
     playbacks: [Option<Playback>; SLOTS],
 }
 
-impl Voices for Slots {
+impl Voices for OwnVoices {
     fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame> {
         &mut self.frames[slot][buffer]
     }
@@ -46,7 +47,8 @@ impl Voices for Slots {
 }
 
 impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
-    /// `plan` at rest, silent until the tool touches; the same `seed` gives the same samples, always and everywhere.
+    /// Plays `plan`, from rest: it is silent until the tool touches. The same `seed` gives the same samples on every
+    /// machine.
     pub fn new(plan: Plan<'a>, seed: u64) -> Self {
         Self {
             director: Director::new(plan, seed),
@@ -54,7 +56,7 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
                 clippy::large_stack_arrays,
                 reason = "a host's stack holds two voices; a device keeps them where it wants"
             )]
-            voices: Slots {
+            voices: OwnVoices {
                 frames: [const { [const { None }; 2] }; SLOTS],
                 playbacks: [const { None }; SLOTS],
             },
@@ -64,7 +66,7 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
         }
     }
 
-    /// Takes over the interaction of the moment, for a block of `samples` samples; see [`Director::next_block`].
+    /// Follows `interaction` for a block of `samples` samples; see [`Director::next_block`].
     pub fn follow(&mut self, interaction: Interaction, samples: u32) {
         let (left, ringing) = (self.playback.left(), self.playback.ringing());
         let (voices, block) = (&mut self.voices, &mut self.block);
@@ -80,7 +82,7 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
     /// The next sample.
     #[inline]
     pub fn next_sample(&mut self) -> OutputSample {
-        let Slots { frames, playbacks } = &mut self.voices;
+        let OwnVoices { frames, playbacks } = &mut self.voices;
         self.playback.next_sample(&self.block, |voice| {
             let slot = usize::from(voice.slot);
             match (
@@ -93,22 +95,22 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
         })
     }
 
-    /// Plays `plan` as soon as what sounds has faded; see [`Director::switch`].
+    /// Changes to `plan` as soon as what sounds has faded; see [`Director::switch`].
     pub fn switch(&mut self, plan: Plan<'a>) {
         self.director.switch(plan);
     }
 
-    /// What is played at the moment.
+    /// The block that is played.
     pub fn block(&self) -> &Block {
         &self.block
     }
 
-    /// What decides.
+    /// The director.
     pub fn director(&self) -> &Director<'a> {
         &self.director
     }
 
-    /// How many samples were at full scale since the beginning, in voices, their sum, or the equaliser.
+    /// Number of samples at full scale since the beginning, in voices, their sum, or the equaliser.
     pub fn saturations(&self) -> u32 {
         let voices = self.voices.playbacks.iter().flatten();
         let voices = voices.map(Playback::saturations);

@@ -3,8 +3,8 @@
 //! ```text
 //! envelope = 1 - amount · (1 - w(x / duty))     w(y) = (4y(1 - y))² for y in 0..1, else 0;  x the phase, 0..1
 //! ```
-//! The window's value and slope are zero at both ends of a slip, and the amount ramps across each block, so that the envelope
-//! has no step. It is never above one: no sample is larger than what the texture alone would have been.
+//! The window's value and slope are zero at both ends of a slip, and the amount ramps across each block, so that the
+//! envelope has no step. It is never above one, so that no sample is larger than that of the texture alone.
 
 use model_format::OutputSample;
 use model_format::scene::StickSlip;
@@ -13,24 +13,27 @@ use crate::fixed::shift_toward_zero;
 use crate::grid::{Motion, ONE};
 use crate::level::Ramp;
 
-/// Fewest samples that a slip takes: a path that goes by faster is not followed any more. The envelope changes by at most a
-/// fifth of the amount from sample to sample, as the window's slope is at most 3.08.
-const FEWEST_SAMPLES_A_SLIP: f32 = 16.0;
+/// Fewest samples per slip: a faster path is not followed. The envelope changes by at most a fifth of the amount from
+/// sample to sample, because the window's slope is at most 3.08.
+const FEWEST_SAMPLES_PER_SLIP: f32 = 16.0;
 
-/// Share of the threshold over which sticking sets in.
+/// A whole turn of the phase in its steps.
+const TURN: f32 = 4_294_967_296.0;
+
+/// Width of the onset of sticking, as a share of the threshold.
 const ONSET_SHARE: f32 = 0.25;
 
-/// What of a surface's stick-slip does not change.
+/// The constants of a surface's stick-slip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StickSlipWindow {
     stick_slip: StickSlip,
     /// 1 / duty in steps of 2⁻¹⁶.
     inverse_duty: u32,
-    /// Largest advance of the phase in a sample, in steps of 2⁻³² of a turn.
+    /// Largest advance of the phase per sample, in steps of 2⁻³² of a turn.
     fastest: f32,
 }
 
-/// What a block calls for.
+/// Stick-slip of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StickSlipFrame {
     amount: Ramp,
@@ -38,25 +41,24 @@ pub struct StickSlipFrame {
     inverse_duty: u32,
 }
 
-/// How far the tool has come.
+/// State of a stick-slip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StickSlipState {
-    /// In steps of 2⁻³² of a period.
+    /// Phase in steps of 2⁻³² of a period.
     phase: u32,
 }
 
 impl StickSlipWindow {
-    /// That of a valid surface.
+    /// The window of a valid surface's stick-slip.
     pub fn new(stick_slip: &StickSlip) -> Self {
-        const TURN: f32 = 4_294_967_296.0;
         Self {
             stick_slip: *stick_slip,
             inverse_duty: (ONE as f32 / stick_slip.duty + 0.5) as u32,
-            fastest: TURN * stick_slip.duty / FEWEST_SAMPLES_A_SLIP,
+            fastest: TURN * stick_slip.duty / FEWEST_SAMPLES_PER_SLIP,
         }
     }
 
-    /// How much the tool sticks at `motion`, in steps of 2⁻¹⁶.
+    /// Amount of sticking at `motion`, in steps of 2⁻¹⁶.
     pub fn amount(&self, motion: Motion) -> u32 {
         let StickSlip {
             below_mm_s: below,
@@ -69,8 +71,8 @@ impl StickSlipWindow {
         ((self.stick_slip.depth * slow * pressed * ONE as f32) as u32).min(ONE)
     }
 
-    /// The frame of a block of `samples` in which the tool goes `distance_mm`, and in which the amount goes from `from` to
-    /// that of `motion`.
+    /// The frame of a block of `samples` samples in which the tool goes `distance_mm` and the amount goes from `from`
+    /// to that of `motion`.
     pub fn frame(
         &self,
         motion: Motion,
@@ -81,8 +83,8 @@ impl StickSlipWindow {
         let turns = distance_mm.abs() / self.stick_slip.period_mm / samples.max(1) as f32;
         StickSlipFrame {
             amount: Ramp::between(from, self.amount(motion), samples),
-            // A cast of what is too large saturates, and the smaller of both is far below.
-            advance: (turns * 4_294_967_296.0).min(self.fastest) as u32,
+            // A cast of too large a number saturates, and the smaller of both is far below.
+            advance: (turns * TURN).min(self.fastest) as u32,
             inverse_duty: self.inverse_duty,
         }
     }
@@ -97,12 +99,12 @@ impl StickSlipFrame {
 }
 
 impl StickSlipState {
-    /// At the beginning of a slip.
+    /// The state at the beginning of a slip.
     pub const fn new() -> Self {
         Self { phase: 0 }
     }
 
-    /// `sample` as it is heard, with `left` samples of the frame's ramp to come.
+    /// `sample` times the envelope, with `left` samples of the frame's ramp to come.
     #[inline(always)]
     pub fn modulate(
         &mut self,
@@ -116,7 +118,7 @@ impl StickSlipState {
         OutputSample(modulated as i32)
     }
 
-    /// The envelope of the sample that is next, 0 to [`ONE`].
+    /// The envelope of the next sample, 0 to [`ONE`].
     #[inline(always)]
     pub fn envelope(&self, frame: &StickSlipFrame, left: u32) -> u32 {
         let turned = u64::from(self.phase >> 16) * u64::from(frame.inverse_duty);

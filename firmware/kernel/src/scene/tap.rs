@@ -1,12 +1,13 @@
 //! Tap transients: a resonator of two poles as a damped rotation.
 //!
-//! The state is a vector (c, s), which each sample turns by the frequency's angle and shortens by the decay; s is what is
-//! heard. The rotation's cos² + sin² is at most 2⁶² in the integers, and products are truncated toward zero, so that the
-//! vector never lengthens and what rings dies to exact zero, as in [`crate::lattice`].
+//! The state is a vector (c, s). Each sample turns it by the frequency's angle and shortens it by the decay; s is the
+//! output. The rotation's cos² + sin² is at most 2⁶² in the integers, and products are truncated toward zero, so that
+//! the vector never lengthens and a ringing tap decays to exact zero, as in [`crate::lattice`].
 //!
-//! A strike adds to c and leaves s as it is, so that the transient begins at 0, in sine phase. It adds only as much as keeps
-//! |c| + |s| within the limit: **the norm of the state is never above the larger of the limit and what it was**, however
-//! often the tool strikes. Frequency and decay may change while it rings; a rotation is a rotation.
+//! A strike adds to c and leaves s as it is, so that the transient begins at 0, in sine phase. It adds only so much
+//! that the 1-norm of (c, s) stays within the limit: **the norm of the state is never above the larger of the limit and
+//! its former value**, however often the tool strikes. Frequency and decay may change while it rings, because every
+//! rotation keeps the bound.
 
 use model_format::OutputSample;
 use model_format::scene::Tap;
@@ -14,7 +15,7 @@ use model_format::scene::Tap;
 use crate::fixed::{high_word_toward_zero, shift_toward_zero};
 use crate::rotation::{Rotation, THETA_QUARTER_TURN};
 
-/// Digits that the state has more than an output sample.
+/// Digits that the state has in addition to those of an output sample.
 const GUARD_BITS: u32 = 2;
 
 /// The rotation of one sample.
@@ -33,7 +34,7 @@ pub struct Strike {
     limit: i32,
 }
 
-/// What rings.
+/// State of a tap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TapState {
     cosine: i32,
@@ -41,7 +42,7 @@ pub struct TapState {
 }
 
 impl Resonance {
-    /// That of `tap` at `sample_rate_hz`.
+    /// The resonance of `tap` at `sample_rate_hz`.
     pub fn new(tap: &Tap, sample_rate_hz: u32) -> Self {
         let rate = f64::from(sample_rate_hz);
         // Half a turn is twice the quarter; the frequency is below half the sample rate.
@@ -69,7 +70,7 @@ impl Resonance {
 }
 
 impl Strike {
-    /// What `tap` answers to an impact at which the force rises by `newton_per_second`.
+    /// The strike of `tap` by an impact whose force rises by `newton_per_second`.
     pub fn new(tap: &Tap, newton_per_second: f32) -> Self {
         let limit = steps(tap.limit_m_s2);
         let amplitude = steps((tap.gain_m_s2_per_n_s * newton_per_second).max(0.0));
@@ -79,13 +80,13 @@ impl Strike {
         }
     }
 
-    /// Whether nothing would be heard.
+    /// Returns whether the strike has no amplitude.
     pub fn is_silent(&self) -> bool {
         self.amplitude == 0
     }
 }
 
-/// An acceleration in steps of the state; what is beyond `i32` is its end, which no limit is.
+/// An acceleration in steps of the state. Values beyond `i32` saturate; no limit reaches them.
 fn steps(m_s2: f32) -> i32 {
     (m_s2 * (1u32 << (OutputSample::FRACTION_BITS + GUARD_BITS)) as f32) as i32
 }
@@ -96,7 +97,7 @@ impl TapState {
         Self { cosine: 0, sine: 0 }
     }
 
-    /// The tool strikes; the next sample goes on from where the last one was.
+    /// Applies a strike. The next sample goes on from the last one.
     #[inline(always)]
     pub fn strike(&mut self, strike: Strike) {
         let room = strike.limit - self.sine.abs();
@@ -116,7 +117,7 @@ impl TapState {
         OutputSample(output as i32)
     }
 
-    /// Whether nothing rings, nor ever will without a strike.
+    /// Returns whether the state is zero, so that the output is zero until the next strike.
     pub fn is_silent(&self) -> bool {
         self.cosine | self.sine == 0
     }

@@ -1,9 +1,10 @@
 //! The normalised lattice in 16 bits: states, sines and cosines; see [`crate::lattice`] for the structure.
 //!
-//! One standard deviation is 2¹² steps, full scale eight of them. cos² + sin² ≤ 2³⁰ holds in the integers, and results are rounded
-//! to nearest: truncated toward zero, as the 32-bit lattice's are, they would leave 15 dB of signal to noise at order 400.
-//! So each stage can lengthen its vector by up to √½ of a step, and no more: the state's norm is bounded, and what is left
-//! when the drive stops is a few steps that need not die. Against float64 with the stored θ it has 47 to 56 dB at order 400.
+//! One standard deviation is 2¹² steps, full scale eight of them. cos² + sin² ≤ 2³⁰ holds in the integers, and
+//! results are rounded to nearest, because truncation toward zero, as in the 32-bit lattice, would leave 15 dB of
+//! signal to noise at order 400. Each stage can therefore lengthen its vector by up to √½ of a step: the state's norm
+//! is bounded, and after the excitation stops a few steps may remain for ever. Against float64 with the stored θ it
+//! has 47 to 56 dB at order 400.
 
 use core::cell::Cell;
 
@@ -29,7 +30,7 @@ pub struct Rotation16 {
     pub sin: i16,
 }
 
-/// What a (speed, force) calls for: rotations of all stages and the level.
+/// The frame of a motion: rotations of all stages, and the level.
 #[derive(Clone, Debug)]
 pub struct Lattice16Frame {
     rotations: [Rotation16; MAX_ORDER],
@@ -37,10 +38,10 @@ pub struct Lattice16Frame {
     gain: Ramp,
 }
 
-/// What was played: the backward signals.
+/// The state of a lattice: the backward signals.
 #[derive(Clone, Debug)]
 pub struct Lattice16State {
-    /// g[0] to g[M]; the last is written and never read.
+    /// g[0] to g[M]. The last is written and never read.
     backward: [i16; MAX_ORDER + 1],
 }
 
@@ -53,7 +54,7 @@ impl Rotation16 {
 }
 
 impl From<Rotation> for Rotation16 {
-    /// Both to the nearest step; where that is too long, the larger gives up one, which moves the angle least.
+    /// Both to the nearest step. Where that is too long, the larger one loses a step, which moves the angle least.
     fn from(rotation: Rotation) -> Self {
         const ONE: u32 = 1 << FULL_SCALE_BITS;
         let nearest = |value: i32| ((value.unsigned_abs() + (1 << 15)) >> 16).min(ONE - 1);
@@ -73,7 +74,7 @@ impl From<Rotation> for Rotation16 {
 }
 
 impl Lattice16Frame {
-    /// A frame of `stages` stages, at most [`MAX_ORDER`], that is silent.
+    /// A silent frame of `stages` stages, at most [`MAX_ORDER`].
     pub const fn silent(stages: usize) -> Self {
         assert!(stages <= MAX_ORDER);
         Self {
@@ -83,8 +84,8 @@ impl Lattice16Frame {
         }
     }
 
-    /// Makes this frame that of `point` on the grid of `texture`, a lattice of at most as many stages; the level goes
-    /// there from `from`, that of the frame before, in `samples` samples.
+    /// Makes this the frame of `point` on the grid of `texture`, a lattice of at most as many stages. The level goes
+    /// from `from`, that of the frame before, to its new value in `samples` samples.
     pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
         let thetas = theta::interpolated(texture, point);
         for (rotation, theta) in self.rotations[..self.stages].iter_mut().zip(thetas) {
@@ -93,7 +94,7 @@ impl Lattice16Frame {
         self.gain = theta::gain(texture, point, from, samples);
     }
 
-    /// The level with `left` samples of the ramp to come. It includes the fade.
+    /// The level with `left` samples of the ramp to come, the fade included.
     pub fn levels(&self, left: u32) -> Levels {
         Levels {
             amplitude: self.gain.value(left),
@@ -127,7 +128,7 @@ impl Lattice16State {
         &self.backward[..stages]
     }
 
-    /// Puts one sample of excitation through the lattice, both in steps of 2⁻¹² of a standard deviation.
+    /// Passes one sample of excitation through the lattice, both in steps of 2⁻¹² of a standard deviation.
     #[inline]
     pub fn filter(&mut self, rotations: &[Rotation16], excitation: i16) -> i16 {
         let rotations = &rotations[..rotations.len().min(MAX_ORDER)];
@@ -147,7 +148,7 @@ impl Lattice16State {
     }
 
     /// The next sample of a texture: `excitation`, in steps of 2⁻²⁸ of a standard deviation, through the lattice of
-    /// `frame`, at its level with `left` samples of its ramp to come; and whether the lattice is at full scale.
+    /// `frame`, at its level with `left` samples of its ramp to come. The flag is true if the lattice is at full scale.
     #[inline]
     pub fn next_sample(
         &mut self,
@@ -173,8 +174,8 @@ impl Default for Lattice16State {
     }
 }
 
-/// `value` / 2^`bits`, to nearest, saturated: an addition and an SSAT with a shift. `value` is at most 2³¹ - 2^`bits` in magnitude
-/// but for an excitation of more than any there is, which saturates too.
+/// `value` / 2^`bits`, to nearest, saturated: an addition and an SSAT with a shift. The magnitude of `value` is at most
+/// 2³¹ - 2^`bits`; an excitation beyond any that the generator gives saturates too.
 #[inline(always)]
 fn rounded(value: i32, bits: u32) -> i16 {
     let nearest = value.saturating_add(1 << (bits - 1)) >> bits;

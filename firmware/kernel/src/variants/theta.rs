@@ -5,17 +5,15 @@ use model_format::{Coefficients, OutputSample, Texture};
 
 use crate::fixed::shift_toward_zero;
 use crate::grid::{GridPoint, ONE};
+use crate::lattice::GAIN_FRACTION_BITS;
 use crate::level::{Levels, Ramp, rms_in_steps};
 use crate::rotation::THETA_FRACTION_BITS;
-
-/// Digits after the point of the gain in m/s²; see [`crate::lattice`].
-const GAIN_FRACTION_BITS: u32 = 23;
 
 /// Binary digits between a standard deviation of a lattice's output and its full scale, eight of them.
 const HEADROOM_BITS: u32 = 3;
 
-/// θ of each stage at `point`, bilinear, as [`crate::rotation::Rotation::from_theta`] takes it; zero where a node's model has
-/// no such stage.
+/// Bilinear θ of each stage at `point`, as [`crate::rotation::Rotation::from_theta`] takes it. Stages that a node's
+/// model lacks have θ = 0.
 pub(super) fn interpolated(texture: &Texture<'_>, point: &GridPoint) -> [i32; MAX_ORDER] {
     const DROPPED_BITS: u32 = 16 - THETA_FRACTION_BITS;
     let mut thetas = [0i32; MAX_ORDER];
@@ -30,7 +28,7 @@ pub(super) fn interpolated(texture: &Texture<'_>, point: &GridPoint) -> [i32; MA
     thetas.map(|theta| (theta + (1 << (DROPPED_BITS - 1))) >> DROPPED_BITS)
 }
 
-/// The level of `point`, which goes there from `from` in `samples` samples; in the units of the normalised lattice.
+/// The ramp from `from` to the level of `point` in `samples` samples, in the units of the normalised lattice.
 pub(super) fn gain(texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) -> Ramp {
     let power = point.mean(|speed, force| texture.node(speed, force).output_power);
     let rms = rms_in_steps(power, GAIN_FRACTION_BITS);
@@ -38,7 +36,7 @@ pub(super) fn gain(texture: &Texture<'_>, point: &GridPoint, from: Levels, sampl
     Ramp::between(from.amplitude, gain as u32, samples)
 }
 
-/// A lattice's output, whose full scale is 2^`full_scale_bits`, at the level `gain`.
+/// Output of a lattice whose full scale is 2^`full_scale_bits`, at the level `gain`.
 #[inline(always)]
 pub(super) fn output(filtered: i32, gain: i32, full_scale_bits: u32) -> OutputSample {
     const EXTRA_BITS: u32 = GAIN_FRACTION_BITS - OutputSample::FRACTION_BITS;

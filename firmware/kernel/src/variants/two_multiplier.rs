@@ -4,13 +4,13 @@
 //! F[m-1] = F[m] - k[m] · G[m-1]      for m = M .. 1, with G the backward signals of the sample before,
 //! G[m]   = G[m-1] + k[m] · F[m-1]    F[M] the excitation times √Π(1 - k²), F[0] = G[0] the output
 //! ```
-//! Half the multiplications of the normalised lattice. Its signals are those of the normalised one, each times a factor
-//! that depends on the coefficients of the stages below: the state's norm is no measure of energy, and while
-//! coefficients change it can grow without any input. Products are rounded to nearest, which is one instruction on a
-//! Cortex-M4, so that silence need not be exact. Every signal is kept within full scale, eight standard deviations of
-//! the output.
+//! It has half the multiplications of the normalised lattice. Its signals are those of the normalised one, each times
+//! a factor that depends on the coefficients of the stages below. The state's norm is therefore no measure of energy,
+//! and while coefficients change it can grow without any input. Products are rounded to nearest, which is one
+//! instruction on a Cortex-M4, so that silence need not be exact. Every signal is kept within full scale, eight
+//! standard deviations of the output.
 //!
-//! Backward signals are kept doubled: the upper word of a Q31 product is half of it, so that k · 2G comes out at F's scale.
+//! Backward signals are kept doubled, because the upper word of a Q31 product is half of it: k · 2G has F's scale.
 
 use core::cell::Cell;
 
@@ -28,7 +28,7 @@ pub const FULL_SCALE_BITS: u32 = 29;
 
 const FULL_SCALE: i32 = 1 << FULL_SCALE_BITS;
 
-/// What a (speed, force) calls for: reflection coefficients of all stages, the excitation's share and the level.
+/// The frame of a motion: reflection coefficients of all stages, the excitation's deviation, and the level.
 #[derive(Clone, Debug)]
 pub struct TwoMultiplierFrame {
     /// k in steps of 2⁻³¹.
@@ -39,7 +39,7 @@ pub struct TwoMultiplierFrame {
     gain: Ramp,
 }
 
-/// What was played: the backward signals, doubled.
+/// The state of a lattice: the backward signals, doubled.
 #[derive(Clone, Debug)]
 pub struct TwoMultiplierState {
     /// 2·G[0] to 2·G[M]; the last is written and never read.
@@ -47,7 +47,7 @@ pub struct TwoMultiplierState {
 }
 
 impl TwoMultiplierFrame {
-    /// A frame of `stages` stages, at most [`MAX_ORDER`], that is silent.
+    /// A silent frame of `stages` stages, at most [`MAX_ORDER`].
     pub const fn silent(stages: usize) -> Self {
         assert!(stages <= MAX_ORDER);
         Self {
@@ -58,8 +58,8 @@ impl TwoMultiplierFrame {
         }
     }
 
-    /// Makes this frame that of `point` on the grid of `texture`, a lattice of at most as many stages; the level goes
-    /// there from `from`, that of the frame before, in `samples` samples.
+    /// Makes this the frame of `point` on the grid of `texture`, a lattice of at most as many stages. The level goes
+    /// from `from`, that of the frame before, to its new value in `samples` samples.
     pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
         let thetas = theta::interpolated(texture, point);
         let mut deviation = 1.0;
@@ -68,12 +68,12 @@ impl TwoMultiplierFrame {
             *k = rotation.sin;
             deviation *= rotation.cos as f32 / (1u32 << 31) as f32;
         }
-        // A cast to an integer saturates, at one.
+        // The cast to an integer saturates, here at one.
         self.deviation = (deviation * (1u32 << 31) as f32) as i32;
         self.gain = theta::gain(texture, point, from, samples);
     }
 
-    /// The level with `left` samples of the ramp to come. It includes the fade.
+    /// The level with `left` samples of the ramp to come, the fade included.
     pub fn levels(&self, left: u32) -> Levels {
         Levels {
             amplitude: self.gain.value(left),
@@ -86,7 +86,7 @@ impl TwoMultiplierFrame {
         &self.reflection[..self.stages]
     }
 
-    /// What the excitation is multiplied by, in steps of 2⁻³¹.
+    /// Factor of the excitation, in steps of 2⁻³¹.
     pub fn deviation(&self) -> i32 {
         self.deviation
     }
@@ -109,12 +109,12 @@ impl TwoMultiplierState {
         state
     }
 
-    /// The backward signals that `stages` stages remember, doubled, `G[0]` first; their full scale is 2³⁰.
+    /// The backward signals that `stages` stages remember, doubled, `G[0]` first. Their full scale is 2³⁰.
     pub fn doubled(&self, stages: usize) -> &[i32] {
         &self.doubled[..stages]
     }
 
-    /// Puts one sample of excitation, which is `F[M]` at its own scale, through the lattice.
+    /// Passes one sample of excitation, `F[M]` at its own scale, through the lattice.
     #[inline]
     pub fn filter(&mut self, reflection: &[i32], excitation: i32) -> i32 {
         let reflection = &reflection[..reflection.len().min(MAX_ORDER)];
@@ -131,7 +131,7 @@ impl TwoMultiplierState {
     }
 
     /// The next sample of a texture: `excitation`, in steps of 2⁻²⁸ of a standard deviation, through the lattice of
-    /// `frame`, at its level with `left` samples of its ramp to come; and whether the output is at full scale.
+    /// `frame`, at its level with `left` samples of its ramp to come. The flag is true if the output is at full scale.
     #[inline]
     pub fn next_sample(
         &mut self,
@@ -139,7 +139,7 @@ impl TwoMultiplierState {
         excitation: i32,
         left: u32,
     ) -> (OutputSample, bool) {
-        /// From the excitation's scale, times a Q31 factor, to that of the forward signals.
+        /// Shift from the excitation's scale, times a Q31 factor, to that of the forward signals.
         const SHIFT: u32 = 31 + excitation::FRACTION_BITS + 3 - FULL_SCALE_BITS;
         let product = i64::from(excitation) * i64::from(frame.deviation);
         let driven = ((product + (1 << (SHIFT - 1))) >> SHIFT) as i32;
@@ -160,13 +160,13 @@ impl Default for TwoMultiplierState {
     }
 }
 
-/// The upper word of a product, rounded to nearest: SMMULR.
+/// The upper word of a product, rounded to nearest: one SMMULR.
 #[inline(always)]
 fn high_word(a: i32, b: i32) -> i32 {
     ((i64::from(a) * i64::from(b) + (1 << 31)) >> 32) as i32
 }
 
-/// One SSAT.
+/// `signal` saturated to full scale: one SSAT.
 #[inline(always)]
 fn within_full_scale(signal: i32) -> i32 {
     signal.clamp(-FULL_SCALE, FULL_SCALE - 1)

@@ -1,4 +1,4 @@
-//! The direct form against float64, and where its stability ends.
+//! The direct form against float64, and the end of its stability.
 
 use model_format::limits::MAX_ORDER;
 use model_format::{CodeSpec, Coefficients, OutputSample, Structure, Texture};
@@ -58,7 +58,7 @@ fn thirty_two_bits_are_90_db_from_float64_with_the_same_coefficients() {
     }
 }
 
-/// The models that the paper's interpolation has at the place of `point`: the weighted mean of the nodes' coefficients.
+/// The model of the paper's interpolation at `point`: the weighted mean of the nodes' coefficients.
 fn mean_predictor(texture: &Texture<'_>, point: &GridPoint) -> Vec<f64> {
     let mut predictor = vec![0.0; MAX_ORDER];
     let mut exponents = Vec::new();
@@ -155,7 +155,7 @@ fn level_db(structure: Structure, name: &str) -> f64 {
     10.0 * (power / 100_000.0 / f64::from(POWER)).log10()
 }
 
-/// 16 bits move the poles of steep models, so that only the flatter ones keep their level.
+/// Coefficients of 16 bits move the poles of steep models, so that only the flatter ones keep their level.
 #[test]
 fn sixteen_bits_keep_the_level_of_models_that_are_not_steep() {
     for name in ["H1a", "H1b", "H2b"] {
@@ -165,7 +165,7 @@ fn sixteen_bits_keep_the_level_of_models_that_are_not_steep() {
     }
 }
 
-/// The steepest model in 16 bits is unstable: it saturates and goes on.
+/// The steepest model is unstable in 16 bits: it saturates and goes on.
 #[test]
 fn sixteen_bits_survive_a_model_that_they_make_unstable() {
     let structure = Structure::DirectForm16;
@@ -178,7 +178,8 @@ fn sixteen_bits_survive_a_model_that_they_make_unstable() {
     assert!(synthesis.saturations() > 0);
 }
 
-/// Saturated samples in 10 s, half of them between the nodes at 100 and 200 mm/s, the rest on the way from one to the other.
+/// Number of saturated samples in 10 s: half of the time between the nodes at 100 and 200 mm/s, the rest on the way
+/// from one to the other.
 fn saturations_between(structure: Structure, low: &str, high: &str) -> u32 {
     let nodes = [low, high]
         .map(|name| fixture(name).node(structure, 1.0))

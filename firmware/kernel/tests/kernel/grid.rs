@@ -18,14 +18,14 @@ fn axis() -> impl Strategy<Value = Vec<f32>> {
     btree_set(value, 1..=6).prop_map(|bits| bits.into_iter().map(f32::from_bits).collect())
 }
 
-/// A library of silent nodes: where a motion lies on it does not depend on its models.
+/// A library of silent nodes. The position of a motion on its grid does not depend on models.
 fn grid(speeds: &[f32], forces: &[f32]) -> Vec<u8> {
     let structure = Structure::NormalisedLattice;
     let nodes = vec![silent_node(structure); speeds.len() * forces.len()];
     library(structure, speeds, forces, nodes)
 }
 
-/// A value anywhere about `axis`: in a cell, on a node or next to one, below, above, or any finite number at all.
+/// A value anywhere about `axis`: in a cell, on a node or next to one, below, above, or any finite number.
 fn value_about(axis: &[f32], choice: (u8, f32, u32)) -> f32 {
     let (kind, share, bits) = choice;
     let node = axis[bits as usize % axis.len()];
@@ -87,7 +87,7 @@ proptest! {
             let doubled = point.nodes[..at].contains(&(s, f));
             prop_assert!(!doubled || point.weights[at] == 0);
         }
-        // What is affine in speed and force is reproduced: the constant by the sum, these two by the weights.
+        // A quantity affine in speed and force is reproduced: the constant by the sum, these two by the weights.
         let one = f64::from(ONE);
         let (exact, width) = clamped(&speeds, speed);
         let mean = weighted(&point, |s, _| f64::from(speeds[s]));
@@ -113,7 +113,8 @@ proptest! {
 
     #[test]
     fn the_fade_is_zero_at_rest_one_on_the_grid_and_rises_between(
-        (speeds, forces) in (axis(), axis()), speed in choice(), force in choice(), shares in (0.0f32..1.0, 0.0f32..1.0),
+        (speeds, forces) in (axis(), axis()), speed in choice(), force in choice(),
+        shares in (0.0f32..1.0, 0.0f32..1.0),
     ) {
         let bytes = grid(&speeds, &forces);
         let texture = texture(&bytes);

@@ -1,4 +1,4 @@
-//! Grids, motions and states of any kind, taken together: what the lattice holds of each it holds of all at once.
+//! Grids, motions and states of any kind at once: the lattice keeps its promises for all of them together.
 
 use model_format::limits::{MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{CodeSpec, NodeFlags, NodeSpec, Structure};
@@ -39,7 +39,7 @@ fn grid() -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
-/// On nodes, between, at the edges, beyond, and at rest.
+/// A motion on a node, between nodes, at the edges, beyond, or at rest.
 fn any_motion() -> impl Strategy<Value = Motion> {
     let speed =
         prop_oneof![6 => 0.0f32..250.0, 1 => Just(0.0), 1 => Just(80.0), 1 => -f32::MAX..=f32::MAX];
@@ -73,7 +73,7 @@ proptest! {
             let before = energy(state.backward(stages)) + energy(&[excitation]);
             let (output, at_full_scale) = state.next_sample::<Portable>(&frame, excitation, 0);
             prop_assert!(energy(state.backward(stages)) <= before);
-            // The level's own full scale: no output is beyond the lattice's times the gain of the loudest node.
+            // No output is beyond the lattice's full scale times the gain of the loudest node.
             let most = f64::from(texture.max_output_power()).sqrt() * 8.0;
             prop_assert!(f64::from(output.metres_per_second_squared().0).abs() <= most * 1.000_001);
             let newest = if stages == 0 { excitation } else { state.backward(1)[0] };
@@ -81,7 +81,7 @@ proptest! {
         }
     }
 
-    /// At rest the level is zero at once, whatever the state and whatever was played.
+    /// At rest the level is zero at once, whatever the state and the earlier motion.
     #[test]
     fn any_motion_ends_in_silence_at_rest(bytes in grid(), motions in vec(any_motion(), 1..40), seed: u64) {
         let mut synthesis: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);

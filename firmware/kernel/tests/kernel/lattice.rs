@@ -1,5 +1,6 @@
 //! The normalised lattice: energy, level and accuracy.
 
+use model_format::SAMPLE_RATE_HZ;
 use model_format::limits::MAX_ORDER;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -18,7 +19,7 @@ fn energy(signals: &[i32]) -> u128 {
         .sum()
 }
 
-/// A sample of any size, the extremes more often than chance has them.
+/// A sample of any size, with the extremes more often than by chance.
 pub fn sample() -> impl Strategy<Value = i32> {
     prop_oneof![6 => any::<i32>(), 2 => -100..100i32, 1 => Just(i32::MIN), 1 => Just(i32::MAX)]
 }
@@ -37,8 +38,8 @@ pub fn state(backward: &[i32]) -> LatticeState {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// All that comes out, f[0] = g[0] to g[M], holds no more than excitation and state did, in the integers, with other
-    /// coefficients at every sample.
+    /// The energy of the output and the new state, f[0] = g[0] to g[M], is at most that of excitation and state, in the
+    /// integers, with new coefficients at every sample.
     #[test]
     fn energy_never_grows_whatever_the_coefficients_do(
         order in prop_oneof![0usize..40, Just(MAX_ORDER), 0..=MAX_ORDER],
@@ -76,7 +77,7 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20_000))]
 
-    /// In a long lattice the truncation of one stage hides what another might add, so one stage has to hold by itself.
+    /// In a long lattice the truncation of one stage hides a gain of another, so each stage must hold by itself.
     #[test]
     fn one_stage_is_its_rotation_never_longer_truncated_and_saturated(
         code in theta_code(), f in sample(), g in sample(),
@@ -91,7 +92,7 @@ proptest! {
         for (&actual, exact) in turned.iter().zip([cos * f - sin * g, sin * f + cos * g]) {
             let (actual, full_scale) = (i128::from(actual), 1i128 << 31);
             let saturated = exact.clamp(-full_scale << 31, (full_scale - 1) << 31);
-            // Toward zero, by two steps at most: halves are truncated before they are doubled.
+            // The error is toward zero, by two steps at most, because halves are truncated before they are doubled.
             prop_assert!((actual << 31).abs() <= saturated.abs());
             prop_assert!(((actual << 31) - saturated).abs() <= 2 << 31);
         }
@@ -103,7 +104,7 @@ const DEVIATION: f64 = (1u32 << FRACTION_BITS) as f64;
 /// The standard deviation of a power estimated over 60 s is up to 0.08 dB for the narrowest of these lines.
 #[test]
 fn output_and_backward_signals_have_the_power_of_the_excitation() {
-    const SAMPLES: u32 = 60 * 5000;
+    const SAMPLES: u32 = 60 * SAMPLE_RATE_HZ;
     for model in fixtures() {
         let rotations = model.rotations();
         let (mut state, mut noise) = (LatticeState::new(), Excitation::new(1));

@@ -1,4 +1,4 @@
-//! What the kernel promises whatever the texture and the motion, tested through its public interface only.
+//! Promises of the kernel for every texture and motion, tested through its public interface only.
 
 mod arithmetic;
 mod direct;

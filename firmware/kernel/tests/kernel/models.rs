@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use model_format::{
-    CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance, Structure,
-    Texture, TextureSpec, encode_uncertified,
+    CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance,
+    SAMPLE_RATE_HZ, Structure, Texture, TextureSpec, encode_uncertified,
 };
 use serde_json::Value;
 use stylus_kernel::Motion;
@@ -119,7 +119,7 @@ pub fn library(
 ) -> Vec<u8> {
     let texture = TextureSpec {
         name: "test".to_owned(),
-        sample_rate_hz: 5000,
+        sample_rate_hz: SAMPLE_RATE_HZ,
         structure,
         provenance: Provenance::Simulated,
         speed_axis_mm_s: speeds.to_vec(),

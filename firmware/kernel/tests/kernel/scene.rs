@@ -1,7 +1,7 @@
-//! A scene as a whole: it plays what it calls for and nothing else.
+//! Whole scenes: the stages that a moment needs are played, and no others.
 
-use model_format::Library;
 use model_format::scene::{MotionOfScene, Scene, StickSlip, Surface};
+use model_format::{Library, SAMPLE_RATE_HZ};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::scene::cost::{self, Item};
@@ -10,12 +10,12 @@ use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::models::motion;
 use crate::scenes::{
-    RATE_HZ, at, biquad, block, largest_step, library, lifted, moving, name, peak, plan, player,
+    at, biquad, block, largest_step, library, lifted, moving, name, peak, plan, player,
     side_by_side, tap,
 };
 
 fn single(texture: u8) -> Scene {
-    Scene::of_surface(name("single"), RATE_HZ, Surface::of_texture(texture))
+    Scene::of_surface(name("single"), SAMPLE_RATE_HZ, Surface::of_texture(texture))
 }
 
 fn any_motion() -> impl Strategy<Value = Motion> {
@@ -27,7 +27,7 @@ fn any_motion() -> impl Strategy<Value = Motion> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
-    /// Blocks are played to their end or broken off, motions change or stay.
+    /// Blocks are played to their end or broken off; motions change or stay.
     #[test]
     fn one_surface_without_effects_is_its_texture_bit_for_bit(
         seed: u64,
@@ -112,7 +112,7 @@ fn after_the_lift_there_is_exact_silence_and_no_stage() {
         assert_eq!(peak(&block(&mut player, lifted())), 0.0);
         assert!(player.block().stages().is_empty());
     }
-    // The voice itself was gone after the block in which it faded.
+    // The voice itself ended with the block in which it faded.
     block(&mut player, at(0.0, moving()));
     block(&mut player, lifted());
     block(&mut player, lifted());
@@ -168,7 +168,7 @@ fn two_voices_run_only_while_a_transition_lasts() {
         block(&mut player, at(position, moving()));
         let stages = player.block().stages().len();
         most = most.max(stages);
-        // A block more, for what fades to the end.
+        // One more block, in which the fade ends.
         if !(95.0..=105.2).contains(&position) {
             assert_eq!(
                 stages,
@@ -189,7 +189,7 @@ fn the_power_does_not_dip_in_a_transition() {
     let mut player = player(&bytes, &scene, 8);
     let (mut middle, mut outside) = ((0.0, 0), (0.0, 0));
     for step in 0..40_000u32 {
-        // To and fro, 4 mm to either side of the boundary and beyond.
+        // To and fro, by 4 mm and more to either side of the boundary.
         let phase = f64::from(step) * 0.01;
         let position = 100.0 + 30.0 * phase.sin();
         let power: f64 = block(&mut player, at(position as f32, moving()))
@@ -228,7 +228,7 @@ fn boundaries_make_no_step_larger_than_the_signals_own() {
                 block(&mut player, at(place, moving()))
             })
             .collect();
-        // Equal power is at most √2 in amplitude, and each voice goes to its level in a block's samples.
+        // Equal power is at most √2 in amplitude, and each voice goes to its level within a block.
         let bound = 1.42 * own.0 + 2.0 * own.1 / f64::from(UPDATE_INTERVAL_SAMPLES);
         assert!(largest_step(&crossing) <= bound);
         assert!(bound < 0.5 * own.1, "a hard cut would pass");
@@ -283,13 +283,13 @@ fn the_worst_case_counts_what_can_sound_at_a_time_and_nothing_else() {
         Plan::of_texture(texture).worst_case()
     );
     assert_eq!(items(&single(2)).len(), 2);
-    // Of three surfaces the two dear ones.
+    // Of three surfaces the two most expensive ones.
     let cost = plan(&bytes, &side_by_side(&[2, 0, 3], 1.0)).worst_case();
     let expected = u32::from(cost::MIX.base)
         + u32::from(cost::LATTICE.base + 400 * cost::LATTICE.each)
         + u32::from(cost::DIRECT.base + 10 * cost::DIRECT.each);
     assert_eq!(cost.instructions(), expected);
-    // A surface that no region has costs nothing.
+    // A surface without a region costs nothing.
     let mut scene = side_by_side(&[0, 2], 0.0);
     scene.regions.pop();
     assert_eq!(items(&scene).len(), 2);
@@ -320,11 +320,11 @@ fn a_plan_over_the_budget_is_refused_with_the_arithmetic() {
         "surface 0, normalised lattice: 151 + 400 x 11 = 4551".to_owned(),
         "surface 1, direct form, 32 bits: 212 + 10 x 107 = 1282".to_owned(),
         format!("together {needed} instructions"),
-        format!("a tick has {}", needed - 1),
+        format!("the budget of a tick is {}", needed - 1),
     ] {
         assert!(message.contains(&told), "{message}");
     }
-    // Every stage there is fits what the device has.
+    // A scene with every kind of stage is within the device's budget.
     assert!(plan.within(cost::BUDGET).is_ok());
 }
 
@@ -346,7 +346,7 @@ fn stick_slip_comes_with_slow_and_heavy_strokes_only() {
             position += speed * 0.002;
             block(&mut player, at(position, motion(speed, force)));
             let stage = player.block().stages()[0];
-            // A block for the amount to go to nothing.
+            // Within one block the amount goes to zero.
             if n > 1 {
                 assert_eq!(matches!(stage, Stage::StickSlip(..)), sticks);
             }
@@ -354,7 +354,7 @@ fn stick_slip_comes_with_slow_and_heavy_strokes_only() {
     }
 }
 
-/// At 20 mm/s and a period of 1 mm there are 20 slips a second.
+/// At 20 mm/s and a period of 1 mm there are 20 slips per second.
 #[test]
 fn stick_slip_has_the_period_of_the_path() {
     let bytes = library(&[]);
@@ -378,7 +378,7 @@ fn stick_slip_has_the_period_of_the_path() {
     let (low, high) = shares.iter().fold((1.0f64, 0.0f64), |(low, high), &share| {
         (low.min(share), high.max(share))
     });
-    // While it sticks a tenth of the amplitude is left.
+    // While the tool sticks, a tenth of the amplitude is left.
     assert!((low - 0.01).abs() < 0.005, "{low}");
     assert!(high > 0.7, "{high}");
 }
@@ -422,7 +422,7 @@ fn a_tap_is_as_loud_wherever_between_two_updates_contact_falls() {
     assert!(low > 1.0 && high < 1.01 * low, "{peaks:?}");
 }
 
-/// A tap on a smooth surface: silence, then a transient that begins at nothing.
+/// A tap on a smooth surface: silence, then a transient that begins at zero.
 #[test]
 fn a_tap_sounds_on_contact_alone_and_scales_with_the_rate_of_force() {
     let bytes = library(&[]);

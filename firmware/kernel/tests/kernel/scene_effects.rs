@@ -1,10 +1,10 @@
-//! Each effect by itself, beside its definition in floating point.
+//! Each effect by itself, compared with its definition in floating point.
 
 use std::f64::consts::PI;
 
-use model_format::OutputSample;
 use model_format::scene::limits::MAX_POLE_RADIUS_1024THS;
 use model_format::scene::{Biquad, StickSlip, Tap};
+use model_format::{OutputSample, SAMPLE_RATE_HZ};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::excitation::Excitation;
@@ -14,7 +14,7 @@ use stylus_kernel::scene::{
 };
 
 use crate::models::motion;
-use crate::scenes::{RATE_HZ, biquad};
+use crate::scenes::biquad;
 
 /// Output steps in 1 m/s².
 const UNIT: f64 = (1u32 << OutputSample::FRACTION_BITS) as f64;
@@ -49,11 +49,11 @@ fn a_tap_is_a_decaying_sinusoid_that_begins_at_zero() {
         (2200.0, 0.01),
     ] {
         let tap = tap_of(frequency, decay);
-        let resonance = Resonance::new(&tap, RATE_HZ);
+        let resonance = Resonance::new(&tap, SAMPLE_RATE_HZ);
         let mut state = TapState::new();
         state.strike(Strike::new(&tap, 10.0));
         for n in 0..1000 {
-            let t = f64::from(n) / f64::from(RATE_HZ);
+            let t = f64::from(n) / f64::from(SAMPLE_RATE_HZ);
             let exact =
                 10.0 * (-t / f64::from(decay)).exp() * (2.0 * PI * f64::from(frequency) * t).sin();
             let played = f64::from(state.next_sample(resonance).0) / UNIT;
@@ -65,7 +65,7 @@ fn a_tap_is_a_decaying_sinusoid_that_begins_at_zero() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// At any rate of strikes, of any force, and when the resonance changes while it rings.
+    /// This holds for any rate and force of strikes, and when the resonance changes while it rings.
     #[test]
     fn no_strikes_take_the_state_beyond_the_limit(
         taps in vec(any_tap(), 1..4),
@@ -76,7 +76,7 @@ proptest! {
         let limit = (limit * UNIT * 4.0).powi(2);
         for (which, rate, samples) in strikes {
             let tap = which.get(&taps);
-            let (resonance, before) = (Resonance::new(tap, RATE_HZ), state.square_norm());
+            let (resonance, before) = (Resonance::new(tap, SAMPLE_RATE_HZ), state.square_norm());
             state.strike(Strike::new(tap, rate));
             prop_assert!(state.square_norm() as f64 <= limit.max(before as f64));
             for _ in 0..samples {
@@ -88,10 +88,10 @@ proptest! {
         }
     }
 
-    /// The next sample is where the last one led, however hard the tool strikes.
+    /// The next sample goes on from the last one, however hard the tool strikes.
     #[test]
     fn a_strike_leaves_the_sample_as_it_is(tap in any_tap(), rates in vec(0.0f32..1e4, 1..20)) {
-        let resonance = Resonance::new(&tap, RATE_HZ);
+        let resonance = Resonance::new(&tap, SAMPLE_RATE_HZ);
         let mut state = TapState::new();
         for rate in rates {
             let mut unstruck = state;
@@ -102,11 +102,11 @@ proptest! {
 
     #[test]
     fn a_tap_dies_to_exact_silence(tap in any_tap()) {
-        let resonance = Resonance::new(&tap, RATE_HZ);
+        let resonance = Resonance::new(&tap, SAMPLE_RATE_HZ);
         let mut state = TapState::new();
         state.strike(Strike::new(&tap, 1e6));
-        // Thirty time constants are 130 dB and what truncation leaves of 2³⁰ steps.
-        let limit = (30.0 * tap.decay_s * RATE_HZ as f32) as usize + 100;
+        // Thirty time constants are 130 dB; truncation does the rest of 2³⁰ steps.
+        let limit = (30.0 * tap.decay_s * SAMPLE_RATE_HZ as f32) as usize + 100;
         let silent = (0..limit).any(|_| {
             state.next_sample(resonance);
             state.is_silent()
@@ -188,7 +188,7 @@ fn noise(count: usize, rms: f64, seed: u64) -> Vec<OutputSample> {
     (0..count).map(sample).collect()
 }
 
-/// Noise of 2 m/s² RMS; a step of the converter is 80 mm/s² at the settings' default gain, and what is wrong is below a
+/// Noise of 2 m/s² RMS. A step of the converter is 80 mm/s² at the settings' default gain, and the error is below a
 /// fortieth of it.
 #[test]
 fn the_equaliser_is_its_biquads_within_2_mm_s2_rms() {
@@ -215,7 +215,7 @@ fn the_equaliser_is_its_biquads_within_2_mm_s2_rms() {
     }
 }
 
-/// Full-scale tones at each resonance, then nothing.
+/// Full-scale tones at each resonance, then silence.
 #[test]
 fn the_equaliser_falls_exactly_silent_whatever_was_played() {
     for (index, sections) in cascades().iter().enumerate() {
@@ -223,7 +223,7 @@ fn the_equaliser_falls_exactly_silent_whatever_was_played() {
         for hz in [3.0, 60.0, 300.0, 2400.0] {
             let mut state = EqualiserState::new();
             for n in 0..5000 {
-                let phase = 2.0 * PI * hz * f64::from(n) / f64::from(RATE_HZ);
+                let phase = 2.0 * PI * hz * f64::from(n) / f64::from(SAMPLE_RATE_HZ);
                 state.process(&equaliser, OutputSample((phase.sin() * 2e9) as i32));
             }
             assert!(!state.is_silent() || index == 0);
@@ -245,7 +245,7 @@ fn any_biquad() -> impl Strategy<Value = Biquad> {
         (-limit..limit, -limit..limit).prop_map(|(p, q)| [-(p + q), p * q]),
     ];
     denominator.prop_filter_map("within the limit", |denominator| {
-        // Of what such a section could be, the gain is not looked at here: only the recursion.
+        // The gain of such a section is not checked here, only the recursion.
         let biquad = Biquad::from_f64([0.01, 0.0, 0.0], denominator)?;
         biquad.poles_are_within_limit().then_some(biquad)
     })
@@ -254,7 +254,7 @@ fn any_biquad() -> impl Strategy<Value = Biquad> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// However sections are exchanged; the input's share is its square.
+    /// This holds however sections are exchanged. The input's share is its square.
     #[test]
     fn one_section_gains_no_energy_whatever_its_poles(
         sections in vec(any_biquad(), 1..6), inputs in vec(any::<i32>(), 1..300),

@@ -1,5 +1,6 @@
 //! Hard cases: bouncing contact, motion that stops dead, sixteen surfaces, jumps, and all effects at a time.
 
+use model_format::SAMPLE_RATE_HZ;
 use model_format::scene::{Region, Scene, StickSlip, Surface};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -8,11 +9,10 @@ use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
 use crate::models::motion;
 use crate::scenes::{
-    RATE_HZ, at, biquad, block, library, lifted, moving, name, peak, plan, player, side_by_side,
-    tap,
+    at, biquad, block, library, lifted, moving, name, peak, plan, player, side_by_side, tap,
 };
 
-/// Every effect there is, on one surface.
+/// A surface with every effect.
 fn busy() -> Scene {
     let mut surface = Surface::of_texture(2);
     surface.tap = Some(tap(150.0, 0.05));
@@ -23,14 +23,14 @@ fn busy() -> Scene {
         below_mm_s: 200.0,
         above_n: 0.01,
     });
-    let mut scene = Scene::of_surface(name("busy"), RATE_HZ, surface);
+    let mut scene = Scene::of_surface(name("busy"), SAMPLE_RATE_HZ, surface);
     for section in [biquad(90.0, 0.97, 0.96), biquad(400.0, 0.9, 0.93)] {
         scene.equaliser.push(section).expect("room");
     }
     scene
 }
 
-/// Blocks until there is no stage any more, at most so many.
+/// Number of blocks until no stage is left, at most `limit`.
 fn blocks_to_silence(
     player: &mut stylus_kernel::scene::ScenePlayer<'_>,
     limit: usize,
@@ -41,7 +41,7 @@ fn blocks_to_silence(
     })
 }
 
-/// Contact and lift in turn, 200 and 250 times a second, for two seconds.
+/// Contact and lift in turn, 200 and 250 times per second, for two seconds.
 #[test]
 fn contact_that_bounces_stays_within_bounds_and_ends_in_silence() {
     let bytes = library(&[]);
@@ -50,7 +50,7 @@ fn contact_that_bounces_stays_within_bounds_and_ends_in_silence() {
         let mut player = player(&bytes, &busy(), 13);
         let mut highest: f64 = 0.0;
         for n in 0..1000u32 {
-            // Each comes with 500 N/s, which asks for more than the limit.
+            // Each contact comes with 500 N/s, which asks for more than the limit.
             let interaction = if touches_at(n) {
                 at(n as f32 * 0.1, motion(80.0, 1.0))
             } else {
@@ -122,7 +122,7 @@ fn any_scene() -> impl Strategy<Value = Scene> {
         vec(section, 0..3),
     )
         .prop_map(|(surfaces, stretches, transition_mm, sections)| {
-            let mut scene = Scene::of_surface(name("any"), RATE_HZ, surfaces[0].clone());
+            let mut scene = Scene::of_surface(name("any"), SAMPLE_RATE_HZ, surfaces[0].clone());
             scene.surfaces = surfaces.into_iter().collect();
             scene.transition_mm = transition_mm;
             let mut end_mm = 0.0;
@@ -178,7 +178,8 @@ proptest! {
     ) {
         let bytes = library(&[]);
         // Two voices of at most 2 m/s² RMS and 8 deviations, the taps' limit, and the equaliser's largest gain.
-        let bound = (2.0 * 16.0 + 20.0) * if scene.equaliser.is_empty() && second.equaliser.is_empty() { 1.0 } else { 40.0 };
+        let equalised = !(scene.equaliser.is_empty() && second.equaliser.is_empty());
+        let bound = (2.0 * 16.0 + 20.0) * if equalised { 40.0 } else { 1.0 };
         let mut player = player(&bytes, &scene, seed);
         let cost = plan(&bytes, &scene).worst_case();
         let switch_at = interactions.len() / 2;

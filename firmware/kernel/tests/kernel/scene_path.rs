@@ -1,12 +1,13 @@
-//! Which surfaces lie at a place, and with which weights.
+//! Surfaces at a position, and their weights.
 
+use model_format::SAMPLE_RATE_HZ;
 use model_format::scene::{Region, Scene, Surface};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::grid::ONE;
 use stylus_kernel::scene::{Located, Path};
 
-use crate::scenes::{RATE_HZ, name, side_by_side};
+use crate::scenes::{name, side_by_side};
 
 /// Regions of any lengths, some of which touch, and a transition.
 fn any_path() -> impl Strategy<Value = Path> {
@@ -15,7 +16,7 @@ fn any_path() -> impl Strategy<Value = Path> {
     let transition = prop_oneof![1 => Just(0.0), 4 => 0.0f32..30.0];
     (vec((gap, length, 0u8..4), 1..20), transition).prop_map(|(stretches, transition_mm)| {
         let surface = Surface::of_texture(0);
-        let mut scene = Scene::of_surface(name("path"), RATE_HZ, surface);
+        let mut scene = Scene::of_surface(name("path"), SAMPLE_RATE_HZ, surface);
         scene.transition_mm = transition_mm;
         let mut end_mm = 0.0;
         for (gap, length, surface) in stretches {
@@ -46,13 +47,13 @@ proptest! {
             if let [one, other] = located[..] {
                 prop_assert_ne!(one.surface, other.surface);
                 prop_assert!(one.weight >= other.weight);
-                // Between surfaces nothing is lost but rounding.
+                // Between surfaces the sum of squares is one within rounding.
                 prop_assert!(power(&located) >= u64::from(ONE - 3).pow(2));
             }
         }
     }
 
-    /// The quarter turn goes by within the transition, or within the shorter neighbour.
+    /// Weights go through the quarter turn within the transition, or within the shorter neighbour.
     #[test]
     fn weights_change_no_faster_than_the_transition_is_narrow(
         regions in 2usize..6, width in 0.5f32..100.0, place in 0.0f32..600.0, step in 0.0f32..0.05,
@@ -66,7 +67,7 @@ proptest! {
         };
         for surface in 0..regions as u8 {
             let change = (weight(place + step, surface) - weight(place, surface)).abs();
-            // π/2 over the width between surfaces, over half of it towards nothing.
+            // The angle goes π/2 over the width between surfaces, over half of it at an end without a neighbour.
             let slope = std::f64::consts::PI * f64::from(ONE) / f64::from(width);
             prop_assert!(change <= slope * (f64::from(step) + 1e-4) + 2.0, "{}", change);
         }
@@ -81,7 +82,7 @@ fn beyond_the_regions_and_in_gaps_there_is_nothing() {
     for place in [-1e30, -0.01, 200.0, 225.0, 249.99, 300.0, f32::MAX] {
         assert!(path.locate(place).is_empty(), "{place} mm");
     }
-    // Towards nothing a surface fades within itself.
+    // At an end without a neighbour a surface fades within itself.
     assert!(path.locate(0.0)[0].weight == 0 && path.locate(2.0)[0].weight == ONE);
     assert!(path.locate(199.99)[0].weight < ONE / 50);
 }

@@ -2,7 +2,7 @@
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, Surface, Tap};
 use model_format::{
-    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec,
+    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec,
     encode_with_scenes_uncertified,
 };
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
@@ -10,13 +10,11 @@ use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
 use crate::models::{STRUCTURES, fixture, motion};
 
-pub const RATE_HZ: u32 = 5000;
-
 /// A texture of `node` at 50 and 100 mm/s, 0.5 and 1 N.
 pub fn texture_of(name: &str, structure: Structure, node: &NodeSpec) -> TextureSpec {
     TextureSpec {
         name: name.to_owned(),
-        sample_rate_hz: RATE_HZ,
+        sample_rate_hz: SAMPLE_RATE_HZ,
         structure,
         provenance: Provenance::Simulated,
         speed_axis_mm_s: vec![50.0, 100.0],
@@ -29,7 +27,7 @@ pub fn texture_of(name: &str, structure: Structure, node: &NodeSpec) -> TextureS
 /// A lattice of two stages that resonates at `hz`, with an RMS of 1 m/s².
 pub fn resonant(name: &str, hz: f64) -> TextureSpec {
     let radius: f64 = 0.98;
-    let a1 = -2.0 * radius * (2.0 * std::f64::consts::PI * hz / f64::from(RATE_HZ)).cos();
+    let a1 = -2.0 * radius * (2.0 * std::f64::consts::PI * hz / f64::from(SAMPLE_RATE_HZ)).cos();
     let k = [a1 / (1.0 + radius * radius), radius * radius];
     let theta = |k: f64| (k.asin() / std::f64::consts::PI * 65_536.0).round() as i16;
     let node = NodeSpec {
@@ -69,9 +67,13 @@ pub fn name(text: &str) -> SceneName {
     SceneName::try_from(text).expect("a short name")
 }
 
-/// A scene of these textures, one region of 100 mm each from 0 mm on.
+/// A scene of these textures, each in a region of 100 mm, from 0 mm on.
 pub fn side_by_side(textures: &[u8], transition_mm: f32) -> Scene {
-    let mut scene = Scene::of_surface(name("test"), RATE_HZ, Surface::of_texture(textures[0]));
+    let mut scene = Scene::of_surface(
+        name("test"),
+        SAMPLE_RATE_HZ,
+        Surface::of_texture(textures[0]),
+    );
     scene.surfaces.clear();
     scene.transition_mm = transition_mm;
     for (index, &texture) in textures.iter().enumerate() {
@@ -98,7 +100,7 @@ pub fn tap(frequency_hz: f32, decay_s: f32) -> Tap {
 
 /// Poles at `radius` and ± `hz`, gain 1 at 0 Hz and 2500 Hz: the zeros lie at `zero_radius` of the same frequency.
 pub fn biquad(hz: f64, radius: f64, zero_radius: f64) -> Biquad {
-    let cos = (2.0 * std::f64::consts::PI * hz / f64::from(RATE_HZ)).cos();
+    let cos = (2.0 * std::f64::consts::PI * hz / f64::from(SAMPLE_RATE_HZ)).cos();
     let polynomial = |r: f64| [1.0, -2.0 * r * cos, r * r];
     let [_, a1, a2] = polynomial(radius);
     Biquad::from_f64(polynomial(zero_radius), [a1, a2]).expect("within range")
@@ -117,7 +119,7 @@ pub fn moving() -> Motion {
     motion(75.0, 0.75)
 }
 
-/// Plays a block, m/s².
+/// Plays a block; its samples in m/s².
 pub fn block(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64> {
     player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
     (0..UPDATE_INTERVAL_SAMPLES)

@@ -1,15 +1,16 @@
 //! The lattice comes to rest: exactly, for good, and in bounded time.
 //!
-//! *Proved.* cos² + sin² ≤ 2⁶² with both below 2³¹ is cos² + sin² < 2⁶², as 4³¹ is a sum of two squares in one way only. So
-//! each stage that holds anything loses energy, and it loses at least 4, since after one sample all signals are even
-//! (but for a saturated one, which has lost more). Every g[m] that is not zero goes through one stage a sample: without
-//! excitation the energy falls by at least four times their number at each sample, and there is silence in the end.
+//! *Proved.* cos² + sin² ≤ 2⁶² with both below 2³¹ means cos² + sin² < 2⁶², because 4³¹ is a sum of two squares in
+//! one way only. Each stage whose signals are not zero therefore loses energy. It loses at least 4, because after one
+//! sample all signals are even (but for a saturated one, which has lost more). Every g[m] that is not zero goes
+//! through one stage per sample: without excitation the energy falls by at least four times their number per sample,
+//! and silence comes in the end.
 //!
-//! *Measured.* This bound is an energy, not a time that anyone would wait for. On the average truncation takes 1 from each
-//! signal at each stage. With all |k| at 0.9999, where coefficients alone would let the lattice ring for ages, states of
-//! magnitude A were silent after A samples or less (0.71 A for random coefficients, 0.999 A for the worst pattern found,
-//! orders 1 to 400, A from 2¹⁰ to 2¹⁷). Real models let their energy go by themselves: with every signal at full
-//! scale the fixtures were silent after 560 (H3) to 3020 samples (H1b).
+//! *Measured.* This bound is on energy; the time that it implies is far too long. On average, truncation takes 1 from
+//! each signal at each stage. With all |k| at 0.9999, where coefficients alone would let the lattice ring for very
+//! long, states of magnitude A were silent after A samples or less (0.71 A for random coefficients, 0.999 A for the
+//! worst pattern found, orders 1 to 400, A from 2¹⁰ to 2¹⁷). Real models lose their energy by themselves: with every
+//! signal at full scale the fixtures were silent after 560 (H3) to 3020 samples (H1b).
 
 use model_format::limits::MAX_ORDER;
 use proptest::collection::vec;
@@ -25,7 +26,7 @@ use crate::models::{fixtures, rotation};
 /// θ of |k| = 0.9999 in steps of π/65 536, rounded down.
 const THETA_OF_0_9999: i16 = 32_472;
 
-/// Samples of silence that follow until nothing is left, counted up to `limit`.
+/// Number of samples without excitation until the state is zero, counted up to `limit`.
 fn samples_to_silence(
     state: &mut LatticeState,
     rotations: &[Rotation],
@@ -70,18 +71,19 @@ proptest! {
         }
     }
 
-    /// Twice the worst that was measured, and the time that a sample takes through the stages.
+    /// The bound is twice the worst that was measured, and the time that a sample takes through the stages.
     #[test]
     fn silence_comes_within_twice_as_many_samples_as_the_largest_signal_has_steps(
         codes in prop_oneof![
             9 => vec(-THETA_OF_0_9999..=THETA_OF_0_9999, 1..=60),
-            // One magnitude throughout is worse than chance.
+            // One magnitude throughout is worse than random ones.
             9 => (1..=60usize, 0..=THETA_OF_0_9999, any::<bool>()).prop_map(|(order, theta, alternating)| {
                 (0..order).map(|stage| if alternating && stage % 2 == 1 { -theta } else { theta }).collect()
             }),
             1 => vec(-THETA_OF_0_9999..=THETA_OF_0_9999, MAX_ORDER),
         ],
-        (largest, backward) in (1i32..2048).prop_flat_map(|largest| (Just(largest), vec(-largest..=largest, MAX_ORDER))),
+        (largest, backward) in (1i32..2048)
+            .prop_flat_map(|largest| (Just(largest), vec(-largest..=largest, MAX_ORDER))),
     ) {
         let rotations: Vec<Rotation> = codes.into_iter().map(rotation).collect();
         let mut state = state(&backward);
@@ -91,7 +93,7 @@ proptest! {
     }
 }
 
-/// With every signal at full scale, either sign by chance.
+/// Every signal is at full scale, with a random sign.
 #[test]
 fn models_of_order_400_are_silent_within_a_second_after_the_loudest_state() {
     for model in fixtures() {

@@ -1,7 +1,7 @@
 //! A texture being played: starting, stopping, moving, repeating.
 
 use model_format::limits::{MAX_COEFFICIENT_SUM, MAX_EXPONENT, MAX_OUTPUT_POWER};
-use model_format::{CodeSpec, NodeFlags, NodeSpec, OutputSample, Structure};
+use model_format::{CodeSpec, NodeFlags, NodeSpec, OutputSample, SAMPLE_RATE_HZ, Structure};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::grid::GridPoint;
@@ -66,7 +66,7 @@ fn before_any_motion_there_is_exact_silence() {
 }
 
 proptest! {
-    /// Beside the same noise at its full level from the first sample on; an output step is for rounding.
+    /// Compared with the same noise at its full level from the first sample on, within one output step for rounding.
     #[test]
     fn the_first_sample_has_a_tenth_of_the_level_at_most(seed: u64, power in 0.0f32..MAX_OUTPUT_POWER) {
         for structure in STRUCTURES {
@@ -84,7 +84,7 @@ proptest! {
 }
 
 proptest! {
-    /// Beside the same noise at full level; a model of order 0 puts out its excitation times the level.
+    /// Compared with the same noise at full level. A model of order 0 puts out its excitation times the level.
     #[test]
     fn a_motion_that_comes_before_the_level_is_there_goes_on_from_the_level_of_the_moment(
         seed: u64, played in 1u32..UPDATE_INTERVAL_SAMPLES,
@@ -105,7 +105,7 @@ proptest! {
             interrupted.follow(moving, UPDATE_INTERVAL_SAMPLES);
             for _ in 0..samples {
                 let (full, output) = (full.next_sample().0, interrupted.next_sample().0);
-                // Where the noise is near zero a share says nothing.
+                // A relative error is meaningless where the noise is near zero.
                 if full.abs() > 1 << 20 {
                     shares.push(f64::from(output) / f64::from(full));
                 }
@@ -142,7 +142,7 @@ fn the_same_seed_gives_the_same_samples_and_a_copy_goes_on_alike() {
     }
 }
 
-/// What was played before leaves nothing but the filter's state: not in coefficients, not in levels.
+/// Earlier frames leave a trace in the filter's state only, neither in coefficients nor in levels.
 #[test]
 fn a_motion_calls_for_the_same_whatever_the_motion_before() {
     for structure in STRUCTURES {
@@ -177,7 +177,7 @@ fn a_motion_calls_for_the_same_whatever_the_motion_before() {
     }
 }
 
-/// Four nodes that are one and the same take other paths than a single one, and come to the same bits.
+/// Four equal nodes take other paths of code than a single one, and give the same bits.
 #[test]
 fn a_grid_of_equal_nodes_plays_like_a_single_node() {
     for structure in STRUCTURES {
@@ -199,18 +199,18 @@ fn a_grid_of_equal_nodes_plays_like_a_single_node() {
     }
 }
 
-/// RMS of 5000 samples at a motion, in output steps.
+/// RMS of a second at a motion, in output steps.
 fn rms(bytes: &[u8], motion: Motion) -> f64 {
     let mut synthesis: Synthesis<'_> = Synthesis::new(texture(bytes), 11);
     synthesis.follow(motion, 1);
-    let power: f64 = (0..5000)
+    let power: f64 = (0..SAMPLE_RATE_HZ)
         .map(|_| f64::from(synthesis.next_sample().0).powi(2))
         .sum();
-    (power / 5000.0).sqrt()
+    (power / f64::from(SAMPLE_RATE_HZ)).sqrt()
 }
 
-/// The same noise throughout, so that levels compare without a statistical error. In 16 bits truncation takes a percent or
-/// two from a node that is 14 dB below the loudest.
+/// The noise is the same throughout, so that levels compare without a statistical error. In 16 bits, truncation takes a
+/// percent or two from a node that is 14 dB below the loudest.
 #[test]
 fn power_is_interpolated_between_nodes_and_amplitude_fades_below_them() {
     for structure in STRUCTURES {
@@ -261,8 +261,8 @@ fn random_lattices(codes: &[Vec<i16>]) -> Vec<u8> {
 }
 
 proptest! {
-    /// A step of a weight is 2⁻¹⁶ and moves θ by π/2¹⁶ at most; a motion that moves by less than a step may move each of the
-    /// two fractions by one step.
+    /// A step of a weight is 2⁻¹⁶ and moves θ by π/2¹⁶ at most; a motion that moves by less than a step may move each
+    /// of the two fractions by one step.
     #[test]
     fn rotations_are_continuous_within_cells_and_across_their_edges(
         codes in vec(vec(theta_code(), 0..60), 9),
@@ -291,8 +291,8 @@ proptest! {
     }
 }
 
-/// Nodes of any validity that decoding lets through: sums of coefficients up to the bound, powers up to the bound, stable or
-/// not. Direct forms only; the lattice has tests of its own.
+/// Any nodes that decoding accepts: sums of coefficients and powers up to their bounds, stable or not. Direct forms
+/// only, because the lattice has tests of its own.
 fn extreme_node(structure: Structure) -> impl Strategy<Value = NodeSpec> {
     let largest = MAX_OUTPUT_POWER;
     let power = prop_oneof![Just(largest), Just(f32::MIN_POSITIVE), 0.001f32..largest];
@@ -341,7 +341,7 @@ fn any_motion() -> impl Strategy<Value = Motion> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// Tests are built with overflow checks: a sum that leaves its type would panic.
+    /// Tests are built with overflow checks, so that a sum that leaves its type would panic.
     #[test]
     fn whatever_decodes_can_be_played_under_any_motion(
         nodes in prop_oneof![

@@ -1,4 +1,4 @@
-//! Structures that are compared and not shipped: how accurate they are, and what they lack of the shipped lattice.
+//! Structures that are compared and not shipped: their accuracy, and their shortcomings beside the shipped lattice.
 
 use model_format::Structure;
 use model_format::limits::MAX_ORDER;
@@ -110,7 +110,7 @@ fn the_16_bit_lattice_has_45_db_over_its_noise_at_order_400() {
     }
 }
 
-/// Every θ there is: all stored codes, with all steps between any two.
+/// Every θ: all stored codes, with all steps between any two.
 #[test]
 fn no_16_bit_rotation_lengthens_a_vector_and_each_is_within_a_step() {
     for theta in -THETA_QUARTER_TURN..=THETA_QUARTER_TURN {
@@ -122,7 +122,7 @@ fn no_16_bit_rotation_lengthens_a_vector_and_each_is_within_a_step() {
             "theta {theta}"
         );
         let error = |short: i64, exact: i32| ((short << 16) - i64::from(exact)).abs();
-        // A step and a half: the nearest, and the one that the larger may give up.
+        // A step and a half: half for the nearest, and the one that the larger may lose.
         assert!(
             error(cos, exact.cos) <= 3 << 15 && error(sin, exact.sin) <= 3 << 15,
             "theta {theta}"
@@ -133,7 +133,7 @@ fn no_16_bit_rotation_lengthens_a_vector_and_each_is_within_a_step() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20_000))]
 
-    /// What the 16-bit lattice has in place of the shipped one's bound.
+    /// The 16-bit lattice's bound, which is weaker than the shipped one's.
     #[test]
     fn one_16_bit_stage_lengthens_a_vector_by_half_a_step_each_way_at_most(
         code in theta_code(), f: i16, g: i16,
@@ -165,7 +165,7 @@ proptest! {
     }
 }
 
-/// The known lack of rounding to nearest: the shipped lattice, which truncates, comes to exact silence here.
+/// The known shortcoming of rounding to nearest. The shipped lattice, which truncates, comes to exact silence here.
 #[test]
 fn a_few_steps_are_left_in_the_16_bit_lattice_when_the_drive_stops() {
     let mut left = Vec::new();
@@ -196,8 +196,8 @@ fn a_few_steps_are_left_in_the_16_bit_lattice_when_the_drive_stops() {
     );
 }
 
-/// The known lack of the two-multiplier lattice, on the pair of models that shows it: no input, and more comes out than
-/// ever went in. The shipped lattice cannot do that.
+/// The known shortcoming of the two-multiplier lattice, on the pair of models that shows it: without an input, more
+/// comes out than ever went in. The shipped lattice cannot do that.
 #[test]
 fn switching_coefficients_can_make_the_two_multiplier_lattice_louder_without_input() {
     let (a, b) = (crate::models::fixture("H2a"), crate::models::fixture("H2b"));

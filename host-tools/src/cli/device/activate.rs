@@ -26,7 +26,7 @@ impl From<Slot> for SlotId {
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Which [default: the one that was uploaded last]
+    /// Slot to activate [default: the one uploaded last]
     #[arg(value_enum, ignore_case = true)]
     slot: Option<Slot>,
     /// Print the result as JSON
@@ -75,5 +75,5 @@ fn newest(slots: &Slots) -> Result<SlotId> {
     sequences
         .max_by_key(|&(sequence, _)| sequence)
         .map(|(_, id)| id)
-        .ok_or_else(|| Error::Request("no slot holds a library: upload one".to_owned()))
+        .ok_or_else(|| Error::Request("no slot holds a library; upload one".to_owned()))
 }

@@ -1,4 +1,4 @@
-//! The stylus that a command talks to.
+//! Arguments for the connection to a stylus.
 
 use std::time::Duration;
 
@@ -7,10 +7,10 @@ use host_tools::support::error::Result;
 
 use crate::cli::input::positive;
 
-/// Which stylus.
+/// The stylus that a command talks to.
 #[derive(clap::Args)]
 pub struct Link {
-    /// The stylus: usb, usb:SERIAL, serial:PATH or tcp:HOST:PORT
+    /// Address of the stylus: usb, usb:SERIAL, serial:PATH or tcp:HOST:PORT
     #[arg(
         long,
         value_name = "LINK",
@@ -19,19 +19,19 @@ pub struct Link {
         global = true
     )]
     link: LinkAddress,
-    /// Wait so long for an answer, in seconds; 16 times as long where flash is written [default: 1]
+    /// Timeout of an answer, in seconds; 16 times as long for requests that write flash [default: 1]
     #[arg(long, value_name = "S", value_parser = positive, global = true)]
     timeout: Option<f64>,
 }
 
 impl Link {
-    /// Connects.
+    /// Connects to the stylus.
     ///
     /// # Errors
-    /// What [`Device::connect`] says.
+    /// See [`Device::connect`].
     pub fn connect(&self) -> Result<Device> {
         let timeouts = match self.timeout {
-            // Longer than a day is for ever, and adds up without overflow.
+            // At most a day, so that sums of timeouts do not overflow.
             Some(seconds) => Timeouts::scaled_to(Duration::from_secs_f64(seconds.min(86_400.0))),
             None => Timeouts::default(),
         };

@@ -1,11 +1,11 @@
-//! The histogram of the tick's time, as text.
+//! Histogram of the tick's execution time, as text.
 
 use model_format::link::{TICK_BIN_COUNT, TICK_BIN_CYCLES, TickHistogram};
 
 /// Width of the longest bar, characters.
 const WIDTH: f64 = 40.0;
 
-/// A line a bin that has ticks, the bars in proportion to the logarithm, so that one tick in a million shows.
+/// Draws one line per bin that has ticks. Bars are in proportion to the logarithm, so that one tick in a million shows.
 pub fn draw(histogram: &TickHistogram) -> String {
     let total: u64 = histogram.bins.iter().map(|&count| u64::from(count)).sum();
     if total == 0 || histogram.core_hz == 0 {

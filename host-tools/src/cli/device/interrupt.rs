@@ -1,4 +1,4 @@
-//! Ctrl-C and a request to end, for commands that have something to put right before they go.
+//! Ctrl-C and SIGTERM, for commands that must leave the stylus in order before they end.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,18 +7,18 @@ use std::thread;
 
 use host_tools::support::error::{Error, Result};
 
-/// What a process that is ended in the middle ends with.
-const EXIT_IMPATIENT: i32 = 2;
+/// Exit code after a second interrupt.
+const EXIT_INTERRUPTED: i32 = 2;
 
-/// Whether the user wants to end.
+/// A flag that an interrupt raises.
 #[derive(Clone)]
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Listens from now on; the signals do not end the process any more.
+    /// Listens from now on. The first signal only raises the flag; the second one ends the process.
     ///
     /// # Errors
-    /// That the system lets nobody listen.
+    /// A system that refuses a thread or a signal handler.
     pub fn listen() -> Result<Self> {
         let failed = || Error::io("listen for", Path::new("Ctrl-C"));
         let runtime = tokio::runtime::Builder::new_current_thread()
@@ -35,9 +35,9 @@ impl Interrupt {
             runtime.block_on(async {
                 loop {
                     wanted.next().await;
-                    // Whoever says it twice does not want to wait for what is put right.
+                    // After a second interrupt the user does not want to wait for the command's clean-up.
                     if raised.swap(true, Ordering::Relaxed) {
-                        std::process::exit(EXIT_IMPATIENT);
+                        std::process::exit(EXIT_INTERRUPTED);
                     }
                 }
             });
@@ -49,7 +49,7 @@ impl Interrupt {
         Ok(Self(flag))
     }
 
-    /// Whether the user has said so.
+    /// Returns true once a signal came.
     pub fn is_raised(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
@@ -89,7 +89,7 @@ impl Wanted {
     }
 
     async fn next(&mut self) {
-        // That listening fails later is not to be told from a wish to end, and the end is the safe side.
+        // A failure to listen counts as an interrupt, because ending is the safe choice.
         let _ = tokio::signal::ctrl_c().await;
     }
 }

@@ -11,14 +11,14 @@ use crate::cli::table::table;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Print everything as JSON
+    /// Print all figures as JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]
     link: Link,
 }
 
-/// A slot and what is in it.
+/// A slot with its content.
 #[derive(Serialize)]
 struct Slot {
     #[serde(rename = "slot")]
@@ -29,7 +29,7 @@ struct Slot {
     scenes: Vec<SceneInfo>,
 }
 
-/// A texture of the device's, its enums in words.
+/// A texture in the device, with its enums in words.
 #[derive(Serialize)]
 struct Texture {
     name: String,
@@ -159,7 +159,7 @@ fn textures(textures: &[Texture]) -> String {
     table(&header, &rows)
 }
 
-/// A table of scenes below that of the textures, or nothing if there are none.
+/// Table of scenes; empty without scenes.
 fn scenes(scenes: &[SceneInfo]) -> String {
     if scenes.is_empty() {
         return String::new();

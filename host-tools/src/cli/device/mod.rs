@@ -1,4 +1,4 @@
-//! The commands that talk to a stylus.
+//! Commands that talk to a stylus, each over one connection that its `--link` names.
 
 pub mod activate;
 mod connection;
@@ -21,29 +21,29 @@ use host_tools::support::error::Result;
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// Record trials with the stylus's sensors, guided through speeds and forces
+    /// Record trials with the stylus's sensors, prompted for each speed and force
     Record(record::Arguments),
-    /// Record a free hand's strokes, with the speed and force of every moment, for segment
+    /// Record free-hand strokes with speed and force per sample, for segment
     RecordStrokes(record_strokes::Arguments),
-    /// Bring a library into the stylus, and read it back
+    /// Upload a library to the stylus, and read it back
     Upload(upload::Arguments),
     /// List the libraries and textures in the stylus
     List(list::Arguments),
-    /// Make the library in a slot the one that is played
+    /// Make the library of a slot the active one
     Activate(activate::Arguments),
-    /// Play a texture until Ctrl-C, along the sensors' motion or one from here
+    /// Play a texture or a scene until Ctrl-C, along the sensors' motion or a given one
     Play(play::Arguments),
-    /// Stop what the stylus plays or records
+    /// Stop playing and recording
     Stop(stop::Arguments),
-    /// Show what the stylus does and everything that it counts
+    /// Show the stylus's state and all its counters
     Status(status::Arguments),
-    /// Watch the stylus and its accelerometer
+    /// Show the stylus's state and sensors continuously
     Monitor(monitor::Arguments),
     /// Show or change the stylus's settings
     Settings(settings::Arguments),
 }
 
-/// Runs one of them.
+/// Runs a command.
 pub fn run(command: &Command) -> Result<()> {
     match command {
         Command::Record(arguments) => record::run(arguments),

@@ -15,33 +15,33 @@ use super::status::output;
 use crate::cli::input::positive;
 use crate::cli::output::print;
 
-/// How often the wish to end is looked for.
-const PATIENCE: Duration = Duration::from_millis(50);
+/// Interval at which Ctrl-C is looked for.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// A line this often, in seconds
+    /// Interval between lines, in seconds
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.2)]
     interval: f64,
-    /// End after so many seconds [default: Ctrl-C]
+    /// Duration, in seconds [default: until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = positive)]
     seconds: Option<f64>,
-    /// Print a line of JSON each time
+    /// Print each line as JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]
     link: Link,
 }
 
-/// What is seen in one interval.
+/// The state in one interval.
 #[derive(Serialize)]
-struct Sight {
+struct Reading {
     seconds: f64,
     activity: String,
     ticks: u64,
     missed: u32,
     late_frames: u32,
-    /// None while another program records.
+    /// Level of the sensors; none while another program records.
     level: Option<Level>,
 }
 
@@ -52,7 +52,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut stream = match Stream::start(&device) {
         Ok(stream) => Some(stream),
         Err(LinkError::Record(RecordError::Recording)) => {
-            eprintln!("warning: a recording is under way; the status alone is shown");
+            eprintln!("warning: a recording is under way, so only the status is shown");
             None
         }
         Err(failure) => return Err(failure.into()),
@@ -73,8 +73,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             sleep(begin, until, &is_over);
             None
         };
-        let sight = Sight::new(begin, &device.status()?, level);
-        show(&sight, arguments.json, &line)?;
+        let reading = Reading::new(begin, &device.status()?, level);
+        show(&reading, arguments.json, &line)?;
     }
     line.finish_and_clear();
     match stream.map(Stream::stop).transpose()? {
@@ -83,7 +83,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// Takes what is recorded until `until`, s since `begin`.
+/// Receives samples until `until`, s since `begin`, and returns their level.
 fn listen(
     stream: &mut Stream<'_>,
     calibration: &Calibration,
@@ -96,7 +96,7 @@ fn listen(
         if left <= 0.0 {
             break;
         }
-        let within = Duration::from_secs_f64(left.min(PATIENCE.as_secs_f64()));
+        let within = Duration::from_secs_f64(left.min(POLL_INTERVAL.as_secs_f64()));
         if let Some(arrival) = stream.next(within)? {
             samples.extend(arrival.samples);
         }
@@ -110,11 +110,11 @@ fn listen(
 
 fn sleep(begin: Instant, until: f64, is_over: &impl Fn() -> bool) {
     while begin.elapsed().as_secs_f64() < until && !is_over() {
-        std::thread::sleep(PATIENCE);
+        std::thread::sleep(POLL_INTERVAL);
     }
 }
 
-impl Sight {
+impl Reading {
     fn new(begin: Instant, status: &Status, level: Option<Level>) -> Self {
         Self {
             seconds: begin.elapsed().as_secs_f64(),
@@ -143,16 +143,16 @@ impl Sight {
     }
 }
 
-/// On a terminal one line that changes, elsewhere a line each time.
-fn show(sight: &Sight, json: bool, line: &indicatif::ProgressBar) -> Result<()> {
+/// Shows a reading: on a terminal in one line that changes, otherwise in a line of its own.
+fn show(reading: &Reading, json: bool, line: &indicatif::ProgressBar) -> Result<()> {
     if json {
-        let text =
-            serde_json::to_string(sight).map_err(|failure| Error::Request(failure.to_string()))?;
+        let text = serde_json::to_string(reading)
+            .map_err(|failure| Error::Request(failure.to_string()))?;
         print(&text)
     } else if line.is_hidden() {
-        print(&sight.text())
+        print(&reading.text())
     } else {
-        line.set_message(sight.text());
+        line.set_message(reading.text());
         Ok(())
     }
 }

@@ -20,12 +20,12 @@ use super::status::output;
 use crate::cli::input::{not_negative, positive};
 use crate::cli::output::{print, print_json};
 
-/// What `--motion` takes beside a file's name.
+/// Value of `--motion` for the stylus's own sensors.
 const SENSORS: &str = "sensors";
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Which texture of the active library
+    /// Name of a texture in the active library
     #[arg(
         long,
         value_name = "NAME",
@@ -33,30 +33,32 @@ pub struct Arguments {
         conflicts_with = "scene"
     )]
     texture: Option<String>,
-    /// Which scene of the active library
+    /// Name of a scene in the active library
     #[arg(long, value_name = "NAME")]
     scene: Option<String>,
-    /// Multiply the amplitude by this; 1 is as recorded
+    /// Factor on the amplitude; 1 is as recorded
     #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     gain: f32,
-    /// Where the motion comes from: 'sensors', or a CSV with time_s, speed_mm_s, force_n, and position_mm and contact if a scene needs them, played once [default: sensors]
+    /// Motion: 'sensors', or a CSV with time_s, speed_mm_s, force_n, and position_mm and contact if a scene needs them,
+    /// played once [default: sensors]
     #[arg(long, value_name = "sensors|CSV", conflicts_with_all = ["speed", "force"])]
     motion: Option<String>,
-    /// A constant tangential speed instead, in mm/s
+    /// Constant tangential speed instead, in mm/s
     #[arg(long, value_name = "MM_S", value_parser = not_negative, requires = "force")]
     speed: Option<f64>,
-    /// A constant normal force instead, in newtons
+    /// Constant normal force instead, in newtons
     #[arg(long, value_name = "N", value_parser = not_negative, requires = "speed")]
     force: Option<f64>,
-    /// Stop after so many seconds [default: the motion's end, or Ctrl-C]
+    /// Duration, in seconds [default: until the motion's end, or Ctrl-C]
     #[arg(long, value_name = "S", value_parser = positive)]
     seconds: Option<f64>,
-    /// Send motions at this rate, in hertz
+    /// Rate at which motions are sent, in hertz
     #[arg(
         long,
         value_name = "HZ",
         default_value_t = MAX_MOTION_RATE_HZ,
-        value_parser = RangedU64ValueParser::<u32>::new().range(u64::from(MIN_MOTION_RATE_HZ)..=u64::from(MAX_MOTION_RATE_HZ))
+        value_parser = RangedU64ValueParser::<u32>::new()
+            .range(u64::from(MIN_MOTION_RATE_HZ)..=u64::from(MAX_MOTION_RATE_HZ))
     )]
     rate: u32,
     /// Seed of the noise: the same seed gives the same samples
@@ -90,12 +92,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let interrupt = Interrupt::listen()?;
     device.play(&request)?;
     let played = keep_playing(&device, &plan, &interrupt);
-    // Whatever happened, the output is not left on; the first failure tells why.
+    // The output is switched off after a failure, too; the first failure is the one that is reported.
     let stopped = device.stop();
     let driven = played?;
     let (was_playing, status) = stopped?;
     if !was_playing {
-        let problem = "the device had stopped by itself: read its status";
+        let problem = "the device had stopped by itself; read its status";
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }
     if arguments.json {
@@ -111,7 +113,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     if driven.skipped > 0 {
         eprintln!(
-            "warning: {} motions were left out: the link or this computer is too slow for {} Hz",
+            "warning: {} motions were left out, because the link or this computer is too slow for {} Hz",
             driven.skipped, plan.rate_hz
         );
     }
@@ -135,7 +137,7 @@ fn plan(arguments: &Arguments) -> Result<Drive> {
     Ok(Drive {
         motion,
         rate_hz: arguments.rate,
-        // Longer than a day is until Ctrl-C.
+        // More than a day is as good as until Ctrl-C.
         duration: seconds
             .filter(|&seconds| seconds < 86_400.0)
             .map(Duration::from_secs_f64),
@@ -154,11 +156,11 @@ fn request(arguments: &Arguments, plan: &Drive) -> Result<PlayRequest> {
     })
 }
 
-/// What was asked for; the command line has one of the two.
+/// The texture or scene to play; the command line has exactly one of them.
 fn selection(arguments: &Arguments) -> Result<Selection> {
     let too_long = |what: &str, name: &str| {
         Error::Request(format!(
-            "no {what} has a name as long as '{name}': list what there is"
+            "no {what} has a name as long as '{name}'; see `stylus list`"
         ))
     };
     if let Some(name) = &arguments.scene {
@@ -180,7 +182,7 @@ fn keep_playing(device: &Device, plan: &Drive, interrupt: &Interrupt) -> Result<
             driven.seconds,
             output(&status.output)
         ));
-        // It may still be fading out of what was played before.
+        // Only idle means stopped, because the output may still fade out of the previous play.
         if status.output.activity == Activity::Idle {
             ended = true;
             goes_on.set(false);
@@ -194,7 +196,7 @@ fn keep_playing(device: &Device, plan: &Drive, interrupt: &Interrupt) -> Result<
     )?;
     line.finish_and_clear();
     if ended {
-        let problem = "the device has stopped by itself: read its status";
+        let problem = "the device has stopped by itself; read its status";
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }
     Ok(driven)

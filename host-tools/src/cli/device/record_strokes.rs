@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::connection::Link;
 use super::interrupt::Interrupt;
-use super::record::{LIVE_SAMPLES, live};
+use super::live_line::{LIVE_SAMPLES, live};
 use super::sensing::Sensing;
 use crate::cli::input::positive;
 use crate::cli::output::{print, print_json};
@@ -20,10 +20,10 @@ use crate::cli::output::{print, print_json};
 pub struct Arguments {
     /// CSV file to write
     file: PathBuf,
-    /// How long; Ctrl-C ends it sooner and keeps what is there, in seconds
+    /// Duration, in seconds; Ctrl-C ends the recording earlier and keeps it
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 60.0)]
     seconds: f64,
-    /// Write over a file that is there
+    /// Overwrite an existing file
     #[arg(long)]
     again: bool,
     #[command(flatten)]
@@ -41,13 +41,13 @@ struct Report {
     seconds: f64,
     level: Level,
     loss: Loss,
-    /// Samples that were lost and are holes in the file.
+    /// Number of lost samples, which are holes in the file.
     lost_samples: usize,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.file.exists() && !arguments.again {
-        let problem = "is there already; name another file, or give --again";
+        let problem = "exists already; name another file, or give --again";
         return Err(Error::file(&arguments.file, problem));
     }
     let device = arguments.link.connect()?;

@@ -24,18 +24,18 @@ pub struct Arguments {
 enum Action {
     /// Show all settings, or one; this is the default
     Get {
-        /// Which
+        /// Name of the setting
         name: Option<String>,
     },
     /// Change a setting and read it back
     Set {
-        /// Which
+        /// Name of the setting
         name: String,
-        /// Its value, in its unit
+        /// Value, in the setting's unit
         #[arg(allow_negative_numbers = true)]
         value: f32,
     },
-    /// Give every setting its default
+    /// Reset every setting to its default
     Reset,
 }
 
@@ -65,7 +65,7 @@ impl From<SettingChange> for Row {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    // Before anything is asked of the device.
+    // The name is checked before the device is connected.
     let setting = match &arguments.action {
         Some(Action::Get { name: Some(name) } | Action::Set { name, .. }) => Some(named(name)?),
         _ => None,

@@ -12,7 +12,7 @@ use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Print everything as JSON
+    /// Print all figures as JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -23,7 +23,7 @@ pub struct Arguments {
 struct Report<'a> {
     link: String,
     device: &'a DeviceInfo,
-    /// Why the output is muted, in words.
+    /// Reasons for muting, in words.
     muted: Vec<String>,
     status: &'a Status,
 }
@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&text(device.info(), &status))
 }
 
-/// All of it, a line a subject.
+/// The status with one line per subject.
 fn text(info: &DeviceInfo, status: &Status) -> String {
     let mut lines = vec![
         format!(
@@ -63,7 +63,9 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         ));
     }
     if status.settings_faulty {
-        lines.push("SETTINGS could not be read: defaults hold; set them again".to_owned());
+        lines.push(
+            "SETTINGS could not be read, so the defaults are in use; set them again".to_owned(),
+        );
     }
     let library = match status.active {
         Some(slot) => format!("slot {slot}, checksum {:08x}", status.library_crc32),
@@ -126,7 +128,7 @@ fn upload(state: &UploadState) -> String {
     }
 }
 
-/// What the player does, in a few words.
+/// State of the player in a few words.
 pub fn output(output: &OutputStatus) -> String {
     let what = match &output.activity {
         Activity::Idle => "idle".to_owned(),

@@ -13,12 +13,12 @@ use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The library
+    /// Library to upload
     library: PathBuf,
-    /// Play from it from now on
+    /// Activate the library
     #[arg(long)]
     activate: bool,
-    /// Let the device alone judge the library
+    /// Skip the check on this computer; the device still checks the library
     #[arg(long)]
     unchecked: bool,
     /// Print the result as JSON
@@ -71,13 +71,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     if uploaded.resumed_from > 0 {
         eprintln!(
-            "resumed: {} bytes were there already",
+            "resumed: {} bytes were uploaded before",
             uploaded.resumed_from
         );
     }
     if uploaded.retries > 0 {
         eprintln!(
-            "warning: the upload was taken up again {} time(s): the link is not sound",
+            "warning: the upload was resumed {} time(s), because the link failed",
             uploaded.retries
         );
     }
@@ -91,7 +91,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             "; active".to_owned()
         } else {
             format!(
-                "; `stylus activate {}` makes it the one that is played",
+                "; `stylus activate {}` makes it the active one",
                 uploaded.slot
             )
         }

@@ -1,6 +1,6 @@
 //! `stylus scene check`
 
-use host_tools::scene::{Compiled, CostReport, Situation, equaliser};
+use host_tools::scene::{CompiledScene, CostReport, Situation, equaliser};
 use host_tools::support::error::{Error, Result};
 use model_format::scene::MotionOfScene;
 use serde::Serialize;
@@ -15,20 +15,20 @@ use crate::cli::table::table;
 pub struct Arguments {
     #[command(flatten)]
     source: Source,
-    /// Instructions that a tick has for the scene
+    /// Instructions per tick that the scene may take
     #[arg(long, value_name = "INSTRUCTIONS", default_value_t = cost::BUDGET)]
     budget: u32,
-    /// Print everything as JSON
+    /// Print all figures as JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Everything that a check finds.
+/// The result of a check as JSON.
 #[derive(Serialize)]
 struct Checked<'a> {
     #[serde(flatten)]
     cost: &'a CostReport,
-    /// How the equaliser was found, if it undoes a response.
+    /// Design of the equaliser; none without a response.
     equaliser: Option<&'a equaliser::Design>,
 }
 
@@ -55,7 +55,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Ok(());
     }
     Err(Error::Request(format!(
-        "scene '{}' takes {} instructions of a tick ({}), and there are {}: use fewer sections, or textures of a lower order",
+        "scene '{}' takes {} instructions per tick ({}), and the budget is {}; use fewer sections, or textures of a \
+         lower order",
         report.scene,
         report.worst_case.instructions,
         report.worst_case.sum(),
@@ -63,8 +64,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     )))
 }
 
-/// What a scene is, in a line.
-pub fn headline(compiled: &Compiled) -> String {
+/// One line about a scene: its path, its motion, its surfaces and its equaliser.
+pub fn headline(compiled: &CompiledScene) -> String {
     let scene = &compiled.scene;
     let path = match (scene.regions.first(), scene.regions.last()) {
         (Some(first), Some(last)) => format!(
@@ -99,7 +100,7 @@ fn counted(count: usize, what: &str) -> String {
     format!("{count} {what}{plural}")
 }
 
-/// What an equaliser does to its response, in a few lines.
+/// Lines about an equaliser: its band, and the deviations from flat before and after.
 pub fn equaliser_text(design: &equaliser::Design) -> String {
     let [low_hz, high_hz] = design.band_hz;
     let deviation = |deviation: &equaliser::Deviation| {
@@ -110,9 +111,9 @@ pub fn equaliser_text(design: &equaliser::Design) -> String {
     };
     format!(
         "equaliser from {low_hz:.0} to {high_hz:.0} Hz, highest gain {:.1} dB\n  \
-         off flat before     {}\n  \
-         off flat after      {}\n  \
-         the limit leaves    {}",
+         deviation before    {}\n  \
+         deviation after     {}\n  \
+         due to the limit    {}",
         design.max_gain_db,
         deviation(&design.before),
         deviation(&design.after),
@@ -120,7 +121,7 @@ pub fn equaliser_text(design: &equaliser::Design) -> String {
     )
 }
 
-fn text(compiled: &Compiled, report: &CostReport) -> String {
+fn text(compiled: &CompiledScene, report: &CostReport) -> String {
     let row = |situation: &Situation| {
         vec![
             situation.when.clone(),
@@ -153,7 +154,7 @@ fn text(compiled: &Compiled, report: &CostReport) -> String {
     lines.push(table(&header, &rows));
     let share = f64::from(report.worst_case.instructions) / f64::from(report.budget_instructions);
     lines.push(format!(
-        "\nThe worst case takes {:.0} % of the {} instructions that a tick has for a scene.",
+        "\nThe worst case takes {:.0} % of the budget of {} instructions per tick.",
         100.0 * share,
         report.budget_instructions
     ));

@@ -15,13 +15,13 @@ use crate::cli::output::print;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Texts of scenes
+    /// Scene files
     #[arg(required = true, value_name = "SCENE.toml")]
     scenes: Vec<PathBuf>,
-    /// The library that has their textures; scenes that it has already stay, but for those of the same name
+    /// Library with their textures; its scenes are kept, except those of the same name
     #[arg(long, value_name = "LIB")]
     library: PathBuf,
-    /// Library to write, with the scenes; may be the same
+    /// Library file to write, with the scenes; may be the same
     #[arg(long, value_name = "LIB")]
     out: PathBuf,
 }
@@ -36,7 +36,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let name = &compiled.scene.name;
         if let Some(other) = scenes.iter().position(|scene| scene.name == *name) {
             let other = arguments.scenes[other].display();
-            let problem = format!("its scene is called '{name}', as that of {other} is");
+            let problem = format!("its scene is called '{name}', like that of {other}; rename one");
             return Err(Error::file(path, problem));
         }
         let report = CostReport::new(
@@ -47,7 +47,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         )?;
         if !report.fits {
             eprintln!(
-                "warning: {}: takes {} instructions of a tick in the worst case, and the stylus has {}; it will refuse it",
+                "warning: {}: takes {} instructions per tick in the worst case, and the budget is {}; the stylus will \
+                 refuse it",
                 path.display(),
                 report.worst_case.instructions,
                 report.budget_instructions
@@ -57,7 +58,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         scenes.push(compiled.scene);
     }
     let written = with_scenes(&library, &scenes)?;
-    // What is uploaded is what the stylus will decode.
+    // The stylus will decode these bytes, so they are checked before they are written.
     let checked = decode_library(&arguments.out, &written).map(|l: Library<'_>| l.scene_count())?;
     atomic_file::write(&arguments.out, &written)?;
     for line in lines {

@@ -1,4 +1,4 @@
-//! `stylus scene`: what is played along a path, and what that takes.
+//! `stylus scene`: check, compile, render and plot.
 
 mod check;
 mod compile;
@@ -17,13 +17,13 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Check a scene and show what it takes of each tick, with the arithmetic
+    /// Check a scene and show its cost per tick, with the arithmetic
     Check(check::Arguments),
     /// Put scenes into a library, for upload
     Compile(compile::Arguments),
-    /// Render what the stylus plays along a motion to a WAV file, sample for sample
+    /// Render the stylus's output along a motion to a WAV file, sample for sample
     Render(render::Arguments),
-    /// Draw surfaces along the path, the motion, and what the stylus plays
+    /// Draw the surfaces along the path, the motion, and the stylus's output
     Plot(plot::Arguments),
 }
 

@@ -14,7 +14,7 @@ use crate::cli::input::positive;
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
 
-/// Longest stretch that is drawn, s: a spectrogram has no more columns than are seen.
+/// Longest duration that is drawn, s; beyond it, the columns of a spectrogram are too narrow to be seen.
 const LONGEST_S: f64 = 600.0;
 
 #[derive(clap::Args)]
@@ -23,7 +23,7 @@ pub struct Arguments {
     source: Source,
     #[command(flatten)]
     along: Along,
-    /// Picture to write
+    /// SVG file to write
     #[arg(long, value_name = "SVG")]
     out: PathBuf,
     /// Highest frequency of the spectrogram, in hertz

@@ -20,7 +20,7 @@ pub struct Arguments {
     /// WAV file to write: 32-bit float, m/s²
     #[arg(long, value_name = "WAV")]
     out: PathBuf,
-    /// Write 16-bit samples instead, with this full scale in m/s², for listening
+    /// Write 16-bit samples with this full scale in m/s² instead, for listening
     #[arg(long, value_name = "FULL_SCALE", value_parser = positive)]
     pcm16: Option<f64>,
 }

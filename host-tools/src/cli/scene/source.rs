@@ -1,9 +1,10 @@
-//! A scene on a command line: a text with the library of its textures, or one of a library's own; and the motion along it.
+//! Arguments for a scene and for the motion along it. A scene is a file with the library of its textures, or a scene in
+//! a library.
 
 use std::path::{Path, PathBuf};
 
 use host_tools::playing::motion::MotionPath;
-use host_tools::scene::{Compiled, SceneFile, surface_names};
+use host_tools::scene::{CompiledScene, SceneFile, surface_names};
 use host_tools::support::error::{Error, Result};
 use model_format::scene::{MotionOfScene, Scene};
 use model_format::{Library, MillimetresPerSecond, Newton, Provenance};
@@ -11,50 +12,50 @@ use stylus_kernel::scene::Plan;
 
 use crate::cli::input::not_negative;
 
-/// Which scene.
+/// The scene that a command works on.
 #[derive(clap::Args)]
 pub struct Source {
-    /// A scene's text, whose name ends in .toml, or a library with scenes
+    /// Scene file, whose name ends in .toml, or a library with scenes
     #[arg(value_name = "SCENE.toml|LIB")]
     file: PathBuf,
-    /// The library that has the textures of a scene's text
+    /// Library with the textures of a scene file
     #[arg(long, value_name = "LIB")]
     library: Option<PathBuf>,
-    /// Which of the library's scenes, if it has more than one
+    /// Name of the scene, if the library has several
     #[arg(long, value_name = "NAME")]
     scene: Option<String>,
 }
 
 impl Source {
-    /// Whether it is a scene's text.
+    /// Returns true for a scene file.
     fn is_text(&self) -> bool {
         is_text(&self.file)
     }
 
-    /// The library's file.
+    /// Path of the library.
     ///
     /// # Errors
-    /// A text without a library, or a library with another.
+    /// A scene file without a library, or a library with another.
     pub fn library_path(&self) -> Result<&Path> {
         match (&self.library, self.is_text()) {
             (Some(library), true) => Ok(library),
             (None, false) => Ok(&self.file),
             (None, true) => Err(Error::Request(format!(
-                "{}: give the library that has its textures with --library",
+                "{}: give the library with its textures by --library",
                 self.file.display()
             ))),
             (Some(_), false) => Err(Error::Request(format!(
-                "{}: --library goes with a scene's text, whose name ends in .toml",
+                "{}: --library goes with a scene file, whose name ends in .toml",
                 self.file.display()
             ))),
         }
     }
 
-    /// The scene, checked against `library`, which is the file at [`Source::library_path`].
+    /// Compiles the scene against `library`, which is the file at [`Source::library_path`].
     ///
     /// # Errors
-    /// What is wrong with the text, or that the library has no such scene.
-    pub fn compile(&self, library: &Library<'_>) -> Result<Compiled> {
+    /// A text that does not compile, or a library without such a scene.
+    pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
         if self.is_text() {
             let compiled = SceneFile::read(&self.file)?.compile(library)?;
             let other = self.scene.as_deref();
@@ -77,13 +78,16 @@ impl Source {
         };
         let Some(scene) = found else {
             let problem = match (&self.scene, names.is_empty()) {
-                (_, true) => "has no scenes; put some in with 'stylus scene compile'".to_owned(),
+                (_, true) => "has no scenes; add some with 'stylus scene compile'".to_owned(),
                 (Some(name), _) => format!("has no scene '{name}'; it has {}", names.join(", ")),
-                (None, _) => format!("tell which with --scene: {}", names.join(", ")),
+                (None, _) => format!(
+                    "has several scenes; name one with --scene: {}",
+                    names.join(", ")
+                ),
             };
             return Err(Error::file(&self.file, problem));
         };
-        Ok(Compiled {
+        Ok(CompiledScene {
             surface_names: surface_names(&scene, library),
             scene,
             design: None,
@@ -91,21 +95,21 @@ impl Source {
     }
 }
 
-/// Whether a file is a scene's text.
+/// Returns true if the name of a file is that of a scene file.
 pub fn is_text(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default();
     extension.eq_ignore_ascii_case("toml")
 }
 
-/// The plan of a scene.
-pub fn plan<'a>(compiled: &Compiled, library: &Library<'a>) -> Result<Plan<'a>> {
+/// The plan of a scene: the stages that the kernel runs.
+pub fn plan<'a>(compiled: &CompiledScene, library: &Library<'a>) -> Result<Plan<'a>> {
     let scene = &compiled.scene;
     Plan::new(scene, library)
         .map_err(|error| Error::Request(format!("scene '{}': {error}", scene.name)))
 }
 
-/// Where the textures of a scene come from: simulated if any of them is.
-pub fn provenance(compiled: &Compiled, library: &Library<'_>) -> Provenance {
+/// Provenance of a scene: simulated if any of its textures is.
+pub fn provenance(compiled: &CompiledScene, library: &Library<'_>) -> Provenance {
     let mut textures = compiled.scene.surfaces.iter().filter_map(|surface| {
         let texture = usize::from(surface.texture?);
         library.textures().nth(texture)
@@ -117,19 +121,19 @@ pub fn provenance(compiled: &Compiled, library: &Library<'_>) -> Provenance {
     }
 }
 
-/// What the hand does.
+/// The motion along a scene.
 #[derive(clap::Args)]
 pub struct Along {
-    /// A motion: CSV with time_s, speed_mm_s, force_n, and position_mm and contact if they do not follow from those
+    /// Motion: CSV with time_s, speed_mm_s, force_n, and position_mm and contact if they do not follow from those
     #[arg(long, value_name = "CSV", conflicts_with_all = ["speed", "force"])]
     motion: Option<PathBuf>,
-    /// A constant tangential speed instead, in mm/s
+    /// Constant tangential speed instead, in mm/s
     #[arg(long, value_name = "MM_S", value_parser = not_negative, requires = "force")]
     speed: Option<f64>,
-    /// A constant normal force, in newtons
+    /// Constant normal force, in newtons
     #[arg(long, value_name = "N", value_parser = not_negative, requires = "speed")]
     force: Option<f64>,
-    /// How long, in seconds [default: the motion's duration]
+    /// Duration, in seconds [default: the motion's]
     #[arg(long, value_name = "S", value_parser = crate::cli::input::positive)]
     seconds: Option<f64>,
     /// Seed of the noise: the same seed gives the same samples
@@ -138,10 +142,10 @@ pub struct Along {
 }
 
 impl Along {
-    /// The motion, and for how long, s. A scene of constant motion needs no other.
+    /// The motion and its duration, s. A scene of constant motion needs no other.
     ///
     /// # Errors
-    /// A motion that cannot be read, or that nobody tells; a constant one without a duration.
+    /// A motion that cannot be read or is not given, or a constant one without a duration.
     pub fn motion(&self, scene: &Scene) -> Result<(MotionPath, f64)> {
         let constant = match (self.speed.zip(self.force), scene.motion) {
             (Some((speed, force)), _) => Some((speed as f32, force as f32)),
@@ -162,7 +166,7 @@ impl Along {
             }
             (None, None) => {
                 return Err(Error::Request(format!(
-                    "scene '{name}' follows the hand: give --motion CSV, or --speed, --force and --seconds"
+                    "scene '{name}' follows the hand; give --motion CSV, or --speed, --force and --seconds"
                 )));
             }
         };
@@ -171,7 +175,7 @@ impl Along {
             has_end.then(|| motion.duration_s())
         }) else {
             return Err(Error::Request(format!(
-                "scene '{name}': a constant motion has no end: give --seconds"
+                "scene '{name}': a constant motion has no end; give --seconds"
             )));
         };
         Ok((motion, seconds))

@@ -1,6 +1,6 @@
 //! A spectrum as its values: power, interpolation, warping and means.
 
-use crate::dsp::MODEL_RATE_HZ;
+use model_format::SAMPLE_RATE_HZ;
 
 /// Length of the transforms behind a spectrum, samples: 2 s.
 pub(super) const LENGTH: usize = 10_000;
@@ -12,7 +12,7 @@ pub const BINS: usize = LENGTH / 2 + 1;
 pub const FINE_BINS: usize = 4 * LENGTH + 1;
 
 /// Step between the frequencies of [`BINS`], Hz.
-pub const STEP_HZ: f64 = MODEL_RATE_HZ as f64 / LENGTH as f64;
+pub const STEP_HZ: f64 = SAMPLE_RATE_HZ as f64 / LENGTH as f64;
 
 /// Logarithm of a power spectrum.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,135 +1,47 @@
-//! What a sample costs on a microcontroller: the table that `cargo tasks costs` measures, and look-ups in it.
+//! Costs of a sample on a microcontroller: the table that `cargo tasks costs` measures, and look-ups in it.
 
 use std::sync::LazyLock;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
+pub use stylus_costs::Core;
+use stylus_costs::{Entry, SampleCost, UpdateCost};
 use stylus_kernel::arithmetic::TURN_TAPS;
 
 use crate::evaluation::frontier::FilterStructure;
 
-/// A microcontroller's core.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Core {
-    /// Cortex-M4.
-    M4,
-    /// Cortex-M7, whose cycles are bounded by the Cortex-M4's worst ones.
-    M7,
-}
-
-impl std::fmt::Display for Core {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::M4 => "Cortex-M4",
-            Self::M7 => "Cortex-M7",
-        })
-    }
-}
-
-/// What one sample takes.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SampleCost {
-    /// Instructions, counted on QEMU; the same for all inputs.
-    pub instructions: f64,
-    /// Cycles of the Cortex-M4's published timings: loads pipelined, branches cheapest.
-    pub best_cycles: f64,
-    /// Cycles of the same: nothing pipelined, branches dearest.
-    pub worst_cycles: f64,
-}
-
-/// What one update of the coefficients takes.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct UpdateCost {
-    /// Instructions of the cheapest update: of a direct form, one that stays in its cell.
-    pub instructions_least: f64,
-    /// Instructions of the dearest: of a direct form, one that unpacks a new cell's nodes.
-    pub instructions_most: f64,
-    /// Cycles of the cheapest, at best.
-    pub best_cycles: f64,
-    /// Cycles of the dearest, at worst.
-    pub worst_cycles: f64,
-}
-
-/// A structure at one order on one core.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
-    /// The structure.
-    pub structure: FilterStructure,
-    /// Nodes of the grid: one, or the four around a motion.
-    pub nodes: usize,
-    /// The core.
-    pub core: Core,
-    /// Stages or taps.
-    pub order: usize,
-    /// Of a sample.
-    pub sample: SampleCost,
-    /// Of an update.
-    pub update: UpdateCost,
-}
-
-/// The whole table.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Costs {
-    /// The compiler that built what was counted.
-    pub rustc: String,
-    /// The emulator that counted.
-    pub qemu: String,
-    /// The entries.
-    pub entries: Vec<Entry>,
-    /// Other implementations beside ours.
-    #[serde(default)]
-    pub peers: Vec<Peer>,
-}
-
-/// Where a peer's figures are from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Origin {
-    /// Counted in the same run as the entries.
-    Measured,
-    /// Counted before, by the same rules.
-    Reference,
-}
-
-/// A filter of 400 taps or stages on a Cortex-M4, one sample a call.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Peer {
-    /// Whose, and what.
-    pub name: String,
-    /// Where the figures are from.
-    pub origin: Origin,
-    /// What the call does beside the filter.
-    pub includes: String,
-    /// Stages or taps.
-    pub order: u32,
-    /// Instructions executed.
-    pub instructions: f64,
-    /// Cycles, modelled, at best.
-    pub best_cycles: f64,
-    /// At worst.
-    pub worst_cycles: f64,
-}
-
-/// What a look-up gives.
+/// The result of a look-up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Cost {
     /// Of a sample.
-    pub sample: SampleCost,
+    pub sample: SampleCost<f64>,
     /// Of an update.
-    pub update: UpdateCost,
+    pub update: UpdateCost<f64>,
+}
+
+/// The measured table, with look-ups between its orders.
+pub struct Costs {
+    table: stylus_costs::Costs,
 }
 
 impl Costs {
-    /// The table of `tests/qemu/costs.json`, which is part of this program.
+    /// The table of `host-tools/costs/costs.json`, which is part of this program.
     pub fn measured() -> &'static Self {
         static COSTS: LazyLock<Costs> = LazyLock::new(|| {
-            serde_json::from_str(include_str!("../../../../tests/qemu/costs.json"))
-                .expect("the table that comes with the program holds; a test reads it")
+            let text = include_str!("../../../costs/costs.json");
+            let table = serde_json::from_str(text);
+            Costs {
+                table: table.expect("the table that comes with the program holds; a test reads it"),
+            }
         });
         &COSTS
     }
 
-    /// What `structure` over `nodes` nodes costs at `order` on `core`; between the measured orders on a straight line, below the
+    /// The table as it was measured.
+    pub fn table(&self) -> &stylus_costs::Costs {
+        &self.table
+    }
+
+    /// Returns the cost of `structure` over `nodes` nodes at `order` on `core`: linear between the measured orders, below the
     /// lowest as much as that. `None` above the highest, or where nothing was measured.
     pub fn at(
         &self,
@@ -138,11 +50,15 @@ impl Costs {
         core: Core,
         order: usize,
     ) -> Option<Cost> {
-        let of = |entry: &&Entry| entry.structure == structure && entry.core == core;
-        let entries = self.entries.iter().filter(of);
-        let mut entries: Vec<&Entry> = entries.filter(|entry| entry.nodes == nodes).collect();
+        let of = |entry: &&Entry| {
+            entry.structure == structure.into()
+                && entry.core == core
+                && entry.nodes as usize == nodes
+        };
+        let mut entries: Vec<&Entry> = self.table.entries.iter().filter(of).collect();
         entries.sort_by_key(|entry| entry.order);
         let (lowest, highest) = (entries.first()?, entries.last()?);
+        let order = u32::try_from(order).ok()?;
         if order > highest.order {
             return None;
         }
@@ -150,7 +66,7 @@ impl Costs {
         // the next measured order, whatever the turns.
         let next = entries[entries.partition_point(|entry| entry.order < order)].order;
         let order = if structure.is_direct() {
-            order.next_multiple_of(TURN_TAPS).min(next)
+            order.next_multiple_of(TURN_TAPS as u32).min(next)
         } else {
             order
         };
@@ -164,9 +80,12 @@ impl Costs {
         let fraction = if after == 0 {
             1.0
         } else {
-            (order - from.order) as f64 / (to.order - from.order) as f64
+            f64::from(order - from.order) / f64::from(to.order - from.order)
         };
-        let mean = |of: fn(&Entry) -> f64| of(from) + (of(to) - of(from)) * fraction;
+        let mean = |of: fn(&Entry) -> u32| {
+            let [from, to] = [from, to].map(|entry| f64::from(of(entry)));
+            from + (to - from) * fraction
+        };
         Some(Cost {
             sample: SampleCost {
                 instructions: mean(|entry| entry.sample.instructions),

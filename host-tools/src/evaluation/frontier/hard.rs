@@ -9,7 +9,7 @@ use crate::evaluation::stress::Outcome;
 use crate::evaluation::stress::cases::Case;
 use crate::support::error::Result;
 
-/// How a case ended, from good to bad.
+/// The end of a case, from good to bad.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -40,14 +40,14 @@ impl std::fmt::Display for Verdict {
     }
 }
 
-/// What came of all cases.
+/// The outcome of all cases.
 #[derive(Clone, Debug, Serialize)]
 pub struct HardCases {
-    /// How many held.
+    /// Number of cases that held.
     pub held: usize,
-    /// Of how many.
+    /// Number of cases.
     pub cases: usize,
-    /// How the worst ended.
+    /// The worst end of a case.
     pub worst: Verdict,
     /// Its name.
     pub worst_case: String,

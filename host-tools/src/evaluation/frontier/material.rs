@@ -1,14 +1,14 @@
-//! What is fitted, and what is held out to judge by.
+//! Recordings that are fitted, and recordings that are held out for judging.
 
 use std::path::Path;
 
 use model_format::Provenance;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::recording;
 use crate::recording::{RecordingSet, Trial};
-use crate::rig::{self, Scene};
+use crate::rig::{self, RigFile};
 use crate::support::error::{Error, Result};
+use model_format::SAMPLE_RATE_HZ;
 
 /// Seeds of the two simulated takes.
 const SEEDS: [u64; 2] = [1, 2];
@@ -20,7 +20,7 @@ pub struct Material {
     pub fit: RecordingSet,
     /// To judge by.
     pub held_out: RecordingSet,
-    /// What they are, in a sentence.
+    /// Description of the recordings, in a sentence.
     pub description: String,
 }
 
@@ -30,10 +30,10 @@ impl Material {
     /// # Errors
     /// A folder that cannot be written.
     pub fn simulated(folder: &Path) -> Result<Self> {
-        let scene = Scene::paper();
+        let paper = RigFile::paper();
         let [fit, held_out] = SEEDS.map(|seed| {
             let take = folder.join(format!("take-{seed}"));
-            rig::simulate_to_folder(&scene, seed, &take)?;
+            rig::simulate_to_folder(&paper, seed, &take)?;
             RecordingSet::open(&[take])
         });
         let description = format!(
@@ -66,7 +66,7 @@ impl Material {
             .zip(&mut material.held_out.trials);
         for (first, second) in halves {
             let samples = recording::read(first)?.axes.first().map_or(0, Vec::len);
-            let half_s = samples as f64 / f64::from(MODEL_RATE_HZ) / 2.0;
+            let half_s = samples as f64 / f64::from(SAMPLE_RATE_HZ) / 2.0;
             first.duration_s = Some(half_s);
             second.duration_s = Some(half_s);
             second.start_s += half_s;
@@ -96,7 +96,7 @@ impl Material {
         Ok(material)
     }
 
-    /// Whether any of it is simulated.
+    /// Returns whether any of it is simulated.
     pub fn is_simulated(&self) -> bool {
         let mut trials = self.fit.trials.iter().chain(&self.held_out.trials);
         trials.any(|trial| trial.provenance == Provenance::Simulated)

@@ -15,17 +15,17 @@ use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::{GridPoint, ONE};
 
 use super::structure::{FilterStructure, Voice};
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
+use model_format::SAMPLE_RATE_HZ;
 
-/// Strokes a second, to and fro; and how often the hand presses and lifts.
+/// Strokes per second, to and fro; and how often the hand presses and lifts.
 const STROKES_HZ: f64 = 2.0;
 const PRESSES_HZ: f64 = 1.3;
 
 /// Length of a frame, s.
 pub const FRAME_S: f64 = 0.1;
 
-/// How long the hand rubs, s.
+/// Duration of the rubbing, s.
 const SECONDS: f64 = 4.0;
 
 /// A level below that of the frame's strongest band that nobody feels beside it, dB.
@@ -56,7 +56,7 @@ impl Rub {
 
     /// The motion at a sample.
     pub fn at(&self, sample: usize) -> Motion {
-        let time_s = sample as f64 / f64::from(MODEL_RATE_HZ);
+        let time_s = sample as f64 / f64::from(SAMPLE_RATE_HZ);
         let (speed, stroke) = self.speed_mm_s;
         let (force, press) = self.force_n;
         let speed = speed + stroke * (TAU * STROKES_HZ * time_s).sin();
@@ -67,14 +67,14 @@ impl Rub {
 
     /// Samples of the whole.
     pub fn samples() -> usize {
-        (SECONDS * f64::from(MODEL_RATE_HZ)) as usize
+        (SECONDS * f64::from(SAMPLE_RATE_HZ)) as usize
     }
 }
 
 /// Levels by frame and band, (m/s²)².
 pub type Frames = Vec<[f64; BAND_COUNT]>;
 
-/// What one texture's rubbing came to.
+/// The outcome of rubbing one texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Moving {
     /// Sum of the squared errors, dB².
@@ -118,8 +118,8 @@ impl Moving {
         self.within as f64 / self.bands as f64
     }
 
-    /// Updates a sample that stay in their cell, and those that bring another's nodes.
-    pub fn updates_a_sample(&self) -> (f64, f64) {
+    /// Updates per sample that stay in their cell, and those that bring another's nodes.
+    pub fn updates_per_sample(&self) -> (f64, f64) {
         let samples = self.samples as f64;
         let same = self.updates - self.new_cells;
         (same as f64 / samples, self.new_cells as f64 / samples)
@@ -208,7 +208,7 @@ pub fn play(
 
 /// Levels of `signal` in bands, frame by frame; the first frames, in which filters start, are left out.
 fn frames(signal: &[f64]) -> Frames {
-    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let length = (FRAME_S * rate_hz) as usize;
     let begins = (length..=signal.len() - length).step_by(length / 2);
     begins

@@ -1,6 +1,6 @@
 //! Pareto fronts.
 
-/// Which of these (cost, error) no other beats: nothing that costs as much or less has an error as low, give or take `worth`,
+/// Marks the pairs (cost, error) that no other beats: none that costs as much or less has an error as low within `worth`,
 /// by which an error must fall for more cost to count. What is not a number is never on the front.
 pub fn front(points: &[(f64, f64)], worth: f64) -> Vec<bool> {
     let mut order: Vec<usize> = (0..points.len())

@@ -34,7 +34,7 @@ pub fn player_of(structure: FilterStructure, texture: &Texture<'_>) -> Box<dyn P
 }
 
 struct TwoMultiplier {
-    /// What a float64 filter goes by: θ as it is stored.
+    /// Frame of the float64 filter: θ as it is stored.
     exact: LatticeFrame,
     frame: TwoMultiplierFrame,
     state: TwoMultiplierState,
@@ -42,7 +42,7 @@ struct TwoMultiplier {
 }
 
 struct Lattice16 {
-    /// What a float64 filter goes by: θ as it is stored.
+    /// Frame of the float64 filter: θ as it is stored.
     exact: LatticeFrame,
     frame: Lattice16Frame,
     state: Lattice16State,

@@ -7,18 +7,16 @@ use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
 use super::structure::{FilterStructure, Voice};
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::evaluation::evaluate::WARM_UP_S;
 use crate::evaluation::evaluate::rms;
-use crate::evaluation::stress::predictor;
 use crate::evaluation::stress::reference::{Deviation, FloatDirect, FloatLattice};
 use crate::support::error::{Error, Result};
+use crate::texture::stored::predictor;
+use model_format::SAMPLE_RATE_HZ;
 
-/// How much is left out before anything is compared, s: filters start from rest.
-const WARM_UP_S: f64 = 0.5;
-
-/// How long the float64 filter goes along after that, s.
+/// Duration of the float64 reference after that, s.
 const REFERENCE_S: f64 = 1.0;
 
 /// One node, played.
@@ -59,12 +57,12 @@ pub struct Still {
     pub saturations: u32,
 }
 
-/// How nodes are played.
+/// Options of playing nodes.
 #[derive(Clone, Copy, Debug)]
 pub struct Playing {
     /// Width of C's smoothing, Hz.
     pub smoothing_hz: f64,
-    /// How long each synthesis is, s.
+    /// Duration of each synthesis, s.
     pub synthesis_s: f64,
     /// Of the noise.
     pub seed: u64,
@@ -83,7 +81,7 @@ pub fn play(
     let library =
         Library::decode_uncertified(bytes).map_err(|failure| Error::Model(failure.to_string()))?;
     let texture = library.textures().next().expect("one was encoded");
-    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let in_samples = |seconds: f64| (seconds * rate_hz) as usize;
     let warm_up = in_samples(WARM_UP_S);
     let mut voice = Voice::new(structure, texture, playing.seed);

@@ -3,7 +3,8 @@
 use std::mem::size_of;
 
 use model_format::{OutputSample, Texture};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
+use stylus_costs::Structure;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::rotation::Rotation;
@@ -13,35 +14,37 @@ use stylus_kernel::{Motion, Synthesis};
 
 use crate::texture::quantise::StructureChoice;
 
-/// A structure and its word length.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+/// A structure and its word length, in the order of reports; the table of costs names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(into = "Structure")]
 pub enum FilterStructure {
     /// Direct form, stored in 16 bits and played in 32.
-    #[serde(rename = "direct_form_16")]
     DirectForm16,
     /// Direct form in 32 bits.
-    #[serde(rename = "direct_form_32")]
     DirectForm32,
     /// Two-multiplier lattice in 32 bits; not shipped.
-    #[serde(rename = "two_multiplier_lattice_32")]
     TwoMultiplierLattice32,
     /// Normalised lattice in 16 bits; not shipped.
-    #[serde(rename = "normalised_lattice_16")]
     NormalisedLattice16,
     /// Normalised lattice in 32 bits, the stylus's default.
-    #[serde(rename = "normalised_lattice_32")]
     NormalisedLattice32,
 }
 
 impl std::fmt::Display for FilterStructure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::DirectForm16 => "direct form, 16 bits",
-            Self::DirectForm32 => "direct form, 32 bits",
-            Self::TwoMultiplierLattice32 => "two-multiplier lattice, 32 bits",
-            Self::NormalisedLattice16 => "normalised lattice, 16 bits",
-            Self::NormalisedLattice32 => "normalised lattice, 32 bits",
-        })
+        f.write_str(Structure::from(*self).name())
+    }
+}
+
+impl From<FilterStructure> for Structure {
+    fn from(structure: FilterStructure) -> Self {
+        match structure {
+            FilterStructure::DirectForm16 => Self::DirectForm16,
+            FilterStructure::DirectForm32 => Self::DirectForm32,
+            FilterStructure::TwoMultiplierLattice32 => Self::TwoMultiplierLattice32,
+            FilterStructure::NormalisedLattice16 => Self::NormalisedLattice16,
+            FilterStructure::NormalisedLattice32 => Self::NormalisedLattice32,
+        }
     }
 }
 
@@ -65,12 +68,12 @@ impl FilterStructure {
         Self::NormalisedLattice32,
     ];
 
-    /// Whether it sums over past outputs.
+    /// Returns whether it sums over past outputs.
     pub fn is_direct(self) -> bool {
         matches!(self, Self::DirectForm16 | Self::DirectForm32)
     }
 
-    /// Whether the stylus plays it.
+    /// Returns whether the stylus plays it.
     pub fn is_shipped(self) -> bool {
         !matches!(
             self,
@@ -78,7 +81,7 @@ impl FilterStructure {
         )
     }
 
-    /// How its textures are stored: all lattices alike.
+    /// Returns the structure that its textures are stored in; all lattices share one.
     pub fn stored_as(self) -> StructureChoice {
         match self {
             Self::DirectForm16 => StructureChoice::Direct16,
@@ -88,7 +91,7 @@ impl FilterStructure {
     }
 
     /// Bytes of flash that a node's coefficients take in a library.
-    pub fn library_bytes_a_node(self, order: usize) -> usize {
+    pub fn library_bytes_per_node(self, order: usize) -> usize {
         order * self.stored_as().structure().coefficient_bytes()
     }
 
@@ -117,7 +120,7 @@ pub enum Voice<'a> {
     Lattice16(Box<Variant<'a, Lattice16Frame, Lattice16State>>),
 }
 
-/// What a variant needs to be played.
+/// A variant that is being played.
 pub struct Variant<'a, F, S> {
     texture: Texture<'a>,
     frame: F,
@@ -226,7 +229,7 @@ impl<'a> Voice<'a> {
         f64::from(self.next_sample().0) / f64::from(1u32 << OutputSample::FRACTION_BITS)
     }
 
-    /// How many samples were at full scale.
+    /// Returns the number of samples at full scale.
     pub fn saturations(&self) -> u32 {
         match self {
             Self::Shipped(synthesis) => synthesis.saturations(),

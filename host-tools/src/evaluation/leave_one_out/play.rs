@@ -1,22 +1,21 @@
 //! A model played by the device's kernel, and compared with a recording.
 
-use model_format::{Library, MillimetresPerSecond, Newton, Provenance, TextureSpec, limits};
+use model_format::{Library, MillimetresPerSecond, Newton, limits};
 use serde::Serialize;
 
-use super::Options;
+use super::options::Options;
 use crate::support::error::{Error, Result};
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::model::Model;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::BAND_COUNT;
+use crate::evaluation::evaluate::WARM_UP_S;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use crate::texture::grid::Grid;
-use crate::texture::quantise::{self, StructureChoice};
-
-/// How much of a synthesis is left out before it is compared, s: filters start from rest.
-const WARM_UP_S: f64 = 0.5;
+use crate::texture::library::uncertified_library;
+use crate::texture::quantise::StructureChoice;
+use model_format::SAMPLE_RATE_HZ;
 
 /// The place of the one node of a library made for a test; any in contact and in motion.
 const PLACE: (f32, f32) = (100.0, 1.0);
@@ -35,7 +34,7 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// What silence scores: everything of the recording is missing.
+    /// Returns the score of silence, which lacks everything of the recording.
     pub fn silence(widths: usize) -> Self {
         Self {
             cost: 1.0,
@@ -93,20 +92,7 @@ pub fn synthesis(
         forces_n: vec![PLACE.1],
         models: vec![model.clone()],
     };
-    let Ok(nodes) = quantise::nodes(NAME, &grid, structure) else {
-        return Ok(None);
-    };
-    let spec = TextureSpec {
-        name: NAME.into(),
-        sample_rate_hz: MODEL_RATE_HZ,
-        structure: structure.structure(),
-        provenance: Provenance::Simulated,
-        speed_axis_mm_s: grid.speeds_mm_s,
-        force_axis_n: grid.forces_n,
-        nodes,
-        cell_margins: Vec::new(),
-    };
-    let Ok(bytes) = model_format::encode_uncertified(&[spec]) else {
+    let Ok(bytes) = uncertified_library(NAME, &grid, structure) else {
         return Ok(None);
     };
     let library =
@@ -115,7 +101,7 @@ pub fn synthesis(
     let motion = MotionPath::constant(MillimetresPerSecond(PLACE.0), Newton(PLACE.1))?;
     let mut samples = render(texture, &motion, seconds + WARM_UP_S, seed)?.accelerations_m_s2();
     Ok(Some(samples.split_off(
-        (WARM_UP_S * f64::from(MODEL_RATE_HZ)) as usize,
+        (WARM_UP_S * f64::from(SAMPLE_RATE_HZ)) as usize,
     )))
 }
 
@@ -127,7 +113,7 @@ pub(super) fn judge(
     options: &Options,
     widths_hz: &[f64],
 ) -> Option<Judged> {
-    let rate_hz = f64::from(MODEL_RATE_HZ);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let cost = |width_hz| spectrum::spectral_cost(recorded, synthesised, rate_hz, width_hz);
     let (low_hz, high_hz) = crate::evaluation::evaluate::DISTANCE_RANGE_HZ;
     Some(Judged {

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{LeaveOneOut, Outcome, Row};
+use super::results::{LeaveOneOut, Outcome, Row};
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 
 /// A column of the paper's Table I.

@@ -19,11 +19,11 @@ pub struct Case {
     pub models: Vec<(NamedModel, f64)>,
     /// The motion.
     pub path: Path,
-    /// How many samples are driven.
+    /// Number of driven samples.
     pub samples: usize,
-    /// Whether a float64 filter goes along.
+    /// True if a float64 filter is compared.
     pub with_reference: bool,
-    /// Whether the direct forms are left out.
+    /// True if the direct forms are left out.
     pub lattice_only: bool,
 }
 
@@ -36,7 +36,7 @@ pub enum Path {
     Saw(usize),
     /// Anywhere on the grid and a little beyond, every so many samples.
     Random {
-        /// How many.
+        /// Number of them.
         every: usize,
         /// Of the motion, not of the noise.
         seed: u64,
@@ -44,7 +44,7 @@ pub enum Path {
 }
 
 impl Path {
-    /// Whether the motion changes at this sample.
+    /// Returns whether the motion changes at this sample.
     pub fn changes_at(&self, sample: usize) -> bool {
         match *self {
             Self::Still(..) => sample == 0,
@@ -98,7 +98,7 @@ impl Case {
         nodes.map(|(model, power)| (model, *power)).collect()
     }
 
-    /// Whether it is one node at rest.
+    /// Returns whether it is one node at rest.
     pub fn is_still(&self) -> bool {
         matches!(self.path, Path::Still(..)) && self.models.len() == 1
     }
@@ -109,7 +109,7 @@ impl Case {
         radii.fold(0.0, f64::max)
     }
 
-    /// How long to wait for silence, samples: long for lines that ring for long. Direct forms that move do not come to
+    /// Samples to wait for silence: many for lines that ring for long. Direct forms that move do not come to
     /// silence by waiting.
     pub fn rest_limit(&self, lattice: bool) -> usize {
         let narrow = self.pole_radius() > 0.999;
@@ -159,7 +159,7 @@ fn grids() -> Vec<(&'static str, Vec<(NamedModel, f64)>)> {
     ]
 }
 
-/// How much of the suite to run.
+/// The length of the suite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
     /// Every model and every grid, each as short as it says something: for every run of the tests.

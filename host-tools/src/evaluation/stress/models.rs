@@ -2,23 +2,24 @@
 
 use std::f64::consts::{PI, TAU};
 
-use model_format::{NodeFlags, Provenance, TextureSpec, encode_uncertified, limits};
+use model_format::{NodeFlags, limits};
 use realfft::num_complex::Complex;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::linear_prediction::Prediction;
 use crate::dsp::model::Model;
 use crate::dsp::with_planner;
-use crate::support::error::{Error, Result};
+use crate::support::error::Result;
 use crate::texture::grid::Grid;
-use crate::texture::quantise::{StructureChoice, nodes as quantised_nodes};
+use crate::texture::library::uncertified_library;
+use crate::texture::quantise::StructureChoice;
+use model_format::SAMPLE_RATE_HZ;
 
-const RATE_HZ: f64 = MODEL_RATE_HZ as f64;
+const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 
 /// A model by its reflection coefficients, with a name.
 #[derive(Clone, Debug)]
 pub struct NamedModel {
-    /// How the table calls it.
+    /// Name in tables.
     pub name: String,
     /// Reflection coefficients, the first stage first.
     pub reflection: Vec<f64>,
@@ -113,7 +114,7 @@ pub const FORCES_N: [f32; 2] = [0.5, 1.0];
 /// A library of one texture: of one node, or of four, speed-major, with their output powers, (m/s²)².
 ///
 /// # Errors
-/// What the structure cannot hold, as `fit` would tell.
+/// A model that the structure cannot hold, in the words of `fit`.
 pub fn library(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> Result<Vec<u8>> {
     let side = if nodes.len() == 1 { 1 } else { 2 };
     let model = |(model, power): &(&NamedModel, f64)| Model {
@@ -126,16 +127,6 @@ pub fn library(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> Resu
         forces_n: FORCES_N[..side].to_vec(),
         models: nodes.iter().map(model).collect(),
     };
-    let spec = TextureSpec {
-        name: "hard".to_owned(),
-        sample_rate_hz: MODEL_RATE_HZ,
-        structure: structure.structure(),
-        provenance: Provenance::Simulated,
-        speed_axis_mm_s: grid.speeds_mm_s.clone(),
-        force_axis_n: grid.forces_n.clone(),
-        nodes: quantised_nodes("hard", &grid, structure)?,
-        cell_margins: Vec::new(),
-    };
-    // Uncertified: what a direct form does where no certificate holds is what is to be seen.
-    encode_uncertified(&[spec]).map_err(|failure| Error::Model(failure.to_string()))
+    // Without a certificate, because the behaviour of an uncertified direct form is one of the results.
+    uncertified_library("hard", &grid, structure)
 }

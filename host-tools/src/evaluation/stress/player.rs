@@ -21,7 +21,7 @@ pub trait Player {
     fn newest(&self) -> i32;
     /// The sum of the state's squares.
     fn energy(&self) -> u128;
-    /// Whether any signal of the state is at an end of its range.
+    /// Returns whether any signal of the state is at an end of its range.
     fn is_at_full_scale(&self) -> bool;
     /// Puts full scale into every signal of the state, of either sign by chance.
     fn glitch(&mut self, noise: &mut Excitation);
@@ -150,7 +150,7 @@ mod tests {
     use model_format::{Library, MillimetresPerSecond, Newton};
     use stylus_kernel::Synthesis;
 
-    /// What is stressed is what is played, bit for bit.
+    /// The stressed filter and the played one give the same bits.
     #[test]
     fn a_player_and_a_synthesis_play_the_same() {
         let models = fixtures();

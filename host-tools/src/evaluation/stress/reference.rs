@@ -77,7 +77,7 @@ impl FloatDirect {
     }
 }
 
-/// How far a signal is from its reference.
+/// The difference of a signal from its reference.
 #[derive(Default)]
 pub struct Deviation {
     signal: f64,

@@ -4,9 +4,9 @@ use model_format::{Coefficients, THETA_STEP_RAD, Texture};
 use realfft::num_complex::Complex;
 
 use super::models::NamedModel;
-use super::predictor;
 use crate::dsp::linear_prediction::{error_share, step_up};
 use crate::dsp::with_planner;
+use crate::texture::stored::predictor;
 
 /// Frequencies from 0 to half the rate that are looked at, beside those near a model's strongest line.
 const POINTS: usize = 32_768;

@@ -1,4 +1,4 @@
-//! Which lines could be added to a grid, and what each promises.
+//! Lines that could be added to a grid, with the gain that each promises.
 
 use serde::Serialize;
 
@@ -11,10 +11,10 @@ use crate::texture::recorded_spectra::spectra::{NodeIndex, RecordedSpectra, TwoW
 /// The least gain of C that is worth a line: what cannot be told from the scatter of a recording.
 const LEAST_GAIN: f64 = 0.003;
 
-/// How often a gap may be divided: into two, and each half again.
+/// Divisions of a gap at most: into two, and each half again.
 const DIVISIONS: u32 = 2;
 
-/// What a line has in common.
+/// The axis along which the nodes of a line share their value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Direction {

@@ -13,7 +13,6 @@ mod lines;
 use model_format::{NodeFlags, TextureSpec, limits};
 use serde::Serialize;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::log_spectrum::LogSpectrum;
 use crate::dsp::model::Model;
 use crate::fit::{FittedTexture, Options};
@@ -23,7 +22,7 @@ use crate::texture::certificate;
 use crate::texture::domain::{Method, Neighbour};
 use crate::texture::grid::Grid;
 use crate::texture::grid::as_written;
-use crate::texture::quantise::nodes as quantised_nodes;
+use crate::texture::library::texture_spec;
 use crate::texture::recorded_spectra::recorded_spectra;
 use crate::texture::recorded_spectra::spectra::{NodeIndex, RecordedSpectra, TwoWays};
 
@@ -40,7 +39,7 @@ const HEADER_BYTES: usize = 64 + limits::MAX_NAME_BYTES;
 pub struct AddedLine {
     /// The texture.
     pub texture: String,
-    /// Whether it is of one speed or of one force.
+    /// The axis that the line's value belongs to.
     pub direction: Direction,
     /// The speed, mm/s, or the force, N.
     pub value: f32,
@@ -48,7 +47,7 @@ pub struct AddedLine {
     pub promised_gain: f64,
 }
 
-/// What densifying gives.
+/// A denser grid per texture.
 #[derive(Clone, Debug)]
 pub struct Densified {
     /// The textures, ready to be encoded.
@@ -111,16 +110,12 @@ pub fn densify(
         .iter()
         .zip(&grids)
         .map(|(texture, grid)| {
-            certificate::certified(TextureSpec {
-                name: texture.name.clone(),
-                sample_rate_hz: MODEL_RATE_HZ,
-                structure: options.structure.structure(),
-                provenance: texture.provenance,
-                speed_axis_mm_s: grid.speeds_mm_s.clone(),
-                force_axis_n: grid.forces_n.clone(),
-                nodes: quantised_nodes(&texture.name, grid, options.structure)?,
-                cell_margins: Vec::new(),
-            })
+            certificate::certified(texture_spec(
+                &texture.name,
+                texture.provenance,
+                grid,
+                options.structure,
+            )?)
         })
         .collect::<Result<Vec<_>>>()?;
     model_format::encode(&specs)

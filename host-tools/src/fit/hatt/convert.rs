@@ -4,12 +4,11 @@
 //! in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`]: no power to speak of, and no edge that a model would
 //! ring at.
 
-use model_format::{NodeFlags, Provenance, Structure, TextureSpec, limits};
+use model_format::{NodeFlags, Provenance, TextureSpec, limits};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::read::{ArmaModel, Toolkit};
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::line_spectral_frequencies as line_spectrum;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::log_spectrum::{BINS, LogSpectrum, STEP_HZ};
@@ -18,15 +17,17 @@ use crate::dsp::spectrum::{BAND_COUNT, band_edges_hz};
 use crate::support::error::{Error, Result};
 use crate::texture::certificate;
 use crate::texture::grid::Grid;
-use crate::texture::quantise::{StructureChoice, nodes as quantised_nodes};
+use crate::texture::library::texture_spec;
+use crate::texture::quantise::StructureChoice;
+use model_format::SAMPLE_RATE_HZ;
 
-/// How fast the spectrum falls where the models say nothing.
+/// Slope of the spectrum where the models say nothing.
 pub const ROLL_OFF_DB_PER_OCTAVE: f64 = 48.0;
 
 /// Worst error of a third octave that the order of a node may leave, dB.
 const ECONOMY_DB: f64 = 0.5;
 
-/// How many nodes the rectangle has.
+/// Numbers of nodes of the rectangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Speeds, evenly from the highest down to a share of it, the lowest above zero.
@@ -50,7 +51,7 @@ pub struct ConvertedNode {
     pub worst_band_db: Option<f64>,
     /// Error of the level within the models' own band, dB; none of silence.
     pub level_db: Option<f64>,
-    /// Whether the place lies outside of all triangles and took over the nearest place within.
+    /// True for a place outside of all triangles, which takes over the nearest place within.
     pub is_extrapolated: bool,
 }
 
@@ -117,16 +118,8 @@ pub fn convert(name: &str, toolkit: &Toolkit, options: &Options) -> Result<Conve
         forces_n,
         models,
     };
-    let spec = certificate::certified(TextureSpec {
-        name: name.to_owned(),
-        sample_rate_hz: MODEL_RATE_HZ,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Recorded,
-        nodes: quantised_nodes(name, &grid, StructureChoice::Lattice)?,
-        speed_axis_mm_s: grid.speeds_mm_s,
-        force_axis_n: grid.forces_n,
-        cell_margins: Vec::new(),
-    })?;
+    let spec = texture_spec(name, Provenance::Recorded, &grid, StructureChoice::Lattice)?;
+    let spec = certificate::certified(spec)?;
     Ok(Converted { spec, nodes })
 }
 
@@ -260,7 +253,7 @@ fn at_stylus_rate(
     let poles = line_spectrum::log_spectrum(lines, BINS);
     let nyquist_hz = 0.5 * toolkit.sample_rate_hz;
     // The same density in (m/s²)²/Hz is a larger one a sample at a higher rate.
-    let rates = f64::from(MODEL_RATE_HZ) / toolkit.sample_rate_hz;
+    let rates = f64::from(SAMPLE_RATE_HZ) / toolkit.sample_rate_hz;
     let value = |frequency_hz: f64| {
         let share = (frequency_hz / nyquist_hz).min(1.0);
         let omega = std::f64::consts::PI * share;
@@ -333,7 +326,7 @@ mod tests {
         let spectrum = spectrum(&toolkit, &vec![(2, 1.0)]).unwrap();
         for frequency_hz in [30.0, 100.0, 250.0, 480.0] {
             let wanted = 0.04 / response([-1.2, 0.8], frequency_hz) / 1000.0;
-            let density = spectrum.at(frequency_hz / STEP_HZ).exp() / f64::from(MODEL_RATE_HZ);
+            let density = spectrum.at(frequency_hz / STEP_HZ).exp() / f64::from(SAMPLE_RATE_HZ);
             assert!(
                 (density / wanted - 1.0).abs() < 0.02,
                 "{frequency_hz}: {density} {wanted}"

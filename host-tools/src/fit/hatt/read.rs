@@ -8,7 +8,7 @@ use crate::dsp::line_spectral_frequencies as line_spectrum;
 use crate::dsp::linear_prediction::step_down;
 use crate::support::error::{Error, Result};
 
-/// How far line spectral frequencies of the file may be from those of its coefficients, rad.
+/// Largest difference between line spectral frequencies of the file and those of its coefficients, rad.
 const LSF_TOLERANCE_RAD: f64 = 0.01;
 
 /// Most numbers that one list may have; more is no model file.
@@ -17,7 +17,7 @@ const MOST_NUMBERS: usize = 100_000;
 /// A file's models.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Toolkit {
-    /// Samples a second at which the models hold.
+    /// Samples per second at which the models hold.
     pub sample_rate_hz: f64,
     /// Highest speed of the recordings, mm/s.
     pub max_speed_mm_s: f64,
@@ -29,7 +29,7 @@ pub struct Toolkit {
     pub models: Vec<ArmaModel>,
     /// Corners of triangles, as indices of `models`.
     pub triangles: Vec<[usize; 3]>,
-    /// What was left out and why.
+    /// Parts that were left out, with the reason.
     pub warnings: Vec<String>,
 }
 
@@ -56,7 +56,7 @@ pub struct ArmaModel {
 /// or in that of its children, separated by blanks or commas. An element with a child `ARcoeff` is a model.
 ///
 /// # Errors
-/// What makes the file unusable, with its line.
+/// A fault that makes the file unusable, with its line.
 pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     let document = Document::parse(text).map_err(|failure| {
         let problem = format!("is not well-formed XML: {failure}");

@@ -1,7 +1,7 @@
 //! Lines of the mains, and their distinction from lines of a texture.
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::autocorrelation::Autocorrelation;
+use model_format::SAMPLE_RATE_HZ;
 
 /// Least level of a mains line above its surroundings, dB.
 pub const HUM_RATIO_DB: f64 = 20.0;
@@ -13,7 +13,7 @@ const MAINS_HZ: [f64; 2] = [50.0, 60.0];
 ///
 /// A line of the texture can coincide with a mains frequency at one speed; [`confirmed_hum`] distinguishes the two.
 pub fn mains_line(autocorrelation: &Autocorrelation) -> Option<f64> {
-    let bin_hz = f64::from(MODEL_RATE_HZ) / autocorrelation.transform_length as f64;
+    let bin_hz = f64::from(SAMPLE_RATE_HZ) / autocorrelation.transform_length as f64;
     let power = &autocorrelation.power;
     let bins = |from_hz: f64, to_hz: f64| {
         let from = (from_hz / bin_hz).round() as usize;

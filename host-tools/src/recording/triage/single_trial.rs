@@ -1,8 +1,8 @@
 //! Verdicts on a trial that need no other trial: length, sample rate, clipping and drift.
 
 use super::verdict::Verdict;
-use crate::dsp::MODEL_RATE_HZ;
 use crate::recording::samples::Samples;
+use model_format::SAMPLE_RATE_HZ;
 
 /// Number of samples below which a trial is too short: 0.4 s at 5 kHz.
 pub const SHORT_SAMPLES: usize = 2000;
@@ -25,7 +25,7 @@ pub fn samples(samples: &Samples) -> Vec<Verdict> {
     if count < SHORT_SAMPLES {
         verdicts.push(Verdict::TooShort { samples: count });
     }
-    if source_rate_hz < f64::from(MODEL_RATE_HZ) {
+    if source_rate_hz < f64::from(SAMPLE_RATE_HZ) {
         verdicts.push(Verdict::WrongRate {
             rate_hz: source_rate_hz,
         });

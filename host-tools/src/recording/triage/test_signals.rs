@@ -2,9 +2,9 @@
 
 use rand::{RngExt, SeedableRng};
 
-use crate::dsp::MODEL_RATE_HZ;
+use model_format::SAMPLE_RATE_HZ;
 
-pub const RATE_HZ: f64 = MODEL_RATE_HZ as f64;
+pub const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 
 pub fn noise(seed: u64) -> Vec<f64> {
     let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);

@@ -16,7 +16,7 @@ const SHADE: RGBColor = RGBColor(222, 235, 247);
 /// ([`crate::dsp::spectrum::band_errors_db`]), with the range shaded in which skin tells no difference.
 ///
 /// # Errors
-/// That the picture cannot be laid out.
+/// A picture that cannot be laid out.
 pub fn band_error_chart(
     caption: &Caption<'_>,
     errors_db: &[Option<f64>; BAND_COUNT],

@@ -1,4 +1,4 @@
-//! What all pictures share: size, colours, lettering, heading, legend and axes.
+//! The parts that all pictures share: size, colours, lettering, heading, legend and axes.
 //!
 //! plotters draws at whole pixels, which is coarse for a curve, so pictures are drawn [`SCALE`] times as large as they
 //! are shown.
@@ -17,10 +17,10 @@ use crate::support::error::{Error, Result};
 /// Pixels drawn for a pixel shown.
 const SCALE: u32 = 2;
 
-/// What a picture is drawn on.
+/// The area that a picture is drawn on.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// What drawing gives; it fails only where a picture is laid out wrongly.
+/// The result of drawing, which fails only where a picture is laid out wrongly.
 pub type Drawn<T = ()> = std::result::Result<T, Box<dyn StdError>>;
 
 /// Colours of Okabe and Ito, told apart with any colour vision, on white.
@@ -87,7 +87,7 @@ pub fn text_width(text: &str, shown: u32) -> i32 {
 /// Makes a picture: its heading, and below it what `draw` draws.
 ///
 /// # Errors
-/// That plotters cannot lay it out.
+/// A picture that plotters cannot lay out.
 pub fn picture(
     caption: &Caption<'_>,
     (width, height): (u32, u32),
@@ -136,7 +136,7 @@ fn shown_at_size(drawn: &str, width: u32, height: u32) -> String {
     )
 }
 
-/// How an entry of a legend looks beside its text.
+/// The symbol of a legend's entry.
 #[derive(Clone, Copy)]
 pub enum Swatch {
     /// A piece of line, dashed or not.
@@ -256,11 +256,11 @@ pub struct Axis<'a> {
     pub range: Range<f64>,
     /// The quantity with its unit; empty where a neighbour's axis tells.
     pub quantity: &'a str,
-    /// What stands along it.
+    /// Ticks along it.
     pub ticks: Ticks<'a>,
 }
 
-/// What stands along an axis.
+/// The quantity along an axis.
 pub enum Ticks<'a> {
     /// About so many numbers, at round values.
     Numbers(usize),

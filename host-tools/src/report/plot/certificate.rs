@@ -9,7 +9,7 @@ use super::canvas::{
 use super::grid::{is_dark, labels_apart, mixed};
 use super::{Caption, Svg};
 use crate::support::error::{Error, Result};
-use crate::texture::certificate::{Cell, Finding, Report};
+use crate::texture::certificate::{Cell, Certification, Finding};
 
 const WHITISH: RGBColor = RGBColor(247, 247, 247);
 const DARK: RGBColor = RGBColor(8, 48, 107);
@@ -23,8 +23,8 @@ const DECADES: f64 = 5.0;
 /// Cells are of one size, whatever the steps of the axes, which stand at the cells' borders.
 ///
 /// # Errors
-/// That the picture cannot be laid out.
-pub fn certificate_map(caption: &Caption<'_>, report: &Report) -> Result<Svg> {
+/// A picture that cannot be laid out.
+pub fn certificate_map(caption: &Caption<'_>, report: &Certification) -> Result<Svg> {
     let direct = |cell: &Cell| matches!(cell.finding, Finding::Direct { .. });
     let Some(first) = report.cells.first() else {
         return Err(Error::Request("a map needs a cell to show".to_owned()));
@@ -101,14 +101,14 @@ fn draw_cell(area: &Area<'_>, place: [(i32, i32); 2], cell: &Cell) -> Drawn {
     Ok(())
 }
 
-/// Where cells are, in drawn pixels.
+/// Places of cells, in drawn pixels.
 struct Layout {
     columns: usize,
     rows: usize,
 }
 
 impl Layout {
-    fn new(report: &Report) -> Self {
+    fn new(report: &Certification) -> Self {
         let cells = |axis: &[f32]| (axis.len() - 1).max(1);
         Self {
             columns: cells(&report.speeds_mm_s),
@@ -135,7 +135,7 @@ impl Layout {
         ]
     }
 
-    fn draw_axes(&self, area: &Area<'_>, report: &Report) -> Drawn {
+    fn draw_axes(&self, area: &Area<'_>, report: &Certification) -> Drawn {
         let small = centred(TEXT, INK);
         // An axis of one value has it in the middle of its one cell.
         let between = |low: i32, high: i32, alone: bool| {
@@ -183,7 +183,7 @@ mod tests {
     use super::*;
     use crate::texture::certificate::{Point, Stored};
 
-    fn report(columns: usize, rows: usize, finding: impl Fn(usize) -> Finding) -> Report {
+    fn report(columns: usize, rows: usize, finding: impl Fn(usize) -> Finding) -> Certification {
         let axis = |cells: usize| -> Vec<f32> { (0..=cells).map(|v| v as f32 * 20.0).collect() };
         let (speeds_mm_s, forces_n) = (axis(columns), axis(rows));
         let cells = (0..columns * rows).map(|index| Cell {
@@ -191,7 +191,7 @@ mod tests {
             forces_n: [forces_n[index % rows], forces_n[index % rows + 1]],
             finding: finding(index),
         });
-        Report {
+        Certification {
             texture: "test".to_owned(),
             structure: "direct form".to_owned(),
             simulated: true,

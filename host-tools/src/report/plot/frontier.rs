@@ -9,12 +9,12 @@ use super::canvas::{
 use super::{Caption, Svg};
 use crate::support::error::Result;
 
-/// What stands along an axis.
+/// The quantity along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantity<'a> {
     /// Its name with its unit.
     name: &'a str,
-    /// Whether equal ratios are equal steps.
+    /// True if equal ratios are equal steps.
     in_octaves: bool,
 }
 
@@ -43,11 +43,11 @@ pub struct FrontPoint {
     pub x: f64,
     /// Along the vertical axis.
     pub y: f64,
-    /// What is written beside it; nothing for none.
+    /// Label beside it; empty for none.
     pub label: String,
-    /// Whether it is ringed.
+    /// True for a point with a ring.
     pub on_front: bool,
-    /// Whether the line of its series goes through it.
+    /// True for a point on the line of its series.
     pub joined: bool,
 }
 
@@ -56,16 +56,16 @@ pub struct FrontPoint {
 pub struct FrontSeries {
     /// Their name.
     pub name: String,
-    /// What is not finite is left out.
+    /// Points; those that are not finite are left out.
     pub points: Vec<FrontPoint>,
-    /// Whether they are drawn dashed.
+    /// True for a dashed line.
     pub dashed: bool,
 }
 
 /// Series of choices over two quantities, those on the Pareto front ringed.
 ///
 /// # Errors
-/// That the picture cannot be laid out.
+/// A picture that cannot be laid out.
 pub fn front_chart(
     caption: &Caption<'_>,
     (x, y): (Quantity<'_>, Quantity<'_>),
@@ -144,7 +144,7 @@ pub fn front_chart(
     })
 }
 
-/// How a quantity lies along its axis.
+/// The scale of an axis.
 enum Scale {
     Even,
     /// Octaves from 2^`lowest` on, one for each name.

@@ -22,18 +22,18 @@ pub struct GridMap<'a> {
     pub forces_n: &'a [f64],
     /// Speed-major, as many as there are speeds times forces.
     pub cells: &'a [GridCell],
-    /// What the values are, with their unit.
+    /// Name of the values, with their unit.
     pub quantity: &'a str,
     /// Digits after the point of the values written.
     pub decimals: usize,
 }
 
-/// What is shown of one node.
+/// One node of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridCell {
     /// The value, where there is one.
     pub value: Option<f64>,
-    /// What is to be known about the node; it is marked.
+    /// Flags of the node, which are marked.
     pub flags: NodeFlags,
 }
 
@@ -125,7 +125,7 @@ fn draw_cell(
     Ok(())
 }
 
-/// Where cells are, in drawn pixels. All are of one size: axes need not have equal steps.
+/// Places of cells, in drawn pixels. All have one size, because axes need not have equal steps.
 struct Layout {
     left: i32,
     top: i32,
@@ -290,12 +290,12 @@ pub(super) fn mixed(from: RGBColor, to: RGBColor, part: f64) -> RGBColor {
     RGBColor(mix(from.0, to.0), mix(from.1, to.1), mix(from.2, to.2))
 }
 
-/// Whether white is easier to read on a colour than ink.
+/// Returns whether white is easier to read on a colour than ink.
 pub(super) fn is_dark(colour: RGBColor) -> bool {
     luma(colour) < 140.0
 }
 
-/// How bright a colour looks, 0 to 255: the luma of ITU-R BT.601.
+/// Returns the brightness of a colour, 0 to 255: the luma of ITU-R BT.601.
 fn luma(RGBColor(red, green, blue): RGBColor) -> f64 {
     0.299 * f64::from(red) + 0.587 * f64::from(green) + 0.114 * f64::from(blue)
 }

@@ -29,12 +29,12 @@ pub use scene::{SceneRegion, SceneView, scene};
 pub use spectra::{SpectraView, time_and_frequency};
 pub use spectrogram::spectrograms;
 
-/// What is written above a picture.
+/// The heading of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Caption<'a> {
-    /// What the picture shows.
+    /// Title of the picture.
     pub title: &'a str,
-    /// Whether anything in it comes from the rig simulator; the picture then says so in its corner.
+    /// True if anything in it comes from the rig simulator; the picture then says so in its corner.
     pub simulated: bool,
 }
 
@@ -58,7 +58,7 @@ impl Svg {
     /// Writes the picture into a file, whole or not at all.
     ///
     /// # Errors
-    /// That the file cannot be written.
+    /// A file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, self.0.as_bytes())
     }

@@ -12,7 +12,7 @@ use crate::support::error::Result;
 /// The cost of one recording's or texture's models by their order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OrderSeries<'a> {
-    /// What the models are of.
+    /// Name of the series.
     pub name: &'a str,
     /// (order, cost C as a fraction), orders ascending.
     pub costs: &'a [(usize, f64)],
@@ -23,7 +23,7 @@ pub struct OrderSeries<'a> {
 /// The paper's figure 8: cost against order, for several surfaces, with the chosen orders ringed.
 ///
 /// # Errors
-/// That the picture cannot be laid out.
+/// A picture that cannot be laid out.
 pub fn order_against_cost(caption: &Caption<'_>, series: &[OrderSeries<'_>]) -> Result<Svg> {
     // Past the last colour they come again, dashed.
     const COLOURS: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];

@@ -12,7 +12,7 @@ use crate::support::error::Result;
 /// the other and to the same scale.
 ///
 /// # Errors
-/// That the picture cannot be laid out.
+/// A picture that cannot be laid out.
 pub fn forward_prediction(
     caption: &Caption<'_>,
     recorded: &[f64],
@@ -77,7 +77,7 @@ pub fn forward_prediction(
 /// `nodes` are speed (mm/s), force (N) and variance, (m/s²)²; `motion` goes through speeds and forces.
 ///
 /// # Errors
-/// That the picture cannot be laid out.
+/// A picture that cannot be laid out.
 pub fn grid_and_motion(
     caption: &Caption<'_>,
     nodes: &[(f64, f64, f64)],

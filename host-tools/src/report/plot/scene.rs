@@ -29,26 +29,26 @@ const SURFACES: [RGBColor; 6] = [BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION];
 /// A stretch of the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneRegion {
-    /// Where it begins, mm.
+    /// Its beginning, mm.
     pub start_mm: f64,
-    /// Where it ends, mm.
+    /// Its end, mm.
     pub end_mm: f64,
-    /// Which surface it is.
+    /// Index of its surface.
     pub surface: usize,
 }
 
-/// What is drawn of a scene.
+/// The parts of a scene that are drawn.
 #[derive(Clone, Debug)]
 pub struct SceneView<'a> {
-    /// What the surfaces are called.
+    /// Names of the surfaces.
     pub surface_names: &'a [String],
-    /// Where they lie; none is the first everywhere.
+    /// Regions; without any, the first surface lies everywhere.
     pub regions: &'a [SceneRegion],
-    /// What the hand does from 0 s on.
+    /// Motion of the hand from 0 s on.
     pub hand: Hand<'a>,
-    /// What is played, m/s².
+    /// Samples that are played, m/s².
     pub samples_m_s2: &'a [f64],
-    /// Its samples a second.
+    /// Its samples per second.
     pub rate_hz: f64,
     /// Highest frequency of the spectrogram, Hz.
     pub highest_hz: f64,

@@ -11,7 +11,7 @@ use crate::dsp::spectrum;
 use crate::dsp::spectrum::{DEFAULT_SMOOTHING_WIDTH_HZ, smoothed_amplitude};
 use crate::support::error::{Error, Result};
 
-/// How much of two signals is shown.
+/// The part of two signals that is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpectraView {
     /// Duration of the excerpt in time, s, from the middle of the signals.

@@ -1,4 +1,4 @@
-//! How a recording's and a synthesis' spectra go on in time, side by side.
+//! Spectrograms of a recording and its synthesis, side by side.
 
 use std::f64::consts::TAU;
 

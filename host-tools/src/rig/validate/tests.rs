@@ -1,10 +1,13 @@
-//! What a scene may say, and how it is told what it may not.
+//! Checks of rig files: values in and out of range.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use super::*;
+use crate::rig::RigFile;
+use crate::support::error::Result;
 
-/// A scene with every section; the tests break one line each.
+/// A rig file with every section; the tests break one line each.
 const WHOLE: &str = r#"name = "test"
 
 [recording]
@@ -67,11 +70,11 @@ rms_m_s2 = [0.1, 0.1, 0.1]
 [measurement.clipping]
 "#;
 
-fn read(text: &str) -> Result<Description> {
-    parse(Path::new("my.toml"), text)
+fn read(text: &str) -> Result<RigDescription> {
+    RigFile::from_toml(Path::new("my.toml"), text).map(|rig| rig.description().clone())
 }
 
-/// The line of the scene as it should be that starts with `start`.
+/// The number of the line of [`WHOLE`] that starts with `start`.
 fn line_of_start(start: &str) -> usize {
     1 + WHOLE
         .lines()
@@ -88,7 +91,7 @@ fn a_whole_scene_is_read_with_its_defaults() {
     assert_eq!(description.textures[0].roughness, None);
 }
 
-/// A line of the scene, what takes its place, and the field that the error must name.
+/// A line of the rig file, what takes its place, and the field that the error must name.
 const OUT_OF_RANGE: &[(&str, &str, &str)] = &[
     ("name = \"test\"", "name = \"\"", "name"),
     (
@@ -324,8 +327,8 @@ fn lists_that_are_too_long_or_empty_are_refused() {
         assert_eq!(read(&text).is_ok(), fits, "{count}");
     }
     let (head, _) = WHOLE.split_once("[[texture]]").unwrap();
-    let head_of_scene = head.replacen("[recording]", "texture = []\n\n[recording]", 1);
-    let message = read(&head_of_scene).unwrap_err().to_string();
+    let head_alone = head.replacen("[recording]", "texture = []\n\n[recording]", 1);
+    let message = read(&head_alone).unwrap_err().to_string();
     assert!(
         message.contains("line 3: texture: must have 1 to 32"),
         "{message}"

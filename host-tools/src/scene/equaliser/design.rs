@@ -1,4 +1,4 @@
-//! The fit of sections to the inverse of a response.
+//! Fit of sections to the inverse of a response.
 
 use model_format::scene::Biquad;
 use model_format::scene::limits::{MAX_EQUALISER_GAIN, MAX_SECTIONS};
@@ -8,81 +8,82 @@ use serde::Serialize;
 use super::section::{MAX_SECTION_GAIN_DB, Section, SectionKind, stored_level_db};
 use super::{Fault, Response};
 
-/// Limit on the gain where a scene names none, dB.
+/// Default of the limit on the gain, dB.
 pub const DEFAULT_MAX_GAIN_DB: f64 = 12.0;
 
-/// Frequencies at which the level is fitted.
+/// Number of frequencies at which the level is fitted.
 const POINTS: usize = 200;
 
-/// Highest frequency that a section can be put to, as a share of the sample rate.
+/// Highest frequency of a section, as a share of the sample rate.
 const HIGHEST_SHARE: f64 = 0.45;
 
-/// What a section more must take off the RMS deviation, dB: each costs instructions in every tick.
-const LEAST_GAIN_OF_A_SECTION_DB: f64 = 0.05;
+/// Least reduction of the RMS deviation by one more section, dB, because each section costs instructions in every tick.
+const LEAST_REDUCTION_PER_SECTION_DB: f64 = 0.05;
 
-/// Rounds of Levenberg-Marquardt after each section.
+/// Iterations of Levenberg-Marquardt after each section.
 const ROUNDS: usize = 60;
 
-/// Quality factors of fitted sections: above, a peak is narrower than what a response tells; a shelf above 1 overshoots.
+/// Quality factors of fitted peaks. Above, a peak is narrower than the resolution of a response.
 const PEAKING_QS: [f64; 2] = [0.3, 12.0];
 
-/// See [`PEAKING_QS`].
+/// Quality factors of fitted shelves. Above 1, a shelf overshoots.
 const SHELF_QS: [f64; 2] = [0.3, 1.0];
 
-/// What is asked of an equaliser.
+/// Requirements on an equaliser.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Request {
-    /// Most gain at any frequency, dB.
+    /// Largest gain at any frequency, dB.
     pub max_gain_db: f64,
-    /// Most sections.
+    /// Largest number of sections.
     pub max_sections: usize,
-    /// Where the band begins, Hz; the response's lowest frequency if none.
+    /// Lower edge of the band, Hz; the response's lowest frequency if none.
     pub lowest_hz: Option<f64>,
-    /// Where it ends, Hz; the response's highest frequency or what the sample rate allows if none.
+    /// Upper edge of the band, Hz; the response's highest frequency, or the highest that the sample rate allows, if
+    /// none.
     pub highest_hz: Option<f64>,
 }
 
-/// An equaliser that was found.
+/// A fitted equaliser.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Design {
-    /// Its sections, those that lower first, so that nothing saturates between them.
+    /// The sections in ascending order of gain, so that no level between them saturates.
     pub sections: Vec<Section>,
-    /// The same, as they are stored.
+    /// The stored forms of the sections.
     #[serde(skip)]
     pub biquads: Vec<Biquad>,
-    /// The band that is undone, Hz.
+    /// Edges of the equalised band, Hz.
     pub band_hz: [f64; 2],
-    /// The response's mean level over it, dB.
+    /// Mean level of the response over the band, dB.
     pub mean_level_db: f64,
     /// Largest gain at any frequency, dB.
     pub max_gain_db: f64,
-    /// How far the response is from flat.
+    /// Deviation of the response from flat.
     pub before: Deviation,
-    /// How far response and equaliser together are from flat, computed from what is stored.
+    /// Deviation of response and stored equaliser together from flat.
     pub after: Deviation,
-    /// How far they would be if only the limit on the gain were in the way.
+    /// Deviation that the limit on the gain alone would leave.
     pub limit_leaves: Deviation,
     /// Levels over the band.
     pub curve: Vec<CurvePoint>,
 }
 
-/// How far a level is from its mean over the band, evenly over the logarithm of the frequency.
+/// Deviation of a level from its mean over the band, with even weight over the logarithm of the frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Deviation {
-    /// Root of the mean square, dB.
+    /// Root mean square, dB.
     pub rms_db: f64,
-    /// Largest, dB.
+    /// Largest magnitude, dB.
     pub largest_db: f64,
 }
 
 /// Levels at one frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CurvePoint {
-    /// The frequency, Hz.
+    /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// The response, about its mean, dB.
+    /// Level of the response relative to its mean, dB.
     pub response_db: f64,
-    /// The equaliser, dB.
+    /// Level of the equaliser, dB.
     pub equaliser_db: f64,
 }
 
@@ -102,10 +103,10 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Finds the equaliser that undoes `response` at `rate_hz`.
+/// Fits the equaliser that inverts `response` at the sample rate `rate_hz`.
 ///
 /// # Errors
-/// A limit, a count or a band that cannot be.
+/// A limit, a count or a band out of its range.
 pub fn design(response: &Response, rate_hz: f64, request: &Request) -> Result<Design, Fault> {
     let band_hz = check(response, rate_hz, request)?;
     let [low, high] = band_hz.map(f64::ln);
@@ -129,7 +130,7 @@ pub fn design(response: &Response, rate_hz: f64, request: &Request) -> Result<De
         target: &target,
     };
     let mut sections = fit.sections(request.max_sections);
-    // Whatever lowers comes first, so that no partial gain is above the final one for long.
+    // Ascending gains, so that the partial products of the cascade stay low.
     sections.sort_by(|a, b| a.gain_db.total_cmp(&b.gain_db));
     let (sections, biquads) = within_limits(&sections, rate_hz, request.max_gain_db);
     let of_all = |frequency_hz: f64| -> f64 {
@@ -196,14 +197,16 @@ fn check(response: &Response, rate_hz: f64, request: &Request) -> Result<[f64; 2
     let known = first..=last;
     if request.lowest_hz.is_some() && !(known.contains(&low) && low >= 0.0002 * rate_hz) {
         let problem = format!(
-            "is {low}; the response is told from {first} to {last} Hz, and at {rate_hz} Hz there is nothing to be done below {} Hz",
+            "is {low}; it must be within the response, {first} to {last} Hz, and at a sample rate of {rate_hz} Hz at \
+             least {} Hz",
             0.0002 * rate_hz
         );
         return Err(Fault::new("lowest_hz", problem));
     }
     if request.highest_hz.is_some() && !(known.contains(&high) && high <= most) {
         let problem = format!(
-            "is {high}; the response is told from {first} to {last} Hz, and at {rate_hz} Hz there is nothing to be done above {most} Hz"
+            "is {high}; it must be within the response, {first} to {last} Hz, and at a sample rate of {rate_hz} Hz at \
+             most {most} Hz"
         );
         return Err(Fault::new("highest_hz", problem));
     }
@@ -222,9 +225,9 @@ fn check(response: &Response, rate_hz: f64, request: &Request) -> Result<[f64; 2
     Ok([low, high])
 }
 
-/// The sections, with their gains all lowered by as much as it takes to keep the limits, and as they are stored.
+/// The sections with all gains scaled down until the limits hold, and their stored forms.
 ///
-/// At no gain they are the identity, which keeps them, so that there is such an amount.
+/// A solution exists, because sections of zero gain are the identity, which is within the limits.
 fn within_limits(
     sections: &[Section],
     rate_hz: f64,
@@ -260,10 +263,10 @@ fn within_limits(
     best
 }
 
-/// Whether poles are within the format's limit, the cascade within `max_gain_db`, and all up to each section within the
-/// format's largest gain.
+/// Returns true if the poles are within the format's limit, the cascade within `max_gain_db`, and each section and each
+/// partial cascade within the format's largest gain.
 fn keeps_limits(biquads: &[Biquad], rate_hz: f64, max_gain_db: f64) -> bool {
-    /// What rounding to stored steps may add.
+    /// Largest gain added by round-off to the stored form, dB.
     const ROUNDING_DB: f64 = 1e-3;
     let format_db = 20.0 * MAX_EQUALISER_GAIN.log10() - 0.05;
     biquads.iter().all(Biquad::poles_are_within_limit)
@@ -279,13 +282,13 @@ fn keeps_limits(biquads: &[Biquad], rate_hz: f64, max_gain_db: f64) -> bool {
         })
 }
 
-/// Frequencies over all of the band, denser where they are low.
+/// Frequencies from 0 to half the sample rate, denser at low frequencies.
 fn everywhere(rate_hz: f64) -> impl Iterator<Item = f64> {
     const INTERVALS: u32 = 2000;
     (0..=INTERVALS).map(move |n| 0.5 * rate_hz * (f64::from(n) / f64::from(INTERVALS)).powi(3))
 }
 
-/// The levels that sections are to have.
+/// A fit of sections to target levels, dB.
 struct Fit<'a> {
     rate_hz: f64,
     band_hz: [f64; 2],
@@ -294,7 +297,7 @@ struct Fit<'a> {
 }
 
 impl Fit<'_> {
-    /// At most `most` sections, found one by one.
+    /// Fits up to `most` sections, one by one.
     fn sections(&self, most: usize) -> Vec<Section> {
         let mut sections: Vec<Section> = Vec::new();
         let mut error = self.error(&self.residual(&sections));
@@ -310,7 +313,7 @@ impl Fit<'_> {
                 .filter(|(error, _)| error.is_finite())
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             let Some((found, better)) = best else { break };
-            if found > error - LEAST_GAIN_OF_A_SECTION_DB {
+            if found > error - LEAST_REDUCTION_PER_SECTION_DB {
                 break;
             }
             (sections, error) = (better, found);
@@ -318,7 +321,7 @@ impl Fit<'_> {
         sections
     }
 
-    /// A section of each kind where it may help most.
+    /// One section of each kind, at the frequency where it can lower the residual most.
     fn candidates(&self, sections: &[Section]) -> [Section; 3] {
         let residual = self.residual(sections);
         let worst = (0..residual.len())
@@ -351,7 +354,7 @@ impl Fit<'_> {
         ]
     }
 
-    /// What is still missing, dB, at each frequency.
+    /// Residual at each frequency, dB.
     fn residual(&self, sections: &[Section]) -> DVector<f64> {
         let levels = self
             .frequencies
@@ -364,17 +367,17 @@ impl Fit<'_> {
         DVector::from_iterator(self.frequencies.len(), levels)
     }
 
-    /// Its RMS, dB.
+    /// RMS of a residual, dB.
     fn error(&self, residual: &DVector<f64>) -> f64 {
         residual.norm() / (self.frequencies.len() as f64).sqrt()
     }
 
-    /// Improves all sections together by Levenberg-Marquardt with a numerical Jacobian (Marquardt, *An algorithm for
-    /// least-squares estimation of nonlinear parameters*, J. SIAM 11, 1963), each step brought back within bounds; the
-    /// error that is left, dB.
+    /// Refines all sections together by Levenberg-Marquardt with a numerical Jacobian (Marquardt, *An algorithm for
+    /// least-squares estimation of nonlinear parameters*, J. SIAM 11, 1963). Each step is clamped to the bounds.
+    /// Returns the remaining RMS error, dB.
     fn refine(&self, sections: &mut Vec<Section>) -> f64 {
         let mut residual = self.residual(sections);
-        let mut damping = 1e-2;
+        let mut damping: f64 = 1e-2;
         for _ in 0..ROUNDS {
             let jacobian = self.jacobian(sections);
             let square = jacobian.tr_mul(&jacobian);
@@ -412,7 +415,7 @@ impl Fit<'_> {
         self.error(&residual)
     }
 
-    /// How the level at each frequency goes with ln f, ln Q and gain of each section.
+    /// Derivatives of the level at each frequency with respect to ln f, ln Q and gain of each section.
     fn jacobian(&self, sections: &[Section]) -> DMatrix<f64> {
         const STEP: f64 = 1e-4;
         let mut jacobian = DMatrix::zeros(self.frequencies.len(), 3 * sections.len());
@@ -435,7 +438,7 @@ impl Fit<'_> {
     }
 
     fn within_bounds(&self, section: Section) -> Section {
-        /// 1 - ρ of the format's limit on poles, with room for rounding.
+        /// Least 1 - ρ of the format's limit on poles, with a margin for round-off.
         const LEAST_DAMPING: f64 = 1.1e-3;
         let [low, high] = self.band_hz;
         let frequency_hz = section.frequency_hz.clamp(low, high);
@@ -458,7 +461,7 @@ impl Fit<'_> {
     }
 }
 
-/// A section with ln f, ln Q and gain (dB) changed by so much.
+/// The section with ln f, ln Q and gain (dB) changed by these amounts.
 fn moved(section: &Section, [ln_frequency, ln_q, gain_db]: [f64; 3]) -> Section {
     Section {
         kind: section.kind,

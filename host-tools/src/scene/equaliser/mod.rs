@@ -1,13 +1,13 @@
 //! The equaliser: the inverse of a measured response of the actuator, as a cascade of peaking and shelving sections.
 //!
-//! Sections are those of Robert Bristow-Johnson's *Cookbook formulae for audio equalizer biquad filter coefficients* (W3C
-//! Group Note, 2021), computed by the `biquad` crate. What is fitted are their frequencies, quality factors and gains, by
-//! Levenberg-Marquardt over the level in dB at frequencies spread evenly over the logarithm; sections are added one at a
-//! time, each of the kind that helps most, as long as one more helps.
+//! Sections are those of Robert Bristow-Johnson's *Cookbook formulae for audio equalizer biquad filter coefficients*
+//! (W3C Group Note, 2021), computed by the `biquad` crate. Levenberg-Marquardt fits their frequencies, quality factors
+//! and gains to the level in dB at frequencies spread evenly over the logarithm. Sections are added one at a time, each
+//! of the kind that lowers the residual most, until one more lowers it too little.
 //!
-//! **Level.** What is undone is the deviation from the response's own mean level in dB over the band, so that the equaliser
-//! makes the whole neither louder nor softer than it must. It boosts nothing by more than the limit: where the response lies
-//! lower than that below its mean, some of the deviation stays, and how much is told apart from the fit's own error.
+//! **Level.** The equaliser inverts the deviation from the response's mean level in dB over the band, so that the whole
+//! is neither louder nor softer than necessary. No frequency is boosted by more than the limit. If the response is
+//! further below its mean than the limit, some deviation remains; it is reported separately from the error of the fit.
 
 mod design;
 mod response;
@@ -19,12 +19,12 @@ pub use design::{CurvePoint, DEFAULT_MAX_GAIN_DB, Design, Deviation, Request, de
 pub use response::Response;
 pub use section::{Section, SectionKind};
 
-/// A value that cannot be, with the key that holds it in a scene's text.
+/// A value out of its range, with its key in a scene's text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// The key.
+    /// Key of the value.
     pub key: &'static str,
-    /// What is wrong with it.
+    /// Description of the problem.
     pub problem: String,
 }
 

@@ -10,19 +10,19 @@ use realfft::num_complex::Complex;
 use crate::recording::{self, Trial};
 use crate::support::error::{Error, Result};
 
-/// Fewest points of a response.
+/// Least number of points of a response.
 const FEWEST_POINTS: usize = 4;
 
-/// Frames of a window on a sweep: lines 2.4 Hz apart at 5 kHz.
+/// Length of a window on a sweep, samples; its lines are 2.4 Hz apart at 5 kHz.
 const WINDOW: usize = 2048;
 
-/// Longest sweep that is read, s.
+/// Length up to which a sweep is read, s.
 const LONGEST_SWEEP_S: f64 = 600.0;
 
-/// Points in an octave that a sweep's response is brought down to.
-const POINTS_AN_OCTAVE: f64 = 24.0;
+/// Number of points per octave that a sweep's response is averaged to.
+const POINTS_PER_OCTAVE: f64 = 24.0;
 
-/// Coherence of drive and acceleration below which a frequency is left out.
+/// Coherence of drive and acceleration below which a frequency is left out, because its response is mostly noise.
 const LEAST_COHERENCE: f64 = 0.5;
 
 /// Level of an actuator over frequency.
@@ -36,13 +36,13 @@ pub struct Response {
 impl Response {
     /// Reads a response.
     ///
-    /// A CSV file has the columns `frequency_hz`, ascending, and `magnitude_db`; comments begin with `#`. A WAV file is a
-    /// recording of a sweep (or of noise) in two channels, the drive and the acceleration that it made; the response is
-    /// H1, the cross-spectrum over the drive's power (Bendat and Piersol, *Random Data*, 2010, ch. 6), where they are
-    /// coherent.
+    /// A CSV file has the columns `frequency_hz`, ascending, and `magnitude_db`; comments begin with `#`. A WAV file is
+    /// a recording of a sweep, or of noise, in two channels: the drive, and the acceleration in response. The response
+    /// is H1, the cross-spectrum over the drive's power spectrum (Bendat and Piersol, *Random Data*, 2010, ch. 6), at
+    /// frequencies of sufficient coherence.
     ///
     /// # Errors
-    /// A file that cannot be read or holds no such thing.
+    /// A file that cannot be read, or is neither of these.
     pub fn read(path: &Path) -> Result<Self> {
         let extension = path.extension().unwrap_or_default().to_string_lossy();
         if extension.eq_ignore_ascii_case("wav") {
@@ -65,7 +65,7 @@ impl Response {
                 );
                 return Err(Error::file(path, problem));
             };
-            let rate_hz = f64::from(crate::dsp::MODEL_RATE_HZ);
+            let rate_hz = f64::from(model_format::SAMPLE_RATE_HZ);
             let points = of_sweep(drive, acceleration, rate_hz);
             return Self::of_points(path, points);
         }
@@ -73,10 +73,10 @@ impl Response {
         Self::from_csv(path, &text)
     }
 
-    /// Takes a response from CSV `text`; `path` is only named in errors.
+    /// Reads a response from CSV `text`; `path` is only named in errors.
     ///
     /// # Errors
-    /// What [`Response::read`] refuses of a CSV file.
+    /// A missing column, a value that is no finite number, frequencies that do not ascend, or too few of them.
     pub fn from_csv(path: &Path, text: &str) -> Result<Self> {
         let mut reader = csv::ReaderBuilder::new()
             .comment(Some(b'#'))
@@ -90,7 +90,7 @@ impl Response {
             let found = header.iter().position(|field| field == name);
             found.ok_or_else(|| {
                 let problem =
-                    format!("no column '{name}': a response has frequency_hz and magnitude_db");
+                    format!("no column '{name}'; a response has frequency_hz and magnitude_db");
                 Error::file(path, problem)
             })
         };
@@ -111,7 +111,7 @@ impl Response {
             let before_hz = points.last().map_or(0.0, |point| point.0);
             if frequency_hz <= before_hz {
                 let problem = format!(
-                    "frequency_hz is {frequency_hz} after {before_hz}: frequencies are above 0 and rise"
+                    "frequency_hz is {frequency_hz} after {before_hz}; frequencies must be above 0 and ascend"
                 );
                 return Err(Error::line(path, line, problem));
             }
@@ -123,7 +123,7 @@ impl Response {
     fn of_points(path: &Path, points: Vec<(f64, f64)>) -> Result<Self> {
         if points.len() < FEWEST_POINTS {
             let problem = format!(
-                "tells the response at {} frequencies; at least {FEWEST_POINTS} are needed",
+                "has the response at {} frequencies; at least {FEWEST_POINTS} are needed",
                 points.len()
             );
             return Err(Error::file(path, problem));
@@ -134,7 +134,7 @@ impl Response {
         })
     }
 
-    /// The file that it was read from.
+    /// File that the response was read from.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -144,7 +144,7 @@ impl Response {
         &self.points
     }
 
-    /// The level at `frequency_hz`, dB: linear over the logarithm of the frequency, held at both ends.
+    /// Level at `frequency_hz`, dB: linear over the logarithm of the frequency, constant beyond both ends.
     pub fn level_db(&self, frequency_hz: f64) -> f64 {
         let after = self.points.partition_point(|point| point.0 <= frequency_hz);
         match (after.checked_sub(1), self.points.get(after)) {
@@ -159,7 +159,7 @@ impl Response {
     }
 }
 
-/// H1 of `acceleration` over `drive`, averaged over windows and, in power, over shares of an octave.
+/// H1 of `acceleration` over `drive`, averaged over windows, and its power averaged over fractions of an octave.
 pub(super) fn of_sweep(drive: &[f64], acceleration: &[f64], rate_hz: f64) -> Vec<(f64, f64)> {
     let forward = RealFftPlanner::<f64>::new().plan_fft_forward(WINDOW);
     let bins = WINDOW / 2 + 1;
@@ -189,11 +189,11 @@ pub(super) fn of_sweep(drive: &[f64], acceleration: &[f64], rate_hz: f64) -> Vec
     let loudest = of_drive.iter().copied().fold(0.0, f64::max);
     let coherent = |bin: &usize| {
         let bin = *bin;
-        // What the drive did not reach has a response of nothing but noise, coherent by chance.
+        // At frequencies without drive the response is noise, which can be coherent by chance.
         of_drive[bin] > 1e-6 * loudest
             && cross[bin].norm_sqr() >= LEAST_COHERENCE * of_drive[bin] * of_acceleration[bin]
     };
-    let band = |bin: &usize| ((*bin as f64).log2() * POINTS_AN_OCTAVE).round() as i64;
+    let band = |bin: &usize| ((*bin as f64).log2() * POINTS_PER_OCTAVE).round() as i64;
     let kept: Vec<usize> = (1..bins - 1).filter(coherent).collect();
     kept.chunk_by(|a, b| band(a) == band(b))
         .map(|bins| {

@@ -1,4 +1,4 @@
-//! One section: from what it does to the coefficients that are stored.
+//! One section of the equaliser: from frequency, quality factor and gain to the stored coefficients.
 
 use std::f64::consts::TAU;
 
@@ -8,25 +8,25 @@ use serde::{Deserialize, Serialize};
 
 use super::Fault;
 
-/// Frequencies of a section, as shares of the sample rate: below, it would take longer than a second at 5 kHz; above, there is
-/// no room for its upper flank.
+/// Frequencies of a section, as shares of the sample rate. Below, a section rings for longer than a second at 5 kHz;
+/// above, its upper flank does not fit below half the sample rate.
 const FREQUENCY_SHARES: [f64; 2] = [0.0002, 0.45];
 
-/// Quality factors that a scene may ask for.
+/// Range of quality factors in a scene.
 const QS: [f64; 2] = [0.1, 50.0];
 
-/// Largest gain of a section, dB, to either side: a little less than what the format takes.
+/// Largest gain of a section in magnitude, dB; slightly less than the format's limit.
 pub(super) const MAX_SECTION_GAIN_DB: f64 = 24.0;
 
-/// What a section does around its frequency.
+/// Effect of a section around its frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SectionKind {
-    /// Raises or lowers what is near.
+    /// Raises or lowers the level near it.
     Peaking,
-    /// Raises or lowers what is below.
+    /// Raises or lowers the level below it.
     LowShelf,
-    /// Raises or lowers what is above.
+    /// Raises or lowers the level above it.
     HighShelf,
 }
 
@@ -43,18 +43,18 @@ impl std::fmt::Display for SectionKind {
 /// A section of the equaliser.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Section {
-    /// What it does.
+    /// Effect around its frequency.
     pub kind: SectionKind,
-    /// Where, Hz: its middle.
+    /// Centre frequency, Hz.
     pub frequency_hz: f64,
-    /// How narrow it is.
+    /// Quality factor.
     pub q: f64,
-    /// By how much, dB.
+    /// Gain, dB.
     pub gain_db: f64,
 }
 
 impl Section {
-    /// The section as it is stored, at `rate_hz`.
+    /// The stored form of the section at the sample rate `rate_hz`.
     ///
     /// # Errors
     /// A frequency, quality factor or gain out of its range.
@@ -69,7 +69,7 @@ impl Section {
             .ok_or_else(|| Fault::new("gain_db", "its coefficients do not fit the stored format"))
     }
 
-    /// Its level at `frequency_hz`, dB, before it is stored.
+    /// Level at `frequency_hz`, dB, before rounding to the stored form.
     pub(super) fn level_db(&self, rate_hz: f64, frequency_hz: f64) -> f64 {
         self.coefficients(rate_hz).map_or(f64::NAN, |c| {
             let numerator = [c.b0, c.b1, c.b2];
@@ -77,7 +77,7 @@ impl Section {
         })
     }
 
-    /// Those of the section, if the crate can compute them.
+    /// Unrounded coefficients; none if the crate refuses the parameters.
     fn coefficients(&self, rate_hz: f64) -> Option<Coefficients<f64>> {
         let kind = match self.kind {
             SectionKind::Peaking => Type::PeakingEQ(self.gain_db),
@@ -90,15 +90,15 @@ impl Section {
     }
 }
 
-/// Level of a stored section, dB, at `share` of the sample rate.
+/// Level of a stored section at `share` of the sample rate, dB.
 pub(super) fn stored_level_db(section: &Biquad, share: f64) -> f64 {
     level_db(section.numerator(), section.denominator(), share)
 }
 
 fn level_db(numerator: [f64; 3], [a1, a2]: [f64; 2], share: f64) -> f64 {
     let half = (0.5 * TAU * share).sin().powi(2);
-    // |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle, by the square of the half angle's sine, so that nothing cancels at low
-    // frequencies.
+    // |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle, in terms of the half angle's squared sine, because the direct form
+    // suffers cancellation at low frequencies.
     let square = |[c0, c1, c2]: [f64; 3]| {
         let sum = c0 + c1 + c2;
         sum * sum - 4.0 * (c0 * c1 + 4.0 * c0 * c2 + c1 * c2) * half + 16.0 * c0 * c2 * half * half

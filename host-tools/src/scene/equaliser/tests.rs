@@ -19,7 +19,7 @@ fn response(points: &[(f64, f64)]) -> Response {
     Response::from_csv(Path::new("coil.csv"), &text).unwrap()
 }
 
-/// A voice coil as a mass on a spring: a resonance, and what mass and inductance take off above.
+/// A voice coil as a mass on a spring: a resonance, and the roll-off of mass and inductance above it.
 fn coil() -> Response {
     let points: Vec<(f64, f64)> = (0..80)
         .map(|n| {
@@ -85,7 +85,7 @@ fn a_voice_coil_is_flattened_as_far_as_the_limit_lets() {
             found.max_gain_db
         );
         assert!(found.before.rms_db > 8.0, "{:?}", found.before);
-        // What is left is what the limit leaves, but for half a decibel.
+        // The residual exceeds the deviation that the limit leaves by little more than half a decibel.
         let left = found.after.rms_db - found.limit_leaves.rms_db;
         assert!(
             left < 0.6,
@@ -131,7 +131,13 @@ proptest! {
         max_gain_db in 0.0..24.0f64, max_sections in 1..=MAX_SECTIONS,
     ) {
         let mut hz = 15.0;
-        let points: Vec<(f64, f64)> = steps.iter().map(|(factor, level_db)| { hz *= factor; (hz, *level_db) }).collect();
+        let points: Vec<(f64, f64)> = steps
+            .iter()
+            .map(|(factor, level_db)| {
+                hz *= factor;
+                (hz, *level_db)
+            })
+            .collect();
         match design(&response(&points), RATE_HZ, &request(max_gain_db, max_sections)) {
             Err(fault) => prop_assert_eq!(fault.key, "response"),
             Ok(found) => {

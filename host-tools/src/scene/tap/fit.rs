@@ -1,18 +1,18 @@
-//! The decaying sine that is nearest to what rings.
+//! Least-squares fit of a decaying sine.
 
 use std::f64::consts::TAU;
 
 use realfft::RealFftPlanner;
 
-/// Decays that a search begins with, s.
+/// Time constants at which the search starts, s.
 const DECAYS_S: [f64; 12] = [
     0.0006, 0.0012, 0.0025, 0.004, 0.007, 0.012, 0.02, 0.035, 0.06, 0.12, 0.3, 0.8,
 ];
 
-/// Frequencies that a search begins with, as multiples of the loudest line's.
+/// Frequencies at which the search starts, as multiples of the loudest line's.
 const AROUND: [f64; 9] = [0.7, 0.8, 0.88, 0.95, 1.0, 1.05, 1.12, 1.25, 1.4];
 
-/// Rounds of the search after that.
+/// Iterations of Gauss-Newton from the best start.
 const ROUNDS: usize = 40;
 
 /// A · exp(-t/τ) · sin(2πft + φ).
@@ -26,15 +26,15 @@ pub struct Ringing {
     pub amplitude: f64,
     /// φ, rad.
     pub phase_rad: f64,
-    /// Share of the signal's power that it leaves.
+    /// Share of the signal's power that is left as residual.
     pub residual: f64,
 }
 
-/// The decaying sine that leaves least of `signal` in the least-squares sense.
+/// Fits a decaying sine to `signal` by least squares.
 ///
-/// Amplitude and phase are linear for a given frequency and decay, and are eliminated (variable projection: Golub and
-/// Pereyra, SIAM J. Numer. Anal. 10, 1973), so that only those two are searched for: from the loudest line of the spectrum
-/// and a spread of decays, then by Gauss-Newton with a damping.
+/// For a given frequency and decay the problem is linear in amplitude and phase, which are eliminated (variable
+/// projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973). Frequency and decay are searched for: first on a grid
+/// around the loudest line of the spectrum, then by damped Gauss-Newton.
 pub fn fit(signal: &[f64], rate_hz: f64) -> Ringing {
     let power: f64 = signal.iter().map(|x| x * x).sum();
     let silent = Ringing {
@@ -68,7 +68,7 @@ pub fn fit(signal: &[f64], rate_hz: f64) -> Ringing {
     }
 }
 
-/// The best amplitudes of a frequency and a decay, and what they leave.
+/// The best amplitudes for a frequency and a decay, with the residual and its power.
 struct Projection {
     frequency_hz: f64,
     decay_s: f64,
@@ -96,7 +96,7 @@ impl Projection {
             sx += s * x;
         }
         let determinant = cc * ss - cs * cs;
-        // Where both waves are one, only the first is taken.
+        // If both waves are linearly dependent, only the first is used.
         let (cosine, sine) = if determinant > 1e-12 * cc * ss {
             (
                 (ss * cx - cs * sx) / determinant,
@@ -122,7 +122,7 @@ impl Projection {
     }
 }
 
-/// Goes on from `best` until a step gains nothing.
+/// Refines `best` by damped Gauss-Newton until a step lowers the residual no more.
 fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
     const STEP: f64 = 1e-5;
     let at = |ln_frequency: f64, ln_decay: f64| {
@@ -169,7 +169,7 @@ fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
     best
 }
 
-/// Frequency of the loudest line of the spectrum, Hz, on a grid four times as fine as the signal's length gives.
+/// Frequency of the loudest line of the spectrum, Hz, on a grid at least four times finer than the signal's own.
 fn loudest_line_hz(signal: &[f64], rate_hz: f64) -> f64 {
     let len = (4 * signal.len()).next_power_of_two();
     let mut padded = signal.to_vec();

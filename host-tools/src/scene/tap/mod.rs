@@ -1,13 +1,13 @@
-//! Tap transients from recordings: where impacts are, and the decaying sine that each left ringing.
+//! Tap transients from recordings: the impacts, and the decaying sine after each of them.
 //!
-//! What the stylus plays at an impact is a · exp(-t/τ) · sin(2πft), a the gain times the rate of force
-//! ([`model_format::scene::Tap`]). From each impact of a recording f, τ and a are found by least squares; f and τ of all
-//! together are their medians, the gain is that of the line through the origin that is nearest to the amplitudes over the
-//! rates of force.
+//! At an impact the stylus plays a · exp(-t/τ) · sin(2πft), where a is the gain times the rate of force
+//! ([`model_format::scene::Tap`]). Least squares fits f, τ and a to each impact of a recording. The common f and τ are
+//! the medians, and the common gain is the slope of the least-squares line through the origin of amplitude over rate of
+//! force.
 //!
-//! **Rate of force.** A stylus takes it from one update of its motion to the next: the larger one of the update that sees
-//! contact and of the next ([`stylus_kernel::scene::Director`]). Here it is the same, averaged over where between two updates
-//! contact may fall.
+//! **Rate of force.** A stylus takes the larger one of two update intervals: the one that sees contact, and the next
+//! ([`stylus_kernel::scene::Director`]). Here it is computed in the same way, averaged over all phases of contact
+//! within the update interval.
 
 mod fit;
 mod onset;
@@ -27,92 +27,92 @@ use stylus_kernel::scene::ContactDetector;
 pub use fit::{Ringing, fit};
 pub use onset::onsets;
 
-use crate::dsp::MODEL_RATE_HZ;
 use crate::dsp::reduction::{Reduction, reduce};
 use crate::recording;
 use crate::recording::Trial;
 use crate::recording::freehand;
 use crate::support::error::{Error, Result};
+use model_format::SAMPLE_RATE_HZ;
 
-/// Longest recording that is read, s.
+/// Length up to which a recording is read, s.
 const LONGEST_S: f64 = 600.0;
 
-/// How much of what rings after an impact is looked at, s.
+/// Longest window after an impact, s.
 const WINDOW_S: f64 = 0.3;
 
-/// Share of the power after an impact that a decaying sine may leave: with more it is no sine.
+/// Largest share of the power after an impact that a decaying sine may leave; with more it is no tap.
 const MAX_RESIDUAL: f64 = 0.5;
 
-/// How far contact, as the force tells it, may be from where the acceleration begins, s.
+/// Largest time between contact by the force and the onset of the acceleration, s.
 const CONTACT_WITHIN_S: f64 = 0.02;
 
-/// Room of the limit above the loudest tap that was recorded.
+/// Ratio of the limit to the loudest recorded tap.
 const LIMIT_ROOM: f64 = 1.25;
 
 /// A recording of taps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Taps {
-    /// What to call it.
+    /// Name of the recording, for reports.
     pub name: String,
     /// Acceleration, m/s².
     pub samples_m_s2: Vec<f64>,
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub rate_hz: f64,
-    /// Force at each sample, N, if it was recorded.
+    /// Force at each sample, N; none if it was not recorded.
     pub force_n: Option<Vec<f64>>,
-    /// Rate of force of all of its impacts, N/s, if it is told.
+    /// Rate of force of all impacts, N/s; none if it is not known.
     pub force_rate_n_s: Option<f64>,
-    /// Whether it says that it is simulated.
+    /// True if the file says that it is simulated.
     pub is_simulated: bool,
 }
 
 /// One impact.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Impact {
-    /// Its recording.
+    /// Name of the recording.
     pub recording: String,
-    /// When, s.
+    /// Onset, s.
     pub time_s: f64,
     /// Frequency, Hz.
     pub frequency_hz: f64,
     /// Time constant of the decay, s.
     pub decay_s: f64,
-    /// Amplitude at the beginning, m/s².
+    /// Amplitude at the onset, m/s².
     pub amplitude_m_s2: f64,
-    /// Share of the power that the decaying sine leaves.
+    /// Share of the power that the decaying sine leaves as residual.
     pub residual: f64,
     /// Rate of force at contact, N/s.
     pub force_rate_n_s: Option<f64>,
-    /// Why it does not count, if it does not.
+    /// Reason for leaving the impact out; none if it counts.
     pub left_out: Option<String>,
 }
 
-/// What all impacts together give.
+/// The tap that fits all impacts together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TapFit {
-    /// The impacts, in their order.
+    /// The impacts, in the order of recordings and time.
     pub impacts: Vec<Impact>,
     /// Frequency, Hz.
     pub frequency_hz: f64,
     /// Time constant of the decay, s.
     pub decay_s: f64,
-    /// Amplitude for a rate of force, m/s² per N/s, if a rate of force is known of any impact.
+    /// Amplitude per rate of force, m/s² per N/s; none if no rate of force is known.
     pub gain_m_s2_per_n_s: Option<f64>,
-    /// RMS of what the amplitudes are off from the gain's line, as a share of their own RMS.
+    /// RMS deviation of the amplitudes from the gain's line, as a share of their own RMS.
     pub gain_scatter: Option<f64>,
-    /// The limit on the amplitude, m/s²: a quarter above the loudest.
+    /// Limit on the amplitude, m/s²: a quarter above the loudest.
     pub limit_m_s2: f64,
-    /// Whether any recording is simulated.
+    /// True if any recording is simulated.
     pub is_simulated: bool,
 }
 
 impl Taps {
-    /// Reads a recording. A CSV file with a column `force_n` is one of a free hand, as `record-strokes` writes it, with
-    /// `time_s` and `speed_mm_s`; anything else is a recording as `fit` takes it. `scale_m_s2` is the acceleration that a
-    /// sample of 1 stands for.
+    /// Reads a recording. A CSV file with a column `force_n` is a free-hand recording of `record-strokes`, with
+    /// `time_s` and `speed_mm_s`; any other file is read as by `fit`. `scale_m_s2` is the acceleration of a sample of
+    /// 1.
     ///
     /// # Errors
-    /// A file that cannot be read or holds no samples.
+    /// A file that cannot be read, or has no samples.
     pub fn read(path: &Path, scale_m_s2: f64, reduction: Reduction) -> Result<Self> {
         let name = path.display().to_string();
         let extension = path.extension().unwrap_or_default().to_string_lossy();
@@ -146,7 +146,7 @@ impl Taps {
         Ok(Self {
             name,
             samples_m_s2: reduced.signal,
-            rate_hz: f64::from(MODEL_RATE_HZ),
+            rate_hz: f64::from(SAMPLE_RATE_HZ),
             force_n: None,
             force_rate_n_s: None,
             is_simulated: false,
@@ -177,10 +177,10 @@ impl Taps {
             .collect()
     }
 
-    /// Rate of force of the contact near sample `begin`, as a stylus would find it; see the module's head.
+    /// Rate of force of the contact near sample `begin`, N/s, as a stylus computes it; see the head of this module.
     fn force_rate(&self, begin: usize) -> Option<f64> {
         let force = self.force_n.as_ref()?;
-        let interval_s = f64::from(UPDATE_INTERVAL_SAMPLES) / f64::from(MODEL_RATE_HZ);
+        let interval_s = f64::from(UPDATE_INTERVAL_SAMPLES) / f64::from(SAMPLE_RATE_HZ);
         let interval = ((interval_s * self.rate_hz).round() as usize).max(1);
         let within = (CONTACT_WITHIN_S * self.rate_hz) as usize;
         let bound = f64::from(ContactDetector::BEGINS_N);
@@ -195,7 +195,7 @@ impl Taps {
 }
 
 fn why_left_out(ringing: &Ringing) -> Option<String> {
-    let highest_hz = f64::from(MODEL_RATE_HZ) * f64::from(MAX_TAP_SHARE_OF_RATE);
+    let highest_hz = f64::from(SAMPLE_RATE_HZ) * f64::from(MAX_TAP_SHARE_OF_RATE);
     let [shortest_s, longest_s] = TAP_DECAY_S.map(f64::from);
     if ringing.residual > MAX_RESIDUAL || ringing.residual.is_nan() {
         Some("no decaying sine".into())
@@ -209,18 +209,18 @@ fn why_left_out(ringing: &Ringing) -> Option<String> {
 }
 
 impl TapFit {
-    /// What the impacts of `recordings` have in common.
+    /// Fits one tap to all impacts of `recordings`.
     ///
     /// # Errors
-    /// No impact, or none that is a decaying sine.
+    /// Recordings without an impact, or without one that is a decaying sine.
     pub fn new(recordings: &[Taps]) -> Result<Self> {
         let impacts: Vec<Impact> = recordings.iter().flat_map(Taps::impacts).collect();
         let counted = || impacts.iter().filter(|impact| impact.left_out.is_none());
         if counted().next().is_none() {
             let problem = if impacts.is_empty() {
-                "no impact is louder than the noise: record taps with a pause before each"
+                "no impact is louder than the noise; record taps with a pause before each"
             } else {
-                "no impact left a decaying sine ringing: record taps on something hard, without moving along it"
+                "no impact is followed by a decaying sine; record taps on something hard, without moving along it"
             };
             return Err(Error::Request(problem.into()));
         }
@@ -241,7 +241,7 @@ impl TapFit {
     }
 }
 
-/// The gain g that is nearest to amplitudes = g · rates, and the RMS of what they are off as a share of their RMS.
+/// The least-squares gain g of amplitudes = g · rates, and the RMS residual as a share of the RMS amplitude.
 fn gain_through_origin(rated: &[(f64, f64)]) -> Option<(f64, f64)> {
     let square: f64 = rated.iter().map(|(rate, _)| rate * rate).sum();
     let product: f64 = rated.iter().map(|(rate, amplitude)| rate * amplitude).sum();
@@ -267,7 +267,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     }
 }
 
-/// Whether a CSV file's header names a force.
+/// Returns true if the header of a CSV file has the column `force_n`.
 fn has_force(path: &Path) -> Result<bool> {
     let mut reader = csv::ReaderBuilder::new()
         .comment(Some(b'#'))

@@ -1,24 +1,24 @@
-//! Where impacts begin.
+//! Onsets of impacts.
 
-/// How far above the noise's RMS an impact is.
+/// Least ratio of an impact to the noise's RMS.
 const ABOVE_NOISE: f64 = 8.0;
 
-/// How loud an impact is at least, as a share of the recording's loudest sample.
+/// Least magnitude of an impact, as a share of the recording's loudest sample.
 const SHARE_OF_LOUDEST: f64 = 0.1;
 
-/// How loud it is where it begins, as a share of its loudest sample, if that is above the noise.
+/// Magnitude at the onset, as a share of the impact's loudest sample, if that is above the noise.
 const SHARE_AT_ONSET: f64 = 0.03;
 
-/// How long it is quiet before an impact, s.
+/// Least quiet time before an impact, s.
 const QUIET_S: f64 = 0.025;
 
-/// How long an impact takes to its loudest sample at most, s.
+/// Longest time from the onset of an impact to its loudest sample, s.
 const RISE_S: f64 = 0.01;
 
-/// Where impacts begin in `samples`: first sample of each, ascending.
+/// Positions of the first sample of each impact in `samples`, ascending.
 ///
-/// An impact is louder than the noise, which is taken from the median magnitude (0.6745 of the RMS where it is Gaussian), and
-/// follows some quiet.
+/// An impact is louder than the noise and follows a quiet time. The noise's RMS is estimated from the median magnitude,
+/// which is 0.6745 of the RMS of Gaussian noise.
 pub fn onsets(samples: &[f64], rate_hz: f64) -> Vec<usize> {
     let mut magnitudes: Vec<f64> = samples.iter().map(|x| x.abs()).collect();
     let loudest = magnitudes.iter().copied().fold(0.0, f64::max);

@@ -8,7 +8,7 @@ use super::*;
 
 const RATE_HZ: f64 = 5000.0;
 
-/// Taps of this frequency and decay at these moments, with these amplitudes, in noise.
+/// Samples with taps of one frequency and decay in noise; `taps` holds onset (s) and amplitude of each.
 fn made(
     frequency_hz: f64,
     decay_s: f64,

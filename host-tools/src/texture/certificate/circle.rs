@@ -28,7 +28,7 @@ pub(super) struct Circle {
     rounding: f64,
 }
 
-/// How often the index multiplies a coefficient: once for each derivative with respect to frequency.
+/// Powers of the index that multiply a coefficient: one for each derivative with respect to frequency.
 const DERIVATIVES: usize = 3;
 
 impl Circle {
@@ -60,7 +60,7 @@ impl Circle {
         circle
     }
 
-    /// How many intervals there are to begin with. The first and the last reach beyond the half circle, where A mirrors.
+    /// Number of intervals at the beginning. The first and the last reach beyond the half circle, where A mirrors.
     pub fn len(&self) -> usize {
         self.discs.len()
     }

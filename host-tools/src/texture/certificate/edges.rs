@@ -57,7 +57,7 @@ struct Proof<'a> {
     rounding: f64,
     halvings: usize,
     margin: f64,
-    /// How far the first corner's value has turned around 0 so far, rad.
+    /// Angle that the first corner's value has turned around 0 so far, rad.
     turned: f64,
     last: Option<Complex<f64>>,
 }

@@ -1,12 +1,12 @@
 //! Points of a cell, one by one, by the step-down recursion.
 
-use super::Point;
+use super::finding::Point;
 use crate::dsp::linear_prediction::step_down;
 
 /// Steps along each side of a cell between sampled points.
-pub const SAMPLES_A_SIDE: u32 = 8;
+pub const SAMPLES_PER_SIDE: u32 = 8;
 
-/// How exactly a pole radius is found.
+/// Tolerance of a pole radius.
 const RADIUS_TOLERANCE: f64 = 1e-7;
 
 /// Largest pole radius that is looked for; nodes with Σ|h| of 1024 cannot have a larger one than 1024.
@@ -18,7 +18,7 @@ pub(super) fn worst(corners: &[&[f64]], speeds_mm_s: [f32; 2], forces_n: [f32; 2
     let between = |[low, high]: [f32; 2], share: f64| {
         f64::from(low) + (f64::from(high) - f64::from(low)) * share
     };
-    let along = |[low, high]: [f32; 2]| if low < high { SAMPLES_A_SIDE } else { 0 };
+    let along = |[low, high]: [f32; 2]| if low < high { SAMPLES_PER_SIDE } else { 0 };
     let mut worst = Point {
         speed_mm_s: f64::from(speeds_mm_s[0]),
         force_n: f64::from(forces_n[0]),
@@ -26,7 +26,7 @@ pub(super) fn worst(corners: &[&[f64]], speeds_mm_s: [f32; 2], forces_n: [f32; 2
     };
     for speed in 0..=along(speeds_mm_s) {
         for force in 0..=along(forces_n) {
-            let share = |step: u32| f64::from(step) / f64::from(SAMPLES_A_SIDE);
+            let share = |step: u32| f64::from(step) / f64::from(SAMPLES_PER_SIDE);
             let (s, f) = (share(speed), share(force));
             let of_speeds = if along(speeds_mm_s) > 0 {
                 vec![1.0 - s, s]
@@ -87,7 +87,7 @@ fn radius_above(a: &[f64], bound: f64) -> Option<f64> {
     (high > bound).then_some(high)
 }
 
-/// Whether all zeros are within `radius`: A(z · radius) is stable.
+/// Returns whether all zeros are within `radius`, that is, whether A(z · radius) is stable.
 fn all_within(a: &[f64], radius: f64) -> bool {
     let mut power = 1.0;
     let scaled: Vec<f64> = a[1..]

@@ -7,7 +7,7 @@
 //! the level could prevent.
 //!
 //! **Direct form, proved.** At a point of a cell the filter is 1/A with A = Σ w(k) A(k), a weighted mean of the cell's nodes,
-//! rounded to the kernel's coefficients: that moves |A| by no more than half a step a tap, which all distances from 0 here
+//! rounded to the kernel's coefficients: that moves |A| by no more than half a step per tap, which all distances from 0 here
 //! leave room for.
 //! 1. On no edge of the cell (four sides, two diagonals) does A have a zero on the unit circle: for no frequency is 0 on
 //!    the segment from A(j) to A(k) in the complex plane, which is the segment lemma's condition that A(j)/A(k) is never
@@ -22,7 +22,7 @@
 //!
 //! The nodes are the stored coefficients, exactly; the evaluation is in float64 with an allowance for its rounding.
 //!
-//! **Direct form, sampled.** [`SAMPLES_A_SIDE`] + 1 by as many points of the cell, at weights that the kernel can have, by
+//! **Direct form, sampled.** [`SAMPLES_PER_SIDE`] + 1 by as many points of the cell, at weights that the kernel can have, by
 //! another way: the step-down recursion in float64. It tells the largest pole radius among these points. A texture is
 //! certified only if both agree.
 //!
@@ -32,182 +32,26 @@
 
 mod circle;
 mod edges;
+mod finding;
 mod interior;
 
 use model_format::{
-    CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Coefficients, DecodeError, Library, Structure,
-    THETA_STEP_RAD, Texture, TextureSpec, UNCERTIFIED_CELL, encode_uncertified,
+    Certificate, Coefficients, DecodeError, Library, Structure, THETA_STEP_RAD, Texture,
+    TextureSpec, encode_uncertified,
 };
 use rayon::prelude::*;
-use serde::Serialize;
 use stylus_kernel::direct::exponent;
 
 use crate::support::error::{Error, Result};
+use crate::texture::stored::predictor;
 
 use circle::Circle;
 
-pub use interior::SAMPLES_A_SIDE;
-
-/// What is found of a texture.
-#[derive(Clone, Debug, Serialize)]
-pub struct Report {
-    /// The texture's name.
-    pub texture: String,
-    /// Its structure.
-    pub structure: String,
-    /// Whether it is computed from a simulated rig's recordings.
-    pub simulated: bool,
-    /// Values of the speed axis, mm/s.
-    pub speeds_mm_s: Vec<f32>,
-    /// Values of the force axis, N.
-    pub forces_n: Vec<f32>,
-    /// All cells, speed-major.
-    pub cells: Vec<Cell>,
-    /// Whether every cell holds.
-    pub holds: bool,
-    /// Whether the library holds a certificate, and the same one.
-    pub stored: Stored,
-}
-
-/// The certificate that a library holds, beside the one just found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Stored {
-    /// There is none.
-    Missing,
-    /// It says what was found.
-    Same,
-    /// It does not.
-    Different,
-}
-
-/// What lies between neighbouring nodes.
-#[derive(Clone, Debug, Serialize)]
-pub struct Cell {
-    /// Lowest and highest speed, mm/s; equal where the axis has one value.
-    pub speeds_mm_s: [f32; 2],
-    /// Lowest and highest force, N.
-    pub forces_n: [f32; 2],
-    /// What was found.
-    pub finding: Finding,
-}
-
-/// What was found of a cell.
-#[derive(Clone, Debug, Serialize)]
-#[serde(untagged)]
-pub enum Finding {
-    /// Of a normalised lattice.
-    Lattice {
-        /// Largest reflection coefficient's magnitude of the cell's nodes, which no point between them exceeds.
-        largest_reflection: f64,
-    },
-    /// Of a direct form.
-    Direct {
-        /// A proved lower bound, over the whole cell and the whole unit circle, of |A|: coefficients off by less, added up,
-        /// would be stable too. `None` where the proof fails.
-        proved_margin: Option<f64>,
-        /// Where the proof came no further, Hz.
-        critical_frequency_hz: Option<f64>,
-        /// The sampled point of the largest pole radius.
-        worst: Point,
-    },
-}
-
-/// A point of the grid and the filter there.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Point {
-    /// Tangential speed, mm/s.
-    pub speed_mm_s: f64,
-    /// Normal force, N.
-    pub force_n: f64,
-    /// Largest magnitude of a pole; 1/A is stable where it is below one.
-    pub pole_radius: f64,
-}
-
-impl Cell {
-    /// Whether every point of the cell is stable, as far as it is proved and sampled.
-    pub fn holds(&self) -> bool {
-        match &self.finding {
-            Finding::Lattice { .. } => true,
-            Finding::Direct {
-                proved_margin,
-                worst,
-                ..
-            } => proved_margin.is_some() && worst.pole_radius < 1.0,
-        }
-    }
-
-    /// The byte that a library stores.
-    fn stored_margin(&self) -> u8 {
-        match self.finding {
-            Finding::Direct {
-                proved_margin: Some(margin),
-                ..
-            } if self.holds() => {
-                let steps = -margin.log2() * f64::from(CELL_MARGIN_STEPS_PER_OCTAVE);
-                // Up, so that what is stored is proved; a margin above one is as good as one.
-                steps.ceil().clamp(0.0, f64::from(UNCERTIFIED_CELL)) as u8
-            }
-            _ => UNCERTIFIED_CELL,
-        }
-    }
-}
-
-impl std::fmt::Display for Cell {
-    /// Where the cell is, and what is wrong with it.
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let ([low_speed, high_speed], [low_force, high_force]) = (self.speeds_mm_s, self.forces_n);
-        write!(
-            f,
-            "cell {low_speed} to {high_speed} mm/s, {low_force} to {high_force} N"
-        )?;
-        let Finding::Direct {
-            critical_frequency_hz,
-            worst,
-            ..
-        } = &self.finding
-        else {
-            return Ok(());
-        };
-        write!(
-            f,
-            ", worst at {:.4} mm/s, {:.4} N with pole radius {:.5}",
-            worst.speed_mm_s, worst.force_n, worst.pole_radius
-        )?;
-        match critical_frequency_hz {
-            Some(frequency) if worst.pole_radius < 1.0 => {
-                write!(
-                    f,
-                    ", all samples stable, but no proof beyond {frequency:.1} Hz"
-                )
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
-impl Report {
-    /// The cells that do not hold, the one with the largest pole radius first.
-    pub fn failures(&self) -> Vec<&Cell> {
-        let mut failures: Vec<&Cell> = self.cells.iter().filter(|cell| !cell.holds()).collect();
-        let radius = |cell: &Cell| match &cell.finding {
-            Finding::Direct { worst, .. } => worst.pole_radius,
-            Finding::Lattice { .. } => 0.0,
-        };
-        failures.sort_by(|a, b| radius(b).total_cmp(&radius(a)));
-        failures
-    }
-
-    /// What a library stores of a direct form: a byte a cell. Nothing of a lattice, which needs nothing stored.
-    pub fn cell_margins(&self) -> Vec<u8> {
-        let direct = |cell: &&Cell| matches!(cell.finding, Finding::Direct { .. });
-        let direct = self.cells.iter().filter(direct);
-        direct.map(Cell::stored_margin).collect()
-    }
-}
+pub use finding::{Cell, Certification, Finding, Point, Stored};
+pub use interior::SAMPLES_PER_SIDE;
 
 /// Certifies `texture`, whatever is stored with it.
-pub fn certify(texture: &Texture<'_>) -> Report {
+pub fn certify(texture: &Texture<'_>) -> Certification {
     let speeds_mm_s: Vec<f32> = texture.speed_axis().values().collect();
     let forces_n: Vec<f32> = texture.force_axis().values().collect();
     let places = places(texture, &speeds_mm_s, &forces_n);
@@ -223,7 +67,7 @@ pub fn certify(texture: &Texture<'_>) -> Report {
             forces_n: place.forces_n,
             finding,
         });
-    let mut report = Report {
+    let mut report = Certification {
         texture: texture.name().to_owned(),
         structure: texture.structure().to_string(),
         simulated: texture.provenance() == model_format::Provenance::Simulated,
@@ -280,21 +124,21 @@ pub fn certified(mut spec: TextureSpec) -> Result<TextureSpec> {
     Ok(spec)
 }
 
-/// Where a cell is, and its nodes: index on the speed axis and on the force axis, the kernel's order, none twice.
-struct Place {
+/// The place of a cell and its nodes (index on the speed axis, on the force axis) in the kernel's order, none twice.
+struct CellCorners {
     speeds_mm_s: [f32; 2],
     forces_n: [f32; 2],
     nodes: Vec<(usize, usize)>,
 }
 
-fn places(texture: &Texture<'_>, speeds_mm_s: &[f32], forces_n: &[f32]) -> Vec<Place> {
+fn places(texture: &Texture<'_>, speeds_mm_s: &[f32], forces_n: &[f32]) -> Vec<CellCorners> {
     let (speed_cells, force_cells) = texture.cell_counts();
     let mut places = Vec::with_capacity(speed_cells * force_cells);
     for speed in 0..speed_cells {
         for force in 0..force_cells {
             let speeds = speed..=(speed + 1).min(speeds_mm_s.len() - 1);
             let forces = force..=(force + 1).min(forces_n.len() - 1);
-            places.push(Place {
+            places.push(CellCorners {
                 speeds_mm_s: [speeds_mm_s[speed], speeds_mm_s[*speeds.end()]],
                 forces_n: [forces_n[force], forces_n[*forces.end()]],
                 nodes: speeds
@@ -306,7 +150,7 @@ fn places(texture: &Texture<'_>, speeds_mm_s: &[f32], forces_n: &[f32]) -> Vec<P
     places
 }
 
-fn lattice(texture: &Texture<'_>, places: &[Place]) -> Vec<Finding> {
+fn lattice(texture: &Texture<'_>, places: &[CellCorners]) -> Vec<Finding> {
     let largest = |&(speed, force): &(usize, usize)| match texture.node(speed, force).coefficients {
         Coefficients::Lattice(codes) => codes
             .iter()
@@ -315,7 +159,7 @@ fn lattice(texture: &Texture<'_>, places: &[Place]) -> Vec<Finding> {
             .unwrap_or(0),
         Coefficients::Direct16 { .. } | Coefficients::Direct32 { .. } => 0,
     };
-    let finding = |place: &Place| Finding::Lattice {
+    let finding = |place: &CellCorners| Finding::Lattice {
         largest_reflection: place
             .nodes
             .iter()
@@ -326,7 +170,7 @@ fn lattice(texture: &Texture<'_>, places: &[Place]) -> Vec<Finding> {
     places.iter().map(finding).collect()
 }
 
-fn direct_form(texture: &Texture<'_>, places: &[Place]) -> Vec<Finding> {
+fn direct_form(texture: &Texture<'_>, places: &[CellCorners]) -> Vec<Finding> {
     let order = texture.max_order();
     let nodes: Vec<_> = texture.nodes().collect();
     let polynomials: Vec<Vec<f64>> = nodes
@@ -338,7 +182,7 @@ fn direct_form(texture: &Texture<'_>, places: &[Place]) -> Vec<Finding> {
     let circles: Vec<Circle> = polynomials.par_iter().map(|a| Circle::new(a)).collect();
     let forces = texture.force_axis().len();
     let rate_hz = f64::from(texture.sample_rate_hz());
-    let finding = |place: &Place| {
+    let finding = |place: &CellCorners| {
         let indices = || {
             place
                 .nodes
@@ -363,25 +207,7 @@ fn direct_form(texture: &Texture<'_>, places: &[Place]) -> Vec<Finding> {
 /// a(0) = 1, a(1) ... of A(z) = Σ a(i) z⁻ⁱ, exactly as stored; zeros up to `order`.
 fn polynomial(coefficients: Coefficients<'_>, order: usize) -> Vec<f64> {
     let mut polynomial = vec![1.0];
-    match coefficients {
-        Coefficients::Direct16 { exponent, codes } => {
-            let step = 2f64.powi(i32::from(exponent) - 15);
-            polynomial.extend(
-                codes
-                    .iter()
-                    .map(|&h| -f64::from(i16::from_le_bytes(h)) * step),
-            );
-        }
-        Coefficients::Direct32 { exponent, codes } => {
-            let step = 2f64.powi(i32::from(exponent) - 31);
-            polynomial.extend(
-                codes
-                    .iter()
-                    .map(|&h| -f64::from(i32::from_le_bytes(h)) * step),
-            );
-        }
-        Coefficients::Lattice(_) => {}
-    }
+    polynomial.extend(predictor(coefficients).iter().map(|h| -h));
     polynomial.resize(order + 1, 0.0);
     polynomial
 }

@@ -97,7 +97,7 @@ impl RecordedSpectra {
         ]))
     }
 
-    /// What the node at `place` would be, were it not recorded, from all others: the mean of the spectra along speed
+    /// Predicts the spectrum of the node at `place` from all other nodes: the mean of the spectra along speed
     /// and along force, each with the weight that serves best elsewhere on the grid.
     pub fn without(&self, place: NodeIndex, both: &TwoWays) -> Option<LogSpectrum> {
         let (along_speed, along_force) = &both.0[place.0 * self.forces_n.len() + place.1];
@@ -112,7 +112,7 @@ impl RecordedSpectra {
     }
 }
 
-/// What every node would be from the others along its row and along its column: speed-major.
+/// Predictions of every node from the others along its row and along its column, speed-major.
 #[derive(Clone, Debug)]
 pub struct TwoWays(Vec<(Option<LogSpectrum>, Option<LogSpectrum>)>);
 

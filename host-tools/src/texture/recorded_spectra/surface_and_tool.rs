@@ -65,7 +65,7 @@ pub struct SurfaceAndTool {
     /// Over ln f - ln v in the same steps, from that of the lowest frequency at the highest speed on.
     surface: Vec<f64>,
     tool: Curve,
-    /// What neither explains, of every spectrum, smoothed.
+    /// The part of every spectrum that neither explains, smoothed.
     rest: Vec<Curve>,
 }
 
@@ -100,7 +100,7 @@ impl SurfaceAndTool {
         parts
     }
 
-    /// Where point 0 of a spectrum at this speed lies on the surface's curve.
+    /// Returns the place of point 0 of a spectrum at this speed on the surface's curve.
     fn offset(&self, log_speed: f64) -> f64 {
         (self.log_speeds[self.log_speeds.len() - 1] - log_speed) / step()
     }

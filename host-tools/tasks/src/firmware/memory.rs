@@ -1,4 +1,4 @@
-//! What an image takes of each memory, by its sections.
+//! The use of each memory by an image, from its sections.
 
 use std::fmt;
 
@@ -7,16 +7,16 @@ use object::{Endianness, Object, ObjectSymbol, elf};
 
 use crate::error::{Error, Result};
 
-/// A memory and what is taken of it.
+/// A memory and the bytes taken of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Use {
-    /// Its name.
+    /// The name.
     pub name: &'static str,
-    /// Its first address.
+    /// The first address.
     pub start: u64,
-    /// Bytes that are taken.
+    /// Taken bytes.
     pub used: u64,
-    /// Bytes that there are.
+    /// All bytes.
     pub size: u64,
 }
 
@@ -24,10 +24,10 @@ pub struct Use {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Memory(Vec<Use>);
 
-/// The memory map, as the linker takes it.
+/// The memory map that the linker reads.
 const MAP: &str = include_str!("../../../../memory.x");
 
-/// What is shown, and its name in the map.
+/// The shown name of each memory, and its name in the map.
 const SHOWN: [(&str, &str); 4] = [
     ("flash", "FLASH"),
     ("ITCM", "ITCM"),
@@ -49,10 +49,10 @@ fn region(name: &str) -> Option<(u64, u64)> {
 }
 
 impl Memory {
-    /// Of the image with these bytes.
+    /// Reads the use of memories from the bytes of an image.
     ///
     /// # Errors
-    /// It is not one.
+    /// The bytes are no image.
     pub fn of(image: &[u8]) -> Result<Self> {
         let file =
             ElfFile32::<Endianness>::parse(image).map_err(|error| Error::Elf(error.to_string()))?;
@@ -83,7 +83,7 @@ impl Memory {
                 u64::from(segment.p_filesz(endian)),
             );
             add(&mut uses, at, in_memory);
-            // What is copied at the start takes flash as well.
+            // Data that is copied at the start takes flash as well.
             if kept != at {
                 add(&mut uses, kept, in_file);
             }
@@ -99,7 +99,7 @@ impl Memory {
         Ok(Self(uses))
     }
 
-    /// Each memory.
+    /// All memories.
     pub fn uses(&self) -> &[Use] {
         &self.0
     }

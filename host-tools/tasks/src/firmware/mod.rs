@@ -1,4 +1,4 @@
-//! The image for the STM32H743: built, measured, checked for where the tick's code is, and flashed.
+//! The image for the STM32H743: its build, its use of memory, the place of the tick's code, and flashing.
 
 mod memory;
 mod placement;
@@ -6,26 +6,27 @@ mod placement;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::toolchain::{TARGET, Toolchain};
+use crate::target::TARGET;
+use crate::toolchain::Toolchain;
 use crate::{process, workspace};
 
 pub use memory::{Memory, Use};
 pub use placement::check as check_placement;
 
-/// The part, as probe-rs knows it.
+/// The part's name for probe-rs.
 const CHIP: &str = "STM32H743ZITx";
 
-/// Which image.
+/// A variant of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Image {
-    /// What is flashed.
+    /// The image that is flashed.
     Product,
-    /// The same with faults on request, for the tests of how it ends them.
+    /// The same with faults on request, for the tests of its reaction to them.
     FaultInjection,
 }
 
 impl Image {
-    /// The features of its package.
+    /// The package's features.
     const fn features(self) -> &'static str {
         match self {
             Self::Product => "image",
@@ -46,7 +47,7 @@ pub fn compiler_flags() -> &'static str {
     "-C target-cpu=cortex-m7"
 }
 
-/// Builds `image`, checks that the tick's code is where no flash is read, and tells where the file is.
+/// Builds `image`, checks that the tick's code reads no flash, and returns the file.
 ///
 /// # Errors
 /// There is no toolchain, the build fails, or the tick leads to flash.
@@ -55,6 +56,7 @@ pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
     let mut cargo = toolchain.cargo("build", workspace::root(), &target_folder);
     cargo.args([
         "--quiet",
+        "--locked",
         "--package",
         "stylus-firmware",
         "--profile",
@@ -62,7 +64,7 @@ pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
     ]);
     cargo.args(["--features", image.features()]);
     cargo.env("RUSTFLAGS", compiler_flags());
-    // Without it defmt leaves out all but errors.
+    // Without this variable defmt leaves out all but errors.
     if std::env::var_os("DEFMT_LOG").is_none() {
         cargo.env("DEFMT_LOG", "info");
     }
@@ -70,14 +72,14 @@ pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
     let built = target_folder
         .join(Path::new(TARGET))
         .join("firmware/stylus-firmware");
-    // Both images are built under one name.
+    // Both variants are built under one name, so that each gets a copy under its own.
     let kept = target_folder.join(image.file_name());
     std::fs::copy(&built, &kept).map_err(|_| Error::NoImage(built))?;
     check_placement(&read(&kept)?)?;
     Ok(kept)
 }
 
-/// What the image in `file` takes of each memory.
+/// The use of each memory by the image in `file`.
 ///
 /// # Errors
 /// The file is no image.
@@ -89,7 +91,7 @@ fn read(file: &Path) -> Result<Vec<u8>> {
     std::fs::read(file).map_err(|_| Error::NoImage(file.to_owned()))
 }
 
-/// Flashes the image in `file` to the board on the probe, and shows its log until it is stopped.
+/// Flashes the image in `file` to the board on the probe, and shows its log until Ctrl-C.
 ///
 /// # Errors
 /// probe-rs is missing or fails.

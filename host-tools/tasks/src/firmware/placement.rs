@@ -1,11 +1,11 @@
-//! That nothing the tick and the update can reach is in flash.
+//! The check that nothing reachable from the tick and the update is in flash.
 //!
 //! The image keeps its relocations (`--emit-relocs`): every address in the code that the linker filled in. From the two
-//! handlers on, each one is followed: a call must lead to ITCM, data must be in DTCM. Two things are excepted:
+//! handlers on, each one is followed. A call must lead to ITCM, and data must be in DTCM. There are two exceptions:
 //!
-//! - a panic, which ends in mid-scale and a reset: calls of it, with the addresses of its message and place;
-//! - constants that the update alone reads, such as a table of core's square root. It computes while something is played, and
-//!   the one thing that keeps the code's bank of the flash busy, writing settings, is refused then.
+//! - a panic, because it ends in mid-scale and a reset: calls of it, with the addresses of its message and place;
+//! - constants that the update alone reads, such as a table of core's square root. The update computes while something
+//!   is played. Only writing settings keeps the code's bank of the flash busy, and that is refused then.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,13 +17,13 @@ use object::{
 
 use crate::error::{Error, Result};
 
-/// Where the tick begins.
+/// The handler that the tick begins with.
 const TICK: &str = "TIM6_DAC";
 
-/// Where the update begins.
+/// The handler that the update begins with.
 const UPDATE: &str = "SWPMI1";
 
-/// Calls that never return; as parts of names, so that both of the compiler's manglings are met.
+/// Calls that never return, as parts of names, because the compiler has two manglings.
 const PANICS: [&str; 5] = [
     "9panicking",
     "16slice_index_fail",
@@ -32,16 +32,16 @@ const PANICS: [&str; 5] = [
     "17rust_begin_unwind",
 ];
 
-/// Bytes of code between the address of a panic's message and the call of the panic, at most: some loads of constants.
+/// The most bytes of code between the address of a panic's message and the call of the panic: some loads of constants.
 const PANIC_ARGUMENTS_BYTES: u64 = 40;
 
-/// A place that the tick's code names.
+/// A reference of the tick's code.
 #[derive(Clone, Debug)]
 struct Reference {
     /// Address of the instruction.
     at: u64,
     is_call: bool,
-    /// What is named: a symbol, and where it is.
+    /// The named symbol and its address.
     name: String,
     address: u64,
 }
@@ -55,7 +55,7 @@ struct Function {
 /// Checks the image with these bytes.
 ///
 /// # Errors
-/// It is no image, lacks the handlers or its relocations, or something that the tick reaches is in flash.
+/// The bytes are no image, the handlers or the relocations are missing, or the tick reaches flash.
 pub fn check(image: &[u8]) -> Result<()> {
     let file =
         ElfFile32::<Endianness>::parse(image).map_err(|error| Error::Elf(error.to_string()))?;
@@ -67,7 +67,7 @@ pub fn check(image: &[u8]) -> Result<()> {
     })
 }
 
-/// Checks everything that `root` reaches; what is `excepted` may be in flash.
+/// Checks everything that `root` reaches. Addresses that are `excepted` may be in flash.
 fn check_from(
     root: &str,
     functions: &BTreeMap<u64, Function>,
@@ -121,7 +121,7 @@ fn functions(file: &ElfFile32<'_>) -> BTreeMap<u64, Function> {
             )
         })
         .collect();
-    // What is written in assembly may have no length: it goes on until the next one.
+    // A function in assembly may have no length: it ends where the next one begins.
     let starts: Vec<u64> = functions.keys().copied().collect();
     for (index, start) in starts.iter().enumerate() {
         if let Some(function) = functions.get_mut(start)
@@ -133,7 +133,7 @@ fn functions(file: &ElfFile32<'_>) -> BTreeMap<u64, Function> {
     functions
 }
 
-/// Everything that code in ITCM names, by address of the instruction.
+/// All references of the code in ITCM, by address of the instruction.
 fn references(file: &ElfFile32<'_>) -> Result<Vec<Reference>> {
     let section = file.section_by_name(".itcm");
     let section =
@@ -169,7 +169,7 @@ fn references(file: &ElfFile32<'_>) -> Result<Vec<Reference>> {
     Ok(references)
 }
 
-/// Whether `references`, of which the first is looked at, begin with a panic, or the address of one's arguments.
+/// True where the first of `references` is a panic, or the address of a panic's argument.
 fn is_of_a_panic(references: &[Reference], function_end: u64) -> bool {
     let Some(first) = references.first() else {
         return false;
@@ -190,7 +190,7 @@ fn function_at(functions: &BTreeMap<u64, Function>, address: u64) -> Option<u64>
 
 const ITCM_BYTES: u64 = 64 * 1024;
 
-/// Sections that are not loaded stand at zero as well, and null is no function.
+/// Sections that are not loaded have address zero as well, and null is no function.
 fn is_itcm(address: u64) -> bool {
     (8..ITCM_BYTES).contains(&address)
 }
@@ -243,7 +243,7 @@ mod tests {
                 assert!(error.contains("somewhere"), "{error}");
             }
         }
-        // Of what the tick does not call, anything may be in flash.
+        // Functions that the tick does not call may name anything in flash.
         assert!(program(vec![reference(3000, true, "somewhere", FLASH)]).is_ok());
     }
 

@@ -5,12 +5,13 @@ use std::rc::Rc;
 
 use model_format::limits::SLOT_BYTES;
 use model_format::link::{
-    ActivateError, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayRequest,
-    RecordBlock, RecordCounters, RecordError, RecordSample, RecordStarted, RecordStopped,
-    ResetReason, SCHEMA_HASH, Settings, SlotId, SlotInfo, TickCounters, UploadState,
+    ActivateError, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError,
+    PlayRequest, RecordBlock, RecordCounters, RecordError, RecordSample, RecordStarted,
+    RecordStopped, ResetReason, SCHEMA_HASH, Selection, Settings, SlotId, SlotInfo, TickCounters,
+    UploadState,
 };
 use model_format::{AdcCode, FORMAT_VERSION, Library, OutputSample};
-use stylus_app::control::{Control, Device, ResetReport, TickReport};
+use stylus_app::control::{Control, Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety::{Config, State};
@@ -129,6 +130,8 @@ impl Bench {
 }
 
 impl Device for Bench {
+    type Plan = ();
+
     fn info(&self) -> DeviceInfo {
         DeviceInfo {
             product: "stylus".try_into().expect("short"),
@@ -171,14 +174,6 @@ impl Device for Bench {
         }
     }
 
-    fn library(&self) -> Option<Library<'_>> {
-        Library::decode(&self.ram).ok()
-    }
-
-    fn scene_budget(&self) -> u32 {
-        BUDGET
-    }
-
     fn is_at_rest(&self) -> bool {
         self.safety.is_at_rest()
     }
@@ -192,12 +187,20 @@ impl Device for Bench {
         self.muted = muted;
     }
 
-    fn start(&mut self, _request: &PlayRequest, config: Config) {
-        self.playing = true;
-        self.config = config;
+    fn plan(&self, selection: &Selection) -> Result<(), PlayError> {
+        let library = Library::decode(&self.ram).map_err(|_| PlayError::NoLibrary)?;
+        plan_of(selection, &library, BUDGET).map(|_| ())
     }
 
-    fn switch(&mut self, _request: &PlayRequest) {}
+    fn prepare(&mut self, (): ()) {}
+
+    fn start(&mut self, _request: &PlayRequest, config: Config) -> Result<(), NotPrepared> {
+        self.playing = true;
+        self.config = config;
+        Ok(())
+    }
+
+    fn switch(&mut self, _request: &PlayRequest, (): ()) {}
 
     fn clear(&mut self) {
         self.playing = false;

@@ -1,4 +1,4 @@
-//! What is traced: calls of the functions below are found in the trace by their addresses. None is inlined, and none calls
+//! The traced functions. Their calls are found in the trace by their addresses, because none is inlined and none calls
 //! another.
 
 use core::hint::black_box;
@@ -56,7 +56,7 @@ pub fn play(filter: Filter, updates: u32, library: &[u8]) {
     }
 }
 
-/// Along the motion.
+/// Plays a texture along the motion.
 fn follow<S>(
     player: &mut S,
     updates: u32,
@@ -81,7 +81,8 @@ fn sample(synthesis: &mut Synthesis<'_, CortexM>) -> OutputSample {
     synthesis.next_sample()
 }
 
-/// A structure that the product does not ship, with what the product has around every structure.
+/// A structure that the product does not ship, with the excitation and level that the product has around every
+/// structure.
 struct Variant<'a, F, S> {
     texture: Texture<'a>,
     excitation: Excitation,

@@ -1,7 +1,7 @@
-//! Counts instructions.
+//! A counter of instructions by the timer.
 //!
-//! With `-icount shift=8` QEMU lets 256 ns of virtual time pass with every instruction. SysTick runs at 25 MHz on the MPS2
-//! board, 6.4 ticks an instruction, so that a count is exact in spite of the tick that either end may lose.
+//! With `-icount shift=8` QEMU advances virtual time by 256 ns per instruction. SysTick runs at 25 MHz on the MPS2
+//! board, 6.4 ticks per instruction, so that a count is exact in spite of the tick that either end may lose.
 
 use core::fmt;
 use core::hint::black_box;
@@ -9,17 +9,17 @@ use core::hint::black_box;
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 
-/// SysTick counts down in 24 bits.
+/// The period of SysTick, which counts down in 24 bits.
 const MASK: u32 = 0x00ff_ffff;
 
-/// Counts the instructions of calls.
+/// A counter of the instructions of calls.
 pub struct Counter {
-    /// What reading the timer and an empty call take, ticks.
+    /// The cost of reading the timer and of an empty call, ticks.
     empty_ticks: u32,
 }
 
 impl Counter {
-    /// Takes the timer, and finds out what counting itself costs.
+    /// Takes the timer, and measures the cost of counting itself.
     pub fn new(mut systick: SYST) -> Self {
         systick.set_clock_source(SystClkSource::Core);
         systick.set_reload(MASK);
@@ -30,7 +30,7 @@ impl Counter {
         }
     }
 
-    /// How many instructions `call` takes more than an empty one; below 2.6 million.
+    /// The instructions of `call` beyond those of an empty call; below 2.6 million.
     pub fn instructions(&self, call: &mut dyn FnMut()) -> u32 {
         let ticks = ticks(call) - self.empty_ticks;
         // 32 ticks are 5 instructions.
@@ -38,7 +38,7 @@ impl Counter {
     }
 }
 
-/// How many ticks `call` takes, with what counting takes. One function for all, so that what it adds is the same for all.
+/// The ticks of `call` and of counting. All calls share this function, so that counting adds the same to each.
 #[inline(never)]
 fn ticks(call: &mut dyn FnMut()) -> u32 {
     let before = SYST::get_current();
@@ -46,7 +46,7 @@ fn ticks(call: &mut dyn FnMut()) -> u32 {
     before.wrapping_sub(SYST::get_current()) & MASK
 }
 
-/// The fewest and the most of some counts.
+/// The fewest and the most of several counts.
 pub struct Range {
     fewest: u32,
     most: u32,

@@ -1,4 +1,4 @@
-//! Failures end the emulator, with a message.
+//! Failures: each ends the emulator with a message.
 #![expect(
     unsafe_code,
     reason = "cortex-m-rt wants the handler of hard faults declared unsafe; nothing in it is"
@@ -12,7 +12,7 @@ use cortex_m_semihosting::{debug, hio};
 
 fn fail(message: core::fmt::Arguments<'_>) -> ! {
     if let Ok(mut stream) = hio::hstdout() {
-        // There is nobody else to tell.
+        // A failure of the output cannot be reported anywhere else.
         let _ = writeln!(stream, "{message}");
     }
     loop {

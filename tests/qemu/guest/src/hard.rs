@@ -1,4 +1,4 @@
-//! Hard cases: every sample's instructions.
+//! Hard cases: the instructions of every sample.
 
 use core::hint::black_box;
 
@@ -9,7 +9,7 @@ use stylus_firmware::CortexM;
 use crate::counter::{Counter, Range};
 use crate::output::{Output, Words};
 
-/// Plays all of `cases`, and prints of each its samples' digest and what they cost.
+/// Plays all of `cases`, and prints for each the digest and the cost of its samples.
 pub fn play(mut cases: &[u8], counter: &Counter, output: &mut Output) {
     while let Some((case, rest)) = HardCase::take(cases).expect("the host wrote cases") {
         cases = rest;

@@ -1,8 +1,8 @@
-//! The kernel on an emulated Cortex-M: plays the test vectors, prints every sample, and counts instructions. If the emulator
-//! put a job into its memory, it does that instead; see [`kernel_vectors::job`].
+//! The kernel on an emulated Cortex-M: plays the test vectors, prints every sample, and counts instructions. If the
+//! emulator put a job into its memory, the image does that instead; see [`kernel_vectors::job`].
 //!
-//! All output goes to the host by semihosting, in the lines of [`kernel_vectors::report`]. Whatever goes wrong is printed
-//! and ends the emulator with a code other than zero, so that no failure hangs.
+//! All output goes to the host by semihosting, in the lines of [`kernel_vectors::report`]. Every failure is printed and
+//! ends the emulator with a code other than zero, so that no failure hangs.
 #![no_std]
 #![no_main]
 
@@ -11,6 +11,7 @@ mod counter;
 mod failure;
 mod hard;
 mod job;
+mod library;
 mod output;
 mod peers;
 
@@ -24,9 +25,8 @@ use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::counter::{Counter, Range};
+use crate::library::LIBRARY;
 use crate::output::{Output, Words};
-
-static LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/library.bin"));
 
 #[entry]
 fn main() -> ! {
@@ -53,7 +53,7 @@ fn main() -> ! {
     }
 }
 
-/// Prints what the kernel puts out with the arithmetic `M`, called `name`.
+/// Prints the kernel's samples with the arithmetic `M`, called `name`.
 fn play<M: Arithmetic>(name: &str, output: &mut Output) {
     for vector in &VECTORS {
         output.line(format_args!("{} {name} {}", report::VECTOR, vector.texture));
@@ -70,7 +70,7 @@ fn play<M: Arithmetic>(name: &str, output: &mut Output) {
     words.finish();
 }
 
-/// Prints what a sample and an update cost, over the whole path.
+/// Prints the costs of a sample and of an update, over the whole path.
 fn measure(counter: &Counter, output: &mut Output) {
     let library = Library::decode_uncertified(LIBRARY).expect("the library is valid");
     for measured in &MEASURED {

@@ -1,4 +1,4 @@
-//! Lines to the host.
+//! Lines of output to the host.
 
 use core::fmt::{self, Write};
 
@@ -27,7 +27,7 @@ impl Output {
     }
 }
 
-/// Words on their way, gathered to lines: each call to the host stops the emulator.
+/// A buffer that gathers words to lines, because each call to the host stops the emulator.
 pub struct Words<'a> {
     output: &'a mut Output,
     gathered: [u32; WORDS_A_LINE],

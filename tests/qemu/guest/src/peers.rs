@@ -1,6 +1,6 @@
-//! All-pole filters of order 400 as others make them, to be traced beside ours: idsp's cascades of second-order sections, and
-//! what plain Rust in single precision comes to; and ours without what is around them. Like those of [`crate::counted`], the
-//! functions are found by their names.
+//! All-pole filters of order 400 by others, for a trace beside ours: idsp's cascades of second-order sections, and
+//! plain Rust in single precision; and ours alone. Like those of [`crate::counted`], the functions are found by their
+//! names.
 //!
 //! The filter alone is counted, without excitation and level.
 #![expect(
@@ -24,9 +24,9 @@ use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::Rotation;
 
-use crate::LIBRARY;
+use crate::library::LIBRARY;
 
-/// A section has two poles. Its zeros are computed too: idsp has no others.
+/// The number of sections, of two poles each. Their zeros are computed too, because idsp has no others.
 const SECTIONS: usize = MAX_ORDER / 2;
 
 type Fixed = Q<i32, i64, 30>;
@@ -37,7 +37,7 @@ type FloatState = DirectForm<f32, SECTIONS>;
 
 /// Runs each filter on noise.
 pub fn play() {
-    // Poles of radius 0.5, all round the circle.
+    // Poles of radius 0.5, evenly around the circle.
     let section = |index: usize| {
         let along = index as f32 / SECTIONS as f32;
         [1.0, 0.0, 0.0, 1.0 - 2.0 * along, -0.25]
@@ -91,7 +91,7 @@ fn lattice_alone(state: &mut LatticeState, rotations: &[Rotation], x: i32) -> i3
     state.filter::<CortexM>(rotations, x)
 }
 
-/// Two samples a call.
+/// The lattice with two samples per call.
 #[inline(never)]
 fn lattice_of_two(state: &mut LatticeState, rotations: &[Rotation], x: [i32; 2]) -> [i32; 2] {
     state.filter_two::<CortexM>(rotations, x)
@@ -112,7 +112,7 @@ fn idsp_float(cascade: &FloatCascade, state: &mut FloatState, x: f32) -> f32 {
     cascade.process(state, x)
 }
 
-/// The direct form, its history written twice so that it never wraps.
+/// The direct form. Its history is written twice so that it never wraps.
 struct PlainDirect {
     coefficients: [f32; MAX_ORDER],
     history: [f32; 2 * MAX_ORDER],

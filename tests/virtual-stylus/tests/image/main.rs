@@ -10,6 +10,9 @@ mod faults;
 mod frames;
 mod library;
 mod link;
+/// Blocks of a page; the file is that of the tasks.
+#[path = "../../../../host-tools/tasks/src/tables/page.rs"]
+mod page;
 mod play;
 mod power;
 mod record;

@@ -1,5 +1,8 @@
 //! What a tick costs, and what it touches.
 
+use std::path::Path;
+use std::sync::LazyLock;
+
 use model_format::link::{MotionSource, RecordStartEndpoint};
 use virtual_stylus::motion::Motion;
 use virtual_stylus::pins::FunctionPins;
@@ -7,6 +10,21 @@ use virtual_stylus::tick::TickStatistics;
 
 use crate::device::{Device, MS};
 use crate::library;
+use crate::page::Page;
+
+/// Textures that are played, and their names in the page.
+const PLAYED: [(&str, &str); 3] = [
+    ("lattice", "lattice, order 400"),
+    ("direct 32", "direct form, order 400, 32 bits"),
+    ("direct 16", "direct form, order 400, 16 bits"),
+];
+
+/// Ticks that play each of [`PLAYED`].
+static PLAYING: LazyLock<[TickStatistics; 3]> =
+    LazyLock::new(|| PLAYED.map(|(texture, _)| playing(texture)));
+
+/// Ticks that play nothing, and those that record.
+static AT_REST: LazyLock<[TickStatistics; 2]> = LazyLock::new(at_rest);
 
 /// 400 MHz at two cycles an instruction, as the virtual stylus runs it.
 const CYCLES_AN_INSTRUCTION: u32 = 2;
@@ -53,6 +71,15 @@ fn playing(texture: &str) -> TickStatistics {
     statistics
 }
 
+fn at_rest() -> [TickStatistics; 2] {
+    let mut device = Device::started(library::options());
+    let idle = ticks(&mut device);
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    [idle, ticks(&mut device)]
+}
+
 fn show(what: &str, statistics: TickStatistics) {
     let TickStatistics {
         min, median, max, ..
@@ -62,8 +89,7 @@ fn show(what: &str, statistics: TickStatistics) {
 
 #[test]
 fn a_tick_that_plays_takes_at_most_a_fifth_of_its_period_and_never_touches_flash() {
-    for texture in ["lattice", "direct 32", "direct 16"] {
-        let statistics = playing(texture);
+    for ((texture, _), statistics) in PLAYED.into_iter().zip(*PLAYING) {
         show(texture, statistics);
         let cycles = statistics.max * CYCLES_AN_INSTRUCTION;
         assert!(
@@ -75,13 +101,8 @@ fn a_tick_that_plays_takes_at_most_a_fifth_of_its_period_and_never_touches_flash
 
 #[test]
 fn a_tick_that_plays_nothing_takes_less_and_recording_adds_nothing_to_it() {
-    let mut device = Device::started(library::options());
-    let idle = ticks(&mut device);
+    let [idle, recording] = *AT_REST;
     show("idle", idle);
-    device
-        .request::<RecordStartEndpoint>(&())
-        .expect("nothing is recorded");
-    let recording = ticks(&mut device);
     show("recording", recording);
     assert!(
         idle.max * CYCLES_AN_INSTRUCTION * 50 <= PERIOD_CYCLES,
@@ -92,4 +113,49 @@ fn a_tick_that_plays_nothing_takes_less_and_recording_adds_nothing_to_it() {
         recording.max.abs_diff(idle.max) <= 8,
         "{idle:?}, {recording:?}"
     );
+}
+
+/// The block's lines: a row for each kind of tick, and the compiler.
+fn table(compiler: &str) -> String {
+    let names = ["idle", "recording"]
+        .into_iter()
+        .chain(PLAYED.map(|(_, name)| name));
+    let rows = AT_REST
+        .iter()
+        .chain(PLAYING.iter())
+        .zip(names)
+        .map(|(statistics, name)| {
+            let TickStatistics {
+                min, median, max, ..
+            } = statistics;
+            format!("| {name} | {min} | {median} | {max} |\n")
+        });
+    format!(
+        "| tick | fewest | median | most |\n|---|---|---|---|\n{}\nBuilt by rustc {compiler}.\n",
+        rows.collect::<String>()
+    )
+}
+
+/// The figures are those of the compiler that the page names; those of another one are not compared.
+/// `cargo tasks tables ticks` has this test write them.
+#[test]
+fn the_page_has_the_ticks_of_this_image() {
+    const TABLE: &str = "ticks";
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware/README.md");
+    let compiler = std::env::var("STYLUS_COMPILER")
+        .expect("set STYLUS_COMPILER, as `cargo tasks test-virtual-stylus` does");
+    let mut page = Page::read(&path).unwrap_or_else(|error| panic!("{error}"));
+    let made = table(&compiler);
+    let checked = if std::env::var_os("STYLUS_WRITE_TABLES").is_some() {
+        page.write(TABLE, &made).map(|_| ())
+    } else if page
+        .block(TABLE)
+        .is_ok_and(|block| !block.contains(&format!("rustc {compiler}")))
+    {
+        println!("rustc {compiler} is not the page's: no comparison");
+        Ok(())
+    } else {
+        page.check(TABLE, &made)
+    };
+    checked.unwrap_or_else(|error| panic!("{error}"));
 }

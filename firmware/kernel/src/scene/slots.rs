@@ -1,0 +1,257 @@
+//! Slots of voices: which surface sounds in which slot, and what each voice plays next.
+//!
+//! A **slot** holds a voice: two frames, of which one may be played while the other is computed, and a playback. A
+//! surface that is to sound gets a slot and keeps it as long as it sounds; one that is no longer wanted fades within a
+//! block. A slot's playback changes its texture only after a block in which the tick did not play the slot. There are
+//! therefore never more than two voices, however far the tool jumps; a third surface waits one block for a slot.
+
+use model_format::Texture;
+
+use super::block::{Block, SLOTS, Stage, VoiceStage};
+use super::plan::{Plan, PlannedTexture};
+use super::stick_slip::StickSlipFrame;
+use crate::grid::Motion;
+use crate::level::Levels;
+use crate::synthesis::{Frame, Playback};
+
+/// Storage of the voices. On a device it is shared with the tick; the director never asks for a part that the tick uses
+/// at that time.
+pub trait Voices {
+    /// Frame `buffer` of `slot`, which the block that is played does not use.
+    fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame>;
+
+    /// The levels of frame `buffer` of `slot`, which the block that is played may use, with `left` samples of its
+    /// ramps to come.
+    fn levels(&self, slot: usize, buffer: usize, left: u32) -> Levels;
+
+    /// The playback of `slot`, which the block that is played does not use.
+    fn playback(&mut self, slot: usize) -> &mut Option<Playback>;
+}
+
+/// A surface that is to sound, with its gain in steps of 2⁻¹⁶, which is not 0.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted {
+    pub surface: u8,
+    pub gain: u32,
+}
+
+/// The inputs of a block's decision.
+#[derive(Clone, Copy)]
+pub(super) struct Moment {
+    pub motion: Motion,
+    pub distance_mm: f32,
+    pub samples: u32,
+    pub left: u32,
+}
+
+/// All slots, and the seed of their excitations.
+#[derive(Clone, Debug)]
+pub(super) struct Slots<'a> {
+    slots: [Slot<'a>; SLOTS],
+    seed: u64,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Slot<'a> {
+    /// The texture whose state the playback holds.
+    texture: Option<PlannedTexture<'a>>,
+    /// The surface that sounds here, or last did.
+    surface: Option<u8>,
+    /// Index of the frame that is played, or last was.
+    buffer: usize,
+    /// True for each frame that was made for the texture.
+    made: [bool; 2],
+    /// True if the block that is played uses the slot.
+    played: bool,
+    /// True if the frame began with that block; otherwise its ramps are at their ends.
+    began: bool,
+    /// The motion that the frame was computed for.
+    motion: Option<Motion>,
+    /// The gain at the end of the frame's ramp, in steps of 2⁻¹⁶.
+    gain: u32,
+    /// The stick-slip of the block that is played.
+    stick_slip: Option<StickSlipFrame>,
+}
+
+impl<'a> Slots<'a> {
+    /// Slots that are all free.
+    pub(super) fn new(seed: u64) -> Self {
+        Self {
+            slots: [Slot::default(), Slot::default()],
+            seed,
+        }
+    }
+
+    /// Returns whether any slot is audible at the end of the block that is played, of which `left` samples are left
+    /// out.
+    pub(super) fn sound(&self, left: u32) -> bool {
+        self.slots.iter().any(|slot| slot.sounds(left))
+    }
+
+    /// Takes the surfaces from their slots. Playbacks keep their textures.
+    pub(super) fn release(&mut self) {
+        for slot in &mut self.slots {
+            slot.surface = None;
+        }
+    }
+
+    /// Gives `wanted` surfaces of `plan` their slots, and adds the stages of all voices that sound to `block`.
+    pub(super) fn direct(
+        &mut self,
+        plan: &Plan<'a>,
+        wanted: &[Option<Wanted>; SLOTS],
+        moment: Moment,
+        voices: &mut impl Voices,
+        block: &mut Block,
+    ) {
+        for wanted_one in wanted.iter().flatten() {
+            self.find(plan, *wanted_one, wanted, moment.left, voices);
+        }
+        for index in 0..SLOTS {
+            let surface = self.slots[index].surface;
+            let mut all = wanted.iter().flatten();
+            let gain = all
+                .find(|wanted| Some(wanted.surface) == surface)
+                .map_or(0, |wanted| wanted.gain);
+            if let Some(stage) = self.direct_slot(plan, index, gain, moment, voices) {
+                block.push(stage);
+            }
+        }
+    }
+
+    /// Gives the surface of `one` a slot, if it has none and one is free: a slot that is silent, that no other wanted
+    /// surface has, and whose playback holds the same texture or is not used by the tick.
+    fn find(
+        &mut self,
+        plan: &Plan<'a>,
+        one: Wanted,
+        wanted: &[Option<Wanted>; SLOTS],
+        left: u32,
+        voices: &mut impl Voices,
+    ) {
+        let surface = Some(one.surface);
+        if self.slots.iter().any(|slot| slot.surface == surface) {
+            return;
+        }
+        let planned = plan.surfaces.get(usize::from(one.surface));
+        let Some(texture) = planned.and_then(|planned| planned.texture) else {
+            return;
+        };
+        let silent = |slot: &Slot<'_>| {
+            let mut all = wanted.iter().flatten();
+            !slot.sounds(left) && !all.any(|other| Some(other.surface) == slot.surface)
+        };
+        let holds = |slot: &Slot<'_>| {
+            slot.texture
+                .is_some_and(|held| is_same(&held.texture, &texture.texture))
+        };
+        let same = |slot: &Slot<'_>| silent(slot) && holds(slot);
+        let idle = |slot: &Slot<'_>| silent(slot) && !slot.played;
+        let slots = &self.slots;
+        let Some(index) = slots
+            .iter()
+            .position(same)
+            .or_else(|| slots.iter().position(idle))
+        else {
+            return;
+        };
+        let slot = &mut self.slots[index];
+        slot.surface = surface;
+        slot.stick_slip = None;
+        if holds(slot) {
+            return;
+        }
+        (slot.texture, slot.made) = (Some(texture), [false; 2]);
+        match voices.playback(index) {
+            Some(playback) => playback.restart(&texture.texture),
+            empty => *empty = Some(Playback::new(&texture.texture, seed_of(self.seed, index))),
+        }
+    }
+
+    /// Takes slot `index` to `gain`, and returns its stage if it is to be played.
+    fn direct_slot(
+        &mut self,
+        plan: &Plan<'a>,
+        index: usize,
+        gain: u32,
+        moment: Moment,
+        voices: &mut impl Voices,
+    ) -> Option<Stage> {
+        let Moment { samples, left, .. } = moment;
+        let slot = &mut self.slots[index];
+        let PlannedTexture { texture, scale } = slot.texture?;
+        if gain == 0 && !slot.sounds(left) {
+            (slot.played, slot.stick_slip) = (false, None);
+            return None;
+        }
+        // A voice that fades out keeps its coefficients.
+        let motion = if gain == 0 {
+            slot.motion.unwrap_or(moment.motion)
+        } else {
+            moment.motion
+        };
+        let left_of_frame = slot.left(left);
+        let goes_on = slot.played && left_of_frame == 0;
+        let begins = !(goes_on && slot.gain == gain && slot.motion == Some(motion));
+        if begins {
+            let from = if slot.made[slot.buffer] {
+                voices.levels(index, slot.buffer, left_of_frame)
+            } else {
+                Levels::SILENT
+            };
+            slot.buffer = 1 - slot.buffer;
+            let frame = voices.frame(index, slot.buffer);
+            if !slot.made[slot.buffer] {
+                slot.made[slot.buffer] = true;
+                *frame = None;
+            }
+            frame
+                .get_or_insert_with(|| Frame::silent_at(&texture, scale))
+                .update_scaled(&texture, motion, gain, from, samples);
+            (slot.motion, slot.gain) = (Some(motion), gain);
+        }
+        let voice = VoiceStage {
+            slot: index as u8,
+            buffer: slot.buffer as u8,
+            begins,
+        };
+        let planned = slot
+            .surface
+            .and_then(|surface| plan.surfaces.get(usize::from(surface)));
+        let from = slot.stick_slip.map_or(0, |frame| frame.amount(left));
+        slot.stick_slip = planned
+            .and_then(|planned| planned.stick_slip)
+            .map(|window| window.frame(motion, moment.distance_mm, from, samples))
+            .filter(|frame| from > 0 || frame.amount(0) > 0);
+        (slot.played, slot.began) = (true, begins);
+        Some(match slot.stick_slip {
+            Some(frame) => Stage::StickSlip(voice, frame),
+            None => Stage::Voice(voice),
+        })
+    }
+}
+
+impl Slot<'_> {
+    /// Returns whether the slot is audible at the end of the block that is played, of which `left` samples are left
+    /// out.
+    fn sounds(&self, left: u32) -> bool {
+        self.played && (self.gain > 0 || self.left(left) > 0)
+    }
+
+    /// Number of samples of the frame's ramps that are left out with `left` of the block's.
+    fn left(&self, left: u32) -> u32 {
+        if self.played && self.began { left } else { 0 }
+    }
+}
+
+/// The seed of a slot's own noise. The first slot has `seed` itself.
+fn seed_of(seed: u64, slot: usize) -> u64 {
+    /// 2⁶⁴ divided by the golden ratio: seeds of neighbouring numbers stay apart.
+    const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+    seed.wrapping_add(STEP.wrapping_mul(slot as u64))
+}
+
+/// Returns whether both are the same texture of the same library: the same bytes at the same address.
+fn is_same(one: &Texture<'_>, other: &Texture<'_>) -> bool {
+    core::ptr::eq(one.name(), other.name())
+}

@@ -1,0 +1,8 @@
+//! From reset to running: memory layout, clocks, interrupt priorities, and the cause of the reset.
+//!
+//! Invariant: it knows nothing of the other rooms, and the output is at mid-scale before any Rust code runs.
+
+pub mod clock;
+pub mod priority;
+pub mod reset;
+pub mod startup;

@@ -1,0 +1,110 @@
+//! From reset to `main`: the output goes to mid-scale, then code, constants and vectors to the memories of the tick.
+#![expect(
+    unsafe_code,
+    reason = "memory is laid out and the processor's own registers are set before they have owners"
+)]
+
+use core::arch::global_asm;
+use core::cell::UnsafeCell;
+use core::ptr::{addr_of, read_volatile, write_volatile};
+
+use cortex_m::asm;
+use cortex_m::peripheral::{CPUID, DCB, DWT, SCB};
+
+/// Entries of the vector table: 16 of the core and 150 of the STM32H743 (RM0433 table 148).
+const VECTORS: usize = 166;
+
+/// The vector table in use. Its address is a multiple of its length rounded up to a power of two (ARM DDI 0403E,
+/// B3.2.5).
+#[repr(C, align(1024))]
+struct VectorTable(UnsafeCell<[u32; VECTORS]>);
+
+// SAFETY: written once, before interrupts are enabled; from then on only the processor reads it.
+unsafe impl Sync for VectorTable {}
+
+static VECTOR_TABLE: VectorTable = VectorTable(UnsafeCell::new([0; VECTORS]));
+
+// cortex-m-rt's reset handler calls this first, when no variable has its value yet, so it must not be Rust.
+//
+// SAFETY: besides the registers named here it writes only the three sections that the linker reserves for it
+// (`tick.x`), in words, between bounds that are multiples of eight. It calls nothing, and the caller keeps none of the
+// registers that it changes.
+global_asm!(
+    ".section .text.before_main, \"ax\", %progbits",
+    ".global __pre_init",
+    ".type __pre_init, %function",
+    ".thumb_func",
+    "__pre_init:",
+    // Clock of DAC1: RCC_APB1LENR, bit 29 (RM0433 section 8.7.45). The read waits until the write has arrived.
+    "    ldr r0, =0x580244E8",
+    "    ldr r1, [r0]",
+    "    orr r1, r1, #0x20000000",
+    "    str r1, [r0]",
+    "    ldr r1, [r0]",
+    // DAC_DHR12R1 at mid-scale, then DAC_CR.EN1 (RM0433 section 26.7): the output begins at mid-scale.
+    "    ldr r0, =0x40007400",
+    "    mov r1, #2048",
+    "    str r1, [r0, #8]",
+    "    ldr r1, [r0]",
+    "    orr r1, r1, #1",
+    "    str r1, [r0]",
+    "    ldr r0, =__sitcm",
+    "    ldr r1, =__eitcm",
+    "    ldr r2, =__siitcm",
+    "2:  cmp r0, r1",
+    "    ittt lo",
+    "    ldrlo r3, [r2], #4",
+    "    strlo r3, [r0], #4",
+    "    blo 2b",
+    "    ldr r0, =__stick_constants",
+    "    ldr r1, =__etick_constants",
+    "    ldr r2, =__sitick_constants",
+    "3:  cmp r0, r1",
+    "    ittt lo",
+    "    ldrlo r3, [r2], #4",
+    "    strlo r3, [r0], #4",
+    "    blo 3b",
+    "    ldr r0, =__ssram4",
+    "    ldr r1, =__esram4",
+    "    mov r3, #0",
+    "4:  cmp r0, r1",
+    "    itt lo",
+    "    strlo r3, [r0], #4",
+    "    blo 4b",
+    "    dsb",
+    "    isb",
+    "    bx lr",
+    "    .ltorg",
+    ".size __pre_init, . - __pre_init",
+);
+
+unsafe extern "C" {
+    static __vector_table: u32;
+}
+
+/// Moves the vector table to the DTCM, so that an interrupt is taken without a read of flash, and turns the caches on,
+/// for code in flash and the library in AXI SRAM. This firmware uses no DMA, so all memory may be cached.
+pub fn prepare_memory(scb: &mut SCB, cpuid: &mut CPUID) {
+    let table = VECTOR_TABLE.0.get().cast::<u32>();
+    for index in 0..VECTORS {
+        // SAFETY: both tables have this many entries: those of the core and those of the device.
+        unsafe {
+            let handler = read_volatile(addr_of!(__vector_table).add(index));
+            write_volatile(table.add(index), handler);
+        }
+    }
+    asm::dsb();
+    // SAFETY: the table is filled and aligned, and handles every exception as the table before it did.
+    unsafe { scb.vtor.write(table as u32) };
+    asm::dsb();
+    asm::isb();
+    scb.enable_icache();
+    scb.enable_dcache(cpuid);
+}
+
+/// Starts the processor's cycle counter, with or without a debugger.
+pub fn start_cycle_counter(dcb: &mut DCB, dwt: &mut DWT) {
+    dcb.enable_trace();
+    DWT::unlock();
+    dwt.enable_cycle_counter();
+}

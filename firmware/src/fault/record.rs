@@ -1,0 +1,193 @@
+//! The record of a fault, which outlives the reset that follows it.
+//!
+//! It lies in memory that a start does not touch, and is believed when its checksum is right, because power-on leaves
+//! noise there. It is written in whole words, so that no word waits in the memory's buffer for its error-correcting
+//! code when the reset comes (AN5342, section 2).
+#![expect(unsafe_code, reason = "memory that outlives a reset")]
+
+use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
+
+use crate::tick::alive;
+
+/// Kind of fault; the numbers are kept over a reset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+#[repr(u32)]
+pub enum Kind {
+    /// HardFault, or a fault that escalated to it.
+    HardFault = 1,
+    /// Non-maskable interrupt.
+    Nmi,
+    /// A panic.
+    Panic,
+    /// An interrupt or exception without a handler.
+    UnexpectedInterrupt,
+    /// Watchdog reset because the tick stood still or did not end.
+    TickStopped,
+    /// Watchdog reset while the tick went on: the executor stood still.
+    ExecutorStopped,
+}
+
+/// Number of return addresses that are kept.
+pub const TRACE: usize = 6;
+
+/// A fault as it is kept over the reset that follows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+pub struct Caught {
+    /// Kind of fault.
+    pub kind: Kind,
+    /// Program counter at the fault.
+    pub program_counter: u32,
+    /// CFSR for a HardFault, the number of the exception for an unexpected one, 0 otherwise.
+    pub detail: u32,
+    /// Likely return addresses from the stack, the newest first; 0 after the last one.
+    pub trace: [u32; TRACE],
+    /// Address in flash of a panic's `Location`, see [`crate::fault::stack_trace::location`]; 0 if it was not found.
+    pub location: u32,
+}
+
+/// Words of a record: magic, the fields of [`Caught`], tick stopped, resets, whether the fault is new, checksum.
+const WORDS: usize = 9 + TRACE;
+const MAGIC: u32 = 0x5354_594C;
+
+/// Everything that outlives a reset.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Record {
+    words: [u32; WORDS],
+}
+
+const AT_KIND: usize = 1;
+const AT_PROGRAM_COUNTER: usize = 2;
+const AT_DETAIL: usize = 3;
+const AT_TRACE: usize = 4;
+const AT_LOCATION: usize = AT_TRACE + TRACE;
+const AT_TICK_STOPPED: usize = AT_LOCATION + 1;
+const AT_RESETS: usize = AT_TICK_STOPPED + 1;
+const AT_NEW: usize = AT_RESETS + 1;
+const AT_SUM: usize = AT_NEW + 1;
+
+#[repr(C, align(8))]
+struct Kept(UnsafeCell<MaybeUninit<[u32; WORDS]>>);
+
+// SAFETY: thread mode uses it with interrupts masked, and the handlers of faults, which never return, run alone.
+unsafe impl Sync for Kept {}
+
+#[unsafe(link_section = ".uninit.fault")]
+static KEPT: Kept = Kept(UnsafeCell::new(MaybeUninit::uninit()));
+
+impl Record {
+    /// The record in memory, if this program wrote it.
+    pub fn load() -> Option<Self> {
+        // SAFETY: reading noise as integers is what the checksum is for; a volatile read takes whatever is there.
+        let words: [u32; WORDS] = unsafe { KEPT.0.get().cast::<[u32; WORDS]>().read_volatile() };
+        let record = Self { words };
+        (words[0] == MAGIC && words[AT_SUM] == record.sum()).then_some(record)
+    }
+
+    /// Writes the record to memory, with its checksum.
+    pub fn store(mut self) {
+        self.words[0] = MAGIC;
+        self.words[AT_SUM] = self.sum();
+        // SAFETY: nothing else accesses it meanwhile, see `Kept`.
+        unsafe {
+            KEPT.0
+                .get()
+                .cast::<[u32; WORDS]>()
+                .write_volatile(self.words);
+        }
+        cortex_m::asm::dsb();
+    }
+
+    fn sum(&self) -> u32 {
+        self.words[..AT_SUM]
+            .iter()
+            .fold(0x9E37_79B9, |sum: u32, &word| {
+                (sum ^ word).rotate_left(5).wrapping_mul(0x85EB_CA6B)
+            })
+    }
+
+    /// Replaces the fault; counters of resets stay.
+    pub fn set(&mut self, caught: Caught) {
+        self.words[AT_KIND] = caught.kind as u32;
+        self.words[AT_DETAIL] = caught.detail;
+        self.words[AT_PROGRAM_COUNTER] = caught.program_counter;
+        self.words[AT_TRACE..AT_TRACE + TRACE].copy_from_slice(&caught.trace);
+        self.words[AT_LOCATION] = caught.location;
+        self.words[AT_NEW] = 1;
+    }
+
+    /// The last fault since power-on.
+    pub fn caught(&self) -> Option<Caught> {
+        let kind = match self.words[AT_KIND] {
+            1 => Kind::HardFault,
+            2 => Kind::Nmi,
+            3 => Kind::Panic,
+            4 => Kind::UnexpectedInterrupt,
+            5 => Kind::TickStopped,
+            6 => Kind::ExecutorStopped,
+            _ => return None,
+        };
+        Some(Caught {
+            kind,
+            program_counter: self.words[AT_PROGRAM_COUNTER],
+            detail: self.words[AT_DETAIL],
+            trace: core::array::from_fn(|index| self.words[AT_TRACE + index]),
+            location: self.words[AT_LOCATION],
+        })
+    }
+}
+
+/// State kept from before the last reset.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Before {
+    /// The last fault since power-on.
+    pub caught: Option<Caught>,
+    /// True if [`Before::caught`] was caught since the last start.
+    pub new_fault: bool,
+    /// Resets since power-on, this one included.
+    pub resets: u32,
+}
+
+/// Takes the kept state and counts this start.
+///
+/// After `power_on` the memory holds noise, so nothing in it is believed. After a reset by the `watchdog` the fault is
+/// that reset.
+pub fn take(power_on: bool, watchdog: bool) -> Before {
+    let mut record = Record::load().filter(|_| !power_on).unwrap_or_default();
+    if watchdog {
+        let tick_stopped = alive::is_running() || record.words[AT_TICK_STOPPED] != 0;
+        record.set(Caught {
+            kind: if tick_stopped {
+                Kind::TickStopped
+            } else {
+                Kind::ExecutorStopped
+            },
+            program_counter: 0,
+            detail: 0,
+            trace: [0; TRACE],
+            location: 0,
+        });
+    }
+    let before = Before {
+        caught: record.caught(),
+        new_fault: record.words[AT_NEW] != 0,
+        resets: if power_on {
+            0
+        } else {
+            record.words[AT_RESETS].saturating_add(1)
+        },
+    };
+    record.words[AT_RESETS] = before.resets;
+    record.words[AT_TICK_STOPPED] = 0;
+    record.words[AT_NEW] = 0;
+    record.store();
+    alive::clear_running();
+    before
+}
+
+/// Keeps that the tick stands still; the watchdog resets the processor next.
+pub fn note_tick_stopped() {
+    let mut record = Record::load().unwrap_or_default();
+    record.words[AT_TICK_STOPPED] = 1;
+    record.store();
+}

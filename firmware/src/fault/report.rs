@@ -1,0 +1,62 @@
+//! The reset report that the host reads: reason, number of resets, and the last fault in words.
+
+use core::fmt::Write;
+
+use model_format::link::{Fault, FaultKind, FaultText, ResetReason};
+use stylus_app::control::ResetReport;
+
+use crate::boot::reset::ResetFlags;
+use crate::fault::record::{Before, Caught, Kind};
+use crate::fault::stack_trace;
+
+/// The report of this start, from what the processor and the memory kept.
+pub fn reset_report(flags: ResetFlags, before: Before) -> ResetReport {
+    let fault = before.caught.map(|caught| Fault {
+        kind: match caught.kind {
+            Kind::HardFault => FaultKind::HardFault,
+            Kind::Nmi => FaultKind::Nmi,
+            Kind::Panic => FaultKind::Panic,
+            Kind::UnexpectedInterrupt => FaultKind::UnexpectedInterrupt,
+            Kind::TickStopped => FaultKind::TickStopped,
+            Kind::ExecutorStopped => FaultKind::ExecutorStopped,
+        },
+        program_counter: caught.program_counter,
+        detail: caught.detail,
+        text: text(&caught),
+    });
+    let reason = match flags {
+        ResetFlags::PowerOn => ResetReason::PowerOn,
+        ResetFlags::Brownout => ResetReason::Brownout,
+        ResetFlags::Watchdog => ResetReason::Watchdog,
+        ResetFlags::Software if before.new_fault => ResetReason::Fault,
+        ResetFlags::Software => ResetReason::Software,
+        ResetFlags::Pin => ResetReason::Pin,
+        ResetFlags::Unknown => ResetReason::Unknown,
+    };
+    ResetReport {
+        reason,
+        resets: before.resets,
+        fault,
+    }
+}
+
+/// File and line of a panic, the file's end if it is long. For any other fault the return addresses in hexadecimal, the
+/// newest first, for `addr2line` on the image's file.
+fn text(caught: &Caught) -> FaultText {
+    /// Characters of the colon and the line's number, at most.
+    const LINE_CHARACTERS: usize = 8;
+    let mut text = FaultText::new();
+    if let Some((file, line)) = stack_trace::location(caught.location) {
+        let left_out = file.len().saturating_sub(text.capacity() - LINE_CHARACTERS);
+        // Fits. If the cut falls within a character of several bytes, only the line is written.
+        let _ = write!(text, "{}:{line}", file.get(left_out..).unwrap_or_default());
+        return text;
+    }
+    for &address in caught.trace.iter().filter(|&&address| address != 0) {
+        let separator = if text.is_empty() { "" } else { " " };
+        if write!(text, "{separator}{address:08x}").is_err() {
+            break;
+        }
+    }
+    text
+}

@@ -1,0 +1,478 @@
+//! Drivers of the flash banks for the NorFlash traits: the library slots of bank 2, and the two settings sectors of
+//! bank 1.
+//!
+//! embassy-stm32's own driver waits for an erasure, a second or two, without yielding, and turns an uncorrectable word
+//! into a hard fault. This one follows RM0433 section 4.3. Every wait is bounded. A read after a write comes from the
+//! array itself, because the cache lines are invalidated.
+//!
+//! - **Bank 2** is erased and written while everything else runs: code runs from bank 1, the tick from ITCM.
+//! - **Bank 1** holds the code, whose fetches stall while the bank is busy. The wait for it runs from ITCM and masks
+//!   the interrupts of tasks, whose handlers lie in flash; tick and update go on. Settings must therefore be written
+//!   only while nothing else matters: a change takes a tenth of a millisecond, and one in a few thousand an erasure.
+#![expect(
+    unsafe_code,
+    reason = "the flash's registers change memory, and the memory is read in place"
+)]
+
+use core::ops::Range;
+use core::slice;
+
+use cortex_m::peripheral::{DWT, NVIC};
+use cortex_m::register::basepri;
+use embassy_futures::yield_now;
+use embassy_stm32::pac;
+use embassy_stm32::pac::flash::Bank as Registers;
+use embassy_stm32::pac::flash::regs::Sr;
+use embassy_time::{Duration, Instant, Timer};
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use model_format::limits::SLOT_BYTES;
+use stylus_app::flash::{BANK_BYTES, SECTOR_BYTES, WORD_BYTES};
+use stylus_app::settings::SETTINGS_RANGE;
+use stylus_app::slots::MappedFlash;
+
+use crate::boot::clock::CORE_HZ;
+use crate::boot::priority;
+use crate::fault::watchdog;
+use crate::flash::word;
+
+/// Longest erasure of a sector: twice the maximum of DS12110 (table 60, parallelism of 8 bits).
+const ERASE_LIMIT: Duration = Duration::from_secs(8);
+
+/// Longest programming of a flash word: many times the maximum of DS12110.
+const PROGRAM_LIMIT: Duration = Duration::from_millis(10);
+
+/// Failure of a flash operation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+pub enum FlashError {
+    /// A range outside this part of the flash, or not of whole words or sectors.
+    Range(OutOfRange),
+    /// A word that cannot be read, because its error-correcting code found two errors.
+    Unreadable {
+        /// Address of the word.
+        address: u32,
+    },
+    /// A fault that the flash reports.
+    Refused {
+        /// Value of FLASH_SR.
+        status: u32,
+    },
+    /// The flash is busy for longer than it may be.
+    Timeout,
+}
+
+/// Reason why a range is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+pub enum OutOfRange {
+    /// Not whole words or sectors.
+    NotAligned,
+    /// Outside.
+    OutOfBounds,
+}
+
+impl core::fmt::Display for FlashError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Range(_) => write!(
+                f,
+                "the range lies outside this part of the flash or is not of whole words or sectors"
+            ),
+            Self::Unreadable { address } => write!(
+                f,
+                "the flash word at {address:#010x} cannot be read: erase its sector"
+            ),
+            Self::Refused { status } => write!(
+                f,
+                "the flash reports {status:#010x} (RM0433, FLASH_SR): try again"
+            ),
+            Self::Timeout => write!(f, "the flash does not become ready: restart the device"),
+        }
+    }
+}
+
+impl core::error::Error for FlashError {}
+
+impl NorFlashError for FlashError {
+    fn kind(&self) -> NorFlashErrorKind {
+        match self {
+            Self::Range(OutOfRange::NotAligned) => NorFlashErrorKind::NotAligned,
+            Self::Range(OutOfRange::OutOfBounds) => NorFlashErrorKind::OutOfBounds,
+            _ => NorFlashErrorKind::Other,
+        }
+    }
+}
+
+/// Checks that `length` bytes from `offset` lie in `within`, in whole units of `unit` bytes.
+fn check(offset: u32, length: usize, unit: usize, within: Range<u32>) -> Result<(), FlashError> {
+    if !(offset as usize).is_multiple_of(unit) || !length.is_multiple_of(unit) {
+        return Err(FlashError::Range(OutOfRange::NotAligned));
+    }
+    let end = u64::from(offset) + length as u64;
+    if offset < within.start || end > u64::from(within.end) {
+        return Err(FlashError::Range(OutOfRange::OutOfBounds));
+    }
+    Ok(())
+}
+
+/// Length of the range from `from` to `to`, bytes.
+fn length(from: u32, to: u32) -> Result<usize, FlashError> {
+    to.checked_sub(from)
+        .map(|length| length as usize)
+        .ok_or(FlashError::Range(OutOfRange::OutOfBounds))
+}
+
+/// A bank, with its registers.
+#[derive(Clone, Copy)]
+struct Bank {
+    index: usize,
+    address: u32,
+}
+
+const BANK_1: Bank = Bank {
+    index: 0,
+    address: 0x0800_0000,
+};
+const BANK_2: Bank = Bank {
+    index: 1,
+    address: 0x0810_0000,
+};
+
+impl Bank {
+    fn registers(self) -> Registers {
+        pac::FLASH.bank(self.index)
+    }
+
+    /// Reads bytes of words that may fault.
+    fn read(self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        let mut at = self.address + offset;
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let within = at as usize % WORD_BYTES;
+            let word = at - within as u32;
+            let read = word::read(word).ok_or(FlashError::Unreadable { address: word })?;
+            let length = rest.len().min(WORD_BYTES - within);
+            let (now, later) = rest.split_at_mut(length);
+            now.copy_from_slice(&read[within..within + length]);
+            at += length as u32;
+            rest = later;
+        }
+        Ok(())
+    }
+
+    /// Prepares an erasure or a word: checks that the bank is idle, clears old faults, unlocks (RM0433 sections 4.3.9
+    /// and 4.3.10).
+    fn prepare(self) -> Result<(), FlashError> {
+        let registers = self.registers();
+        if registers.sr().read().qw() {
+            return Err(FlashError::Timeout);
+        }
+        clear(registers);
+        if registers.cr().read().lock() {
+            registers.keyr().write_value(0x4567_0123);
+            registers.keyr().write_value(0xCDEF_89AB);
+        }
+        Ok(())
+    }
+
+    /// Begins to erase the sector at `offset`.
+    fn begin_erase(self, offset: u32) {
+        self.registers().cr().modify(|w| {
+            w.set_pg(false);
+            w.set_ser(true);
+            w.set_snb((offset as usize / SECTOR_BYTES) as u8);
+        });
+        self.registers().cr().modify(|w| w.set_start(true));
+    }
+
+    /// Writes `word` at `offset`, which is erased. The bank programs it when all of it has arrived. For bank 1 this is
+    /// inlined into ITCM.
+    #[inline(always)]
+    fn begin_program(self, offset: u32, word: &[u32; WORD_BYTES / 4]) {
+        self.registers().cr().modify(|w| {
+            w.set_ser(false);
+            w.set_pg(true);
+        });
+        cortex_m::asm::dsb();
+        let start = (self.address + offset) as *mut u32;
+        for (index, &part) in word.iter().enumerate() {
+            // SAFETY: the callers have checked that the word is in their range. Nothing holds a reference to it,
+            // because references are shared borrows and programming borrows the flash exclusively.
+            unsafe { start.add(index).write_volatile(part) };
+        }
+        cortex_m::asm::dsb();
+    }
+
+    /// Locks the bank and returns the result of the operation that has ended.
+    fn end(self) -> Result<(), FlashError> {
+        let registers = self.registers();
+        let status = registers.sr().read();
+        clear(registers);
+        registers.cr().modify(|w| {
+            w.set_pg(false);
+            w.set_ser(false);
+            w.set_lock(true);
+        });
+        if is_fault(status) {
+            return Err(FlashError::Refused { status: status.0 });
+        }
+        Ok(())
+    }
+
+    /// Invalidates the cache lines of `range`, which has changed in the array.
+    fn forget(self, range: Range<u32>) {
+        // SAFETY: the only owner of SCB has dropped it after the start, and cache maintenance is a write of an address
+        // to a register. Flash is never dirty in the cache, because only programming writes to it.
+        unsafe {
+            let mut scb = cortex_m::Peripherals::steal().SCB;
+            let address = (self.address + range.start) as usize;
+            scb.invalidate_dcache_by_address(address, range.len());
+        }
+    }
+}
+
+/// Clears the end-of-operation flag and every fault.
+fn clear(registers: Registers) {
+    registers.ccr().write(|w| {
+        w.set_clr_eop(true);
+        w.set_clr_wrperr(true);
+        w.set_clr_pgserr(true);
+        w.set_clr_strberr(true);
+        w.set_clr_incerr(true);
+        w.set_clr_operr(true);
+        w.set_clr_sneccerr(true);
+        w.set_clr_dbeccerr(true);
+    });
+}
+
+fn is_fault(status: Sr) -> bool {
+    status.wrperr() | status.pgserr() | status.strberr() | status.incerr() | status.operr()
+}
+
+fn words(bytes: &[u8]) -> impl Iterator<Item = [u32; WORD_BYTES / 4]> {
+    bytes.as_chunks::<WORD_BYTES>().0.iter().map(|word| {
+        let mut parts = word.as_chunks::<4>().0.iter();
+        core::array::from_fn(|_| parts.next().map_or(0, |part| u32::from_le_bytes(*part)))
+    })
+}
+
+/// Bank 2: slot A and slot B.
+pub struct Bank2(());
+
+impl Bank2 {
+    const RANGE: Range<u32> = 0..2 * SLOT_BYTES as u32;
+
+    /// The only value of this type.
+    ///
+    /// # Safety
+    /// Called once.
+    pub const unsafe fn new() -> Self {
+        Self(())
+    }
+
+    async fn wait(limit: Duration, pause: Option<Duration>) -> Result<(), FlashError> {
+        let begin = Instant::now();
+        while BANK_2.registers().sr().read().qw() {
+            // Saturating, because the time driver may be late by half a period.
+            if Instant::now().saturating_duration_since(begin) > limit {
+                return Err(FlashError::Timeout);
+            }
+            match pause {
+                Some(pause) => Timer::after(pause).await,
+                None => yield_now().await,
+            }
+        }
+        Ok(())
+    }
+}
+
+impl ErrorType for Bank2 {
+    type Error = FlashError;
+}
+
+impl ReadNorFlash for Bank2 {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        check(offset, bytes.len(), Self::READ_SIZE, Self::RANGE)?;
+        BANK_2.read(offset, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        2 * SLOT_BYTES
+    }
+}
+
+impl NorFlash for Bank2 {
+    const WRITE_SIZE: usize = WORD_BYTES;
+    const ERASE_SIZE: usize = SECTOR_BYTES;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        check(from, length(from, to)?, Self::ERASE_SIZE, Self::RANGE)?;
+        for sector in (from..to).step_by(Self::ERASE_SIZE) {
+            // An erasure whose caller gave up ends first.
+            Self::wait(ERASE_LIMIT, Some(Duration::from_millis(1))).await?;
+            BANK_2.prepare()?;
+            BANK_2.begin_erase(sector);
+            let waited = Self::wait(ERASE_LIMIT, Some(Duration::from_millis(1))).await;
+            BANK_2.end()?;
+            waited?;
+            BANK_2.forget(sector..sector + SECTOR_BYTES as u32);
+        }
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        check(offset, bytes.len(), Self::WRITE_SIZE, Self::RANGE)?;
+        for (at, word) in (offset..).step_by(WORD_BYTES).zip(words(bytes)) {
+            Self::wait(ERASE_LIMIT, None).await?;
+            BANK_2.prepare()?;
+            BANK_2.begin_program(at, &word);
+            let waited = Self::wait(PROGRAM_LIMIT, None).await;
+            BANK_2.end()?;
+            waited?;
+            BANK_2.forget(at..at + WORD_BYTES as u32);
+        }
+        Ok(())
+    }
+}
+
+impl MappedFlash for Bank2 {
+    fn bytes(&self, range: Range<u32>) -> Result<&[u8], FlashError> {
+        check(range.start, length(range.start, range.end)?, 1, Self::RANGE)?;
+        let start = (BANK_2.address + range.start) as *const u8;
+        // SAFETY: this is flash for as long as the processor runs, and it changes only by methods that borrow this
+        // value exclusively. A read does not fault, because by the contract of the trait the caller has read every word
+        // before.
+        Ok(unsafe { slice::from_raw_parts(start, range.len()) })
+    }
+}
+
+/// The settings' sectors of bank 1. Offsets count from the start of the bank.
+pub struct SettingsFlash(());
+
+impl SettingsFlash {
+    /// The only value of this type.
+    ///
+    /// # Safety
+    /// Called once.
+    pub const unsafe fn new() -> Self {
+        Self(())
+    }
+}
+
+impl ErrorType for SettingsFlash {
+    type Error = FlashError;
+}
+
+impl ReadNorFlash for SettingsFlash {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        check(offset, bytes.len(), Self::READ_SIZE, SETTINGS_RANGE)?;
+        BANK_1.read(offset, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        BANK_BYTES
+    }
+}
+
+impl NorFlash for SettingsFlash {
+    const WRITE_SIZE: usize = WORD_BYTES;
+    const ERASE_SIZE: usize = SECTOR_BYTES;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        check(from, length(from, to)?, Self::ERASE_SIZE, SETTINGS_RANGE)?;
+        for sector in (from..to).step_by(Self::ERASE_SIZE) {
+            BANK_1.prepare()?;
+            let done = erase_without_code(sector);
+            BANK_1.end()?;
+            done?;
+            BANK_1.forget(sector..sector + SECTOR_BYTES as u32);
+            yield_now().await;
+        }
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        check(offset, bytes.len(), Self::WRITE_SIZE, SETTINGS_RANGE)?;
+        for (at, word) in (offset..).step_by(WORD_BYTES).zip(words(bytes)) {
+            BANK_1.prepare()?;
+            let done = program_without_code(at, &word);
+            BANK_1.end()?;
+            done?;
+            BANK_1.forget(at..at + WORD_BYTES as u32);
+            yield_now().await;
+        }
+        Ok(())
+    }
+}
+
+/// Erases the sector of bank 1 at `offset` and waits for it, in ITCM.
+#[inline(never)]
+#[unsafe(link_section = ".itcm.flash_erase")]
+fn erase_without_code(offset: u32) -> Result<(), FlashError> {
+    let mask = mask_tasks();
+    BANK_1.begin_erase(offset);
+    let done = wait_without_code(8_000);
+    unmask(mask);
+    done
+}
+
+/// Programs a word of bank 1 at `offset` and waits for it, in ITCM.
+#[inline(never)]
+#[unsafe(link_section = ".itcm.flash_program")]
+fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) -> Result<(), FlashError> {
+    let mask = mask_tasks();
+    BANK_1.begin_program(offset, word);
+    let done = wait_without_code(10);
+    unmask(mask);
+    done
+}
+
+/// Waits for bank 1, at most `limit_ms`, and feeds the watchdog as long as the tick goes on.
+#[inline(always)]
+fn wait_without_code(limit_ms: u32) -> Result<(), FlashError> {
+    for _ in 0..limit_ms {
+        let begin = DWT::cycle_count();
+        while DWT::cycle_count().wrapping_sub(begin) < CORE_HZ / 1000 {
+            if !BANK_1.registers().sr().read().qw() {
+                return Ok(());
+            }
+        }
+        watchdog::feed_while_ticking();
+    }
+    Err(FlashError::Timeout)
+}
+
+/// Masks as they were before.
+#[derive(Clone, Copy)]
+struct Masked {
+    priorities: u8,
+    serial: bool,
+}
+
+/// Masks the interrupts whose handlers lie in flash.
+#[inline(always)]
+fn mask_tasks() -> Masked {
+    let before = Masked {
+        priorities: basepri::read(),
+        serial: !NVIC::is_enabled(priority::SERIAL),
+    };
+    NVIC::mask(priority::SERIAL);
+    // SAFETY: no critical section of this program masks by priority; tick and update are more urgent than the mask.
+    unsafe { basepri::write(priority::TASKS_MASK) };
+    before
+}
+
+#[inline(always)]
+fn unmask(before: Masked) {
+    // SAFETY: both return to their state before `mask_tasks`.
+    unsafe {
+        basepri::write(before.priorities);
+        if !before.serial {
+            NVIC::unmask(priority::SERIAL);
+        }
+    }
+}

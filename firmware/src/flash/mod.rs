@@ -1,0 +1,7 @@
+//! The two flash banks behind the NorFlash traits: library slots in bank 2, settings in bank 1.
+//!
+//! Invariant: a word that cannot be read is an error and never a bus fault, every wait is bounded, and nothing outside
+//! the slots and the settings is erased or written.
+
+pub mod banks;
+pub mod word;

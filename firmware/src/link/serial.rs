@@ -1,0 +1,204 @@
+//! The serial link: USART3 on PD8 (TX) and PD9 (RX), the virtual serial port of the board's probe.
+//!
+//! A frame is one COBS frame, ended by a zero byte. Each byte is an interrupt below the tick's priority; the
+//! peripheral's FIFO of 16 bytes, 170 µs of them, holds the bytes that come during a tick (RM0433 section 48.5.4).
+//! There is no DMA, so no buffer needs memory of another domain or cache maintenance.
+
+use embassy_stm32::interrupt::typelevel::{self, Handler};
+use embassy_stm32::pac;
+use embassy_stm32::peripherals::{self, PD8, PD9};
+use embassy_stm32::usart::{
+    BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError,
+};
+use embassy_stm32::{Peri, bind_interrupts};
+use embedded_io_async::{Read, Write};
+use model_format::link::{MAX_DEVICE_FRAME_BYTES, MAX_HOST_FRAME_BYTES, SERIAL_BAUD};
+use postcard_rpc::header::VarHeader;
+use postcard_rpc::server::{WireRx, WireRxErrorKind};
+use static_cell::ConstStaticCell;
+
+use crate::link::counters::SERIAL;
+use crate::link::outlet::SendFrame;
+
+/// Length of the longest COBS frame of `length` bytes, with its zero: one byte more per 254, one more, and the zero.
+const fn encoded(length: usize) -> usize {
+    length + length / 254 + 2
+}
+
+/// Bytes received and not yet read: 44 ms of them, about twice the longest time for which a task does not yield, the
+/// check of the largest library.
+const RECEIVED_BYTES: usize = 4 * encoded(MAX_HOST_FRAME_BYTES);
+
+/// Bytes to be sent: the longest frame.
+const SENT_BYTES: usize = encoded(MAX_DEVICE_FRAME_BYTES);
+
+bind_interrupts!(struct Interrupts {
+    USART3 => LineErrors, BufferedInterruptHandler<peripherals::USART3>;
+});
+
+/// Handler that counts errors of the line before embassy's handler clears their flags.
+pub struct LineErrors;
+
+#[expect(
+    unsafe_code,
+    reason = "handlers of embassy's interrupts are unsafe to call; this one only reads and counts"
+)]
+// SAFETY: it requires nothing of its caller.
+impl Handler<typelevel::USART3> for LineErrors {
+    // SAFETY: as above.
+    unsafe fn on_interrupt() {
+        let flags = pac::USART3.isr().read();
+        if flags.pe() | flags.fe() | flags.ne() | flags.ore() {
+            SERIAL.count(|counters| &mut counters.line_errors);
+        }
+    }
+}
+
+/// Sets the port up: sender and receiver.
+///
+/// # Errors
+/// The clock cannot give the baud rate.
+pub fn open(
+    usart: Peri<'static, peripherals::USART3>,
+    tx: Peri<'static, PD8>,
+    rx: Peri<'static, PD9>,
+) -> Result<(Sender, Receiver), ConfigError> {
+    static TX: ConstStaticCell<[u8; SENT_BYTES]> = ConstStaticCell::new([0; SENT_BYTES]);
+    static RX: ConstStaticCell<[u8; RECEIVED_BYTES]> = ConstStaticCell::new([0; RECEIVED_BYTES]);
+    let mut config = Config::default();
+    config.baudrate = SERIAL_BAUD;
+    let port = BufferedUart::new(usart, rx, tx, TX.take(), RX.take(), Interrupts, config)?;
+    let (tx, rx) = port.split();
+    Ok((
+        Sender {
+            tx,
+            frame: [0; SENT_BYTES],
+            broken: true,
+        },
+        Receiver {
+            rx,
+            chunk: [0; CHUNK_BYTES],
+            from: 0,
+            to: 0,
+        },
+    ))
+}
+
+/// Sender of frames.
+pub struct Sender {
+    tx: BufferedUartTx<'static>,
+    frame: [u8; SENT_BYTES],
+    /// True if only a part of the last frame may have gone out; a zero ends that part.
+    broken: bool,
+}
+
+impl Sender {
+    /// Sends the first `length` bytes of the frame and its zero, after a zero if the frame before is `broken`.
+    ///
+    /// A write that finds too little room in embassy's buffer is never woken (embassy-stm32 0.6.0), so each write waits
+    /// until the one before has gone out, and finds the buffer empty.
+    async fn send(
+        &mut self,
+        broken: bool,
+        length: usize,
+    ) -> Result<(), embassy_stm32::usart::Error> {
+        if broken {
+            self.tx.flush().await?;
+            self.tx.write_all(&[0]).await?;
+            self.tx.flush().await?;
+        }
+        self.tx.write_all(&self.frame[..=length]).await?;
+        self.tx.flush().await
+    }
+}
+
+impl SendFrame for Sender {
+    async fn send_frame(&mut self, frame: &[u8]) -> bool {
+        // One byte is left for the zero. A frame that does not fit is not sent.
+        let length = match cobs::try_encode(frame, &mut self.frame) {
+            Ok(length) if length < self.frame.len() => length,
+            _ => return false,
+        };
+        self.frame[length] = 0;
+        // Set during the send, because its caller may give up half way.
+        let broken = core::mem::replace(&mut self.broken, true);
+        self.broken = self.send(broken, length).await.is_err();
+        !self.broken
+    }
+}
+
+/// Most bytes that are taken from the port's buffer at a time.
+const CHUNK_BYTES: usize = 64;
+
+/// Receiver of frames.
+pub struct Receiver {
+    rx: BufferedUartRx<'static>,
+    /// Bytes taken from the port; those at `from..to` are not yet used.
+    chunk: [u8; CHUNK_BYTES],
+    from: usize,
+    to: usize,
+}
+
+impl Receiver {
+    async fn byte(&mut self) -> u8 {
+        while self.from == self.to {
+            self.from = 0;
+            // The handler counts an error of the line. The frame that it damages does not decode.
+            self.to = self.rx.read(&mut self.chunk).await.unwrap_or(0);
+        }
+        let byte = self.chunk[self.from];
+        self.from += 1;
+        byte
+    }
+
+    /// Reads the bytes before the next zero, as many as fit into `buffer`, and returns their number.
+    async fn encoded_frame(&mut self, buffer: &mut [u8]) -> usize {
+        let mut length: usize = 0;
+        loop {
+            match self.byte().await {
+                0 => return length,
+                byte => {
+                    if let Some(slot) = buffer.get_mut(length) {
+                        *slot = byte;
+                    }
+                    length = length.saturating_add(1);
+                }
+            }
+        }
+    }
+}
+
+/// Buffer for a frame from the host, which is decoded in place.
+pub type Buffer = [u8; encoded(MAX_HOST_FRAME_BYTES)];
+
+/// An empty buffer.
+pub const EMPTY: Buffer = [0; encoded(MAX_HOST_FRAME_BYTES)];
+
+impl WireRx for Receiver {
+    type Error = WireRxErrorKind;
+
+    async fn receive<'a>(&mut self, buffer: &'a mut [u8]) -> Result<&'a mut [u8], WireRxErrorKind> {
+        let length = loop {
+            match self.encoded_frame(buffer).await {
+                // A zero between frames is allowed.
+                0 => {}
+                length => break length,
+            }
+        };
+        let Some(encoded) = buffer.get_mut(..length) else {
+            SERIAL.count(|counters| &mut counters.oversized);
+            return Err(WireRxErrorKind::ReceivedMessageTooLarge);
+        };
+        let decoded = cobs::decode_in_place(encoded).unwrap_or(0);
+        if decoded > MAX_HOST_FRAME_BYTES {
+            SERIAL.count(|counters| &mut counters.oversized);
+            return Err(WireRxErrorKind::ReceivedMessageTooLarge);
+        }
+        let frame = &mut buffer[..decoded];
+        if VarHeader::take_from_slice(frame).is_none() {
+            SERIAL.count(|counters| &mut counters.malformed);
+            return Err(WireRxErrorKind::Other);
+        }
+        Ok(frame)
+    }
+}

@@ -1,0 +1,230 @@
+//! The application, for both links: [`Control`] behind a lock that is never held across a wait, and [`Storage`] in a
+//! task of its own, because requests that need flash may take seconds.
+#![expect(
+    unsafe_code,
+    reason = "the only owners of the flash are created here, once"
+)]
+
+use core::cell::RefCell;
+
+use embassy_executor::Spawner;
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
+use embassy_sync::channel::Channel;
+use embassy_time::{Duration, Ticker, Timer};
+use heapless::Vec;
+use model_format::link::{
+    ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES,
+    SettingChange, Settings, SettingsResetEndpoint, SettingsSetEndpoint, SlotId, SlotInfo,
+    SlotsEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
+};
+use postcard_rpc::header::VarSeq;
+use postcard_rpc::server::{Sender, WireTxErrorKind};
+use static_cell::StaticCell;
+use stylus_app::control::Control;
+use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
+use stylus_app::slots::SlotStore;
+use stylus_app::storage::{LoadFault, Stage, Storage};
+
+use crate::device::Hardware;
+use crate::flash::banks::{Bank2, SettingsFlash};
+use crate::link::wire::Wire;
+
+static CONTROL: Mutex<ThreadModeRawMutex, RefCell<Option<Control<Hardware>>>> =
+    Mutex::new(RefCell::new(None));
+
+/// Calls `what` with the device's control, which never waits. It exists once [`start`] has returned.
+pub fn with_control<R>(what: impl FnOnce(&mut Control<Hardware>) -> R) -> R {
+    CONTROL.lock(|control| {
+        if let Some(control) = control.borrow_mut().as_mut() {
+            what(control)
+        } else {
+            defmt::unreachable!("links and polls begin after storage::start")
+        }
+    })
+}
+
+/// A request that needs the flash.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "the queue reserves a few, each for the largest"
+)]
+pub enum Job {
+    /// `UploadBeginEndpoint`.
+    UploadBegin(UploadBegin),
+    /// `UploadChunkEndpoint`: offset and bytes.
+    UploadChunk(u32, Vec<u8, MAX_CHUNK_BYTES>),
+    /// `UploadCommitEndpoint`.
+    UploadCommit,
+    /// `UploadAbortEndpoint`.
+    UploadAbort,
+    /// `SlotsEndpoint`.
+    Slots,
+    /// `ListEndpoint`.
+    List(ListRequest),
+    /// `ListSceneEndpoint`.
+    ListScene(ListRequest),
+    /// `ActivateEndpoint`.
+    Activate(SlotId),
+    /// `SettingsSetEndpoint`.
+    SettingsSet(SettingChange),
+    /// `SettingsResetEndpoint`.
+    SettingsReset,
+}
+
+impl Job {
+    /// A chunk of an upload; none if it is longer than [`MAX_CHUNK_BYTES`].
+    pub fn chunk(offset: u32, data: &[u8]) -> Option<Self> {
+        Vec::from_slice(data)
+            .ok()
+            .map(|data| Self::UploadChunk(offset, data))
+    }
+}
+
+/// A job with the way of its answer.
+struct QueuedJob {
+    job: Job,
+    to: Sender<Wire>,
+    sequence: VarSeq,
+}
+
+/// Jobs that wait. A host sends the next request after the answer, and there are two wires, so four are enough.
+static QUEUE: Channel<ThreadModeRawMutex, QueuedJob, 4> = Channel::new();
+
+/// Queues `job`, to be done and answered; returns false if the queue is full.
+pub fn queue(job: Job, to: Sender<Wire>, sequence: VarSeq) -> bool {
+    QUEUE.try_send(QueuedJob { job, to, sequence }).is_ok()
+}
+
+type Stores = Storage<Bank2, SettingsFlash>;
+
+#[unsafe(link_section = ".sram4.stores")]
+static STORES: StaticCell<Stores> = StaticCell::new();
+
+/// Opens the stores, activates the newest library, and starts the tasks that poll and that serve jobs.
+pub async fn start(spawner: Spawner, hardware: Hardware) {
+    // SAFETY: nothing else calls them, and this runs once.
+    let (slots, settings) = unsafe { (Bank2::new(), SettingsFlash::new()) };
+    let settings = SettingsStore::open(settings, SETTINGS_RANGE).await;
+    let control = Control::new(hardware, settings.settings(), settings.is_faulty());
+    CONTROL.lock(|cell| *cell.borrow_mut() = Some(control));
+    spawner.spawn(poll().unwrap());
+    let stores = STORES.init(Storage::new(SlotStore::open(slots).await, settings));
+    let active = stores.activate_newest(&mut ControlStage).await;
+    defmt::info!("library active: {}", active.is_some());
+    spawner.spawn(serve(stores).unwrap());
+}
+
+/// Polls the control every millisecond.
+#[embassy_executor::task]
+async fn poll() -> ! {
+    let mut ticker = Ticker::every(Duration::from_millis(1));
+    loop {
+        with_control(Control::poll);
+        ticker.next().await;
+    }
+}
+
+/// Does the queued jobs, one after the other.
+#[embassy_executor::task]
+async fn serve(stores: &'static mut Stores) -> ! {
+    loop {
+        let QueuedJob { job, to, sequence } = QUEUE.receive().await;
+        // The wire counts an answer that it cannot send. The host repeats its request.
+        let _ = work(stores, job, &to, sequence).await;
+    }
+}
+
+async fn work(
+    stores: &mut Stores,
+    job: Job,
+    to: &Sender<Wire>,
+    sequence: VarSeq,
+) -> Result<(), WireTxErrorKind> {
+    let stage = &mut ControlStage;
+    match job {
+        Job::UploadBegin(begin) => {
+            let answer = stores.upload_begin(stage, begin).await;
+            to.reply::<UploadBeginEndpoint>(sequence, &answer).await
+        }
+        Job::UploadChunk(offset, data) => {
+            let answer = stores
+                .upload_chunk(
+                    stage,
+                    UploadChunk {
+                        offset,
+                        data: &data,
+                    },
+                )
+                .await;
+            to.reply::<UploadChunkEndpoint>(sequence, &answer).await
+        }
+        Job::UploadCommit => {
+            let answer = stores.upload_commit(stage).await;
+            to.reply::<UploadCommitEndpoint>(sequence, &answer).await
+        }
+        Job::UploadAbort => {
+            to.reply::<UploadAbortEndpoint>(sequence, &stores.upload_abort(stage))
+                .await
+        }
+        Job::Slots => to.reply::<SlotsEndpoint>(sequence, &stores.slots()).await,
+        Job::List(request) => {
+            to.reply::<ListEndpoint>(sequence, &stores.list(request))
+                .await
+        }
+        Job::ListScene(request) => {
+            to.reply::<ListSceneEndpoint>(sequence, &stores.list_scene(request))
+                .await
+        }
+        Job::Activate(slot) => {
+            let answer = stores.activate(stage, slot).await;
+            to.reply::<ActivateEndpoint>(sequence, &answer).await
+        }
+        Job::SettingsSet(change) => {
+            let answer = stores.settings_set(stage, change).await;
+            to.reply::<SettingsSetEndpoint>(sequence, &answer).await
+        }
+        Job::SettingsReset => {
+            let answer = stores.settings_reset(stage).await;
+            to.reply::<SettingsResetEndpoint>(sequence, &answer).await
+        }
+    }
+}
+
+/// The rest of the device, as storage sees it.
+struct ControlStage;
+
+impl Stage for ControlStage {
+    fn begin_activation(&mut self) -> Result<(), ActivateError> {
+        with_control(Control::begin_activation)
+    }
+
+    fn may_exchange(&self) -> bool {
+        with_control(|control| control.may_exchange())
+    }
+
+    fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
+        with_control(|control| control.device().load(library))
+    }
+
+    fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
+        with_control(|control| control.end_activation(active));
+    }
+
+    fn is_idle(&self) -> bool {
+        with_control(|control| control.is_idle())
+    }
+
+    fn set_settings(&mut self, settings: Settings, faulty: bool) {
+        with_control(|control| control.set_settings(settings, faulty));
+    }
+
+    fn set_upload(&mut self, upload: UploadState) {
+        with_control(|control| control.set_upload(upload));
+    }
+
+    async fn pause(&mut self) {
+        Timer::after_millis(1).await;
+    }
+}

@@ -1,0 +1,83 @@
+//! The update: every 2 ms, below the tick and above all tasks, it turns the motion of the hand into the next block.
+
+#![expect(
+    unsafe_code,
+    reason = "a vector's name, its place in memory, and values that the update owns"
+)]
+
+use core::sync::atomic::{AtomicBool, Ordering};
+
+use model_format::link::MotionSource;
+use stylus_app::inputs::{self, InputConfig, Timed};
+
+use crate::play::shared::OfHandler;
+use crate::play::{direction, voice};
+
+/// True if the motion that is followed was too old at the last update.
+static STALE: AtomicBool = AtomicBool::new(true);
+
+/// Inputs of an update besides the tick's note.
+pub struct Update {
+    /// Conversion of counts and codes to speed and force.
+    pub config: InputConfig,
+    /// Source of the motion that is followed.
+    pub source: MotionSource,
+    /// The last motion from the host.
+    pub host: Timed,
+}
+
+/// The inputs; none before [`start`].
+static UPDATE: OfHandler<Option<Update>> = OfHandler::new(None);
+
+/// Sets the inputs, with no motion yet.
+pub fn start(config: InputConfig) {
+    UPDATE.with(|_, update| {
+        *update = Some(Update {
+            config,
+            source: MotionSource::Sensors,
+            host: Timed::NEVER,
+        });
+    });
+}
+
+/// Returns true if the motion that is followed was too old at the last update.
+pub fn is_stale() -> bool {
+    STALE.load(Ordering::Relaxed)
+}
+
+/// Changes the inputs before the next update.
+pub fn change(change: impl FnOnce(&mut Update)) {
+    UPDATE.with(|_, update| {
+        if let Some(update) = update {
+            change(update);
+        }
+    });
+}
+
+/// The update's interrupt, pended by the tick. **Deadline: 2 ms, until the next block.**
+///
+/// Its time is bounded by two voices at a time, the highest order of their textures, four nodes around the motion, and
+/// the ticks that interrupt it. If it is late, the block before goes on with its ramps at their ends, and `status`
+/// counts it.
+#[unsafe(no_mangle)]
+#[unsafe(link_section = ".itcm.update")]
+extern "C" fn SWPMI1() {
+    // SAFETY: this is the update, which the tick has requested.
+    let noted = unsafe { voice::noted() };
+    // SAFETY: this is the handler that owns the value.
+    if let Some(update) = unsafe { UPDATE.in_handler() } {
+        let sensors = noted.sensors.motion(&update.config);
+        let chosen = inputs::choose(update.source, sensors, update.host);
+        STALE.store(chosen.is_stale(noted.tick), Ordering::Relaxed);
+        if let Some(played) = noted.playing {
+            // SAFETY: this is the update, and the tick plays.
+            if let Some(direction) = unsafe { direction::directed() } {
+                let follower = &mut direction.follower;
+                let interaction = follower.follow(chosen, &noted.sensors, &update.config);
+                // SAFETY: as above; this is the director of the block that is played.
+                unsafe { voice::direct(&mut direction.director, interaction, played) };
+            }
+        }
+    }
+    voice::ready();
+}

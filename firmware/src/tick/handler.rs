@@ -1,0 +1,276 @@
+//! The tick: one sample, 5000 times per second.
+//!
+//! TIM6 counts 200 µs. Its update event is the trigger: it moves the DAC's holding register to the output, starts the
+//! converter's sequence, and interrupts. The handler reads the conversions of the previous trigger, computes a sample,
+//! and writes it for the next trigger. So the timer alone sets the instants of sampling and output, and a signal on the
+//! pins at one trigger can be answered two triggers later.
+//!
+//! Its code is in ITCM and everything that it touches in DTCM; the build fails if a call or an address in it leads to
+//! flash. It takes no lock and logs nothing. The number of instructions depends on the block that is played, never on
+//! the data.
+
+#![expect(
+    unsafe_code,
+    reason = "a vector's name, its place in memory, and values that the tick owns"
+)]
+
+use core::sync::atomic::{AtomicBool, Ordering};
+
+use cortex_m::peripheral::DWT;
+use embassy_stm32::pac::TIM6;
+use embassy_stm32::pac::timer::vals::{Mms, Urs};
+use embassy_stm32::{Peri, peripherals, rcc};
+use model_format::link::{RecordSample, TickCounters};
+use model_format::{DacCode, OutputSample};
+use stylus_app::SAMPLE_RATE_HZ;
+use stylus_app::inputs::{Encoder, Sensors};
+use stylus_app::recorder::Tap;
+use stylus_app::safety;
+use stylus_app::status::Histogram;
+use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+
+use crate::boot::clock::{CORE_HZ, TIMER_HZ};
+use crate::play::shared::OfHandler;
+use crate::play::voice::{self, BlockIndex, Noted, Played};
+use crate::tick::{alive, inputs, output};
+
+/// Cycles of the processor per tick.
+const PERIOD_CYCLES: u32 = CORE_HZ / SAMPLE_RATE_HZ;
+
+/// Cycles of TIM6 per tick.
+const PERIOD_TIMER: u32 = TIMER_HZ / SAMPLE_RATE_HZ;
+
+const _: () = assert!(PERIOD_TIMER <= 1 << 16 && PERIOD_TIMER * SAMPLE_RATE_HZ == TIMER_HZ);
+
+/// State of the tick, except for the voices.
+pub struct Tick {
+    safety: safety::State,
+    config: safety::Config,
+    counters: TickCounters,
+    histogram: Histogram,
+    encoder: Encoder,
+    sensors: Sensors,
+    tap: Tap<'static>,
+    /// Number of ticks in the present block.
+    phase: u32,
+    /// The block that is played, if any.
+    playing: Option<BlockIndex>,
+    /// True if playing begins with the next block.
+    begins: bool,
+    /// True if the update was requested to decide the block after the one that is played.
+    requested: bool,
+    /// The processor's cycle at the last trigger.
+    trigger: u32,
+}
+
+static TICK: OfHandler<Option<Tick>> = OfHandler::new(None);
+
+/// True while the output is to be mute.
+static MUTED: AtomicBool = AtomicBool::new(true);
+
+/// Counters and state of the tick, copied at one instant.
+#[derive(Clone, Copy)]
+pub struct Snapshot {
+    /// Counters of the tick.
+    pub counters: TickCounters,
+    /// Histogram of the tick's duration.
+    pub histogram: Histogram,
+    /// State of the safety stages.
+    pub safety: safety::State,
+}
+
+/// Starts TIM6, and with it sampling and output; `tap` takes the samples to record. The cycle counter must run.
+pub fn start(_timer: Peri<'static, peripherals::TIM6>, tap: Tap<'static>, config: safety::Config) {
+    rcc::enable_and_reset::<peripherals::TIM6>();
+    TICK.with(|_, tick| {
+        *tick = Some(Tick {
+            safety: safety::State::new(),
+            config,
+            counters: TickCounters::default(),
+            histogram: Histogram::new(),
+            encoder: Encoder::new(inputs::encoder_count()),
+            sensors: Sensors::new(),
+            tap,
+            phase: 0,
+            playing: None,
+            begins: false,
+            requested: false,
+            trigger: DWT::cycle_count(),
+        });
+    });
+    output::write(DacCode::MID_SCALE);
+    output::follow_timer();
+    TIM6.psc().write_value(0);
+    TIM6.arr().write(|w| w.set_arr((PERIOD_TIMER - 1) as u16));
+    // TRGO on an update event (RM0433 section 41.4.2), which only an overflow causes (section 41.4.1).
+    TIM6.cr2().modify(|w| w.set_mms(Mms::UPDATE));
+    TIM6.cr1().modify(|w| w.set_urs(Urs::COUNTER_ONLY));
+    TIM6.dier().modify(|w| w.set_uie(true));
+    TIM6.cr1().modify(|w| w.set_cen(true));
+}
+
+/// Number of ticks since the start.
+pub fn now() -> u64 {
+    TICK.with(|_, tick| tick.as_ref().map_or(0, |tick| tick.counters.ticks))
+}
+
+/// Counters and state of the tick; none before the start.
+pub fn snapshot() -> Option<Snapshot> {
+    TICK.with(|_, tick| {
+        tick.as_ref().map(|tick| Snapshot {
+            counters: tick.counters,
+            histogram: tick.histogram,
+            safety: tick.safety,
+        })
+    })
+}
+
+/// Mutes or unmutes the output from the next tick on, and returns the number of that tick at the earliest.
+pub fn set_muted(muted: bool) -> u64 {
+    TICK.with(|_, tick| {
+        MUTED.store(muted, Ordering::Relaxed);
+        tick.as_ref().map_or(0, |tick| tick.counters.ticks + 1)
+    })
+}
+
+/// Returns true if the output was at mid-scale, with the mute ramp down, at tick `since` or a later one.
+pub fn is_at_rest(since: u64) -> bool {
+    TICK.with(|_, tick| {
+        tick.as_ref()
+            .is_none_or(|tick| tick.counters.ticks >= since && tick.safety.is_at_rest())
+    })
+}
+
+/// Sets the configuration of the safety stages from the next tick on.
+pub fn configure(config: safety::Config) {
+    TICK.with(|_, tick| {
+        if let Some(tick) = tick {
+            tick.config = config;
+        }
+    });
+}
+
+/// Lets the tick play the voices of [`voice`] from the next block on.
+pub fn play() {
+    TICK.with(|_, tick| {
+        if let Some(tick) = tick {
+            tick.begins = true;
+        }
+    });
+}
+
+/// Stops playing at once. The output should be at rest before.
+pub fn stop() {
+    TICK.with(|_, tick| {
+        if let Some(tick) = tick {
+            tick.begins = false;
+            tick.playing = None;
+        }
+    });
+}
+
+/// The tick's interrupt. **Deadline: 200 µs, until the next trigger.**
+///
+/// Its time is bounded by the stages of the block, whose worst case was compared with a budget before the plan was
+/// accepted. The safety stages, the queue and the counters take the same at every tick. It begins late by at most the
+/// longest critical section. If it ends after the next trigger, the DAC has repeated the previous sample, the tick is
+/// counted as missed, and the next one begins at once. `status` shows the count and the duration of ticks.
+#[unsafe(no_mangle)]
+#[unsafe(link_section = ".itcm.tick")]
+extern "C" fn TIM6_DAC() {
+    let begin = DWT::cycle_count();
+    alive::begin();
+    // A zero clears a flag of a timer, a one leaves it.
+    TIM6.sr().write(|w| w.set_uif(false));
+    // SAFETY: this is the handler that owns the value.
+    if let Some(tick) = unsafe { TICK.in_handler() } {
+        tick.run(begin);
+        #[cfg(feature = "fault-injection")]
+        crate::injection::in_tick();
+        tick.histogram.count(DWT::cycle_count().wrapping_sub(begin));
+    }
+    alive::end();
+}
+
+impl Tick {
+    #[inline(always)]
+    fn run(&mut self, begin: u32) {
+        let inputs = inputs::read();
+        self.count_periods(begin, inputs.since_trigger);
+        let now = self.counters.ticks;
+        let delta = self.encoder.delta(inputs.encoder);
+        self.sensors.read(now, delta, inputs.force, inputs.complete);
+        // Before the first trigger there was no conversion to wait for.
+        let late = !inputs.complete && now > 1;
+        self.counters.late_conversions = self
+            .counters
+            .late_conversions
+            .saturating_add(u32::from(late));
+        if self.phase == 0 {
+            self.begin_block(now);
+        }
+        self.phase = (self.phase + 1) % UPDATE_INTERVAL_SAMPLES;
+        let sample = match self.playing {
+            // SAFETY: this is the tick, and it plays this block.
+            Some(block) => unsafe { voice::next_sample(block) },
+            None => OutputSample::SILENCE,
+        };
+        let muted = MUTED.load(Ordering::Relaxed);
+        output::write(self.safety.process(&self.config, sample, muted));
+        let sample = RecordSample {
+            acceleration: inputs.acceleration,
+            force: inputs.force,
+            encoder_delta: delta,
+        };
+        self.tap.put(now, sample);
+    }
+
+    /// Counts the triggers since the last tick: one, or more if ticks were missed.
+    ///
+    /// The cycle of the trigger is that of the handler's beginning minus the timer's count since, so the latency of the
+    /// handler does not matter.
+    #[inline(always)]
+    fn count_periods(&mut self, begin: u32, since_trigger: u32) {
+        let trigger = begin.wrapping_sub(since_trigger * (CORE_HZ / TIMER_HZ));
+        let first = self.counters.ticks == 0;
+        let periods = (trigger.wrapping_sub(self.trigger) + PERIOD_CYCLES / 2) / PERIOD_CYCLES;
+        let periods = if first { 1 } else { periods.max(1) };
+        self.trigger = trigger;
+        self.counters.ticks += u64::from(periods);
+        self.counters.missed = self.counters.missed.saturating_add(periods - 1);
+    }
+
+    /// Begins the block that was decided during the last one, and requests the next one from the present motion.
+    ///
+    /// So a motion that is noted at the beginning of one block sounds from the beginning of the next. If the update has
+    /// not finished, the block before goes on.
+    #[inline(always)]
+    fn begin_block(&mut self, now: u64) {
+        self.sensors.end_block();
+        if core::mem::take(&mut self.begins) {
+            self.playing = Some(BlockIndex::First);
+            self.requested = false;
+        }
+        if !voice::is_ready() {
+            let late = u32::from(self.playing.is_some());
+            self.counters.late_frames = self.counters.late_frames.saturating_add(late);
+            return;
+        }
+        if self.requested {
+            self.playing = self.playing.map(BlockIndex::other);
+        }
+        self.requested = true;
+        let playing = self.playing.map(|block| {
+            // SAFETY: this is the tick, which plays, and the update is ready.
+            let ringing = unsafe { voice::begin_block(block) };
+            Played { block, ringing }
+        });
+        let noted = Noted {
+            sensors: self.sensors,
+            tick: now,
+            playing,
+        };
+        // SAFETY: this is the tick, and the update is ready.
+        unsafe { voice::request(noted) };
+    }
+}

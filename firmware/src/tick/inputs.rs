@@ -1,0 +1,151 @@
+//! Inputs of the tick: four channels of ADC1, started by TIM6, and the encoder's count.
+//!
+//! | signal | pin | input |
+//! |---|---|---|
+//! | acceleration X, Y, Z | PA3, PC0, PC1 | ADC1 INP15, INP10, INP11 |
+//! | normal force | PB1 | ADC1 INP5 |
+//! | encoder A, B | PA6, PC7 | TIM3 CH1, CH2 |
+//!
+//! embassy-stm32 calibrates and enables the converter and configures the encoder's timer. It does not support an
+//! injected sequence of this converter, so this module sets one up by RM0433 sections 25.4.19 to 25.4.22. A trigger
+//! starts the sequence; its four results stay in JDR1 to JDR4 until the next sequence overwrites them.
+
+use embassy_stm32::Peri;
+use embassy_stm32::adc::Adc;
+use embassy_stm32::gpio::{Flex, Pull};
+use embassy_stm32::pac::adc::vals::{Exten, Jqm, Pcsel, SampleTime};
+use embassy_stm32::pac::{ADC1, TIM3, TIM6};
+use embassy_stm32::peripherals::{self, PA3, PA6, PB1, PC0, PC1, PC7};
+use embassy_stm32::timer::qei::{self, Qei};
+use model_format::AdcCode;
+
+use crate::boot::clock::TIMER_HZ;
+
+/// Channels in the order of the sequence: acceleration X, Y, Z, and force.
+const CHANNELS: [u8; 4] = [15, 10, 11, 5];
+
+/// TIM6_TRGO as a trigger of injected sequences (RM0433 table 212, jadc_ext_trg14).
+const TRIGGER_TIM6: u8 = 14;
+
+/// Arrival of the first result of a sequence, cycles of TIM6 after the trigger: 64.5 + 8.5 cycles of the converter at
+/// 12.5 MHz, half of its clock in the clock tree (revision V; RM0433 section 25.4.3), minus 2 µs for reading.
+const FIRST_RESULT: u32 = TIMER_HZ / 12_500_000 * 73 - TIMER_HZ / 500_000;
+
+/// The pins and peripherals of all inputs.
+pub struct Pins {
+    /// The converter.
+    pub adc: Peri<'static, peripherals::ADC1>,
+    /// Acceleration along X.
+    pub acceleration_x: Peri<'static, PA3>,
+    /// Acceleration along Y.
+    pub acceleration_y: Peri<'static, PC0>,
+    /// Acceleration along Z.
+    pub acceleration_z: Peri<'static, PC1>,
+    /// Normal force.
+    pub force: Peri<'static, PB1>,
+    /// The encoder's timer.
+    pub timer: Peri<'static, peripherals::TIM3>,
+    /// The encoder's first signal.
+    pub encoder_a: Peri<'static, PA6>,
+    /// The encoder's second signal.
+    pub encoder_b: Peri<'static, PC7>,
+}
+
+/// Sets up all inputs and arms the sequence, which TIM6 starts at each trigger.
+pub fn start(pins: Pins) {
+    let Pins {
+        adc,
+        acceleration_x,
+        acceleration_y,
+        acceleration_z,
+        force,
+        timer,
+        encoder_a,
+        encoder_b,
+    } = pins;
+    // A `Flex` that is dropped leaves its pin analogue.
+    drop((
+        Flex::new(acceleration_x),
+        Flex::new(acceleration_y),
+        Flex::new(acceleration_z),
+        Flex::new(force),
+    ));
+    let _ = Adc::new(adc);
+    arm_sequence();
+    // Pull-ups, because many encoders have open collectors.
+    let config = qei::Config {
+        ch1_pull: Pull::Up,
+        ch2_pull: Pull::Up,
+        ..Default::default()
+    };
+    // Forgotten, because a `Qei` that is dropped stops the timer.
+    core::mem::forget(Qei::new(timer, encoder_a, encoder_b, config));
+}
+
+fn arm_sequence() {
+    ADC1.pcsel().modify(|w| {
+        for channel in CHANNELS {
+            w.set_pcsel(usize::from(channel), Pcsel::PRESELECTED);
+        }
+    });
+    for channel in CHANNELS.map(usize::from) {
+        ADC1.smpr(channel / 10)
+            .modify(|w| w.set_smp(channel % 10, SampleTime::CYCLES64_5));
+    }
+    ADC1.cfgr().modify(|w| {
+        // The sequence never changes: without the queue, JSQR holds it (RM0433 section 25.4.21).
+        w.set_jqdis(true);
+        w.set_jqm(Jqm::MODE0);
+    });
+    ADC1.jsqr().write(|w| {
+        w.set_jl(CHANNELS.len() as u8 - 1);
+        w.set_jextsel(TRIGGER_TIM6);
+        w.set_jexten(Exten::RISING_EDGE);
+        for (rank, channel) in CHANNELS.into_iter().enumerate() {
+            w.set_jsq(rank, channel);
+        }
+    });
+    ADC1.cr().modify(|w| w.set_jadstart(true));
+}
+
+/// Signals on the pins at the previous trigger.
+#[derive(Clone, Copy, Debug)]
+pub struct Inputs {
+    /// Acceleration along X, Y, Z.
+    pub acceleration: [AdcCode; 3],
+    /// Normal force.
+    pub force: AdcCode,
+    /// The encoder's count, which wraps.
+    pub encoder: u16,
+    /// True if all conversions are of that trigger: they had ended, and no later one has overwritten a result yet.
+    pub complete: bool,
+    /// Time since the trigger, cycles of TIM6.
+    pub since_trigger: u32,
+}
+
+/// The encoder's count, which wraps.
+#[inline(always)]
+pub fn encoder_count() -> u16 {
+    TIM3.cnt().read().cnt()
+}
+
+/// Reads all inputs, within a few microseconds of a trigger.
+#[inline(always)]
+pub fn read() -> Inputs {
+    let encoder = encoder_count();
+    let ended = ADC1.isr().read().jeos();
+    let [x, y, z, force] = [0, 1, 2, 3].map(|rank| AdcCode(ADC1.jdr(rank).read().jdata() as u16));
+    let elapsed = u32::from(TIM6.cnt().read().cnt());
+    // A one clears a flag, a zero does nothing (RM0433 section 25.6.1).
+    ADC1.isr().write(|w| {
+        w.set_jeoc(true);
+        w.set_jeos(true);
+    });
+    Inputs {
+        acceleration: [x, y, z],
+        force,
+        encoder,
+        complete: ended && elapsed < FIRST_RESULT,
+        since_trigger: elapsed,
+    }
+}

@@ -1,0 +1,11 @@
+//! One sample, 5000 times per second: inputs, the sample of the block that is played, safety stages, output.
+//!
+//! Invariant: no lock, log, flash access, allocation, wait, or path that depends on the data; code in ITCM, data in
+//! DTCM.
+
+pub mod alive;
+mod handler;
+pub mod inputs;
+pub mod output;
+
+pub use handler::{configure, is_at_rest, now, play, set_muted, snapshot, start, stop};

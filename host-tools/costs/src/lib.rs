@@ -1,0 +1,239 @@
+//! The schema of `host-tools/costs/costs.json`, the table of measured costs.
+//!
+//! `cargo tasks costs` writes the table, the tests in `tests/qemu` compare it with new counts, and the `stylus` command
+//! embeds it. Counts are whole instructions and whole cycles. A look-up between two measured orders has fractions; for
+//! it the same types hold another number.
+
+use serde::{Deserialize, Serialize};
+
+/// The computation of an all-pole filter, with its word length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Structure {
+    /// The product's normalised lattice.
+    #[serde(rename = "normalised_lattice_32")]
+    NormalisedLattice32,
+    /// The same in 16 bits; not shipped.
+    #[serde(rename = "normalised_lattice_16")]
+    NormalisedLattice16,
+    /// Two multiplications per stage, in 32 bits; not shipped.
+    #[serde(rename = "two_multiplier_lattice_32")]
+    TwoMultiplierLattice32,
+    /// The product's direct form in 32 bits.
+    #[serde(rename = "direct_form_32")]
+    DirectForm32,
+    /// The product's direct form in 16 bits.
+    #[serde(rename = "direct_form_16")]
+    DirectForm16,
+}
+
+impl Structure {
+    /// All of them, in the order of the table.
+    pub const ALL: [Self; 5] = [
+        Self::NormalisedLattice32,
+        Self::NormalisedLattice16,
+        Self::TwoMultiplierLattice32,
+        Self::DirectForm32,
+        Self::DirectForm16,
+    ];
+
+    /// The name for printed tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NormalisedLattice32 => "normalised lattice, 32 bits",
+            Self::NormalisedLattice16 => "normalised lattice, 16 bits",
+            Self::TwoMultiplierLattice32 => "two-multiplier lattice, 32 bits",
+            Self::DirectForm32 => "direct form, 32 bits",
+            Self::DirectForm16 => "direct form, 16 bits",
+        }
+    }
+}
+
+/// The processor that the code was built for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Core {
+    /// Cortex-M4.
+    M4,
+    /// Cortex-M7, whose cycles are bounded by the Cortex-M4's worst ones.
+    M7,
+}
+
+impl std::fmt::Display for Core {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::M4 => "Cortex-M4",
+            Self::M7 => "Cortex-M7",
+        })
+    }
+}
+
+/// The cost of a sample, which is the same for every input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SampleCost<N = u32> {
+    /// Instructions, counted on QEMU.
+    pub instructions: N,
+    /// Cycles of the Cortex-M4's published timings: loads pipelined, branches cheapest.
+    pub best_cycles: N,
+    /// Cycles of the same timings: nothing pipelined, branches dearest. They bound a Cortex-M7 too.
+    pub worst_cycles: N,
+}
+
+/// The cost of an update of the coefficients, which depends on the motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct UpdateCost<N = u32> {
+    /// Instructions of the cheapest update: of a direct form, one that stays in its cell.
+    pub instructions_least: N,
+    /// Instructions of the dearest update: of a direct form, one that unpacks a new cell's nodes.
+    pub instructions_most: N,
+    /// Cycles of the cheapest update, at best.
+    pub best_cycles: N,
+    /// Cycles of the dearest update, at worst.
+    pub worst_cycles: N,
+}
+
+/// The cost of one structure at one order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Entry {
+    /// The structure.
+    pub structure: Structure,
+    /// Nodes of the grid: one, or the four around a motion.
+    pub nodes: u32,
+    /// The processor that it was built for.
+    pub core: Core,
+    /// Stages or taps.
+    pub order: u32,
+    /// The cost of a sample.
+    pub sample: SampleCost,
+    /// The cost of an update.
+    pub update: UpdateCost,
+}
+
+impl Entry {
+    /// The largest difference of `other` from this over all figures, as a share of this.
+    pub fn difference(&self, other: &Self) -> f64 {
+        let figures = |entry: &Self| {
+            [
+                entry.sample.instructions,
+                entry.sample.best_cycles,
+                entry.sample.worst_cycles,
+                entry.update.instructions_least,
+                entry.update.instructions_most,
+                entry.update.best_cycles,
+                entry.update.worst_cycles,
+            ]
+        };
+        let pairs = figures(self).into_iter().zip(figures(other));
+        pairs
+            .map(|(this, other)| {
+                (f64::from(other) - f64::from(this)).abs() / f64::from(this.max(1))
+            })
+            .fold(0.0, f64::max)
+    }
+}
+
+/// The source of a peer's figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// Counted in the same run as the entries.
+    Measured,
+    /// Counted before, by the same rules, from a library that is not part of this repository.
+    Reference,
+}
+
+/// A filter of 400 taps or stages on a Cortex-M4, one sample per call.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Peer {
+    /// The library and the filter.
+    pub name: String,
+    /// The source of the figures.
+    pub origin: Origin,
+    /// The work of the call beside the filter.
+    pub includes: String,
+    /// Stages or taps.
+    pub order: u32,
+    /// Instructions, counted on QEMU.
+    pub instructions: u32,
+    /// Cycles of a Cortex-M4, modelled, at best.
+    pub best_cycles: u32,
+    /// Cycles of a Cortex-M4, modelled, at worst.
+    pub worst_cycles: u32,
+}
+
+/// The whole table.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Costs {
+    /// The version of the compiler that built the counted code.
+    pub rustc: String,
+    /// The version of the emulator that counted.
+    pub qemu: String,
+    /// One entry for each structure, number of nodes, core and order.
+    pub entries: Vec<Entry>,
+    /// The product's filters at order 400, and those of other libraries.
+    pub peers: Vec<Peer>,
+}
+
+impl Costs {
+    /// The entry of `structure` at `order`, if it was counted.
+    pub fn entry(
+        &self,
+        structure: Structure,
+        nodes: u32,
+        core: Core,
+        order: u32,
+    ) -> Option<&Entry> {
+        self.entries.iter().find(|entry| {
+            (entry.structure, entry.nodes, entry.core, entry.order)
+                == (structure, nodes, core, order)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(order: u32) -> Entry {
+        Entry {
+            structure: Structure::TwoMultiplierLattice32,
+            nodes: 4,
+            core: Core::M7,
+            order,
+            sample: SampleCost {
+                instructions: 1000,
+                best_cycles: 1100,
+                worst_cycles: 1500,
+            },
+            update: UpdateCost {
+                instructions_least: 10,
+                instructions_most: 20,
+                best_cycles: 12,
+                worst_cycles: 40,
+            },
+        }
+    }
+
+    #[test]
+    fn an_entry_is_found_by_all_that_it_is_of() {
+        let costs = Costs {
+            rustc: "1.95.0".to_owned(),
+            qemu: "7.2".to_owned(),
+            entries: vec![entry(10), entry(400)],
+            peers: Vec::new(),
+        };
+        let entry =
+            |nodes, order| costs.entry(Structure::TwoMultiplierLattice32, nodes, Core::M7, order);
+        assert_eq!(entry(4, 400), Some(&costs.entries[1]));
+        assert_eq!((entry(1, 400), entry(4, 401)), (None, None));
+    }
+
+    #[test]
+    fn a_difference_is_that_of_the_figure_that_differs_most() {
+        let [first, mut second] = [entry(10); 2];
+        assert_eq!(first.difference(&second), 0.0);
+        second.sample.instructions = 1010;
+        assert!((first.difference(&second) - 0.01).abs() < 1e-12);
+        second.update.worst_cycles = 20;
+        assert!((first.difference(&second) - 0.5).abs() < 1e-12);
+    }
+}

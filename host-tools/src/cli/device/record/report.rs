@@ -1,0 +1,155 @@
+//! Report of `stylus record`: one row per trial.
+
+use std::path::Path;
+
+use host_tools::fit::Analysis;
+use host_tools::link::capture::{Calibration, Capture, Level, Loss};
+use host_tools::link::set::PlannedTrial;
+use serde::Serialize;
+
+use crate::cli::table::table;
+
+/// Share by which the measured speed or force may differ from the wanted one.
+const TOLERANCE: f64 = 0.1;
+
+/// A recorded trial.
+#[derive(Serialize)]
+pub struct Row {
+    texture: String,
+    speed_mm_s: f64,
+    force_n: f64,
+    /// Mean over the whole trial.
+    level: Level,
+    pub verdicts: Vec<String>,
+    loss: Loss,
+    /// Number of holes, each of which restarted the capture.
+    holes: u32,
+}
+
+impl Row {
+    /// The row of the trial `point`, which was recorded as `capture`.
+    pub fn new(
+        point: &PlannedTrial,
+        capture: &Capture,
+        calibration: &Calibration,
+        analysis: &Analysis,
+    ) -> Self {
+        let level = Level::of(&capture.samples, calibration, f64::from(capture.rate_hz));
+        Self {
+            texture: point.texture.clone(),
+            speed_mm_s: point.speed_mm_s,
+            force_n: point.force_n,
+            verdicts: verdicts(analysis, point, &level),
+            level,
+            loss: capture.loss,
+            holes: capture.holes,
+        }
+    }
+
+    /// The row as one line of text.
+    pub fn line(&self) -> String {
+        let holes = if self.holes == 0 {
+            String::new()
+        } else {
+            format!(" (restarted {} time(s))", self.holes)
+        };
+        format!(
+            "{}: {:.3} m/s² RMS, {:.1} mm/s, {:.2} N; {}{holes}",
+            self.verdict_text(),
+            self.level.rms_m_s2,
+            self.level.speed_mm_s,
+            self.level.force_n,
+            self.loss
+        )
+    }
+
+    fn verdict_text(&self) -> String {
+        if self.verdicts.is_empty() {
+            "ok".to_owned()
+        } else {
+            self.verdicts.join("; ")
+        }
+    }
+
+    fn lost_blocks(&self) -> u64 {
+        u64::from(self.loss.in_device) + u64::from(self.loss.on_link)
+    }
+}
+
+/// A whole session.
+#[derive(Serialize)]
+pub struct Report {
+    folder: String,
+    recorded: Vec<Row>,
+    already_there: usize,
+    left_out: usize,
+    lost_blocks: u64,
+}
+
+impl Report {
+    /// The session that recorded `rows` into `folder`.
+    pub fn new(folder: &Path, rows: Vec<Row>, already_there: usize, left_out: usize) -> Self {
+        Self {
+            folder: folder.display().to_string(),
+            lost_blocks: rows.iter().map(Row::lost_blocks).sum(),
+            recorded: rows,
+            already_there,
+            left_out,
+        }
+    }
+
+    /// The report as a table with a summary.
+    pub fn text(&self) -> String {
+        let header = ["trial", "mm/s", "N", "RMS m/s²", "triage", "lost blocks"];
+        let rows: Vec<Vec<String>> = self
+            .recorded
+            .iter()
+            .map(|row| {
+                vec![
+                    row.texture.clone(),
+                    row.speed_mm_s.to_string(),
+                    row.force_n.to_string(),
+                    format!("{:.3}", row.level.rms_m_s2),
+                    row.verdict_text(),
+                    row.lost_blocks().to_string(),
+                ]
+            })
+            .collect();
+        let summary = format!(
+            "{} trial(s) recorded into {}, {} already there, {} left out; {} block(s) lost",
+            self.recorded.len(),
+            self.folder,
+            self.already_there,
+            self.left_out,
+            self.lost_blocks
+        );
+        if rows.is_empty() {
+            return summary;
+        }
+        format!("{}\n\n{summary}", table(&header, &rows))
+    }
+}
+
+/// Verdicts of triage on the samples, and of the operator's speed and force against the wanted ones.
+fn verdicts(analysis: &Analysis, point: &PlannedTrial, level: &Level) -> Vec<String> {
+    let is_rest = point.speed_mm_s <= 0.0 || point.force_n <= 0.0;
+    let triage = analysis.verdicts.iter();
+    let mut verdicts: Vec<String> = triage
+        .filter(|verdict| !(is_rest && verdict.name() == "silent"))
+        .map(ToString::to_string)
+        .collect();
+    if let Some(frequency_hz) = analysis.mains_line_hz {
+        verdicts.push(format!(
+            "a line at {frequency_hz:.1} Hz, which is hum if other speeds have it, too"
+        ));
+    }
+    for (name, wanted, found, unit) in [
+        ("speed", point.speed_mm_s, level.speed_mm_s, "mm/s"),
+        ("force", point.force_n, level.force_n, "N"),
+    ] {
+        if (found - wanted).abs() > TOLERANCE * wanted.max(TOLERANCE) {
+            verdicts.push(format!("{name} {found:.2} instead of {wanted} {unit}"));
+        }
+    }
+    verdicts
+}

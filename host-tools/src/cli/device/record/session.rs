@@ -1,0 +1,104 @@
+//! One session of `stylus record`: trial by trial, until the operator is content.
+
+use host_tools::fit;
+use host_tools::link::Device;
+use host_tools::link::capture::{Calibration, Capture, Level, capture};
+use host_tools::link::set::{Folder, PlannedTrial};
+use host_tools::support::error::Result;
+use host_tools::support::progress;
+use model_format::limits::MAX_ORDER;
+use model_format::link::RecordSample;
+
+use super::arguments::Arguments;
+use super::operator::{Answer, Operator, say};
+use super::report::Row;
+use crate::cli::device::live_line::{LIVE_SAMPLES, live};
+
+/// The end of one trial.
+pub enum Outcome {
+    /// Recorded and kept.
+    Recorded(Row),
+    /// Recorded and kept, and the session ends.
+    Last(Row),
+    /// Not recorded.
+    Skipped,
+    /// Not recorded, and the session ends.
+    End,
+}
+
+/// A connected device, with the operator who moves it.
+pub struct Session<'a> {
+    arguments: &'a Arguments,
+    device: Device,
+    calibration: Calibration,
+    operator: Operator,
+}
+
+impl<'a> Session<'a> {
+    /// Connects to the device and begins to listen to the operator.
+    pub fn open(arguments: &'a Arguments) -> Result<Self> {
+        let device = arguments.link.connect()?;
+        let calibration = arguments.sensing.calibration(&device)?;
+        Ok(Self {
+            arguments,
+            device,
+            calibration,
+            operator: Operator::new(!arguments.yes)?,
+        })
+    }
+
+    /// Records trial `number` of `of`, as often as the operator wants.
+    pub fn trial(
+        &self,
+        folder: &mut Folder,
+        point: &PlannedTrial,
+        (number, of): (usize, usize),
+    ) -> Result<Outcome> {
+        say(&format!("[{number}/{of}] {point}"));
+        loop {
+            match self.operator.ask("Enter records, s skips, q ends") {
+                Answer::Skip => return Ok(Outcome::Skipped),
+                Answer::End => return Ok(Outcome::End),
+                Answer::Go | Answer::Again => {}
+            }
+            let Some(capture) = self.capture()? else {
+                return Ok(Outcome::End);
+            };
+            let row = self.keep(folder, point, &capture)?;
+            say(&format!("    {}", row.line()));
+            if row.verdicts.is_empty() {
+                return Ok(Outcome::Recorded(row));
+            }
+            let question = "Enter keeps it, r records it again, q keeps it and ends";
+            match self.operator.ask(question) {
+                Answer::Again => {}
+                Answer::Go | Answer::Skip => return Ok(Outcome::Recorded(row)),
+                Answer::End => return Ok(Outcome::Last(row)),
+            }
+        }
+    }
+
+    /// Captures one trial with a live level; none if the operator interrupted it.
+    fn capture(&self) -> Result<Option<Capture>> {
+        let (seconds, settle) = (self.arguments.seconds, self.arguments.settle);
+        let bar = progress::bar(100, "recording");
+        let heard = |samples: &[RecordSample], wanted: usize, rate_hz: u32| {
+            let recent = &samples[samples.len().saturating_sub(LIVE_SAMPLES)..];
+            let level = Level::of(recent, &self.calibration, f64::from(rate_hz));
+            bar.set_message(live(&level));
+            bar.set_position((samples.len() * 100 / wanted.max(1)) as u64);
+        };
+        let goes_on = || !self.operator.has_interrupted();
+        let captured = capture(&self.device, seconds, settle, goes_on, heard)?;
+        bar.finish_and_clear();
+        Ok(captured)
+    }
+
+    /// Adds a capture to the folder, and judges it as `fit` would.
+    fn keep(&self, folder: &mut Folder, point: &PlannedTrial, capture: &Capture) -> Result<Row> {
+        let provenance = self.arguments.sensing.provenance();
+        let trial = folder.add(point, capture, &self.calibration, provenance)?;
+        let analysis = fit::analyse(&trial, &fit::Options::default(), MAX_ORDER)?;
+        Ok(Row::new(point, capture, &self.calibration, &analysis))
+    }
+}

@@ -1,0 +1,160 @@
+//! `stylus evaluate --leave-one-out`
+
+use std::path::Path;
+
+use host_tools::dsp::spectrum::AMPLITUDE_JND_DB;
+use host_tools::evaluation::leave_one_out::{
+    LeaveOneOut, Options, PAPER_TABLE_I, Prepared, Row, SMOOTHING_WIDTHS_HZ, summarise,
+};
+use host_tools::recording::RecordingSet;
+use host_tools::support::error::Result;
+use host_tools::support::{atomic_file, progress};
+use host_tools::texture::domain::Method;
+
+use crate::cli::output::{print, to_json};
+use crate::cli::table::table;
+
+/// Runs the test, prints the tables, and writes the numbers to `json` if given.
+pub fn run(set: &RecordingSet, options: &Options, json: Option<&Path>) -> Result<()> {
+    let test = removed_node_test(set, &Row::all(), options)?;
+    if let Some(path) = json {
+        atomic_file::write(path, to_json(&test).as_bytes())?;
+    }
+    print(&tables(&test))
+}
+
+/// Runs the test with a progress bar.
+pub fn removed_node_test(
+    set: &RecordingSet,
+    rows: &[Row],
+    options: &Options,
+) -> Result<LeaveOneOut> {
+    let prepared = Prepared::new(set, options)?;
+    let bar = progress::bar(prepared.count(options.around) as u64, "removing nodes");
+    let test = prepared.run(rows, options, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(test)
+}
+
+/// All tables of the test, and an explanation of their columns.
+fn tables(test: &LeaveOneOut) -> String {
+    let origin = if test.simulated {
+        "The recordings are SIMULATED; the paper's own figures are from real ones.\n"
+    } else {
+        ""
+    };
+    let widths: Vec<String> = SMOOTHING_WIDTHS_HZ.map(|w| format!("{w} Hz")).to_vec();
+    let widths: Vec<&str> = widths.iter().map(String::as_str).collect();
+    format!(
+        "{origin}{} nodes removed, each predicted from its neighbours; models of order {}; C with amplitudes smoothed \
+         by a {}\n\n\
+         Table I of the paper, and the same test here\n{}\n\n\
+         Domain of the average, and interpolation of the level\n{}\n\n\
+         C by the width of its smoothing\n{}\n\n\
+         C: equation (6), mean ± standard deviation; not playable: means that are unstable or too loud, which count as \
+         C = 1\nσ² error: mean magnitude, (m/s²)² (the paper names no unit); |band|: mean error of third-octave \
+         bands, 20 to 1000 Hz; LSD: 30 to 1000 Hz",
+        test.removed.len(),
+        test.order,
+        test.smoothing,
+        table_one(test),
+        domains(test),
+        table(&[&["C"], &widths[..]].concat(), &smoothing(test)),
+    )
+}
+
+/// Rows that are compared with the paper's Table I.
+const TABLE_ONE_ROWS: [Row; 4] = [
+    Row::Interpolated(Method::PAPER),
+    Row::Interpolated(Method::DEVICE),
+    Row::Densified,
+    Row::Own,
+];
+
+fn table_one(test: &LeaveOneOut) -> String {
+    let mut textures: Vec<&str> = Vec::new();
+    for node in &test.removed {
+        if !textures.contains(&node.texture.as_str()) {
+            textures.push(&node.texture);
+        }
+    }
+    let mut header = vec!["C (%)"];
+    header.extend(&textures);
+    header.extend(["all", "σ² error", "not playable"]);
+    let percent =
+        |mean: f64, deviation: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * deviation);
+    let mut rows = Vec::new();
+    let known = |name: &&str| PAPER_TABLE_I.iter().find(|column| column.texture == *name);
+    if textures.iter().all(|name| known(name).is_some()) {
+        let mut row = vec!["the paper's own figures (real)".to_owned()];
+        let columns: Vec<_> = textures.iter().filter_map(known).collect();
+        row.extend(
+            columns
+                .iter()
+                .map(|c| percent(c.mean_cost, c.cost_deviation)),
+        );
+        let mean = |of: fn(&host_tools::evaluation::leave_one_out::PaperColumn) -> f64| {
+            columns.iter().map(|c| of(c)).sum::<f64>() / columns.len() as f64
+        };
+        row.push(percent(mean(|c| c.mean_cost), mean(|c| c.cost_deviation)));
+        row.push(format!("{:.1e}", mean(|c| c.excitation_error)));
+        row.push("?".into());
+        rows.push(row);
+    }
+    for line in TABLE_ONE_ROWS {
+        let mut row = vec![line.name()];
+        for name in textures.iter().map(|name| Some(*name)).chain([None]) {
+            let Some(summary) = summarise(test, line, name) else {
+                continue;
+            };
+            row.push(percent(summary.mean_cost, summary.cost_deviation));
+            if name.is_none() {
+                row.push(format!("{:.1e}", summary.excitation_error));
+                row.push(summary.unplayable.to_string());
+            }
+        }
+        rows.push(row);
+    }
+    table(&header, &rows)
+}
+
+fn domains(test: &LeaveOneOut) -> String {
+    let within = format!("within {AMPLITUDE_JND_DB} dB");
+    let header = [
+        "domain, level",
+        "C",
+        "± sd",
+        "σ² error",
+        "|band| dB",
+        &within,
+        "LSD dB",
+        "not playable",
+    ];
+    let rows: Vec<Vec<String>> = test
+        .rows
+        .iter()
+        .filter_map(|&row| {
+            let summary = summarise(test, row, None)?;
+            Some(vec![
+                row.name(),
+                format!("{:.3}", summary.mean_cost),
+                format!("{:.3}", summary.cost_deviation),
+                format!("{:.2e}", summary.excitation_error),
+                format!("{:.2}", summary.mean_band_error_db),
+                format!("{:.1} %", 100.0 * summary.bands_within_jnd),
+                format!("{:.2}", summary.mean_log_spectral_distance_db),
+                summary.unplayable.to_string(),
+            ])
+        })
+        .collect();
+    table(&header, &rows)
+}
+
+fn smoothing(test: &LeaveOneOut) -> Vec<Vec<String>> {
+    let followed = TABLE_ONE_ROWS.iter().filter_map(|&row| {
+        let summary = summarise(test, row, None)?;
+        let costs = summary.costs_by_width.iter().map(|c| format!("{c:.3}"));
+        Some(std::iter::once(row.name()).chain(costs).collect())
+    });
+    followed.collect()
+}

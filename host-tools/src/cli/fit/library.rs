@@ -1,0 +1,46 @@
+//! Fits with progress bars, and encoding of the library.
+
+use host_tools::evaluation::budget;
+use host_tools::evaluation::budget::Concession;
+use host_tools::fit;
+use host_tools::fit::{Fit, Order};
+use host_tools::recording::RecordingSet;
+use host_tools::support::error::{Error, Result};
+use host_tools::support::progress;
+use host_tools::texture::quantise::StructureChoice;
+use model_format::TextureSpec;
+
+/// Fits `set` with a progress bar, and encodes the library.
+pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, Vec<u8>)> {
+    let bar = progress::bar(set.trials.len() as u64, "fitting");
+    let fit = fit::fit(set, options, || bar.inc(1))?;
+    bar.finish_and_clear();
+    let bytes = encoded(&fit.specs)?;
+    Ok((fit, bytes))
+}
+
+/// Loss of accuracy of `fit`, bounded to orders up to `highest`, against a fit with `order`. The unbounded fit is a
+/// lattice, because the comparison is of the models alone.
+pub fn concessions(
+    set: &RecordingSet,
+    fit: &Fit,
+    options: &fit::Options,
+    order: Order,
+    highest: usize,
+) -> Result<Vec<Concession>> {
+    let unbounded = fit::Options {
+        order: budget::capped(order, model_format::limits::MAX_ORDER),
+        structure: StructureChoice::Lattice,
+        ..options.clone()
+    };
+    let bar = progress::bar(set.trials.len() as u64, "fitting without bounds");
+    let without = fit::fit(set, &unbounded, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(budget::concessions(&without, fit, highest))
+}
+
+/// Encodes a library of `specs`.
+pub fn encoded(specs: &[TextureSpec]) -> Result<Vec<u8>> {
+    model_format::encode(specs)
+        .map_err(|failure| Error::Model(format!("the textures do not make a library: {failure}")))
+}

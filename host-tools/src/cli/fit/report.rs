@@ -1,0 +1,123 @@
+//! Report of `stylus fit`: as JSON, and as text.
+
+use host_tools::evaluation::budget::{Budget, Concession};
+use host_tools::evaluation::leave_one_out::LeaveOneOut;
+use host_tools::fit::densify::AddedLine;
+use host_tools::fit::{Fit, TrialReport};
+
+use crate::cli::inspect::TextureSummary;
+use crate::cli::table::table;
+
+/// Number of trials with a verdict that are shown one by one.
+const SHOWN_VERDICTS: usize = 20;
+
+/// The report as JSON.
+#[derive(serde::Serialize)]
+pub struct Report<'a> {
+    pub library: String,
+    pub bytes: usize,
+    pub warnings: &'a [String],
+    pub textures: Vec<TextureSummary>,
+    pub trials: &'a [TrialReport],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub added_lines: Option<&'a [AddedLine]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub removed_nodes: Option<&'a LeaveOneOut>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub budget: Option<&'a [Concession]>,
+}
+
+/// Table of the accuracy that a budget costs, per texture.
+pub fn given_up(concessions: &[Concession], budget: &Budget) -> String {
+    let header = [
+        "texture",
+        "orders up to",
+        "nodes lowered",
+        "from",
+        "prediction error dB",
+        "largest dB",
+        "at",
+        "C expected %",
+        "without %",
+    ];
+    let rows: Vec<Vec<String>> = concessions
+        .iter()
+        .map(|concession| {
+            let mut row = vec![
+                concession.texture.clone(),
+                concession.highest_order.to_string(),
+                format!("{} of {}", concession.capped, concession.nodes),
+            ];
+            let Some((speed_mm_s, force_n)) = concession.worst_node else {
+                row.push("no loss".to_owned());
+                return row;
+            };
+            let (least, most) = concession.orders_without;
+            row.extend([
+                format!("{least} to {most}"),
+                format!("{:+.2}", concession.mean_error_rise_db),
+                format!("{:+.2}", concession.largest_error_rise_db),
+                format!("{speed_mm_s} mm/s, {force_n} N"),
+                format!("{:.1}", 100.0 * concession.expected_cost),
+                format!("{:.1}", 100.0 * concession.expected_cost_without),
+            ]);
+            row
+        })
+        .collect();
+    format!(
+        "A budget of {} cycles per sample on a {} gives up:\n\n{}\n\n\
+         Means over the lowered nodes. C expected: a synthesis of 2 s against one of the unbounded model; without: two \
+         syntheses of the same model.\nCycles: modelled worst case of the synthesis alone; a texture's highest order \
+         sets the time of all its nodes.",
+        budget.cycles,
+        budget.core,
+        table(&header, &rows),
+    )
+}
+
+/// Mean and standard deviation of the share of energy that the reduction kept, over trials that are not silent.
+pub fn energy_kept(trials: &[TrialReport]) -> String {
+    let shares: Vec<f64> = trials
+        .iter()
+        .filter(|trial| trial.rms_m_s2 > 0.0)
+        .map(|trial| trial.energy_share * 100.0)
+        .collect();
+    let mean = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
+    let square: f64 = shares.iter().map(|share| (share - mean).powi(2)).sum();
+    let deviation = (square / shares.len().max(1) as f64).sqrt();
+    format!("{mean:.0} % ± {deviation:.0} %")
+}
+
+/// Prints triage's verdicts and the fit's warnings to standard error.
+pub fn show_verdicts(fit: &Fit) {
+    let doubtful: Vec<&TrialReport> = fit
+        .trials
+        .iter()
+        .filter(|trial| !trial.verdicts.is_empty())
+        .collect();
+    let rows: Vec<Vec<String>> = doubtful
+        .iter()
+        .take(SHOWN_VERDICTS)
+        .map(|trial| {
+            let verdicts: Vec<String> = trial.verdicts.iter().map(ToString::to_string).collect();
+            vec![
+                trial.file.clone(),
+                verdicts.join("; "),
+                (if trial.used { "used" } else { "dropped" }).to_owned(),
+            ]
+        })
+        .collect();
+    if !rows.is_empty() {
+        eprintln!("{}", table(&["trial", "triage", "use"], &rows));
+        if doubtful.len() > rows.len() {
+            eprintln!(
+                "... and {} more (all are in --json)",
+                doubtful.len() - rows.len()
+            );
+        }
+        eprintln!();
+    }
+    for warning in &fit.warnings {
+        eprintln!("warning: {warning}");
+    }
+}

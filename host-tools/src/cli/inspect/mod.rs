@@ -1,0 +1,60 @@
+//! `stylus inspect`
+
+mod scene;
+mod texture;
+
+use std::path::PathBuf;
+
+use host_tools::support::error::Result;
+use serde::Serialize;
+
+use scene::{SceneSummary, scene_table};
+pub use texture::{TextureSummary, texture_table};
+
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::{print, print_json};
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Library to inspect
+    library: PathBuf,
+    /// Print all figures, node by node, as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The content of a library as JSON.
+#[derive(Serialize)]
+struct Content {
+    textures: Vec<TextureSummary>,
+    scenes: Vec<SceneSummary>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let bytes = read_library(&arguments.library)?;
+    let library = decode_library(&arguments.library, &bytes)?;
+    let textures: Vec<TextureSummary> = library
+        .textures()
+        .map(|texture| TextureSummary::of(&texture, arguments.json))
+        .collect();
+    let scenes = library
+        .scenes()
+        .map(|scene| SceneSummary::of(&scene, &library))
+        .collect::<Result<Vec<_>>>()?;
+    if arguments.json {
+        return print_json(&Content { textures, scenes });
+    }
+    print(&format!(
+        "{}: {} texture(s), {} bytes, format version {}, checked\n",
+        arguments.library.display(),
+        library.len(),
+        bytes.len(),
+        model_format::FORMAT_VERSION
+    ))?;
+    print(&texture_table(&textures))?;
+    print("\norder: lowest / middle / highest of the nodes")?;
+    if scenes.is_empty() {
+        return Ok(());
+    }
+    print(&format!("\n{}", scene_table(&scenes)))
+}

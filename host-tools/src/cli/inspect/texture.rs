@@ -1,0 +1,152 @@
+//! Summary of a texture: its grid, its orders and its nodes.
+
+use model_format::{NodeFlags, Texture};
+use serde::Serialize;
+
+use crate::cli::table::table;
+
+/// Summary of a texture.
+#[derive(Serialize)]
+pub struct TextureSummary {
+    name: String,
+    structure: String,
+    provenance: String,
+    sample_rate_hz: u32,
+    speeds_mm_s: Vec<f32>,
+    forces_n: Vec<f32>,
+    /// Lowest, middle and highest order.
+    orders: [usize; 3],
+    /// Lowest and highest RMS of nodes that are not silent, m/s².
+    rms_m_s2: [f32; 2],
+    silent_nodes: usize,
+    filled_nodes: usize,
+    doubtful_nodes: usize,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    nodes: Vec<NodeSummary>,
+}
+
+#[derive(Serialize)]
+struct NodeSummary {
+    speed_mm_s: f32,
+    force_n: f32,
+    order: usize,
+    rms_m_s2: f32,
+    prediction_error_rms_m_s2: f32,
+    flags: Vec<&'static str>,
+}
+
+const FLAG_NAMES: [(NodeFlags, &str); 4] = [
+    (NodeFlags::SILENT, "silent"),
+    (NodeFlags::INTERPOLATED, "interpolated"),
+    (NodeFlags::EXTRAPOLATED, "extrapolated"),
+    (NodeFlags::DOUBTFUL, "doubtful"),
+];
+
+impl TextureSummary {
+    /// Summarises `texture`, with every node if `with_nodes`.
+    pub fn of(texture: &Texture<'_>, with_nodes: bool) -> Self {
+        let mut orders: Vec<usize> = texture.nodes().map(|n| n.coefficients.order()).collect();
+        orders.sort_unstable();
+        let count = |flag: NodeFlags| texture.nodes().filter(|n| n.flags.contains(flag)).count();
+        let loud = || {
+            texture
+                .nodes()
+                .map(|node| node.output_power.sqrt())
+                .filter(|rms| *rms > 0.0)
+        };
+        let nodes = if with_nodes {
+            node_summaries(texture)
+        } else {
+            Vec::new()
+        };
+        Self {
+            name: texture.name().to_owned(),
+            structure: texture.structure().to_string(),
+            provenance: texture.provenance().to_string(),
+            sample_rate_hz: texture.sample_rate_hz(),
+            speeds_mm_s: texture.speed_axis().values().collect(),
+            forces_n: texture.force_axis().values().collect(),
+            orders: [
+                orders[0],
+                orders[orders.len() / 2],
+                orders[orders.len() - 1],
+            ],
+            rms_m_s2: [
+                loud()
+                    .fold(f32::INFINITY, f32::min)
+                    .min(loud().fold(0.0, f32::max)),
+                loud().fold(0.0, f32::max),
+            ],
+            silent_nodes: count(NodeFlags::SILENT),
+            filled_nodes: count(NodeFlags::INTERPOLATED) + count(NodeFlags::EXTRAPOLATED),
+            doubtful_nodes: count(NodeFlags::DOUBTFUL),
+            nodes,
+        }
+    }
+}
+
+fn node_summaries(texture: &Texture<'_>) -> Vec<NodeSummary> {
+    let speeds: Vec<f32> = texture.speed_axis().values().collect();
+    let forces: Vec<f32> = texture.force_axis().values().collect();
+    let places = speeds
+        .iter()
+        .flat_map(|&speed| forces.iter().map(move |&force| (speed, force)));
+    texture
+        .nodes()
+        .zip(places)
+        .map(|(node, (speed_mm_s, force_n))| NodeSummary {
+            speed_mm_s,
+            force_n,
+            order: node.coefficients.order(),
+            rms_m_s2: node.output_power.sqrt(),
+            prediction_error_rms_m_s2: node.prediction_error_power.sqrt(),
+            flags: FLAG_NAMES
+                .iter()
+                .filter(|(flag, _)| node.flags.contains(*flag))
+                .map(|(_, name)| *name)
+                .collect(),
+        })
+        .collect()
+}
+
+/// Table with one line per texture.
+pub fn texture_table(textures: &[TextureSummary]) -> String {
+    let header = [
+        "texture",
+        "from",
+        "structure",
+        "grid",
+        "mm/s",
+        "N",
+        "order",
+        "RMS m/s²",
+        "silent",
+        "filled",
+        "doubtful",
+    ];
+    let range = |axis: &[f32]| match axis {
+        [only] => only.to_string(),
+        [first, .., last] => format!("{first} to {last}"),
+        [] => String::new(),
+    };
+    let rows: Vec<Vec<String>> = textures
+        .iter()
+        .map(|texture| {
+            let [low, middle, high] = texture.orders;
+            vec![
+                texture.name.clone(),
+                texture.provenance.clone(),
+                texture.structure.clone(),
+                format!("{} x {}", texture.speeds_mm_s.len(), texture.forces_n.len()),
+                range(&texture.speeds_mm_s),
+                range(&texture.forces_n),
+                format!("{low} / {middle} / {high}"),
+                format!("{:.3} to {:.3}", texture.rms_m_s2[0], texture.rms_m_s2[1]),
+                texture.silent_nodes.to_string(),
+                texture.filled_nodes.to_string(),
+                texture.doubtful_nodes.to_string(),
+            ]
+        })
+        .collect();
+    table(&header, &rows)
+}

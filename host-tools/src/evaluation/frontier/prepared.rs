@@ -1,0 +1,161 @@
+//! Everything that is fitted and read before anything is played.
+
+use rayon::prelude::*;
+
+use crate::dsp::spectrum;
+use crate::evaluation::stress::cases::Case;
+use crate::fit;
+use crate::fit::Order;
+use crate::recording::RecordingSet;
+use crate::support::error::{Error, Result};
+use crate::texture::grid::Grid;
+use model_format::SAMPLE_RATE_HZ;
+
+use super::material::Material;
+use super::options::Options;
+
+/// Nodes judged at rest, at most; of more recordings evenly spaced ones are taken.
+const MAX_NODES: usize = 96;
+
+/// Models of all textures at one choice of order.
+pub(super) struct Fitted {
+    pub(super) order: Order,
+    pub(super) highest_order: usize,
+    /// In the order of [`Prepared::names`].
+    pub(super) grids: Vec<Grid>,
+}
+
+/// Fits and held-out recordings, before anything is played.
+pub struct Prepared {
+    pub(super) names: Vec<String>,
+    pub(super) fitted: Vec<Fitted>,
+    /// Recordings held out, each with its texture's and its node's index.
+    pub(super) held_out: Vec<(usize, usize, Vec<f64>)>,
+    pub(super) take_cost: f64,
+    pub(super) take_band_error_db: f64,
+    pub(super) cases: Vec<Case>,
+    pub(super) material: String,
+    pub(super) simulated: bool,
+}
+
+impl Prepared {
+    /// Fits the one half of `material` and reads the other; `progress` is told of each trial analysed.
+    ///
+    /// # Errors
+    /// A recording that cannot be used; material without a node that sounds.
+    pub fn new(material: &Material, options: &Options, progress: impl Fn() + Sync) -> Result<Self> {
+        let at = |order| fit::Options {
+            order,
+            reduction: options.reduction,
+            ..fit::Options::default()
+        };
+        let highest_order = at(Order::Fixed(model_format::limits::MAX_ORDER));
+        let analyses = fit::analyse_set(&material.fit, &highest_order, &progress)?;
+        let fit_at = |order| fit::fit_analysed(&material.fit, &analyses, &at(order));
+        let highest = fit_at(Order::Fixed(model_format::limits::MAX_ORDER))?;
+        let bayesian = fit_at(Order::Auto)?;
+        let akaike = Order::AtMost(model_format::limits::MAX_ORDER);
+        let names = highest.textures.iter().map(|texture| texture.name.clone());
+        let names: Vec<String> = names.collect();
+        let grids = |fit: &fit::Fit| -> Vec<Grid> {
+            let grids = fit.textures.iter().map(|texture| texture.grid.clone());
+            grids.collect()
+        };
+        let mut fitted: Vec<Fitted> = options
+            .orders
+            .iter()
+            .map(|&order| {
+                let mut grids = grids(&highest);
+                // Levinson-Durbin's models of a lower order are the first stages of those of a higher one.
+                let models = grids.iter_mut().flat_map(|grid| &mut grid.models);
+                models.for_each(|model| model.reflection.truncate(order));
+                Fitted::new(Order::Fixed(order), grids)
+            })
+            .collect();
+        fitted.push(Fitted::new(Order::Auto, grids(&bayesian)));
+        fitted.push(Fitted::new(akaike, grids(&fit_at(akaike)?)));
+        let mut prepared = Self {
+            names,
+            fitted,
+            held_out: Vec::new(),
+            take_cost: f64::NAN,
+            take_band_error_db: f64::NAN,
+            cases: options.cases.clone(),
+            material: material.description.clone(),
+            simulated: material.is_simulated(),
+        };
+        prepared.read_held_out(material, options)?;
+        Ok(prepared)
+    }
+
+    fn read_held_out(&mut self, material: &Material, options: &Options) -> Result<()> {
+        let trials = &material.held_out.trials;
+        let places: Vec<(usize, (usize, usize))> = (0..trials.len())
+            .filter_map(|index| Some((index, self.place(&material.held_out, index)?)))
+            .collect();
+        if places.is_empty() {
+            return Err(Error::Request(
+                "no recording sounds: there is nothing to compare; give recordings above the silence floor".into(),
+            ));
+        }
+        let count = places.len().min(MAX_NODES);
+        let chosen = (0..count).map(|n| places[n * places.len() / count]);
+        let rate_hz = f64::from(SAMPLE_RATE_HZ);
+        let read = chosen
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|(index, (texture, node))| {
+                let (signal, _) = fit::signal(&trials[index], options.reduction)?;
+                let take = material.take_of(&trials[index]);
+                let between = match take {
+                    Some(take) => {
+                        let (other, _) = fit::signal(take, options.reduction)?;
+                        let cost =
+                            spectrum::spectral_cost(&signal, &other, rate_hz, options.smoothing_hz);
+                        let bands = spectrum::band_errors_db(&signal, &other, rate_hz);
+                        let squares = bands
+                            .iter()
+                            .flatten()
+                            .map(|error| error * error)
+                            .sum::<f64>();
+                        cost.map(|cost| {
+                            (cost, squares / bands.iter().flatten().count().max(1) as f64)
+                        })
+                    }
+                    None => None,
+                };
+                Ok(((texture, node, signal), between))
+            });
+        let read = read.collect::<Result<Vec<_>>>()?;
+        let takes: Vec<(f64, f64)> = read.iter().filter_map(|(_, between)| *between).collect();
+        let count = takes.len() as f64;
+        self.take_cost = takes.iter().map(|take| take.0).sum::<f64>() / count;
+        self.take_band_error_db = (takes.iter().map(|take| take.1).sum::<f64>() / count).sqrt();
+        self.held_out = read.into_iter().map(|(held_out, _)| held_out).collect();
+        Ok(())
+    }
+
+    /// Index of a trial's texture and node, if that node sounds.
+    fn place(&self, set: &RecordingSet, index: usize) -> Option<(usize, usize)> {
+        let trial = &set.trials[index];
+        let texture = self.names.iter().position(|name| *name == trial.texture)?;
+        let grid = &self.fitted[0].grids[texture];
+        let node = grid.nodes().position(|(speed, force, model)| {
+            let here = speed == trial.speed_mm_s as f32 && force == trial.force_n as f32;
+            here && model.output_power > 0.0
+        })?;
+        Some((texture, node))
+    }
+}
+
+impl Fitted {
+    fn new(order: Order, grids: Vec<Grid>) -> Self {
+        let models = grids.iter().flat_map(|grid| &grid.models);
+        let highest = models.map(|model| model.reflection.len()).max();
+        Self {
+            order,
+            highest_order: highest.unwrap_or(0),
+            grids,
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! Results of a comparison: filters, and filters with an interval of updates.
+
+use serde::Serialize;
+use stylus_costs::Peer;
+
+use crate::fit::Order;
+use model_format::SAMPLE_RATE_HZ;
+
+use super::costs::Cost;
+use super::hard::HardCases;
+use super::options::CLOCKS_HZ;
+use super::still::Still;
+use super::structure::FilterStructure;
+
+/// A structure at an order, with its costs and errors.
+#[derive(Clone, Debug, Serialize)]
+pub struct Filter {
+    /// The structure.
+    pub structure: FilterStructure,
+    /// Choice of the order.
+    pub order: Order,
+    /// The highest order of any node, which a sample's time goes by.
+    pub highest_order: usize,
+    /// Accuracy at rest.
+    pub still: Still,
+    /// The hard cases at the highest order.
+    pub hard: HardCases,
+    /// Textures that `fit` would refuse in this structure, of all.
+    pub refused_textures: Vec<String>,
+    /// On a Cortex-M4.
+    pub m4: Cost,
+    /// On a Cortex-M7: instructions counted, cycles bounded by the Cortex-M4's.
+    pub m7: Cost,
+    /// Flash that a node takes in a library, bytes.
+    pub library_bytes_per_node: usize,
+    /// RAM for two frames' coefficients and the state, bytes.
+    pub ram_bytes: usize,
+    /// True if it plays all nodes and nothing cheaper has as low a C.
+    pub on_cost_front: bool,
+}
+
+impl Filter {
+    /// The order in a word: where each node has its own, the criterion and the highest.
+    pub fn order_text(&self) -> String {
+        match self.order {
+            Order::Fixed(order) => order.to_string(),
+            Order::Auto => format!("BIC,\u{a0}≤\u{a0}{}", self.highest_order),
+            Order::AtMost(_) => format!("AIC,\u{a0}≤\u{a0}{}", self.highest_order),
+        }
+    }
+}
+
+/// A filter with an interval of updates.
+#[derive(Clone, Debug, Serialize)]
+pub struct Point {
+    /// Index of its filter.
+    pub filter: usize,
+    /// Samples from one update to the next.
+    pub interval: usize,
+    /// Error in motion, dB, over the textures that are not refused; not a number if all are.
+    pub motion_error_db: f64,
+    /// Share of bands in motion within the JND.
+    pub motion_within_jnd: f64,
+    /// Errors at rest and in motion together, dB.
+    pub total_error_db: f64,
+    /// Samples at full scale while rubbing.
+    pub saturations: u32,
+    /// Cycles per sample on a Cortex-M4, updates included, at best.
+    pub best_cycles: f64,
+    /// The same at worst.
+    pub worst_cycles: f64,
+    /// True if it plays all textures and nothing cheaper has as low an error.
+    pub on_front: bool,
+    /// True if it holds every hard case and nothing cheaper that does has as low an error.
+    pub on_safe_front: bool,
+}
+
+impl Point {
+    /// Share of a sample's time at each of [`CLOCKS_HZ`], at worst.
+    pub fn shares(&self) -> [f64; 3] {
+        CLOCKS_HZ.map(|clock_hz| share(self.worst_cycles, clock_hz))
+    }
+
+    /// The interval in ms.
+    pub fn interval_ms(&self) -> f64 {
+        interval_ms(self.interval)
+    }
+}
+
+/// An interval of samples in ms.
+pub fn interval_ms(samples: usize) -> f64 {
+    1000.0 * samples as f64 / f64::from(SAMPLE_RATE_HZ)
+}
+
+/// `cycles` as a share of a sample's 200 µs.
+pub fn share(cycles: f64, clock_hz: f64) -> f64 {
+    cycles / (clock_hz / f64::from(SAMPLE_RATE_HZ))
+}
+
+/// Everything.
+#[derive(Clone, Debug, Serialize)]
+pub struct Frontier {
+    /// Description of the fitted and the held-out recordings.
+    pub material: String,
+    /// True if any recording is simulated.
+    pub simulated: bool,
+    /// The textures.
+    pub textures: Vec<String>,
+    /// Nodes judged at rest.
+    pub nodes: usize,
+    /// C of one take against the other, with no model between them.
+    pub take_cost: f64,
+    /// RMS error in bands of one take against the other, dB.
+    pub take_band_error_db: f64,
+    /// The kernel that smooths amplitudes for C.
+    pub smoothing: String,
+    /// The compiler that built what was counted.
+    pub rustc: String,
+    /// The emulator that counted.
+    pub qemu: String,
+    /// Other implementations beside ours.
+    pub peers: Vec<Peer>,
+    /// Structures by orders.
+    pub filters: Vec<Filter>,
+    /// Filters by intervals.
+    pub points: Vec<Point>,
+}

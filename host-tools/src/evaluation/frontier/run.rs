@@ -1,0 +1,265 @@
+//! The comparison itself: every structure at every order, at rest, in motion and on the hard cases.
+
+use model_format::Library;
+use rayon::prelude::*;
+
+use crate::support::error::{Error, Result};
+use crate::texture::certificate;
+use crate::texture::grid::Grid;
+use crate::texture::library::uncertified_library;
+use crate::texture::quantise::StructureChoice;
+
+use super::costs::{Core, Cost, Costs};
+use super::fronts::mark_fronts;
+use super::hard::{self, HardCases, Verdict};
+use super::moving::{self, Frames, Moving};
+use super::options::{INTERVALS, Options};
+use super::prepared::{Fitted, Prepared};
+use super::results::{Filter, Frontier, Point};
+use super::still::{self, Node, Playing, Still};
+use super::structure::FilterStructure;
+
+impl Prepared {
+    /// Pieces of work that [`Prepared::run`] does.
+    pub fn work(&self) -> usize {
+        let filters = FilterStructure::ALL.len() * self.fitted.len();
+        let references = self.fitted.len() * self.names.len();
+        let moving = self.names.len() * INTERVALS.len();
+        references + filters * (self.held_out.len() + moving + self.cases.len())
+    }
+
+    /// Plays everything, telling `progress` of each piece of work done. The result does not depend on the number of threads.
+    ///
+    /// # Errors
+    /// A lattice that makes no library, or an order that no cost is known for.
+    pub fn run(&self, options: &Options, progress: impl Fn() + Sync) -> Result<Frontier> {
+        let references = self.references(options.seed, &progress)?;
+        let choices: Vec<(FilterStructure, usize)> = FilterStructure::ALL
+            .into_iter()
+            .flat_map(|structure| (0..self.fitted.len()).map(move |order| (structure, order)))
+            .collect();
+        let (mut filters, mut points) = (Vec::new(), Vec::new());
+        for (structure, order) in choices {
+            let fitted = &self.fitted[order];
+            let still = self.still(structure, fitted, options, &progress)?;
+            let hard = self.hard(structure, fitted.highest_order, &progress)?;
+            let libraries = self.libraries(structure, fitted);
+            let held = libraries.iter().zip(&self.names);
+            let refused = held.filter(|(library, _)| library.is_none());
+            let cost = |core| {
+                let known = Costs::measured().at(structure, 4, core, fitted.highest_order);
+                known.ok_or_else(|| {
+                    let order = fitted.highest_order;
+                    Error::Request(format!(
+                        "no cost is known of a {structure} of order {order} on a {core}"
+                    ))
+                })
+            };
+            let filter = Filter {
+                structure,
+                order: fitted.order,
+                highest_order: fitted.highest_order,
+                still,
+                hard,
+                refused_textures: refused.map(|(_, name)| name.clone()).collect(),
+                m4: cost(Core::M4)?,
+                m7: cost(Core::M7)?,
+                library_bytes_per_node: structure.library_bytes_per_node(fitted.highest_order),
+                ram_bytes: structure.ram_bytes(fitted.highest_order),
+                on_cost_front: false,
+            };
+            let index = filters.len();
+            points.extend(rubbed(
+                index,
+                &filter,
+                &libraries,
+                &references[order],
+                options.seed,
+                &progress,
+            )?);
+            filters.push(filter);
+        }
+        let mut frontier = Frontier {
+            material: self.material.clone(),
+            simulated: self.simulated,
+            textures: self.names.clone(),
+            nodes: self.held_out.len(),
+            take_cost: self.take_cost,
+            take_band_error_db: self.take_band_error_db,
+            smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
+            rustc: Costs::measured().table().rustc.clone(),
+            qemu: Costs::measured().table().qemu.clone(),
+            peers: Costs::measured().table().peers.clone(),
+            filters,
+            points,
+        };
+        mark_fronts(&mut frontier);
+        Ok(frontier)
+    }
+
+    /// Float64's levels along each texture's rubbing, by choice of order.
+    fn references(&self, seed: u64, progress: &(impl Fn() + Sync)) -> Result<Vec<Vec<Frames>>> {
+        let of = |fitted: &Fitted| {
+            let frames = (0..self.names.len()).into_par_iter().map(|texture| {
+                let bytes = self.library(fitted, texture, StructureChoice::Lattice)?;
+                let library = decoded(&bytes)?;
+                let texture = library.textures().next().expect("one was encoded");
+                let frames = moving::reference(&texture, seed);
+                progress();
+                Ok(frames)
+            });
+            frames.collect::<Result<Vec<Frames>>>()
+        };
+        self.fitted.iter().map(of).collect()
+    }
+
+    fn still(
+        &self,
+        structure: FilterStructure,
+        fitted: &Fitted,
+        options: &Options,
+        progress: &(impl Fn() + Sync),
+    ) -> Result<Still> {
+        let nodes = self
+            .held_out
+            .par_iter()
+            .enumerate()
+            .map(|(index, held_out)| {
+                let (texture, node, recording) = held_out;
+                let grid = &fitted.grids[*texture];
+                let (speed_mm_s, force_n, model) =
+                    grid.nodes().nth(*node).expect("the node was found in it");
+                let alone = Grid {
+                    speeds_mm_s: vec![speed_mm_s],
+                    forces_n: vec![force_n],
+                    models: vec![model.clone()],
+                };
+                let played =
+                    match uncertified_library(&self.names[*texture], &alone, structure.stored_as())
+                    {
+                        Err(_) if structure.is_direct() => Ok(None),
+                        Err(failure) => Err(failure),
+                        Ok(bytes) => {
+                            let playing = Playing {
+                                smoothing_hz: options.smoothing_hz,
+                                synthesis_s: options.synthesis_s,
+                                seed: options.seed.wrapping_add(index as u64),
+                            };
+                            still::play(structure, &bytes, recording, &playing).map(Some)
+                        }
+                    };
+                progress();
+                played
+            });
+        let nodes = nodes.collect::<Result<Vec<Option<Node>>>>()?;
+        Ok(still::summarise(&nodes))
+    }
+
+    fn hard(
+        &self,
+        structure: FilterStructure,
+        order: usize,
+        progress: &(impl Fn() + Sync),
+    ) -> Result<HardCases> {
+        let verdicts = self.cases.par_iter().map(|case| {
+            let verdict = hard::play(&hard::of_order(case, order), structure);
+            progress();
+            verdict
+        });
+        let verdicts = verdicts.collect::<Result<Vec<Verdict>>>()?;
+        let names = self.cases.iter().map(|case| case.name.as_str());
+        let named: Vec<(&str, Verdict)> = names.zip(verdicts).collect();
+        Ok(hard::summarise(&named))
+    }
+
+    /// Each texture's library in a structure; none of a texture that `fit` refuses in it.
+    fn libraries(&self, structure: FilterStructure, fitted: &Fitted) -> Vec<Option<Vec<u8>>> {
+        let textures = (0..self.names.len()).into_par_iter();
+        let libraries = textures.map(|texture| {
+            let bytes = self.library(fitted, texture, structure.stored_as()).ok()?;
+            let is_stable = |library: &Library<'_>| {
+                let mut reports = library
+                    .textures()
+                    .map(|texture| certificate::certify(&texture));
+                reports.all(|report| report.failures().is_empty())
+            };
+            let holds = decoded(&bytes).is_ok_and(|library| is_stable(&library));
+            holds.then_some(bytes)
+        });
+        libraries.collect()
+    }
+
+    fn library(&self, fitted: &Fitted, texture: usize, stored: StructureChoice) -> Result<Vec<u8>> {
+        uncertified_library(&self.names[texture], &fitted.grids[texture], stored)
+    }
+}
+
+/// A filter's choices: each interval of updates, played along every texture that it holds.
+fn rubbed(
+    index: usize,
+    filter: &Filter,
+    libraries: &[Option<Vec<u8>>],
+    references: &[Frames],
+    seed: u64,
+    progress: &(impl Fn() + Sync),
+) -> Result<Vec<Point>> {
+    let runs = INTERVALS
+        .into_par_iter()
+        .flat_map_iter(|interval| (0..libraries.len()).map(move |texture| (interval, texture)));
+    let moved = runs.map(|(interval, texture)| {
+        let moved = match &libraries[texture] {
+            None => Ok(None),
+            Some(bytes) => decoded(bytes).map(|library| {
+                let played = library.textures().next().expect("one was encoded");
+                let reference = &references[texture];
+                Some(moving::play(
+                    filter.structure,
+                    played,
+                    reference,
+                    interval,
+                    seed,
+                ))
+            }),
+        };
+        progress();
+        moved
+    });
+    let moved = moved.collect::<Result<Vec<Option<Moving>>>>()?;
+    let of_intervals = moved.chunks(libraries.len());
+    let points = of_intervals.zip(INTERVALS).map(|(moved, interval)| {
+        let moved = moved.iter().flatten().copied().reduce(Moving::and);
+        let error_db = moved.map_or(f64::NAN, |moved| moved.band_error_db());
+        let (best_cycles, worst_cycles) = cycles(&filter.m4, moved.as_ref(), interval);
+        Point {
+            filter: index,
+            interval,
+            motion_error_db: error_db,
+            motion_within_jnd: moved.map_or(f64::NAN, |moved| moved.bands_within_jnd()),
+            total_error_db: error_db.hypot(filter.still.band_error_db),
+            saturations: moved.map_or(0, |moved| moved.saturations),
+            best_cycles,
+            worst_cycles,
+            on_front: false,
+            on_safe_front: false,
+        }
+    });
+    Ok(points.collect())
+}
+
+/// Cycles per sample, updates included, at best and at worst. At worst those that stay in their cell take that share of the dearest
+/// which their instructions are; at best all are as cheap as the cheapest.
+fn cycles(cost: &Cost, moved: Option<&Moving>, interval: usize) -> (f64, f64) {
+    let (same, new) = match moved {
+        Some(moved) => moved.updates_per_sample(),
+        None => (1.0 / interval as f64, 0.0),
+    };
+    let least = cost.update.instructions_least / cost.update.instructions_most;
+    (
+        cost.sample.best_cycles + (same + new) * cost.update.best_cycles,
+        cost.sample.worst_cycles + (same * least + new) * cost.update.worst_cycles,
+    )
+}
+
+fn decoded(bytes: &[u8]) -> Result<Library<'_>> {
+    Library::decode_uncertified(bytes).map_err(|failure| Error::Model(failure.to_string()))
+}

@@ -1,0 +1,293 @@
+//! A hard case, driven along its motion and then left to fall silent.
+
+use model_format::{Library, OutputSample, Structure, Texture};
+use rayon::prelude::*;
+use stylus_kernel::excitation::{self, Excitation};
+use stylus_kernel::grid::{GridPoint, ONE};
+use stylus_kernel::level::rms_in_steps;
+
+use crate::dsp::linear_prediction::step_down;
+use crate::support::error::{Error, Result};
+use crate::texture::quantise::StructureChoice;
+use crate::texture::stored::predictor;
+
+use super::cases::Case;
+use super::outcome::{Outcome, Rest};
+use super::player::{Player, player};
+use super::reference::{Deviation, FloatDirect, FloatLattice, Mean};
+use super::{models, spectrum};
+
+/// Gain of the overdrive: from an RMS of an eighth of full scale to one of a third.
+const OVERDRIVE: f64 = 8.0 / 3.0;
+
+/// One standard deviation of the excitation.
+const DEVIATION: f64 = (1u64 << excitation::FRACTION_BITS) as f64;
+
+/// Runs all of `cases` in all structures; `progress` is told of each that is done.
+///
+/// # Errors
+/// A case that makes no library of lattices, which none does.
+pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
+    const STRUCTURES: [StructureChoice; 3] = [
+        StructureChoice::Lattice,
+        StructureChoice::Direct,
+        StructureChoice::Direct16,
+    ];
+    let runs: Vec<(&Case, StructureChoice)> = cases
+        .iter()
+        .flat_map(|case| STRUCTURES.map(|structure| (case, structure)))
+        .filter(|(case, structure)| !case.lattice_only || *structure == StructureChoice::Lattice)
+        .collect();
+    let outcomes = runs.into_par_iter().map(|(case, structure)| {
+        let outcome = play(case, structure);
+        progress();
+        outcome
+    });
+    outcomes.collect()
+}
+
+/// Plays one case in one structure.
+///
+/// # Errors
+/// A lattice that makes no library.
+pub fn play(case: &Case, structure: StructureChoice) -> Result<Outcome> {
+    play_with(case, structure, player)
+}
+
+/// Plays one case, stored in one structure, by what `new_player` makes for its texture, at rest each time.
+///
+/// # Errors
+/// A lattice that makes no library.
+pub fn play_with(
+    case: &Case,
+    structure: StructureChoice,
+    new_player: impl Fn(&Texture<'_>) -> Box<dyn Player>,
+) -> Result<Outcome> {
+    let mut outcome = Outcome {
+        case: case.name.clone(),
+        pole_radius: case.pole_radius(),
+        structure: structure.structure().to_string(),
+        ..Outcome::default()
+    };
+    let bytes = match models::library(&case.nodes(), structure) {
+        Ok(bytes) => bytes,
+        Err(refusal) if structure != StructureChoice::Lattice => {
+            outcome.refused = Some(refusal.to_string());
+            return Ok(outcome);
+        }
+        Err(failure) => return Err(failure),
+    };
+    let library =
+        Library::decode_uncertified(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let texture = library.textures().next().expect("one was encoded");
+    let mut bench = Bench::new(case, texture, new_player(&texture));
+    outcome.samples = case.samples;
+    outcome.spectrum_db = spectrum::largest_difference_db(&case.nodes(), &texture);
+    bench.drive(1.0, case.samples, &mut outcome);
+    outcome.stopped = bench.rest();
+
+    let mut bench = Bench::new(case, texture, new_player(&texture));
+    for _ in 0..case.samples.min(50_000) {
+        bench.sample(OVERDRIVE);
+    }
+    outcome.overdriven = bench.rest();
+
+    let mut bench = Bench::new(case, texture, new_player(&texture));
+    bench.move_on();
+    let mut signs = Excitation::new(99);
+    bench.player.glitch(&mut signs);
+    outcome.glitched = bench.rest();
+    Ok(outcome)
+}
+
+/// A texture on its way along a case's motion.
+struct Bench<'a> {
+    case: &'a Case,
+    texture: Texture<'a>,
+    player: Box<dyn Player>,
+    noise: Excitation,
+    sample: usize,
+}
+
+impl<'a> Bench<'a> {
+    fn new(case: &'a Case, texture: Texture<'a>, player: Box<dyn Player>) -> Self {
+        Self {
+            case,
+            texture,
+            player,
+            noise: Excitation::new(1),
+            sample: 0,
+        }
+    }
+
+    /// Takes over the motion if it changes here, and tells so.
+    fn move_on(&mut self) -> bool {
+        let changes = self.case.path.changes_at(self.sample);
+        if changes {
+            let motion = self.case.path.motion(self.sample);
+            self.player.follow(&self.texture, motion);
+        }
+        self.sample += 1;
+        changes
+    }
+
+    fn sample(&mut self, drive: f64) -> (OutputSample, bool) {
+        self.move_on();
+        let excitation = f64::from(self.noise.next_sample()) * drive;
+        self.player.sample(excitation as i32)
+    }
+
+    /// Drives `samples` samples and measures them.
+    fn drive(&mut self, drive: f64, samples: usize, outcome: &mut Outcome) {
+        let mut reference = Reference::of(&self.texture, self.case.is_still());
+        let (mut snr, mut level) = (Deviation::default(), Deviation::default());
+        let mut mean = Mean::of(samples);
+        for _ in 0..samples {
+            if self.move_on() {
+                let motion = self.case.path.motion(self.sample - 1);
+                let point = GridPoint::locate(&self.texture, motion);
+                reference.follow(self.player.as_ref(), &self.texture, &point);
+            }
+            let excitation = (f64::from(self.noise.next_sample()) * drive) as i32;
+            let (output, saturated) = self.player.sample(excitation);
+            outcome.saturated += usize::from(saturated || self.player.is_at_full_scale());
+            mean.add(f64::from(self.player.newest()));
+            if self.case.with_reference
+                && let Some(exact) = reference.sample(f64::from(excitation))
+            {
+                snr.add(exact.state, f64::from(self.player.newest()));
+                level.add(
+                    exact.output,
+                    f64::from(output.metres_per_second_squared().0),
+                );
+            }
+        }
+        outcome.mean_standard_errors = mean.in_standard_errors();
+        if self.case.with_reference && reference.exists() {
+            outcome.snr_db = Some(snr.snr_db());
+            outcome.level_db = Some(level.level_db());
+        }
+    }
+
+    /// Goes on without excitation until there is silence.
+    fn rest(&mut self) -> Rest {
+        let lattice = self.texture.structure() == Structure::NormalisedLattice;
+        let limit = self.case.rest_limit(lattice);
+        let begin = self.player.energy();
+        let mut rest = Rest {
+            limit,
+            ..Rest::default()
+        };
+        let (mut before, mut largest) = (begin, begin);
+        for n in 0..limit {
+            if before == 0 {
+                rest.silent_after = Some(n);
+                break;
+            }
+            self.move_on();
+            self.player.sample(0);
+            let energy = self.player.energy();
+            rest.growing += usize::from(energy > before);
+            largest = largest.max(energy);
+            before = energy;
+            if n + 1000 >= limit {
+                let share = f64::from(self.player.newest().unsigned_abs()) / 2f64.powi(31);
+                rest.left = rest.left.max(share);
+            }
+        }
+        if rest.silent_after.is_some() {
+            rest.left = 0.0;
+        }
+        rest.growth_db = 10.0 * (largest as f64 / (begin as f64).max(1.0)).log10();
+        rest
+    }
+}
+
+/// One sample of a float64 filter.
+struct Exact {
+    /// Exact value of the newest signal of the state.
+    state: f64,
+    /// Exact value of the output, m/s².
+    output: f64,
+}
+
+/// The float64 filter that belongs to a texture.
+enum Reference {
+    Lattice {
+        filter: FloatLattice,
+        /// m/s² for a standard deviation.
+        gain: f64,
+    },
+    /// A direct form that rests on one node.
+    Direct {
+        filter: FloatDirect,
+        /// Steps of the history for a standard deviation.
+        deviation: f64,
+        /// The lattice of the same coefficients, whose power is known.
+        level: FloatLattice,
+        gain: f64,
+    },
+    /// There is none: an unstable direct form, or one that moves.
+    None,
+}
+
+impl Reference {
+    fn of(texture: &Texture<'_>, still: bool) -> Self {
+        if texture.structure() == Structure::NormalisedLattice {
+            return Self::Lattice {
+                filter: FloatLattice::new(texture.max_order()),
+                gain: 0.0,
+            };
+        }
+        let node = texture.node(0, 0);
+        let predictor = predictor(node.coefficients);
+        let a: Vec<f64> = predictor.iter().map(|h| -h).collect();
+        match step_down(&a) {
+            Some(reflection) if still => {
+                let mut level = FloatLattice::new(reflection.len());
+                level.reflect_by(&reflection);
+                let steps = rms_in_steps(node.prediction_error_power, OutputSample::FRACTION_BITS);
+                Self::Direct {
+                    filter: FloatDirect::new(predictor),
+                    deviation: f64::from(steps),
+                    level,
+                    gain: f64::from(node.output_power).sqrt(),
+                }
+            }
+            _ => Self::None,
+        }
+    }
+
+    fn exists(&self) -> bool {
+        !matches!(self, Self::None)
+    }
+
+    fn follow(&mut self, player: &dyn Player, texture: &Texture<'_>, point: &GridPoint) {
+        if let Self::Lattice { filter, gain } = self {
+            filter.rotate_by(player.rotations());
+            let power = point.mean(|speed, force| texture.node(speed, force).output_power);
+            let fade = f64::from(point.fade) / f64::from(ONE);
+            *gain = f64::from(power).sqrt() * fade;
+        }
+    }
+
+    fn sample(&mut self, excitation: f64) -> Option<Exact> {
+        match self {
+            Self::Lattice { filter, gain } => {
+                let state = filter.filter(excitation);
+                let output = state / DEVIATION * *gain;
+                Some(Exact { state, output })
+            }
+            Self::Direct {
+                filter,
+                deviation,
+                level,
+                gain,
+            } => Some(Exact {
+                state: filter.filter(excitation / DEVIATION * *deviation),
+                output: level.filter(excitation / DEVIATION) * *gain,
+            }),
+            Self::None => None,
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! Sections on the removed-node test: Table I of the paper, interpolation domains, smoothing, and maps.
+
+use super::html::{Column, Page};
+use super::plot::{GridCell, GridMap, SpectraView, grid_map, time_and_frequency};
+use super::sections::{Sections, distance};
+use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::evaluation::leave_one_out::{
+    LeaveOneOut, Options, PAPER_TABLE_I, PaperColumn, Prepared, Removed, Row, SMOOTHING_WIDTHS_HZ,
+    summarise,
+};
+use crate::support::error::Result;
+use crate::texture::domain::Method;
+use model_format::SAMPLE_RATE_HZ;
+
+/// The rows of Table I.
+const TABLE_ONE: [Row; 4] = [
+    Row::Interpolated(Method::PAPER),
+    Row::Interpolated(Method::DEVICE),
+    Row::Densified,
+    Row::Own,
+];
+
+/// The removed-node test with the set that it was made from.
+pub struct RemovedNodeTest<'a> {
+    /// The results.
+    pub test: &'a LeaveOneOut,
+    /// The set.
+    pub prepared: &'a Prepared<'a>,
+    /// Options of the test.
+    pub options: Options,
+}
+
+pub(super) fn table_one(page: &mut Page, test: &LeaveOneOut) {
+    page.section("Removed nodes: Table I of the paper");
+    page.paragraph(&format!(
+        "Each of {} inner nodes was removed, predicted from its neighbours, played by the device's kernel and \
+         compared with its recording. Models are of order {}. A prediction that cannot be played (an unstable mean) \
+         counts with C = 100 %. σ² error is the mean difference of the excitation's variance; the paper names no \
+         unit, here it is (m/s²)².",
+        test.removed.len(),
+        test.order
+    ));
+    let mut textures: Vec<&str> = Vec::new();
+    for node in &test.removed {
+        if !textures.contains(&node.texture.as_str()) {
+            textures.push(&node.texture);
+        }
+    }
+    let percent = |mean: f64, sd: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * sd);
+    let mut columns = vec![Column::Text("C (%), mean ± sd")];
+    columns.extend(textures.iter().map(|name| Column::Number(name)));
+    columns.extend(["all", "σ² error", "not playable"].map(Column::Number));
+    let known = |name: &str| PAPER_TABLE_I.iter().find(|column| column.texture == name);
+    let mut first = vec!["the paper's figures, real recordings".to_owned()];
+    first.extend(
+        textures.iter().map(|name| {
+            known(name).map_or(String::new(), |c| percent(c.mean_cost, c.cost_deviation))
+        }),
+    );
+    let mean = |of: fn(&PaperColumn) -> f64| {
+        PAPER_TABLE_I.iter().map(of).sum::<f64>() / PAPER_TABLE_I.len() as f64
+    };
+    first.push(percent(mean(|c| c.mean_cost), mean(|c| c.cost_deviation)));
+    first.push(format!("{:.1e}", mean(|c| c.excitation_error)));
+    let mut rows = vec![first];
+    for row in TABLE_ONE {
+        let mut cells = vec![row.name()];
+        for name in &textures {
+            let summary = summarise(test, row, Some(name));
+            cells.push(summary.map_or(String::new(), |s| percent(s.mean_cost, s.cost_deviation)));
+        }
+        if let Some(all) = summarise(test, row, None) {
+            cells.push(percent(all.mean_cost, all.cost_deviation));
+            cells.push(format!("{:.1e}", all.excitation_error));
+            cells.push(all.unplayable.to_string());
+        }
+        rows.push(cells);
+    }
+    page.table("Table I, and the same test here", &columns, &rows);
+}
+
+pub(super) fn domains(page: &mut Page, test: &LeaveOneOut) {
+    page.section("What to interpolate");
+    page.paragraph(
+        "The same test in every domain: what of the models is averaged, and how their level is. The last rows are \
+         what fitting a denser grid puts there, and the node's own model, which is as near as its order comes.",
+    );
+    let within = format!("within {AMPLITUDE_JND_DB} dB");
+    let columns = [
+        Column::Text("domain, level"),
+        Column::Number("C ± sd"),
+        Column::Number("σ² error"),
+        Column::Number("band (dB)"),
+        Column::Number(&within),
+        Column::Number("LSD (dB)"),
+        Column::Number("not playable"),
+    ];
+    let rows: Vec<Vec<String>> = test
+        .rows
+        .iter()
+        .filter_map(|&row| {
+            let s = summarise(test, row, None)?;
+            Some(vec![
+                row.name(),
+                format!("{:.3} ± {:.3}", s.mean_cost, s.cost_deviation),
+                format!("{:.1e}", s.excitation_error),
+                format!("{:.2}", s.mean_band_error_db),
+                format!("{:.1} %", 100.0 * s.bands_within_jnd),
+                format!("{:.2}", s.mean_log_spectral_distance_db),
+                s.unplayable.to_string(),
+            ])
+        })
+        .collect();
+    page.table("Domains", &columns, &rows);
+}
+
+pub(super) fn smoothing(page: &mut Page, test: &LeaveOneOut) {
+    page.section("How C depends on its smoothing");
+    page.paragraph(&format!(
+        "The paper does not say how its spectra are smoothed. Here it is a Hann kernel whose full width is an option \
+         (this page: {}); at 0 Hz there is no smoothing and C is the scatter of noise, with a wide kernel it tells of \
+         levels only.",
+        test.smoothing
+    ));
+    let widths: Vec<String> = SMOOTHING_WIDTHS_HZ.map(|w| format!("{w} Hz")).to_vec();
+    let mut columns = vec![Column::Text("mean C")];
+    columns.extend(widths.iter().map(|width| Column::Number(width)));
+    let rows: Vec<Vec<String>> = TABLE_ONE
+        .iter()
+        .filter_map(|&row| {
+            let costs = summarise(test, row, None)?.costs_by_width;
+            let costs = costs.iter().map(|cost| format!("{cost:.3}"));
+            Some(std::iter::once(row.name()).chain(costs).collect())
+        })
+        .collect();
+    page.table("C by the width of its kernel", &columns, &rows);
+}
+
+/// Draws the error of the removed nodes of `texture` over its grid, and an example: the paper's figure 10.
+///
+/// # Errors
+/// A request that the kernel's renderer refuses.
+pub(super) fn maps(
+    sections: &mut Sections<'_>,
+    test: &RemovedNodeTest<'_>,
+    texture: &str,
+) -> Result<()> {
+    let RemovedNodeTest {
+        test,
+        prepared,
+        options,
+    } = test;
+    let nodes: Vec<&Removed> = test
+        .removed
+        .iter()
+        .filter(|n| n.texture == texture)
+        .collect();
+    if nodes.is_empty() {
+        return Ok(());
+    }
+    sections.page.subsection("Removed nodes");
+    for row in [
+        Row::Interpolated(Method::PAPER),
+        Row::Interpolated(Method::DEVICE),
+        Row::Densified,
+    ] {
+        let Some(column) = test.rows.iter().position(|&r| r == row) else {
+            continue;
+        };
+        let axis = |of: fn(&Removed) -> f64| {
+            let mut values: Vec<f64> = nodes.iter().map(|n| of(n)).collect();
+            values.sort_by(f64::total_cmp);
+            values.dedup();
+            values
+        };
+        let (speeds, forces) = (axis(|n| n.speed_mm_s), axis(|n| n.force_n));
+        let cells: Vec<GridCell> = speeds
+            .iter()
+            .flat_map(|&speed| forces.iter().map(move |&force| (speed, force)))
+            .map(|(speed, force)| GridCell {
+                value: nodes
+                    .iter()
+                    .find(|n| n.speed_mm_s == speed && n.force_n == force)
+                    .map(|n| n.outcomes[column].judged.cost),
+                flags: model_format::NodeFlags::NONE,
+            })
+            .collect();
+        let title = format!("{texture}: C of removed nodes, {}", row.name());
+        let map = GridMap {
+            speeds_mm_s: &speeds,
+            forces_n: &forces,
+            cells: &cells,
+            quantity: "C",
+            decimals: 2,
+        };
+        let picture = grid_map(&sections.caption(&title), &map)?;
+        sections
+            .page
+            .figure(&picture, "C of every removed node against its recording.");
+    }
+    let example = nodes.iter().min_by(|a, b| {
+        let far = |n: &Removed| distance(n.speed_mm_s, n.force_n);
+        far(a).total_cmp(&far(b))
+    });
+    let Some(example) = example else {
+        return Ok(());
+    };
+    for row in [Row::Interpolated(Method::PAPER), Row::Densified] {
+        let place = format!(
+            "{texture}, {} mm/s, {} N removed; {}",
+            example.speed_mm_s,
+            example.force_n,
+            row.name()
+        );
+        let Some((recorded, played)) = prepared.hear(example, row, options)? else {
+            sections
+                .page
+                .paragraph(&format!("{place}: cannot be played."));
+            continue;
+        };
+        let view = SpectraView {
+            smoothing_width_hz: options.smoothing_hz,
+            ..SpectraView::default()
+        };
+        let rate_hz = f64::from(SAMPLE_RATE_HZ);
+        let picture = time_and_frequency(
+            &sections.caption(&place),
+            &recorded,
+            &played,
+            rate_hz,
+            &view,
+        )?;
+        sections.page.figure(
+            &picture,
+            "A recording, and what is played there when its node is removed (the paper's figure 10).",
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,208 @@
+//! One page, which needs nothing else, on a recording set and what the stylus makes of it: the paper's figures 5 and 7 to
+//! 10 and its Table I from the user's own recordings, the interpolation domains, maps, spectrograms and sounds.
+
+use std::path::Path;
+
+use model_format::{Library, Texture};
+
+use super::html::{Column, Page};
+use super::plot::{forward_prediction, grid_and_motion, spectrograms};
+use super::removed_nodes::{self, RemovedNodeTest};
+use super::sections::Sections;
+use super::sound::sound;
+use crate::dsp::autocorrelation::Autocorrelation;
+use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
+use crate::evaluation::evaluate;
+use crate::evaluation::evaluate::{Evaluation, texture_named};
+use crate::evaluation::takes::TakeDistance;
+use crate::recording::RecordingSet;
+use crate::support::error::Result;
+use crate::texture::grid::as_written;
+use model_format::SAMPLE_RATE_HZ;
+
+/// A stretch of a recording in the picture of its prediction, s.
+const PREDICTION_S: f64 = 0.1;
+
+/// The contents of the page.
+pub struct Inputs<'a> {
+    /// The recordings.
+    pub set: &'a RecordingSet,
+    /// The library that they were compared with.
+    pub library: &'a Library<'a>,
+    /// The comparison.
+    pub evaluation: &'a Evaluation,
+    /// Options of the comparison.
+    pub options: &'a evaluate::Options,
+    /// The removed-node test with the set it was made from; none where no node lies between others.
+    pub test: Option<RemovedNodeTest<'a>>,
+    /// Distances to other takes; may be none.
+    pub takes: &'a [TakeDistance],
+}
+
+/// Writes the page, telling `progress` of each texture done.
+///
+/// # Errors
+/// A recording that cannot be used any more, or a file that cannot be written.
+pub fn write(inputs: &Inputs<'_>, path: &Path, progress: impl Fn()) -> Result<()> {
+    let mut sections = Sections {
+        set: inputs.set,
+        library: inputs.library,
+        evaluation: inputs.evaluation,
+        options: inputs.options,
+        pictures: None,
+        page: Page::new("Recordings and what the stylus plays"),
+    };
+    sections.overview();
+    takes(&mut sections.page, inputs.takes);
+    if let Some(RemovedNodeTest { test, .. }) = inputs.test {
+        removed_nodes::table_one(&mut sections.page, test);
+        removed_nodes::domains(&mut sections.page, test);
+        removed_nodes::smoothing(&mut sections.page, test);
+    }
+    sections.orders()?;
+    for summary in &inputs.evaluation.textures {
+        let texture = texture_named(inputs.library, &summary.texture)?;
+        write_texture(&mut sections, inputs.test.as_ref(), texture)?;
+        progress();
+    }
+    sections.page.write(path)
+}
+
+fn write_texture(
+    sections: &mut Sections<'_>,
+    test: Option<&RemovedNodeTest<'_>>,
+    texture: Texture<'_>,
+) -> Result<()> {
+    sections.page.section(texture.name());
+    let Some(example) = sections.example(texture)? else {
+        sections.page.paragraph("Silent in every trial.");
+        return Ok(());
+    };
+    let (recorded, played) = (
+        &example.comparison.recorded,
+        &example.comparison.synthesised,
+    );
+    let origin = if sections.evaluation.simulated {
+        " (SIMULATED)"
+    } else {
+        ""
+    };
+    let full_scale = loudest(&[recorded, played]);
+    for (what, signal) in [("recorded", recorded), ("synthesised", played)] {
+        let wav = sound(signal, full_scale)?;
+        let label = format!("{}: {what}{origin}", example.title);
+        sections.page.sound(&label, &wav);
+    }
+    sections
+        .page
+        .paragraph("Both sounds have one scale; what is heard is the acceleration.");
+    prediction(sections, &example.title, recorded)?;
+    sections.time_and_frequency(&example)?;
+    let caption = sections.caption(&example.title);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    let picture = spectrograms(&caption, recorded, played, rate_hz, 1000.0)?;
+    sections
+        .page
+        .figure(&picture, "Spectrograms of both, to one scale.");
+    sections.bands(&example)?;
+    if texture.speed_axis().len() * texture.force_axis().len() > 1 {
+        grid(sections, &texture)?;
+        sections.cost_map(&texture)?;
+    }
+    match test {
+        Some(test) => removed_nodes::maps(sections, test, texture.name()),
+        None => Ok(()),
+    }
+}
+
+fn takes(page: &mut Page, takes: &[TakeDistance]) {
+    if takes.is_empty() {
+        return;
+    }
+    page.section("Against another take");
+    page.paragraph(
+        "Log-spectral distance from each recording, 30 to 1000 Hz: of another take of the same surface, and of the \
+         synthesis. A model need not come nearer to a recording than another take does.",
+    );
+    let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.2}"));
+    let rows: Vec<Vec<String>> = takes
+        .iter()
+        .map(|take| {
+            vec![
+                take.texture.clone(),
+                number(take.take_db),
+                number(take.synthesis_db),
+                number(take.excess_db()),
+            ]
+        })
+        .collect();
+    let columns = [
+        Column::Text("texture"),
+        Column::Number("other take (dB)"),
+        Column::Number("synthesis (dB)"),
+        Column::Number("further by (dB)"),
+    ];
+    page.table("Takes", &columns, &rows);
+}
+
+/// Draws the forward prediction of a recording: the paper's figure 5.
+fn prediction(sections: &mut Sections<'_>, place: &str, recorded: &[f64]) -> Result<()> {
+    let order = model_format::limits::MAX_ORDER.min(recorded.len() / 4);
+    let lags = Autocorrelation::of(recorded, order).lags;
+    let model = Prediction::levinson_durbin(&corrected(lags), order);
+    let a = step_up(&model.reflection);
+    let shown = ((PREDICTION_S * f64::from(SAMPLE_RATE_HZ)) as usize).min(recorded.len());
+    let begin = (recorded.len() - shown) / 2;
+    let predicted: Vec<f64> = (begin..begin + shown)
+        .map(|n| {
+            let past = recorded[..n].iter().rev();
+            -a.iter().zip(past).map(|(a, x)| a * x).sum::<f64>()
+        })
+        .collect();
+    let title = format!("{place}: n = {}", a.len());
+    let stretch = &recorded[begin..begin + shown];
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    let picture = forward_prediction(&sections.caption(&title), stretch, &predicted, rate_hz)?;
+    sections.page.figure(
+        &picture,
+        "Forward prediction of the recording and what it leaves (the paper's figure 5).",
+    );
+    Ok(())
+}
+
+/// Draws the models over speed and force, with a motion: the paper's figure 9.
+fn grid(sections: &mut Sections<'_>, texture: &Texture<'_>) -> Result<()> {
+    let speeds: Vec<f64> = texture.speed_axis().values().map(as_written).collect();
+    let forces: Vec<f64> = texture.force_axis().values().map(as_written).collect();
+    let places = speeds
+        .iter()
+        .flat_map(|&speed| forces.iter().map(move |&force| (speed, force)));
+    let nodes: Vec<(f64, f64, f64)> = texture
+        .nodes()
+        .zip(places)
+        .map(|(node, (v, f))| (v, f, f64::from(node.prediction_error_power)))
+        .collect();
+    let (fast, firm) = (speeds[speeds.len() - 1], forces[forces.len() - 1]);
+    let motion: Vec<(f64, f64)> = (0..=100)
+        .map(|step| {
+            let turn = std::f64::consts::TAU * f64::from(step) / 100.0;
+            (
+                fast * (0.5 - 0.38 * turn.cos()),
+                firm * (0.5 + 0.3 * (2.0 * turn).sin()),
+            )
+        })
+        .collect();
+    let title = format!("{}: the grid of models", texture.name());
+    let picture = grid_and_motion(&sections.caption(&title), &nodes, &motion)?;
+    sections.page.figure(
+        &picture,
+        "Models over speed and force, and a motion (the paper's figure 9).",
+    );
+    Ok(())
+}
+
+/// Largest magnitude of all signals.
+fn loudest(signals: &[&Vec<f64>]) -> f64 {
+    let values = signals.iter().flat_map(|signal| signal.iter());
+    values.map(|value| value.abs()).fold(0.0, f64::max)
+}

@@ -1,0 +1,288 @@
+//! Compilation of a scene's description to the wire form that a library holds.
+
+use std::path::Path;
+
+use model_format::Library;
+use model_format::scene::limits::{MAX_REGIONS, MAX_SECTIONS, MAX_SURFACES};
+use model_format::scene::{
+    Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, SceneProblem, StickSlip, Surface,
+    Tap,
+};
+
+use super::description::SurfaceDescription;
+use super::equaliser::{self, Design, Response, Section};
+use super::file::SceneFile;
+use super::place::place_of;
+use crate::support::error::{Error, Result};
+use crate::support::toml_field::{Field, line_of};
+
+/// A scene in its wire form, checked against the library that plays it.
+#[derive(Clone, Debug)]
+pub struct CompiledScene {
+    /// The wire form.
+    pub scene: Scene,
+    /// Names of the surfaces, in their order.
+    pub surface_names: Vec<String>,
+    /// Design of the equaliser; none if no response is given.
+    pub design: Option<Design>,
+}
+
+impl SceneFile {
+    /// Looks up the textures in `library`, designs the equaliser if a response is given, and checks the whole scene.
+    ///
+    /// # Errors
+    /// [`Error::Line`] at the line of a value that [`Scene::validate`] refuses, of a name that the library or the scene
+    /// does not have, or of an item beyond the largest number; a file of a response that cannot be used.
+    pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
+        let root = Field::default();
+        let surface_names = self.surface_names()?;
+        let name = self.name(&root.key("name"))?;
+        let surfaces = self.surfaces(&root.key("surface"), library)?;
+        let (regions, order) = self.regions(&root.key("region"), &surface_names)?;
+        let (equaliser, design) = self.equaliser(&root.key("equaliser"))?;
+        let scene = Scene {
+            name,
+            sample_rate_hz: self.description.sample_rate_hz,
+            surfaces,
+            regions,
+            transition_mm: self.description.transition_mm,
+            motion: match &self.description.constant_motion {
+                None => MotionOfScene::Followed,
+                Some(motion) => MotionOfScene::Constant {
+                    speed_mm_s: motion.speed_mm_s,
+                    force_n: motion.force_n,
+                },
+            },
+            equaliser,
+        };
+        scene
+            .validate(library)
+            .map_err(|error| self.located(&error, &order))?;
+        Ok(CompiledScene {
+            scene,
+            surface_names,
+            design,
+        })
+    }
+
+    fn name(&self, place: &Field) -> Result<SceneName> {
+        let name = self.description.name.as_str();
+        SceneName::try_from(name).map_err(|_| {
+            let problem = format!(
+                "has {} bytes; it must have 1 to {}",
+                name.len(),
+                model_format::limits::MAX_NAME_BYTES
+            );
+            self.error(place, problem)
+        })
+    }
+
+    /// Names of the surfaces, all different.
+    fn surface_names(&self) -> Result<Vec<String>> {
+        let mut names: Vec<String> = Vec::new();
+        for (index, surface) in self.description.surfaces.iter().enumerate() {
+            let place = Field::default().key("surface").item(index);
+            let name = match surface.name() {
+                Some(name) => name.to_owned(),
+                // No region can refer to a surface without a name, so that any name will do.
+                None => format!("surface {}", index + 1),
+            };
+            if let Some(other) = names.iter().position(|other| *other == name) {
+                let key = if surface.name.is_some() {
+                    "name"
+                } else {
+                    "texture"
+                };
+                let problem = format!(
+                    "surface {} is called '{name}' already; give each a name of its own",
+                    other + 1
+                );
+                return Err(self.error(&place.key(key), problem));
+            }
+            names.push(name);
+        }
+        Ok(names)
+    }
+
+    fn surfaces(
+        &self,
+        place: &Field,
+        library: &Library<'_>,
+    ) -> Result<heapless::Vec<Surface, MAX_SURFACES>> {
+        let mut surfaces = heapless_vec();
+        for (index, surface) in self.description.surfaces.iter().enumerate() {
+            let place = place.item(index);
+            let surface = self.surface(&place, surface, library)?;
+            surfaces.push(surface).map_err(|_| {
+                let problem = format!("a scene has at most {MAX_SURFACES} surfaces");
+                self.error(&place, problem)
+            })?;
+        }
+        Ok(surfaces)
+    }
+
+    fn surface(
+        &self,
+        place: &Field,
+        surface: &SurfaceDescription,
+        library: &Library<'_>,
+    ) -> Result<Surface> {
+        let texture = surface.texture.as_deref().map(|name| {
+            let found = library
+                .textures()
+                .position(|texture| texture.name() == name);
+            found.map(|index| index as u8).ok_or_else(|| {
+                let known: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
+                let problem = format!(
+                    "the library has no texture '{name}'; it has {}",
+                    known.join(", ")
+                );
+                self.error(&place.key("texture"), problem)
+            })
+        });
+        Ok(Surface {
+            texture: texture.transpose()?,
+            gain: surface.gain,
+            tap: surface.tap.as_ref().map(|tap| Tap {
+                frequency_hz: tap.frequency_hz,
+                decay_s: tap.decay_s,
+                gain_m_s2_per_n_s: tap.gain_m_s2_per_n_s,
+                limit_m_s2: tap.limit_m_s2,
+            }),
+            stick_slip: surface.stick_slip.as_ref().map(|stick_slip| StickSlip {
+                period_mm: stick_slip.period_mm,
+                duty: stick_slip.duty,
+                depth: stick_slip.depth,
+                below_mm_s: stick_slip.below_mm_s,
+                above_n: stick_slip.above_n,
+            }),
+        })
+    }
+
+    /// The regions in their order along the path, and the position of each in the text.
+    fn regions(
+        &self,
+        place: &Field,
+        surface_names: &[String],
+    ) -> Result<(heapless::Vec<Region, MAX_REGIONS>, Vec<usize>)> {
+        let described = &self.description.regions;
+        let mut order: Vec<usize> = (0..described.len()).collect();
+        order.sort_by(|&a, &b| described[a].start_mm.total_cmp(&described[b].start_mm));
+        let mut regions = heapless_vec();
+        for &index in &order {
+            let (region, place) = (&described[index], place.item(index));
+            let surface = surface_names
+                .iter()
+                .position(|name| *name == region.surface);
+            let Some(surface) = surface else {
+                let problem = format!(
+                    "the scene has no surface '{}'; it has {}",
+                    region.surface,
+                    surface_names.join(", ")
+                );
+                return Err(self.error(&place.key("surface"), problem));
+            };
+            let region = Region {
+                start_mm: region.start_mm,
+                end_mm: region.end_mm,
+                // More surfaces than a byte can count are refused above, at the surfaces.
+                surface: u8::try_from(surface).unwrap_or(u8::MAX),
+            };
+            regions.push(region).map_err(|_| {
+                let problem = format!("a scene has at most {MAX_REGIONS} regions");
+                self.error(&place, problem)
+            })?;
+        }
+        Ok((regions, order))
+    }
+
+    fn equaliser(
+        &self,
+        place: &Field,
+    ) -> Result<(heapless::Vec<Biquad, MAX_SECTIONS>, Option<Design>)> {
+        let Some(described) = &self.description.equaliser else {
+            return Ok((heapless_vec(), None));
+        };
+        let rate_hz = f64::from(self.description.sample_rate_hz);
+        let mut stored = heapless_vec();
+        if let Some(response) = &described.response {
+            if !described.sections.is_empty() {
+                let problem = "cannot be given beside a response; give one or the other";
+                return Err(self.error(&place.key("section"), problem));
+            }
+            let beside = self.path.parent().unwrap_or(Path::new(""));
+            let response = Response::read(&beside.join(response))?;
+            let request = equaliser::Request {
+                max_gain_db: described
+                    .max_gain_db
+                    .unwrap_or(equaliser::DEFAULT_MAX_GAIN_DB),
+                max_sections: described.max_sections.unwrap_or(MAX_SECTIONS),
+                lowest_hz: described.lowest_hz,
+                highest_hz: described.highest_hz,
+            };
+            let design = equaliser::design(&response, rate_hz, &request)
+                .map_err(|fault| self.error(&place.key(fault.key), fault.problem))?;
+            stored.extend(design.biquads.iter().copied());
+            return Ok((stored, Some(design)));
+        }
+        for (key, given) in [
+            ("max_gain_db", described.max_gain_db.is_some()),
+            ("max_sections", described.max_sections.is_some()),
+            ("lowest_hz", described.lowest_hz.is_some()),
+            ("highest_hz", described.highest_hz.is_some()),
+        ] {
+            if given {
+                let problem = "goes with a response, and none is given";
+                return Err(self.error(&place.key(key), problem));
+            }
+        }
+        if described.sections.is_empty() {
+            let problem = "needs a response, or sections as [[equaliser.section]]";
+            return Err(self.error(place, problem));
+        }
+        for (index, section) in described.sections.iter().enumerate() {
+            let place = place.key("section").item(index);
+            let section = Section {
+                kind: section.kind,
+                frequency_hz: section.frequency_hz,
+                q: section.q,
+                gain_db: section.gain_db,
+            };
+            let biquad = section
+                .biquad(rate_hz)
+                .map_err(|fault| self.error(&place.key(fault.key), fault.problem))?;
+            stored.push(biquad).map_err(|_| {
+                let problem = format!("an equaliser has at most {MAX_SECTIONS} sections");
+                self.error(&place, problem)
+            })?;
+        }
+        Ok((stored, None))
+    }
+
+    /// The error of [`Scene::validate`] at its line. `order` holds the position in the text of each region of the
+    /// scene.
+    fn located(&self, error: &SceneError, order: &[usize]) -> Error {
+        let region = |index: usize| {
+            let index = order.get(index).copied().unwrap_or(index);
+            Field::default().key("region").item(index)
+        };
+        let place = place_of(error, region);
+        if let SceneProblem::RegionOverlap {
+            start_mm,
+            before,
+            end_mm,
+        } = error.problem
+        {
+            let line = line_of(&self.text, &region(before));
+            let problem = format!(
+                "it begins at {start_mm} mm, before the region in line {line} ends at {end_mm} mm"
+            );
+            return self.error(&place, problem);
+        }
+        self.error(&place, error.problem)
+    }
+}
+
+fn heapless_vec<T, const N: usize>() -> heapless::Vec<T, N> {
+    heapless::Vec::new()
+}

@@ -1,0 +1,41 @@
+//! Entries of a library from a texture's grid.
+
+use model_format::{Provenance, TextureSpec, encode_uncertified};
+
+use crate::support::error::{Error, Result};
+use model_format::SAMPLE_RATE_HZ;
+
+use super::grid::Grid;
+use super::quantise::{self, StructureChoice};
+
+/// Returns texture `name` with the nodes of `grid` quantised for `structure`, without a certificate.
+///
+/// # Errors
+/// A node that the structure cannot hold, with its speed and force.
+pub fn texture_spec(
+    name: &str,
+    provenance: Provenance,
+    grid: &Grid,
+    structure: StructureChoice,
+) -> Result<TextureSpec> {
+    Ok(TextureSpec {
+        name: name.to_owned(),
+        sample_rate_hz: SAMPLE_RATE_HZ,
+        structure: structure.structure(),
+        provenance,
+        speed_axis_mm_s: grid.speeds_mm_s.clone(),
+        force_axis_n: grid.forces_n.clone(),
+        nodes: quantise::nodes(name, grid, structure)?,
+        cell_margins: Vec::new(),
+    })
+}
+
+/// Returns the bytes of a library of one texture without a certificate: for judging a model, never for a file.
+///
+/// # Errors
+/// A node that the structure cannot hold; a grid that makes no library.
+pub fn uncertified_library(name: &str, grid: &Grid, structure: StructureChoice) -> Result<Vec<u8>> {
+    // The bytes leave no trace, so that their provenance says the least.
+    let spec = texture_spec(name, Provenance::Simulated, grid, structure)?;
+    encode_uncertified(&[spec]).map_err(|failure| Error::Model(failure.to_string()))
+}

@@ -1,0 +1,24 @@
+//! Reading a library: decoding and validating any bytes, and views into the bytes that hold.
+//!
+//! | file | content |
+//! |---|---|
+//! | `view` | [`Library`] and its textures and scenes |
+//! | `texture`, `axis`, `node`, `certificate` | the parts of a texture |
+//! | `decode` | from bytes to [`Library`]: prefix, textures, scenes |
+//! | `check` | all that a texture must hold |
+//!
+//! Views allocate nothing. They parse again what validation has parsed before, so that this cannot fail.
+
+mod axis;
+mod certificate;
+mod check;
+mod decode;
+mod node;
+mod texture;
+mod view;
+
+pub use axis::Axis;
+pub use certificate::{CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, UNCERTIFIED_CELL};
+pub use node::{Coefficients, Node, NodeFlags};
+pub use texture::Texture;
+pub use view::Library;

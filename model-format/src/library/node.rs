@@ -1,0 +1,88 @@
+//! The model at a node of a grid.
+
+/// The model at one node of a grid.
+#[derive(Clone, Copy, Debug)]
+pub struct Node<'a> {
+    /// Variance of the model's output, (m/s²)².
+    pub output_power: f32,
+    /// Variance σ² of the white excitation of a direct form, (m/s²)²: the power of the prediction error.
+    pub prediction_error_power: f32,
+    /// Origin of the node, and its remarks.
+    pub flags: NodeFlags,
+    /// The model's coefficients; as many as its order.
+    pub coefficients: Coefficients<'a>,
+}
+
+/// A node's coefficients as stored: little-endian, not aligned, as many as the model's order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coefficients<'a> {
+    /// θ of stage 1 first, `i16` in steps of [`crate::THETA_STEP_RAD`].
+    Lattice(&'a [[u8; 2]]),
+    /// h₁ first; h = code · 2^(exponent - 15).
+    Direct16 {
+        /// Binary exponent of the whole node, at most [`crate::limits::MAX_EXPONENT`].
+        exponent: u8,
+        /// The codes, `i16`.
+        codes: &'a [[u8; 2]],
+    },
+    /// h₁ first; h = code · 2^(exponent - 31).
+    Direct32 {
+        /// Binary exponent of the whole node, at most [`crate::limits::MAX_EXPONENT`].
+        exponent: u8,
+        /// The codes, `i32`.
+        codes: &'a [[u8; 4]],
+    },
+}
+
+/// Remarks on a node beside its model, a set of flags.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct NodeFlags(pub(super) u8);
+
+impl NodeFlags {
+    /// No remark: the model was fitted to a recording.
+    pub const NONE: Self = Self(0);
+    /// A silent node, whose output power is zero.
+    pub const SILENT: Self = Self(1);
+    /// No recording: the node was filled from measured nodes on both sides.
+    pub const INTERPOLATED: Self = Self(2);
+    /// No recording: the node lies beyond the last measured ones and was taken over from the nearest of them.
+    pub const EXTRAPOLATED: Self = Self(4);
+    /// Triage found a fault in a recording behind this node.
+    pub const DOUBTFUL: Self = Self(8);
+
+    const KNOWN: u8 = 0b1111;
+
+    /// Union of both sets.
+    #[must_use]
+    pub const fn with(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Returns whether all flags of `other` are set.
+    pub const fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// The stored byte.
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    pub(super) const fn from_bits(bits: u8) -> Option<Self> {
+        if bits & !Self::KNOWN == 0 {
+            Some(Self(bits))
+        } else {
+            None
+        }
+    }
+}
+
+impl Coefficients<'_> {
+    /// Order of the model.
+    pub fn order(&self) -> usize {
+        match self {
+            Self::Lattice(codes) | Self::Direct16 { codes, .. } => codes.len(),
+            Self::Direct32 { codes, .. } => codes.len(),
+        }
+    }
+}
