@@ -15,7 +15,7 @@ use super::trial::Analysis;
 use super::trial_report::TrialReport;
 
 /// An order needs this many samples of data for each of its coefficients.
-const SAMPLES_A_COEFFICIENT: usize = 4;
+const SAMPLES_PER_COEFFICIENT: usize = 4;
 
 type Member<'a> = (&'a Trial, &'a Analysis, &'a TrialReport);
 
@@ -91,7 +91,7 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Model> {
     let samples: usize = loud.iter().map(|analysis| analysis.samples).sum();
     let lags = pooled_lags(&loud, samples);
     let output_power = lags[0];
-    let order_cap = samples / SAMPLES_A_COEFFICIENT;
+    let order_cap = samples / SAMPLES_PER_COEFFICIENT;
     let max_order = options.order.highest().min(order_cap);
     let prediction = Prediction::levinson_durbin(&corrected(lags), max_order);
     let order = match options.order {

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
+use model_format::SAMPLE_RATE_HZ;
+
 use super::clipping::clipped_share;
 use super::samples::Samples;
 use super::source::Cut;
 use super::trial::{TRIAL_DURATION_S, Trial};
 use super::{csv_file, resample, wav};
 use crate::support::error::{Error, Result};
-use model_format::SAMPLE_RATE_HZ;
 
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
 ///
