@@ -264,7 +264,7 @@ fn a_free_hands_file_that_cannot_be_used_is_named() {
         ("time_s,a,speed_mm_s,force_n\n", "time_s"),
         (
             "time_s,a,speed_mm_s,force_n\n0,0,1,1e5\n1,0,1,1e5\n",
-            "cannot be",
+            "impossible values",
         ),
         ("time_s,a,speed_mm_s,force_n\n0,0,1,1\n1,0,1,1\n", "steady"),
     ] {
