@@ -37,7 +37,7 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct ActivationReport {
     slot: String,
     crc32: u32,
     sequence: u32,
@@ -53,7 +53,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let activated = device.activate(slot)?;
     let library = activated.library;
     if arguments.json {
-        return print_json(&Report {
+        return print_json(&ActivationReport {
             slot: activated.slot.to_string(),
             crc32: library.crc32,
             sequence: library.sequence,
