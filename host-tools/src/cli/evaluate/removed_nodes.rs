@@ -16,7 +16,8 @@ use crate::cli::table::table;
 
 /// Runs the test, prints the tables, and writes the numbers to `json` if given.
 pub fn run(set: &RecordingSet, options: &Options, json: Option<&Path>) -> Result<()> {
-    let test = removed_node_test(set, &Row::all(), options)?;
+    let prepared = Prepared::new(set, options)?;
+    let test = removed_node_test(&prepared, &Row::all(), options)?;
     if let Some(path) = json {
         atomic_file::write(path, to_json(&test).as_bytes())?;
     }
@@ -25,11 +26,10 @@ pub fn run(set: &RecordingSet, options: &Options, json: Option<&Path>) -> Result
 
 /// Runs the test with a progress bar.
 pub fn removed_node_test(
-    set: &RecordingSet,
+    prepared: &Prepared<'_>,
     rows: &[Row],
     options: &Options,
 ) -> Result<LeaveOneOut> {
-    let prepared = Prepared::new(set, options)?;
     let bar = progress::bar(prepared.count(options.around) as u64, "removing nodes");
     let test = prepared.run(rows, options, || bar.inc(1))?;
     bar.finish_and_clear();

@@ -1,7 +1,7 @@
 //! `stylus fit --densify`
 
 use host_tools::evaluation::leave_one_out;
-use host_tools::evaluation::leave_one_out::{LeaveOneOut, Row, summarise};
+use host_tools::evaluation::leave_one_out::{LeaveOneOut, Prepared, Row, summarise};
 use host_tools::fit::densify;
 use host_tools::fit::densify::{AddedLine, Densified, Direction};
 use host_tools::fit::{self, Fit};
@@ -51,7 +51,9 @@ pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<
         ..leave_one_out::Options::default()
     };
     // A grid without a node to remove still gives a library, only without the test.
-    let test = removed_node_test(set, &[BEFORE, AFTER], &options).ok();
+    let test = Prepared::new(set, &options)
+        .and_then(|prepared| removed_node_test(&prepared, &[BEFORE, AFTER], &options))
+        .ok();
     Ok(Denser { densified, test })
 }
 
