@@ -68,12 +68,7 @@ pub fn summary(denser: &Denser) -> String {
     } else {
         ""
     };
-    let mut textures: Vec<&str> = Vec::new();
-    for node in &test.removed {
-        if !textures.contains(&node.texture.as_str()) {
-            textures.push(&node.texture);
-        }
-    }
+    let textures = test.textures();
     let mean = |name: Option<&str>| {
         let of = |row| summarise(test, row, name).map(|summary| summary.mean_cost);
         match (of(BEFORE), of(AFTER)) {
