@@ -4,7 +4,7 @@ use host_tools::playing::render::{RenderSummary, write_wav};
 use host_tools::scene::SceneRendering;
 use host_tools::support::error::Result;
 
-use super::source::{Along, Source, plan, provenance};
+use super::source::{Along, Source, plan};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::wav_file::WavFile;
 
@@ -32,7 +32,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let source = format!(
         "the scene '{}' ({})",
         compiled.scene.name,
-        provenance(&compiled, &library)
+        compiled.provenance(&library)
     );
     let summary = RenderSummary {
         wav: written,
