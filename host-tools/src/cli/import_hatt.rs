@@ -30,7 +30,7 @@ pub struct Arguments {
 }
 
 #[derive(serde::Serialize)]
-struct Report {
+struct ImportReport {
     texture: String,
     warnings: Vec<String>,
     nodes: Vec<ConvertedNode>,
@@ -57,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             eprintln!("warning: {}: {warning}", path.display());
         }
         specs.push(converted.spec);
-        reports.push(Report {
+        reports.push(ImportReport {
             texture: name,
             warnings: toolkit.warnings,
             nodes: converted.nodes,

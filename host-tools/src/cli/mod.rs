@@ -2,7 +2,7 @@
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
 //! the link belong to the library, where other programs can use them. Of the shared modules, `input` and `library_file`
-//! read, `output` and `table` print; they import no command.
+//! read, `output`, `table` and `wav_file` print; they import no command.
 
 mod certify;
 mod demo;
@@ -24,6 +24,7 @@ mod segment;
 mod simulate_rig;
 mod stress;
 mod table;
+mod wav_file;
 
 use std::io;
 use std::process::ExitCode;

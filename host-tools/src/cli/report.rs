@@ -16,6 +16,7 @@ use host_tools::support::error::Result;
 use host_tools::support::progress;
 
 use super::input::{Recordings, not_negative};
+use crate::cli::evaluate::removed_nodes::removed_node_test;
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
 
@@ -83,15 +84,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     // A set without a node between others has no such test, and the page is written without it.
     let prepared = Prepared::new(&set, &removal).ok();
-    let test = match &prepared {
-        Some(prepared) => {
-            let bar = progress::bar(prepared.count(removal.around) as u64, "removing nodes");
-            let test = prepared.run(&Row::all(), &removal, || bar.inc(1))?;
-            bar.finish_and_clear();
-            Some(test)
-        }
-        None => None,
-    };
+    let test = prepared
+        .as_ref()
+        .map(|prepared| removed_node_test(prepared, &Row::all(), &removal))
+        .transpose()?;
     let inputs = Inputs {
         set: &set,
         library: &library,

@@ -45,10 +45,10 @@ impl std::str::FromStr for Order {
 /// The estimate of a recording's autocorrelation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Estimator {
-    /// Biased, of the recording as it was cut out, as in the paper: the finest lines, and leakage from strong ones.
+    /// Biased estimate with a rectangular window, as in the paper: finest resolution, but strong lines leak.
     #[default]
     Rectangular,
-    /// From seven sine tapers: lines are 4 Hz wide, and next to nothing leaks into weak parts of the spectrum.
+    /// Mean over seven sine tapers: lines are 4 Hz wide, with little leakage into weak parts of the spectrum.
     Multitaper,
 }
 

@@ -74,7 +74,8 @@ fn host_and_port(target: &str) -> Option<(String, u16)> {
 
 fn unusable(text: &str) -> String {
     format!(
-        "'{text}' is not an address of a stylus: give usb, usb:SERIAL, serial:PATH or tcp:HOST:PORT"
+        "'{text}' is not an address of a stylus: give usb, usb:SERIAL, serial:PATH, tcp:HOST:PORT or \
+         usb-virtual:HOST:PORT"
     )
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::csv_error::csv_error;
+use super::csv_table::{csv_error, csv_table};
 use super::source::{Cut, MAX_CHANNELS, Source};
 use crate::support::error::{Error, Result};
 
@@ -16,10 +16,8 @@ const UNEVENNESS: f64 = 0.5;
 ///
 /// A first line that holds anything but numbers is a header. Without a column `time_s`, `sample_rate_hz` must be given.
 pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Result<Source> {
-    let mut reader = csv::ReaderBuilder::new()
+    let mut reader = csv_table()
         .has_headers(false)
-        .comment(Some(b'#'))
-        .trim(csv::Trim::All)
         .from_path(path)
         .map_err(|failure| csv_error(path, failure))?;
     let mut columns: Vec<Vec<f64>> = Vec::new();

@@ -6,7 +6,7 @@ use std::path::Path;
 use csv::StringRecord;
 use model_format::Provenance;
 
-use super::csv_error::csv_error;
+use super::csv_table::{csv_error, csv_header, csv_table};
 use super::trial::Trial;
 use crate::support::error::{Error, Result};
 
@@ -15,15 +15,11 @@ use crate::support::error::{Error, Result};
 /// # Errors
 /// A list that is missing or empty, or a line that cannot be used, with its number.
 pub(super) fn read(list: &Path) -> Result<Vec<Trial>> {
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .trim(csv::Trim::All)
+    let mut reader = csv_table()
         .from_path(list)
         .map_err(|failure| csv_error(list, failure))?;
-    let header = reader
-        .headers()
-        .map_err(|failure| csv_error(list, failure))?;
-    let columns = Columns::of(list, header)?;
+    let header = csv_header(list, &mut reader)?;
+    let columns = Columns::of(list, &header)?;
     let folder = list.parent().unwrap_or(Path::new("."));
     let mut trials = Vec::new();
     for record in reader.records() {

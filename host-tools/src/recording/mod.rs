@@ -4,8 +4,8 @@
 //! Invariant: files in, samples and verdicts out. Nothing here fits a model.
 
 mod clipping;
-mod csv_error;
 mod csv_file;
+mod csv_table;
 pub mod freehand;
 mod list;
 mod load;
@@ -17,7 +17,7 @@ pub mod triage;
 mod trial;
 mod wav;
 
-pub(crate) use csv_error::csv_error;
+pub(crate) use csv_table::{csv_error, csv_header, csv_table};
 pub use load::read;
 pub use resample::resample;
 pub use samples::Samples;

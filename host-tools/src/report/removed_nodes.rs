@@ -4,6 +4,7 @@ use super::html::{Column, Page};
 use super::plot::{GridCell, GridMap, SpectraView, grid_map, time_and_frequency};
 use super::sections::{Sections, distance};
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::evaluation::leave_one_out;
 use crate::evaluation::leave_one_out::{
     LeaveOneOut, Options, PAPER_TABLE_I, PaperColumn, Prepared, Removed, Row, SMOOTHING_WIDTHS_HZ,
     summarise,
@@ -11,14 +12,6 @@ use crate::evaluation::leave_one_out::{
 use crate::support::error::Result;
 use crate::texture::domain::Method;
 use model_format::SAMPLE_RATE_HZ;
-
-/// The rows of Table I.
-const TABLE_ONE: [Row; 4] = [
-    Row::Interpolated(Method::PAPER),
-    Row::Interpolated(Method::DEVICE),
-    Row::Densified,
-    Row::Own,
-];
 
 /// The removed-node test with the set that it was made from.
 pub struct RemovedNodeTest<'a> {
@@ -40,12 +33,7 @@ pub(super) fn table_one(page: &mut Page, test: &LeaveOneOut) {
         test.removed.len(),
         test.order
     ));
-    let mut textures: Vec<&str> = Vec::new();
-    for node in &test.removed {
-        if !textures.contains(&node.texture.as_str()) {
-            textures.push(&node.texture);
-        }
-    }
+    let textures = test.textures();
     let percent = |mean: f64, sd: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * sd);
     let mut columns = vec![Column::Text("C (%), mean ± sd")];
     columns.extend(textures.iter().map(|name| Column::Number(name)));
@@ -63,17 +51,18 @@ pub(super) fn table_one(page: &mut Page, test: &LeaveOneOut) {
     first.push(percent(mean(|c| c.mean_cost), mean(|c| c.cost_deviation)));
     first.push(format!("{:.1e}", mean(|c| c.excitation_error)));
     let mut rows = vec![first];
-    for row in TABLE_ONE {
-        let mut cells = vec![row.name()];
-        for name in &textures {
-            let summary = summarise(test, row, Some(name));
-            cells.push(summary.map_or(String::new(), |s| percent(s.mean_cost, s.cost_deviation)));
-        }
-        if let Some(all) = summarise(test, row, None) {
-            cells.push(percent(all.mean_cost, all.cost_deviation));
-            cells.push(format!("{:.1e}", all.excitation_error));
-            cells.push(all.unplayable.to_string());
-        }
+    for measured in leave_one_out::table_one(test) {
+        let all = &measured.all;
+        let mut cells = vec![measured.row.name()];
+        cells.extend(
+            measured
+                .by_texture
+                .iter()
+                .chain([all])
+                .map(|summary| percent(summary.mean_cost, summary.cost_deviation)),
+        );
+        cells.push(format!("{:.1e}", all.excitation_error));
+        cells.push(all.unplayable.to_string());
         rows.push(cells);
     }
     page.table("Table I, and the same test here", &columns, &rows);
@@ -125,9 +114,9 @@ pub(super) fn smoothing(page: &mut Page, test: &LeaveOneOut) {
     let widths: Vec<String> = SMOOTHING_WIDTHS_HZ.map(|w| format!("{w} Hz")).to_vec();
     let mut columns = vec![Column::Text("mean C")];
     columns.extend(widths.iter().map(|width| Column::Number(width)));
-    let rows: Vec<Vec<String>> = TABLE_ONE
-        .iter()
-        .filter_map(|&row| {
+    let rows: Vec<Vec<String>> = Row::TABLE_I
+        .into_iter()
+        .filter_map(|row| {
             let costs = summarise(test, row, None)?.costs_by_width;
             let costs = costs.iter().map(|cost| format!("{cost:.3}"));
             Some(std::iter::once(row.name()).chain(costs).collect())

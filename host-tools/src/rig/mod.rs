@@ -14,7 +14,7 @@
 //! A stiff hand-held tool with a hemispherical tip of radius R touches a drum of circumference L whose surface passes
 //! at the speed v under the static normal force F. Axes: x along the surface's motion, y across it, z along the normal.
 //!
-//! **Surface** ([`Surface`]). The height along the track is one fixed profile per texture and seed, the same for every
+//! **Profile** ([`Profile`]). The height along the track is one fixed profile per texture and seed, the same for every
 //! speed and force, and periodic with the drum: h(x) = Re Σ_{n≥1} cₙ e^{2πi n x / L}.
 //! - *Weave*: A · Σ_m b_m cos m(2πx/Λ + φ(x)), b₁ = 1, with Λ moved to the nearest L/integer. The spacing of yarns
 //!   wanders by a Gaussian phase φ of given RMS and correlation length ℓ, R_φ(s) ∝ exp(-s²/2ℓ²).
@@ -64,10 +64,10 @@ mod file;
 mod folder;
 mod measurement;
 mod output;
+mod profile;
 mod random;
 mod resonance;
 mod series;
-mod surface;
 #[cfg(test)]
 mod tests;
 mod trial;
@@ -80,6 +80,6 @@ pub use description::{
 };
 pub use file::RigFile;
 pub use output::{Summary, TextureSummary, simulate_to_folder};
+pub use profile::Profile;
 pub use resonance::{Response, ToolResponse};
-pub use surface::Surface;
 pub use trial::{Strip, Trial};

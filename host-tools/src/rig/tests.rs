@@ -222,14 +222,14 @@ type State = Vec<[f64; 2]>;
 /// pushing on them, in place of the frequency domain.
 fn integrated(
     rig: &RigFile,
-    surface: &Surface,
+    profile: &Profile,
     contact: &Contact,
     speed_mm_s: f64,
     start_mm: f64,
 ) -> Vec<[f64; 3]> {
     let tool = rig.description().tool.as_ref().unwrap();
     let circumference_mm = rig.description().drum.circumference_mm;
-    let felt: Vec<_> = surface
+    let felt: Vec<_> = profile
         .coefficients_um()
         .iter()
         .enumerate()
@@ -315,7 +315,7 @@ fn samples_are_those_of_the_equations_of_motion() {
         let contact = Contact::hertz(1.5, 1000.0, trial.force_n).unwrap();
         let expected = integrated(
             &rig,
-            strip.surface(),
+            strip.profile(),
             &contact,
             trial.speed_mm_s,
             300.0 * start_cycles,

@@ -11,19 +11,19 @@ use super::contact::Contact;
 use super::description::{RigDescription, Texture, Tool};
 use super::file::RigFile;
 use super::measurement;
+use super::profile::Profile;
 use super::random::StreamKey;
 use super::resonance::ToolResponse;
 use super::series::UniformSampler;
-use super::surface::Surface;
 
-/// One texture on the drum with one seed: its surface, and per speed the response that turns the surface into samples.
+/// One texture on the drum with one seed: its profile, and the response per speed that turns the profile into samples.
 ///
 /// Its trials do not depend on the other textures of the rig.
 pub struct Strip<'a> {
     description: &'a RigDescription,
     texture: &'a Texture,
     key: StreamKey,
-    surface: Surface,
+    profile: Profile,
     /// One per speed; empty if nothing is felt: a flat surface, no tool, or no force above zero.
     passes: Vec<Pass>,
 }
@@ -75,25 +75,25 @@ struct TermResponse {
 }
 
 impl<'a> Strip<'a> {
-    /// Computes the surface of the texture at position `texture` of [`RigDescription::textures`], and its passes.
+    /// Computes the profile of the texture at position `texture` of [`RigDescription::textures`], and its passes.
     ///
     /// # Panics
     /// If the rig has no such texture.
     pub fn new(rig: &'a RigFile, texture: usize, seed: u64) -> Self {
         let description = rig.description();
         let texture = &description.textures[texture];
-        let surface = Surface::new(&description.drum, texture, seed);
+        let profile = Profile::new(&description.drum, texture, seed);
         let touches = description
             .recording
             .forces_n
             .iter()
             .any(|force_n| *force_n > 0.0);
         let passes = match &description.tool {
-            Some(tool) if touches && !surface.is_flat() => description
+            Some(tool) if touches && !profile.is_flat() => description
                 .recording
                 .speeds_mm_s
                 .par_iter()
-                .map(|speed_mm_s| Pass::new(description, tool, *speed_mm_s, &surface))
+                .map(|speed_mm_s| Pass::new(description, tool, *speed_mm_s, &profile))
                 .collect(),
             _ => Vec::new(),
         };
@@ -101,14 +101,14 @@ impl<'a> Strip<'a> {
             description,
             texture,
             key: StreamKey::new(seed).text(&texture.name),
-            surface,
+            profile,
             passes,
         }
     }
 
-    /// The surface.
-    pub fn surface(&self) -> &Surface {
-        &self.surface
+    /// Profile of the strip.
+    pub fn profile(&self) -> &Profile {
+        &self.profile
     }
 
     /// Runs the trial at positions `speed` and `force` of the rig's [`Recording`](super::Recording). The same rig and
@@ -132,7 +132,7 @@ impl<'a> Strip<'a> {
         });
         let mut samples_m_s2 = match felt {
             Some((pass, contact)) => {
-                pass.vibration(&self.surface, self.texture.loss_factor, &contact, key)
+                pass.vibration(&self.profile, self.texture.loss_factor, &contact, key)
             }
             None => std::array::from_fn(|_| vec![0.0; recording.samples()]),
         };
@@ -152,14 +152,14 @@ impl<'a> Strip<'a> {
 }
 
 impl Pass {
-    fn new(description: &RigDescription, tool: &Tool, speed_mm_s: f64, surface: &Surface) -> Self {
+    fn new(description: &RigDescription, tool: &Tool, speed_mm_s: f64, profile: &Profile) -> Self {
         let recording = &description.recording;
         let circumference_mm = description.drum.circumference_mm;
         let sample_rate_hz = f64::from(recording.sample_rate_hz);
         let step_cycles = speed_mm_s / (sample_rate_hz * circumference_mm);
         // Strictly below half the sample rate, because samples at that frequency depend on the phase.
         let below_nyquist = ((0.5 / step_cycles).ceil() as usize).saturating_sub(1);
-        let terms = (surface.coefficients_um().len() - 1).min(below_nyquist);
+        let terms = (profile.coefficients_um().len() - 1).min(below_nyquist);
         let tool = ToolResponse::new(&tool.modes);
         let tool = (1..=terms)
             .map(|n| TermResponse {
@@ -181,14 +181,14 @@ impl Pass {
     /// Steady-state acceleration of the tool on each axis, m/s².
     fn vibration(
         &self,
-        surface: &Surface,
+        profile: &Profile,
         loss_factor: Option<f64>,
         contact: &Contact,
         key: StreamKey,
     ) -> [Vec<f64>; 3] {
         let start_cycles: f64 = key.stream("start").random();
         let mut axes: [Vec<Complex<f64>>; 3] = std::array::from_fn(|_| vec![Complex::default()]);
-        for (n, (height_um, term)) in surface
+        for (n, (height_um, term)) in profile
             .coefficients_um()
             .iter()
             .skip(1)

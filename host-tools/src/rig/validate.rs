@@ -4,7 +4,7 @@ use super::contact::Contact;
 use super::description::{
     Measurement, Mode, Recording, RigDescription, Roughness, Texture, Tool, Weave,
 };
-use super::surface::{highest_roughness_term, highest_weave_term};
+use super::profile::{highest_roughness_term, highest_weave_term};
 use crate::support::toml_field::{Checked, Field};
 use model_format::limits::{MAX_AXIS_LEN, MAX_SAMPLE_RATE_HZ, MAX_TEXTURES};
 

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use model_format::Library;
 use model_format::scene::limits::{MAX_REGIONS, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, SceneProblem, StickSlip, Surface,
     Tap,
 };
+use model_format::{Library, Provenance};
 
 use super::description::SurfaceDescription;
 use super::equaliser::{self, Design, Response, Section};
@@ -25,6 +25,21 @@ pub struct CompiledScene {
     pub surface_names: Vec<String>,
     /// Design of the equaliser; none if no response is given.
     pub design: Option<Design>,
+}
+
+impl CompiledScene {
+    /// Provenance of the scene in `library`: simulated if any of its textures is.
+    pub fn provenance(&self, library: &Library<'_>) -> Provenance {
+        let mut textures = self.scene.surfaces.iter().filter_map(|surface| {
+            let texture = usize::from(surface.texture?);
+            library.textures().nth(texture)
+        });
+        if textures.any(|texture| texture.provenance() == Provenance::Simulated) {
+            Provenance::Simulated
+        } else {
+            Provenance::Recorded
+        }
+    }
 }
 
 impl SceneFile {

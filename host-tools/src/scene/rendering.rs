@@ -6,8 +6,8 @@ use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::{ContactDetector, Interaction, Plan, ScenePlayer};
 
 use crate::playing::motion::MotionPath;
-use crate::playing::render::MAX_SECONDS;
-use crate::support::error::{Error, Result};
+use crate::playing::render::SampleClock;
+use crate::support::error::Result;
 
 /// A hand that follows a motion: position and contact beside speed and force, as a scene needs them.
 #[derive(Clone, Debug)]
@@ -48,30 +48,20 @@ impl<'a> Hand<'a> {
 pub struct SceneRendering<'a> {
     player: ScenePlayer<'a>,
     hand: Hand<'a>,
-    sample_rate_hz: u32,
-    position: usize,
-    len: usize,
+    clock: SampleClock,
 }
 
 impl<'a> SceneRendering<'a> {
     /// A rendering of `seconds` of `plan`, from rest without contact.
     ///
     /// # Errors
-    /// A duration that is not a number, shorter than a sample, or longer than [`MAX_SECONDS`].
+    /// A duration that is not a number, shorter than a sample, or longer than
+    /// [`MAX_SECONDS`](crate::playing::render::MAX_SECONDS).
     pub fn new(plan: Plan<'a>, motion: &'a MotionPath, seconds: f64, seed: u64) -> Result<Self> {
-        let sample_rate_hz = plan.sample_rate_hz();
-        let samples = (seconds * f64::from(sample_rate_hz)).round();
-        if !(seconds <= MAX_SECONDS && samples >= 1.0) {
-            return Err(Error::Request(format!(
-                "cannot render {seconds} s: ask for at least one sample and at most {MAX_SECONDS} s"
-            )));
-        }
         Ok(Self {
+            clock: SampleClock::new(seconds, plan.sample_rate_hz())?,
             player: ScenePlayer::new(plan, seed),
             hand: Hand::new(motion),
-            sample_rate_hz,
-            position: 0,
-            len: samples as usize,
         })
     }
 
@@ -82,7 +72,7 @@ impl<'a> SceneRendering<'a> {
 
     /// Sample rate, Hz.
     pub fn sample_rate_hz(&self) -> u32 {
-        self.sample_rate_hz
+        self.clock.sample_rate_hz()
     }
 }
 
@@ -90,24 +80,15 @@ impl Iterator for SceneRendering<'_> {
     type Item = OutputSample;
 
     fn next(&mut self) -> Option<OutputSample> {
-        if self.position == self.len {
-            return None;
-        }
-        if self
-            .position
-            .is_multiple_of(UPDATE_INTERVAL_SAMPLES as usize)
-        {
-            let time_s = self.position as f64 / f64::from(self.sample_rate_hz);
+        if let Some(time_s) = self.clock.next()? {
             let interaction = self.hand.at(time_s);
             self.player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
         }
-        self.position += 1;
         Some(self.player.next_sample())
     }
 
     fn size_hint(&self) -> (usize, Option<usize>) {
-        let left = self.len - self.position;
-        (left, Some(left))
+        self.clock.size_hint()
     }
 }
 

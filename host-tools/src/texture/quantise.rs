@@ -12,7 +12,7 @@ use crate::texture::grid::Grid;
 /// The structure that a user asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum StructureChoice {
-    /// Normalised lattice: stable at every point of the grid and under every switching.
+    /// Normalised lattice: stable at every point of the grid, also while the coefficients change.
     Lattice,
     /// Direct form in 32 bits, the paper's own structure.
     Direct,

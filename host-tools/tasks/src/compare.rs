@@ -9,7 +9,7 @@ use stylus_kernel::arithmetic::Portable;
 use crate::error::{Error, Result};
 use crate::guest::{self, Processor};
 use crate::qemu;
-use crate::report::{Cost, Played, Report};
+use crate::report::{Cost, EmulatorReport, Played};
 use crate::toolchain::Toolchain;
 
 /// The fewest calls that make a count of instructions.
@@ -19,10 +19,10 @@ const MIN_CALLS: u32 = 200;
 ///
 /// # Errors
 /// The toolchain or QEMU is missing, the build or the image fails, or the image prints something else.
-pub fn play(processor: Processor) -> Result<Report> {
+pub fn play(processor: Processor) -> Result<EmulatorReport> {
     let toolchain = Toolchain::find()?;
     let image = guest::build(&toolchain, processor)?;
-    Report::parse(&qemu::run(processor, &image, None)?)
+    EmulatorReport::parse(&qemu::run(processor, &image, None)?)
 }
 
 /// The host's own words, in the order of a report.
@@ -170,7 +170,7 @@ fn find<'a>(costs: &'a [Cost], texture: &str) -> Option<&'a Cost> {
 }
 
 /// The measured costs as a table, in instructions per sample and per update.
-pub fn table(processor: Processor, report: &Report) -> String {
+pub fn table(processor: Processor, report: &EmulatorReport) -> String {
     let range = |costs: &[Cost], texture| match find(costs, texture) {
         Some(cost) if cost.fewest == cost.most => cost.most.to_string(),
         Some(cost) => format!("{} to {}", cost.fewest, cost.most),

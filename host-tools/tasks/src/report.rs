@@ -4,9 +4,9 @@ use kernel_vectors::report as keyword;
 
 use crate::error::{Error, Result};
 
-/// The words and measurements of the image.
+/// Words and measurements that the image gives on an emulated processor.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Report {
+pub struct EmulatorReport {
     /// The played textures and edges, in order.
     pub played: Vec<Played>,
     /// The costs of samples.
@@ -41,7 +41,7 @@ pub struct Cost {
     pub calls: u32,
 }
 
-impl Report {
+impl EmulatorReport {
     /// Reads a whole report.
     ///
     /// # Errors
@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn a_report_is_read_as_it_was_printed() {
-        let report = Report::parse(TEXT).expect("the text is a report");
+        let report = EmulatorReport::parse(TEXT).expect("the text is a report");
         let [vector, edges] = &report.played[..] else {
             panic!("two were played: {report:?}");
         };
@@ -174,7 +174,10 @@ mod tests {
     fn a_report_cut_off_anywhere_is_refused() {
         let whole = TEXT.trim_end();
         for (end, _) in whole.char_indices() {
-            assert!(Report::parse(&whole[..end]).is_err(), "cut at {end}");
+            assert!(
+                EmulatorReport::parse(&whole[..end]).is_err(),
+                "cut at {end}"
+            );
         }
     }
 
@@ -188,7 +191,7 @@ mod tests {
             "end",
         ] {
             let text = TEXT.replacen("full-scale 3", wrong, 1);
-            let error = Report::parse(&text).expect_err(wrong).to_string();
+            let error = EmulatorReport::parse(&text).expect_err(wrong).to_string();
             let line = if wrong == "end" { 5 } else { 4 };
             assert!(
                 error.starts_with(&format!("line {line} ")),

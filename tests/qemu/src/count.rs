@@ -171,8 +171,8 @@ impl<'a> Alignment<'a> {
             let instruction = self.decoder.decode(code, moment.address)?;
             self.decoded.insert(moment.address, instruction);
         }
-        if let Some(place) = self.decoded[&moment.address].place {
-            *cycles += place.extra_accesses(place.address(&moment.registers));
+        if let Some(access) = self.decoded[&moment.address].access {
+            *cycles += access.extra_accesses(access.address(&moment.registers));
         }
         Ok(())
     }

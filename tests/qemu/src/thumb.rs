@@ -83,7 +83,7 @@ pub enum Timing {
 
 /// The address and the size of a load or store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct Access {
     /// The number of the base register.
     base: usize,
     /// The number of the added register, and its shift to the left, bits.
@@ -94,7 +94,7 @@ pub struct Place {
     bytes: u32,
 }
 
-impl Place {
+impl Access {
     /// The address, from r0 to r15 at the begin of the instruction.
     pub fn address(&self, registers: &[u32; 16]) -> u32 {
         let index = self
@@ -131,7 +131,7 @@ pub struct Instruction {
     /// The registers that make its memory address.
     pub address_registers: Registers,
     /// The access, if it is of one register of the processor at an address that need not be aligned.
-    pub place: Option<Place>,
+    pub access: Option<Access>,
     /// The registers that it loads from memory.
     pub loaded: Registers,
     /// The registers that it computes.
@@ -407,7 +407,7 @@ fn instruction(
     Instruction {
         address: found.address() as u32,
         size: found.len() as u32,
-        place: place(kind, name, operands, &text),
+        access: access(kind, name, operands, &text),
         text,
         timing,
         address_registers,
@@ -420,7 +420,7 @@ fn instruction(
 }
 
 /// The access of a load or store of one register. Constants beside the code are left out, because they are aligned.
-fn place(kind: Kind, name: &str, operands: &[ArmOperand], text: &str) -> Option<Place> {
+fn access(kind: Kind, name: &str, operands: &[ArmOperand], text: &str) -> Option<Access> {
     if !matches!(kind, Kind::Load | Kind::Store) {
         return None;
     }
@@ -438,7 +438,7 @@ fn place(kind: Kind, name: &str, operands: &[ArmOperand], text: &str) -> Option<
     };
     // A post-index offset is no part of the address.
     let is_post_indexed = text.contains("],");
-    Some(Place {
+    Some(Access {
         base,
         index: Registers::of(memory.index())
             .number()
@@ -528,7 +528,7 @@ mod tests {
     #[test]
     fn an_address_is_the_sum_of_what_the_instruction_names() {
         let registers: [u32; 16] = core::array::from_fn(|number| 0x100 * number as u32 + 1);
-        let address = |code: &[u8]| decode(code).place.map(|place| place.address(&registers));
+        let address = |code: &[u8]| decode(code).access.map(|access| access.address(&registers));
         // str r0, [r3, #20]; ldr r0, [r1, r5]; ldr r0, [r1, r5, lsl #2]
         assert_eq!(address(&[0x58, 0x61]), Some(0x301 + 20));
         assert_eq!(address(&[0x48, 0x59]), Some(0x101 + 0x501));
@@ -545,8 +545,8 @@ mod tests {
     #[test]
     fn what_is_not_aligned_takes_the_accesses_that_the_manual_says() {
         let extra = |code: &[u8]| {
-            let place = decode(code).place.expect("it accesses memory");
-            [0, 1, 2, 3].map(|address| place.extra_accesses(address))
+            let access = decode(code).access.expect("it accesses memory");
+            [0, 1, 2, 3].map(|address| access.extra_accesses(address))
         };
         // ldr r0, [r1]; ldrh r0, [r1]; ldrb r0, [r1]
         assert_eq!(extra(&[0x08, 0x68]), [0, 2, 1, 2]);

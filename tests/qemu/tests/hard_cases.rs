@@ -12,7 +12,7 @@ use model_format::Library;
 use stylus_kernel::arithmetic::Portable;
 use tasks::guest::{self, Processor};
 use tasks::qemu;
-use tasks::report::{Cost, Report};
+use tasks::report::{Cost, EmulatorReport};
 use tasks::toolchain::Toolchain;
 
 const STRUCTURES: [StructureChoice; 3] = [
@@ -111,15 +111,15 @@ fn jobs(cases: &[Prepared]) -> Vec<Vec<u8>> {
 }
 
 /// The report of the image on `processor` on all cases.
-fn play(processor: Processor, cases: &[Prepared]) -> Report {
+fn play(processor: Processor, cases: &[Prepared]) -> EmulatorReport {
     let failed = |error: tasks::error::Error| -> ! { panic!("{error}") };
     let toolchain = Toolchain::find().unwrap_or_else(|error| failed(error));
     let image = guest::build(&toolchain, processor).unwrap_or_else(|error| failed(error));
-    let mut whole = Report::default();
+    let mut whole = EmulatorReport::default();
     for cases in jobs(cases) {
         let text = qemu::run(processor, &image, Some(&Job::Hard { cases: &cases }));
         let text = text.unwrap_or_else(|error| failed(error));
-        let report = Report::parse(&text).unwrap_or_else(|error| failed(error));
+        let report = EmulatorReport::parse(&text).unwrap_or_else(|error| failed(error));
         whole.played.extend(report.played);
         whole.samples.extend(report.samples);
     }

@@ -10,25 +10,25 @@ use stylus_costs::Structure;
 use tasks::compare;
 use tasks::costs::{self, Guest};
 use tasks::guest::Processor;
-use tasks::report::{Played, Report};
+use tasks::report::{EmulatorReport, Played};
 use tasks::tables::{self, emulated};
 use tasks::toolchain::Toolchain;
 
 static HOST: LazyLock<Vec<Played>> = LazyLock::new(compare::on_host);
 
 /// The reports of both images, each built and run once for all tests.
-static REPORTS: [LazyLock<Result<Report, String>>; 2] = [
+static REPORTS: [LazyLock<Result<EmulatorReport, String>>; 2] = [
     LazyLock::new(|| play(Processor::CortexM4)),
     LazyLock::new(|| play(Processor::CortexM7)),
 ];
 
-fn play(processor: Processor) -> Result<Report, String> {
+fn play(processor: Processor) -> Result<EmulatorReport, String> {
     let report = compare::play(processor).map_err(|error| error.to_string())?;
     print!("{}", compare::table(processor, &report));
     Ok(report)
 }
 
-fn report(processor: Processor) -> &'static Report {
+fn report(processor: Processor) -> &'static EmulatorReport {
     let index = match processor {
         Processor::CortexM4 => 0,
         Processor::CortexM7 => 1,

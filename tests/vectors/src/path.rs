@@ -4,12 +4,12 @@ use model_format::{MillimetresPerSecond, Newton};
 use stylus_kernel::Motion;
 
 /// A point in the plane of speed, mm/s, and force, N.
-type Place = (f32, f32);
+type MotionPoint = (f32, f32);
 
 /// Legs of straight motion in the plane. The motion jumps between two legs that do not meet.
 ///
 /// The grids of this crate span 40 to 240 mm/s and 0.5 to 2 N, with a node at 120 mm/s.
-const LEGS: [(Place, Place); 16] = [
+const LEGS: [(MotionPoint, MotionPoint); 16] = [
     // From rest, below the grid, to a node exactly.
     ((0.0, 0.0), (40.0, 0.5)),
     ((40.0, 0.5), (104.0, 1.0)),
@@ -34,15 +34,15 @@ const LEGS: [(Place, Place); 16] = [
     ((180.0, 1.25), (80.0, 1.25)),
 ];
 
-const UPDATES_A_LEG: u32 = 8;
+const UPDATES_PER_LEG: u32 = 8;
 
 /// Number of updates after which the path begins anew.
-pub const PATH_UPDATES: u32 = LEGS.len() as u32 * UPDATES_A_LEG;
+pub const PATH_UPDATES: u32 = LEGS.len() as u32 * UPDATES_PER_LEG;
 
 /// The motion at update `update`, by single IEEE 754 operations on few digits, which are the same on every processor.
 pub fn motion(update: u32) -> Motion {
-    let (from, to) = LEGS[(update / UPDATES_A_LEG) as usize % LEGS.len()];
-    let done = (update % UPDATES_A_LEG) as f32 / UPDATES_A_LEG as f32;
+    let (from, to) = LEGS[(update / UPDATES_PER_LEG) as usize % LEGS.len()];
+    let done = (update % UPDATES_PER_LEG) as f32 / UPDATES_PER_LEG as f32;
     let between = |from: f32, to: f32| from + (to - from) * done;
     let speed = MillimetresPerSecond(between(from.0, to.0));
     let force = Newton(between(from.1, to.1));
@@ -58,7 +58,7 @@ pub const COUNTED_SAMPLES: u32 = 4;
 /// The motion at update `update` while every instruction is traced, which takes long: one point of each leg, so that
 /// the cell stays on some updates and changes on others.
 pub fn counted_motion(update: u32) -> Motion {
-    motion(update * UPDATES_A_LEG + update % UPDATES_A_LEG)
+    motion(update * UPDATES_PER_LEG + update % UPDATES_PER_LEG)
 }
 
 /// Number of samples of each filter of other libraries while every instruction is traced.

@@ -16,11 +16,11 @@ pub const VECTOR: &str = "vector";
 /// First word of the line before the words of [`crate::edges`]: arithmetic.
 pub const EDGES: &str = "edges";
 
-/// Up to [`WORDS_A_LINE`] words.
+/// Up to [`WORDS_PER_LINE`] words.
 pub const WORDS: &str = "words";
 
 /// Largest number of words per line.
-pub const WORDS_A_LINE: usize = 16;
+pub const WORDS_PER_LINE: usize = 16;
 
 /// Number of the vector's samples at full scale.
 pub const FULL_SCALE: &str = "full-scale";

@@ -23,5 +23,5 @@ pub mod usb_socket;
 
 pub use error::{Error, Result};
 pub use stylus::{
-    Options, PESSIMISTIC_INSTRUCTIONS_PER_SECOND, Report, Reset, ResetCause, VirtualStylus,
+    Options, PESSIMISTIC_INSTRUCTIONS_PER_SECOND, Reset, ResetCause, RunReport, VirtualStylus,
 };

@@ -13,7 +13,7 @@ use virtual_stylus::motion::{Motion, MotionLine, read_csv};
 use virtual_stylus::pins::{FunctionPins, MID_SCALE};
 use virtual_stylus::tick::TickStatistics;
 use virtual_stylus::usb_socket::UsbSocket;
-use virtual_stylus::{Options, Report, ResetCause, VirtualStylus};
+use virtual_stylus::{Options, ResetCause, RunReport, VirtualStylus};
 
 /// Virtual time between two comparisons with the wall clock.
 const STEP_NS: u64 = 1_000_000;
@@ -231,7 +231,7 @@ fn finish(stylus: &mut VirtualStylus, arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-fn print(report: &Report) {
+fn print(report: &RunReport) {
     let parts = [
         ("registers without a model", &report.without_model),
         ("nothing there", &report.unmapped),

@@ -1,7 +1,7 @@
 //! `stylus activate`
 
 use host_tools::support::error::{Error, Result};
-use model_format::link::{SlotId, SlotState, Slots};
+use model_format::link::SlotId;
 use serde::Serialize;
 
 use super::connection::Link;
@@ -37,7 +37,7 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct ActivationReport {
     slot: String,
     crc32: u32,
     sequence: u32,
@@ -48,12 +48,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
     let slot = match arguments.slot {
         Some(slot) => slot.into(),
-        None => newest(&device.slots()?)?,
+        None => device
+            .newest_slot()?
+            .ok_or_else(|| Error::Request("no slot holds a library; upload one".to_owned()))?,
     };
     let activated = device.activate(slot)?;
     let library = activated.library;
     if arguments.json {
-        return print_json(&Report {
+        return print_json(&ActivationReport {
             slot: activated.slot.to_string(),
             crc32: library.crc32,
             sequence: library.sequence,
@@ -64,16 +66,4 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         "slot {} is active: {} texture(s), checksum {:08x}",
         activated.slot, library.textures, library.crc32
     ))
-}
-
-fn newest(slots: &Slots) -> Result<SlotId> {
-    let valid = SlotId::ALL.into_iter().zip(&slots.slots);
-    let sequences = valid.filter_map(|(id, state)| match state {
-        SlotState::Valid(library) => Some((library.sequence, id)),
-        _ => None,
-    });
-    sequences
-        .max_by_key(|&(sequence, _)| sequence)
-        .map(|(_, id)| id)
-        .ok_or_else(|| Error::Request("no slot holds a library; upload one".to_owned()))
 }

@@ -10,7 +10,7 @@ use crate::cli::input::positive;
 /// The stylus that a command talks to.
 #[derive(clap::Args)]
 pub struct Link {
-    /// Address of the stylus: usb, usb:SERIAL, serial:PATH or tcp:HOST:PORT
+    /// Address of the stylus: usb, usb:SERIAL, serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT
     #[arg(
         long,
         value_name = "LINK",

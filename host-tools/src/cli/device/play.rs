@@ -72,7 +72,7 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct PlayReport<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     texture: Option<&'a str>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -101,7 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }
     if arguments.json {
-        return print_json(&Report {
+        return print_json(&PlayReport {
             texture: arguments.texture.as_deref(),
             scene: arguments.scene.as_deref(),
             driven,

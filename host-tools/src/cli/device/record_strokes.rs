@@ -36,7 +36,7 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct StrokesReport {
     file: String,
     seconds: f64,
     level: Level,
@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     strokes.write(&arguments.file, &calibration, provenance)?;
     let there: Vec<RecordSample> = strokes.samples.iter().flatten().copied().collect();
     let rate_hz = f64::from(strokes.rate_hz);
-    let report = Report {
+    let report = StrokesReport {
         file: arguments.file.display().to_string(),
         seconds: strokes.samples.len() as f64 / rate_hz,
         level: Level::of(&there, &calibration, rate_hz),

@@ -20,7 +20,7 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct StatusReport<'a> {
     link: String,
     device: &'a DeviceInfo,
     /// Reasons for muting, in words.
@@ -32,7 +32,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
     let status = device.status()?;
     if arguments.json {
-        return print_json(&Report {
+        return print_json(&StatusReport {
             link: device.address().to_string(),
             device: device.info(),
             muted: status.output.mute.iter().map(|r| r.to_string()).collect(),

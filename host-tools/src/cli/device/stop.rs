@@ -16,7 +16,7 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct StopReport {
     was_playing: bool,
     was_recording: bool,
 }
@@ -29,7 +29,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         device.record_stop()?;
     }
     if arguments.json {
-        return print_json(&Report {
+        return print_json(&StopReport {
             was_playing,
             was_recording,
         });

@@ -29,7 +29,7 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct UploadReport<'a> {
     library: String,
     bytes: u32,
     crc32: u32,
@@ -57,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         device.activate(uploaded.slot)?;
     }
     if arguments.json {
-        return print_json(&Report {
+        return print_json(&UploadReport {
             library: arguments.library.display().to_string(),
             bytes: uploaded.library.length,
             crc32: uploaded.library.crc32,

@@ -3,20 +3,21 @@
 use std::path::Path;
 
 use host_tools::dsp::spectrum::AMPLITUDE_JND_DB;
+use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::{
-    LeaveOneOut, Options, PAPER_TABLE_I, Prepared, Row, SMOOTHING_WIDTHS_HZ, summarise,
+    LeaveOneOut, Options, PAPER_TABLE_I, PaperColumn, Prepared, Row, SMOOTHING_WIDTHS_HZ, summarise,
 };
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::Result;
 use host_tools::support::{atomic_file, progress};
-use host_tools::texture::domain::Method;
 
 use crate::cli::output::{print, to_json};
 use crate::cli::table::table;
 
 /// Runs the test, prints the tables, and writes the numbers to `json` if given.
 pub fn run(set: &RecordingSet, options: &Options, json: Option<&Path>) -> Result<()> {
-    let test = removed_node_test(set, &Row::all(), options)?;
+    let prepared = Prepared::new(set, options)?;
+    let test = removed_node_test(&prepared, &Row::all(), options)?;
     if let Some(path) = json {
         atomic_file::write(path, to_json(&test).as_bytes())?;
     }
@@ -25,11 +26,10 @@ pub fn run(set: &RecordingSet, options: &Options, json: Option<&Path>) -> Result
 
 /// Runs the test with a progress bar.
 pub fn removed_node_test(
-    set: &RecordingSet,
+    prepared: &Prepared<'_>,
     rows: &[Row],
     options: &Options,
 ) -> Result<LeaveOneOut> {
-    let prepared = Prepared::new(set, options)?;
     let bar = progress::bar(prepared.count(options.around) as u64, "removing nodes");
     let test = prepared.run(rows, options, || bar.inc(1))?;
     bar.finish_and_clear();
@@ -63,21 +63,8 @@ fn tables(test: &LeaveOneOut) -> String {
     )
 }
 
-/// Rows that are compared with the paper's Table I.
-const TABLE_ONE_ROWS: [Row; 4] = [
-    Row::Interpolated(Method::PAPER),
-    Row::Interpolated(Method::DEVICE),
-    Row::Densified,
-    Row::Own,
-];
-
 fn table_one(test: &LeaveOneOut) -> String {
-    let mut textures: Vec<&str> = Vec::new();
-    for node in &test.removed {
-        if !textures.contains(&node.texture.as_str()) {
-            textures.push(&node.texture);
-        }
-    }
+    let textures = test.textures();
     let mut header = vec!["C (%)"];
     header.extend(&textures);
     header.extend(["all", "σ² error", "not playable"]);
@@ -93,7 +80,7 @@ fn table_one(test: &LeaveOneOut) -> String {
                 .iter()
                 .map(|c| percent(c.mean_cost, c.cost_deviation)),
         );
-        let mean = |of: fn(&host_tools::evaluation::leave_one_out::PaperColumn) -> f64| {
+        let mean = |of: fn(&PaperColumn) -> f64| {
             columns.iter().map(|c| of(c)).sum::<f64>() / columns.len() as f64
         };
         row.push(percent(mean(|c| c.mean_cost), mean(|c| c.cost_deviation)));
@@ -101,18 +88,18 @@ fn table_one(test: &LeaveOneOut) -> String {
         row.push("?".into());
         rows.push(row);
     }
-    for line in TABLE_ONE_ROWS {
-        let mut row = vec![line.name()];
-        for name in textures.iter().map(|name| Some(*name)).chain([None]) {
-            let Some(summary) = summarise(test, line, name) else {
-                continue;
-            };
-            row.push(percent(summary.mean_cost, summary.cost_deviation));
-            if name.is_none() {
-                row.push(format!("{:.1e}", summary.excitation_error));
-                row.push(summary.unplayable.to_string());
-            }
-        }
+    for measured in leave_one_out::table_one(test) {
+        let all = &measured.all;
+        let mut row = vec![measured.row.name()];
+        row.extend(
+            measured
+                .by_texture
+                .iter()
+                .chain([all])
+                .map(|summary| percent(summary.mean_cost, summary.cost_deviation)),
+        );
+        row.push(format!("{:.1e}", all.excitation_error));
+        row.push(all.unplayable.to_string());
         rows.push(row);
     }
     table(&header, &rows)
@@ -151,7 +138,7 @@ fn domains(test: &LeaveOneOut) -> String {
 }
 
 fn smoothing(test: &LeaveOneOut) -> Vec<Vec<String>> {
-    let followed = TABLE_ONE_ROWS.iter().filter_map(|&row| {
+    let followed = Row::TABLE_I.into_iter().filter_map(|row| {
         let summary = summarise(test, row, None)?;
         let costs = summary.costs_by_width.iter().map(|c| format!("{c:.3}"));
         Some(std::iter::once(row.name()).chain(costs).collect())

@@ -1,7 +1,7 @@
 //! `stylus fit --densify`
 
 use host_tools::evaluation::leave_one_out;
-use host_tools::evaluation::leave_one_out::{LeaveOneOut, Row, summarise};
+use host_tools::evaluation::leave_one_out::{LeaveOneOut, Prepared, Row, summarise};
 use host_tools::fit::densify;
 use host_tools::fit::densify::{AddedLine, Densified, Direction};
 use host_tools::fit::{self, Fit};
@@ -51,7 +51,9 @@ pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<
         ..leave_one_out::Options::default()
     };
     // A grid without a node to remove still gives a library, only without the test.
-    let test = removed_node_test(set, &[BEFORE, AFTER], &options).ok();
+    let test = Prepared::new(set, &options)
+        .and_then(|prepared| removed_node_test(&prepared, &[BEFORE, AFTER], &options))
+        .ok();
     Ok(Denser { densified, test })
 }
 
@@ -66,12 +68,7 @@ pub fn summary(denser: &Denser) -> String {
     } else {
         ""
     };
-    let mut textures: Vec<&str> = Vec::new();
-    for node in &test.removed {
-        if !textures.contains(&node.texture.as_str()) {
-            textures.push(&node.texture);
-        }
-    }
+    let textures = test.textures();
     let mean = |name: Option<&str>| {
         let of = |row| summarise(test, row, name).map(|summary| summary.mean_cost);
         match (of(BEFORE), of(AFTER)) {

@@ -19,7 +19,7 @@ use host_tools::texture::quantise::StructureChoice;
 
 pub use library::fit_library;
 use library::{concessions, encoded};
-use report::{Report, energy_kept, given_up, show_verdicts};
+use report::{FitReport, energy_kept, given_up, show_verdicts};
 
 use crate::cli::input::{Recordings, not_negative, positive};
 use crate::cli::inspect::{TextureSummary, texture_table};
@@ -138,7 +138,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .map(|t| TextureSummary::of(&t, arguments.json))
         .collect();
     if arguments.json {
-        return print_json(&Report {
+        return print_json(&FitReport {
             library: arguments.out.display().to_string(),
             bytes: bytes.len(),
             warnings: &fit.warnings,

@@ -13,7 +13,7 @@ const SHOWN_VERDICTS: usize = 20;
 
 /// The report as JSON.
 #[derive(serde::Serialize)]
-pub struct Report<'a> {
+pub struct FitReport<'a> {
     pub library: String,
     pub bytes: usize,
     pub warnings: &'a [String],

@@ -9,7 +9,7 @@ use host_tools::scene::SceneRendering;
 use host_tools::support::error::Result;
 use model_format::{OutputSample, Provenance};
 
-use super::source::{Along, Source, plan, provenance};
+use super::source::{Along, Source, plan};
 use crate::cli::input::positive;
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .collect();
     let caption = Caption {
         title: &format!("{} along a motion", compiled.scene.name),
-        simulated: provenance(&compiled, &library) == Provenance::Simulated,
+        simulated: compiled.provenance(&library) == Provenance::Simulated,
     };
     let view = SceneView {
         surface_names: &compiled.surface_names,

@@ -1,15 +1,12 @@
 //! `stylus scene render`
 
-use std::path::PathBuf;
-
-use host_tools::playing::render::{WavFormat, write_wav};
+use host_tools::playing::render::{RenderSummary, write_wav};
 use host_tools::scene::SceneRendering;
 use host_tools::support::error::Result;
 
-use super::source::{Along, Source, plan, provenance};
-use crate::cli::input::positive;
+use super::source::{Along, Source, plan};
 use crate::cli::library_file::{decode_library, read_library};
-use crate::cli::output::print;
+use crate::cli::wav_file::WavFile;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -17,12 +14,8 @@ pub struct Arguments {
     source: Source,
     #[command(flatten)]
     along: Along,
-    /// WAV file to write: 32-bit float, m/s²
-    #[arg(long, value_name = "WAV")]
-    out: PathBuf,
-    /// Write 16-bit samples with this full scale in m/s² instead, for listening
-    #[arg(long, value_name = "FULL_SCALE", value_parser = positive)]
-    pcm16: Option<f64>,
+    #[command(flatten)]
+    wav: WavFile,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -32,32 +25,18 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let compiled = arguments.source.compile(&library)?;
     let (motion, seconds) = arguments.along.motion(&compiled.scene)?;
     let plan = plan(&compiled, &library)?;
-    let format = arguments
-        .pcm16
-        .map_or(WavFormat::Float32, |full_scale_m_s2| WavFormat::Pcm16 {
-            full_scale_m_s2,
-        });
     let mut rendering = SceneRendering::new(plan, &motion, seconds, arguments.along.seed)?;
     let rate_hz = rendering.sample_rate_hz();
-    let summary = write_wav(&arguments.out, rate_hz, format, rendering.by_ref())?;
-    print(&format!(
-        "{}: {} samples of the scene '{}' ({}) at {rate_hz} Hz",
-        arguments.out.display(),
-        summary.samples,
+    let wav = &arguments.wav;
+    let written = write_wav(wav.path(), rate_hz, wav.format(), rendering.by_ref())?;
+    let source = format!(
+        "the scene '{}' ({})",
         compiled.scene.name,
-        provenance(&compiled, &library)
-    ))?;
-    if summary.clipped > 0 {
-        eprintln!(
-            "warning: {} samples were clipped; give --pcm16 a larger full scale",
-            summary.clipped
-        );
-    }
-    if rendering.saturations() > 0 {
-        eprintln!(
-            "warning: the synthesis was at full scale in {} samples",
-            rendering.saturations()
-        );
-    }
-    Ok(())
+        compiled.provenance(&library)
+    );
+    let summary = RenderSummary {
+        wav: written,
+        saturations: rendering.saturations(),
+    };
+    wav.print(&source, rate_hz, summary)
 }

@@ -7,7 +7,7 @@ use host_tools::playing::motion::MotionPath;
 use host_tools::scene::{CompiledScene, SceneFile, surface_names};
 use host_tools::support::error::{Error, Result};
 use model_format::scene::{MotionOfScene, Scene};
-use model_format::{Library, MillimetresPerSecond, Newton, Provenance};
+use model_format::{Library, MillimetresPerSecond, Newton};
 use stylus_kernel::scene::Plan;
 
 use crate::cli::input::not_negative;
@@ -106,19 +106,6 @@ pub fn plan<'a>(compiled: &CompiledScene, library: &Library<'a>) -> Result<Plan<
     let scene = &compiled.scene;
     Plan::new(scene, library)
         .map_err(|error| Error::Request(format!("scene '{}': {error}", scene.name)))
-}
-
-/// Provenance of a scene: simulated if any of its textures is.
-pub fn provenance(compiled: &CompiledScene, library: &Library<'_>) -> Provenance {
-    let mut textures = compiled.scene.surfaces.iter().filter_map(|surface| {
-        let texture = usize::from(surface.texture?);
-        library.textures().nth(texture)
-    });
-    if textures.any(|texture| texture.provenance() == Provenance::Simulated) {
-        Provenance::Simulated
-    } else {
-        Provenance::Recorded
-    }
 }
 
 /// The motion along a scene.

@@ -21,4 +21,4 @@ pub use options::{Around, Options, SMOOTHING_WIDTHS_HZ};
 pub use play::{Judged, Voice, synthesis};
 pub use prepared::Prepared;
 pub use results::{LeaveOneOut, Outcome, Removed, Row};
-pub use summary::{PAPER_TABLE_I, PaperColumn, Summary, summarise};
+pub use summary::{PAPER_TABLE_I, PaperColumn, Summary, TableOneRow, summarise, table_one};

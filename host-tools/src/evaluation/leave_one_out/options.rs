@@ -13,12 +13,12 @@ pub const SMOOTHING_WIDTHS_HZ: [f64; 7] = [0.0, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Around {
-    /// Those along speed and those along force.
+    /// Neighbours along speed and along force.
     #[default]
     Both,
-    /// Those along speed only, as if a whole speed had not been recorded.
+    /// Neighbours along speed only, as if nothing had been recorded at that speed.
     Speed,
-    /// Those along force only.
+    /// Neighbours along force only.
     Force,
 }
 

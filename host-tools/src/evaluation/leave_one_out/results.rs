@@ -19,6 +19,14 @@ pub enum Row {
 }
 
 impl Row {
+    /// Rows that are compared with the paper's Table I.
+    pub const TABLE_I: [Self; 4] = [
+        Self::Interpolated(Method::PAPER),
+        Self::Interpolated(Method::DEVICE),
+        Self::Densified,
+        Self::Own,
+    ];
+
     /// Every row, in the table's order.
     pub fn all() -> Vec<Self> {
         let methods = Method::ALL.map(Self::Interpolated);
@@ -34,15 +42,9 @@ impl Row {
         }
     }
 
-    /// Returns whether its C is shown for every width of the smoothing.
+    /// Returns true if its C is shown for every width of the smoothing.
     pub(super) fn is_followed(self) -> bool {
-        [
-            Self::Interpolated(Method::PAPER),
-            Self::Interpolated(Method::DEVICE),
-            Self::Densified,
-            Self::Own,
-        ]
-        .contains(&self)
+        Self::TABLE_I.contains(&self)
     }
 }
 
@@ -101,4 +103,17 @@ pub struct LeaveOneOut {
     pub smoothing_widths_hz: Vec<f64>,
     /// Every removed node, in the order of the set.
     pub removed: Vec<Removed>,
+}
+
+impl LeaveOneOut {
+    /// Names of the textures with a removed node, in the order of the set.
+    pub fn textures(&self) -> Vec<&str> {
+        let mut textures: Vec<&str> = Vec::new();
+        for node in &self.removed {
+            if !textures.contains(&node.texture.as_str()) {
+                textures.push(&node.texture);
+            }
+        }
+        textures
+    }
 }

@@ -117,6 +117,37 @@ pub fn summarise(test: &LeaveOneOut, row: Row, texture: Option<&str>) -> Option<
     })
 }
 
+/// A row of Table I, as measured by this test.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TableOneRow {
+    /// Way of predicting a node.
+    pub row: Row,
+    /// Summary of each texture, in the order of [`LeaveOneOut::textures`].
+    pub by_texture: Vec<Summary>,
+    /// Summary of all textures.
+    pub all: Summary,
+}
+
+/// Rows of Table I that the test has.
+pub fn table_one(test: &LeaveOneOut) -> Vec<TableOneRow> {
+    let textures = test.textures();
+    Row::TABLE_I
+        .into_iter()
+        .filter_map(|row| {
+            let by_texture = textures
+                .iter()
+                .map(|name| summarise(test, row, Some(name)))
+                .collect::<Option<_>>()?;
+            let all = summarise(test, row, None)?;
+            Some(TableOneRow {
+                row,
+                by_texture,
+                all,
+            })
+        })
+        .collect()
+}
+
 /// The mean, or zero of nothing.
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64

@@ -21,6 +21,23 @@ impl Device {
         self.request_flash::<SlotsEndpoint>("slot list", &())
     }
 
+    /// Slot of the library that was uploaded last; none if no slot holds a library.
+    ///
+    /// # Errors
+    /// Those of [`Self::slots`].
+    pub fn newest_slot(&self) -> Result<Option<SlotId>> {
+        let slots = self.slots()?.slots;
+        let sequences = SlotId::ALL
+            .into_iter()
+            .zip(&slots)
+            .filter_map(|(id, state)| match state {
+                SlotState::Valid(library) => Some((library.sequence, id)),
+                _ => None,
+            });
+        let newest = sequences.max_by_key(|&(sequence, _)| sequence);
+        Ok(newest.map(|(_, id)| id))
+    }
+
     /// Reads the list of textures in `slot`; an empty one if the slot holds no library.
     ///
     /// # Errors

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use model_format::limits::MAX_NAME_BYTES;
 
+use crate::recording::csv_table;
 use crate::support::error::{Error, Result};
 
 /// A trial to be recorded: one texture at one speed and force.
@@ -44,9 +45,7 @@ impl PlannedTrial {
             speed_mm_s: f64,
             force_n: f64,
         }
-        let mut reader = csv::ReaderBuilder::new()
-            .comment(Some(b'#'))
-            .trim(csv::Trim::All)
+        let mut reader = csv_table()
             .from_path(path)
             .map_err(|failure| Error::file(path, failure.to_string()))?;
         let mut trials = Vec::new();

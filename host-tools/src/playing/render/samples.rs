@@ -3,11 +3,9 @@
 use model_format::{OutputSample, Texture};
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
+use super::clock::SampleClock;
 use crate::playing::motion::MotionPath;
-use crate::support::error::{Error, Result};
-
-/// Longest rendering, s: one day.
-pub const MAX_SECONDS: f64 = 24.0 * 3600.0;
+use crate::support::error::Result;
 
 /// Iterator over the samples of a texture along a motion; it keeps none of them.
 ///
@@ -16,32 +14,25 @@ pub const MAX_SECONDS: f64 = 24.0 * 3600.0;
 pub struct Rendering<'a> {
     synthesis: Synthesis<'a>,
     motion: &'a MotionPath,
-    position: usize,
-    len: usize,
+    clock: SampleClock,
 }
 
 impl<'a> Rendering<'a> {
     /// A rendering of `seconds` of `texture`, from rest.
     ///
     /// # Errors
-    /// A duration that is not a number, is shorter than a sample, or is longer than [`MAX_SECONDS`].
+    /// A duration that is not a number, is shorter than a sample, or is longer than
+    /// [`MAX_SECONDS`](super::MAX_SECONDS).
     pub fn new(
         texture: Texture<'a>,
         motion: &'a MotionPath,
         seconds: f64,
         seed: u64,
     ) -> Result<Self> {
-        let samples = (seconds * f64::from(texture.sample_rate_hz())).round();
-        if !(seconds <= MAX_SECONDS && samples >= 1.0) {
-            return Err(Error::Request(format!(
-                "cannot render {seconds} s: give at least the duration of one sample and at most {MAX_SECONDS} s"
-            )));
-        }
         Ok(Self {
+            clock: SampleClock::new(seconds, texture.sample_rate_hz())?,
             synthesis: Synthesis::new(texture, seed),
             motion,
-            position: 0,
-            len: samples as usize,
         })
     }
 
@@ -52,7 +43,7 @@ impl<'a> Rendering<'a> {
 
     /// Sample rate, Hz.
     pub fn sample_rate_hz(&self) -> u32 {
-        self.synthesis.texture().sample_rate_hz()
+        self.clock.sample_rate_hz()
     }
 }
 
@@ -60,24 +51,15 @@ impl Iterator for Rendering<'_> {
     type Item = OutputSample;
 
     fn next(&mut self) -> Option<OutputSample> {
-        if self.position == self.len {
-            return None;
-        }
-        if self
-            .position
-            .is_multiple_of(UPDATE_INTERVAL_SAMPLES as usize)
-        {
-            let time_s = self.position as f64 / f64::from(self.sample_rate_hz());
+        if let Some(time_s) = self.clock.next()? {
             self.synthesis
                 .follow(self.motion.at(time_s), UPDATE_INTERVAL_SAMPLES);
         }
-        self.position += 1;
         Some(self.synthesis.next_sample())
     }
 
     fn size_hint(&self) -> (usize, Option<usize>) {
-        let left = self.len - self.position;
-        (left, Some(left))
+        self.clock.size_hint()
     }
 }
 
@@ -131,8 +113,10 @@ pub fn render(
 
 #[cfg(test)]
 mod tests {
+    use super::super::MAX_SECONDS;
     use super::super::test_library::{constant, library, sweep, texture};
     use super::*;
+    use crate::support::error::Error;
 
     #[test]
     fn a_rendering_is_what_the_kernel_plays_when_it_follows_the_motion_as_on_the_device() {

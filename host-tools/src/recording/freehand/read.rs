@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::recording::{MAX_CHANNELS, csv_error};
+use crate::recording::{MAX_CHANNELS, csv_error, csv_header, csv_table};
 use crate::support::error::{Error, Result};
 
 /// Names of the columns other than accelerations.
@@ -62,14 +62,8 @@ pub struct Outlier {
 /// A file that cannot be read or lacks one of these columns, a field that is not a number, or too many outliers.
 pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freehand> {
     let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .trim(csv::Trim::All)
-        .from_reader(text.as_bytes());
-    let header = reader
-        .headers()
-        .map_err(|failure| csv_error(path, failure))?
-        .clone();
+    let mut reader = csv_table().from_reader(text.as_bytes());
+    let header = csv_header(path, &mut reader)?;
     let Columns {
         time,
         speed,

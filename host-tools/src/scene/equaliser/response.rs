@@ -78,14 +78,8 @@ impl Response {
     /// # Errors
     /// A missing column, a value that is no finite number, frequencies that do not ascend, or too few of them.
     pub fn from_csv(path: &Path, text: &str) -> Result<Self> {
-        let mut reader = csv::ReaderBuilder::new()
-            .comment(Some(b'#'))
-            .trim(csv::Trim::All)
-            .from_reader(text.as_bytes());
-        let header = reader
-            .headers()
-            .map_err(|failure| recording::csv_error(path, failure))?
-            .clone();
+        let mut reader = recording::csv_table().from_reader(text.as_bytes());
+        let header = recording::csv_header(path, &mut reader)?;
         let column = |name: &str| {
             let found = header.iter().position(|field| field == name);
             found.ok_or_else(|| {

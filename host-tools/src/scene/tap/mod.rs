@@ -269,13 +269,9 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// Returns true if the header of a CSV file has the column `force_n`.
 fn has_force(path: &Path) -> Result<bool> {
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .trim(csv::Trim::All)
+    let mut reader = recording::csv_table()
         .from_path(path)
         .map_err(|failure| recording::csv_error(path, failure))?;
-    let header = reader
-        .headers()
-        .map_err(|failure| recording::csv_error(path, failure))?;
+    let header = recording::csv_header(path, &mut reader)?;
     Ok(header.iter().any(|name| name == "force_n"))
 }

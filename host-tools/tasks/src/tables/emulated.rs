@@ -3,7 +3,7 @@
 use kernel_vectors::MEASURED;
 
 use super::markdown::{grouped, range, table};
-use crate::report::{Cost, Report};
+use crate::report::{Cost, EmulatorReport};
 
 /// The table's name.
 pub const NAME: &str = "emulated-processors";
@@ -11,9 +11,9 @@ pub const NAME: &str = "emulated-processors";
 /// Runs of the vectors on both processors.
 pub struct Runs<'a> {
     /// Cortex-M4.
-    pub m4: &'a Report,
+    pub m4: &'a EmulatorReport,
     /// Cortex-M7.
-    pub m7: &'a Report,
+    pub m7: &'a EmulatorReport,
     /// The compiler that built the image, without its name.
     pub compiler: &'a str,
 }

@@ -3,7 +3,7 @@
 use core::fmt::{self, Write};
 
 use cortex_m_semihosting::hio::HostStream;
-use kernel_vectors::report::{WORDS, WORDS_A_LINE};
+use kernel_vectors::report::{WORDS, WORDS_PER_LINE};
 
 /// The emulator's standard output.
 pub struct Output(HostStream);
@@ -30,7 +30,7 @@ impl Output {
 /// A buffer that gathers words to lines, because each call to the host stops the emulator.
 pub struct Words<'a> {
     output: &'a mut Output,
-    gathered: [u32; WORDS_A_LINE],
+    gathered: [u32; WORDS_PER_LINE],
     len: usize,
 }
 
@@ -38,7 +38,7 @@ impl<'a> Words<'a> {
     pub fn new(output: &'a mut Output) -> Self {
         Self {
             output,
-            gathered: [0; WORDS_A_LINE],
+            gathered: [0; WORDS_PER_LINE],
             len: 0,
         }
     }
@@ -46,7 +46,7 @@ impl<'a> Words<'a> {
     pub fn push(&mut self, word: u32) {
         self.gathered[self.len] = word;
         self.len += 1;
-        if self.len == WORDS_A_LINE {
+        if self.len == WORDS_PER_LINE {
             self.write();
         }
     }
@@ -59,7 +59,7 @@ impl<'a> Words<'a> {
 
     fn write(&mut self) {
         const WORD_CHARACTERS: usize = 9;
-        let mut line = [b' '; WORDS_A_LINE * WORD_CHARACTERS];
+        let mut line = [b' '; WORDS_PER_LINE * WORD_CHARACTERS];
         let used = &mut line[..self.len * WORD_CHARACTERS];
         for (place, word) in used
             .as_chunks_mut::<WORD_CHARACTERS>()

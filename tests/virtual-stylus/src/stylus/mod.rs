@@ -10,5 +10,5 @@ mod run;
 
 pub use emulation::PowerCut;
 pub use options::{Options, PESSIMISTIC_INSTRUCTIONS_PER_SECOND};
-pub use report::{Report, Reset, ResetCause};
+pub use report::{Reset, ResetCause, RunReport};
 pub use run::VirtualStylus;

@@ -26,7 +26,7 @@ pub struct Reset {
 
 /// Accesses that the part would answer and no model does.
 #[derive(Clone, Debug, Default)]
-pub struct Report {
+pub struct RunReport {
     /// Registers without a model, with counts of their reads and writes.
     pub without_model: Vec<String>,
     /// Unmapped addresses, and the places of the accesses.
@@ -55,7 +55,7 @@ pub(super) fn resets(session: &Session<StylusBoard>) -> Vec<Reset> {
 }
 
 /// The accesses of the run that no model answered.
-pub(super) fn report(session: &mut Session<StylusBoard>) -> Report {
+pub(super) fn report(session: &mut Session<StylusBoard>) -> RunReport {
     let without_model = session.unimplemented().iter().map(|(address, met)| {
         format!(
             "{}.{} ({address:#010x}): {} reads, {} writes, last {:#x}, first from {:#010x}",
@@ -73,7 +73,7 @@ pub(super) fn report(session: &mut Session<StylusBoard>) -> Report {
             met.instance, met.reads, met.writes, met.program_counter
         )
     });
-    let mut report = Report {
+    let mut report = RunReport {
         without_model: without_model.chain(undefined).collect(),
         unmapped: session.unmapped().iter().map(ToString::to_string).collect(),
         refused: (session.refused().iter())

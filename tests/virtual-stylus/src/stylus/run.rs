@@ -12,7 +12,7 @@ use rigless::time::VirtualNanos;
 
 use super::emulation::{Command, Hands, PowerCut, Stopped, start};
 use super::options::Options;
-use super::report::{Report, Reset, report, resets};
+use super::report::{Reset, RunReport, report, resets};
 use crate::board::StylusBoard;
 use crate::core::Audit;
 use crate::error::{Error, Result};
@@ -322,7 +322,7 @@ impl VirtualStylus {
     ///
     /// # Errors
     /// The run is over.
-    pub fn report(&mut self) -> Result<Report> {
+    pub fn report(&mut self) -> Result<RunReport> {
         self.ask(|session, _, _| report(session))
     }
 

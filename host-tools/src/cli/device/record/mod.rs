@@ -10,7 +10,7 @@ use host_tools::support::error::Result;
 
 pub use arguments::Arguments;
 use operator::say;
-use report::Report;
+use report::RecordReport;
 use session::{Outcome, Session};
 
 use crate::cli::output::{print, print_json};
@@ -41,7 +41,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     }
     let left_out = todo.len() - rows.len();
-    let report = Report::new(&arguments.folder, rows, there.len(), left_out);
+    let report = RecordReport::new(&arguments.folder, rows, there.len(), left_out);
     if arguments.json {
         return print_json(&report);
     }

@@ -78,7 +78,7 @@ impl Row {
 
 /// A whole session.
 #[derive(Serialize)]
-pub struct Report {
+pub struct RecordReport {
     folder: String,
     recorded: Vec<Row>,
     already_there: usize,
@@ -86,7 +86,7 @@ pub struct Report {
     lost_blocks: u64,
 }
 
-impl Report {
+impl RecordReport {
     /// The session that recorded `rows` into `folder`.
     pub fn new(folder: &Path, rows: Vec<Row>, already_there: usize, left_out: usize) -> Self {
         Self {

@@ -1,8 +1,24 @@
-//! Failures of the CSV reader in words, with the line.
+//! Tables as CSV: their conventions, their header, and failures of the reader in words, with the line.
 
+use std::io::Read;
 use std::path::Path;
 
-use crate::support::error::Error;
+use csv::{ReaderBuilder, StringRecord, Trim};
+
+use crate::support::error::{Error, Result};
+
+/// Reader of a table: comments begin with `#`, and spaces around a field do not count.
+pub(crate) fn csv_table() -> ReaderBuilder {
+    let mut builder = ReaderBuilder::new();
+    builder.comment(Some(b'#')).trim(Trim::All);
+    builder
+}
+
+/// Reads the header of the table at `path`.
+pub(crate) fn csv_header(path: &Path, reader: &mut csv::Reader<impl Read>) -> Result<StringRecord> {
+    let header = reader.headers();
+    header.cloned().map_err(|failure| csv_error(path, failure))
+}
 
 /// Converts a failure of the CSV reader, with its line.
 pub(crate) fn csv_error(path: &Path, failure: csv::Error) -> Error {

@@ -1,4 +1,4 @@
-//! The profile of a strip on the drum.
+//! Profile of a strip on the drum: its height along the track.
 
 use std::f64::consts::TAU;
 
@@ -12,14 +12,14 @@ use super::random::StreamKey;
 
 /// A profile along the track, as the terms of a Fourier series over the drum's circumference.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Surface {
+pub struct Profile {
     circumference_mm: f64,
-    /// `coefficients[n]` is cₙ of h(x) = Re Σ cₙ e^{2πi n x / L}, µm; empty for a surface without any height.
+    /// `coefficients[n]` is cₙ of h(x) = Re Σ cₙ e^{2πi n x / L}, µm; empty for a profile without any height.
     coefficients: Vec<Complex<f64>>,
 }
 
-impl Surface {
-    /// The surface of `texture` on `drum`. The same seed and texture give the same surface on any rig.
+impl Profile {
+    /// Profile of `texture` on `drum`. The same seed and texture give the same profile on any rig.
     pub fn new(drum: &Drum, texture: &Texture, seed: u64) -> Self {
         let circumference_mm = drum.circumference_mm;
         let key = StreamKey::new(seed).text(&texture.name);
@@ -235,15 +235,15 @@ mod tests {
 
     #[test]
     fn nothing_named_is_nothing_there() {
-        let surface = Surface::new(&DRUM, &texture(vec![], None), 1);
-        assert!(surface.is_flat());
-        assert_eq!(surface.height_um(12.0), 0.0);
+        let profile = Profile::new(&DRUM, &texture(vec![], None), 1);
+        assert!(profile.is_flat());
+        assert_eq!(profile.height_um(12.0), 0.0);
     }
 
     #[test]
     fn an_exact_weave_has_its_lines_and_no_others() {
-        let surface = Surface::new(&DRUM, &texture(vec![weave(None)], None), 1);
-        for (n, term) in surface.coefficients_um().iter().enumerate() {
+        let profile = Profile::new(&DRUM, &texture(vec![weave(None)], None), 1);
+        for (n, term) in profile.coefficients_um().iter().enumerate() {
             let expected = match n {
                 400 => 4.0,
                 800 => 2.0,
@@ -252,18 +252,18 @@ mod tests {
             };
             assert!((term.norm() - expected).abs() < 1e-12, "term {n}");
         }
-        let (here, one_period_on) = (surface.height_um(10.0), surface.height_um(10.75));
+        let (here, one_period_on) = (profile.height_um(10.0), profile.height_um(10.75));
         assert!((here - one_period_on).abs() < 1e-9);
     }
 
     #[test]
     fn jitter_widens_the_lines_and_keeps_their_power() {
-        let exact = Surface::new(&DRUM, &texture(vec![weave(None)], None), 1);
+        let exact = Profile::new(&DRUM, &texture(vec![weave(None)], None), 1);
         let jitter = Jitter {
             rms_rad: 0.5,
             correlation_mm: 3.0,
         };
-        let wandering = Surface::new(&DRUM, &texture(vec![weave(Some(jitter))], None), 1);
+        let wandering = Profile::new(&DRUM, &texture(vec![weave(Some(jitter))], None), 1);
         assert!((wandering.rms_um() / exact.rms_um() - 1.0).abs() < 0.01);
         let terms = wandering.coefficients_um();
         // A Gaussian phase of 0.5 rad leaves exp(-σ²/2) = 0.88 of the carrier.
@@ -281,8 +281,8 @@ mod tests {
         };
         let key = StreamKey::new(5).text("strip");
         let (mut variance, mut covariance) = (0.0, 0.0);
-        let surfaces = 60;
-        for index in 0..surfaces {
+        let profiles = 60;
+        for index in 0..profiles {
             let bins = jitter_spectrum(&jitter, 300.0, key.index(index));
             for (n, bin) in bins.iter().enumerate() {
                 let power = 2.0 * bin.norm_sqr();
@@ -290,15 +290,15 @@ mod tests {
                 covariance += power * (TAU * n as f64 * jitter.correlation_mm / 300.0).cos();
             }
         }
-        assert!((variance / f64::from(surfaces as u32) / 0.16 - 1.0).abs() < 0.05);
+        assert!((variance / f64::from(profiles as u32) / 0.16 - 1.0).abs() < 0.05);
         assert!((covariance / variance - (-0.5_f64).exp()).abs() < 0.05);
     }
 
     #[test]
     fn roughness_has_the_stated_rms_and_slope() {
-        let surface = Surface::new(&DRUM, &texture(vec![], Some(ROUGH)), 3);
-        assert!((surface.rms_um() / ROUGH.rms_um - 1.0).abs() < 0.15);
-        let terms = surface.coefficients_um();
+        let profile = Profile::new(&DRUM, &texture(vec![], Some(ROUGH)), 3);
+        assert!((profile.rms_um() / ROUGH.rms_um - 1.0).abs() < 0.15);
+        let terms = profile.coefficients_um();
         assert_eq!(terms.len(), 15_001);
         let mean_power = |from: usize| {
             terms[from..2 * from]
@@ -317,15 +317,15 @@ mod tests {
 
     #[test]
     fn a_part_more_leaves_the_others_as_they_were() {
-        let both = Surface::new(&DRUM, &texture(vec![weave(None)], Some(ROUGH)), 3);
-        let rough = Surface::new(&DRUM, &texture(vec![], Some(ROUGH)), 3);
-        let woven = Surface::new(&DRUM, &texture(vec![weave(None)], None), 3);
+        let both = Profile::new(&DRUM, &texture(vec![weave(None)], Some(ROUGH)), 3);
+        let rough = Profile::new(&DRUM, &texture(vec![], Some(ROUGH)), 3);
+        let woven = Profile::new(&DRUM, &texture(vec![weave(None)], None), 3);
         for (n, term) in both.coefficients_um().iter().enumerate() {
             let sum = woven.coefficients_um().get(n).copied().unwrap_or_default()
                 + rough.coefficients_um()[n];
             assert_eq!(*term, sum);
         }
-        let other = Surface::new(&DRUM, &texture(vec![], Some(ROUGH)), 4);
+        let other = Profile::new(&DRUM, &texture(vec![], Some(ROUGH)), 4);
         assert_ne!(other, rough);
     }
 }
