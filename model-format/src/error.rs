@@ -1,4 +1,8 @@
-//! Faults of bytes that are not a valid library, each with its place.
+//! Faults that decoding and encoding a library report, each with its place.
+//!
+//! [`Library::decode`](crate::Library::decode) and `encode` make them; `stylus` shows them as they are. No allocation,
+//! and no text but `'static` text, because the device makes them too. The package's README explains the fields and
+//! their limits.
 
 use core::fmt;
 
@@ -7,7 +11,7 @@ use crate::scene::SceneError;
 use crate::scene::limits::MAX_SCENES;
 use crate::wire::{FORMAT_VERSION, Structure};
 
-/// The first fault found in bytes that are not a library that the stylus can play.
+/// The first fault found in bytes that are no valid library, or in what was to be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{place}: {problem}")]
 pub struct DecodeError {
@@ -20,7 +24,7 @@ pub struct DecodeError {
 /// A place in a library. Textures, nodes, axis values and scenes are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// The whole file or its first bytes.
+    /// The library as a whole: its prefix, its counts, and bytes after the last scene.
     Library,
     /// A texture.
     Texture(usize),
@@ -265,9 +269,10 @@ pub enum Problem {
         /// Number of the stage, from 1.
         stage: usize,
     },
-    /// Coefficients so large that the kernel's sums could overflow.
+    /// Coefficients with Σ|h| above [`limits::MAX_COEFFICIENT_SUM`], or 32-bit codes with Σ|code| of 2³² or more: the
+    /// kernel's sums could overflow.
     #[error(
-        "the coefficients' magnitudes add up to more than {}",
+        "the coefficients are too large: Σ|h| may be at most {}, and Σ|code| of 32-bit codes below 2³²",
         limits::MAX_COEFFICIENT_SUM
     )]
     CoefficientSum,

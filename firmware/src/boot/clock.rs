@@ -1,4 +1,6 @@
-//! Clock configuration, RM0433 chapter 8.
+//! Clock configuration (RM0433 chapter 8), and the two clocks that other rooms compute with.
+//!
+//! Invariant: [`CORE_HZ`] and [`TIMER_HZ`] are the clocks that [`config`] sets. No check at build time compares them.
 
 use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllDiv, PllMul, PllPreDiv,
@@ -9,11 +11,15 @@ use embassy_stm32::time::Hertz;
 /// Clock of the core, Hz.
 pub const CORE_HZ: u32 = 400_000_000;
 
-/// Clock of the timers on APB1, Hz: twice the bus's.
+/// Clock of the timers on APB1, Hz: twice the clock of that bus, because its prescaler is not 1.
 pub const TIMER_HZ: u32 = 200_000_000;
 
-/// The configuration: core at 400 MHz from the 8 MHz of the board's probe, buses at 100 MHz, USB from HSI48, which the
-/// host's frames trim.
+/// Returns the clock configuration, which `main` passes to embassy once, before the watchdog starts.
+///
+/// - Core 400 MHz from PLL1, AHB buses 200 MHz, APB buses 100 MHz: the highest clocks that `Scale1` allows.
+/// - Source: 8 MHz, which the board's ST-LINK drives into HSE. Without it embassy's `init` waits for ever.
+/// - USB: 48 MHz from HSI48, which the start-of-frame packets of the USB host trim.
+/// - ADC: 25 MHz from PLL2. Chips of revision V halve it. Those of revision Y do not, and allow 36 MHz.
 pub fn config() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     let rcc = &mut config.rcc;

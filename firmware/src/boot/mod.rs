@@ -1,6 +1,6 @@
 //! From reset to running: memory layout, clocks, interrupt priorities, and the cause of the reset.
 //!
-//! Invariant: it knows nothing of the other rooms, and the output is at mid-scale before any Rust code runs.
+//! Invariant: no file here imports another room, and the output is at mid-scale before any Rust code runs.
 
 pub mod clock;
 pub mod priority;

@@ -1,7 +1,10 @@
 //! The two wires to the host, and the requests that come over them.
 //!
-//! Invariant: it runs in tasks, except for the interrupt handlers that move bytes; a frame that is lost is counted, and
-//! no host, whatever it sends, keeps the other wire or the tick from going on.
+//! Invariants:
+//! - Requests run in tasks. Interrupt handlers move bytes and count faults of the line.
+//! - A frame that cannot be sent or decoded is counted. A transfer cut off by the end of a USB session is not.
+//! - No host stops the tick. No host stops the other wire, except by a change of settings, which masks the tasks'
+//!   interrupts while flash is written or erased, and which is refused while something is played.
 
 pub mod counters;
 pub mod otg;

@@ -1,4 +1,7 @@
-//! Frames of postcard-rpc to the host, over either wire.
+//! The way of a frame to the host: header and message of postcard-rpc, over the serial port or over USB.
+//!
+//! A frame that cannot be sent is counted as unsent by its [`Outlet`]. `main` opens both outlets; requests, storage and
+//! recording send through [`Wire`]. All of it runs in tasks.
 
 use postcard_rpc::header::{VarHeader, VarKeyKind};
 use postcard_rpc::server::{WireTx, WireTxErrorKind};
@@ -8,10 +11,10 @@ use crate::link::counters::{self, Counters};
 use crate::link::outlet::{Frame, Outlet};
 use crate::link::{serial, usb};
 
-/// Length of keys on the wire: they are sent whole.
+/// Length of a message's key: all 8 bytes of postcard-rpc's hash of path and type.
 pub const KEY_KIND: VarKeyKind = VarKeyKind::Key8;
 
-/// Writes header and message into `frame` and returns their length.
+/// Writes header and message into `frame`. Returns their length, bytes; `None` if they do not fit.
 fn encode<T: Serialize + ?Sized>(
     header: &VarHeader,
     message: &T,
@@ -23,16 +26,16 @@ fn encode<T: Serialize + ?Sized>(
     Some(head + body)
 }
 
-/// Outlet of the serial link.
+/// Outlet of the serial link. Until `main` opens it, frames are dropped and counted as unsent.
 pub static SERIAL: Outlet<serial::Sender> = Outlet::new(&counters::SERIAL);
 
-/// Outlet of the USB link.
+/// Outlet of the USB link. Until `main` opens it, frames are dropped and counted as unsent.
 pub static USB: Outlet<usb::Sender> = Outlet::new(&counters::USB);
 
-/// Wire that a frame takes to the host.
+/// A link by which a frame goes to the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wire {
-    /// USART3.
+    /// The serial port, USART3.
     Serial,
     /// USB bulk.
     Usb,

@@ -1,5 +1,7 @@
 //! From a recording set to the textures of a library: each trial is read, reduced to one axis, triaged and correlated;
 //! each node of a texture's grid gets a linear predictor from its trials; holes of the grid are filled.
+//!
+//! Invariant: recordings in, models and their textures out. Nothing here draws, prints or writes a file.
 
 pub mod densify;
 mod fitted;

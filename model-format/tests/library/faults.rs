@@ -594,7 +594,7 @@ fn sums_of_coefficients_are_bounded_exactly() {
             error,
             node(0, 0),
             Problem::CoefficientSum,
-            "add up to more than 1024",
+            "too large: Σ|h| may be at most 1024",
         );
     }
 }

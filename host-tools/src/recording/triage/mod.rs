@@ -7,12 +7,17 @@
 //! | too short | fewer than [`SHORT_SAMPLES`] samples | uses it with a lower order, warns |
 //! | clipped | at least [`CLIPPED_SHARE`] of an axis's samples are at its extreme, in runs | uses it, warns |
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | uses it, warns |
-//! | hum | a line at 50 or 60 Hz is [`HUM_RATIO_DB`] above its surroundings at all speeds | uses it, warns |
+//! | hum | a mains line is [`HUM_RATIO_DB`] above its surroundings at half of the speeds or more | uses it, warns |
 //! | duplicate | every sample equals that of an earlier trial | uses it, warns |
 //! | wrong rate | the file's sample rate is below the models' | uses it, warns: its band ends at half that rate |
-//! | not finite | a sample is NaN or infinite | refuses the whole set |
 //!
-//! A trial that is used in spite of a verdict marks its node as doubtful.
+//! A texture of one or two speeds cannot tell hum from a line of its own, so there every such line counts as hum. A
+//! sample that is not finite has no verdict: [`read`](super::read) fails on it, and the whole fit with it.
+//!
+//! A trial that is used in spite of a verdict other than silent marks its node as doubtful. Silent trials are not
+//! compared for copies. The option `--drop` leaves trials out, and `--strict` refuses the set.
+//!
+//! Invariant: samples in (m/s² at 5 kHz, cut and scaled), verdicts out. Nothing here reads a file or drops a trial.
 
 mod fingerprint;
 mod hum;

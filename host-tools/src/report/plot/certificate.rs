@@ -1,4 +1,6 @@
-//! A texture's certificate over the grid of speeds and forces.
+//! The map of what `stylus certify` finds in each cell of a texture's grid.
+//!
+//! Speeds are in mm/s, forces in N, places in drawn pixels, [`at`] per shown pixel.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -14,16 +16,20 @@ use crate::texture::certificate::{Cell, Certification, Finding};
 const WHITISH: RGBColor = RGBColor(247, 247, 247);
 const DARK: RGBColor = RGBColor(8, 48, 107);
 
-/// Tenth powers of one minus the radius between the palest and the darkest colour.
+/// Decades of 1 - radius over the scale: palest at a radius of 0, darkest from 1 - 10⁻⁵ on.
 const DECADES: f64 = 5.0;
 
-/// A map of the cells, each with the largest pole radius of a direct form or the largest |k| of a lattice in it: darker
-/// the nearer it is to one, vermilion where the cell fails. A cross marks the worst sampled point.
+/// Draws a map of the cells of `report`.
 ///
-/// Cells are of one size, whatever the steps of the axes, which stand at the cells' borders.
+/// A cell shows the largest sampled pole radius (direct form) or the largest reflection coefficient |k| (lattice). It
+/// is darker the nearer that value is to one. It is vermilion if it fails: a sampled pole at radius 1 or more, or no
+/// proof. In a direct form a cross marks the sampled point of the largest radius. The figure is left out where it does
+/// not fit. All cells have one size; the values of an axis stand at the borders of the cells.
+///
+/// `report.cells` must fill the grid, speed-major, with findings of one structure.
 ///
 /// # Errors
-/// A picture that cannot be laid out.
+/// A report without cells, or a picture that cannot be laid out.
 pub fn certificate_map(caption: &Caption<'_>, report: &Certification) -> Result<Svg> {
     let direct = |cell: &Cell| matches!(cell.finding, Finding::Direct { .. });
     let Some(first) = report.cells.first() else {
@@ -83,7 +89,7 @@ fn draw_cell(area: &Area<'_>, place: [(i32, i32); 2], cell: &Cell) -> Drawn {
                 0.5
             }
         };
-        // Kept off the border, so that it is seen to which cell it belongs.
+        // Kept 8 % off the border, because a cross on a border would belong to two cells.
         let along = |from: i32, to: i32, share: f64| {
             from + (f64::from(to - from) * (0.08 + 0.84 * share)).round() as i32
         };
@@ -116,7 +122,7 @@ impl Layout {
         }
     }
 
-    /// Left edge of a column; that of the one after the last is the right edge of all.
+    /// Returns the left edge of a column. The index after the last column gives the right edge of the map.
     fn column(&self, area: &Area<'_>, column: usize) -> i32 {
         let (left, right) = (at(64), area.dim_in_pixel().0 as i32 - at(30));
         left + (right - left) * column as i32 / self.columns as i32
@@ -128,6 +134,7 @@ impl Layout {
         bottom - (bottom - top) * row as i32 / self.rows as i32
     }
 
+    /// Returns the upper left and the lower right corner of a cell, with a gap to its neighbours.
     fn cell(&self, area: &Area<'_>, speed: usize, force: usize) -> [(i32, i32); 2] {
         [
             (self.column(area, speed), self.row(area, force + 1)),
@@ -137,7 +144,7 @@ impl Layout {
 
     fn draw_axes(&self, area: &Area<'_>, report: &Certification) -> Drawn {
         let small = centred(TEXT, INK);
-        // An axis of one value has it in the middle of its one cell.
+        // The only value of an axis stands in the middle of the axis.
         let between = |low: i32, high: i32, alone: bool| {
             if alone { i32::midpoint(low, high) } else { low }
         };

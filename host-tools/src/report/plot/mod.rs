@@ -1,7 +1,7 @@
-//! Pictures for reports, as SVG: no fonts, bitmaps or display are needed to make them, and a page can hold their text.
+//! Pictures for reports, as SVG. Making them needs no font and no display; spectrograms embed PNG images.
 //!
-//! Every picture has units on its axes, colours that are told apart with any colour vision, and lines thinned to what
-//! can be seen, so that it stays small whatever the length of a recording.
+//! Invariant: axes have units, colours differ for any colour vision, curves are thinned to the picture's width so that
+//! a picture stays small whatever the length of a recording, and a picture of simulated data says SIMULATED.
 
 mod bands;
 mod canvas;

@@ -42,9 +42,24 @@ impl Image {
     }
 }
 
-/// Flags for the compiler.
-pub fn compiler_flags() -> &'static str {
-    "-C target-cpu=cortex-m7"
+/// Flags for the compiler, separated as `CARGO_ENCODED_RUSTFLAGS` wants them.
+///
+/// Folders of the building machine are renamed, because their names are in messages of panics: the image would hold them,
+/// and its size would depend on them. Of several names that match, the compiler takes the last.
+fn compiler_flags(target_folder: &Path) -> String {
+    let cargo_home = std::env::var_os("CARGO_HOME").map_or_else(
+        || std::env::home_dir().unwrap_or_default().join(".cargo"),
+        PathBuf::from,
+    );
+    let mut flags = vec!["-C".to_owned(), "target-cpu=cortex-m7".to_owned()];
+    for (folder, name) in [
+        (workspace::root(), "stylus"),
+        (cargo_home.as_path(), "cargo"),
+        (target_folder, "target"),
+    ] {
+        flags.push(format!("--remap-path-prefix={}={name}", folder.display()));
+    }
+    flags.join("\x1f")
 }
 
 /// Builds `image`, checks that the tick's code reads no flash, and returns the file.
@@ -63,7 +78,7 @@ pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
         "firmware",
     ]);
     cargo.args(["--features", image.features()]);
-    cargo.env("RUSTFLAGS", compiler_flags());
+    cargo.env("CARGO_ENCODED_RUSTFLAGS", compiler_flags(&target_folder));
     // Without this variable defmt leaves out all but errors.
     if std::env::var_os("DEFMT_LOG").is_none() {
         cargo.env("DEFMT_LOG", "info");
