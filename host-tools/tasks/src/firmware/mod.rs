@@ -44,8 +44,8 @@ impl Image {
 
 /// Flags for the compiler, separated as `CARGO_ENCODED_RUSTFLAGS` wants them.
 ///
-/// Folders of the building machine are renamed, because their names are in messages of panics: the image would hold them,
-/// and its size would depend on them. Of several names that match, the compiler takes the last.
+/// Folders of the building machine are renamed, because their names are in messages of panics: the image would hold
+/// them, and its size would depend on them. Of several names that match, the compiler takes the last.
 fn compiler_flags(target_folder: &Path) -> String {
     let cargo_home = std::env::var_os("CARGO_HOME").map_or_else(
         || std::env::home_dir().unwrap_or_default().join(".cargo"),
