@@ -1,6 +1,6 @@
 //! Results as pictures and pages that need nothing else to be read.
 //!
-//! Invariant: a report shows figures that another wing computed; it computes none of its own.
+//! Invariant: a report draws and words the results of other wings; it judges nothing itself.
 
 pub mod evaluation_folder;
 pub mod frontier_page;
