@@ -12,12 +12,14 @@ mod evaluate;
 mod fit;
 mod fit_tap;
 mod frontier;
+#[cfg(feature = "hatt")]
 mod import_hatt;
 mod input;
 mod inspect;
 mod library_file;
 mod output;
 mod render;
+#[cfg(feature = "spectrograms")]
 mod report;
 mod scene;
 mod segment;
@@ -35,16 +37,19 @@ use host_tools::support::error::Error;
 /// Exit code of a failure that the user can mend: a file, a value or a request that cannot be used.
 const EXIT_UNUSABLE: u8 = 2;
 
-/// The last line of the help where the commands for a stylus are left out.
-#[cfg(not(feature = "device"))]
-const WITHOUT_DEVICE: &str =
-    "The commands for a stylus need the feature `device`; `cargo stylus` has it.";
+/// The last line of the help of a build that leaves commands out.
+#[cfg(not(all(feature = "device", feature = "hatt", feature = "spectrograms")))]
+const COMMANDS_LEFT_OUT: &str = "This build leaves commands out: those for a stylus need the feature `device`, import-hatt `hatt`, report and scene \
+     plot `spectrograms`. `cargo stylus` has all.";
 
 /// Data-driven haptic textures: fit models to recordings of a tool on a surface, evaluate them, and render exactly what
 /// the stylus plays.
 #[derive(Parser)]
 #[command(name = "stylus", version, arg_required_else_help = true)]
-#[cfg_attr(not(feature = "device"), command(after_help = WITHOUT_DEVICE))]
+#[cfg_attr(
+    not(all(feature = "device", feature = "hatt", feature = "spectrograms")),
+    command(after_help = COMMANDS_LEFT_OUT)
+)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -62,10 +67,12 @@ enum Command {
     Render(render::Arguments),
     /// Show the content of a library
     Inspect(inspect::Arguments),
+    #[cfg(feature = "spectrograms")]
     /// Write one page with all results: tables, the paper's figures, maps, spectrograms, sounds
     Report(report::Arguments),
     /// Cut the steady pieces out of free-hand recordings, for fit
     Segment(segment::Arguments),
+    #[cfg(feature = "hatt")]
     /// Convert HaTT's model files to a library
     ImportHatt(import_hatt::Arguments),
     /// Check, compile, render and draw scenes: surfaces along a path, with effects
@@ -93,8 +100,10 @@ pub fn run() -> ExitCode {
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
+        #[cfg(feature = "spectrograms")]
         Command::Report(arguments) => report::run(&arguments),
         Command::Segment(arguments) => segment::run(&arguments),
+        #[cfg(feature = "hatt")]
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::FitTap(arguments) => fit_tap::run(&arguments),

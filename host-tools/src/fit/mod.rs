@@ -6,6 +6,7 @@
 pub mod densify;
 mod fitted;
 mod grid;
+#[cfg(feature = "hatt")]
 pub mod hatt;
 mod holes;
 mod notes;

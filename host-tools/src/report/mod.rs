@@ -6,7 +6,10 @@ pub mod evaluation_folder;
 pub mod frontier_page;
 pub mod html;
 pub mod plot;
+#[cfg(feature = "spectrograms")]
 pub mod removed_nodes;
 mod sections;
+#[cfg(feature = "spectrograms")]
 pub mod set_page;
+#[cfg(feature = "spectrograms")]
 mod sound;

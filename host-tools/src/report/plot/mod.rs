@@ -9,9 +9,12 @@ mod certificate;
 mod frontier;
 mod grid;
 mod orders;
+#[cfg(feature = "spectrograms")]
 mod paper;
+#[cfg(feature = "spectrograms")]
 mod scene;
 mod spectra;
+#[cfg(feature = "spectrograms")]
 mod spectrogram;
 
 use std::path::Path;
@@ -24,9 +27,12 @@ pub use certificate::certificate_map;
 pub use frontier::{FrontPoint, FrontSeries, Quantity, front_chart};
 pub use grid::{GridCell, GridMap, grid_map};
 pub use orders::{OrderSeries, order_against_cost};
+#[cfg(feature = "spectrograms")]
 pub use paper::{forward_prediction, grid_and_motion};
+#[cfg(feature = "spectrograms")]
 pub use scene::{SceneRegion, SceneView, scene};
 pub use spectra::{SpectraView, time_and_frequency};
+#[cfg(feature = "spectrograms")]
 pub use spectrogram::spectrograms;
 
 /// The heading of a picture.
@@ -49,6 +55,7 @@ impl Svg {
     }
 
     /// The picture with `elements` over it: what plotters does not draw into an SVG, such as bitmaps.
+    #[cfg(feature = "spectrograms")]
     fn with(&self, elements: &str) -> Self {
         let text = self.as_str();
         let (before, after) = text.split_at(text.rfind("</svg>").unwrap_or(text.len()));
