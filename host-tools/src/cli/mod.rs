@@ -39,8 +39,8 @@ const EXIT_UNUSABLE: u8 = 2;
 
 /// The last line of the help of a build that leaves commands out.
 #[cfg(not(all(feature = "device", feature = "hatt", feature = "spectrograms")))]
-const COMMANDS_LEFT_OUT: &str = "This build leaves commands out: those for a stylus need the feature `device`, import-hatt `hatt`, report and scene \
-     plot `spectrograms`. `cargo stylus` has all.";
+const COMMANDS_LEFT_OUT: &str = "This build leaves commands out: those for a stylus need the feature `device`, \
+     import-hatt `hatt`, report and scene plot `spectrograms`. `cargo stylus` has all.";
 
 /// Data-driven haptic textures: fit models to recordings of a tool on a surface, evaluate them, and render exactly what
 /// the stylus plays.
