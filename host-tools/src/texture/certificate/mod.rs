@@ -105,8 +105,8 @@ pub fn certified(mut spec: TextureSpec) -> Result<TextureSpec> {
             spec.name
         ))
     };
-    // Encoded and decoded here although the library is encoded again later, because the certificate is then of bytes that
-    // the one validator accepts. That takes less than a hundredth of the proof's time.
+    // Encoded and decoded here although the library is encoded again later, because the certificate is then of bytes
+    // that the one validator accepts. That takes less than a hundredth of the proof's time.
     let bytes = encode_uncertified(std::slice::from_ref(&spec)).map_err(refused)?;
     let library = Library::decode_uncertified(&bytes).map_err(refused)?;
     let texture = library.textures().next().expect("one was encoded");
