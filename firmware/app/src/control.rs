@@ -7,13 +7,13 @@ use model_format::Library;
 use model_format::link::{
     ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, MotionRefused,
     MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, RecordCounters,
-    RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings, SlotId, SlotInfo,
-    Status, StopError, TickCounters, TickHistogram, UploadState,
+    RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings, SettingsError,
+    SlotId, SlotInfo, Status, StopError, TickCounters, TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
 use crate::inputs::Timed;
-use crate::player::{Action, Begin, Observed, Player};
+use crate::player::{Action, Begin, Busy, Observed, Player};
 use crate::safety::{Config, Counters};
 use crate::words::in_words;
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
@@ -320,16 +320,21 @@ impl<D: Device> Control<D> {
         self.upload
     }
 
-    /// Returns true if settings may change: nothing is played and no library is being activated.
-    pub fn is_idle(&self) -> bool {
-        !self.player.is_playing() && !self.player.may_exchange()
+    /// Keeps everything from being played until [`Control::end_configuration`], while settings are stored.
+    ///
+    /// # Errors
+    /// Something is played, or a library is being activated.
+    pub fn begin_configuration(&mut self) -> Result<(), SettingsError> {
+        let begun = self.player.begin_configuration();
+        begun.map_err(|Busy| SettingsError::Playing)
     }
 
-    /// Applies the settings of the store. Nothing is played then, see [`Control::is_idle`].
-    pub fn set_settings(&mut self, settings: Settings, faulty: bool) {
+    /// Applies the settings of the store, and lets textures be played again.
+    pub fn end_configuration(&mut self, settings: Settings, faulty: bool) {
         self.settings = settings;
         self.settings_faulty = faulty;
         self.device.set_settings(&settings);
+        self.player.end_configuration();
     }
 
     /// Sets the progress of the upload, for the status.

@@ -15,6 +15,9 @@
 //!    |   end             v
 //!    +---------------- Activating
 //! ```
+//!
+//! While settings are stored, Idle is Configuring, and nothing begins to play. Settings that arrived under something
+//! that was begun meanwhile would take its gain away.
 
 use model_format::link::{
     ActivateError, Activity, MUTE_REASON_COUNT, MotionSource, MuteReason, MuteReasons, PlayRequest,
@@ -64,6 +67,7 @@ enum Phase {
     Playing(PlayRequest),
     FadingOut(Then),
     Activating,
+    Configuring,
 }
 
 /// State of playing, and the reasons for silence.
@@ -94,9 +98,9 @@ impl Player {
     /// the next [`Player::poll`] at rest, after the fade-out.
     ///
     /// # Errors
-    /// A library is being activated or about to be.
+    /// A library is being activated or about to be, or settings are being stored.
     pub fn play(&mut self, request: PlayRequest) -> Result<Begin, Busy> {
-        if self.is_activating() {
+        if self.is_busy() {
             return Err(Busy);
         }
         if let Phase::Playing(before) = &mut self.phase
@@ -124,18 +128,19 @@ impl Player {
                 Ok(())
             }
             Phase::FadingOut(Then::Stop) => Ok(()),
-            Phase::Idle | Phase::FadingOut(Then::Activate) | Phase::Activating => {
-                Err(StopError::NotPlaying)
-            }
+            Phase::Idle
+            | Phase::FadingOut(Then::Activate)
+            | Phase::Activating
+            | Phase::Configuring => Err(StopError::NotPlaying),
         }
     }
 
     /// Fades out and stops, so that the library can be exchanged once [`Player::may_exchange`] is true.
     ///
     /// # Errors
-    /// Another activation is under way.
+    /// Another activation is under way, or settings are being stored.
     pub fn begin_activation(&mut self) -> Result<(), ActivateError> {
-        if self.is_activating() {
+        if self.is_busy() {
             return Err(ActivateError::Busy);
         }
         self.phase = Phase::FadingOut(Then::Activate);
@@ -154,6 +159,25 @@ impl Player {
             self.phase = Phase::Idle;
             self.set(MuteReason::NotPlaying, true);
             self.set(MuteReason::Changing, false);
+        }
+    }
+
+    /// Keeps everything from being played until [`Player::end_configuration`], so that settings can be exchanged.
+    ///
+    /// # Errors
+    /// Something is played, a library is being activated, or settings are being stored already.
+    pub fn begin_configuration(&mut self) -> Result<(), Busy> {
+        if self.phase != Phase::Idle {
+            return Err(Busy);
+        }
+        self.phase = Phase::Configuring;
+        Ok(())
+    }
+
+    /// Ends what [`Player::begin_configuration`] began.
+    pub fn end_configuration(&mut self) {
+        if self.phase == Phase::Configuring {
+            self.phase = Phase::Idle;
         }
     }
 
@@ -226,7 +250,7 @@ impl Player {
     /// Activity, for the status.
     pub fn activity(&self) -> Activity {
         match &self.phase {
-            Phase::Idle => Activity::Idle,
+            Phase::Idle | Phase::Configuring => Activity::Idle,
             Phase::Playing(request) => Activity::Playing {
                 selection: request.selection.clone(),
                 motion: request.motion,
@@ -234,6 +258,10 @@ impl Player {
             Phase::FadingOut(_) => Activity::FadingOut,
             Phase::Activating => Activity::Activating,
         }
+    }
+
+    fn is_busy(&self) -> bool {
+        self.is_activating() || self.phase == Phase::Configuring
     }
 
     fn is_activating(&self) -> bool {
@@ -251,6 +279,6 @@ impl Player {
     }
 }
 
-/// Refusal because a library is being activated.
+/// Refusal because of what the player is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Busy;

@@ -36,11 +36,14 @@ pub trait Stage {
     /// As `Control::end_activation`.
     fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>);
 
-    /// As `Control::is_idle`.
-    fn is_idle(&self) -> bool;
+    /// As `Control::begin_configuration`.
+    ///
+    /// # Errors
+    /// Something is played, or a library is being activated.
+    fn begin_configuration(&mut self) -> Result<(), SettingsError>;
 
-    /// As `Control::set_settings`.
-    fn set_settings(&mut self, settings: Settings, faulty: bool);
+    /// As `Control::end_configuration`.
+    fn end_configuration(&mut self, settings: Settings, faulty: bool);
 
     /// As `Control::set_upload`.
     fn set_upload(&mut self, upload: UploadState);
@@ -244,15 +247,14 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         stage: &mut impl Stage,
         change: Option<SettingChange>,
     ) -> Result<Settings, SettingsError> {
-        if !stage.is_idle() {
-            return Err(SettingsError::Playing);
-        }
+        // Before the first wait, because a play that came during the wait would be given settings without its gain.
+        stage.begin_configuration()?;
         let result = match change {
             Some(change) => self.settings.set(change).await,
             None => self.settings.reset().await,
         };
         // Also after an error, because a reset that failed half way has changed some settings.
-        stage.set_settings(self.settings.settings(), self.settings.is_faulty());
+        stage.end_configuration(self.settings.settings(), self.settings.is_faulty());
         result
     }
 }

@@ -15,8 +15,8 @@ use embassy_time::{Duration, Ticker, Timer};
 use heapless::Vec;
 use model_format::link::{
     ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES,
-    SettingChange, Settings, SettingsResetEndpoint, SettingsSetEndpoint, SlotId, SlotInfo,
-    SlotsEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    SettingChange, Settings, SettingsError, SettingsResetEndpoint, SettingsSetEndpoint, SlotId,
+    SlotInfo, SlotsEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
     UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
 };
 use postcard_rpc::header::VarSeq;
@@ -212,12 +212,12 @@ impl Stage for ControlStage {
         with_control(|control| control.end_activation(active));
     }
 
-    fn is_idle(&self) -> bool {
-        with_control(|control| control.is_idle())
+    fn begin_configuration(&mut self) -> Result<(), SettingsError> {
+        with_control(Control::begin_configuration)
     }
 
-    fn set_settings(&mut self, settings: Settings, faulty: bool) {
-        with_control(|control| control.set_settings(settings, faulty));
+    fn end_configuration(&mut self, settings: Settings, faulty: bool) {
+        with_control(|control| control.end_configuration(settings, faulty));
     }
 
     fn set_upload(&mut self, upload: UploadState) {

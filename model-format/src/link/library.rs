@@ -137,8 +137,10 @@ pub enum ActivateError {
         /// The slot.
         slot: SlotId,
     },
-    /// Another activation is under way.
-    #[error("another library is being activated: try again in a moment")]
+    /// Another activation is under way, or settings are being stored.
+    #[error(
+        "another library is being activated or settings are being stored: try again in a moment"
+    )]
     Busy,
     /// The output did not fade out in time.
     #[error("the output did not come to rest: stop it, then activate again")]

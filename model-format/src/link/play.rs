@@ -122,8 +122,8 @@ pub enum PlayError {
         /// The requested value.
         gain: f32,
     },
-    /// An activation is under way.
-    #[error("a library is being activated: try again in a moment")]
+    /// A library is being activated, or settings are being stored.
+    #[error("a library is being activated or settings are being stored: try again in a moment")]
     Busy,
     /// The output is off after a fault.
     #[error("the output is off after a fault: read the status, then restart the device")]

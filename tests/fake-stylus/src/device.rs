@@ -9,7 +9,8 @@ use std::task::{Context, Poll, Waker};
 
 use embassy_futures::yield_now;
 use model_format::link::{
-    ActivateError, MotionSample, RecordBlock, Settings, SlotId, SlotInfo, UploadState,
+    ActivateError, MotionSample, RecordBlock, Settings, SettingsError, SlotId, SlotInfo,
+    UploadState,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::TICKS_PER_MS;
@@ -88,12 +89,12 @@ impl Stage for SharedControl {
         self.borrow_mut().end_activation(active);
     }
 
-    fn is_idle(&self) -> bool {
-        self.borrow().is_idle()
+    fn begin_configuration(&mut self) -> Result<(), SettingsError> {
+        self.borrow_mut().begin_configuration()
     }
 
-    fn set_settings(&mut self, settings: Settings, faulty: bool) {
-        self.borrow_mut().set_settings(settings, faulty);
+    fn end_configuration(&mut self, settings: Settings, faulty: bool) {
+        self.borrow_mut().end_configuration(settings, faulty);
     }
 
     fn set_upload(&mut self, upload: UploadState) {

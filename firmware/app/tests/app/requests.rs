@@ -15,6 +15,7 @@ use model_format::link::{
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{Library, MillimetresPerSecond, Newton, encode, encode_with_scenes};
 use stylus_app::SAMPLE_RATE_HZ;
+use stylus_app::safety::Config;
 use stylus_app::slots::SlotStore;
 use stylus_kernel::scene::Plan;
 
@@ -458,6 +459,43 @@ fn settings_change_at_rest_alone_and_reach_the_device() {
     assert_eq!(stylus.control.borrow().settings(), set);
     assert_eq!(stylus.reset_settings(), Ok(Settings::default()));
     assert_eq!(stylus.control.borrow().settings(), Settings::default());
+}
+
+#[test]
+fn nothing_begins_to_play_while_settings_are_stored_and_what_begins_after_has_its_gain() {
+    let mut stylus = Stylus::with_library(&library(1, 20, 1));
+    let change = SettingChange {
+        setting: Setting::HardLimit,
+        value: 0.25,
+    };
+    let quiet = PlayRequest {
+        gain: 0.25,
+        ..request("texture 0")
+    };
+    let mut asked = Vec::new();
+    let set = stylus.request_meanwhile(
+        async |storage, stage| storage.settings_set(stage, change).await,
+        |control| {
+            asked.push(control.borrow_mut().play(quiet.clone()));
+            control.millisecond_with_motion();
+        },
+    );
+    assert!(set.is_ok() && !asked.is_empty(), "{set:?} {asked:?}");
+    assert!(
+        asked.iter().all(|asked| *asked == Err(PlayError::Busy)),
+        "{asked:?}"
+    );
+    stylus.run(50);
+    assert!(stylus.control.borrow_mut().device().playing.is_none());
+
+    let begun = stylus.control.borrow_mut().play(quiet.clone());
+    assert!(begun.is_ok(), "{begun:?}");
+    stylus.run(50);
+    let settings = stylus.control.borrow().settings();
+    let mut control = stylus.control.borrow_mut();
+    let device = control.device();
+    assert!(device.playing.is_some());
+    assert_eq!(device.config, Config::new(&settings, quiet.gain));
 }
 
 #[test]
