@@ -38,6 +38,8 @@ pub enum Level {
     Excitation,
     /// By the output's power.
     Power,
+    /// By the output's RMS.
+    Amplitude,
     /// By the output's power in dB.
     LogPower,
 }
@@ -55,18 +57,19 @@ impl Method {
     /// The paper's: h and σ², played in the direct form.
     pub const PAPER: Self = Self::new(Domain::Predictor, Level::Excitation);
 
-    /// The device's own method: θ and power.
-    pub const DEVICE: Self = Self::new(Domain::Angle, Level::Power);
+    /// The method of a texture on the device whose level law is the fit's default: θ and the logarithm of the power.
+    pub const DEVICE: Self = Self::new(Domain::Angle, Level::LogPower);
 
     /// Every method, the paper's first.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::PAPER,
         Self::new(Domain::Predictor, Level::Power),
         Self::new(Domain::Predictor, Level::LogPower),
         Self::new(Domain::Reflection, Level::Power),
         Self::new(Domain::Reflection, Level::LogPower),
+        Self::new(Domain::Angle, Level::Power),
+        Self::new(Domain::Angle, Level::Amplitude),
         Self::DEVICE,
-        Self::new(Domain::Angle, Level::LogPower),
         Self::new(Domain::LogAreaRatio, Level::Power),
         Self::new(Domain::LogAreaRatio, Level::LogPower),
         Self::new(Domain::LineSpectrum, Level::Power),
@@ -98,6 +101,7 @@ impl Method {
         let level = match self.level {
             Level::Excitation => "σ²",
             Level::Power => "power",
+            Level::Amplitude => "RMS",
             Level::LogPower => "log power",
         };
         let role = match self {
@@ -132,6 +136,7 @@ impl Level {
                 mean(&excitation) / error_share(reflection)
             }
             Self::Power => mean(&|m| m.output_power),
+            Self::Amplitude => mean(&|m| m.output_power.sqrt()).powi(2),
             Self::LogPower => mean(&|m| m.output_power.ln()).exp(),
         }
     }
@@ -316,6 +321,7 @@ mod tests {
                     prop_assert!(mean.reflection.iter().all(|k| k.abs() < 1.0));
                     match method.level {
                         Level::Power => prop_assert!((mean.output_power - 2.5).abs() < 1e-9),
+                        Level::Amplitude => prop_assert!((mean.output_power - 2.25).abs() < 1e-9),
                         Level::LogPower => prop_assert!((mean.output_power - 2.0).abs() < 1e-9),
                         Level::Excitation => {}
                     }
