@@ -125,7 +125,7 @@ impl DirectFrame {
                         *sum += i64::from(i32::from_le_bytes(code)) * factor;
                     }
                 }
-                Coefficients::Lattice(_) => {}
+                Coefficients::Lattice { .. } => {}
             }
         }
         for (coefficient, sum) in self.coefficients.as_flattened_mut().iter_mut().zip(sums) {
@@ -149,7 +149,7 @@ pub fn exponent(texture: &Texture<'_>) -> u32 {
             let magnitudes = codes.iter().map(|&h| i32::from_le_bytes(h).unsigned_abs());
             (u32::from(exponent), magnitudes.map(u64::from).sum())
         }
-        Coefficients::Lattice(_) => (0, 0),
+        Coefficients::Lattice { .. } => (0, 0),
     };
     let needed = texture.nodes().map(|at| {
         let (exponent, sum) = node(at.coefficients);

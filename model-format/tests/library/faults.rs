@@ -2,7 +2,7 @@
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, DecodeError, FORMAT_VERSION, Library, NodeFlags, NodeSpec, Place, Problem,
+    CodeSpec, DecodeError, FORMAT_VERSION, Laws, Library, NodeFlags, NodeSpec, Place, Problem,
     Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
 };
 
@@ -238,13 +238,13 @@ fn nothing_may_follow_the_last_record() {
 
 #[test]
 fn the_number_of_textures_has_bounds() {
-    for count in [0, 33, 255] {
+    for count in [0, 257, u32::MAX] {
         let error = fault(|library| library.count = Some(count));
         check(
             error,
             Place::Library,
-            Problem::TextureCount(usize::from(count)),
-            "there must be 1 to 32",
+            Problem::TextureCount(count as usize),
+            "there must be 1 to 256",
         );
     }
 }
@@ -651,15 +651,15 @@ fn a_certificate_is_of_its_textures_structure() {
 
 #[test]
 fn the_bound_on_theta_is_the_nodes_own() {
-    for stored in [0, 19_999, 20_001, 32_767, u16::MAX] {
+    for stored in [0, 20_000, 5_119_999, 5_120_001, 1 << 23, u32::MAX] {
         let error = fault(|library| {
             library.textures[0].certificate = Some(RawCertificate::Lattice(stored));
         });
         let problem = Problem::CertifiedTheta {
             stored,
-            found: 20_000,
+            found: 5_120_000,
         };
-        check(error, Place::Texture(0), problem, "largest is 20000");
+        check(error, Place::Texture(0), problem, "largest is 5120000");
     }
 }
 
@@ -729,6 +729,7 @@ fn spec() -> TextureSpec {
         sample_rate_hz: SAMPLE_RATE_HZ,
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Recorded,
+        laws: Laws::default(),
         speed_axis_mm_s: vec![50.0],
         force_axis_n: vec![0.5, 1.0],
         nodes: vec![
@@ -736,7 +737,7 @@ fn spec() -> TextureSpec {
                 output_power: 1.0,
                 prediction_error_power: 0.5,
                 flags: NodeFlags::NONE,
-                codes: CodeSpec::Lattice(vec![100]),
+                codes: CodeSpec::lattice(vec![100]),
             };
             2
         ],
@@ -783,17 +784,17 @@ fn the_encoder_refuses_what_the_decoder_would() {
             },
         ),
         (
-            |spec| spec.nodes[1].codes = CodeSpec::Lattice(vec![0; 401]),
+            |spec| spec.nodes[1].codes = CodeSpec::lattice(vec![0; 401]),
             last,
             Problem::Order(401),
         ),
         (
-            |spec| spec.nodes[1].codes = CodeSpec::Lattice(vec![0; 70_000]),
+            |spec| spec.nodes[1].codes = CodeSpec::lattice(vec![0; 70_000]),
             last,
             Problem::Order(70_000),
         ),
         (
-            |spec| spec.nodes[1].codes = CodeSpec::Lattice(vec![1, i16::MIN]),
+            |spec| spec.nodes[1].codes = CodeSpec::lattice(vec![1, i16::MIN]),
             last,
             Problem::ReflectionCoefficient { stage: 2 },
         ),

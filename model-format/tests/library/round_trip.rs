@@ -1,8 +1,8 @@
 //! Round trips: from content to bytes and back, and from bytes to content and back.
 
 use model_format::{
-    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, UNCERTIFIED_CELL,
-    encode, encode_uncertified, encode_with_scenes, limits,
+    CodeSpec, Laws, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec,
+    UNCERTIFIED_CELL, encode, encode_uncertified, encode_with_scenes, limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -97,6 +97,7 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
                     sample_rate_hz,
                     structure,
                     provenance,
+                    laws: Laws::default(),
                     speed_axis_mm_s: speeds.clone(),
                     force_axis_n: forces.clone(),
                     nodes,
@@ -176,7 +177,7 @@ fn codes(structure: Structure, order: usize) -> impl Strategy<Value = CodeSpec> 
         };
         match structure {
             Structure::NormalisedLattice => {
-                CodeSpec::Lattice(any.iter().map(|&code| code.max(-i16::MAX)).collect())
+                CodeSpec::lattice(any.iter().map(|&code| code.max(-i16::MAX)).collect())
             }
             Structure::DirectForm16 => {
                 let codes = scaled(15, i64::from(i16::MAX));

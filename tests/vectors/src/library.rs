@@ -8,7 +8,7 @@ use alloc::vec::Vec;
 
 use model_format::limits::MAX_ORDER;
 use model_format::{
-    CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, THETA_STEP_RAD, TextureSpec,
+    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, Structure, THETA_STEP_RAD, TextureSpec,
     encode_uncertified,
 };
 use rand_core::Rng;
@@ -168,7 +168,7 @@ impl Model {
 
     fn codes(&self, structure: Structure) -> CodeSpec {
         match structure {
-            Structure::NormalisedLattice => CodeSpec::Lattice(self.theta_codes.clone()),
+            Structure::NormalisedLattice => CodeSpec::lattice(self.theta_codes.clone()),
             Structure::DirectForm16 => {
                 let (exponent, codes) = quantise(&self.predictor(), 15);
                 let codes = codes.into_iter().map(|code| code as i16).collect();
@@ -242,6 +242,7 @@ impl Grid {
             sample_rate_hz: 5000,
             structure,
             provenance: Provenance::Simulated,
+            laws: Laws::default(),
             speed_axis_mm_s: self.speeds_mm_s.clone(),
             force_axis_n: self.forces_n.clone(),
             nodes: self

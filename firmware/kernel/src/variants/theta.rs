@@ -18,7 +18,7 @@ pub(super) fn interpolated(texture: &Texture<'_>, point: &GridPoint) -> [i32; MA
     const DROPPED_BITS: u32 = 16 - THETA_FRACTION_BITS;
     let mut thetas = [0i32; MAX_ORDER];
     for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {
-        let Coefficients::Lattice(codes) = texture.node(speed, force).coefficients else {
+        let Coefficients::Lattice { codes, .. } = texture.node(speed, force).coefficients else {
             continue;
         };
         for (theta, &code) in thetas.iter_mut().zip(codes) {
