@@ -40,7 +40,7 @@ pub fn rms_at(
             for (power, weight) in weighted(point, power) {
                 let rms = rms_in_steps(power, bits);
                 (lowest, highest) = (lowest.min(rms), highest.max(rms));
-                sum += i64::from(weight) * i64::from(log2(power));
+                sum += i64::from(weight) * log2(power);
             }
             // At a node both bounds are its own level. Elsewhere they take off what the logarithm rounds.
             exp2(sum + (i64::from(bits) << FRACTION_BITS), FRACTION_BITS)
