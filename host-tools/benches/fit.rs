@@ -77,12 +77,14 @@ fn synthesis(criterion: &mut Criterion) {
             speeds_mm_s: vec![50.0, 150.0],
             forces_n: vec![0.5, 1.0],
             models: vec![model; 4],
+            laws: model_format::Laws::default(),
         };
         let spec = model_format::TextureSpec {
             name: "bench".into(),
             sample_rate_hz: 5000,
             structure: structure.structure(),
             provenance: model_format::Provenance::Simulated,
+            laws: grid.laws,
             speed_axis_mm_s: grid.speeds_mm_s.clone(),
             force_axis_n: grid.forces_n.clone(),
             nodes: host_tools::texture::quantise::nodes("bench", &grid, structure)

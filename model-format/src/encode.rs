@@ -3,7 +3,8 @@
 use alloc::vec::Vec;
 
 use crate::error::{DecodeError, Place, Problem};
-use crate::library::{Library, NodeFlags};
+use crate::library::part::{self, fine_theta, levels};
+use crate::library::{Coefficients, Laws, Library, NodeFlags, theta};
 use crate::limits;
 use crate::scene::Scene;
 use crate::scene::limits::MAX_SCENES;
@@ -22,6 +23,8 @@ pub struct TextureSpec {
     pub structure: Structure,
     /// Origin of the recordings.
     pub provenance: Provenance,
+    /// Laws of the level between nodes and below the grid.
+    pub laws: Laws,
     /// Tangential speeds of the grid, mm/s, ascending.
     pub speed_axis_mm_s: Vec<f32>,
     /// Normal forces of the grid, N, ascending.
@@ -49,8 +52,14 @@ pub struct NodeSpec {
 /// Coefficients to be written, in the structure of their texture; see [`crate::Coefficients`] for their scales.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CodeSpec {
-    /// θ of stage 1 first.
-    Lattice(Vec<i16>),
+    /// θ of stage 1 first. [`CodeSpec::lattice`] and [`CodeSpec::fine_lattice`] make it.
+    Lattice {
+        /// The codes, in steps of [`crate::THETA_STEP_RAD`].
+        codes: Vec<i16>,
+        /// Fractions of the first stages, in steps of [`crate::FINE_THETA_STEP_RAD`]; those of further stages are 0.
+        /// There are at most [`limits::MAX_FINE_STAGES`] up to the last that is not 0.
+        fractions: Vec<i8>,
+    },
     /// h₁ first.
     Direct16 {
         /// Binary exponent of the whole node.
@@ -67,10 +76,66 @@ pub enum CodeSpec {
     },
 }
 
+impl From<Coefficients<'_>> for CodeSpec {
+    /// The coefficients of a decoded node, which encode to the same bytes.
+    fn from(coefficients: Coefficients<'_>) -> Self {
+        let sixteen =
+            |codes: &[[u8; 2]]| codes.iter().map(|&code| i16::from_le_bytes(code)).collect();
+        match coefficients {
+            Coefficients::Lattice { codes, fractions } => Self::Lattice {
+                codes: sixteen(codes),
+                fractions: fractions.iter().map(|byte| byte.cast_signed()).collect(),
+            },
+            Coefficients::Direct16 { exponent, codes } => Self::Direct16 {
+                exponent,
+                codes: sixteen(codes),
+            },
+            Coefficients::Direct32 { exponent, codes } => Self::Direct32 {
+                exponent,
+                codes: codes.iter().map(|&code| i32::from_le_bytes(code)).collect(),
+            },
+        }
+    }
+}
+
 impl CodeSpec {
+    /// A lattice of these codes, without fractions.
+    pub const fn lattice(codes: Vec<i16>) -> Self {
+        let fractions = Vec::new();
+        Self::Lattice { codes, fractions }
+    }
+
+    /// A lattice of θ in steps of [`crate::FINE_THETA_STEP_RAD`], stage 1 first. The first
+    /// [`limits::MAX_FINE_STAGES`] keep all digits, further ones are rounded to the nearest code.
+    ///
+    /// Values beyond the largest θ that a library holds, [`crate::MAX_FINE_THETA`], count as that.
+    pub fn fine_lattice(thetas: &[i32]) -> Self {
+        let split = |&theta: &i32| {
+            let theta = theta.clamp(-crate::MAX_FINE_THETA, crate::MAX_FINE_THETA);
+            let code =
+                (theta + (1 << (crate::THETA_FRACTION_BITS - 1))) >> crate::THETA_FRACTION_BITS;
+            (
+                code as i16,
+                (theta - (code << crate::THETA_FRACTION_BITS)) as i8,
+            )
+        };
+        let fine = thetas.iter().take(limits::MAX_FINE_STAGES);
+        Self::Lattice {
+            codes: thetas.iter().map(|theta| split(theta).0).collect(),
+            fractions: fine.map(|theta| split(theta).1).collect(),
+        }
+    }
+
+    fn fractions(&self) -> &[i8] {
+        match self {
+            Self::Lattice { fractions, .. } => fractions,
+            Self::Direct16 { .. } | Self::Direct32 { .. } => &[],
+        }
+    }
+
     fn structure(&self) -> Structure {
         match self {
-            Self::Lattice(_) => Structure::NormalisedLattice,
+            Self::Lattice { .. } => Structure::NormalisedLattice,
             Self::Direct16 { .. } => Structure::DirectForm16,
             Self::Direct32 { .. } => Structure::DirectForm32,
         }
@@ -78,21 +143,21 @@ impl CodeSpec {
 
     fn exponent(&self) -> u8 {
         match *self {
-            Self::Lattice(_) => 0,
+            Self::Lattice { .. } => 0,
             Self::Direct16 { exponent, .. } | Self::Direct32 { exponent, .. } => exponent,
         }
     }
 
     fn order(&self) -> usize {
         match self {
-            Self::Lattice(codes) | Self::Direct16 { codes, .. } => codes.len(),
+            Self::Lattice { codes, .. } | Self::Direct16 { codes, .. } => codes.len(),
             Self::Direct32 { codes, .. } => codes.len(),
         }
     }
 
     fn append_to(&self, bytes: &mut Vec<u8>) {
         match self {
-            Self::Lattice(codes) | Self::Direct16 { codes, .. } => {
+            Self::Lattice { codes, .. } | Self::Direct16 { codes, .. } => {
                 bytes.extend(codes.iter().flat_map(|code| code.to_le_bytes()));
             }
             Self::Direct32 { codes, .. } => {
@@ -117,20 +182,21 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
 /// The bytes returned have passed [`Library::decode`].
 ///
 /// ```
-/// # use model_format::{CodeSpec, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec};
+/// # use model_format::{CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec};
 /// use model_format::scene::{Region, Scene, SceneProblem, Surface};
 /// use model_format::{Library, Problem, encode_with_scenes};
 /// # let node = NodeSpec {
 /// #     output_power: 4.0,
 /// #     prediction_error_power: 1.0,
 /// #     flags: NodeFlags::NONE,
-/// #     codes: CodeSpec::Lattice(vec![-20_000]),
+/// #     codes: CodeSpec::lattice(vec![-20_000]),
 /// # };
 /// # let textures = [TextureSpec {
 /// #     name: "denim".into(),
 /// #     sample_rate_hz: SAMPLE_RATE_HZ,
 /// #     structure: Structure::NormalisedLattice,
 /// #     provenance: Provenance::Simulated,
+/// #     laws: Laws::default(),
 /// #     speed_axis_mm_s: vec![100.0],
 /// #     force_axis_n: vec![1.0],
 /// #     nodes: vec![node],
@@ -190,7 +256,8 @@ fn bytes_of(textures: &[TextureSpec], scenes: &[Scene]) -> Result<Vec<u8>, Decod
         return Err(Problem::TextureCount(count).at(Place::Library));
     }
     let mut bytes = alloc::vec![0; wire::PREFIX_BYTES];
-    bytes.push(count as u8);
+    let malformed = |_| Problem::Malformed.at(Place::Library);
+    bytes.extend(postcard::to_allocvec(&(count as u32)).map_err(malformed)?);
     for (index, texture) in textures.iter().enumerate() {
         append_texture(texture, index, &mut bytes)?;
     }
@@ -220,12 +287,7 @@ fn append_texture(
     let mut nodes = Vec::new();
     let mut coefficients = Vec::new();
     for (number, node) in texture.nodes.iter().enumerate() {
-        let forces = texture.force_axis_n.len().max(1);
-        let place = Place::Node {
-            texture: index,
-            speed: number / forces,
-            force: number % forces,
-        };
+        let place = node_place(texture, index, number);
         let (order, structure) = (node.codes.order(), node.codes.structure());
         if structure != texture.structure {
             let texture = texture.structure;
@@ -253,7 +315,7 @@ fn append_texture(
     let margins = texture.cell_margins.as_slice();
     let certificate = match texture.structure {
         Structure::NormalisedLattice if margins.is_empty() => CertificateRecord::Lattice {
-            largest_theta_code: largest_theta_code(&texture.nodes),
+            largest_theta: largest_theta(&texture.nodes),
         },
         _ if margins.is_empty() => CertificateRecord::None,
         _ => CertificateRecord::DirectForm {
@@ -283,15 +345,50 @@ fn append_texture(
         Problem::Malformed.at(place)
     })?;
     bytes.extend(encoded);
-    Ok(())
+    append_parts(texture, index, bytes)
 }
 
-fn largest_theta_code(nodes: &[NodeSpec]) -> u16 {
-    let magnitudes = nodes.iter().flat_map(|node| match &node.codes {
-        CodeSpec::Lattice(codes) => codes.as_slice(),
-        CodeSpec::Direct16 { .. } | CodeSpec::Direct32 { .. } => &[],
+fn append_parts(
+    texture: &TextureSpec,
+    index: usize,
+    bytes: &mut Vec<u8>,
+) -> Result<(), DecodeError> {
+    let fractions: Vec<&[i8]> = texture
+        .nodes
+        .iter()
+        .map(|node| node.codes.fractions())
+        .collect();
+    let fine_theta = fine_theta::part(&fractions)
+        .map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
+    let parts: Vec<_> = [levels::part(texture.laws), fine_theta]
+        .into_iter()
+        .flatten()
+        .collect();
+    let malformed = |_| Problem::MalformedParts.at(Place::Texture(index));
+    part::append(&parts, bytes).map_err(malformed)
+}
+
+/// Place of node `number` of a texture that may have no force axis.
+fn node_place(texture: &TextureSpec, index: usize, number: usize) -> Place {
+    let forces = texture.force_axis_n.len().max(1);
+    Place::Node {
+        texture: index,
+        speed: number / forces,
+        force: number % forces,
+    }
+}
+
+fn largest_theta(nodes: &[NodeSpec]) -> u32 {
+    let thetas = nodes.iter().filter_map(|node| match &node.codes {
+        CodeSpec::Lattice { codes, fractions } => {
+            let fractions = fractions.iter().copied().chain(core::iter::repeat(0));
+            let both = codes.iter().zip(fractions);
+            both.map(|(&code, fraction)| theta(code, fraction))
+                .max_by_key(|theta| theta.unsigned_abs())
+        }
+        CodeSpec::Direct16 { .. } | CodeSpec::Direct32 { .. } => None,
     });
-    magnitudes.fold(0, |largest, code| largest.max(code.unsigned_abs()))
+    thetas.map(i32::unsigned_abs).max().unwrap_or(0)
 }
 
 fn axis_bytes(values: &[f32]) -> Vec<u8> {

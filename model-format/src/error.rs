@@ -145,6 +145,71 @@ pub enum Problem {
     /// A texture's header that does not parse.
     #[error("the header does not parse")]
     Malformed,
+    /// Optional parts that do not parse.
+    #[error("its optional parts do not parse")]
+    MalformedParts,
+    /// An optional part of a kind that this program does not know.
+    #[error(
+        "an optional part of kind {0}, which this program does not know: a newer tool wrote it, update the program"
+    )]
+    UnknownPart(u32),
+    /// An optional part that does not follow one of a lower kind.
+    #[error("the optional part of kind {kind} comes twice, or after one of a higher kind")]
+    PartOrder {
+        /// Kind of the part.
+        kind: u32,
+    },
+    /// Laws of the level that are not two bytes.
+    #[error("the laws of the level take {0} bytes; there must be 2")]
+    LevelsLength(usize),
+    /// A law that this program does not know.
+    #[error("the {what} law has the code {code}, which this program does not know: update it")]
+    UnknownLaw {
+        /// Name of the law: "level" or "fade".
+        what: &'static str,
+        /// The stored code.
+        code: u8,
+    },
+    /// Laws that hold without being stated.
+    #[error("the part with the laws of the level states those that hold without it")]
+    DefaultLaws,
+    /// A silent node of a texture whose levels are averaged in dB, or a direct form's node without prediction error.
+    #[error(
+        "a silent node has no level in dB: give the texture the level law of power or amplitude, or leave speed 0 and \
+         force 0 out of its grid"
+    )]
+    SilentInLogarithm,
+    /// Fractions of θ in a direct form.
+    #[error("fractions of θ in a {0}, which has none")]
+    FineStructure(Structure),
+    /// Fractions of θ that are not the same number of bytes for each node, or too many.
+    #[error(
+        "{found} bytes of fractions of θ for {nodes} nodes; there must be 1 to {max} for each",
+        max = limits::MAX_FINE_STAGES
+    )]
+    FineLength {
+        /// Length of the part, bytes.
+        found: usize,
+        /// Number of nodes.
+        nodes: usize,
+    },
+    /// Fractions for too many stages; their number. Only encoding can meet it.
+    #[error("fractions of θ for {0} stages; there may be {max}", max = limits::MAX_FINE_STAGES)]
+    FineStages(usize),
+    /// A fraction for a stage that the node's model does not have.
+    #[error("a fraction of θ for stage {stage} of a model of order {order}")]
+    FineBeyondOrder {
+        /// Number of the stage, from 1.
+        stage: usize,
+        /// Order of the model.
+        order: usize,
+    },
+    /// A last fine stage in which all fractions are 0, so that the part could be shorter or missing.
+    #[error("all fractions of θ of the last fine stage, {stage}, are 0")]
+    FineStageUnused {
+        /// Number of the stage, from 1.
+        stage: usize,
+    },
     /// Bytes after the last scene; their number.
     #[error("{0} bytes are left over after the last scene")]
     LeftOver(usize),
@@ -285,12 +350,14 @@ pub enum Problem {
     #[error("the certificate is not one for a {0}")]
     CertificateKind(Structure),
     /// A certificate whose bound on |θ| is not the nodes' own.
-    #[error("the certificate bounds |θ| by code {stored}, and the nodes' largest is {found}")]
+    #[error(
+        "the certificate bounds |θ| by {stored} steps of π/2²⁴, and the nodes' largest is {found}"
+    )]
     CertifiedTheta {
-        /// Code in the certificate.
-        stored: u16,
-        /// Largest code of the nodes.
-        found: u16,
+        /// Bound in the certificate, in steps of [`crate::FINE_THETA_STEP_RAD`].
+        stored: u32,
+        /// Largest |θ| of the nodes.
+        found: u32,
     },
     /// A certificate for more or fewer cells than there are.
     #[error("the certificate is for {found} cells where the axes span {expected}")]

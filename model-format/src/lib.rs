@@ -22,8 +22,8 @@ pub use encode::{
 };
 pub use error::{DecodeError, Place, Problem};
 pub use library::{
-    Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Coefficients, Library, Node, NodeFlags,
-    Texture, UNCERTIFIED_CELL,
+    Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Coefficients, FadeLaw, Laws, LevelLaw,
+    Library, Node, NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL,
 };
 pub use units::{
     AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample,
@@ -36,3 +36,15 @@ pub use wire::{FORMAT_VERSION, Provenance, Structure};
 /// A node of a normalised lattice stores θ = arcsin k, not the reflection coefficient k itself: near |k| = 0.9999,
 /// where resonances live, a step of θ is worth 7e-7 in k, forty times finer than a 16-bit k.
 pub const THETA_STEP_RAD: f64 = core::f64::consts::PI / 65_536.0;
+
+/// Binary digits that a θ has in addition to its 16-bit code: in the first stages of a lattice with a fine part, and
+/// between nodes.
+pub const THETA_FRACTION_BITS: u32 = 8;
+
+/// Largest θ of a library, in steps of [`FINE_THETA_STEP_RAD`]: the largest code with the largest fraction, both ways.
+///
+/// It is a little below π/2, so that no stage has a reflection coefficient of magnitude 1.
+pub const MAX_FINE_THETA: i32 = (i16::MAX as i32) * (1 << THETA_FRACTION_BITS) + i8::MAX as i32;
+
+/// Angle of one step of θ with its fraction, rad: π/2²⁴.
+pub const FINE_THETA_STEP_RAD: f64 = THETA_STEP_RAD / (1 << THETA_FRACTION_BITS) as f64;

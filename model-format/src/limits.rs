@@ -15,8 +15,11 @@ pub const SLOT_HEADER_BYTES: usize = 256;
 /// Largest library, bytes: it fits in a slot beside the header.
 pub const MAX_LIBRARY_BYTES: usize = SLOT_BYTES - SLOT_HEADER_BYTES;
 
-/// Most textures in a library.
-pub const MAX_TEXTURES: usize = 32;
+/// Most textures in a library. A scene's surface names its texture by an index of one byte.
+pub const MAX_TEXTURES: usize = 256;
+
+/// Most stages of a lattice, from the first, that may have a finer θ.
+pub const MAX_FINE_STAGES: usize = 32;
 
 /// Longest name of a texture, bytes of UTF-8.
 pub const MAX_NAME_BYTES: usize = 48;

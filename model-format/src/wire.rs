@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The format's version. It changes when an older reader could misread newer bytes.
-pub const FORMAT_VERSION: u16 = 3;
+pub const FORMAT_VERSION: u16 = 4;
 
 /// First bytes of every library.
 pub(crate) const MAGIC: [u8; 4] = *b"HTXL";
@@ -93,7 +93,7 @@ impl core::fmt::Display for Provenance {
     }
 }
 
-/// A texture as postcard encodes it.
+/// A texture as postcard encodes it. Its optional parts follow.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct TextureRecord<'a> {
     pub name: &'a str,
@@ -113,8 +113,8 @@ pub(crate) struct TextureRecord<'a> {
 pub(crate) enum CertificateRecord<'a> {
     /// No certificate.
     None,
-    /// Largest |θ| of all nodes, in stored steps.
-    Lattice { largest_theta_code: u16 },
+    /// Largest |θ| of all nodes, in steps of [`crate::FINE_THETA_STEP_RAD`].
+    Lattice { largest_theta: u32 },
     /// One byte per cell, speed-major, and the CRC-32 of axes, nodes, coefficients and these bytes, in this order.
     DirectForm {
         #[serde(with = "postcard::fixint::le")]

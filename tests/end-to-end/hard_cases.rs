@@ -13,8 +13,7 @@ use host_tools::evaluation::stress::{Outcome, cases};
 use host_tools::texture::certificate::{Finding, Stored, certified, certify};
 use host_tools::texture::quantise::StructureChoice;
 use model_format::{
-    Certificate, CodeSpec, Coefficients, Library, NodeSpec, Problem, Provenance, Texture,
-    TextureSpec,
+    Certificate, CodeSpec, Laws, Library, NodeSpec, Problem, Provenance, Texture, TextureSpec,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use proptest::collection::vec;
@@ -138,6 +137,7 @@ fn spec(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> TextureSpec
         sample_rate_hz: texture.sample_rate_hz(),
         structure: texture.structure(),
         provenance: Provenance::Simulated,
+        laws: texture.laws(),
         speed_axis_mm_s: texture.speed_axis().values().collect(),
         force_axis_n: texture.force_axis().values().collect(),
         nodes: texture.nodes().map(|node| node_spec(&node)).collect(),
@@ -146,22 +146,11 @@ fn spec(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> TextureSpec
 }
 
 fn node_spec(node: &model_format::Node<'_>) -> NodeSpec {
-    let sixteen = |codes: &[[u8; 2]]| codes.iter().map(|&code| i16::from_le_bytes(code)).collect();
     NodeSpec {
         output_power: node.output_power,
         prediction_error_power: node.prediction_error_power,
         flags: node.flags,
-        codes: match node.coefficients {
-            Coefficients::Lattice(codes) => CodeSpec::Lattice(sixteen(codes)),
-            Coefficients::Direct16 { exponent, codes } => CodeSpec::Direct16 {
-                exponent,
-                codes: sixteen(codes),
-            },
-            Coefficients::Direct32 { exponent, codes } => CodeSpec::Direct32 {
-                exponent,
-                codes: codes.iter().map(|&code| i32::from_le_bytes(code)).collect(),
-            },
-        },
+        codes: node.coefficients.into(),
     }
 }
 
@@ -303,6 +292,7 @@ proptest! {
             sample_rate_hz: 5000,
             structure: model_format::Structure::DirectForm32,
             provenance: Provenance::Simulated,
+            laws: Laws::default(),
             speed_axis_mm_s: [50.0, 120.0, 300.0][..speeds].to_vec(),
             force_axis_n: vec![0.5, 1.5],
             nodes: predictors.iter().map(|h| direct_node(h)).collect(),

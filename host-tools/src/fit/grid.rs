@@ -1,6 +1,6 @@
 //! A texture's grid from its trials: a model for each (speed, force) that was recorded, and the holes filled.
 
-use model_format::{NodeFlags, limits};
+use model_format::{Laws, NodeFlags, limits};
 use rayon::prelude::*;
 
 use crate::dsp::linear_prediction::{Prediction, corrected};
@@ -51,6 +51,7 @@ pub(super) fn assemble(
         speeds_mm_s,
         forces_n,
         models,
+        laws: Laws::default(),
     };
     Ok((grid, warnings))
 }

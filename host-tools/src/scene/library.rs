@@ -1,10 +1,7 @@
 //! Scenes in an existing library.
 
 use model_format::scene::Scene;
-use model_format::{
-    Certificate, CodeSpec, Coefficients, Library, NodeSpec, Texture, TextureSpec,
-    encode_with_scenes,
-};
+use model_format::{Certificate, Library, NodeSpec, Texture, TextureSpec, encode_with_scenes};
 
 use crate::support::error::{Error, Result};
 
@@ -26,24 +23,12 @@ pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {
 
 /// The specification of a decoded texture, which encodes to the same bytes.
 pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
-    let codes = |coefficients: Coefficients<'_>| match coefficients {
-        Coefficients::Lattice(codes) => {
-            CodeSpec::Lattice(codes.iter().map(|code| i16::from_le_bytes(*code)).collect())
-        }
-        Coefficients::Direct16 { exponent, codes } => CodeSpec::Direct16 {
-            exponent,
-            codes: codes.iter().map(|code| i16::from_le_bytes(*code)).collect(),
-        },
-        Coefficients::Direct32 { exponent, codes } => CodeSpec::Direct32 {
-            exponent,
-            codes: codes.iter().map(|code| i32::from_le_bytes(*code)).collect(),
-        },
-    };
     TextureSpec {
         name: texture.name().to_owned(),
         sample_rate_hz: texture.sample_rate_hz(),
         structure: texture.structure(),
         provenance: texture.provenance(),
+        laws: texture.laws(),
         speed_axis_mm_s: texture.speed_axis().values().collect(),
         force_axis_n: texture.force_axis().values().collect(),
         nodes: texture
@@ -52,7 +37,7 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
                 output_power: node.output_power,
                 prediction_error_power: node.prediction_error_power,
                 flags: node.flags,
-                codes: codes(node.coefficients),
+                codes: node.coefficients.into(),
             })
             .collect(),
         cell_margins: match texture.certificate() {

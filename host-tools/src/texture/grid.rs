@@ -1,5 +1,7 @@
 //! A texture's grid of models over speed and force.
 
+use model_format::Laws;
+
 use crate::dsp::model::Model;
 
 /// Models over ascending speeds and forces, all forces of the first speed first.
@@ -11,6 +13,8 @@ pub struct Grid {
     pub forces_n: Vec<f32>,
     /// One model a node.
     pub models: Vec<Model>,
+    /// Laws of the level between nodes and below the grid.
+    pub laws: Laws,
 }
 
 impl Grid {

@@ -23,6 +23,7 @@ pub fn texture_spec(
         sample_rate_hz: SAMPLE_RATE_HZ,
         structure: structure.structure(),
         provenance,
+        laws: grid.laws,
         speed_axis_mm_s: grid.speeds_mm_s.clone(),
         force_axis_n: grid.forces_n.clone(),
         nodes: quantise::nodes(name, grid, structure)?,

@@ -93,7 +93,7 @@ fn lattice(model: &Model) -> (CodeSpec, Vec<f64>) {
         .iter()
         .map(|&code| (f64::from(code) * THETA_STEP_RAD).sin())
         .collect();
-    (CodeSpec::Lattice(codes), reflection)
+    (CodeSpec::lattice(codes), reflection)
 }
 
 /// Predictor coefficients h with `bits` binary digits after the point at exponent 0, and the reflection coefficients
@@ -156,7 +156,7 @@ mod tests {
             k in prop::collection::vec(-0.999_999_999f64..0.999_999_999, 0..400),
         ) {
             let (codes, back) = lattice(&model(k.clone()));
-            let CodeSpec::Lattice(codes) = codes else { unreachable!() };
+            let CodeSpec::Lattice { codes, .. } = codes else { unreachable!() };
             prop_assert!(codes.iter().all(|&code| code != i16::MIN));
             for (a, b) in k.iter().zip(back) {
                 prop_assert!((a.asin() - b.asin()).abs() <= 0.51 * THETA_STEP_RAD);
@@ -171,7 +171,7 @@ mod tests {
                 let (exponent, codes): (_, Vec<f64>) = match codes {
                     CodeSpec::Direct16 { exponent, codes } => (exponent, codes.into_iter().map(f64::from).collect()),
                     CodeSpec::Direct32 { exponent, codes } => (exponent, codes.into_iter().map(f64::from).collect()),
-                    CodeSpec::Lattice(_) => unreachable!(),
+                    CodeSpec::Lattice { .. } => unreachable!(),
                 };
                 let step = 2f64.powi(i32::from(exponent) - bits as i32);
                 for (a, code) in predictor.iter().zip(codes) {

@@ -1,8 +1,14 @@
 //! Coefficients as a library stores them, in floating point.
 
-use model_format::Coefficients;
+use model_format::{Coefficients, FINE_THETA_STEP_RAD};
 
-/// h(1), h(2) ... of a direct form, exactly as stored.
+/// k(1), k(2) ... of a lattice, exactly as stored. Empty for a direct form.
+pub fn reflection(coefficients: Coefficients<'_>) -> Vec<f64> {
+    let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
+    coefficients.thetas().map(k).collect()
+}
+
+/// h(1), h(2) ... of a direct form, exactly as stored. Empty for a lattice.
 pub fn predictor(coefficients: Coefficients<'_>) -> Vec<f64> {
     match coefficients {
         Coefficients::Direct16 { exponent, codes } => {
@@ -15,6 +21,6 @@ pub fn predictor(coefficients: Coefficients<'_>) -> Vec<f64> {
             let code = |&code: &[u8; 4]| f64::from(i32::from_le_bytes(code)) * step;
             codes.iter().map(code).collect()
         }
-        Coefficients::Lattice(_) => Vec::new(),
+        Coefficients::Lattice { .. } => Vec::new(),
     }
 }

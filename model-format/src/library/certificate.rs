@@ -6,10 +6,10 @@ pub enum Certificate<'a> {
     /// No certificate; only [`crate::Library::decode_uncertified`] lets such a texture through.
     None,
     /// Certificate of a normalised lattice, which is stable wherever all |θ| are below π/2: at every weighted mean of
-    /// its nodes, and under every change of coefficients. The decoder has found this largest code itself.
+    /// its nodes, and under every change of coefficients. The decoder has found this largest θ itself.
     Lattice {
-        /// Largest |θ| of all nodes, in steps of [`crate::THETA_STEP_RAD`]; below 2¹⁵.
-        largest_theta_code: u16,
+        /// Largest |θ| of all nodes, in steps of [`crate::FINE_THETA_STEP_RAD`]; below 2²³.
+        largest_theta: u32,
     },
     /// Certificate of a direct form, for which a host has proved every cell stable. The decoder has checked that it was
     /// issued for these very axes, nodes and coefficients, and for every cell; it has not repeated the proof.

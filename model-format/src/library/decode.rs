@@ -56,10 +56,9 @@ impl<'a> Library<'a> {
         if prefix.reserved != 0 {
             return Err(at(Problem::Reserved));
         }
-        let Some((&count, textures)) = body.split_first() else {
-            return Err(at(Problem::TooShort { found }));
-        };
-        let len = usize::from(count);
+        let (count, textures) =
+            postcard::take_from_bytes::<u32>(body).map_err(|_| at(Problem::TooShort { found }))?;
+        let len = count as usize;
         if len == 0 || len > limits::MAX_TEXTURES {
             return Err(at(Problem::TextureCount(len)));
         }
@@ -84,14 +83,16 @@ impl<'a> Library<'a> {
     /// Checks the textures, and returns the bytes after them.
     fn validate_textures(&self, demand: Demand) -> Result<&'a [u8], DecodeError> {
         let mut rest = self.textures;
+        // Kept, so that the comparison of all pairs reads no header again.
+        let mut names = [""; limits::MAX_TEXTURES];
         for index in 0..self.len {
             let (texture, after) = Texture::take(rest, index)?;
             check_texture(&texture, index, demand)?;
-            let mut earlier = self.textures().take(index);
-            if let Some(other) = earlier.position(|other| other.name == texture.name) {
+            let (name, earlier) = (texture.name, &names[..index]);
+            if let Some(other) = earlier.iter().position(|&other| other == name) {
                 return Err(Problem::NameTaken(other).at(Place::Texture(index)));
             }
-            rest = after;
+            (names[index], rest) = (name, after);
         }
         Ok(rest)
     }

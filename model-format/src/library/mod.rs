@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `view` | [`Library`] and its textures and scenes |
 //! | `texture`, `axis`, `node`, `certificate` | the parts of a texture |
+//! | `part` | what a texture may say beside its models, a kind each |
 //! | `decode` | from bytes to [`Library`]: prefix, textures, scenes |
 //! | `check` | all that a texture must hold |
 //!
@@ -14,11 +15,16 @@ mod certificate;
 mod check;
 mod decode;
 mod node;
+pub(crate) mod part;
 mod texture;
 mod view;
 
 pub use axis::Axis;
 pub use certificate::{CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, UNCERTIFIED_CELL};
+#[cfg(feature = "alloc")]
+pub(crate) use node::theta;
 pub use node::{Coefficients, Node, NodeFlags};
+pub use part::PartKind;
+pub use part::levels::{FadeLaw, Laws, LevelLaw};
 pub use texture::Texture;
-pub use view::Library;
+pub use view::{Library, Outline};

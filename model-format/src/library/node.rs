@@ -16,8 +16,14 @@ pub struct Node<'a> {
 /// A node's coefficients as stored: little-endian, not aligned, as many as the model's order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coefficients<'a> {
-    /// θ of stage 1 first, `i16` in steps of [`crate::THETA_STEP_RAD`].
-    Lattice(&'a [[u8; 2]]),
+    /// θ of stage 1 first; θ = (code · 256 + fraction) · [`crate::FINE_THETA_STEP_RAD`]. See
+    /// [`Coefficients::thetas`].
+    Lattice {
+        /// The codes, `i16` in steps of [`crate::THETA_STEP_RAD`].
+        codes: &'a [[u8; 2]],
+        /// Fractions of the first stages, `i8`; at most as many as codes. Those of further stages are 0.
+        fractions: &'a [u8],
+    },
     /// h₁ first; h = code · 2^(exponent - 15).
     Direct16 {
         /// Binary exponent of the whole node, at most [`crate::limits::MAX_EXPONENT`].
@@ -77,12 +83,31 @@ impl NodeFlags {
     }
 }
 
-impl Coefficients<'_> {
+impl<'a> Coefficients<'a> {
     /// Order of the model.
     pub fn order(&self) -> usize {
         match self {
-            Self::Lattice(codes) | Self::Direct16 { codes, .. } => codes.len(),
+            Self::Lattice { codes, .. } | Self::Direct16 { codes, .. } => codes.len(),
             Self::Direct32 { codes, .. } => codes.len(),
         }
     }
+
+    /// θ of all stages of a lattice, stage 1 first, in steps of [`crate::FINE_THETA_STEP_RAD`]; below 2²³ in magnitude.
+    /// Empty for a direct form.
+    pub fn thetas(self) -> impl Iterator<Item = i32> + use<'a> {
+        let (codes, fractions): (&[_], &[_]) = match self {
+            Self::Lattice { codes, fractions } => (codes, fractions),
+            Self::Direct16 { .. } | Self::Direct32 { .. } => (&[], &[]),
+        };
+        let fractions = fractions.iter().copied().chain(core::iter::repeat(0));
+        codes
+            .iter()
+            .zip(fractions)
+            .map(|(&code, fraction)| theta(i16::from_le_bytes(code), fraction.cast_signed()))
+    }
+}
+
+/// θ of a code and its fraction, in steps of [`crate::FINE_THETA_STEP_RAD`].
+pub(crate) fn theta(code: i16, fraction: i8) -> i32 {
+    (i32::from(code) << crate::THETA_FRACTION_BITS) + i32::from(fraction)
 }

@@ -3,6 +3,9 @@
 use super::axis::Axis;
 use super::certificate::Certificate;
 use super::node::{Coefficients, Node, NodeFlags};
+use super::part::fine_theta::FineTheta;
+use super::part::levels::{FadeLaw, Laws, LevelLaw, LevelsPart};
+use super::part::{PartKind, Parts};
 use crate::error::{DecodeError, Place, Problem};
 use crate::units::{MillimetresPerSecond, Newton};
 use crate::wire::{CertificateRecord, NodeRecord, Provenance, Structure, TextureRecord};
@@ -19,13 +22,18 @@ pub struct Texture<'a> {
     pub(super) nodes: &'a [u8],
     pub(super) coefficients: &'a [u8],
     pub(super) certificate: CertificateRecord<'a>,
+    pub(super) parts: Parts<'a>,
+    /// The laws that `parts` state.
+    laws: Laws,
 }
 
 impl<'a> Texture<'a> {
     /// Parses the header of texture `index`: the texture, and the bytes after it.
     pub(super) fn take(bytes: &'a [u8], index: usize) -> Result<(Self, &'a [u8]), DecodeError> {
+        let here = |problem: Problem| problem.at(Place::Texture(index));
         let (record, rest) = postcard::take_from_bytes::<TextureRecord<'a>>(bytes)
-            .map_err(|_| Problem::Malformed.at(Place::Texture(index)))?;
+            .map_err(|_| here(Problem::Malformed))?;
+        let (parts, rest) = Parts::take(rest).map_err(here)?;
         let texture = Self {
             name: record.name,
             sample_rate_hz: record.sample_rate_hz,
@@ -36,6 +44,8 @@ impl<'a> Texture<'a> {
             nodes: record.nodes,
             coefficients: record.coefficients,
             certificate: record.certificate,
+            parts,
+            laws: parts.levels.map(LevelsPart::laws).unwrap_or_default(),
         };
         Ok((texture, rest))
     }
@@ -82,6 +92,7 @@ impl<'a> Texture<'a> {
 
     /// The model at the indices (`speed`, `force`), each below the length of its axis.
     pub fn node(&self, speed: usize, force: usize) -> Node<'a> {
+        let index = speed * self.force_axis.len() + force;
         let record = self.record(speed, force);
         let begin = record.offset as usize;
         let length = usize::from(record.order) * self.structure.coefficient_bytes();
@@ -92,7 +103,10 @@ impl<'a> Texture<'a> {
             prediction_error_power: record.prediction_error_power,
             flags: NodeFlags(record.flags),
             coefficients: match self.structure {
-                Structure::NormalisedLattice => Coefficients::Lattice(bytes.as_chunks().0),
+                Structure::NormalisedLattice => Coefficients::Lattice {
+                    codes: bytes.as_chunks().0,
+                    fractions: self.fractions(index, usize::from(record.order)),
+                },
                 Structure::DirectForm16 => Coefficients::Direct16 {
                     exponent,
                     codes: bytes.as_chunks().0,
@@ -124,13 +138,43 @@ impl<'a> Texture<'a> {
     pub fn certificate(&self) -> Certificate<'a> {
         match self.certificate {
             CertificateRecord::None => Certificate::None,
-            CertificateRecord::Lattice { largest_theta_code } => {
-                Certificate::Lattice { largest_theta_code }
-            }
+            CertificateRecord::Lattice { largest_theta } => Certificate::Lattice { largest_theta },
             CertificateRecord::DirectForm { cell_margins, .. } => {
                 Certificate::DirectForm { cell_margins }
             }
         }
+    }
+
+    /// Laws of the level between nodes and below the grid.
+    pub fn laws(&self) -> Laws {
+        self.laws
+    }
+
+    /// Law of the level between nodes.
+    pub fn level_law(&self) -> LevelLaw {
+        self.laws.level
+    }
+
+    /// Law of the level below the lowest speed and force of the grid.
+    pub fn fade_law(&self) -> FadeLaw {
+        self.laws.fade
+    }
+
+    /// Number of stages, from the first, that have a finer θ than their 16-bit code; 0 without the part that holds
+    /// them, and at most [`crate::limits::MAX_FINE_STAGES`].
+    pub fn fine_stages(&self) -> usize {
+        let nodes = self.nodes.len() / NodeRecord::BYTES;
+        self.parts.fine_theta.map_or(0, |part| part.stages(nodes))
+    }
+
+    /// Length of the coefficients of all nodes, bytes.
+    pub fn coefficient_bytes(&self) -> usize {
+        self.coefficients.len()
+    }
+
+    /// The optional parts that the texture has, each with the length of its content, bytes.
+    pub fn parts(&self) -> impl Iterator<Item = (PartKind, usize)> + use<> {
+        self.parts.lengths()
     }
 
     /// Highest order of all nodes.
@@ -143,6 +187,13 @@ impl<'a> Texture<'a> {
     pub fn max_output_power(&self) -> f32 {
         self.nodes()
             .fold(0.0, |highest, node| node.output_power.max(highest))
+    }
+
+    /// Fractions of the first stages of node number `index`, whose order is `order`.
+    fn fractions(&self, index: usize, order: usize) -> &'a [u8] {
+        let nodes = self.nodes.len() / NodeRecord::BYTES;
+        let of_node = |part: FineTheta<'a>| part.of_node(index, nodes, order);
+        self.parts.fine_theta.map_or(&[], of_node)
     }
 
     pub(super) fn record(&self, speed: usize, force: usize) -> NodeRecord {

@@ -13,7 +13,7 @@ pub struct RawLibrary {
     pub reserved: u16,
     pub total_bytes: Option<u32>,
     pub crc32: Option<u32>,
-    pub count: Option<u8>,
+    pub count: Option<u32>,
     pub textures: Vec<RawTexture>,
     pub scene_count: Option<u8>,
     /// Records of scenes, without their lengths.
@@ -34,6 +34,10 @@ pub struct RawTexture {
     pub coefficients: Vec<u8>,
     /// `None` stands for one that holds.
     pub certificate: Option<RawCertificate>,
+    /// Kind and content of each optional part.
+    pub parts: Vec<(u32, Vec<u8>)>,
+    /// Number of parts that is written, if it is not their own.
+    pub part_count: Option<u32>,
     /// Bytes that follow the records of a string and make it ragged.
     pub ragged: Ragged,
 }
@@ -43,8 +47,8 @@ pub struct RawTexture {
 pub enum RawCertificate {
     /// No certificate.
     None,
-    /// Certificate of a lattice: the largest |θ|.
-    Lattice(u16),
+    /// Certificate of a lattice: the largest |θ|, in steps of π/2²⁴.
+    Lattice(u32),
     /// Certificate of a direct form: one byte per cell, and the difference of its checksum from the right one.
     DirectForm(Vec<u8>, u32),
     /// A kind that does not exist.
@@ -102,12 +106,16 @@ impl RawLibrary {
         }
     }
 
-    /// The same with two scenes: a plain one, and one with everything that a scene may have.
-    pub fn with_scenes() -> Self {
-        Self {
-            scenes: vec![plain_scene(), full_scene()],
-            ..Self::sound()
-        }
+    /// The same with every optional part, and with two scenes: a plain one, and one with everything that a scene may
+    /// have.
+    pub fn full() -> Self {
+        let mut library = Self::sound();
+        // Fractions of two stages for each node. The first two nodes have none.
+        let fractions = [0, 0, 0, 0, 127, 0x80, 1, 0xff, 0, 3, 200, 0];
+        library.textures[0].parts = vec![(1, vec![1, 1]), (2, fractions.to_vec())];
+        library.textures[1].parts = vec![(1, vec![0, 1])];
+        library.scenes = vec![plain_scene(), full_scene()];
+        library
     }
 
     pub fn bytes(&self) -> Vec<u8> {
@@ -115,7 +123,7 @@ impl RawLibrary {
         bytes.extend(self.version.to_le_bytes());
         bytes.extend(self.reserved.to_le_bytes());
         bytes.extend([0; 8]);
-        bytes.push(self.count.unwrap_or(self.textures.len() as u8));
+        append_varint(self.count.unwrap_or(self.textures.len() as u32), &mut bytes);
         for texture in &self.textures {
             texture.append_to(&mut bytes);
         }
@@ -166,6 +174,8 @@ impl RawTexture {
             nodes,
             coefficients: coefficients.repeat(4),
             certificate: None,
+            parts: Vec::new(),
+            part_count: None,
             ragged: Ragged::default(),
         }
     }
@@ -198,7 +208,7 @@ impl RawTexture {
             RawCertificate::None => append_varint(0, bytes),
             RawCertificate::Lattice(largest) => {
                 append_varint(1, bytes);
-                append_varint(u32::from(largest), bytes);
+                append_varint(largest, bytes);
             }
             RawCertificate::DirectForm(margins, off) => {
                 append_varint(2, bytes);
@@ -208,14 +218,41 @@ impl RawTexture {
             }
             RawCertificate::Unknown(kind) => append_varint(kind, bytes),
         }
+        append_varint(self.part_count.unwrap_or(self.parts.len() as u32), bytes);
+        for (kind, content) in &self.parts {
+            append_varint(*kind, bytes);
+            append_string(content, bytes);
+        }
+    }
+
+    /// Largest |θ| of a lattice, in steps of π/2²⁴.
+    fn largest_theta(&self) -> u32 {
+        let fine = self.parts.iter().find(|(kind, _)| *kind == 2);
+        let fine = fine.map_or(&[][..], |(_, content)| content);
+        let stride = fine.len() / self.nodes.len().max(1);
+        let mut largest = 0;
+        for (number, node) in self.nodes.iter().enumerate() {
+            for stage in 0..usize::from(node.order) {
+                let at = node.offset as usize + 2 * stage;
+                let Some(&[low, high]) = self.coefficients.get(at..at + 2) else {
+                    continue;
+                };
+                let fraction = if stage < stride {
+                    fine[number * stride + stage].cast_signed()
+                } else {
+                    0
+                };
+                let theta = i32::from(i16::from_le_bytes([low, high])) * 256 + i32::from(fraction);
+                largest = largest.max(theta.unsigned_abs());
+            }
+        }
+        largest
     }
 
     /// The certificate that holds for this texture.
     pub fn sound_certificate(&self) -> RawCertificate {
         if self.structure == Structure::NormalisedLattice as u32 {
-            let codes = self.coefficients.as_chunks().0.iter();
-            let magnitudes = codes.map(|&code| i16::from_le_bytes(code).unsigned_abs());
-            return RawCertificate::Lattice(magnitudes.max().unwrap_or(0));
+            return RawCertificate::Lattice(self.largest_theta());
         }
         let cells = |axis: &[f32]| axis.len().saturating_sub(1).max(1);
         let cells = cells(&self.speed_axis) * cells(&self.force_axis);

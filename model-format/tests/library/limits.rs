@@ -17,11 +17,11 @@ fn problem(library: &RawLibrary) -> Problem {
 /// None of the textures is there, so that reading the first would be another error.
 #[test]
 fn the_texture_count_is_judged_before_any_texture_is_read() {
-    for count in [0, MAX_TEXTURES as u8 + 1, u8::MAX] {
+    for count in [0, MAX_TEXTURES as u32 + 1, u32::MAX] {
         let mut library = RawLibrary::sound();
         library.textures.clear();
         library.count = Some(count);
-        assert_eq!(problem(&library), Problem::TextureCount(usize::from(count)));
+        assert_eq!(problem(&library), Problem::TextureCount(count as usize));
     }
 }
 

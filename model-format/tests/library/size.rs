@@ -2,8 +2,8 @@
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_ORDER};
 use model_format::{
-    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec,
-    encode,
+    CodeSpec, Laws, Library, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure,
+    TextureSpec, encode,
 };
 
 /// A dense grid of 15 speeds and 8 forces, every node of the highest order.
@@ -12,7 +12,7 @@ fn dense(name: &str) -> TextureSpec {
         output_power: 1.0,
         prediction_error_power: 0.5,
         flags: NodeFlags::NONE,
-        codes: CodeSpec::Lattice(
+        codes: CodeSpec::lattice(
             (0..MAX_ORDER)
                 .map(|stage| stage as i16 * 81 - 16_000)
                 .collect(),
@@ -23,6 +23,7 @@ fn dense(name: &str) -> TextureSpec {
         sample_rate_hz: SAMPLE_RATE_HZ,
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Recorded,
+        laws: Laws::default(),
         speed_axis_mm_s: (1..=15).map(|step| 20.0 * step as f32).collect(),
         force_axis_n: (1..=8).map(|step| 0.25 * step as f32).collect(),
         nodes: vec![node; 15 * 8],

@@ -1,5 +1,7 @@
 //! Reads everything that a valid library offers. The fuzz target includes this file too.
 
+use std::iter::repeat;
+
 use model_format::scene::Scene;
 use model_format::{
     Certificate, CodeSpec, Coefficients, Library, NodeFlags, NodeSpec, Structure, Texture,
@@ -54,6 +56,7 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
             sample_rate_hz: texture.sample_rate_hz(),
             structure: texture.structure(),
             provenance: texture.provenance(),
+            laws: texture.laws(),
             speed_axis_mm_s: speeds.values().collect(),
             force_axis_n: forces.values().collect(),
             nodes,
@@ -99,15 +102,25 @@ fn cell_margins(texture: &Texture<'_>) -> Vec<u8> {
             assert!(!lattice);
             Vec::new()
         }
-        Certificate::Lattice { largest_theta_code } => {
+        Certificate::Lattice { largest_theta } => {
             assert!(lattice);
-            let magnitudes = texture.nodes().flat_map(|node| match node.coefficients {
-                Coefficients::Lattice(codes) => codes.iter(),
-                _ => unreachable!("nodes are of their texture's structure"),
-            });
-            let largest = magnitudes.map(|&code| i16::from_le_bytes(code).unsigned_abs());
-            assert_eq!(largest_theta_code, largest.max().unwrap_or(0));
-            assert!(largest_theta_code < 1 << 15);
+            let thetas = texture
+                .nodes()
+                .flat_map(|node| match codes(node.coefficients) {
+                    CodeSpec::Lattice { codes, fractions } => {
+                        let fractions = fractions.into_iter().map(i32::from).chain(repeat(0));
+                        let theta = |(code, fraction)| i32::from(code) * 256 + fraction;
+                        codes
+                            .into_iter()
+                            .zip(fractions)
+                            .map(theta)
+                            .collect::<Vec<_>>()
+                    }
+                    _ => unreachable!("nodes are of their texture's structure"),
+                });
+            let largest = thetas.map(i32::unsigned_abs).max();
+            assert_eq!(largest_theta, largest.unwrap_or(0));
+            assert!(largest_theta < 1 << 23);
             Vec::new()
         }
         Certificate::DirectForm { cell_margins } => {
@@ -123,10 +136,18 @@ fn cell_margins(texture: &Texture<'_>) -> Vec<u8> {
 fn codes(coefficients: Coefficients<'_>) -> CodeSpec {
     let sixteen = |codes: &[[u8; 2]]| codes.iter().map(|&c| i16::from_le_bytes(c)).collect();
     match coefficients {
-        Coefficients::Lattice(codes) => {
+        Coefficients::Lattice { codes, fractions } => {
+            let mut fractions: Vec<i8> = fractions.iter().map(|byte| byte.cast_signed()).collect();
+            assert!(fractions.len() <= limits::MAX_FINE_STAGES.min(codes.len()));
+            let all = fractions.iter().copied().chain(repeat(0));
+            let theta =
+                |(&code, fraction)| i32::from(i16::from_le_bytes(code)) * 256 + i32::from(fraction);
+            assert!(coefficients.thetas().eq(codes.iter().zip(all).map(theta)));
+            // Zeros at the end say nothing.
+            while fractions.pop_if(|fraction| *fraction == 0).is_some() {}
             let codes: Vec<i16> = sixteen(codes);
             assert!(!codes.contains(&i16::MIN));
-            CodeSpec::Lattice(codes)
+            CodeSpec::Lattice { codes, fractions }
         }
         Coefficients::Direct16 { exponent, codes } => {
             let codes: Vec<i16> = sixteen(codes);

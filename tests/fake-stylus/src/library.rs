@@ -4,7 +4,9 @@ use model_format::link::{
     CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, UploadBegin, UploadChunk, UploadCommitted,
     UploadError,
 };
-use model_format::{CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode};
+use model_format::{
+    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode,
+};
 use stylus_app::slots::{MappedFlash, SlotStore};
 use stylus_app::upload::Uploader;
 
@@ -24,13 +26,14 @@ pub fn texture(name: &str, order: usize, seed: i16, sample_rate_hz: u32) -> Text
         output_power: 2.0,
         prediction_error_power: 1.0,
         flags: NodeFlags::NONE,
-        codes: CodeSpec::Lattice((0..order).map(code).collect()),
+        codes: CodeSpec::lattice((0..order).map(code).collect()),
     };
     TextureSpec {
         name: name.to_owned(),
         sample_rate_hz,
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
+        laws: Laws::default(),
         speed_axis_mm_s: (1..=15).map(|speed| 20.0 * speed as f32).collect(),
         force_axis_n: (1..=8).map(|force| 0.25 * force as f32).collect(),
         cell_margins: Vec::new(),

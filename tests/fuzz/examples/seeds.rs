@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode_uncertified,
+    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode_uncertified,
     encode_with_scenes_uncertified, limits,
 };
 
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         std::fs::write(folder.join(format!("single-{index}")), bytes)?;
     }
     all.retain(|texture| {
-        texture.nodes[0].codes != CodeSpec::Lattice(vec![]) && texture.nodes.len() < 5
+        texture.nodes[0].codes != CodeSpec::lattice(vec![]) && texture.nodes.len() < 5
     });
     std::fs::write(folder.join("several"), encode_uncertified(&all[..4])?)?;
     let with_scenes = encode_with_scenes_uncertified(&all[..2], &[scene()?])?;
@@ -109,6 +109,7 @@ fn texture(name: String, structure: Structure, order: usize, size: usize) -> Tex
         sample_rate_hz: 5000,
         structure,
         provenance: Provenance::Simulated,
+        laws: Laws::default(),
         speed_axis_mm_s,
         force_axis_n,
         nodes: (0..size * size).map(node).collect(),
@@ -122,7 +123,7 @@ fn codes(structure: Structure, order: usize) -> CodeSpec {
         .map(|index| (if index % 2 == 0 { 1 } else { -1 }) * 20_000 / (index * index));
     match structure {
         Structure::NormalisedLattice => {
-            CodeSpec::Lattice(falling.map(|code| code as i16).collect())
+            CodeSpec::lattice(falling.map(|code| code as i16).collect())
         }
         Structure::DirectForm16 => CodeSpec::Direct16 {
             exponent: 1,

@@ -6,7 +6,7 @@
 use libfuzzer_sys::fuzz_target;
 use model_format::limits::{MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance, Structure,
+    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance, Structure,
     TextureSpec, encode,
 };
 use stylus_kernel::arithmetic::Portable;
@@ -61,7 +61,7 @@ fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
             output_power: MAX_OUTPUT_POWER,
             prediction_error_power: 0.0,
             flags: NodeFlags::NONE,
-            codes: CodeSpec::Lattice(codes),
+            codes: CodeSpec::lattice(codes),
         }
     };
     let texture = TextureSpec {
@@ -69,6 +69,7 @@ fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
         sample_rate_hz: 5000,
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
+        laws: Laws::default(),
         speed_axis_mm_s: SPEEDS_MM_S.to_vec(),
         force_axis_n: FORCES_N.to_vec(),
         nodes: (0..4).map(&mut node).collect(),

@@ -81,7 +81,7 @@ fn mean_predictor(texture: &Texture<'_>, point: &GridPoint) -> Vec<f64> {
                         .map(|&code| f64::from(i32::from_le_bytes(code)))
                         .collect(),
                 ),
-                Coefficients::Lattice(_) => unreachable!("a direct form"),
+                Coefficients::Lattice { .. } => unreachable!("a direct form"),
             };
         let scale = 2f64.powi(i32::from(exponent) - fraction_bits) * f64::from(weight)
             / f64::from(grid::ONE);

@@ -25,7 +25,7 @@ fn node() -> impl Strategy<Value = NodeSpec> {
             output_power,
             prediction_error_power: 0.0,
             flags: NodeFlags::NONE,
-            codes: CodeSpec::Lattice(codes),
+            codes: CodeSpec::lattice(codes),
         }),
         1 => Just(silent_node(Structure::NormalisedLattice)),
     ]

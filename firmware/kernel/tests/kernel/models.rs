@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use model_format::{
-    CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance,
+    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance,
     SAMPLE_RATE_HZ, Structure, Texture, TextureSpec, encode_uncertified,
 };
 use serde_json::Value;
@@ -78,7 +78,7 @@ impl Model {
             prediction_error_power: (f64::from(output_power) * self.error) as f32,
             flags: NodeFlags::NONE,
             codes: match structure {
-                Structure::NormalisedLattice => CodeSpec::Lattice(self.theta_codes()),
+                Structure::NormalisedLattice => CodeSpec::lattice(self.theta_codes()),
                 Structure::DirectForm16 => CodeSpec::Direct16 {
                     exponent,
                     codes: h.map(|h| code(h, 15) as i16).collect(),
@@ -117,17 +117,27 @@ pub fn library(
     forces: &[f32],
     nodes: Vec<NodeSpec>,
 ) -> Vec<u8> {
-    let texture = TextureSpec {
+    encode_uncertified(&[spec(structure, speeds, forces, nodes)]).expect("a valid library")
+}
+
+/// The texture of [`library`], as it is written.
+pub fn spec(
+    structure: Structure,
+    speeds: &[f32],
+    forces: &[f32],
+    nodes: Vec<NodeSpec>,
+) -> TextureSpec {
+    TextureSpec {
         name: "test".to_owned(),
         sample_rate_hz: SAMPLE_RATE_HZ,
         structure,
         provenance: Provenance::Simulated,
+        laws: Laws::default(),
         speed_axis_mm_s: speeds.to_vec(),
         force_axis_n: forces.to_vec(),
         nodes,
         cell_margins: Vec::new(),
-    };
-    encode_uncertified(&[texture]).expect("a valid library")
+    }
 }
 
 /// A library of one texture of one node, at 100 mm/s and 1 N.
@@ -149,7 +159,7 @@ pub fn silent_node(structure: Structure) -> NodeSpec {
         prediction_error_power: 0.0,
         flags: NodeFlags::SILENT,
         codes: match structure {
-            Structure::NormalisedLattice => CodeSpec::Lattice(codes),
+            Structure::NormalisedLattice => CodeSpec::lattice(codes),
             Structure::DirectForm16 => CodeSpec::Direct16 { exponent: 0, codes },
             Structure::DirectForm32 => CodeSpec::Direct32 {
                 exponent: 0,

@@ -2,8 +2,8 @@
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, Surface, Tap};
 use model_format::{
-    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec,
-    encode_with_scenes_uncertified,
+    CodeSpec, Laws, Library, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure,
+    TextureSpec, encode_with_scenes_uncertified,
 };
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
@@ -17,6 +17,7 @@ pub fn texture_of(name: &str, structure: Structure, node: &NodeSpec) -> TextureS
         sample_rate_hz: SAMPLE_RATE_HZ,
         structure,
         provenance: Provenance::Simulated,
+        laws: Laws::default(),
         speed_axis_mm_s: vec![50.0, 100.0],
         force_axis_n: vec![0.5, 1.0],
         nodes: vec![node.clone(); 4],
@@ -34,7 +35,7 @@ pub fn resonant(name: &str, hz: f64) -> TextureSpec {
         output_power: 1.0,
         prediction_error_power: 0.001,
         flags: NodeFlags::NONE,
-        codes: CodeSpec::Lattice(k.map(theta).to_vec()),
+        codes: CodeSpec::lattice(k.map(theta).to_vec()),
     };
     texture_of(name, Structure::NormalisedLattice, &node)
 }

@@ -93,7 +93,7 @@ proptest! {
             output_power: MAX_OUTPUT_POWER,
             prediction_error_power: MAX_OUTPUT_POWER,
             flags: NodeFlags::NONE,
-            codes: CodeSpec::Lattice(Vec::new()),
+            codes: CodeSpec::lattice(Vec::new()),
         };
         let bytes = single(Structure::NormalisedLattice, node);
         let moving = motion(75.0, 0.75);
@@ -249,7 +249,7 @@ fn random_lattices(codes: &[Vec<i16>]) -> Vec<u8> {
         output_power: 1.0,
         prediction_error_power: 0.5,
         flags: NodeFlags::NONE,
-        codes: CodeSpec::Lattice(codes.clone()),
+        codes: CodeSpec::lattice(codes.clone()),
     };
     let (speeds, forces) = ([40.0, 80.0, 160.0], [0.3, 0.7, 1.5]);
     library(

@@ -9,7 +9,7 @@
 
 use std::f64::consts::TAU;
 
-use model_format::{Coefficients, MillimetresPerSecond, Newton, THETA_STEP_RAD, Texture};
+use model_format::{FINE_THETA_STEP_RAD, MillimetresPerSecond, Newton, Texture};
 use serde::Serialize;
 use stylus_kernel::Motion;
 use stylus_kernel::excitation::{self, Excitation};
@@ -140,12 +140,10 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
             let point = GridPoint::locate(texture, rub.at(sample));
             thetas.fill(0.0);
             for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {
-                let Coefficients::Lattice(codes) = texture.node(speed, force).coefficients else {
-                    continue;
-                };
-                let step = f64::from(weight) / f64::from(ONE) * THETA_STEP_RAD;
-                for (theta, &code) in thetas.iter_mut().zip(codes) {
-                    *theta += f64::from(i16::from_le_bytes(code)) * step;
+                let stored = texture.node(speed, force).coefficients.thetas();
+                let step = f64::from(weight) / f64::from(ONE) * FINE_THETA_STEP_RAD;
+                for (theta, stored) in thetas.iter_mut().zip(stored) {
+                    *theta += f64::from(stored) * step;
                 }
             }
             let mut f = f64::from(noise.next_sample()) / DEVIATION;

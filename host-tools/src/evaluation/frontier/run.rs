@@ -134,6 +134,7 @@ impl Prepared {
                     speeds_mm_s: vec![speed_mm_s],
                     forces_n: vec![force_n],
                     models: vec![model.clone()],
+                    laws: grid.laws,
                 };
                 let played =
                     match uncertified_library(&self.names[*texture], &alone, structure.stored_as())

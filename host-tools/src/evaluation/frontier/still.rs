@@ -1,7 +1,7 @@
 //! Accuracy at rest: each node is played at its own speed and force and compared with a recording that the fit has not
 //! seen, and with the same filter in float64.
 
-use model_format::{Coefficients, Library, MillimetresPerSecond, Newton, THETA_STEP_RAD, Texture};
+use model_format::{Coefficients, Library, MillimetresPerSecond, Newton, Texture};
 use serde::Serialize;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
@@ -13,7 +13,7 @@ use crate::evaluation::evaluate::WARM_UP_S;
 use crate::evaluation::evaluate::rms;
 use crate::evaluation::stress::reference::{Deviation, FloatDirect, FloatLattice};
 use crate::support::error::{Error, Result};
-use crate::texture::stored::predictor;
+use crate::texture::stored::{predictor, reflection};
 use model_format::SAMPLE_RATE_HZ;
 
 /// Duration of the float64 reference after that, s.
@@ -161,9 +161,8 @@ impl Reference {
     fn of(texture: &Texture<'_>, seed: u64) -> Self {
         let node = texture.node(0, 0);
         let (filter, power) = match node.coefficients {
-            Coefficients::Lattice(codes) => {
-                let theta = |&code: &[u8; 2]| f64::from(i16::from_le_bytes(code)) * THETA_STEP_RAD;
-                let reflection: Vec<f64> = codes.iter().map(|code| theta(code).sin()).collect();
+            stored @ Coefficients::Lattice { .. } => {
+                let reflection = reflection(stored);
                 let mut lattice = FloatLattice::new(reflection.len());
                 lattice.reflect_by(&reflection);
                 (FloatFilter::Lattice(lattice), node.output_power)

@@ -1,6 +1,6 @@
 //! A model played by the device's kernel, and compared with a recording.
 
-use model_format::{Library, MillimetresPerSecond, Newton, limits};
+use model_format::{Laws, Library, MillimetresPerSecond, Newton, limits};
 use serde::Serialize;
 
 use super::options::Options;
@@ -91,6 +91,8 @@ pub fn synthesis(
         speeds_mm_s: vec![PLACE.0],
         forces_n: vec![PLACE.1],
         models: vec![model.clone()],
+        // One node has nothing between.
+        laws: Laws::default(),
     };
     let Ok(bytes) = uncertified_library(NAME, &grid, structure) else {
         return Ok(None);

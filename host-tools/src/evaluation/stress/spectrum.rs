@@ -1,12 +1,12 @@
 //! The spectrum of a model as it was fitted and as it is stored.
 
-use model_format::{Coefficients, THETA_STEP_RAD, Texture};
+use model_format::{Coefficients, Texture};
 use realfft::num_complex::Complex;
 
 use super::models::NamedModel;
 use crate::dsp::linear_prediction::{error_share, step_up};
 use crate::dsp::with_planner;
-use crate::texture::stored::predictor;
+use crate::texture::stored::{predictor, reflection};
 
 /// Frequencies from 0 to half the rate that are looked at, beside those near a model's strongest line.
 const POINTS: usize = 32_768;
@@ -16,10 +16,8 @@ pub(super) fn largest_difference_db(nodes: &[(&NamedModel, f64)], texture: &Text
     let node = |((model, _), node): (&(&NamedModel, f64), model_format::Node<'_>)| {
         let fitted = Shape::new(step_up(&model.reflection), error_share(&model.reflection));
         let stored = match node.coefficients {
-            Coefficients::Lattice(codes) => {
-                let k =
-                    |&code: &[u8; 2]| (f64::from(i16::from_le_bytes(code)) * THETA_STEP_RAD).sin();
-                let reflection: Vec<f64> = codes.iter().map(k).collect();
+            stored @ Coefficients::Lattice { .. } => {
+                let reflection = reflection(stored);
                 Shape::new(step_up(&reflection), error_share(&reflection))
             }
             direct => {

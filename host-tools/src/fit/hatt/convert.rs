@@ -4,7 +4,7 @@
 //! level in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`]: no power to speak of, and no edge that a
 //! model would ring at.
 
-use model_format::{NodeFlags, Provenance, TextureSpec, limits};
+use model_format::{Laws, NodeFlags, Provenance, TextureSpec, limits};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -117,6 +117,7 @@ pub fn convert(name: &str, toolkit: &Toolkit, options: &Options) -> Result<Conve
         speeds_mm_s,
         forces_n,
         models,
+        laws: Laws::default(),
     };
     let spec = texture_spec(name, Provenance::Recorded, &grid, StructureChoice::Lattice)?;
     let spec = certificate::certified(spec)?;

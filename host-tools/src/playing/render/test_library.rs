@@ -1,8 +1,8 @@
 //! A library and motions that the tests of this folder share.
 
 use model_format::{
-    CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance, Structure,
-    Texture, TextureSpec, encode,
+    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance,
+    Structure, Texture, TextureSpec, encode,
 };
 
 use crate::playing::motion::MotionPath;
@@ -13,13 +13,14 @@ pub fn library(sample_rate_hz: u32) -> Vec<u8> {
         output_power,
         prediction_error_power: output_power / 2.0,
         flags: NodeFlags::NONE,
-        codes: CodeSpec::Lattice(codes.to_vec()),
+        codes: CodeSpec::lattice(codes.to_vec()),
     };
     let texture = TextureSpec {
         name: "test".into(),
         sample_rate_hz,
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
+        laws: Laws::default(),
         speed_axis_mm_s: vec![50.0, 100.0],
         force_axis_n: vec![0.5, 1.0],
         nodes: vec![

@@ -37,7 +37,7 @@ mod finding;
 mod interior;
 
 use model_format::{
-    Certificate, Coefficients, DecodeError, Library, Structure, THETA_STEP_RAD, Texture,
+    Certificate, Coefficients, DecodeError, FINE_THETA_STEP_RAD, Library, Structure, Texture,
     TextureSpec, encode_uncertified,
 };
 use rayon::prelude::*;
@@ -154,13 +154,9 @@ fn places(texture: &Texture<'_>, speeds_mm_s: &[f32], forces_n: &[f32]) -> Vec<C
 }
 
 fn lattice(texture: &Texture<'_>, places: &[CellCorners]) -> Vec<Finding> {
-    let largest = |&(speed, force): &(usize, usize)| match texture.node(speed, force).coefficients {
-        Coefficients::Lattice(codes) => codes
-            .iter()
-            .map(|&code| i16::from_le_bytes(code).unsigned_abs())
-            .max()
-            .unwrap_or(0),
-        Coefficients::Direct16 { .. } | Coefficients::Direct32 { .. } => 0,
+    let largest = |&(speed, force): &(usize, usize)| {
+        let thetas = texture.node(speed, force).coefficients.thetas();
+        thetas.map(i32::unsigned_abs).max().unwrap_or(0)
     };
     let finding = |place: &CellCorners| Finding::Lattice {
         largest_reflection: place
@@ -168,7 +164,7 @@ fn lattice(texture: &Texture<'_>, places: &[CellCorners]) -> Vec<Finding> {
             .iter()
             .map(largest)
             .max()
-            .map_or(0.0, |code| (f64::from(code) * THETA_STEP_RAD).sin()),
+            .map_or(0.0, |theta| (f64::from(theta) * FINE_THETA_STEP_RAD).sin()),
     };
     places.iter().map(finding).collect()
 }

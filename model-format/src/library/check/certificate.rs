@@ -26,10 +26,10 @@ pub(super) fn check_certificate(
         (
             Structure::NormalisedLattice,
             CertificateRecord::Lattice {
-                largest_theta_code: stored,
+                largest_theta: stored,
             },
         ) => {
-            let found = largest_theta_code(texture);
+            let found = largest_theta(texture);
             if stored != found {
                 return here(Problem::CertifiedTheta { stored, found });
             }
@@ -80,10 +80,8 @@ fn checksum(texture: &Texture<'_>, cell_margins: &[u8]) -> u32 {
     ])
 }
 
-/// Largest |θ| of all nodes of a lattice, in stored steps. The nodes' codes lie one after the other.
-fn largest_theta_code(texture: &Texture<'_>) -> u16 {
-    let codes = texture.coefficients.as_chunks().0.iter();
-    codes.fold(0, |largest, &code| {
-        largest.max(i16::from_le_bytes(code).unsigned_abs())
-    })
+/// Largest |θ| of all nodes of a lattice, in steps of [`crate::FINE_THETA_STEP_RAD`].
+fn largest_theta(texture: &Texture<'_>) -> u32 {
+    let thetas = texture.nodes().flat_map(|node| node.coefficients.thetas());
+    thetas.map(i32::unsigned_abs).max().unwrap_or(0)
 }

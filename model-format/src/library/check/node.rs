@@ -71,7 +71,7 @@ pub(super) fn check_node(
 
 fn check_coefficients(coefficients: Coefficients<'_>) -> Result<(), Problem> {
     match coefficients {
-        Coefficients::Lattice(codes) => {
+        Coefficients::Lattice { codes, .. } => {
             let full = |&code: &[u8; 2]| i16::from_le_bytes(code) == i16::MIN;
             match codes.iter().position(full) {
                 Some(index) => Err(Problem::ReflectionCoefficient { stage: index + 1 }),

@@ -1,4 +1,4 @@
-//! Check of a texture: header and axes, then its nodes in turn, its certificate last.
+//! Check of a texture: header and axes, then its nodes in turn, its optional parts, its certificate last.
 
 use super::certificate::{Demand, check_certificate};
 use super::node::check_node;
@@ -56,6 +56,7 @@ pub(in crate::library) fn check_texture(
             expected: end,
         }));
     }
+    texture.parts.check(texture, index)?;
     check_certificate(texture, index, demand)
 }
 

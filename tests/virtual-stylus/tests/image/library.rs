@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use host_tools::texture::certificate::certified;
 use model_format::limits::MAX_ORDER;
-use model_format::{CodeSpec, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode};
+use model_format::{CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode};
 use virtual_stylus::Options;
 use virtual_stylus::model::flash::Contents;
 
@@ -38,7 +38,7 @@ fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
         output_power: 4.0,
         prediction_error_power: 4.0,
         flags: NodeFlags::NONE,
-        codes: CodeSpec::Lattice(
+        codes: CodeSpec::lattice(
             (0..order)
                 .map(|stage| {
                     (stage as i16)
@@ -54,6 +54,7 @@ fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
         sample_rate_hz: 5_000,
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
+        laws: Laws::default(),
         speed_axis_mm_s: (1..=speeds).map(|speed| f32::from(speed) * 20.0).collect(),
         force_axis_n: (1..=forces).map(|force| f32::from(force) * 0.2).collect(),
         cell_margins: Vec::new(),

@@ -10,7 +10,7 @@ use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneName, StickSlip, Surface, Tap,
 };
 use model_format::{
-    CodeSpec, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode_with_scenes,
+    CodeSpec, Laws, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode_with_scenes,
 };
 use stylus_kernel::arithmetic::TURN_TAPS;
 use stylus_kernel::scene::Plan;
@@ -62,7 +62,7 @@ fn texture(name: &str, structure: Structure, order: u32) -> TextureSpec {
             prediction_error_power: 4.0,
             flags: NodeFlags::NONE,
             codes: if structure == Structure::NormalisedLattice {
-                CodeSpec::Lattice(codes(first).collect())
+                CodeSpec::lattice(codes(first).collect())
             } else {
                 let codes = codes(first).collect();
                 CodeSpec::Direct16 { exponent: 0, codes }
@@ -74,6 +74,7 @@ fn texture(name: &str, structure: Structure, order: u32) -> TextureSpec {
         sample_rate_hz: 5_000,
         structure,
         provenance: Provenance::Simulated,
+        laws: Laws::default(),
         speed_axis_mm_s: vec![40.0, 240.0],
         force_axis_n: vec![0.5, 2.0],
         cell_margins: Vec::new(),

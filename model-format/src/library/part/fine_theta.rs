@@ -1,0 +1,92 @@
+//! Part of kind 2, of lattices alone: 8 more binary digits of θ for the first stages of every node.
+//!
+//! The part holds n bytes for each node, speed-major, so that any node's are found without reading those before it; n
+//! follows from the part's length. Byte i of a node is signed and belongs to stage i: θ = (code · 256 + byte) · π/2²⁴.
+//! The code is the nearest of 16 bits, so that the bytes add resolution and nothing else. They are worth their place in
+//! the first stages, because that is where a few narrow lines have their large |k|.
+
+use crate::error::{DecodeError, Place, Problem};
+use crate::library::texture::Texture;
+use crate::limits::MAX_FINE_STAGES;
+use crate::wire::Structure;
+
+/// Kind of this part.
+pub(crate) const KIND: u32 = 2;
+
+/// The part's content.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FineTheta<'a>(pub &'a [u8]);
+
+impl<'a> FineTheta<'a> {
+    /// Number of stages that each of `nodes` nodes has a byte for. Never 0 in a part that was found valid.
+    pub fn stages(self, nodes: usize) -> usize {
+        self.0.len() / nodes.max(1)
+    }
+
+    /// The bytes of node `index` of `nodes`, as many as it has stages, of a part that was found valid.
+    pub fn of_node(self, index: usize, nodes: usize, order: usize) -> &'a [u8] {
+        let stages = self.stages(nodes);
+        let begin = index * stages;
+        &self.0[begin..begin + stages.min(order)]
+    }
+
+    /// Checks the part of texture `index`, whose nodes were found valid.
+    pub fn check(self, texture: &Texture<'_>, index: usize) -> Result<(), DecodeError> {
+        let here = |problem: Problem| Err(problem.at(Place::Texture(index)));
+        if texture.structure() != Structure::NormalisedLattice {
+            return here(Problem::FineStructure(texture.structure()));
+        }
+        let forces = texture.force_axis().len();
+        let nodes = texture.speed_axis().len() * forces;
+        let (found, stages) = (self.0.len(), self.stages(nodes));
+        if !found.is_multiple_of(nodes) || !(1..=MAX_FINE_STAGES).contains(&stages) {
+            return here(Problem::FineLength { found, nodes });
+        }
+        let mut last_is_used = false;
+        for (number, bytes) in self.0.chunks_exact(stages).enumerate() {
+            let (speed, force) = (number / forces, number % forces);
+            let order = usize::from(texture.record(speed, force).order);
+            let beyond = bytes.iter().skip(order).position(|&byte| byte != 0);
+            if let Some(beyond) = beyond {
+                let stage = order + beyond + 1;
+                let place = Place::Node {
+                    texture: index,
+                    speed,
+                    force,
+                };
+                return Err(Problem::FineBeyondOrder { stage, order }.at(place));
+            }
+            last_is_used |= bytes[stages - 1] != 0;
+        }
+        if last_is_used {
+            Ok(())
+        } else {
+            here(Problem::FineStageUnused { stage: stages })
+        }
+    }
+}
+
+/// The part of a lattice whose nodes have these bytes, if any of them is not 0.
+///
+/// # Errors
+/// Bytes for more than [`MAX_FINE_STAGES`] stages, with the index of the node.
+#[cfg(feature = "alloc")]
+pub(crate) fn part(nodes: &[&[i8]]) -> Result<Option<super::PartSpec>, (usize, Problem)> {
+    let used = |bytes: &&[i8]| {
+        bytes
+            .iter()
+            .rposition(|&byte| byte != 0)
+            .map_or(0, |i| i + 1)
+    };
+    let too_many = |bytes: &&[i8]| used(bytes) > MAX_FINE_STAGES;
+    if let Some(node) = nodes.iter().position(too_many) {
+        return Err((node, Problem::FineStages(used(&nodes[node]))));
+    }
+    let stages = nodes.iter().map(used).max().unwrap_or(0);
+    let mut content = alloc::vec::Vec::with_capacity(stages * nodes.len());
+    for bytes in nodes {
+        let bytes = bytes.iter().map(|&byte| byte.cast_unsigned());
+        content.extend(bytes.chain(core::iter::repeat(0)).take(stages));
+    }
+    Ok((stages > 0).then_some((KIND, content)))
+}

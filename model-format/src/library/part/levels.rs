@@ -1,0 +1,140 @@
+//! Part of kind 1: the laws by which a texture's level goes between nodes and below the grid.
+//!
+//! Two bytes: the [`LevelLaw`], then the [`FadeLaw`]. A texture without the part has the default of both.
+
+use crate::error::{DecodeError, Place, Problem};
+use crate::library::node::Node;
+use crate::library::texture::Texture;
+use crate::wire::Structure;
+
+/// Kind of this part.
+pub(crate) const KIND: u32 = 1;
+
+/// Law of the level between the four nodes of a cell, whose weights add up to one.
+///
+/// At a node all laws give the node's own level. Between nodes no law gives more than the loudest node, and the three
+/// are ordered: logarithm, amplitude, power.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum LevelLaw {
+    /// Weighted mean of the output powers.
+    #[default]
+    Power,
+    /// Weighted mean of the RMS amplitudes.
+    Amplitude,
+    /// Weighted mean of the level in dB, which is the geometric mean of the amplitudes. No node may be silent.
+    Logarithm,
+}
+
+/// Law of the level below the lowest speed or the lowest force of the grid, down to silence at zero. Both axes' factors
+/// are multiplied.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum FadeLaw {
+    /// The amplitude is proportional to speed or force.
+    #[default]
+    Amplitude,
+    /// The power is proportional to speed or force, and so the amplitude to their square root. This is the law of the
+    /// published HaTT models, whose variance is interpolated to that of a model of zeros.
+    Power,
+}
+
+/// Both laws of a texture's level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Laws {
+    /// Law between nodes.
+    pub level: LevelLaw,
+    /// Law below the grid.
+    pub fade: FadeLaw,
+}
+
+impl LevelLaw {
+    /// All laws, in the order of their stored codes.
+    pub const ALL: [Self; 3] = [Self::Power, Self::Amplitude, Self::Logarithm];
+}
+
+impl FadeLaw {
+    /// All laws, in the order of their stored codes.
+    pub const ALL: [Self; 2] = [Self::Amplitude, Self::Power];
+}
+
+impl core::fmt::Display for LevelLaw {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Power => "mean power",
+            Self::Amplitude => "mean amplitude",
+            Self::Logarithm => "mean dB",
+        })
+    }
+}
+
+impl core::fmt::Display for FadeLaw {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Amplitude => "linear amplitude",
+            Self::Power => "linear power",
+        })
+    }
+}
+
+/// The part's content.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LevelsPart<'a>(pub &'a [u8]);
+
+impl LevelsPart<'_> {
+    /// The laws.
+    fn read(self) -> Result<Laws, Problem> {
+        let &[level, fade] = self.0 else {
+            return Err(Problem::LevelsLength(self.0.len()));
+        };
+        let unknown = |what, code| Problem::UnknownLaw { what, code };
+        Ok(Laws {
+            level: *LevelLaw::ALL
+                .get(usize::from(level))
+                .ok_or(unknown("level", level))?,
+            fade: *FadeLaw::ALL
+                .get(usize::from(fade))
+                .ok_or(unknown("fade", fade))?,
+        })
+    }
+
+    /// The laws of a part that was found valid.
+    pub fn laws(self) -> Laws {
+        self.read().unwrap_or_default()
+    }
+
+    pub fn check(self) -> Result<(), Problem> {
+        if self.read()? == Laws::default() {
+            return Err(Problem::DefaultLaws);
+        }
+        Ok(())
+    }
+}
+
+/// Checks that the nodes of texture `index` have levels that its law can average: a lattice's output power, and a direct
+/// form's prediction error.
+pub(super) fn check_nodes(texture: &Texture<'_>, index: usize) -> Result<(), DecodeError> {
+    if texture.level_law() != LevelLaw::Logarithm {
+        return Ok(());
+    }
+    let averaged = |node: Node<'_>| match texture.structure() {
+        Structure::NormalisedLattice => node.output_power,
+        Structure::DirectForm16 | Structure::DirectForm32 => node.prediction_error_power,
+    };
+    match texture.nodes().position(|node| averaged(node) <= 0.0) {
+        Some(node) => {
+            let forces = texture.force_axis().len();
+            Err(Problem::SilentInLogarithm.at(Place::Node {
+                texture: index,
+                speed: node / forces,
+                force: node % forces,
+            }))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The part of a texture with these laws, if it needs one.
+#[cfg(feature = "alloc")]
+pub(crate) fn part(laws: Laws) -> Option<super::PartSpec> {
+    let content = || alloc::vec![laws.level as u8, laws.fade as u8];
+    (laws != Laws::default()).then(|| (KIND, content()))
+}
