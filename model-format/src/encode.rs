@@ -379,7 +379,7 @@ fn node_place(texture: &TextureSpec, index: usize, number: usize) -> Place {
 }
 
 fn largest_theta(nodes: &[NodeSpec]) -> u32 {
-    let thetas = nodes.iter().flat_map(|node| match &node.codes {
+    let thetas = nodes.iter().filter_map(|node| match &node.codes {
         CodeSpec::Lattice { codes, fractions } => {
             let fractions = fractions.iter().copied().chain(core::iter::repeat(0));
             let both = codes.iter().zip(fractions);

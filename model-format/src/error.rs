@@ -173,7 +173,7 @@ pub enum Problem {
     /// Laws that hold without being stated.
     #[error("the part with the laws of the level states those that hold without it")]
     DefaultLaws,
-    /// A silent node of a texture whose levels are averaged in dB.
+    /// A silent node of a texture whose levels are averaged in dB, or a direct form's node without prediction error.
     #[error(
         "a silent node has no level in dB: give the texture the level law of power or amplitude, or leave speed 0 and \
          force 0 out of its grid"

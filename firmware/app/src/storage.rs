@@ -7,8 +7,8 @@
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
     ActivateError, Activated, ListError, ListRequest, SceneInfo, SettingChange, Settings,
-    SettingsError, SlotId, SlotInfo, SlotState, Slots, UploadBegin, UploadChunk, UploadCommitted,
-    UploadError, UploadProgress, UploadState,
+    SettingsError, SlotId, SlotInfo, SlotState, Slots, TextureInfo, UploadBegin, UploadChunk,
+    UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 use crate::settings::SettingsStore;
@@ -97,17 +97,17 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `ListEndpoint`.
     ///
     /// # Errors
-    /// The slot has no library, or the library has fewer textures.
-    pub fn list(&self, request: ListRequest) -> Result<model_format::link::TextureInfo, ListError> {
-        self.slots.texture(request.slot, request.index)
+    /// The slot has no library, or has a fault, or the library has fewer textures.
+    pub async fn list(&mut self, request: ListRequest) -> Result<TextureInfo, ListError> {
+        self.slots.texture(request.slot, request.index).await
     }
 
     /// Serves `ListSceneEndpoint`.
     ///
     /// # Errors
-    /// The slot has no library, or the library has fewer scenes.
-    pub fn list_scene(&self, request: ListRequest) -> Result<SceneInfo, ListError> {
-        self.slots.scene(request.slot, request.index)
+    /// The slot has no library, or has a fault, or the library has fewer scenes.
+    pub async fn list_scene(&mut self, request: ListRequest) -> Result<SceneInfo, ListError> {
+        self.slots.scene(request.slot, request.index).await
     }
 
     /// Serves `ActivateEndpoint`: fades out, copies the library to RAM, and makes its slot the active one.

@@ -5,6 +5,11 @@
 //! give the same number without that pass, but a sample would cost 3.4 times as much and a frame four times the memory.
 //! In 32 bits the mean is within 2⁻³¹ of the largest coefficient, whatever width they are stored in.
 //!
+//! The law of the level between nodes is applied to the prediction error's power σ², and not to the output's. σ² and
+//! the filter of a node together give the node's output power, so that the level is right at nodes. Between nodes the
+//! output's power is what the mean filter makes of the mean σ, as in the paper; to set it directly an update would have
+//! to find the power gain of every mean filter.
+//!
 //! The history is kept in fixed point at the texture's own scale: its loudest node's RMS lies between a sixteenth and
 //! an eighth of full scale. Sums are exact in 64 bits, and truncated toward zero once per sample. Unlike the
 //! lattice's, this structure's stability depends on its coefficients: between two stable nodes it may be unstable,
@@ -17,7 +22,7 @@ use crate::arithmetic::{Arithmetic, TURN_TAPS, Turn};
 use crate::excitation;
 use crate::fixed::{saturate, shift_toward_zero};
 use crate::grid::{GridPoint, ONE};
-use crate::level::{Levels, Ramp, rms_in_steps};
+use crate::level::{Levels, Ramp, rms_at};
 
 /// Digits after the point of a sample's sum, in steps of the history.
 pub const SUM_FRACTION_BITS: u32 = 20;
@@ -84,8 +89,9 @@ impl DirectFrame {
         if !self.point.replace(*point).is_some_and(rests) {
             self.interpolate(texture, point);
         }
-        let power = point.mean(|speed, force| texture.node(speed, force).prediction_error_power);
-        let deviation = rms_in_steps(power, OutputSample::FRACTION_BITS + self.scale_bits);
+        let power = |speed, force| texture.node(speed, force).prediction_error_power;
+        let bits = OutputSample::FRACTION_BITS + self.scale_bits;
+        let deviation = rms_at(point, texture.level_law(), bits, power);
         self.deviation = Ramp::between(from.amplitude, deviation, samples);
         self.fade = Ramp::between(from.fade, point.fade, samples);
     }

@@ -1,6 +1,6 @@
 //! Position of a motion on a texture's grid: the four nodes around it, their weights, and the fade at rest.
 
-use model_format::{Axis, MillimetresPerSecond, Newton, Texture};
+use model_format::{Axis, FadeLaw, MillimetresPerSecond, Newton, Texture};
 
 /// Motion of the tool at a moment: a tangential speed and a normal force, both finite and not negative.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,8 +82,9 @@ pub struct GridPoint {
 impl GridPoint {
     /// Finds `motion` on the grid of `texture`. Above the grid its edge counts.
     pub fn locate(texture: &Texture<'_>, motion: Motion) -> Self {
-        let speed = Position::on(texture.speed_axis(), motion.speed_mm_s);
-        let force = Position::on(texture.force_axis(), motion.force_n);
+        let law = texture.fade_law();
+        let speed = Position::on(texture.speed_axis(), motion.speed_mm_s, law);
+        let force = Position::on(texture.force_axis(), motion.force_n, law);
         // Rounding one product and taking the others as differences keeps the sum exact, and none is negative.
         let both = ((u64::from(speed.fraction) * u64::from(force.fraction)) >> 16) as u32;
         Self {
@@ -123,7 +124,7 @@ struct Position {
 }
 
 impl Position {
-    fn on(axis: Axis<'_>, value: f32) -> Self {
+    fn on(axis: Axis<'_>, value: f32, law: FadeLaw) -> Self {
         let last = axis.len() - 1;
         let mut below = 0;
         while below < last && axis.value(below + 1) <= value {
@@ -142,7 +143,10 @@ impl Position {
         } else if value >= lowest {
             ONE
         } else {
-            steps(value / lowest)
+            match law {
+                FadeLaw::Amplitude => steps(value / lowest),
+                FadeLaw::Power => root_steps(value / lowest),
+            }
         };
         Self {
             below,
@@ -156,4 +160,14 @@ impl Position {
 /// A fraction in steps of 2⁻¹⁶, rounded to nearest, at most one.
 fn steps(fraction: f32) -> u32 {
     ((fraction * ONE as f32 + 0.5) as u32).min(ONE)
+}
+
+/// The root of a fraction below one, in steps of 2⁻¹⁶, rounded to nearest.
+fn root_steps(fraction: f32) -> u32 {
+    /// Digits of the root that are rounded away.
+    const MORE_BITS: u32 = 8;
+    const SCALE: u64 = 1 << (2 * (ONE.ilog2() + MORE_BITS));
+    // A power of two scales a float exactly; the integer root is exact too.
+    let root = ((fraction * SCALE as f32) as u64).isqrt() as u32;
+    (root + (1 << (MORE_BITS - 1))) >> MORE_BITS
 }

@@ -12,13 +12,14 @@
 //! the texture, so that one scale fits all: one standard deviation is 2²⁸, full scale is eight of them.
 
 use model_format::limits::MAX_ORDER;
-use model_format::{Coefficients, OutputSample, Texture};
+use model_format::{OutputSample, Texture};
 
 use crate::arithmetic::Arithmetic;
 use crate::fixed::shift_toward_zero;
 use crate::grid::{GridPoint, ONE};
-use crate::level::{Levels, Ramp, rms_in_steps};
-use crate::rotation::{Rotation, THETA_FRACTION_BITS};
+use crate::level::{Levels, Ramp, rms_at};
+use crate::rotation::Rotation;
+use crate::theta::interpolated;
 
 /// Digits after the point of the gain in m/s²: full scale of the lattice times full gain is that of the output.
 pub(crate) const GAIN_FRACTION_BITS: u32 = 23;
@@ -55,30 +56,15 @@ impl LatticeFrame {
     /// Makes this the frame of `point` on the grid of `texture`, a lattice of at most as many stages. The level goes
     /// from `from`, that of the frame before, to its new value in `samples` samples.
     pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
-        self.interpolate_rotations(texture, point);
-        let power = point.mean(|speed, force| texture.node(speed, force).output_power);
-        let rms = rms_in_steps(power, GAIN_FRACTION_BITS);
-        let gain = (u64::from(rms) * u64::from(point.fade)) / u64::from(ONE);
-        self.gain = Ramp::between(from.amplitude, gain as u32, samples);
-    }
-
-    /// Bilinear interpolation of θ. Stages that a node's model lacks have θ = 0.
-    fn interpolate_rotations(&mut self, texture: &Texture<'_>, point: &GridPoint) {
-        const DROPPED_BITS: u32 = 16 - THETA_FRACTION_BITS;
-        let mut thetas = [0i32; MAX_ORDER];
-        for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {
-            let Coefficients::Lattice { codes, .. } = texture.node(speed, force).coefficients
-            else {
-                continue;
-            };
-            for (theta, &code) in thetas.iter_mut().zip(codes) {
-                *theta += i32::from(i16::from_le_bytes(code)) * weight as i32;
-            }
-        }
+        let thetas = interpolated(texture, point);
         let rotations = &mut self.rotations[..self.stages];
         for (rotation, theta) in rotations.iter_mut().zip(thetas) {
-            *rotation = Rotation::from_theta((theta + (1 << (DROPPED_BITS - 1))) >> DROPPED_BITS);
+            *rotation = Rotation::from_theta(theta);
         }
+        let power = |speed, force| texture.node(speed, force).output_power;
+        let rms = rms_at(point, texture.level_law(), GAIN_FRACTION_BITS, power);
+        let gain = (u64::from(rms) * u64::from(point.fade)) / u64::from(ONE);
+        self.gain = Ramp::between(from.amplitude, gain as u32, samples);
     }
 
     /// The level with `left` samples of the ramp to come, the fade included.

@@ -1,4 +1,9 @@
-//! Levels: from a power in (m/s²)² to a gain in fixed point, and ramps from one gain to the next.
+//! Levels: from powers in (m/s²)² to a gain in fixed point, by the texture's law, and ramps from one gain to the next.
+
+use model_format::LevelLaw;
+
+use crate::grid::{GridPoint, ONE};
+use crate::logarithm::{LOG2_FRACTION_BITS, exp2, log2};
 
 /// √(power · 4^bits), truncated: the RMS of `power` in steps of 2^-`bits`.
 ///
@@ -7,6 +12,52 @@ pub fn rms_in_steps(power: f32, bits: u32) -> u32 {
     // A power of two scales a float exactly; the integer root is exact too.
     let scaled = (power * (1u64 << bits) as f32 * (1u64 << bits) as f32) as u64;
     scaled.isqrt().min(i32::MAX as u64) as u32
+}
+
+/// The RMS at `point` in steps of 2^-`bits`, from the powers of the four nodes around it, by `law`.
+///
+/// At a node it is [`rms_in_steps`] of the node's power, by every law. By amplitude and by logarithm it is never outside
+/// of the range of the nodes that have a weight, and does not turn back along an edge of a cell. The mean power is one
+/// of single precision.
+pub fn rms_at(
+    point: &GridPoint,
+    law: LevelLaw,
+    bits: u32,
+    power: impl Fn(usize, usize) -> f32,
+) -> u32 {
+    match law {
+        LevelLaw::Power => rms_in_steps(point.mean(power), bits),
+        LevelLaw::Amplitude => {
+            let rms = |power| u64::from(rms_in_steps(power, bits));
+            let terms =
+                weighted(point, power).map(|(power, weight)| u64::from(weight) * rms(power));
+            (terms.sum::<u64>() / u64::from(ONE)) as u32
+        }
+        LevelLaw::Logarithm => {
+            // Twice the amplitude's logarithm, with the digits of the weights.
+            const FRACTION_BITS: u32 = LOG2_FRACTION_BITS + ONE.ilog2() + 1;
+            let (mut sum, mut lowest, mut highest) = (0, u32::MAX, 0);
+            for (power, weight) in weighted(point, power) {
+                let rms = rms_in_steps(power, bits);
+                (lowest, highest) = (lowest.min(rms), highest.max(rms));
+                sum += i64::from(weight) * log2(power);
+            }
+            // At a node both bounds are its own level. Elsewhere they take off what the logarithm rounds.
+            exp2(sum + (i64::from(bits) << FRACTION_BITS), FRACTION_BITS)
+                .max(lowest)
+                .min(highest)
+        }
+    }
+}
+
+/// The powers of the nodes that have a weight, each with its weight.
+fn weighted(
+    point: &GridPoint,
+    power: impl Fn(usize, usize) -> f32,
+) -> impl Iterator<Item = (f32, u32)> {
+    let nodes = point.nodes.into_iter().zip(point.weights);
+    let nodes = nodes.filter(|&(_, weight)| weight > 0);
+    nodes.map(move |((speed, force), weight)| (power(speed, force), weight))
 }
 
 /// A quantity that goes in equal steps from its value to that of the next frame, so that no change clicks.

@@ -8,9 +8,11 @@ mod fixed;
 pub mod grid;
 pub mod lattice;
 pub mod level;
+mod logarithm;
 pub mod rotation;
 pub mod scene;
 mod synthesis;
+mod theta;
 #[cfg(feature = "variants")]
 pub mod variants;
 

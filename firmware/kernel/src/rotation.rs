@@ -4,8 +4,7 @@
 //! theorems. The table's radius is below one by more than all round-off, so that cos² + sin² ≤ 2⁶² holds exactly. The
 //! lattice's bound on energy rests on this.
 
-/// Binary digits that an interpolated θ has in addition to a stored θ code.
-pub const THETA_FRACTION_BITS: u32 = 8;
+pub use model_format::THETA_FRACTION_BITS;
 
 /// θ = ±π/2, the ends of the range, in steps of an interpolated θ: 2²³.
 pub const THETA_QUARTER_TURN: i32 = 1 << (15 + THETA_FRACTION_BITS);
@@ -112,7 +111,7 @@ mod tests {
         square(rotation.cos) + square(rotation.sin)
     }
 
-    /// All 65 536 stored codes are among them, with all 256 steps between any two.
+    /// All θ that can be stored or interpolated are among them.
     #[test]
     fn no_theta_lengthens_a_vector() {
         for theta in -THETA_QUARTER_TURN..=THETA_QUARTER_TURN {

@@ -170,12 +170,12 @@ async fn work(
         }
         Job::Slots => to.reply::<SlotsEndpoint>(sequence, &stores.slots()).await,
         Job::List(request) => {
-            to.reply::<ListEndpoint>(sequence, &stores.list(request))
-                .await
+            let answer = stores.list(request).await;
+            to.reply::<ListEndpoint>(sequence, &answer).await
         }
         Job::ListScene(request) => {
-            to.reply::<ListSceneEndpoint>(sequence, &stores.list_scene(request))
-                .await
+            let answer = stores.list_scene(request).await;
+            to.reply::<ListSceneEndpoint>(sequence, &answer).await
         }
         Job::Activate(slot) => {
             let answer = stores.activate(stage, slot).await;

@@ -27,4 +27,4 @@ pub use node::{Coefficients, Node, NodeFlags};
 pub use part::PartKind;
 pub use part::levels::{FadeLaw, Laws, LevelLaw};
 pub use texture::Texture;
-pub use view::Library;
+pub use view::{Library, Outline};

@@ -14,7 +14,46 @@ pub struct Library<'a> {
     pub(super) scene_count: usize,
 }
 
+/// Places of a decoded library's content in its bytes.
+///
+/// This is for a keeper of bytes that cannot stay borrowed, such as a store in flash: it decodes once, keeps the
+/// outline, and looks at the bytes again without another decoding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outline {
+    textures: u32,
+    len: u16,
+    scenes: u32,
+    scene_count: u8,
+}
+
+impl Outline {
+    /// The library of `bytes`, which must be those that were decoded to the library of this outline: its user has to
+    /// know, by their checksum for one. Views of other bytes may panic.
+    ///
+    /// Returns none if the bytes are too few.
+    pub fn library(self, bytes: &[u8]) -> Option<Library<'_>> {
+        Some(Library {
+            textures: bytes.get(self.textures as usize..)?,
+            len: usize::from(self.len),
+            scenes: bytes.get(self.scenes as usize..)?,
+            scene_count: usize::from(self.scene_count),
+        })
+    }
+}
+
 impl<'a> Library<'a> {
+    /// Places of the content in `bytes`, those that this library was decoded from.
+    pub fn outline(&self, bytes: &[u8]) -> Outline {
+        // Textures and scenes reach to the end of the bytes, whose number fits in 32 bits.
+        let begin = |rest: &[u8]| (bytes.len() - rest.len()) as u32;
+        Outline {
+            textures: begin(self.textures),
+            len: self.len as u16,
+            scenes: begin(self.scenes),
+            scene_count: self.scene_count as u8,
+        }
+    }
+
     /// Number of textures, at least one.
     #[expect(clippy::len_without_is_empty, reason = "a library is never empty")]
     pub fn len(&self) -> usize {

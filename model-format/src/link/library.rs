@@ -81,7 +81,7 @@ pub enum ListError {
         /// The requested index.
         index: u8,
         /// Number of the slot's textures.
-        textures: u8,
+        textures: u16,
     },
     /// An index beyond the last scene.
     #[error("scene {index} of slot {slot}, which has {scenes}: list again")]

@@ -97,7 +97,7 @@ pub struct SlotInfo {
     /// CRC-32 (ISO-HDLC) of the library.
     pub crc32: u32,
     /// Number of its textures.
-    pub textures: u8,
+    pub textures: u16,
     /// Number of its scenes.
     pub scenes: u8,
 }

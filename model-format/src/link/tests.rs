@@ -62,7 +62,7 @@ fn slot_info() -> SlotInfo {
         sequence: u32::MAX,
         length: u32::MAX,
         crc32: u32::MAX,
-        textures: u8::MAX,
+        textures: u16::MAX,
         scenes: u8::MAX,
     }
 }
@@ -155,7 +155,7 @@ fn list_errors() -> Vec<ListError> {
         ListError::Index {
             slot,
             index: u8::MAX,
-            textures: u8::MAX
+            textures: u16::MAX
         },
         ListError::SceneIndex {
             slot,
@@ -379,7 +379,7 @@ fn every_answer_comes_back_and_fits_a_frame() {
     let committed = UploadCommitted {
         slot: SlotId::B,
         sequence: u32::MAX,
-        textures: u8::MAX,
+        textures: u16::MAX,
     };
     to_host::<Response<UploadCommitEndpoint>>([Ok(committed)]);
     to_host::<Response<UploadAbortEndpoint>>([Ok(UploadState::Idle)]);

@@ -60,7 +60,7 @@ pub struct UploadCommitted {
     /// Its sequence number, above that of every other library in the device.
     pub sequence: u32,
     /// Number of its textures.
-    pub textures: u8,
+    pub textures: u16,
 }
 
 /// An operation of the flash.

@@ -5,6 +5,13 @@ use super::{MotionOfScene, Scene, StickSlip, Surface, Tap, equaliser, limits};
 use crate::library::{Library, Texture};
 use crate::limits::{MAX_OUTPUT_POWER, MAX_SAMPLE_RATE_HZ};
 
+/// The facts of a texture that a surface is checked against.
+#[derive(Clone, Copy)]
+struct TextureBounds {
+    sample_rate_hz: u32,
+    highest_gain: f32,
+}
+
 impl Scene {
     /// Checks the whole scene, and that `library` has its textures.
     ///
@@ -35,28 +42,47 @@ impl Scene {
                 .and_then(|()| within("force", force_n, [0.0, limits::MAX_FORCE_N], "N"))
                 .map_err(|problem| problem.at(ScenePlace::Motion))?;
         }
-        for (index, surface) in self.surfaces.iter().enumerate() {
-            self.validate_surface(index, surface, library)?;
+        let textures = self.textures(library);
+        for ((index, surface), texture) in self.surfaces.iter().enumerate().zip(textures) {
+            self.validate_surface(index, surface, texture, library.len())?;
         }
         self.validate_regions()?;
         equaliser::check(&self.equaliser)
             .map_err(|(section, problem)| problem.at(ScenePlace::Section(section)))
     }
 
+    /// The texture of each surface; none where it has none, or `library` has none of the index.
+    ///
+    /// One pass over the library serves all surfaces, because a pass parses the header of every texture.
+    fn textures(&self, library: &Library<'_>) -> [Option<TextureBounds>; limits::MAX_SURFACES] {
+        let mut bounds = [None; limits::MAX_SURFACES];
+        for (index, texture) in library.textures().enumerate() {
+            let is_used = |surface: &Surface| surface.texture.map(usize::from) == Some(index);
+            if self.surfaces.iter().any(is_used) {
+                let found = TextureBounds {
+                    sample_rate_hz: texture.sample_rate_hz(),
+                    highest_gain: highest_gain(&texture),
+                };
+                let users = bounds.iter_mut().zip(&self.surfaces);
+                let users = users.filter(|(_, surface)| is_used(surface));
+                users.for_each(|(bounds, _)| *bounds = Some(found));
+            }
+        }
+        bounds
+    }
+
     fn validate_surface(
         &self,
         index: usize,
         surface: &Surface,
-        library: &Library<'_>,
+        found: Option<TextureBounds>,
+        count: usize,
     ) -> Result<(), SceneError> {
         let here = |problem: SceneProblem| problem.at(ScenePlace::Surface(index));
         within("gain", surface.gain, [0.0, limits::MAX_GAIN], "").map_err(here)?;
         if let Some(texture) = surface.texture {
-            let Some(found) = library.textures().nth(usize::from(texture)) else {
-                let count = library.len();
-                return Err(here(SceneProblem::UnknownTexture { texture, count }));
-            };
-            self.validate_texture(surface.gain, &found).map_err(here)?;
+            let found = found.ok_or(here(SceneProblem::UnknownTexture { texture, count }))?;
+            self.validate_texture(surface.gain, found).map_err(here)?;
         }
         if let Some(tap) = &surface.tap {
             self.validate_tap(tap)
@@ -72,14 +98,14 @@ impl Scene {
         Ok(())
     }
 
-    fn validate_texture(&self, gain: f32, texture: &Texture<'_>) -> Result<(), SceneProblem> {
-        if texture.sample_rate_hz() != self.sample_rate_hz {
+    fn validate_texture(&self, gain: f32, texture: TextureBounds) -> Result<(), SceneProblem> {
+        if texture.sample_rate_hz != self.sample_rate_hz {
             return Err(SceneProblem::TextureRate {
-                texture_hz: texture.sample_rate_hz(),
+                texture_hz: texture.sample_rate_hz,
                 scene_hz: self.sample_rate_hz,
             });
         }
-        let highest = highest_gain(texture);
+        let highest = texture.highest_gain;
         if gain > highest {
             return Err(SceneProblem::TooLoud { gain, highest });
         }

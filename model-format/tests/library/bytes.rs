@@ -106,12 +106,16 @@ impl RawLibrary {
         }
     }
 
-    /// The same with two scenes: a plain one, and one with everything that a scene may have.
-    pub fn with_scenes() -> Self {
-        Self {
-            scenes: vec![plain_scene(), full_scene()],
-            ..Self::sound()
-        }
+    /// The same with every optional part, and with two scenes: a plain one, and one with everything that a scene may
+    /// have.
+    pub fn full() -> Self {
+        let mut library = Self::sound();
+        // Fractions of two stages for each node. The first two nodes have none.
+        let fractions = [0, 0, 0, 0, 127, 0x80, 1, 0xff, 0, 3, 200, 0];
+        library.textures[0].parts = vec![(1, vec![1, 1]), (2, fractions.to_vec())];
+        library.textures[1].parts = vec![(1, vec![0, 1])];
+        library.scenes = vec![plain_scene(), full_scene()];
+        library
     }
 
     pub fn bytes(&self) -> Vec<u8> {

@@ -2,8 +2,8 @@
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, DecodeError, FORMAT_VERSION, Laws, Library, NodeFlags, NodeSpec, Place, Problem,
-    Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
+    CodeSpec, DecodeError, FORMAT_VERSION, Laws, LevelLaw, Library, NodeFlags, NodeSpec, Place,
+    Problem, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
 };
 
 use crate::bytes::{RawCertificate, RawLibrary, RawTexture, checksum, repair};
@@ -745,6 +745,13 @@ fn spec() -> TextureSpec {
     }
 }
 
+fn fine(codes: &[i16], fractions: &[i8]) -> CodeSpec {
+    CodeSpec::Lattice {
+        codes: codes.to_vec(),
+        fractions: fractions.to_vec(),
+    }
+}
+
 /// The encoder does not write what the decoder refuses, and its error has the same text.
 #[test]
 fn the_encoder_refuses_what_the_decoder_would() {
@@ -754,7 +761,7 @@ fn the_encoder_refuses_what_the_decoder_would() {
         speed: 0,
         force: 1,
     };
-    let cases: [Case; 9] = [
+    let cases: [Case; 13] = [
         (
             |spec| spec.name.clear(),
             Place::Texture(0),
@@ -803,6 +810,33 @@ fn the_encoder_refuses_what_the_decoder_would() {
             last,
             Problem::PowerOrder,
         ),
+        (
+            |spec| spec.nodes[1].codes = fine(&[1; 400], &[1; 33]),
+            last,
+            Problem::FineStages(33),
+        ),
+        (
+            |spec| spec.nodes[1].codes = fine(&[1; 2], &[1; 3]),
+            last,
+            Problem::FineBeyondOrder { stage: 3, order: 2 },
+        ),
+        (
+            |spec| spec.nodes[1].codes = fine(&[i16::MIN; 2], &[100; 2]),
+            last,
+            Problem::ReflectionCoefficient { stage: 1 },
+        ),
+        (
+            |spec| {
+                spec.laws.level = LevelLaw::Logarithm;
+                spec.nodes[1].flags = NodeFlags::SILENT;
+                (
+                    spec.nodes[1].output_power,
+                    spec.nodes[1].prediction_error_power,
+                ) = (0.0, 0.0);
+            },
+            last,
+            Problem::SilentInLogarithm,
+        ),
     ];
     assert!(encode(&[spec()]).is_ok());
     for (spoil, place, problem) in cases {
@@ -810,10 +844,10 @@ fn the_encoder_refuses_what_the_decoder_would() {
         spoil(&mut spec);
         assert_eq!(encode(&[spec]), Err(DecodeError { place, problem }));
     }
-    let error = encode(&vec![spec(); 33]).expect_err("too many");
+    let error = encode(&vec![spec(); 257]).expect_err("too many");
     assert_eq!(
         (error.place, error.problem),
-        (Place::Library, Problem::TextureCount(33))
+        (Place::Library, Problem::TextureCount(257))
     );
     let error = encode(&[]).expect_err("none");
     assert_eq!(
@@ -863,4 +897,219 @@ fn the_encoder_refuses_coefficients_of_another_structure() {
         texture: Structure::NormalisedLattice,
     };
     assert_eq!(error, DecodeError { place, problem });
+}
+
+/// The error of decoding a library with one lattice of six nodes, of orders 0, 0, 2, 2, 2, 2, and these parts.
+fn part_fault(parts: &[(u32, &[u8])]) -> DecodeError {
+    fault(|library| {
+        let parts = parts
+            .iter()
+            .map(|(kind, content)| (*kind, content.to_vec()));
+        library.textures[0].parts = parts.collect();
+    })
+}
+
+#[test]
+fn a_part_of_an_unknown_kind_is_named_and_asks_for_a_newer_program() {
+    for kind in [0, 3, 200, u32::MAX] {
+        let told = format!("kind {kind}, which this program does not know");
+        let problem = Problem::UnknownPart(kind);
+        check(
+            part_fault(&[(kind, b"later")]),
+            Place::Texture(0),
+            problem,
+            &told,
+        );
+        // Behind known ones too.
+        let error = part_fault(&[(1, &[1, 1]), (kind, b"")]);
+        check(error, Place::Texture(0), problem, "update the program");
+    }
+}
+
+#[test]
+fn parts_ascend_and_none_comes_twice() {
+    let (levels, fine): (&[u8], &[u8]) = (&[1, 1], &[0, 0, 1, 1, 1, 1]);
+    for (parts, kind) in [
+        ([(1, levels), (1, levels)], 1),
+        ([(2, fine), (2, fine)], 2),
+        ([(2, fine), (1, levels)], 1),
+    ] {
+        let problem = Problem::PartOrder { kind };
+        check(
+            part_fault(&parts),
+            Place::Texture(0),
+            problem,
+            "comes twice, or after",
+        );
+    }
+}
+
+/// Their number is not believed: nothing is reserved for it, and a part that is missing ends the search.
+#[test]
+fn parts_that_do_not_parse_are_told_with_their_texture() {
+    for count in [1, 3, u32::MAX] {
+        let error = fault(|library| {
+            library.textures.truncate(1);
+            library.scene_count = None;
+            library.textures[0].part_count = Some(count);
+        });
+        check(
+            error,
+            Place::Texture(0),
+            Problem::MalformedParts,
+            "do not parse",
+        );
+    }
+    // A content that is longer than the bytes are.
+    let error = fault(|library| {
+        library.textures.truncate(1);
+        library.textures[0].part_count = Some(1);
+        library.scene_count = Some(2);
+        library.tail = vec![0xff, 0xff, 0xff, 0xff, 0x0f];
+    });
+    check(
+        error,
+        Place::Texture(0),
+        Problem::MalformedParts,
+        "do not parse",
+    );
+}
+
+#[test]
+fn laws_of_the_level_are_two_known_ones_and_not_those_that_hold_anyway() {
+    for (content, problem, told) in [
+        (&[][..], Problem::LevelsLength(0), "there must be 2"),
+        (&[1], Problem::LevelsLength(1), "1 bytes"),
+        (&[1, 1, 0], Problem::LevelsLength(3), "3 bytes"),
+        (
+            &[3, 0],
+            Problem::UnknownLaw {
+                what: "level",
+                code: 3,
+            },
+            "level law has the code 3",
+        ),
+        (
+            &[0, 2],
+            Problem::UnknownLaw {
+                what: "fade",
+                code: 2,
+            },
+            "fade law has the code 2",
+        ),
+        (&[0, 0], Problem::DefaultLaws, "hold without it"),
+    ] {
+        check(
+            part_fault(&[(1, content)]),
+            Place::Texture(0),
+            problem,
+            told,
+        );
+    }
+}
+
+#[test]
+fn levels_in_db_need_nodes_that_are_not_silent() {
+    let silent = Place::Node {
+        texture: 0,
+        speed: 0,
+        force: 0,
+    };
+    let error = part_fault(&[(1, &[2, 0])]);
+    check(error, silent, Problem::SilentInLogarithm, "level law");
+    // The level of a direct form is that of its prediction error.
+    let mut library = RawLibrary::sound();
+    library.textures.truncate(2);
+    let direct = &mut library.textures[1];
+    direct.parts = vec![(1, vec![2, 0])];
+    direct.speed_axis[0] = 25.0;
+    for node in &mut direct.nodes {
+        (node.flags, node.output_power, node.prediction_error_power) = (0, 2.0, 1.0);
+    }
+    assert!(Library::decode(&library.bytes()).is_ok());
+    library.textures[1].nodes[3].prediction_error_power = 0.0;
+    check(
+        refused(&library.bytes()),
+        node(1, 1),
+        Problem::SilentInLogarithm,
+        "no level in dB",
+    );
+}
+
+#[test]
+fn fractions_of_theta_are_a_lattices_alone() {
+    for (texture, structure) in [(1, Structure::DirectForm16), (2, Structure::DirectForm32)] {
+        let error = fault(|library| {
+            library.textures[texture].parts = vec![(2, vec![0, 0, 1, 1, 1, 1])];
+        });
+        let problem = Problem::FineStructure(structure);
+        check(error, Place::Texture(texture), problem, "which has none");
+    }
+}
+
+#[test]
+fn fractions_of_theta_are_as_many_for_each_node_and_not_too_many() {
+    for found in [0, 1, 5, 7, 6 * 33, 6 * 400] {
+        let error = part_fault(&[(2, &vec![1; found])]);
+        let problem = Problem::FineLength { found, nodes: 6 };
+        check(error, Place::Texture(0), problem, "1 to 32 for each");
+    }
+}
+
+#[test]
+fn a_fraction_belongs_to_a_stage_that_is_there() {
+    let at = |speed, force| Place::Node {
+        texture: 0,
+        speed,
+        force,
+    };
+    let error = part_fault(&[(2, &[0, 1, 1, 1, 1, 1])]);
+    let problem = Problem::FineBeyondOrder { stage: 1, order: 0 };
+    check(error, at(0, 1), problem, "stage 1 of a model of order 0");
+    let mut content = [1; 18];
+    content[..6].fill(0);
+    let error = part_fault(&[(2, &content)]);
+    let problem = Problem::FineBeyondOrder { stage: 3, order: 2 };
+    check(error, at(1, 0), problem, "stage 3 of a model of order 2");
+}
+
+#[test]
+fn the_last_fine_stage_is_used_by_some_node() {
+    for (content, stage) in [(&[0; 6][..], 1), (&[0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 1, 0], 2)] {
+        let error = part_fault(&[(2, content)]);
+        let problem = Problem::FineStageUnused { stage };
+        check(error, Place::Texture(0), problem, "of the last fine stage");
+    }
+}
+
+#[test]
+fn the_bound_on_theta_counts_fractions() {
+    let fractions = vec![0, 0, 0x80, 1, 1, 1];
+    let error = fault(|library| {
+        library.textures[0].parts = vec![(2, fractions)];
+        library.textures[0].certificate = Some(RawCertificate::Lattice(5_120_000));
+    });
+    // -20 000 · 256 - 128
+    let problem = Problem::CertifiedTheta {
+        stored: 5_120_000,
+        found: 5_120_128,
+    };
+    check(error, Place::Texture(0), problem, "largest is 5120128");
+}
+
+/// A fraction that turns away from π/2 does not make the code of π/2 a valid one, because a reader of codes alone would
+/// not see it.
+#[test]
+fn no_fraction_saves_the_code_of_a_quarter_turn() {
+    let error = fault(|library| {
+        library.textures[0].parts = vec![(2, vec![0, 0, 100, 100, 100, 100])];
+        library.textures[0].coefficients[..2].copy_from_slice(&i16::MIN.to_le_bytes());
+    });
+    let place = Place::Node {
+        texture: 0,
+        speed: 1,
+        force: 0,
+    };
+    let problem = Problem::ReflectionCoefficient { stage: 1 };
+    check(error, place, problem, "magnitude 1");
 }

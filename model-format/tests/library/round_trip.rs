@@ -1,8 +1,8 @@
 //! Round trips: from content to bytes and back, and from bytes to content and back.
 
 use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec,
-    UNCERTIFIED_CELL, encode, encode_uncertified, encode_with_scenes, limits,
+    CodeSpec, FadeLaw, Laws, LevelLaw, Library, NodeFlags, NodeSpec, Provenance, Structure,
+    TextureSpec, UNCERTIFIED_CELL, encode, encode_uncertified, encode_with_scenes, limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -46,8 +46,8 @@ fn two_independent_writers_give_the_same_bytes() {
 }
 
 #[test]
-fn two_independent_writers_give_the_same_bytes_of_scenes() {
-    let bytes = RawLibrary::with_scenes().bytes();
+fn two_independent_writers_give_the_same_bytes_of_parts_and_scenes() {
+    let bytes = RawLibrary::full().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
     let (textures, scenes) = (content(&library), scenes(&library));
     assert_eq!(scenes.len(), 2);
@@ -66,12 +66,16 @@ fn library() -> impl Strategy<Value = Vec<TextureSpec>> {
 }
 
 fn texture() -> impl Strategy<Value = TextureSpec> {
+    let laws = (
+        prop::sample::select(&LevelLaw::ALL[..]),
+        prop::sample::select(&FadeLaw::ALL[..]),
+    );
     let structures = prop_oneof![
         Just(Structure::NormalisedLattice),
         Just(Structure::DirectForm16),
         Just(Structure::DirectForm32),
     ];
-    (structures, axis(), axis()).prop_flat_map(|(structure, speeds, forces)| {
+    (structures, axis(), axis(), laws).prop_flat_map(|(structure, speeds, forces, laws)| {
         let at_zero = |index: usize| {
             let (speed, force) = (index / forces.len(), index % forces.len());
             speeds[speed] <= 0.0 || forces[force] <= 0.0
@@ -93,11 +97,11 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
         )
             .prop_map(
                 move |(name, sample_rate_hz, provenance, nodes, cell_margins)| TextureSpec {
+                    laws: laws_for(laws, &nodes),
                     name,
                     sample_rate_hz,
                     structure,
                     provenance,
-                    laws: Laws::default(),
                     speed_axis_mm_s: speeds.clone(),
                     force_axis_n: forces.clone(),
                     nodes,
@@ -105,6 +109,19 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
                 },
             )
     })
+}
+
+/// The laws, with another one in place of the logarithm if a node is silent or has no prediction error.
+fn laws_for((level, fade): (LevelLaw, FadeLaw), nodes: &[NodeSpec]) -> Laws {
+    let averaged = |node: &NodeSpec| match node.codes {
+        CodeSpec::Lattice { .. } => node.output_power,
+        _ => node.prediction_error_power,
+    };
+    let level = match level {
+        LevelLaw::Logarithm if nodes.iter().any(|node| averaged(node) <= 0.0) => LevelLaw::Power,
+        level => level,
+    };
+    Laws { level, fade }
 }
 
 /// A name of up to 40 bytes, so that an index fits before it.
@@ -168,7 +185,11 @@ fn node(structure: Structure, at_zero: bool) -> impl Strategy<Value = NodeSpec> 
 /// Codes up to the largest magnitude that the bound on their sum allows for all of them.
 fn codes(structure: Structure, order: usize) -> impl Strategy<Value = CodeSpec> {
     let any = vec(any::<i16>(), order);
-    (any, 0..=limits::MAX_EXPONENT).prop_map(move |(any, exponent)| {
+    let fine = prop_oneof![
+        Just(Vec::new()),
+        vec(any_with_zeros(), 0..=limits::MAX_FINE_STAGES),
+    ];
+    (any, fine, 0..=limits::MAX_EXPONENT).prop_map(move |(any, fine, exponent)| {
         let scaled = |fraction_bits: u32, widest: i64| -> Vec<i64> {
             let sum = (limits::MAX_COEFFICIENT_SUM << fraction_bits) >> exponent;
             let largest = (sum.min(u64::from(u32::MAX)) / any.len().max(1) as u64) as i64;
@@ -177,7 +198,13 @@ fn codes(structure: Structure, order: usize) -> impl Strategy<Value = CodeSpec> 
         };
         match structure {
             Structure::NormalisedLattice => {
-                CodeSpec::lattice(any.iter().map(|&code| code.max(-i16::MAX)).collect())
+                let mut fractions: Vec<i8> = fine.into_iter().take(any.len()).collect();
+                // Zeros at the end say nothing, and reading leaves them out.
+                while fractions.pop_if(|fraction| *fraction == 0).is_some() {}
+                CodeSpec::Lattice {
+                    codes: any.iter().map(|&code| code.max(-i16::MAX)).collect(),
+                    fractions,
+                }
             }
             Structure::DirectForm16 => {
                 let codes = scaled(15, i64::from(i16::MAX));
@@ -195,4 +222,8 @@ fn codes(structure: Structure, order: usize) -> impl Strategy<Value = CodeSpec> 
             }
         }
     })
+}
+
+fn any_with_zeros() -> impl Strategy<Value = i8> {
+    prop_oneof![Just(0), any::<i8>()]
 }

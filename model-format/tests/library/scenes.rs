@@ -27,7 +27,7 @@ fn sound() -> Vec<u8> {
 
 /// The fault of a scene with one change, checked by itself and as part of a library.
 fn fault(spoil: impl FnOnce(&mut Scene)) -> SceneError {
-    let bytes = RawLibrary::with_scenes().bytes();
+    let bytes = RawLibrary::full().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
     let mut scene = library.scene("full").expect("it is there");
     assert_eq!(scene.validate(&library), Ok(()));
@@ -186,7 +186,7 @@ const FIELDS: [(Spoil, ScenePlace, &str, [f32; 2]); 19] = [
 
 #[test]
 fn numbers_must_be_finite_and_within_their_ranges() {
-    let bytes = RawLibrary::with_scenes().bytes();
+    let bytes = RawLibrary::full().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
     let scene = library.scene("full").expect("it is there");
     for (set, place, field, [lowest, highest]) in FIELDS {
@@ -285,7 +285,7 @@ fn all_textures_must_have_the_scenes_rate() {
 /// The loudest node has a power of 4 (m/s²)²: an RMS of 2 m/s², with room for 128 m/s².
 #[test]
 fn a_gain_above_one_must_leave_its_texture_room() {
-    let bytes = RawLibrary::with_scenes().bytes();
+    let bytes = RawLibrary::full().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
     let mut scene = library.scene("plain").expect("it is there");
     scene.surfaces[0].gain = 64.0;
@@ -313,7 +313,7 @@ fn a_gain_above_one_must_leave_its_texture_room() {
 
 #[test]
 fn names_are_unique_and_scenes_are_few() {
-    let bytes = RawLibrary::with_scenes().bytes();
+    let bytes = RawLibrary::full().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
     let (textures, mut all) = (content(&library), scenes(&library));
     all.push(all[0].clone());
@@ -341,13 +341,13 @@ fn a_record_is_one_scene_and_no_more() {
         Vec::clear,
         |record| record[0] = 49,
     ] {
-        let mut library = RawLibrary::with_scenes();
+        let mut library = RawLibrary::full();
         spoil(&mut library.scenes[1]);
         let error = Library::decode(&library.bytes()).expect_err("no scene");
         let (place, problem) = (Place::Scene(1), Problem::MalformedScene);
         assert_eq!(error, DecodeError { place, problem });
     }
-    let mut library = RawLibrary::with_scenes();
+    let mut library = RawLibrary::full();
     library.scene_count = Some(33);
     let error = Library::decode(&library.bytes()).expect_err("too many");
     assert_eq!(error.problem, Problem::SceneCount(33));
@@ -360,7 +360,7 @@ fn scenes_are_small() {
     let library = Library::decode(&bytes).expect("a valid library");
     assert_eq!(library.scene_count(), 0);
     assert_eq!(bytes.last(), Some(&0));
-    let full = RawLibrary::with_scenes();
+    let full = RawLibrary::full();
     println!(
         "plain {} bytes, full {}",
         full.scenes[0].len(),
@@ -453,7 +453,7 @@ fn an_equaliser_with_too_much_gain_is_refused_where_it_gets_too_much() {
             let error = fault(set);
             check(error, ScenePlace::Section(section), "a gain above 16");
         } else {
-            let bytes = RawLibrary::with_scenes().bytes();
+            let bytes = RawLibrary::full().bytes();
             let library = Library::decode(&bytes).expect("a valid library");
             let mut scene = library.scene("plain").expect("it is there");
             set(&mut scene);

@@ -239,9 +239,11 @@ impl<'a> Asked<'a> {
             .upload_abort(stage));
         later!(SlotsEndpoint, |storage, _stage, _nothing| storage.slots());
         later!(ListEndpoint, |storage, _stage, request| storage
-            .list(request));
+            .list(request)
+            .await);
         later!(ListSceneEndpoint, |storage, _stage, request| storage
-            .list_scene(request));
+            .list_scene(request)
+            .await);
         later!(ActivateEndpoint, |storage, stage, slot| storage
             .activate(stage, slot)
             .await);

@@ -6,10 +6,10 @@
 use alloc::string::ToString;
 use alloc::vec::Vec;
 
-use model_format::limits::MAX_ORDER;
+use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, Structure, THETA_STEP_RAD, TextureSpec,
-    encode_uncertified,
+    CodeSpec, FINE_THETA_STEP_RAD, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Provenance,
+    Structure, THETA_STEP_RAD, TextureSpec, encode_uncertified,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -21,6 +21,9 @@ const FORCES_N: [f32; 2] = [0.5, 2.0];
 /// Orders of neighbouring nodes; they differ, and odd orders and order zero are among them.
 const UNEQUAL_ORDERS: [usize; 6] = [MAX_ORDER, 37, 1, 250, 399, 0];
 
+/// Order of models whose length does not matter.
+const SHORT_ORDER: usize = 60;
+
 /// The bytes of a library that holds every texture of [`crate::VECTORS`]. Some are direct forms that cannot be
 /// certified, so it decodes with [`model_format::Library::decode_uncertified`] only.
 ///
@@ -31,7 +34,7 @@ pub fn library() -> Vec<u8> {
 }
 
 /// The textures of [`library`], none of them certified.
-pub fn specs() -> [TextureSpec; 10] {
+pub fn specs() -> [TextureSpec; 14] {
     use Structure::{DirectForm16, DirectForm32, NormalisedLattice};
     let resonant = |index| Model::resonant(MAX_ORDER, index);
     let one = Grid::one(Model::resonant(MAX_ORDER, 1), 9.0);
@@ -49,6 +52,22 @@ pub fn specs() -> [TextureSpec; 10] {
         one.texture("direct 16, one node", DirectForm16),
         Grid::new(gentle).texture("direct 16", DirectForm16),
         Grid::new(Model::opposed).texture("direct 16, unstable", DirectForm16),
+        Grid::new(|index| resonant(index as u64).with_fractions(30 + index as u64))
+            .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
+            .texture("fine lattice, mean dB", NormalisedLattice),
+        Grid::new(|index| Model::extreme(index).with_largest_fractions())
+            .with_laws(LevelLaw::Amplitude, FadeLaw::Amplitude)
+            .texture(
+                "fine lattice of largest angles, mean amplitude",
+                NormalisedLattice,
+            ),
+        Grid::new(|index| Model::gentle(SHORT_ORDER, 40 + index as u64))
+            .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
+            .texture("direct 32, mean dB", DirectForm32),
+        Grid::new(|index| Model::gentle(SHORT_ORDER, 50 + index as u64))
+            .with_rest()
+            .with_laws(LevelLaw::Amplitude, FadeLaw::Power)
+            .texture("direct 16, mean amplitude", DirectForm16),
     ]
 }
 
@@ -77,10 +96,11 @@ pub fn counted_library(structure: Structure, orders: &[usize]) -> Vec<u8> {
     encode_uncertified(&textures).expect("the textures are valid")
 }
 
-/// An all-pole model, given by the arcsines of its reflection coefficients in stored steps.
+/// An all-pole model, given by the arcsines of its reflection coefficients in stored steps, and their fractions.
 #[derive(Clone)]
 struct Model {
     theta_codes: Vec<i16>,
+    fractions: Vec<i8>,
 }
 
 impl Model {
@@ -88,6 +108,27 @@ impl Model {
         let code = |k: f64| libm::round(libm::asin(k) / THETA_STEP_RAD) as i16;
         Self {
             theta_codes: coefficients.map(code).collect(),
+            fractions: Vec::new(),
+        }
+    }
+
+    /// The same with any fraction for each stage that may have one.
+    fn with_fractions(self, seed: u64) -> Self {
+        let mut uniform = uniform(seed);
+        let fraction = |_| (128.0 * uniform()) as i8;
+        Self {
+            fractions: (0..MAX_FINE_STAGES).map(fraction).collect(),
+            ..self
+        }
+    }
+
+    /// The same with the fractions that are farthest from zero on the side of their code.
+    fn with_largest_fractions(self) -> Self {
+        let fraction = |&code: &i16| if code < 0 { i8::MIN } else { i8::MAX };
+        let fine = self.theta_codes.iter().take(MAX_FINE_STAGES);
+        Self {
+            fractions: fine.map(fraction).collect(),
+            ..self
         }
     }
 
@@ -124,6 +165,7 @@ impl Model {
         };
         Self {
             theta_codes: (0..MAX_ORDER).map(code).collect(),
+            fractions: Vec::new(),
         }
     }
 
@@ -142,9 +184,14 @@ impl Model {
     }
 
     fn reflection(&self) -> impl Iterator<Item = f64> {
+        let fractions = self.fractions.iter().copied().chain(core::iter::repeat(0));
         self.theta_codes
             .iter()
-            .map(|&code| libm::sin(f64::from(code) * THETA_STEP_RAD))
+            .zip(fractions)
+            .map(|(&code, fraction)| {
+                let angle = f64::from(code) * THETA_STEP_RAD;
+                libm::sin(angle + f64::from(fraction) * FINE_THETA_STEP_RAD)
+            })
     }
 
     /// h₁ to h of the order: the predictor with these reflection coefficients, by the step-up recursion
@@ -168,7 +215,10 @@ impl Model {
 
     fn codes(&self, structure: Structure) -> CodeSpec {
         match structure {
-            Structure::NormalisedLattice => CodeSpec::lattice(self.theta_codes.clone()),
+            Structure::NormalisedLattice => CodeSpec::Lattice {
+                codes: self.theta_codes.clone(),
+                fractions: self.fractions.clone(),
+            },
             Structure::DirectForm16 => {
                 let (exponent, codes) = quantise(&self.predictor(), 15);
                 let codes = codes.into_iter().map(|code| code as i16).collect();
@@ -204,6 +254,7 @@ struct Grid {
     speeds_mm_s: Vec<f32>,
     forces_n: Vec<f32>,
     models: Vec<(Model, f32)>,
+    laws: Laws,
 }
 
 impl Grid {
@@ -216,6 +267,7 @@ impl Grid {
             models: (0..count)
                 .map(|index| (model(index), 0.5 + 2.5 * index as f32))
                 .collect(),
+            laws: Laws::default(),
         }
     }
 
@@ -225,7 +277,14 @@ impl Grid {
             speeds_mm_s: SPEEDS_MM_S[..1].to_vec(),
             forces_n: FORCES_N[..1].to_vec(),
             models: [(model, output_power)].to_vec(),
+            laws: Laws::default(),
         }
+    }
+
+    /// The same with these laws of the level.
+    fn with_laws(self, level: LevelLaw, fade: FadeLaw) -> Self {
+        let laws = Laws { level, fade };
+        Self { laws, ..self }
     }
 
     /// The same with silent nodes at speed zero.
@@ -242,7 +301,7 @@ impl Grid {
             sample_rate_hz: 5000,
             structure,
             provenance: Provenance::Simulated,
-            laws: Laws::default(),
+            laws: self.laws,
             speed_axis_mm_s: self.speeds_mm_s.clone(),
             force_axis_n: self.forces_n.clone(),
             nodes: self

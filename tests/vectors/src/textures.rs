@@ -27,7 +27,7 @@ impl Vector {
 }
 
 /// All textures of the library.
-pub const VECTORS: [Vector; 10] = [
+pub const VECTORS: [Vector; 14] = [
     Vector::new("lattice, one node", 10),
     Vector::new("lattice", 1),
     Vector::new("lattice of unequal orders", 2),
@@ -38,6 +38,10 @@ pub const VECTORS: [Vector; 10] = [
     Vector::new("direct 16, one node", 7),
     Vector::new("direct 16", 8),
     Vector::new("direct 16, unstable", 9),
+    Vector::new("fine lattice, mean dB", 11),
+    Vector::new("fine lattice of largest angles, mean amplitude", 12),
+    Vector::new("direct 32, mean dB", 13),
+    Vector::new("direct 16, mean amplitude", 14),
 ];
 
 /// A texture whose cost is measured.
@@ -50,9 +54,13 @@ pub struct Measured {
 }
 
 /// One texture for each path through the kernel, with the cost that a sample may have on a Cortex-M4 or M7.
-pub const MEASURED: [Measured; 5] = [
+pub const MEASURED: [Measured; 6] = [
     Measured {
         texture: "lattice",
+        budget_instructions: 5100,
+    },
+    Measured {
+        texture: "fine lattice, mean dB",
         budget_instructions: 5100,
     },
     Measured {

@@ -14,15 +14,13 @@ use core::ops::Range;
 
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
-use heapless::Vec;
-use model_format::limits::{MAX_LIBRARY_BYTES, MAX_TEXTURES, SLOT_BYTES, SLOT_HEADER_BYTES};
+use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES, SLOT_HEADER_BYTES};
 use model_format::link::{
     FlashOperation, LIBRARY_CRC, ListError, SceneInfo, SlotFault, SlotId, SlotInfo, SlotState,
     Slots, TextureInfo,
 };
-use model_format::scene::limits::MAX_SCENES;
 use model_format::scene::{MotionOfScene, Scene, Surface};
-use model_format::{Library, NodeFlags, Texture};
+use model_format::{Library, NodeFlags, Outline, Texture};
 
 use crate::words::in_words;
 
@@ -54,36 +52,15 @@ impl<F: MappedFlash> MappedFlash for &mut F {
     }
 }
 
-/// Textures and scenes of a slot, kept so that a listing need not read flash.
-#[derive(Clone, Debug, Default)]
-struct Index {
-    textures: Vec<TextureInfo, MAX_TEXTURES>,
-    scenes: Vec<SceneInfo, MAX_SCENES>,
-}
-
-impl Index {
-    const EMPTY: Self = Self {
-        textures: Vec::new(),
-        scenes: Vec::new(),
-    };
-
-    fn of(library: &Library<'_>) -> Self {
-        // A valid library has at most as many of either as fit.
-        Self {
-            textures: library
-                .textures()
-                .map(|texture| texture_info(&texture))
-                .collect(),
-            scenes: library.scenes().map(|scene| scene_info(&scene)).collect(),
-        }
-    }
-}
-
 /// The two slots, their contents, and the active one.
+///
+/// Of a library it keeps where its textures and scenes are. The 256 textures that there may be are too many to keep in
+/// RAM what a listing tells of each.
 pub struct SlotStore<F> {
     flash: F,
     states: [SlotState; 2],
-    index: [Index; 2],
+    /// Outline of each slot's library, as long as its state is valid.
+    outlines: [Option<Outline>; 2],
     active: Option<SlotId>,
 }
 
@@ -138,7 +115,7 @@ impl<F: MappedFlash> SlotStore<F> {
         let mut store = Self {
             flash,
             states: [SlotState::Empty, SlotState::Empty],
-            index: [Index::EMPTY, Index::EMPTY],
+            outlines: [None; 2],
             active: None,
         };
         for slot in SlotId::ALL {
@@ -195,43 +172,54 @@ impl<F: MappedFlash> SlotStore<F> {
         }
     }
 
-    /// Texture `index` of `slot`.
+    /// Texture `index` of `slot`, after reading each word of the library again.
     ///
     /// # Errors
-    /// The slot has no library, or the library has fewer textures.
-    pub fn texture(&self, slot: SlotId, index: u8) -> Result<TextureInfo, ListError> {
-        let textures = &self.listed(slot)?.textures;
-        let found = textures.get(usize::from(index)).cloned();
-        found.ok_or(ListError::Index {
-            slot,
-            index,
-            textures: textures.len() as u8,
-        })
+    /// The slot has no library, or has a fault, or the library has fewer textures.
+    pub async fn texture(&mut self, slot: SlotId, index: u8) -> Result<TextureInfo, ListError> {
+        let library = self.listed(slot).await?;
+        let found = library.textures().nth(usize::from(index));
+        found
+            .map(|texture| texture_info(&texture))
+            .ok_or(ListError::Index {
+                slot,
+                index,
+                textures: library.len() as u16,
+            })
     }
 
-    /// Scene `index` of `slot`.
+    /// Scene `index` of `slot`, after reading each word of the library again.
     ///
     /// # Errors
-    /// The slot has no library, or the library has fewer scenes.
-    pub fn scene(&self, slot: SlotId, index: u8) -> Result<SceneInfo, ListError> {
-        let scenes = &self.listed(slot)?.scenes;
-        let found = scenes.get(usize::from(index)).cloned();
-        found.ok_or(ListError::SceneIndex {
-            slot,
-            index,
-            scenes: scenes.len() as u8,
-        })
+    /// The slot has no library, or has a fault, or the library has fewer scenes.
+    pub async fn scene(&mut self, slot: SlotId, index: u8) -> Result<SceneInfo, ListError> {
+        let library = self.listed(slot).await?;
+        let found = library.scenes().nth(usize::from(index));
+        found
+            .map(|scene| scene_info(&scene))
+            .ok_or(ListError::SceneIndex {
+                slot,
+                index,
+                scenes: library.scene_count() as u8,
+            })
     }
 
-    fn listed(&self, slot: SlotId) -> Result<&Index, ListError> {
+    /// The library in `slot`. Its bytes are those that were decoded, because they have the same checksum.
+    async fn listed(&mut self, slot: SlotId) -> Result<Library<'_>, ListError> {
         match &self.states[slot.index()] {
-            SlotState::Valid(_) => Ok(&self.index[slot.index()]),
+            SlotState::Valid(_) => {}
             SlotState::Faulty(fault) => {
                 let fault = fault.clone();
-                Err(ListError::Faulty { slot, fault })
+                return Err(ListError::Faulty { slot, fault });
             }
-            SlotState::Empty | SlotState::Receiving => Err(ListError::NoLibrary { slot }),
+            SlotState::Empty | SlotState::Receiving => return Err(ListError::NoLibrary { slot }),
         }
+        let outline = self.outlines[slot.index()];
+        let bytes = self.library_bytes(slot).await;
+        let bytes = bytes.map_err(|fault| ListError::Faulty { slot, fault })?;
+        outline
+            .and_then(|outline| outline.library(bytes))
+            .ok_or(ListError::NoLibrary { slot })
     }
 
     /// The bytes of the library in `slot`, after reading each word again and comparing the checksum.
@@ -261,20 +249,20 @@ impl<F: MappedFlash> SlotStore<F> {
 
     fn set_state(&mut self, slot: SlotId, state: SlotState) {
         self.states[slot.index()] = state;
-        self.index[slot.index()] = Index::EMPTY;
+        self.outlines[slot.index()] = None;
     }
 
-    /// Notes that `slot` holds the library of `header`, which was validated and whose content is noted.
-    fn set_valid(&mut self, slot: SlotId, header: Header) -> SlotInfo {
-        let index = &self.index[slot.index()];
+    /// Notes that `slot` holds the library of `header` with this content.
+    fn set_valid(&mut self, slot: SlotId, header: Header, content: Content) -> SlotInfo {
         let info = SlotInfo {
             sequence: header.sequence,
             length: header.length,
             crc32: header.crc32,
-            textures: index.textures.len() as u8,
-            scenes: index.scenes.len() as u8,
+            textures: content.textures,
+            scenes: content.scenes,
         };
         self.states[slot.index()] = SlotState::Valid(info);
+        self.outlines[slot.index()] = Some(content.outline);
         info
     }
 
@@ -338,9 +326,7 @@ impl<F: MappedFlash> SlotStore<F> {
         self.check_bytes(slot, length, crc32)
             .await
             .map_err(SealFault::Bytes)?;
-        // Noted now, so that the future of this call does not hold it over the write. A listing asks for the state
-        // first.
-        self.index[slot.index()] = self.check_library(slot, length).map_err(SealFault::Bytes)?;
+        let content = self.check_library(slot, length).map_err(SealFault::Bytes)?;
         let newest = self.newest().and_then(|slot| self.library(slot));
         let header = Header {
             sequence: newest
@@ -352,22 +338,22 @@ impl<F: MappedFlash> SlotStore<F> {
         self.write(slot, HEADER_OFFSET, &header.word())
             .await
             .map_err(SealFault::Write)?;
-        Ok(self.set_valid(slot, header))
+        Ok(self.set_valid(slot, header, content))
     }
 
     /// Reads and validates `slot`.
     async fn scan(&mut self, slot: SlotId) {
         match self.read_slot(slot).await {
-            Ok(Some(header)) => {
-                self.set_valid(slot, header);
+            Ok(Some((header, content))) => {
+                self.set_valid(slot, header, content);
             }
             Ok(None) => self.set_state(slot, SlotState::Empty),
             Err(fault) => self.set_state(slot, SlotState::Faulty(fault)),
         }
     }
 
-    /// Header of the library in `slot`, whose content is noted; none if the slot is empty.
-    async fn read_slot(&mut self, slot: SlotId) -> Result<Option<Header>, SlotFault> {
+    /// Header and content of the library in `slot`; none if the slot is empty.
+    async fn read_slot(&mut self, slot: SlotId) -> Result<Option<(Header, Content)>, SlotFault> {
         let word = self.read_word(slot, HEADER_OFFSET).await;
         let word = word.ok_or(SlotFault::Unreadable {
             offset: HEADER_OFFSET,
@@ -383,8 +369,8 @@ impl<F: MappedFlash> SlotStore<F> {
             return Err(SlotFault::Length { length });
         }
         self.check_bytes(slot, length, crc32).await?;
-        self.index[slot.index()] = self.check_library(slot, length)?;
-        Ok(Some(header))
+        let content = self.check_library(slot, length)?;
+        Ok(Some((header, content)))
     }
 
     /// Returns true if a slot without header is empty. An upload that has begun shows in the first word.
@@ -423,14 +409,18 @@ impl<F: MappedFlash> SlotStore<F> {
         }
     }
 
-    /// Decodes the library in the first `length` bytes of `slot`, each word of which has been read, and lists its
-    /// content.
-    fn check_library(&self, slot: SlotId, length: u32) -> Result<Index, SlotFault> {
-        let library = Library::decode(self.mapped(slot, length)?).map_err(|error| {
+    /// Decodes the library in the first `length` bytes of `slot`, each word of which has been read.
+    fn check_library(&self, slot: SlotId, length: u32) -> Result<Content, SlotFault> {
+        let bytes = self.mapped(slot, length)?;
+        let library = Library::decode(bytes).map_err(|error| {
             let reason = in_words(&error);
             SlotFault::Invalid { reason }
         })?;
-        Ok(Index::of(&library))
+        Ok(Content {
+            outline: library.outline(bytes),
+            textures: library.len() as u16,
+            scenes: library.scene_count() as u8,
+        })
     }
 
     fn mapped(&self, slot: SlotId, length: u32) -> Result<&[u8], SlotFault> {
@@ -445,6 +435,14 @@ impl<F: MappedFlash> SlotStore<F> {
         self.flash.read(at, &mut word).await.ok()?;
         Some(word)
     }
+}
+
+/// The content of a library that was decoded.
+#[derive(Clone, Copy)]
+struct Content {
+    outline: Outline,
+    textures: u16,
+    scenes: u8,
 }
 
 /// Reason why bytes did not become a library.

@@ -333,9 +333,9 @@ fn the_longest_arithmetic_fits_its_answer() {
 
 #[test]
 fn the_scenes_of_a_slot_are_listed_one_by_one() {
-    let stylus = Stylus::with_library(&library_with_scenes());
+    let mut stylus = Stylus::with_library(&library_with_scenes());
     let slot = SlotId::A;
-    let list = |index| stylus.storage.list_scene(ListRequest { slot, index });
+    let mut list = |index| block_on(stylus.storage.list_scene(ListRequest { slot, index }));
     let first = list(0).expect("there are two");
     assert_eq!((first.name.as_str(), first.surfaces), ("bench", 1));
     assert_eq!(list(1).expect("there are two").name.as_str(), "fast");
@@ -347,7 +347,7 @@ fn the_scenes_of_a_slot_are_listed_one_by_one() {
     };
     assert_eq!(list(2), Err(past));
     let slot = SlotId::B;
-    let none = stylus.storage.list_scene(ListRequest { slot, index: 0 });
+    let none = block_on(stylus.storage.list_scene(ListRequest { slot, index: 0 }));
     assert_eq!(none, Err(ListError::NoLibrary { slot }));
     let valid = stylus.storage.slots().slots;
     assert!(matches!(&valid[0], SlotState::Valid(library) if library.scenes == 2));
@@ -498,14 +498,14 @@ fn a_boot_takes_the_newest_library_that_can_be_read() {
         }
     });
     let boot = |flash| {
-        let stylus = SteppedStylus::boot_from(flash);
+        let mut stylus = SteppedStylus::boot_from(flash);
         let listed = ListRequest {
             slot: SlotId::B,
             index: 1,
         };
         (
             stylus.control.borrow().status().active,
-            stylus.storage.list(listed).is_ok(),
+            block_on(stylus.storage.list(listed)).is_ok(),
         )
     };
     assert_eq!(

@@ -38,14 +38,14 @@ fn fault_of(store: &SlotStore<SimulatedFlash<'_>>, slot: SlotId) -> SlotFault {
 
 #[test]
 fn blank_flash_has_two_empty_slots() {
-    let store = opened(Memory::blank(2 * SLOT_BYTES));
+    let mut store = opened(Memory::blank(2 * SLOT_BYTES));
     assert_eq!(store.slots().slots, [SlotState::Empty, SlotState::Empty]);
     assert_eq!(
         (store.newest(), store.active(), store.spare()),
         (None, None, SlotId::A)
     );
     assert_eq!(
-        store.texture(SlotId::A, 0),
+        block_on(store.texture(SlotId::A, 0)),
         Err(ListError::NoLibrary { slot: SlotId::A })
     );
 }
@@ -143,8 +143,8 @@ fn a_slot_that_goes_bad_while_the_device_runs_is_not_handed_out() {
 #[test]
 fn a_listing_tells_what_is_in_a_library() {
     let (memory, ..) = two_libraries();
-    let store = opened(memory);
-    let texture = store.texture(SlotId::B, 2).expect("it has three");
+    let mut store = opened(memory);
+    let texture = block_on(store.texture(SlotId::B, 2)).expect("it has three");
     assert_eq!(texture.name, "texture 2");
     assert_eq!(
         (texture.max_order, texture.speeds, texture.forces),
@@ -154,7 +154,7 @@ fn a_listing_tells_what_is_in_a_library() {
     assert_eq!(texture.force_range.map(|force| force.0), [0.25, 2.0]);
     let (slot, index, textures) = (SlotId::B, 3, 3);
     assert_eq!(
-        store.texture(slot, index),
+        block_on(store.texture(slot, index)),
         Err(ListError::Index {
             slot,
             index,

@@ -5,6 +5,7 @@ mod direct;
 mod grid;
 mod hard;
 mod lattice;
+mod level;
 mod models;
 mod reference;
 mod scene;
@@ -14,5 +15,6 @@ mod scene_path;
 mod scenes;
 mod silence;
 mod synthesis;
+mod theta;
 #[cfg(feature = "variants")]
 mod variants;

@@ -117,7 +117,17 @@ pub fn library(
     forces: &[f32],
     nodes: Vec<NodeSpec>,
 ) -> Vec<u8> {
-    let texture = TextureSpec {
+    encode_uncertified(&[spec(structure, speeds, forces, nodes)]).expect("a valid library")
+}
+
+/// The texture of [`library`], as it is written.
+pub fn spec(
+    structure: Structure,
+    speeds: &[f32],
+    forces: &[f32],
+    nodes: Vec<NodeSpec>,
+) -> TextureSpec {
+    TextureSpec {
         name: "test".to_owned(),
         sample_rate_hz: SAMPLE_RATE_HZ,
         structure,
@@ -127,8 +137,7 @@ pub fn library(
         force_axis_n: forces.to_vec(),
         nodes,
         cell_margins: Vec::new(),
-    };
-    encode_uncertified(&[texture]).expect("a valid library")
+    }
 }
 
 /// A library of one texture of one node, at 100 mm/s and 1 N.

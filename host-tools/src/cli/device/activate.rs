@@ -41,7 +41,7 @@ struct ActivationReport {
     slot: String,
     crc32: u32,
     sequence: u32,
-    textures: u8,
+    textures: u16,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {

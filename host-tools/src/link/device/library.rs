@@ -47,7 +47,8 @@ impl Device {
             SlotState::Valid(library) => library.textures,
             _ => 0,
         };
-        (0..count)
+        (0..=u8::MAX)
+            .take(usize::from(count))
             .map(|index| {
                 let request = ListRequest { slot, index };
                 Ok(self.request_flash::<ListEndpoint>("texture list", &request)??)

@@ -71,9 +71,7 @@ impl<'a> FineTheta<'a> {
 /// # Errors
 /// Bytes for more than [`MAX_FINE_STAGES`] stages, with the index of the node.
 #[cfg(feature = "alloc")]
-pub(crate) fn part(
-    nodes: &[&[i8]],
-) -> Result<Option<(u32, alloc::vec::Vec<u8>)>, (usize, Problem)> {
+pub(crate) fn part(nodes: &[&[i8]]) -> Result<Option<super::PartSpec>, (usize, Problem)> {
     let used = |bytes: &&[i8]| {
         bytes
             .iter()

@@ -3,8 +3,9 @@
 //! Two bytes: the [`LevelLaw`], then the [`FadeLaw`]. A texture without the part has the default of both.
 
 use crate::error::{DecodeError, Place, Problem};
-use crate::library::node::NodeFlags;
+use crate::library::node::Node;
 use crate::library::texture::Texture;
+use crate::wire::Structure;
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 1;
@@ -108,13 +109,17 @@ impl LevelsPart<'_> {
     }
 }
 
-/// Checks that the nodes of texture `index` have levels that its law can average.
+/// Checks that the nodes of texture `index` have levels that its law can average: a lattice's output power, and a direct
+/// form's prediction error.
 pub(super) fn check_nodes(texture: &Texture<'_>, index: usize) -> Result<(), DecodeError> {
     if texture.level_law() != LevelLaw::Logarithm {
         return Ok(());
     }
-    let silent = |flags: NodeFlags| flags.contains(NodeFlags::SILENT);
-    match texture.nodes().position(|node| silent(node.flags)) {
+    let averaged = |node: Node<'_>| match texture.structure() {
+        Structure::NormalisedLattice => node.output_power,
+        Structure::DirectForm16 | Structure::DirectForm32 => node.prediction_error_power,
+    };
+    match texture.nodes().position(|node| averaged(node) <= 0.0) {
         Some(node) => {
             let forces = texture.force_axis().len();
             Err(Problem::SilentInLogarithm.at(Place::Node {
@@ -129,7 +134,7 @@ pub(super) fn check_nodes(texture: &Texture<'_>, index: usize) -> Result<(), Dec
 
 /// The part of a texture with these laws, if it needs one.
 #[cfg(feature = "alloc")]
-pub(crate) fn part(laws: Laws) -> Option<(u32, alloc::vec::Vec<u8>)> {
+pub(crate) fn part(laws: Laws) -> Option<super::PartSpec> {
     let content = || alloc::vec![laws.level as u8, laws.fade as u8];
     (laws != Laws::default()).then(|| (KIND, content()))
 }

@@ -98,12 +98,13 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// Appends `parts` to `bytes`: each a kind and its content. Kinds must ascend.
+/// Kind and content of a part to be written.
 #[cfg(feature = "alloc")]
-pub(crate) fn append(
-    parts: &[(u32, alloc::vec::Vec<u8>)],
-    bytes: &mut alloc::vec::Vec<u8>,
-) -> postcard::Result<()> {
+pub(crate) type PartSpec = (u32, alloc::vec::Vec<u8>);
+
+/// Appends `parts` to `bytes`. Kinds must ascend.
+#[cfg(feature = "alloc")]
+pub(crate) fn append(parts: &[PartSpec], bytes: &mut alloc::vec::Vec<u8>) -> postcard::Result<()> {
     bytes.extend(postcard::to_allocvec(&(parts.len() as u32))?);
     for (kind, content) in parts {
         bytes.extend(postcard::to_allocvec(&(kind, content.as_slice()))?);

@@ -1,0 +1,243 @@
+//! Laws of the level between nodes and below the grid, against their definitions in floating point.
+
+use model_format::{
+    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Structure, TextureSpec,
+    encode_uncertified,
+};
+use proptest::prelude::*;
+use stylus_kernel::Synthesis;
+use stylus_kernel::grid::{GridPoint, ONE};
+use stylus_kernel::level::{rms_at, rms_in_steps};
+
+use crate::models::{STRUCTURES, fixtures, motion, spec, texture};
+
+/// Digits of the lattice's gain and of the direct form's finest and coarsest history.
+const BITS: [u32; 3] = [20, 23, 40];
+
+const SPEEDS: [f32; 3] = [40.0, 100.0, 250.0];
+const FORCES: [f32; 2] = [0.5, 2.0];
+
+/// A share of the highest power that a texture may have at its number of digits.
+fn share() -> impl Strategy<Value = f32> {
+    prop_oneof![6 => (-12.0f32..0.0).prop_map(|exponent| 10f32.powf(exponent)), 1 => Just(1.0), 1 => Just(1e-30)]
+}
+
+/// The power of that share: the highest RMS is 2²⁸ steps.
+fn power(share: f32, bits: u32) -> f32 {
+    (share * 4f32.powi(28 - bits as i32)).max(f32::from_bits(1))
+}
+
+/// A point in a cell with these fractions of the way, in steps of 2⁻¹⁶, as [`GridPoint::locate`] weighs it.
+fn point(speed: u32, force: u32) -> GridPoint {
+    let both = ((u64::from(speed) * u64::from(force)) >> 16) as u32;
+    GridPoint {
+        nodes: [(0, 0), (0, 1), (1, 0), (1, 1)],
+        weights: [
+            ONE - speed - (force - both),
+            force - both,
+            speed - both,
+            both,
+        ],
+        fade: ONE,
+    }
+}
+
+fn fraction() -> impl Strategy<Value = u32> {
+    prop_oneof![4 => 0..=ONE, 1 => Just(0), 1 => Just(ONE), 1 => Just(1), 1 => Just(ONE - 1)]
+}
+
+/// The law in float64: the RMS of these powers with these weights.
+fn oracle(law: LevelLaw, terms: &[(f64, f64)]) -> f64 {
+    let mean =
+        |of: &dyn Fn(f64) -> f64| terms.iter().map(|(p, weight)| weight * of(*p)).sum::<f64>();
+    match law {
+        LevelLaw::Power => mean(&|p| p).sqrt(),
+        LevelLaw::Amplitude => mean(&f64::sqrt),
+        LevelLaw::Logarithm => mean(&|p| p.sqrt().ln()).exp(),
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4096))]
+
+    #[test]
+    fn the_level_is_the_laws_own_between_nodes_and_within_their_range(
+        shares in prop::array::uniform4(share()), speed in fraction(), force in fraction(), bits in 0usize..3,
+    ) {
+        let (bits, point) = (BITS[bits], point(speed, force));
+        let powers = shares.map(|share| power(share, bits));
+        let of = |speed: usize, force: usize| powers[2 * speed + force];
+        let step = 2f64.powi(-(bits as i32));
+        let used = powers.iter().zip(point.weights).filter(|&(_, weight)| weight > 0);
+        let terms: Vec<(f64, f64)> =
+            used.map(|(&p, weight)| (f64::from(p), f64::from(weight) / f64::from(ONE))).collect();
+        let range = terms.iter().map(|(p, _)| rms_in_steps(*p as f32, bits));
+        let (lowest, highest) = (range.clone().min().unwrap(), range.max().unwrap());
+        for law in LevelLaw::ALL {
+            let rms = rms_at(&point, law, bits, of);
+            let exact = oracle(law, &terms);
+            // A thousandth of 0.01 dB, and a step of the nodes' levels and of the result.
+            let error = (f64::from(rms) * step - exact).abs();
+            prop_assert!(error <= 2.0 * step + exact * 1.2e-6, "{law}: {rms} {}", exact / step);
+            // The mean power is one of single precision, which may be above the largest by its rounding.
+            let round_off = if law == LevelLaw::Power { highest / (1 << 22) + 1 } else { 0 };
+            prop_assert!(rms >= lowest - round_off.min(lowest) && rms <= highest + round_off, "{law}: {rms}");
+        }
+    }
+
+    #[test]
+    fn at_a_node_every_law_gives_its_own_level_to_the_step(
+        shares in prop::array::uniform4(share()), speed in 0u32..2, force in 0u32..2, bits in 0usize..3,
+    ) {
+        let (bits, point) = (BITS[bits], point(speed * ONE, force * ONE));
+        let of = |speed: usize, force: usize| power(shares[2 * speed + force], bits);
+        for law in LevelLaw::ALL {
+            let rms = rms_at(&point, law, bits, of);
+            prop_assert_eq!(rms, rms_in_steps(of(speed as usize, force as usize), bits), "{}", law);
+        }
+    }
+
+    #[test]
+    fn along_an_edge_the_level_does_not_turn_back(
+        shares in prop::array::uniform2(share()), from in 0..ONE, steps in 1u32..300, bits in 0usize..3,
+    ) {
+        let (bits, to) = (BITS[bits], (from + steps).min(ONE));
+        let of = |speed: usize, _: usize| power(shares[speed], bits);
+        for law in [LevelLaw::Amplitude, LevelLaw::Logarithm] {
+            let at = |fraction| rms_at(&point(fraction, 0), law, bits, of);
+            let (near, far) = (at(from), at(to));
+            let rises = shares[0] <= shares[1];
+            prop_assert!(if rises { near <= far } else { near >= far }, "{law}: {near} {far}");
+        }
+    }
+
+    #[test]
+    fn a_geometric_mean_is_below_an_arithmetic_one_and_that_below_the_mean_power(
+        shares in prop::array::uniform4(share()), speed in fraction(), force in fraction(),
+    ) {
+        let of = |speed: usize, force: usize| power(shares[2 * speed + force], 40);
+        let [power, amplitude, logarithm] =
+            LevelLaw::ALL.map(|law| i64::from(rms_at(&point(speed, force), law, 40, of)));
+        let room = 2 + (power >> 20);
+        prop_assert!(logarithm <= amplitude + room && amplitude <= power + room);
+    }
+
+    #[test]
+    fn below_the_grid_the_level_fades_by_its_law(
+        speed in 0.0f32..=1.2, force in 0.0f32..=1.2,
+    ) {
+        for fade in FadeLaw::ALL {
+            let bytes = lattice(Laws { level: LevelLaw::Power, fade });
+            let texture = texture(&bytes);
+            let locate = |speed, force| GridPoint::locate(&texture, motion(speed, force)).fade;
+            let found = locate(speed * SPEEDS[0], force * FORCES[0]);
+            let shares = [speed, force].map(|share| f64::from(share).min(1.0));
+            let exact = match fade {
+                FadeLaw::Amplitude => shares[0] * shares[1],
+                FadeLaw::Power => (shares[0] * shares[1]).sqrt(),
+            };
+            // Two factors of half a step, and one truncation.
+            let error = (f64::from(found) / f64::from(ONE) - exact).abs();
+            prop_assert!(error <= 2.1 / f64::from(ONE), "{fade}: {found} {exact}");
+            prop_assert!(found <= locate(speed * SPEEDS[0] * 1.01, force * FORCES[0]));
+        }
+    }
+}
+
+fn lattice(laws: Laws) -> Vec<u8> {
+    let model = &fixtures()[0];
+    let node = |index: u8| model.node(Structure::NormalisedLattice, f32::from(index) + 1.0);
+    let spec = with_laws(
+        Structure::NormalisedLattice,
+        (0..6).map(node).collect(),
+        laws,
+    );
+    encode_uncertified(&[spec]).expect("a valid library")
+}
+
+fn with_laws(structure: Structure, nodes: Vec<NodeSpec>, laws: Laws) -> TextureSpec {
+    TextureSpec {
+        laws,
+        ..spec(structure, &SPEEDS, &FORCES, nodes)
+    }
+}
+
+/// Exactly nothing at rest, exactly one at the grid's edge, and no jump on the way there.
+#[test]
+fn fades_are_exact_at_both_ends_and_meet_the_grid_without_a_jump() {
+    for fade in FadeLaw::ALL {
+        let bytes = lattice(Laws {
+            level: LevelLaw::Amplitude,
+            fade,
+        });
+        let texture = texture(&bytes);
+        let at = |speed, force| GridPoint::locate(&texture, motion(speed, force)).fade;
+        assert_eq!(at(0.0, FORCES[0]), 0);
+        assert_eq!(at(SPEEDS[0], 0.0), 0);
+        assert_eq!(at(f32::from_bits(1), FORCES[0]), 0);
+        assert_eq!(at(SPEEDS[0], FORCES[0]), ONE);
+        assert!(at(SPEEDS[0].next_down(), FORCES[0]) >= ONE - 1);
+        assert!(at(SPEEDS[0], FORCES[0].next_down()) >= ONE - 1);
+        // A quarter of the way: a quarter of the amplitude, or of the power.
+        let quarter = match fade {
+            FadeLaw::Amplitude => ONE / 4,
+            FadeLaw::Power => ONE / 2,
+        };
+        assert_eq!(at(SPEEDS[0] / 4.0, FORCES[0]), quarter);
+    }
+}
+
+/// Both structures apply the law to the power that sets their level at a node, and both put out the node's own level
+/// there.
+#[test]
+fn every_structure_and_law_plays_a_node_at_its_own_level() {
+    const SAMPLES: usize = 40_000;
+    for structure in STRUCTURES {
+        for level in LevelLaw::ALL {
+            let laws = Laws {
+                level,
+                fade: FadeLaw::Power,
+            };
+            let codes = first_order(structure);
+            let nodes = (1..=6u8).map(|index| NodeSpec {
+                output_power: f32::from(index).powi(4),
+                prediction_error_power: f32::from(index).powi(4) * 0.75,
+                flags: NodeFlags::NONE,
+                codes: codes.clone(),
+            });
+            let spec = with_laws(structure, nodes.collect(), laws);
+            let bytes = encode_uncertified(&[spec]).expect("a valid library");
+            let texture = texture(&bytes);
+            for (index, speed, force) in [(0usize, 0, 0), (3, 1, 1), (4, 2, 0)] {
+                let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 3);
+                synthesis.follow(motion(SPEEDS[speed], FORCES[force]), 1);
+                let power = (0..SAMPLES).map(|_| {
+                    let sample = synthesis.next_sample().metres_per_second_squared().0;
+                    f64::from(sample).powi(2)
+                });
+                let rms = (power.sum::<f64>() / SAMPLES as f64).sqrt();
+                let exact = (index as f64 + 1.0).powi(2);
+                assert!(
+                    (rms / exact - 1.0).abs() < 0.03,
+                    "{structure}, {level}: {rms} for {exact}"
+                );
+            }
+        }
+    }
+}
+
+/// y[n] = e[n] - y[n-1] / 2, whose output has 4/3 of the excitation's power.
+fn first_order(structure: Structure) -> CodeSpec {
+    match structure {
+        // k = sin θ = 1/2
+        Structure::NormalisedLattice => CodeSpec::lattice(vec![10_923]),
+        Structure::DirectForm16 => CodeSpec::Direct16 {
+            exponent: 0,
+            codes: vec![-(1 << 14)],
+        },
+        Structure::DirectForm32 => CodeSpec::Direct32 {
+            exponent: 0,
+            codes: vec![-(1 << 30)],
+        },
+    }
+}
