@@ -2,29 +2,37 @@
 
 use std::path::PathBuf;
 
-use host_tools::fit::hatt::convert::{ConvertedNode, Options, ROLL_OFF_DB_PER_OCTAVE, convert};
-use host_tools::fit::hatt::read::read;
+use host_tools::fit::hatt::comparison::{PlaceError, Summary};
+use host_tools::fit::hatt::convert::{Converted, ConvertedNode, ROLL_OFF_DB_PER_OCTAVE};
+use host_tools::fit::hatt::import::{Options, Source, files, import, plan, read_all};
 use host_tools::support::atomic_file;
-use host_tools::support::error::{Error, Result};
+use host_tools::support::error::Result;
+use host_tools::support::progress;
 
 use super::table::table;
 use crate::cli::output::{print, print_json};
 
+/// Error of a node that is worth a warning, dB.
+const WARN_DB: f64 = 1.0;
+
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// HaTT model files; each becomes a texture named like the file
-    #[arg(required = true, value_name = "XML")]
-    files: Vec<PathBuf>,
+    /// HaTT model files, or folders of them; each file becomes a texture of its name
+    #[arg(required = true, value_name = "XML|DIR")]
+    paths: Vec<PathBuf>,
     /// Library file to write
     #[arg(long, value_name = "LIB")]
     out: PathBuf,
-    /// Number of speeds of the grid, up to the file's highest
-    #[arg(long, default_value_t = 10)]
-    speeds: usize,
-    /// Number of forces of the grid, up to the file's highest
-    #[arg(long, default_value_t = 6)]
-    forces: usize,
-    /// Print the errors of the conversion, node by node, as JSON
+    /// Most speeds of a grid [default: as many of the file's own as the slot has room for]
+    #[arg(long)]
+    speeds: Option<usize>,
+    /// Most forces of a grid [default: as many of the file's own as the slot has room for]
+    #[arg(long)]
+    forces: Option<usize>,
+    /// Take fewer speeds and forces than asked for where the slot has no room for them
+    #[arg(long)]
+    fit_slot: bool,
+    /// Print the errors of the conversion, place by place, as JSON
     #[arg(long)]
     json: bool,
 }
@@ -33,83 +41,182 @@ pub struct Arguments {
 struct ImportReport {
     texture: String,
     warnings: Vec<String>,
+    speeds_mm_s: Vec<f32>,
+    forces_n: Vec<f32>,
     nodes: Vec<ConvertedNode>,
+    own_places: Vec<PlaceError>,
+    between: Vec<PlaceError>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let options = Options {
         speeds: arguments.speeds,
         forces: arguments.forces,
+        fit_slot: arguments.fit_slot,
     };
-    let mut specs = Vec::new();
-    let mut reports = Vec::new();
-    for path in &arguments.files {
-        let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
-        let toolkit = read(path, &text)?;
-        let name = path
-            .file_stem()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
-        let converted =
-            convert(&name, &toolkit, &options).map_err(|e| Error::file(path, e.to_string()))?;
-        for warning in &toolkit.warnings {
-            eprintln!("warning: {}: {warning}", path.display());
+    let sources = read_all(&files(&arguments.paths)?)?;
+    let plan = plan(&sources, &options)?;
+    for source in &sources {
+        for warning in &source.toolkit.warnings {
+            eprintln!("warning: {}: {warning}", source.path.display());
         }
-        specs.push(converted.spec);
-        reports.push(ImportReport {
-            texture: name,
-            warnings: toolkit.warnings,
-            nodes: converted.nodes,
-        });
     }
-    let bytes = model_format::encode(&specs).map_err(|failure| {
-        Error::Model(format!("the textures do not make a library: {failure}"))
-    })?;
+    eprintln!("{}", plan.in_words(sources.len()));
+    let bar = progress::bar(sources.len() as u64, "converting");
+    let (converted, bytes) = import(&sources, &plan, &bar)?;
     atomic_file::write(&arguments.out, &bytes)?;
+    for (source, converted) in sources.iter().zip(&converted) {
+        if let Some(warning) = far_nodes(&converted.nodes) {
+            eprintln!("warning: {}: {warning}", source.path.display());
+        }
+    }
     if arguments.json {
+        let reports: Vec<ImportReport> = sources.into_iter().zip(converted).map(report).collect();
         return print_json(&reports);
     }
-    for report in &reports {
-        let number = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.2}"));
-        let rows: Vec<Vec<String>> = report
-            .nodes
-            .iter()
-            .map(|node| {
-                let place = if node.rms_m_s2 <= 0.0 {
-                    "silent"
-                } else if node.is_extrapolated {
-                    "beyond the models"
-                } else {
-                    "between models"
-                };
-                vec![
-                    node.speed_mm_s.to_string(),
-                    node.force_n.to_string(),
-                    format!("{:.3}", node.rms_m_s2),
-                    node.order.to_string(),
-                    number(node.worst_band_db),
-                    number(node.level_db),
-                    place.to_owned(),
-                ]
-            })
-            .collect();
-        let header = [
-            "mm/s",
-            "N",
-            "RMS m/s²",
-            "order",
-            "worst band dB",
-            "level dB",
-            "",
-        ];
-        print(&format!("{}\n{}\n", report.texture, table(&header, &rows)))?;
+    match &converted[..] {
+        [only] => print(&format!("{}\n{}\n", only.spec.name, nodes(only)))?,
+        several => print(&format!("{}\n", textures(several)))?,
     }
     print(&format!(
-        "{} textures -> {} ({} bytes); errors are of the conversion, within the models' own band; above it the level \
-         falls by {ROLL_OFF_DB_PER_OCTAVE} dB per octave",
-        reports.len(),
+        "{} textures -> {} ({} bytes); errors are of what the library plays against the file's own definition, within \
+         the models' own band; above it the level falls by {ROLL_OFF_DB_PER_OCTAVE} dB per octave",
+        converted.len(),
         arguments.out.display(),
         bytes.len()
     ))
+}
+
+fn report((source, converted): (Source, Converted)) -> ImportReport {
+    ImportReport {
+        texture: source.name,
+        warnings: source.toolkit.warnings,
+        speeds_mm_s: converted.spec.speed_axis_mm_s,
+        forces_n: converted.spec.force_axis_n,
+        nodes: converted.nodes,
+        own_places: converted.own,
+        between: converted.between,
+    }
+}
+
+/// A warning of nodes that are not what the file says.
+fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
+    let error = |node: &ConvertedNode| {
+        let (band, level) = (
+            node.worst_band_db.unwrap_or(0.0),
+            node.level_db.unwrap_or(0.0),
+        );
+        band.max(level.abs())
+    };
+    let far = nodes.iter().filter(|node| error(node) > WARN_DB).count();
+    let worst = nodes.iter().max_by(|a, b| error(a).total_cmp(&error(b)))?;
+    (far > 0).then(|| {
+        format!(
+            "{far} of {} nodes are more than {WARN_DB} dB from the file, by up to {:.1} dB in a third octave at {} mm/s, \
+             {} N",
+            nodes.len(),
+            error(worst),
+            worst.speed_mm_s,
+            worst.force_n
+        )
+    })
+}
+
+fn nodes(converted: &Converted) -> String {
+    let number = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.2}"));
+    let rows: Vec<Vec<String>> = converted
+        .nodes
+        .iter()
+        .map(|node| {
+            let place = if node.rms_m_s2 <= 0.0 {
+                "silent"
+            } else if node.is_extrapolated {
+                "beyond the models"
+            } else {
+                "between models"
+            };
+            vec![
+                node.speed_mm_s.to_string(),
+                node.force_n.to_string(),
+                format!("{:.3}", node.rms_m_s2),
+                node.order.to_string(),
+                number(node.worst_band_db),
+                number(node.level_db),
+                place.to_owned(),
+            ]
+        })
+        .collect();
+    let header = [
+        "mm/s",
+        "N",
+        "RMS m/s²",
+        "order",
+        "worst band dB",
+        "level dB",
+        "",
+    ];
+    let mut text = table(&header, &rows);
+    for (places, errors) in [
+        ("models' own places", &converted.own),
+        ("between models", &converted.between),
+    ] {
+        if let Some(summary) = Summary::of(errors) {
+            text.push_str(&format!(
+                "\n{} {places}: level {:.2} dB in the median, {:.2} in 95 %, {:.2} at worst; {:.1} % of third octaves \
+                 within 2.2 dB",
+                summary.places,
+                summary.level_median_db,
+                summary.level_95_db,
+                summary.level_worst_db,
+                summary.unfelt_bands_percent
+            ));
+        }
+    }
+    text
+}
+
+/// A row per texture: the grid, the worst error of a node, and errors at the models' own places and between them.
+fn textures(converted: &[Converted]) -> String {
+    let rows: Vec<Vec<String>> = converted
+        .iter()
+        .map(|texture| {
+            let spec = &texture.spec;
+            let bands = texture.nodes.iter().filter_map(|node| node.worst_band_db);
+            let mut row = vec![
+                spec.name.clone(),
+                format!(
+                    "{} x {}",
+                    spec.speed_axis_mm_s.len(),
+                    spec.force_axis_n.len()
+                ),
+                format!("{:.2}", bands.fold(0.0, f64::max)),
+            ];
+            for errors in [&texture.own, &texture.between] {
+                let summary = Summary::of(errors);
+                let number = |of: fn(&Summary) -> f64| {
+                    summary
+                        .as_ref()
+                        .map_or("-".into(), |s| format!("{:.2}", of(s)))
+                };
+                row.extend([
+                    number(|s| s.level_median_db),
+                    number(|s| s.level_95_db),
+                    number(|s| s.unfelt_bands_percent),
+                ]);
+            }
+            row
+        })
+        .collect();
+    let header = [
+        "texture",
+        "grid",
+        "worst band dB",
+        "own level dB",
+        "95 %",
+        "bands %",
+        "between level dB",
+        "95 %",
+        "bands %",
+    ];
+    table(&header, &rows)
 }

@@ -1,17 +1,32 @@
 //! Models of the Penn Haptic Texture Toolkit (HaTT; Culbertson, Lopez Delgado, Kuchenbecker, IEEE Haptics Symposium
 //! 2014) as textures: its XML files are the user's own, nothing of them is here.
 //!
-//! A file has ARMA models at scattered speeds and forces, y(n) = -Σ a(i) y(n-i) + g (e(n) + Σ b(j) e(n-j)) with e white
-//! of variance var, at 1 kHz, and triangles over them; within a triangle line spectral frequencies and variances are
-//! interpolated. The stylus plays AR models at 5 kHz over a rectangle of speeds and forces. So the models are
+//! A file has ARMA models at scattered speeds and forces, y(n) = -Σ a(i) y(n-i) + g Σ b(j) e(n-j) with e white of
+//! variance var, at 1 kHz, and triangles over them. Within a triangle line spectral frequencies, variances and gains
+//! are interpolated. The stylus plays AR models at 5 kHz over a rectangle of speeds and forces. So the models are
 //! interpolated as their makers do, at every node of a rectangle, and refitted from their own spectrum ([`convert`]).
+//! What comes of it is compared with the file's definition by a second path ([`reference`], [`comparison`]).
 //!
 //! | in the file | what becomes of it |
 //! |---|---|
-//! | not XML, a number that is none, no models, triangles out of range | refused, with the place |
+//! | not XML, a number that is none, other units, no models | refused, with the place |
+//! | another number of models or triangles than stated, triangles of models that are not there | refused |
+//! | models that sound with different orders | refused |
 //! | a model that is unstable, or whose variance or gain is negative or not finite | left out with triangles; said |
-//! | a model of variance zero | silence; the timbre around it is that of its neighbours |
-//! | line spectral frequencies that are not those of the coefficients | said; the coefficients count |
+//! | a model of variance zero | silence; its shape counts, as in HaTT, if it has the others' order |
+//! | line spectral frequencies that are not those of the coefficients | said; they count, as in HaTT's renderer |
+//! | a first coefficient of MA that is not 1 | b(0), a factor of the gain |
+//! | models that no triangle uses, triangles that leave gaps, unknown elements | said |
 
+pub mod axes;
+mod between;
+pub mod comparison;
 pub mod convert;
+mod elements;
+pub mod import;
+mod model;
+mod node;
+mod played;
 pub mod read;
+pub mod reference;
+pub mod toolkit;

@@ -1,0 +1,455 @@
+//! Choice of a grid's speeds and forces among those of a file's models.
+//!
+//! A file's models are scattered: each has a speed and a force that few others share, so that a grid of all of them has
+//! some ten times as many nodes as models. The search begins with that grid, which holds every model at its own place.
+//! It takes away the line of nodes, a speed or a force, whose loss costs least per byte, until the grid is small
+//! enough. The cost is the error against the file's definition ([`Reference`]) at the models' own places, and with less
+//! weight in the middle of every triangle.
+
+use model_format::{SAMPLE_RATE_HZ, limits};
+use rayon::prelude::*;
+
+use super::node;
+use super::reference::Reference;
+use super::toolkit::Toolkit;
+use crate::dsp::linear_prediction::error_share;
+use crate::dsp::model::Model;
+use crate::dsp::spectrum::{BAND_COUNT, band_edges_hz};
+
+/// Weight of a triangle's middle relative to that of a model's own place.
+const MIDDLE_WEIGHT: f64 = 0.3;
+
+/// Errors beyond this one, dB, count as it: a place that is lost is not worth more than several that are kept.
+const MOST_DB: f64 = 6.0;
+
+/// Frequencies per third octave at which the cost is computed.
+const PER_BAND: usize = 5;
+
+/// Bytes of a node's record in a library, without its coefficients of two bytes each.
+const NODE_RECORD_BYTES: usize = 16;
+
+/// Bounds of a grid.
+#[derive(Clone, Copy, Debug)]
+pub struct Bounds {
+    /// Most speeds.
+    pub speeds: usize,
+    /// Most forces.
+    pub forces: usize,
+    /// Most bytes of nodes, coefficients and axes.
+    pub bytes: usize,
+}
+
+/// Speeds, mm/s, and forces, N, above zero of all models of a file, ascending.
+#[derive(Clone, Debug)]
+pub struct Candidates {
+    /// Speeds, mm/s.
+    pub speeds_mm_s: Vec<f32>,
+    /// Forces, N.
+    pub forces_n: Vec<f32>,
+}
+
+/// A chosen grid: its axes, and its models, all forces of the first speed first.
+pub(super) struct Chosen {
+    pub speeds_mm_s: Vec<f32>,
+    pub forces_n: Vec<f32>,
+    pub models: Vec<Model>,
+}
+
+impl Candidates {
+    /// Returns the places of the models of `toolkit`, at most as many per axis as a library can hold.
+    pub fn of(toolkit: &Toolkit) -> Self {
+        let axis = |of: fn(&super::toolkit::ArmaModel) -> f64, highest: f64| {
+            let places = toolkit
+                .models
+                .iter()
+                .map(|model| of(model).min(highest) as f32);
+            let mut values: Vec<f32> = places.filter(|&value| value > 0.0).collect();
+            values.sort_by(f32::total_cmp);
+            values.dedup();
+            while values.len() > limits::MAX_AXIS_LEN {
+                let gap = |index: &usize| values[*index] - values[index - 1];
+                let narrowest = (1..values.len()).min_by(|a, b| gap(a).total_cmp(&gap(b)));
+                values.remove(narrowest.expect("there are more than the limit"));
+            }
+            values
+        };
+        Self {
+            speeds_mm_s: axis(|model| model.speed_mm_s, toolkit.max_speed_mm_s),
+            forces_n: axis(|model| model.force_n, toolkit.max_force_n),
+        }
+    }
+}
+
+/// Bytes of a node in a library.
+pub(super) fn node_bytes(model: &Model) -> usize {
+    NODE_RECORD_BYTES + 2 * model.reflection.len()
+}
+
+/// Chooses the grid within `bounds`.
+pub(super) fn choose(
+    toolkit: &Toolkit,
+    reference: &Reference,
+    candidates: &Candidates,
+    bounds: Bounds,
+) -> Chosen {
+    let mut search = Search::new(toolkit, reference, candidates);
+    while let Some(axis) = search.excess(bounds) {
+        if !search.take_away(axis) {
+            break;
+        }
+    }
+    search.chosen()
+}
+
+/// A frequency of the cost, with the width that it stands for and its band; none at both ends of the spectrum.
+struct Probe {
+    frequency_hz: f64,
+    width_hz: f64,
+    band: Option<usize>,
+    cos: f64,
+    sin: f64,
+}
+
+/// A place at which the cost is computed.
+struct Spot {
+    place: (f64, f64),
+    /// Levels of the bands and of all frequencies together, dB.
+    wanted_db: [f64; BAND_COUNT + 1],
+    weight: f64,
+}
+
+struct Search<'a> {
+    candidates: &'a Candidates,
+    /// Models of the grid of all candidates, as angles θ with the power.
+    thetas: Vec<(Vec<f64>, f64)>,
+    models: Vec<Model>,
+    probes: Vec<Probe>,
+    spots: Vec<Spot>,
+    /// Indices of the speeds and forces that are left.
+    left: [Vec<usize>; 2],
+    /// Cost of each spot.
+    costs: Vec<f64>,
+}
+
+/// Axes from which a line may be taken: speeds, forces.
+type Axes = [bool; 2];
+
+impl<'a> Search<'a> {
+    fn new(toolkit: &Toolkit, reference: &Reference, candidates: &'a Candidates) -> Self {
+        let forces = candidates.forces_n.len();
+        let models: Vec<Model> = (0..candidates.speeds_mm_s.len() * forces)
+            .into_par_iter()
+            .map(|index| {
+                let speed = f64::from(candidates.speeds_mm_s[index / forces]);
+                node::model(
+                    toolkit,
+                    (speed, f64::from(candidates.forces_n[index % forces])),
+                )
+            })
+            .collect();
+        let angles = |model: &Model| model.reflection.iter().map(|k| k.asin()).collect();
+        let probes = probes(reference.nyquist_hz());
+        let mut search = Self {
+            candidates,
+            thetas: models
+                .iter()
+                .map(|model| (angles(model), model.output_power))
+                .collect(),
+            models,
+            spots: spots(reference, &probes),
+            probes,
+            left: [
+                (0..candidates.speeds_mm_s.len()).collect(),
+                (0..forces).collect(),
+            ],
+            costs: Vec::new(),
+        };
+        search.costs = search
+            .spots
+            .iter()
+            .map(|spot| search.cost(spot, &search.left))
+            .collect();
+        search
+    }
+
+    fn value(&self, axis: usize, index: usize) -> f64 {
+        f64::from(if axis == 0 {
+            self.candidates.speeds_mm_s[index]
+        } else {
+            self.candidates.forces_n[index]
+        })
+    }
+
+    fn index(&self, speed: usize, force: usize) -> usize {
+        speed * self.candidates.forces_n.len() + force
+    }
+
+    fn bytes(&self) -> usize {
+        let [speeds, forces] = &self.left;
+        let nodes = speeds
+            .iter()
+            .flat_map(|&speed| forces.iter().map(move |&force| (speed, force)));
+        let nodes: usize = nodes
+            .map(|(s, f)| node_bytes(&self.models[self.index(s, f)]))
+            .sum();
+        nodes + size_of::<f32>() * (speeds.len() + forces.len())
+    }
+
+    /// Axes that must lose a line; none if the grid is within its bounds.
+    fn excess(&self, bounds: Bounds) -> Option<Axes> {
+        let over = [
+            self.left[0].len() > bounds.speeds,
+            self.left[1].len() > bounds.forces,
+        ];
+        if over.contains(&true) {
+            return Some(over);
+        }
+        (self.bytes() > bounds.bytes).then_some([true, true])
+    }
+
+    /// Takes away the line of the `axes` that costs least per byte. Returns false if none is left to be taken.
+    fn take_away(&mut self, axes: Axes) -> bool {
+        let lines: Vec<(usize, usize)> = (0..2)
+            .filter(|&axis| axes[axis] && self.left[axis].len() > 1)
+            .flat_map(|axis| (0..self.left[axis].len()).map(move |line| (axis, line)))
+            .collect();
+        let tried = lines.into_par_iter().map(|(axis, line)| {
+            let (changed, rise) = self.without(axis, line);
+            // A line that costs nothing, or less, goes whatever its size.
+            let price = if rise > 0.0 {
+                rise / self.line_bytes(axis, line) as f64
+            } else {
+                rise
+            };
+            (price, axis, line, changed)
+        });
+        let cheapest = tried.min_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let Some((_, axis, line, changed)) = cheapest else {
+            return false;
+        };
+        self.left[axis].remove(line);
+        for (spot, cost) in changed {
+            self.costs[spot] = cost;
+        }
+        true
+    }
+
+    fn line_bytes(&self, axis: usize, line: usize) -> usize {
+        let here = self.left[axis][line];
+        let bytes = |&other: &usize| {
+            let (speed, force) = if axis == 0 {
+                (here, other)
+            } else {
+                (other, here)
+            };
+            node_bytes(&self.models[self.index(speed, force)])
+        };
+        self.left[1 - axis].iter().map(bytes).sum()
+    }
+
+    /// Costs that change without a line, by spot, and the sum of the changes.
+    fn without(&self, axis: usize, line: usize) -> (Vec<(usize, f64)>, f64) {
+        let mut left = self.left.clone();
+        left[axis].remove(line);
+        let end = |line: Option<usize>, otherwise: f64| {
+            line.and_then(|line| self.left[axis].get(line))
+                .map_or(otherwise, |&index| self.value(axis, index))
+        };
+        let (low, high) = (
+            end(line.checked_sub(1), f64::NEG_INFINITY),
+            end(Some(line + 1), f64::INFINITY),
+        );
+        let mut rise = 0.0;
+        let near = self.spots.iter().enumerate().filter(|(_, spot)| {
+            let value = if axis == 0 {
+                spot.place.0
+            } else {
+                spot.place.1
+            };
+            value > low && value < high
+        });
+        let changed = near
+            .map(|(index, spot)| {
+                let cost = self.cost(spot, &left);
+                rise += cost - self.costs[index];
+                (index, cost)
+            })
+            .collect();
+        (changed, rise)
+    }
+
+    /// Mean square error of the bands plus square error of the level, dB², times the spot's weight.
+    fn cost(&self, spot: &Spot, left: &[Vec<usize>; 2]) -> f64 {
+        let played = self.played_db(spot.place, left);
+        let square = |band: usize| {
+            (played[band] - spot.wanted_db[band])
+                .clamp(-MOST_DB, MOST_DB)
+                .powi(2)
+        };
+        let bands: Vec<usize> = (0..BAND_COUNT)
+            .filter(|&band| spot.wanted_db[band].is_finite())
+            .collect();
+        let mean = bands.iter().map(|&band| square(band)).sum::<f64>() / bands.len().max(1) as f64;
+        spot.weight * (mean + square(BAND_COUNT))
+    }
+
+    /// Levels that a grid plays, by the device's rule: means of θ and of power, and power in proportion below the grid.
+    fn played_db(&self, place: (f64, f64), left: &[Vec<usize>; 2]) -> [f64; BAND_COUNT + 1] {
+        let (speeds, forces) = (
+            self.position(0, &left[0], place.0),
+            self.position(1, &left[1], place.1),
+        );
+        let mut thetas = Vec::new();
+        let mut power = 0.0;
+        for (speed, speed_weight) in speeds.nodes {
+            for (force, force_weight) in forces.nodes {
+                let weight = speed_weight * force_weight;
+                if weight <= 0.0 {
+                    continue;
+                }
+                let (node, node_power) = &self.thetas[self.index(speed, force)];
+                thetas.resize(node.len().max(thetas.len()), 0.0);
+                for (sum, theta) in thetas.iter_mut().zip(node) {
+                    *sum += weight * theta;
+                }
+                power += weight * node_power;
+            }
+        }
+        let reflection: Vec<f64> = thetas.into_iter().map(f64::sin).collect();
+        let scale = 2.0 / f64::from(SAMPLE_RATE_HZ)
+            * power
+            * speeds.fade
+            * forces.fade
+            * error_share(&reflection);
+        levels_db(&self.probes, |probe| {
+            scale / probe.inverse_gain(&reflection)
+        })
+    }
+
+    fn position(&self, axis: usize, left: &[usize], value: f64) -> Position {
+        let above = left.partition_point(|&index| self.value(axis, index) <= value);
+        let (below, above) = (above.saturating_sub(1), above.min(left.len() - 1));
+        let (low, high) = (self.value(axis, left[below]), self.value(axis, left[above]));
+        let share = if below == above {
+            0.0
+        } else {
+            ((value - low) / (high - low)).max(0.0)
+        };
+        Position {
+            nodes: [(left[below], 1.0 - share), (left[above], share)],
+            fade: (value / self.value(axis, left[0])).min(1.0),
+        }
+    }
+
+    fn chosen(mut self) -> Chosen {
+        let [speeds, forces] = self.left.clone();
+        let mut models = Vec::with_capacity(speeds.len() * forces.len());
+        for &speed in &speeds {
+            for &force in &forces {
+                let index = self.index(speed, force);
+                models.push(std::mem::replace(&mut self.models[index], Model::silent()));
+            }
+        }
+        Chosen {
+            speeds_mm_s: speeds
+                .iter()
+                .map(|&index| self.candidates.speeds_mm_s[index])
+                .collect(),
+            forces_n: forces
+                .iter()
+                .map(|&index| self.candidates.forces_n[index])
+                .collect(),
+            models,
+        }
+    }
+}
+
+struct Position {
+    nodes: [(usize, f64); 2],
+    fade: f64,
+}
+
+fn probes(nyquist_hz: f64) -> Vec<Probe> {
+    let probe = |low: f64, high: f64, band| {
+        let frequency_hz = 0.5 * (low + high);
+        let omega = std::f64::consts::TAU * frequency_hz / f64::from(SAMPLE_RATE_HZ);
+        Probe {
+            frequency_hz,
+            width_hz: high - low,
+            band,
+            cos: omega.cos(),
+            sin: omega.sin(),
+        }
+    };
+    let split = |low: f64, high: f64, band: Option<usize>| {
+        let step = (high - low) / PER_BAND as f64;
+        (0..PER_BAND).map(move |i| probe(low + step * i as f64, low + step * (i + 1) as f64, band))
+    };
+    let own: Vec<usize> = (0..BAND_COUNT)
+        .filter(|&band| band_edges_hz(band).1 <= nyquist_hz)
+        .collect();
+    let highest = own.last().map_or(0.0, |&band| band_edges_hz(band).1);
+    let lowest = own.first().map_or(0.0, |&band| band_edges_hz(band).0);
+    let bands = own.iter().flat_map(|&band| {
+        let (low, high) = band_edges_hz(band);
+        split(low, high, Some(band))
+    });
+    bands
+        .chain(split(0.0, lowest, None))
+        .chain(split(highest, nyquist_hz, None))
+        .collect()
+}
+
+fn spots(reference: &Reference, probes: &[Probe]) -> Vec<Spot> {
+    let frequencies_hz: Vec<f64> = probes.iter().map(|probe| probe.frequency_hz).collect();
+    let mut own: Vec<(f64, f64)> = reference.model_places().collect();
+    own.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    own.dedup();
+    let third = 1.0 / 3.0;
+    let middles = reference
+        .inside_triangles([third; 3])
+        .map(|place| (place, MIDDLE_WEIGHT));
+    own.into_iter()
+        .map(|place| (place, 1.0))
+        .chain(middles)
+        .filter_map(|(place, weight)| {
+            let density = reference.density(place, &frequencies_hz)?;
+            let mut densities = density.into_iter();
+            let wanted_db = levels_db(probes, |_| densities.next().unwrap_or(0.0));
+            Some(Spot {
+                place,
+                wanted_db,
+                weight,
+            })
+        })
+        .collect()
+}
+
+fn levels_db(probes: &[Probe], mut density: impl FnMut(&Probe) -> f64) -> [f64; BAND_COUNT + 1] {
+    let mut powers = [0.0; BAND_COUNT + 1];
+    for probe in probes {
+        let power = density(probe) * probe.width_hz;
+        powers[BAND_COUNT] += power;
+        if let Some(band) = probe.band {
+            powers[band] += power;
+        }
+    }
+    powers.map(|power: f64| 10.0 * power.log10())
+}
+
+impl Probe {
+    /// |A|² of the model with these reflection coefficients, by the recursion of its order.
+    fn inverse_gain(&self, reflection: &[f64]) -> f64 {
+        // A of the order so far, and e^(-jω) times its reversed conjugate, the backward polynomial.
+        let (mut a, mut b) = ((1.0, 0.0), (1.0, 0.0));
+        for &k in reflection {
+            let delayed = (
+                b.0 * self.cos + b.1 * self.sin,
+                b.1 * self.cos - b.0 * self.sin,
+            );
+            b = (delayed.0 + k * a.0, delayed.1 + k * a.1);
+            a = (a.0 + k * delayed.0, a.1 + k * delayed.1);
+        }
+        a.0 * a.0 + a.1 * a.1
+    }
+}

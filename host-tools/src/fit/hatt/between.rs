@@ -1,0 +1,171 @@
+//! Spectra between the models of a file, as their makers interpolate them.
+
+use super::toolkit::{ArmaModel, Timbre, Toolkit};
+use crate::dsp::line_spectral_frequencies as line_spectrum;
+use crate::dsp::log_spectrum::{BINS, LogSpectrum, STEP_HZ};
+use model_format::SAMPLE_RATE_HZ;
+
+/// Slope of the spectrum where the models say nothing.
+pub const ROLL_OFF_DB_PER_OCTAVE: f64 = 48.0;
+
+/// Models with their weights, which add up to one.
+type Corners = Vec<(usize, f64)>;
+
+/// A place between models.
+pub(super) struct Between {
+    /// Spectrum of unit excitation at the stylus's rate; `None` if no model around has a shape.
+    pub shape: Option<LogSpectrum>,
+    /// Variance of the excitation, (m/s²)².
+    pub variance: f64,
+    /// True for a place outside of all triangles, which takes over the nearest place within.
+    pub is_extrapolated: bool,
+}
+
+/// Returns the spectrum at a speed, mm/s, and a force, N: the means of variance, gain and line spectral frequencies
+/// over the corners of the triangle, with barycentric weights. Corners without a shape count for the variance alone.
+pub(super) fn at(toolkit: &Toolkit, place: (f64, f64)) -> Between {
+    let (corners, is_extrapolated) = corners(toolkit, place);
+    let models: Vec<(&ArmaModel, f64)> = corners
+        .iter()
+        .map(|&(index, weight)| (&toolkit.models[index], weight))
+        .collect();
+    Between {
+        shape: shape(toolkit.sample_rate_hz, &models),
+        variance: models
+            .iter()
+            .map(|(model, weight)| model.variance * weight)
+            .sum(),
+        is_extrapolated,
+    }
+}
+
+/// The corners of the triangle at `place`, with barycentric weights, or of the nearest place on any triangle, and
+/// whether it was that. Places are measured by the highest speed and force. Without triangles it is the nearest model.
+fn corners(toolkit: &Toolkit, place: (f64, f64)) -> (Corners, bool) {
+    let scale = (toolkit.max_speed_mm_s, toolkit.max_force_n);
+    let scaled = |(speed, force): (f64, f64)| (speed / scale.0, force / scale.1);
+    let at = |index: usize| {
+        let model = &toolkit.models[index];
+        scaled((model.speed_mm_s, model.force_n))
+    };
+    let wanted = scaled(place);
+    let mut best: Option<(f64, Corners)> = None;
+    let mut consider = |distance: f64, corners: Corners| {
+        if best.as_ref().is_none_or(|(least, _)| distance < *least) {
+            best = Some((distance, corners));
+        }
+    };
+    for triangle in &toolkit.triangles {
+        let points = triangle.map(at);
+        let weights = barycentric(wanted, points);
+        if let Some(weights) = weights.filter(|weights| weights.iter().all(|&w| w >= -1e-9)) {
+            let inside = triangle
+                .iter()
+                .copied()
+                .zip(weights.map(|w| w.max(0.0)))
+                .collect();
+            return (inside, false);
+        }
+        for (from, to) in [(0, 1), (1, 2), (2, 0)] {
+            let (distance, share) = nearest_on_edge(wanted, points[from], points[to]);
+            consider(
+                distance,
+                vec![(triangle[from], 1.0 - share), (triangle[to], share)],
+            );
+        }
+    }
+    if toolkit.triangles.is_empty() {
+        for index in 0..toolkit.models.len() {
+            let (x, y) = at(index);
+            consider((x - wanted.0).hypot(y - wanted.1), vec![(index, 1.0)]);
+        }
+    }
+    let (distance, corners) = best.expect("there is a model");
+    // Axes are stored in 32 bits, which may move the highest speed just beyond the triangles.
+    (corners, distance > 1e-6)
+}
+
+/// Barycentric coordinates, or none of a triangle without area.
+fn barycentric(p: (f64, f64), [a, b, c]: [(f64, f64); 3]) -> Option<[f64; 3]> {
+    let area = (b.0 - a.0) * (c.1 - a.1) - (c.0 - a.0) * (b.1 - a.1);
+    if area.abs() < 1e-12 {
+        return None;
+    }
+    let second = ((p.0 - a.0) * (c.1 - a.1) - (c.0 - a.0) * (p.1 - a.1)) / area;
+    let third = ((b.0 - a.0) * (p.1 - a.1) - (p.0 - a.0) * (b.1 - a.1)) / area;
+    Some([1.0 - second - third, second, third])
+}
+
+/// Distance of a place from an edge, and how far along the edge the nearest point is.
+fn nearest_on_edge(p: (f64, f64), a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+    let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+    let square = dx * dx + dy * dy;
+    let share = if square > 0.0 {
+        (((p.0 - a.0) * dx + (p.1 - a.1) * dy) / square).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    (
+        (a.0 + share * dx - p.0).hypot(a.1 + share * dy - p.1),
+        share,
+    )
+}
+
+fn shape(rate_hz: f64, models: &[(&ArmaModel, f64)]) -> Option<LogSpectrum> {
+    let shaped: Vec<(&Timbre, f64)> = models
+        .iter()
+        .filter(|(_, weight)| *weight > 0.0)
+        .filter_map(|(model, weight)| Some((model.timbre.as_ref()?, *weight)))
+        .collect();
+    let total: f64 = shaped.iter().map(|(_, weight)| weight).sum();
+    let mean = |of: fn(&Timbre) -> &[f64]| {
+        let mut lines = vec![0.0; of(shaped.first()?.0).len()];
+        for (timbre, weight) in &shaped {
+            for (sum, omega) in lines.iter_mut().zip(of(timbre)) {
+                *sum += weight / total * omega;
+            }
+        }
+        Some(lines)
+    };
+    let (poles, zeros) = (mean(|t| t.poles.as_slice())?, mean(|t| t.zeros.as_slice())?);
+    let gain = shaped
+        .iter()
+        .map(|(timbre, weight)| timbre.gain * weight)
+        .sum::<f64>()
+        / total;
+    Some(at_stylus_rate(rate_hz, &poles, &zeros, gain)).filter(|_| gain > 0.0)
+}
+
+/// The density at `rate_hz` of unit excitation, at the stylus's rate and in its scale: a larger one per sample at a
+/// higher rate.
+fn at_stylus_rate(rate_hz: f64, poles: &[f64], zeros: &[f64], gain: f64) -> LogSpectrum {
+    // A zero on the circle itself is a floor 200 dB down.
+    const FLOOR: f64 = 1e-20;
+    let own_bins = (0.5 * rate_hz / STEP_HZ).ceil() as usize * 2 + 1;
+    let (poles, zeros) = (
+        line_spectrum::log_spectrum(poles, own_bins),
+        line_spectrum::log_spectrum(zeros, own_bins),
+    );
+    let nyquist_hz = 0.5 * rate_hz;
+    let level = (gain * gain * f64::from(SAMPLE_RATE_HZ) / rate_hz).ln();
+    let value = |frequency_hz: f64| {
+        let bin = (frequency_hz / nyquist_hz).min(1.0) * (own_bins - 1) as f64;
+        poles.at(bin) + (-zeros.at(bin)).max(FLOOR.ln()) + level
+    };
+    let last = (nyquist_hz / STEP_HZ).round() as usize;
+    let first = (0.9 * nyquist_hz / STEP_HZ) as usize;
+    let edge = (first..=last)
+        .map(|bin| value(bin as f64 * STEP_HZ))
+        .sum::<f64>()
+        / (last - first + 1) as f64;
+    let slope = ROLL_OFF_DB_PER_OCTAVE / 10.0 * std::f64::consts::LN_10 / std::f64::consts::LN_2;
+    let values = (0..BINS).map(|bin| {
+        let frequency_hz = bin as f64 * STEP_HZ;
+        if frequency_hz <= nyquist_hz {
+            value(frequency_hz)
+        } else {
+            edge - slope * (frequency_hz / nyquist_hz).ln()
+        }
+    });
+    LogSpectrum::from_values(values.collect())
+}

@@ -1,0 +1,248 @@
+//! Elements of HaTT's XML and the numbers in them, with their places in the file.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use roxmltree::{Document, Node};
+
+use crate::support::error::{Error, Result};
+
+/// Largest difference between line spectral frequencies of the file and those of its coefficients, rad.
+///
+/// At 1 kHz it is 0.16 Hz. The files give six decimals.
+pub(super) const LSF_TOLERANCE_RAD: f64 = 0.001;
+
+/// Most numbers that one list may have; more is no model file.
+const MOST_NUMBERS: usize = 100_000;
+
+/// Elements of HaTT's files.
+const KNOWN: [&str; 30] = [
+    "modelSet",
+    "material",
+    "AccelUnits",
+    "SpeedUnits",
+    "ForceUnits",
+    "SampleRate",
+    "mu",
+    "htmlPicture",
+    "htmlLinuxPicture",
+    "renderPicture",
+    "DTpicture",
+    "LinuxDTpicture",
+    "numMod",
+    "numTri",
+    "maxSpeed",
+    "maxForce",
+    "speedList",
+    "forceList",
+    "tri",
+    "value",
+    "numARCoeff",
+    "numMACoeff",
+    "model",
+    "modNum",
+    "ARcoeff",
+    "ARlsf",
+    "MAcoeff",
+    "MAlsf",
+    "var",
+    "gain",
+];
+
+/// Elements with the place of a model.
+const PLACE: [&str; 2] = ["speedMod", "forceMod"];
+
+/// A file's elements.
+pub(super) struct File<'a> {
+    path: &'a Path,
+    document: &'a Document<'a>,
+}
+
+impl<'a> File<'a> {
+    pub fn new(path: &'a Path, document: &'a Document<'a>) -> Self {
+        Self { path, document }
+    }
+
+    fn line(&self, node: Node<'_, '_>) -> u64 {
+        u64::from(self.document.text_pos_at(node.range().start).row)
+    }
+
+    fn wrong(&self, node: Node<'_, '_>, problem: String) -> Error {
+        Error::line(self.path, self.line(node), problem)
+    }
+
+    /// The only number of the first element of that name.
+    pub fn one(&self, name: &str) -> Result<Option<f64>> {
+        match self.element(name) {
+            Some(node) => Ok(self.numbers(node)?.first().copied()),
+            None => Ok(None),
+        }
+    }
+
+    /// The numbers of the first element of that name.
+    pub fn list(&self, name: &str) -> Result<Vec<f64>> {
+        self.element(name)
+            .map_or(Ok(Vec::new()), |node| self.numbers(node))
+    }
+
+    fn element(&self, name: &str) -> Option<Node<'a, 'a>> {
+        self.document
+            .descendants()
+            .find(|node| is_named(*node, name))
+    }
+
+    /// Elements that are models.
+    pub fn models(&self) -> impl Iterator<Item = Node<'a, 'a>> {
+        let has = |node: Node<'_, '_>, name| child(node, name).is_some();
+        self.document
+            .descendants()
+            .filter(move |node| has(*node, "ARcoeff") || has(*node, "ARlsf"))
+    }
+
+    /// The numbers of the child `name` of `model`; none if there is no such child.
+    pub fn list_in(&self, model: Node<'_, '_>, name: &str) -> Result<Vec<f64>> {
+        child(model, name).map_or(Ok(Vec::new()), |node| self.numbers(node))
+    }
+
+    fn numbers(&self, node: Node<'_, '_>) -> Result<Vec<f64>> {
+        let name = node.tag_name().name();
+        let mut numbers = Vec::new();
+        for text in node.descendants().filter(Node::is_text) {
+            let words = text
+                .text()
+                .unwrap_or("")
+                .split(|c: char| c.is_whitespace() || ",;".contains(c));
+            for word in words.filter(|word| !word.is_empty()) {
+                let number = word.parse::<f64>().map_err(|_| {
+                    self.wrong(text, format!("'{word}' in <{name}> is not a number"))
+                })?;
+                numbers.push(number);
+                if numbers.len() > MOST_NUMBERS {
+                    let problem = format!("<{name}> has more than {MOST_NUMBERS} numbers");
+                    return Err(self.wrong(node, problem));
+                }
+            }
+        }
+        Ok(numbers)
+    }
+
+    /// Triangles as indices from 0. HaTT counts from 1; a file with a corner 0 counts from 0.
+    ///
+    /// # Errors
+    /// Corners that are not three per triangle, or that name no model.
+    pub fn triangles(&self, models: usize) -> Result<Vec<[usize; 3]>> {
+        let mut listed = Vec::new();
+        for node in self
+            .document
+            .descendants()
+            .filter(|node| is_named(*node, "tri"))
+        {
+            let corners = self.numbers(node)?;
+            if !corners.len().is_multiple_of(3) {
+                let count = corners.len();
+                return Err(self.wrong(
+                    node,
+                    format!("<tri> has {count} corners, not three per triangle"),
+                ));
+            }
+            listed.extend(
+                corners
+                    .chunks_exact(3)
+                    .map(|corners| (node, [corners[0], corners[1], corners[2]])),
+            );
+        }
+        let first = f64::from(u8::from(
+            !listed.iter().any(|(_, corners)| corners.contains(&0.0)),
+        ));
+        let index = |node, corner: f64| {
+            let index = corner - first;
+            if index.fract() == 0.0 && (0.0..models as f64).contains(&index) {
+                return Ok(index as usize);
+            }
+            Err(self.wrong(
+                node,
+                format!("<tri> names model {corner}; there are {models}"),
+            ))
+        };
+        listed
+            .into_iter()
+            .map(|(node, [a, b, c])| {
+                let triangle = [index(node, a)?, index(node, b)?, index(node, c)?];
+                if triangle[0] == triangle[1]
+                    || triangle[1] == triangle[2]
+                    || triangle[2] == triangle[0]
+                {
+                    return Err(
+                        self.wrong(node, format!("<tri> names a model twice: {a}, {b}, {c}"))
+                    );
+                }
+                Ok(triangle)
+            })
+            .collect()
+    }
+
+    /// Compares a count that the file states with what it has.
+    ///
+    /// # Errors
+    /// Another number than stated.
+    pub fn check_count(&self, name: &str, count: usize, what: &str) -> Result<()> {
+        match self.element(name) {
+            Some(node) if self.one(name)? != Some(count as f64) => {
+                let stated = node.text().unwrap_or("").trim();
+                let problem = format!(
+                    "<{name}> says {stated}, and the file has {count} {what}: is it whole?"
+                );
+                Err(self.wrong(node, problem))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// # Errors
+    /// Units that are not HaTT's.
+    pub fn check_units(&self) -> Result<()> {
+        for (name, unit) in [
+            ("AccelUnits", "m/s^2"),
+            ("SpeedUnits", "mm/s"),
+            ("ForceUnits", "N"),
+        ] {
+            if let Some(node) = self.element(name) {
+                let stated = node.text().unwrap_or("").trim();
+                if !stated.eq_ignore_ascii_case(unit) {
+                    return Err(self.wrong(
+                        node,
+                        format!("<{name}> is '{stated}'; only '{unit}' can be read"),
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// One remark on all elements that no HaTT file has.
+    pub fn unknown_elements(&self) -> Option<String> {
+        let known = |node: &Node<'_, '_>| {
+            let name = node.tag_name().name();
+            KNOWN
+                .iter()
+                .chain(&PLACE)
+                .any(|known| known.eq_ignore_ascii_case(name))
+        };
+        let names: BTreeSet<String> = self
+            .document
+            .descendants()
+            .filter(|node| node.is_element() && !node.descendants().any(|inner| known(&inner)))
+            .map(|node| format!("<{}>", node.tag_name().name()))
+            .collect();
+        let list: Vec<String> = names.into_iter().collect();
+        (!list.is_empty()).then(|| format!("{} are not HaTT's and were not read", list.join(", ")))
+    }
+}
+
+fn is_named(node: Node<'_, '_>, name: &str) -> bool {
+    node.is_element() && node.tag_name().name().eq_ignore_ascii_case(name)
+}
+
+fn child<'a, 'input>(node: Node<'a, 'input>, name: &str) -> Option<Node<'a, 'input>> {
+    node.children().find(|child| is_named(*child, name))
+}

@@ -1,0 +1,361 @@
+//! Many files of models as one library.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use indicatif::ProgressBar;
+use model_format::{TextureSpec, encode, limits};
+use rayon::prelude::*;
+
+use super::axes::{Bounds, Candidates, node_bytes};
+use super::convert::{Converted, convert};
+use super::node;
+use super::read::read;
+use super::reference::Reference;
+use super::toolkit::Toolkit;
+use crate::support::error::{Error, Result};
+
+/// Bytes of a library without its textures, and of a texture without its name, axes and nodes; not fewer than these.
+const LIBRARY_BYTES: usize = 32;
+const TEXTURE_BYTES: usize = 48;
+
+/// Prefix of the names of HaTT's files.
+const FILE_PREFIX: &str = "Models_";
+
+/// A file that was read.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// The file.
+    pub path: PathBuf,
+    /// Name of its texture.
+    pub name: String,
+    /// Its models.
+    pub toolkit: Toolkit,
+    /// Its definition.
+    reference: Reference,
+}
+
+/// Sizes of the grids that are asked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// Most speeds of a grid; as many as the slot has room for if none.
+    pub speeds: Option<usize>,
+    /// Most forces of a grid; as many as the slot has room for if none.
+    pub forces: Option<usize>,
+    /// Makes grids smaller where they would not fit, also if their sizes are asked for.
+    pub fit_slot: bool,
+}
+
+/// Bounds of every texture, and what they will take.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    bounds: Vec<Bounds>,
+    /// Bytes of a library whose grids hold all speeds and forces, or as many as were asked for. An estimate.
+    pub wanted_bytes: usize,
+    /// Bytes of the library as it is planned. An estimate.
+    pub planned_bytes: usize,
+}
+
+/// Lists the files of `paths`: folders stand for all XML files in them, by name.
+///
+/// # Errors
+/// A folder without XML files; the same file twice; more files than a library can hold textures.
+pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let mut found = Vec::new();
+        for entry in std::fs::read_dir(path).map_err(Error::io("read", path))? {
+            let file = entry.map_err(Error::io("read", path))?.path();
+            if file
+                .extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case("xml"))
+                && file.is_file()
+            {
+                found.push(file);
+            }
+        }
+        if found.is_empty() {
+            return Err(Error::file(
+                path,
+                "has no XML file; give HaTT's model files or a folder of them",
+            ));
+        }
+        found.sort();
+        files.extend(found);
+    }
+    let mut seen: HashMap<PathBuf, &Path> = HashMap::new();
+    for file in &files {
+        let whole = file.canonicalize().map_err(Error::io("read", file))?;
+        if let Some(first) = seen.insert(whole, file) {
+            let problem = format!("is given twice, first as {}", first.display());
+            return Err(Error::file(file, problem));
+        }
+    }
+    if files.len() > limits::MAX_TEXTURES {
+        return Err(Error::Request(format!(
+            "{} files are {} more than the {} textures that a library can hold: make several libraries",
+            files.len(),
+            files.len() - limits::MAX_TEXTURES,
+            limits::MAX_TEXTURES
+        )));
+    }
+    Ok(files)
+}
+
+/// Reads all `files`.
+///
+/// # Errors
+/// Every file that cannot be used, each with its fault; two files whose textures would have one name.
+pub fn read_all(files: &[PathBuf]) -> Result<Vec<Source>> {
+    let results: Vec<Result<Source>> = files.par_iter().map(|path| source(path)).collect();
+    let count = results.len();
+    let (mut sources, mut faults) = (Vec::new(), Vec::new());
+    for result in results {
+        match result {
+            Ok(source) => sources.push(source),
+            Err(fault) => faults.push(fault),
+        }
+    }
+    if let (1, Some(_)) = (faults.len(), faults.first()) {
+        return Err(faults.remove(0));
+    }
+    if !faults.is_empty() {
+        let list: Vec<String> = faults.iter().map(ToString::to_string).collect();
+        let problem = format!(
+            "{} of {count} files cannot be used: {}",
+            faults.len(),
+            list.join("; ")
+        );
+        return Err(Error::Request(problem));
+    }
+    let mut names: HashMap<&str, &Path> = HashMap::new();
+    for source in &sources {
+        if let Some(first) = names.insert(&source.name, &source.path) {
+            let problem = format!(
+                "would be a second texture '{}', beside that of {}: rename one of the files",
+                source.name,
+                first.display()
+            );
+            return Err(Error::file(&source.path, problem));
+        }
+    }
+    Ok(sources)
+}
+
+fn source(path: &Path) -> Result<Source> {
+    let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+    let toolkit = read(path, &text)?;
+    let reference = Reference::of(&text, &toolkit.left_out).ok_or_else(|| {
+        Error::file(
+            path,
+            "has models, and no definition of them: is it a HaTT model file?",
+        )
+    })?;
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let name = stem.strip_prefix(FILE_PREFIX).unwrap_or(&stem).to_owned();
+    if name.is_empty() || name.len() > limits::MAX_NAME_BYTES {
+        let most = limits::MAX_NAME_BYTES;
+        let problem = format!(
+            "makes a texture's name of {} bytes, where 1 to {most} can be: rename it",
+            name.len()
+        );
+        return Err(Error::file(path, problem));
+    }
+    Ok(Source {
+        path: path.to_owned(),
+        name,
+        toolkit,
+        reference,
+    })
+}
+
+/// What one texture would take.
+struct Need {
+    /// Bytes of its grid as it is wanted.
+    bytes: f64,
+    /// Number of the models' own places, by which the slot is shared.
+    places: f64,
+    bounds: Bounds,
+}
+
+/// Decides what every texture may take, before any of the work is done.
+///
+/// Without sizes that are asked for, the slot is shared in proportion to the files' numbers of different speeds and
+/// forces; what a texture does not need goes to the others.
+///
+/// # Errors
+/// Sizes that no grid can have, or that will not fit in a slot, with what is missing and the remedy.
+pub fn plan(sources: &[Source], options: &Options) -> Result<Plan> {
+    for (what, count) in [("speeds", options.speeds), ("forces", options.forces)] {
+        if count.is_some_and(|count| !(1..=limits::MAX_AXIS_LEN).contains(&count)) {
+            let most = limits::MAX_AXIS_LEN;
+            return Err(Error::Request(format!("--{what} can be 1 to {most}")));
+        }
+    }
+    let needs: Vec<Need> = sources
+        .par_iter()
+        .map(|source| need(source, options))
+        .collect();
+    let fixed = LIBRARY_BYTES
+        + sources
+            .iter()
+            .map(|source| TEXTURE_BYTES + source.name.len())
+            .sum::<usize>();
+    let room = limits::MAX_LIBRARY_BYTES.saturating_sub(fixed) as f64;
+    let wanted_bytes = fixed + needs.iter().map(|need| need.bytes).sum::<f64>() as usize;
+    let asked = options.speeds.is_some() || options.forces.is_some();
+    if asked && !options.fit_slot {
+        if wanted_bytes > limits::MAX_LIBRARY_BYTES {
+            return Err(too_large(sources.len(), wanted_bytes, "about "));
+        }
+        let bounds = needs.into_iter().map(|need| need.bounds).collect();
+        return Ok(Plan {
+            bounds,
+            wanted_bytes,
+            planned_bytes: wanted_bytes,
+        });
+    }
+    let shares = shares(&needs, room);
+    let planned = needs
+        .iter()
+        .zip(&shares)
+        .map(|(need, share)| need.bytes.min(*share))
+        .sum::<f64>();
+    let bounds = needs.iter().zip(&shares).map(|(need, share)| Bounds {
+        bytes: *share as usize,
+        ..need.bounds
+    });
+    Ok(Plan {
+        bounds: bounds.collect(),
+        wanted_bytes,
+        planned_bytes: fixed + planned as usize,
+    })
+}
+
+fn need(source: &Source, options: &Options) -> Need {
+    let candidates = Candidates::of(&source.toolkit);
+    let speeds = candidates
+        .speeds_mm_s
+        .len()
+        .min(options.speeds.unwrap_or(usize::MAX));
+    let forces = candidates
+        .forces_n
+        .len()
+        .min(options.forces.unwrap_or(usize::MAX));
+    let sounding = source.toolkit.models.iter().filter(|model| model.sounds());
+    let sizes: Vec<usize> = sounding
+        .map(|model| {
+            node_bytes(&node::model(
+                &source.toolkit,
+                (model.speed_mm_s, model.force_n),
+            ))
+        })
+        .collect();
+    let mean = sizes.iter().sum::<usize>() as f64 / sizes.len().max(1) as f64;
+    Need {
+        bytes: mean * (speeds * forces) as f64 + (size_of::<f32>() * (speeds + forces)) as f64,
+        places: (candidates.speeds_mm_s.len() + candidates.forces_n.len()) as f64,
+        bounds: Bounds {
+            speeds,
+            forces,
+            bytes: usize::MAX,
+        },
+    }
+}
+
+/// Shares of `room` bytes in proportion to the numbers of places. A texture that needs less has a little more than
+/// that, because needs are estimates, and the others share the rest.
+fn shares(needs: &[Need], room: f64) -> Vec<f64> {
+    const MARGIN: f64 = 1.2;
+    let mut shares = vec![None; needs.len()];
+    loop {
+        let given: f64 = shares.iter().flatten().sum();
+        let open = || (0..needs.len()).filter(|&index| shares[index].is_none());
+        let places: f64 = open().map(|index| needs[index].places).sum();
+        let share = |index: usize| (room - given) * needs[index].places / places;
+        let content: Vec<usize> = open()
+            .filter(|&index| MARGIN * needs[index].bytes <= share(index))
+            .collect();
+        if content.is_empty() {
+            return (0..needs.len())
+                .map(|index| shares[index].unwrap_or_else(|| share(index)))
+                .collect();
+        }
+        for index in content {
+            shares[index] = Some(MARGIN * needs[index].bytes);
+        }
+    }
+}
+
+/// Bytes in words: KB of 1024 bytes, rounded up.
+fn kilobytes(bytes: usize) -> usize {
+    bytes.div_ceil(1024)
+}
+
+fn too_large(textures: usize, bytes: usize, about: &str) -> Error {
+    let over = bytes - limits::MAX_LIBRARY_BYTES;
+    Error::Request(format!(
+        "{textures} textures need {about}{} KB of a slot's {}, {} too many: ask for fewer --speeds or --forces, or give \
+         --fit-slot, which chooses them",
+        kilobytes(bytes),
+        kilobytes(limits::SLOT_BYTES),
+        kilobytes(over)
+    ))
+}
+
+impl Plan {
+    /// Returns one line on what `textures` textures will take.
+    pub fn in_words(&self, textures: usize) -> String {
+        let (planned, slot) = (kilobytes(self.planned_bytes), kilobytes(limits::SLOT_BYTES));
+        let noun = if textures == 1 {
+            "texture needs"
+        } else {
+            "textures need"
+        };
+        let mut line = format!("{textures} {noun} about {planned} KB of {slot}");
+        if self.wanted_bytes > limits::MAX_LIBRARY_BYTES {
+            let wanted = kilobytes(self.wanted_bytes);
+            line.push_str(&format!(
+                "; grids are chosen for that, whole ones would need {wanted} KB"
+            ));
+        }
+        line
+    }
+}
+
+/// Converts all `sources` as `plan` says, with `progress` of one step per file.
+///
+/// # Errors
+/// A model that the library cannot hold, with its file; a library that does not fit in a slot.
+pub fn import(
+    sources: &[Source],
+    plan: &Plan,
+    progress: &ProgressBar,
+) -> Result<(Vec<Converted>, Vec<u8>)> {
+    let converted: Vec<Converted> = sources
+        .par_iter()
+        .zip(&plan.bounds)
+        .map(|(source, bounds)| {
+            let converted = convert(&source.name, &source.toolkit, &source.reference, *bounds)
+                .map_err(|failure| Error::file(&source.path, failure.to_string()));
+            progress.inc(1);
+            converted
+        })
+        .collect::<Result<_>>()?;
+    progress.finish_and_clear();
+    let specs: Vec<TextureSpec> = converted
+        .iter()
+        .map(|texture| texture.spec.clone())
+        .collect();
+    let bytes = encode(&specs).map_err(|failure| {
+        Error::Model(format!("the textures do not make a library: {failure}"))
+    })?;
+    if bytes.len() > limits::MAX_LIBRARY_BYTES {
+        return Err(too_large(sources.len(), bytes.len(), ""));
+    }
+    Ok((converted, bytes))
+}
