@@ -119,16 +119,20 @@ fn all_verdicts(set: &RecordingSet, analyses: &[Analysis]) -> Vec<Vec<Verdict>> 
             verdicts[index].extend(line.map(|frequency_hz| Verdict::Hum { frequency_hz }));
         }
     }
-    let mut first_with = std::collections::HashMap::new();
-    for (index, analysis) in analyses.iter().enumerate() {
-        // All silence is alike.
-        if analysis.is_silent() {
-            continue;
-        }
-        let of = *first_with.entry(analysis.fingerprint).or_insert(index);
-        if of != index {
-            verdicts[index].push(Verdict::Duplicate { of });
-        }
+    // All silence is alike.
+    let loud: Vec<usize> = (0..analyses.len())
+        .filter(|&index| !analyses[index].is_silent())
+        .collect();
+    let prints: Vec<_> = loud
+        .iter()
+        .map(|&index| &analyses[index].fingerprint)
+        .collect();
+    for (&index, copy) in loud.iter().zip(triage::copies(&prints)) {
+        let duplicate = |(original, likeness): (usize, _)| Verdict::Duplicate {
+            of: loud[original],
+            likeness,
+        };
+        verdicts[index].extend(copy.map(duplicate));
     }
     verdicts
 }

@@ -3,7 +3,7 @@
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::reduction::{Reduction, reduce};
 use crate::recording::triage;
-use crate::recording::triage::Verdict;
+use crate::recording::triage::{Fingerprint, Verdict};
 use crate::recording::{self, Trial};
 use crate::support::error::{Error, Result};
 
@@ -27,8 +27,8 @@ pub struct Analysis {
     pub verdicts: Vec<Verdict>,
     /// A line at a mains frequency, Hz; whether it is hum, the other trials tell.
     pub mains_line_hz: Option<f64>,
-    /// Equal for equal recordings.
-    pub fingerprint: u64,
+    /// Content of the reduced signal, by which copies are found.
+    pub fingerprint: Fingerprint,
 }
 
 impl Analysis {
@@ -68,11 +68,11 @@ pub fn analyse_with_signal(
 ) -> Result<(Analysis, Vec<f64>)> {
     let mut samples = recording::read(trial)?;
     let mut verdicts = triage::samples(&samples);
-    let fingerprint = triage::fingerprint(&samples.axes);
     let mean = |axis: &Vec<f64>| (axis.iter().sum::<f64>() / axis.len().max(1) as f64).abs();
     let mean_m_s2 = samples.axes.iter().map(mean).fold(0.0, f64::max);
     let reduced = reduce(&mut samples.axes, options.reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
+    let fingerprint = triage::fingerprint(&reduced.signal);
     let autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
     let power = autocorrelation.lags[0];
     if !power.is_finite() {

@@ -26,7 +26,7 @@ mod single_trial;
 mod test_signals;
 mod verdict;
 
-pub use fingerprint::fingerprint;
+pub use fingerprint::{COPY_CORRELATION, Fingerprint, Likeness, copies, fingerprint, likeness};
 pub use hum::{HUM_RATIO_DB, confirmed_hum, mains_line};
 pub use single_trial::{CLIPPED_SHARE, DRIFT_SHARE, SHORT_SAMPLES, SILENCE_FLOOR_M_S2, samples};
 pub use verdict::Verdict;

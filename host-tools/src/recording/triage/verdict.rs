@@ -4,6 +4,8 @@ use std::fmt;
 
 use serde::{Serialize, Serializer};
 
+use super::fingerprint::Likeness;
+
 /// A verdict on a trial.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
@@ -29,10 +31,12 @@ pub enum Verdict {
         /// Frequency of the line, Hz.
         frequency_hz: f64,
     },
-    /// The same samples as another trial.
+    /// A copy of another trial, also one that is scaled, inverted or shifted.
     Duplicate {
         /// Index of the earlier trial.
         of: usize,
+        /// Relation to it.
+        likeness: Likeness,
     },
     /// A lower sample rate than that of the models.
     WrongRate {
@@ -64,7 +68,9 @@ impl fmt::Display for Verdict {
             Self::Clipped { share } => write!(f, "clipped: {:.2} % of samples", share * 100.0),
             Self::Drifting { share } => write!(f, "drifting: {:.0} % of energy", share * 100.0),
             Self::Hum { frequency_hz } => write!(f, "hum at {frequency_hz:.1} Hz"),
-            Self::Duplicate { of } => write!(f, "duplicate of trial {}", of + 1),
+            Self::Duplicate { of, likeness } => {
+                write!(f, "duplicate of trial {}{likeness}", of + 1)
+            }
             Self::WrongRate { rate_hz } => write!(
                 f,
                 "wrong rate: {rate_hz} Hz, nothing above {} Hz",
