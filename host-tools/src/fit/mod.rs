@@ -85,6 +85,7 @@ pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options
             rms_m_s2: analysis.power.sqrt(),
             mean_m_s2: analysis.mean_m_s2,
             energy_share: analysis.energy_share,
+            cut_s: analysis.cut_s,
             used: !dropped(&verdicts),
             verdicts,
         })
@@ -106,35 +107,18 @@ pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options
 
 /// The findings of every trial, those included that only a comparison of trials tells.
 fn all_verdicts(set: &RecordingSet, analyses: &[Analysis]) -> Vec<Vec<Verdict>> {
-    let mut verdicts: Vec<Vec<Verdict>> = analyses.iter().map(|a| a.verdicts.clone()).collect();
-    for name in set.textures() {
-        let members: Vec<usize> = (0..set.trials.len())
-            .filter(|&index| set.trials[index].texture == name)
-            .collect();
-        let lines: Vec<_> = members
-            .iter()
-            .map(|&index| (set.trials[index].speed_mm_s, analyses[index].mains_line_hz))
-            .collect();
-        for (&index, line) in members.iter().zip(triage::confirmed_hum(&lines)) {
-            verdicts[index].extend(line.map(|frequency_hz| Verdict::Hum { frequency_hz }));
-        }
-    }
-    // All silence is alike.
-    let loud: Vec<usize> = (0..analyses.len())
-        .filter(|&index| !analyses[index].is_silent())
+    let trials = set.trials.iter().zip(analyses);
+    let compared: Vec<_> = trials
+        .map(|(trial, analysis)| triage::Compared {
+            texture: &trial.texture,
+            speed_mm_s: trial.speed_mm_s,
+            rms_m_s2: analysis.power.sqrt(),
+            mains_line_hz: analysis.mains_line_hz,
+            fingerprint: &analysis.fingerprint,
+            verdicts: &analysis.verdicts,
+        })
         .collect();
-    let prints: Vec<_> = loud
-        .iter()
-        .map(|&index| &analyses[index].fingerprint)
-        .collect();
-    for (&index, copy) in loud.iter().zip(triage::copies(&prints)) {
-        let duplicate = |(original, likeness): (usize, _)| Verdict::Duplicate {
-            of: loud[original],
-            likeness,
-        };
-        verdicts[index].extend(copy.map(duplicate));
-    }
-    verdicts
+    triage::all_verdicts(&compared)
 }
 
 fn refuse_doubtful(set: &RecordingSet, trials: &[TrialReport]) -> Result<()> {
