@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use host_tools::recording::freehand;
-use host_tools::recording::freehand::{GridAxis, Options, Segmentation, Tolerance};
+use host_tools::recording::freehand::{Freehand, GridAxis, Options, Segmentation, Tolerance};
 use host_tools::support::error::{Error, Result};
 
 use super::input::positive;
@@ -23,12 +23,12 @@ pub struct Arguments {
     /// Folder for the pieces and their list, as fit reads it
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Speeds of the grid, in mm/s
-    #[arg(long, value_name = "LOW:HIGH:STEP", default_value = "20:300:20")]
-    speeds: GridAxis,
-    /// Forces of the grid, in newtons
-    #[arg(long, value_name = "LOW:HIGH:STEP", default_value = "0.2:1.4:0.2")]
-    forces: GridAxis,
+    /// Speeds of the grid, in mm/s [default: from the recordings]
+    #[arg(long, value_name = "LOW:HIGH:STEP")]
+    speeds: Option<GridAxis>,
+    /// Forces of the grid, in newtons [default: from the recordings]
+    #[arg(long, value_name = "LOW:HIGH:STEP")]
+    forces: Option<GridAxis>,
     /// Largest deviation of speed and force from the middle of a piece, as a share
     #[arg(long, value_parser = positive, default_value_t = 0.12)]
     tolerance: f64,
@@ -47,19 +47,6 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    // At the lowest speeds and forces a share is too strict; a quarter of the grid's step counts as steady there.
-    let tolerance = |axis: &GridAxis| Tolerance {
-        share: arguments.tolerance,
-        least: 0.25 * axis.step,
-    };
-    let options = Options {
-        speed: tolerance(&arguments.speeds),
-        force: tolerance(&arguments.forces),
-        least_s: arguments.least,
-        enough_s: arguments.enough,
-        speeds: arguments.speeds,
-        forces: arguments.forces,
-    };
     let recordings = arguments
         .files
         .iter()
@@ -83,6 +70,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             );
         }
     }
+    let (speeds, forces) = grid(arguments, &recordings)?;
+    // At the lowest speeds and forces a share is too strict; a quarter of the grid's step counts as steady there.
+    let tolerance = |axis: &GridAxis| Tolerance {
+        share: arguments.tolerance,
+        least: 0.25 * axis.step,
+    };
+    let options = Options {
+        speed: tolerance(&speeds),
+        force: tolerance(&forces),
+        least_s: arguments.least,
+        enough_s: arguments.enough,
+        speeds,
+        forces,
+    };
     let cut = freehand::segment(&recordings, &options);
     show_what_is_left_out(&cut);
     if cut.placed.is_empty() {
@@ -113,7 +114,54 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
+/// The grid that is given, or proposed from the recordings, which is said.
+fn grid(arguments: &Arguments, recordings: &[Freehand]) -> Result<(GridAxis, GridAxis)> {
+    if let (Some(speeds), Some(forces)) = (arguments.speeds, arguments.forces) {
+        return Ok((speeds, forces));
+    }
+    let (speeds, forces) = freehand::proposed_grid(recordings).ok_or_else(|| {
+        Error::Request(
+            "no motion in contact, so that no grid can be proposed and no piece is steady; check the columns \
+             speed_mm_s and force_n, or give --speeds and --forces"
+                .into(),
+        )
+    })?;
+    let (speeds, forces) = (
+        arguments.speeds.unwrap_or(speeds),
+        arguments.forces.unwrap_or(forces),
+    );
+    eprintln!("grid: --speeds {speeds} --forces {forces}");
+    Ok((speeds, forces))
+}
+
 fn show_what_is_left_out(cut: &Segmentation) {
+    if cut.reversals > 0 {
+        eprintln!(
+            "warning: the speed changes its sign {} times; pieces end there, and both directions count alike",
+            cut.reversals
+        );
+    }
+    if let Some((recording, time_s)) = cut.jumps.first() {
+        eprintln!(
+            "warning: the speed jumps in {} block(s) of 20 ms, first at {time_s:.2} s of recording {}; cut out (check \
+             the encoder)",
+            cut.jumps.len(),
+            recording + 1
+        );
+    }
+    for uneven in cut.uneven.iter().take(SHOWN) {
+        eprintln!(
+            "warning: a piece at {:.1} mm/s, {:.2} N changes its level by {:+.0} dB in steady motion (a lift-off or a \
+             tap?); left out",
+            uneven.segment.median_speed_mm_s, uneven.segment.median_force_n, uneven.change_db
+        );
+    }
+    if cut.uneven.len() > SHOWN {
+        eprintln!(
+            "warning: {} pieces in total change their level",
+            cut.uneven.len()
+        );
+    }
     for (speed, force, seconds) in &cut.too_little {
         eprintln!("warning: {speed} mm/s, {force} N: only {seconds:.2} s of data; left out");
     }

@@ -85,6 +85,7 @@ pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options
             rms_m_s2: analysis.power.sqrt(),
             mean_m_s2: analysis.mean_m_s2,
             energy_share: analysis.energy_share,
+            cut_s: analysis.cut_s,
             used: !dropped(&verdicts),
             verdicts,
         })
@@ -106,31 +107,18 @@ pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options
 
 /// The findings of every trial, those included that only a comparison of trials tells.
 fn all_verdicts(set: &RecordingSet, analyses: &[Analysis]) -> Vec<Vec<Verdict>> {
-    let mut verdicts: Vec<Vec<Verdict>> = analyses.iter().map(|a| a.verdicts.clone()).collect();
-    for name in set.textures() {
-        let members: Vec<usize> = (0..set.trials.len())
-            .filter(|&index| set.trials[index].texture == name)
-            .collect();
-        let lines: Vec<_> = members
-            .iter()
-            .map(|&index| (set.trials[index].speed_mm_s, analyses[index].mains_line_hz))
-            .collect();
-        for (&index, line) in members.iter().zip(triage::confirmed_hum(&lines)) {
-            verdicts[index].extend(line.map(|frequency_hz| Verdict::Hum { frequency_hz }));
-        }
-    }
-    let mut first_with = std::collections::HashMap::new();
-    for (index, analysis) in analyses.iter().enumerate() {
-        // All silence is alike.
-        if analysis.is_silent() {
-            continue;
-        }
-        let of = *first_with.entry(analysis.fingerprint).or_insert(index);
-        if of != index {
-            verdicts[index].push(Verdict::Duplicate { of });
-        }
-    }
-    verdicts
+    let trials = set.trials.iter().zip(analyses);
+    let compared: Vec<_> = trials
+        .map(|(trial, analysis)| triage::Compared {
+            texture: &trial.texture,
+            speed_mm_s: trial.speed_mm_s,
+            rms_m_s2: analysis.power.sqrt(),
+            mains_line_hz: analysis.mains_line_hz,
+            fingerprint: &analysis.fingerprint,
+            verdicts: &analysis.verdicts,
+        })
+        .collect();
+    triage::all_verdicts(&compared)
 }
 
 fn refuse_doubtful(set: &RecordingSet, trials: &[TrialReport]) -> Result<()> {

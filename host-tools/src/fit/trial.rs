@@ -1,10 +1,12 @@
 //! One trial: from its file to the statistics that a model is fitted to.
 
+use model_format::SAMPLE_RATE_HZ;
+
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::reduction::{Reduction, reduce};
 use crate::recording::triage;
-use crate::recording::triage::Verdict;
-use crate::recording::{self, Trial};
+use crate::recording::triage::{Fingerprint, Verdict};
+use crate::recording::{self, Samples, Trial};
 use crate::support::error::{Error, Result};
 
 use super::options::{Estimator, Options};
@@ -23,12 +25,14 @@ pub struct Analysis {
     pub mean_m_s2: f64,
     /// Share of the axes' energy that the reduced signal keeps.
     pub energy_share: f64,
+    /// Duration that triage cut out of the trial, s.
+    pub cut_s: f64,
     /// Findings of triage on the trial by itself.
     pub verdicts: Vec<Verdict>,
     /// A line at a mains frequency, Hz; whether it is hum, the other trials tell.
     pub mains_line_hz: Option<f64>,
-    /// Equal for equal recordings.
-    pub fingerprint: u64,
+    /// Content of the reduced signal, by which copies are found.
+    pub fingerprint: Fingerprint,
 }
 
 impl Analysis {
@@ -38,12 +42,23 @@ impl Analysis {
     }
 }
 
-/// The reduced signal of `trial`, m/s², with a mean of zero, at the models' rate; and its share of the axes' energy.
+/// Reads `trial` and keeps what triage does not cut; with the verdicts, and the duration that was cut, s.
+fn triaged(trial: &Trial) -> Result<(Samples, Vec<Verdict>, f64)> {
+    let mut samples = recording::read(trial)?;
+    let verdicts = triage::samples(&samples);
+    let length = |samples: &Samples| samples.axes.first().map_or(0, Vec::len);
+    let before = length(&samples);
+    samples.axes = triage::kept(samples.axes, &triage::usable(&verdicts, before));
+    let cut_s = (before - length(&samples)) as f64 / f64::from(SAMPLE_RATE_HZ);
+    Ok((samples, verdicts, cut_s))
+}
+
+/// The reduced signal of `trial`, without what triage cuts, m/s², with a mean of zero, at the models' rate; and its share of the axes' energy.
 ///
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
 pub fn signal(trial: &Trial, reduction: Reduction) -> Result<(Vec<f64>, f64)> {
-    let mut samples = recording::read(trial)?;
+    let (mut samples, ..) = triaged(trial)?;
     let reduced = reduce(&mut samples.axes, reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
     Ok((reduced.signal, reduced.energy_share))
@@ -66,13 +81,12 @@ pub fn analyse_with_signal(
     options: &Options,
     max_order: usize,
 ) -> Result<(Analysis, Vec<f64>)> {
-    let mut samples = recording::read(trial)?;
-    let mut verdicts = triage::samples(&samples);
-    let fingerprint = triage::fingerprint(&samples.axes);
+    let (mut samples, mut verdicts, cut_s) = triaged(trial)?;
     let mean = |axis: &Vec<f64>| (axis.iter().sum::<f64>() / axis.len().max(1) as f64).abs();
     let mean_m_s2 = samples.axes.iter().map(mean).fold(0.0, f64::max);
     let reduced = reduce(&mut samples.axes, options.reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
+    let fingerprint = triage::fingerprint(&reduced.signal);
     let autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
     let power = autocorrelation.lags[0];
     if !power.is_finite() {
@@ -97,6 +111,7 @@ pub fn analyse_with_signal(
         power,
         mean_m_s2,
         energy_share: reduced.energy_share,
+        cut_s,
         verdicts,
         mains_line_hz,
         fingerprint,

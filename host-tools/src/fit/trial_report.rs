@@ -21,6 +21,8 @@ pub struct TrialReport {
     pub mean_m_s2: f64,
     /// Share of the axes' energy that the reduced signal keeps.
     pub energy_share: f64,
+    /// Duration that triage cut out of it, s.
+    pub cut_s: f64,
     /// Findings of triage; none for a sound recording.
     pub verdicts: Vec<Verdict>,
     /// True if the fit used it.

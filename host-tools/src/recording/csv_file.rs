@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::csv_table::{csv_error, csv_table};
+use csv::StringRecord;
+
+use super::csv_table::{CsvText, csv_error};
 use super::source::{Cut, MAX_CHANNELS, Source};
 use crate::support::error::{Error, Result};
 
@@ -12,40 +14,64 @@ const TIME_COLUMN: &str = "time_s";
 /// Largest deviation of a step of the time column from the mean step, as a share of it.
 const UNEVENNESS: f64 = 0.5;
 
+/// Names of columns that hold a time, in lower case, without a unit.
+const TIME_NAMES: [&str; 4] = ["time", "t", "timestamp", "zeit"];
+
+/// Columns of a free hand's recording.
+const MOTION_COLUMNS: [&str; 2] = ["speed_mm_s", "force_n"];
+
+/// Names of columns that count lines or samples, in lower case.
+const COUNTER_NAMES: [&str; 3] = ["index", "sample", "frame"];
+
+/// Fewest values from which a column without a name is taken for times.
+const LEAST_TIMES: usize = 8;
+
 /// Reads the part of a CSV file within `cut`.
 ///
-/// A first line that holds anything but numbers is a header. Without a column `time_s`, `sample_rate_hz` must be given.
+/// A first line with a field that is not a number is a header. Without a column `time_s`, `sample_rate_hz` must be given.
 pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Result<Source> {
-    let mut reader = csv_table()
-        .has_headers(false)
-        .from_path(path)
-        .map_err(|failure| csv_error(path, failure))?;
+    let table = CsvText::read(path)?;
+    let mut reader = table.reader(false);
     let mut columns: Vec<Vec<f64>> = Vec::new();
-    let mut time_column = None;
+    let mut names: Option<StringRecord> = None;
     for (number, record) in reader.records().enumerate() {
-        let record = record.map_err(|failure| csv_error(path, failure))?;
+        let record = record.map_err(|failure| unequal(csv_error(path, failure), &table))?;
         let line = record.position().map_or(0, csv::Position::line);
         if number == 0 {
             columns.resize(record.len(), Vec::new());
-            if record.iter().any(|field| field.parse::<f64>().is_err()) {
-                time_column = record.iter().position(|name| name == TIME_COLUMN);
+            if record.iter().any(|field| table.number(field).is_none()) {
+                refuse_numbers_in_header(path, line, &record, &table)?;
+                names = Some(record);
                 continue;
             }
         }
-        for (column, field) in columns.iter_mut().zip(&record) {
-            let value = field
-                .parse()
-                .map_err(|_| Error::line(path, line, format!("'{field}' is not a number")))?;
-            column.push(value);
+        for (index, (column, field)) in columns.iter_mut().zip(&record).enumerate() {
+            column.push(table.number(field).ok_or_else(|| {
+                let problem = format!(
+                    "'{field}' in column {} is not a number (fields are separated by a {})",
+                    index + 1,
+                    table.separator_name()
+                );
+                Error::line(path, line, problem)
+            })?);
         }
     }
+    let time_column = match &names {
+        Some(names) => time_column(path, names)?,
+        None => None,
+    };
     let time = time_column.map(|index| columns.remove(index));
     if columns.is_empty() || columns.len() > MAX_CHANNELS {
         let problem = format!(
-            "{} columns of samples: give 1 to {MAX_CHANNELS}, one per axis",
-            columns.len()
+            "{} columns of samples, separated by a {}: give 1 to {MAX_CHANNELS}, one per axis, and name a column of \
+             times '{TIME_COLUMN}'",
+            columns.len(),
+            table.separator_name()
         );
         return Err(Error::file(path, problem));
+    }
+    if names.is_none() {
+        refuse_times_without_a_name(path, &columns)?;
     }
     let rate_hz = match (time, sample_rate_hz) {
         (Some(time), _) => rate_of(path, &time)?,
@@ -65,7 +91,104 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
         rate_hz,
         first_frame: first,
         channels: columns,
+        truncation: None,
     })
+}
+
+/// Returns the index of the column of times, after a check that every other column can be an axis.
+fn time_column(path: &Path, names: &StringRecord) -> Result<Option<usize>> {
+    for (index, name) in names.iter().enumerate() {
+        let lower = name.to_lowercase();
+        let stem = lower.split(['_', ' ', '[', '(']).next().unwrap_or_default();
+        let problem = if MOTION_COLUMNS.contains(&name) {
+            format!(
+                "has a column '{name}': cut a free hand's recording with 'stylus segment' first"
+            )
+        } else if name != TIME_COLUMN && TIME_NAMES.contains(&stem) {
+            format!(
+                "has a column '{name}': name it '{TIME_COLUMN}' if it is the time in seconds, or remove it"
+            )
+        } else if COUNTER_NAMES.contains(&stem) && names.len() > 1 {
+            format!(
+                "has a column '{name}', which is no acceleration: remove column {}",
+                index + 1
+            )
+        } else if lower == "scale_m_s2" || lower == "file" || lower == "texture" {
+            format!(
+                "has a column '{name}': is it a list of trials? Give it alone, and with speed_mm_s and force_n"
+            )
+        } else {
+            continue;
+        };
+        return Err(Error::file(path, problem));
+    }
+    Ok(names.iter().position(|name| name == TIME_COLUMN))
+}
+
+/// Refuses a header that is a line of numbers with one that cannot be read.
+fn refuse_numbers_in_header(
+    path: &Path,
+    line: u64,
+    header: &StringRecord,
+    table: &CsvText,
+) -> Result<()> {
+    let is_number = |field: &str| table.number(field).is_some();
+    let Some((index, bad)) = header
+        .iter()
+        .enumerate()
+        .find(|(_, field)| !is_number(field))
+    else {
+        return Ok(());
+    };
+    if !header.iter().any(is_number) && !bad.starts_with(|c: char| c.is_ascii_digit() || c == '-') {
+        return Ok(());
+    }
+    let problem = format!(
+        "'{bad}' in column {} is neither a number nor, beside numbers, a name (fields are separated by a {}, decimals \
+         by a point; by a comma only where fields are not)",
+        index + 1,
+        table.separator_name()
+    );
+    Err(Error::line(path, line, problem))
+}
+
+/// Refuses a first column that rises in even steps, which is no acceleration.
+fn refuse_times_without_a_name(path: &Path, columns: &[Vec<f64>]) -> Result<()> {
+    let [first, _, ..] = columns else {
+        return Ok(());
+    };
+    let (Some(&begin), Some(&end)) = (first.first(), first.last()) else {
+        return Ok(());
+    };
+    let step = (end - begin) / (first.len() - 1).max(1) as f64;
+    let even = |pair: &[f64]| (pair[1] - pair[0] - step).abs() <= UNEVENNESS * step;
+    if first.len() >= LEAST_TIMES && step > 0.0 && first.windows(2).all(even) {
+        let problem = format!(
+            "has no header, and its first column rises in even steps of {step}: add a header that names it \
+             '{TIME_COLUMN}', or remove it"
+        );
+        return Err(Error::file(path, problem));
+    }
+    Ok(())
+}
+
+/// Adds the separator to a failure of lines that are not equally long.
+fn unequal(failure: Error, table: &CsvText) -> Error {
+    match failure {
+        Error::Line {
+            path,
+            line,
+            problem,
+        } => Error::Line {
+            path,
+            line,
+            problem: format!(
+                "{problem} (fields are separated by a {})",
+                table.separator_name()
+            ),
+        },
+        other => other,
+    }
 }
 
 /// Returns the sample rate of evenly spaced times, in Hz.

@@ -6,25 +6,46 @@ use std::path::Path;
 use csv::StringRecord;
 use model_format::Provenance;
 
-use super::csv_table::{csv_error, csv_header, csv_table};
+use super::csv_table::{CsvText, csv_error, csv_header};
 use super::trial::Trial;
 use crate::support::error::{Error, Result};
+
+/// Returns whether the file at `path` is a list of trials, by the names in its first line.
+pub(super) fn is_list(path: &Path) -> bool {
+    let is_text = path.extension().is_some_and(|extension| {
+        let extension = extension.to_string_lossy().to_lowercase();
+        extension == "csv" || extension == "txt"
+    });
+    let Ok(table) = (if is_text {
+        CsvText::read(path)
+    } else {
+        return false;
+    }) else {
+        return false;
+    };
+    let mut reader = table.reader(true);
+    let Ok(header) = reader.headers() else {
+        return false;
+    };
+    ["file", "texture"]
+        .iter()
+        .all(|name| header.iter().any(|known| known == *name))
+}
 
 /// Reads a list of trials; its files are relative to its folder.
 ///
 /// # Errors
 /// A list that is missing or empty, or a line that cannot be used, with its number.
 pub(super) fn read(list: &Path) -> Result<Vec<Trial>> {
-    let mut reader = csv_table()
-        .from_path(list)
-        .map_err(|failure| csv_error(list, failure))?;
+    let table = CsvText::read(list)?;
+    let mut reader = table.reader(true);
     let header = csv_header(list, &mut reader)?;
     let columns = Columns::of(list, &header)?;
     let folder = list.parent().unwrap_or(Path::new("."));
     let mut trials = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|failure| csv_error(list, failure))?;
-        trials.push(columns.trial(list, folder, &record)?);
+        trials.push(columns.trial(list, folder, &record, &table)?);
     }
     if trials.is_empty() {
         return Err(Error::file(list, "lists no trials: add at least one line"));
@@ -74,7 +95,13 @@ impl Columns {
         Ok(Self(columns))
     }
 
-    fn trial(&self, list: &Path, folder: &Path, record: &StringRecord) -> Result<Trial> {
+    fn trial(
+        &self,
+        list: &Path,
+        folder: &Path,
+        record: &StringRecord,
+        table: &CsvText,
+    ) -> Result<Trial> {
         let line = record.position().map_or(0, csv::Position::line);
         let bad = |problem: String| Error::line(list, line, problem);
         let field = |name: &str| {
@@ -84,8 +111,8 @@ impl Columns {
         let text = |name: &str| field(name).ok_or_else(|| bad(format!("no {name}")));
         let number = |name: &str| match field(name) {
             None => Ok(None),
-            Some(text) => match text.parse::<f64>() {
-                Ok(value) if value.is_finite() => Ok(Some(value)),
+            Some(text) => match table.number(text) {
+                Some(value) if value.is_finite() => Ok(Some(value)),
                 _ => Err(bad(format!("{name} '{text}' is not a finite number"))),
             },
         };

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use model_format::SAMPLE_RATE_HZ;
 
-use super::clipping::clipped_share;
+use super::defects::Defects;
 use super::samples::Samples;
 use super::source::Cut;
 use super::trial::{TRIAL_DURATION_S, Trial};
@@ -41,8 +41,9 @@ pub fn read(trial: &Trial) -> Result<Samples> {
         return Err(Error::file(path, problem));
     }
     check_finite(path, &axes, source.first_frame)?;
-    let clipped_share = clipped_share(&axes);
     let rate_hz = source.rate_hz;
+    let mut defects = Defects::of(&axes, rate_hz);
+    defects.truncation = source.truncation;
     if (rate_hz - f64::from(SAMPLE_RATE_HZ)).abs() > 0.0 {
         axes = at_model_rate(path, &axes, rate_hz)?;
     }
@@ -55,7 +56,7 @@ pub fn read(trial: &Trial) -> Result<Samples> {
     Ok(Samples {
         axes,
         source_rate_hz: rate_hz,
-        clipped_share,
+        defects,
     })
 }
 

@@ -3,9 +3,9 @@
 //!
 //! Invariant: files in, samples and verdicts out. Nothing here fits a model.
 
-mod clipping;
 mod csv_file;
 mod csv_table;
+mod defects;
 pub mod freehand;
 mod list;
 mod load;
@@ -18,6 +18,7 @@ mod trial;
 mod wav;
 
 pub(crate) use csv_table::{csv_error, csv_header, csv_table};
+pub use defects::{Defects, Hold, Spike, Truncation};
 pub use load::read;
 pub use resample::resample;
 pub use samples::Samples;

@@ -1,5 +1,7 @@
 //! The samples of a trial, in m/s² at the models' sample rate.
 
+use super::defects::Defects;
+
 /// The samples of a trial.
 #[derive(Clone, Debug)]
 pub struct Samples {
@@ -7,6 +9,6 @@ pub struct Samples {
     pub axes: Vec<Vec<f64>>,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,
-    /// Share of clipped samples on the worst axis, of the samples at the file's own rate.
-    pub clipped_share: f64,
+    /// Findings on the samples at the file's own rate.
+    pub defects: Defects,
 }

@@ -21,7 +21,7 @@ pub struct RecordingSet {
 }
 
 impl RecordingSet {
-    /// Opens the inputs of a command: one folder with a `trials.csv`, one such list, or recordings. Each recording is
+    /// Opens the inputs of a command: one folder with a `trials.csv`, one list of any name, or recordings. Each recording is
     /// then a texture of its own, named like the file, at the nominal speed and force.
     ///
     /// # Errors
@@ -34,8 +34,11 @@ impl RecordingSet {
                 ));
             }
             [folder] if folder.is_dir() => Self::from_list(&folder.join(TRIALS_FILE))?,
-            [list] if list.file_name().is_some_and(|name| name == TRIALS_FILE) => {
-                Self::from_list(list)?
+            [file]
+                if file.file_name().is_some_and(|name| name == TRIALS_FILE)
+                    || list::is_list(file) =>
+            {
+                Self::from_list(file)?
             }
             files => Self::from_files(files)?,
         };

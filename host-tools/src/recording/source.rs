@@ -1,5 +1,7 @@
 //! Part of a recording's file, at the file's own sample rate.
 
+use super::defects::Truncation;
+
 /// Largest number of channels of a recording: three axes.
 pub const MAX_CHANNELS: usize = 3;
 
@@ -30,4 +32,6 @@ pub struct Source {
     pub first_frame: usize,
     /// One to three channels of equal length.
     pub channels: Vec<Vec<f64>>,
+    /// Lengths, if the file ends before its header says.
+    pub truncation: Option<Truncation>,
 }

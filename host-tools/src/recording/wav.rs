@@ -10,6 +10,7 @@ use symphonia::core::io::{MediaSourceStream, MediaSourceStreamOptions};
 use symphonia::default::codecs::PcmDecoder;
 use symphonia::default::formats::WavReader;
 
+use super::defects::Truncation;
 use super::source::{Cut, MAX_CHANNELS, Source};
 use crate::support::error::{Error, Result};
 
@@ -19,6 +20,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     let unusable =
         |failure: &WavError| Error::file(path, format!("is not a readable WAV file: {failure}"));
     let file = File::open(path).map_err(Error::io("open", path))?;
+    let file_bytes = file.metadata().map_err(Error::io("open", path))?.len();
     let stream = MediaSourceStream::new(Box::new(file), MediaSourceStreamOptions::default());
     let mut format =
         WavReader::try_new(stream, FormatOptions::default()).map_err(|e| unusable(&e))?;
@@ -30,6 +32,11 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         return Err(Error::file(path, "holds no samples"));
     };
     let declared_frames = track.num_frames;
+    let channel_count = parameters
+        .channels
+        .as_ref()
+        .map_or(1, |channels| channels.count());
+    let frame_bits = u64::from(parameters.bits_per_sample.unwrap_or(8)) * channel_count as u64;
     let Some(rate_hz) = parameters.sample_rate.filter(|&rate| rate > 0) else {
         return Err(Error::file(
             path,
@@ -79,5 +86,17 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         rate_hz: f64::from(rate_hz),
         first_frame: first,
         channels,
+        truncation: declared_frames
+            .and_then(|declared| truncation(declared, frame_bits, file_bytes)),
     })
+}
+
+/// Size of the shortest header, bytes.
+const LEAST_HEADER: u64 = 44;
+
+/// Returns the lengths of a file of `file_bytes` that cannot hold the frames that its header declares.
+fn truncation(declared: u64, frame_bits: u64, file_bytes: u64) -> Option<Truncation> {
+    let frame_bytes = (frame_bits / 8).max(1);
+    let held = file_bytes.saturating_sub(LEAST_HEADER) / frame_bytes;
+    (held < declared).then_some(Truncation { declared, held })
 }

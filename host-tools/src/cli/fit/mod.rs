@@ -12,7 +12,7 @@ use host_tools::evaluation::budget::Budget;
 use host_tools::evaluation::frontier::costs;
 use host_tools::fit;
 use host_tools::fit::{Estimator, Order};
-use host_tools::recording::triage::SILENCE_FLOOR_M_S2;
+use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
 use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
 use host_tools::texture::quantise::StructureChoice;
@@ -25,17 +25,6 @@ use crate::cli::input::{Recordings, not_negative, positive};
 use crate::cli::inspect::{TextureSummary, texture_table};
 use crate::cli::library_file::decode_library;
 use crate::cli::output::{print, print_json};
-
-/// Verdicts that `--drop` accepts.
-const DROPPABLE: [&str; 7] = [
-    "silent",
-    "too-short",
-    "clipped",
-    "drifting",
-    "hum",
-    "duplicate",
-    "wrong-rate",
-];
 
 /// The table's cores, as the command line names them.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -84,7 +73,7 @@ pub struct Arguments {
     #[arg(long, value_name = "M_S2", value_parser = not_negative, default_value_t = SILENCE_FLOOR_M_S2)]
     silence_floor: f64,
     /// Verdicts of trials to leave out; their nodes are filled from neighbours
-    #[arg(long, value_delimiter = ',', value_parser = clap::builder::PossibleValuesParser::new(DROPPABLE))]
+    #[arg(long, value_delimiter = ',', value_parser = clap::builder::PossibleValuesParser::new(Verdict::NAMES))]
     drop: Vec<String>,
     /// Refuse a set if triage finds anything
     #[arg(long)]

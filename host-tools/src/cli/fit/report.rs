@@ -103,7 +103,11 @@ pub fn show_verdicts(fit: &Fit) {
             vec![
                 trial.file.clone(),
                 verdicts.join("; "),
-                (if trial.used { "used" } else { "dropped" }).to_owned(),
+                match trial.used {
+                    true if trial.cut_s > 0.0 => format!("used without {:.3} s", trial.cut_s),
+                    true => "used".to_owned(),
+                    false => "dropped".to_owned(),
+                },
             ]
         })
         .collect();

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::recording::{MAX_CHANNELS, csv_error, csv_header, csv_table};
+use crate::recording::MAX_CHANNELS;
+use crate::recording::csv_table::{CsvText, csv_error, csv_header};
 use crate::support::error::{Error, Result};
 
 /// Names of the columns other than accelerations.
@@ -31,8 +32,10 @@ pub struct Freehand {
     pub rate_hz: f64,
     /// One to three axes of equal length, m/s².
     pub axes: Vec<Vec<f64>>,
-    /// Tangential speed, mm/s; not negative.
+    /// Magnitude of the tangential speed, mm/s.
     pub speed_mm_s: Vec<f64>,
+    /// True for each sample with a negative speed in the file: the other direction.
+    pub is_backward: Vec<bool>,
     /// Normal force, N; a value below zero means no contact.
     pub force_n: Vec<f64>,
     /// True for each sample with an outlier in any column.
@@ -61,8 +64,8 @@ pub struct Outlier {
 /// # Errors
 /// A file that cannot be read or lacks one of these columns, a field that is not a number, or too many outliers.
 pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freehand> {
-    let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
-    let mut reader = csv_table().from_reader(text.as_bytes());
+    let table = CsvText::read(path)?;
+    let mut reader = table.reader(true);
     let header = csv_header(path, &mut reader)?;
     let Columns {
         time,
@@ -77,7 +80,9 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         force_n: Vec::new(),
         is_outlier: Vec::new(),
         outliers: Vec::new(),
-        is_simulated: text
+        is_backward: Vec::new(),
+        is_simulated: table
+            .as_str()
             .lines()
             .take_while(|line| line.starts_with('#'))
             .any(|line| {
@@ -92,9 +97,14 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         let line = record.position().map_or(0, csv::Position::line);
         let number = |index: usize| {
             let field = &record[index];
-            field
-                .parse::<f64>()
-                .map_err(|_| Error::line(path, line, format!("'{field}' is not a number")))
+            table.number(field).ok_or_else(|| {
+                let problem = format!(
+                    "'{field}' in column '{}' is not a number (fields are separated by a {})",
+                    &header[index],
+                    table.separator_name()
+                );
+                Error::line(path, line, problem)
+            })
         };
         if let Some(time) = time {
             times.push(number(time)?);
@@ -124,6 +134,7 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
             ));
         }
         recording.speed_mm_s.push(speed.abs());
+        recording.is_backward.push(speed < 0.0);
         recording.force_n.push(force);
         recording.is_outlier.push(bad);
     }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::grid::GridAxis;
 use super::read::Freehand;
 
 /// Length of a block, s.
@@ -24,48 +25,21 @@ impl Tolerance {
     }
 }
 
-/// Axis of a grid with evenly spaced values.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GridAxis {
-    /// Lowest value, above zero.
-    pub lowest: f64,
-    /// Highest value.
-    pub highest: f64,
-    /// Step from one value to the next.
-    pub step: f64,
-}
+/// Largest jump of the speed from one sample to the next, mm/s, as a share of the block's median, and as a multiple of
+/// its median step: what exceeds all three is no motion. A hand accelerates by 50 m/s² at most, 10 mm/s in 0.2 ms.
+const JUMP_MM_S: f64 = 50.0;
+const JUMP_SHARE: f64 = 0.5;
+const JUMP_STEPS: f64 = 8.0;
 
-impl GridAxis {
-    /// Returns the grid's value nearest to `value`, if it is within half a step.
-    fn nearest(&self, value: f64) -> Option<f64> {
-        let last = ((self.highest - self.lowest) / self.step + 1e-9).floor();
-        let index = ((value - self.lowest) / self.step).round().clamp(0.0, last);
-        let nearest = self.lowest + index * self.step;
-        // Rounded to the decimals that a user writes: 0.6, not 0.6000000000000001.
-        let nearest = (nearest * 1e6).round() / 1e6;
-        ((value - nearest).abs() <= 0.5 * self.step * (1.0 + 1e-9)).then_some(nearest)
-    }
-}
+/// Power in a block that counts as none, (m/s²)².
+const LEAST_POWER: f64 = 1e-12;
 
-impl std::str::FromStr for GridAxis {
-    type Err = String;
+/// Largest share of a block's samples in the other direction.
+const MINORITY: f64 = 0.1;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        let numbers: Option<Vec<f64>> = text.split(':').map(|word| word.parse().ok()).collect();
-        match numbers.as_deref() {
-            Some(&[lowest, highest, step])
-                if lowest > 0.0 && highest >= lowest && step > 0.0 && highest.is_finite() =>
-            {
-                Ok(Self {
-                    lowest,
-                    highest,
-                    step,
-                })
-            }
-            _ => Err("must be LOWEST:HIGHEST:STEP, all above zero, such as 20:300:20".into()),
-        }
-    }
-}
+/// Largest difference of level between the halves of a segment, dB. In real takes without a record of their motion,
+/// stops included, one piece of 0.2 to 0.5 s in twenty exceeds 13 dB.
+const UNEVEN_DB: f64 = 15.0;
 
 /// Options of a segmentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,6 +73,15 @@ pub struct Segment {
     pub median_force_n: f64,
 }
 
+/// A segment whose acceleration is not as steady as its motion.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Uneven {
+    /// The segment.
+    pub segment: Segment,
+    /// Level of the second half by that of the first, dB.
+    pub change_db: f64,
+}
+
 /// A segment with its node.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Placed {
@@ -119,6 +102,12 @@ pub struct Segmentation {
     pub off_grid: Vec<Segment>,
     /// Nodes with too little data: speed, mm/s, force, N, and total duration of the segments, s.
     pub too_little: Vec<(f64, f64, f64)>,
+    /// Segments that are left out because their acceleration is not steady.
+    pub uneven: Vec<Uneven>,
+    /// Number of changes of direction, at which segments end.
+    pub reversals: usize,
+    /// Blocks in which the speed jumps: recording, and time of the block's start, s.
+    pub jumps: Vec<(usize, f64)>,
     /// Share of the time in motion and contact that is within segments.
     pub steady_share: f64,
 }
@@ -129,11 +118,24 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
     let mut nodes: BTreeMap<(u64, u64), Vec<Placed>> = BTreeMap::new();
     let mut off_grid = Vec::new();
     let mut seconds = BTreeMap::new();
+    let (mut uneven, mut reversals, mut jumps) = (Vec::new(), 0, Vec::new());
     for (index, recording) in recordings.iter().enumerate() {
         moving += moving_s(recording, options);
-        for segment in segments_of(recording, index, options) {
+        let blocks = blocks(recording, options);
+        reversals += count_reversals(&blocks, options);
+        let starts = blocks
+            .iter()
+            .enumerate()
+            .filter(|(_, block)| **block == Block::Jump);
+        jumps.extend(starts.map(|(block, _)| (index, block as f64 * BLOCK_S)));
+        for segment in segments_of(recording, &blocks, index, options) {
             let length_s = (segment.end - segment.first) as f64 / recording.rate_hz;
             if !is_moving(segment.median_speed_mm_s, segment.median_force_n, options) {
+                continue;
+            }
+            let change_db = level_change_db(recording, &segment);
+            if change_db.abs() >= UNEVEN_DB {
+                uneven.push(Uneven { segment, change_db });
                 continue;
             }
             steady += length_s;
@@ -170,6 +172,9 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
         placed: enough.flat_map(|(_, placed)| placed).collect(),
         off_grid,
         too_little,
+        uneven,
+        reversals,
+        jumps,
         steady_share: if moving > 0.0 {
             (steady / moving).min(1.0)
         } else {
@@ -192,33 +197,121 @@ fn moving_s(recording: &Freehand, options: &Options) -> f64 {
     count as f64 / recording.rate_hz
 }
 
-/// Returns the mean speed and force of each whole block, and `None` for a block with an outlier.
-fn blocks(recording: &Freehand, length: usize) -> Vec<Option<(f64, f64)>> {
+/// Motion in a block of [`BLOCK_S`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Block {
+    /// Mean speed, mm/s, and force, N, in one direction.
+    Motion {
+        speed_mm_s: f64,
+        force_n: f64,
+        is_backward: bool,
+    },
+    /// A value that no hand and no sensor can have.
+    Outlier,
+    /// Both directions.
+    Reversal,
+    /// A jump of the speed.
+    Jump,
+}
+
+fn block_length(recording: &Freehand) -> usize {
+    ((BLOCK_S * recording.rate_hz).round() as usize).max(1)
+}
+
+/// Returns the motion of each whole block.
+fn blocks(recording: &Freehand, options: &Options) -> Vec<Block> {
+    let length = block_length(recording);
     let count = recording.speed_mm_s.len() / length;
     (0..count)
-        .map(|block| {
-            let range = block * length..(block + 1) * length;
-            if recording.is_outlier[range.clone()].contains(&true) {
-                return None;
-            }
-            let mean = |values: &[f64]| values.iter().sum::<f64>() / length as f64;
-            Some((
-                mean(&recording.speed_mm_s[range.clone()]),
-                mean(&recording.force_n[range]),
-            ))
-        })
+        .map(|block| block_of(recording, block * length..(block + 1) * length, options))
         .collect()
 }
 
+fn block_of(recording: &Freehand, range: std::ops::Range<usize>, options: &Options) -> Block {
+    if recording.is_outlier[range.clone()].contains(&true) {
+        return Block::Outlier;
+    }
+    let speeds = &recording.speed_mm_s[range.clone()];
+    let backward = &recording.is_backward[range.clone()];
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let share = backward.iter().filter(|backward| **backward).count() as f64 / speeds.len() as f64;
+    let is_moving = mean(speeds) >= 0.5 * options.speeds.lowest;
+    if is_moving && share > MINORITY && share < 1.0 - MINORITY {
+        return Block::Reversal;
+    }
+    let signed = |n: usize| if backward[n] { -speeds[n] } else { speeds[n] };
+    let steps: Vec<f64> = (1..speeds.len())
+        .map(|n| (signed(n) - signed(n - 1)).abs())
+        .collect();
+    let largest = steps.iter().copied().fold(0.0, f64::max);
+    if largest > JUMP_MM_S.max(JUMP_SHARE * median(speeds)) && largest > JUMP_STEPS * median(&steps)
+    {
+        return Block::Jump;
+    }
+    Block::Motion {
+        speed_mm_s: mean(speeds),
+        force_n: mean(&recording.force_n[range]),
+        is_backward: share > 0.5,
+    }
+}
+
+/// Returns the number of changes of direction between blocks in motion.
+fn count_reversals(blocks: &[Block], options: &Options) -> usize {
+    let moving = blocks.iter().filter_map(|block| match block {
+        Block::Motion {
+            speed_mm_s,
+            is_backward,
+            ..
+        } if *speed_mm_s >= 0.5 * options.speeds.lowest => Some(*is_backward),
+        _ => None,
+    });
+    let directions: Vec<bool> = moving.collect();
+    directions
+        .windows(2)
+        .filter(|pair| pair[0] != pair[1])
+        .count()
+}
+
+/// Returns the level of the acceleration in a segment's second half by that in its first, in dB, as the mean over
+/// blocks, so that no single impulse decides it.
+fn level_change_db(recording: &Freehand, segment: &Segment) -> f64 {
+    let length = block_length(recording);
+    let levels: Vec<f64> = (segment.first..segment.end)
+        .step_by(length)
+        .filter(|first| first + length <= segment.end)
+        .map(|first| {
+            let power = |axis: &Vec<f64>| {
+                let part = &axis[first..first + length];
+                let mean = part.iter().sum::<f64>() / length as f64;
+                part.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>()
+            };
+            10.0 * recording
+                .axes
+                .iter()
+                .map(power)
+                .sum::<f64>()
+                .max(LEAST_POWER)
+                .log10()
+        })
+        .collect();
+    let (first, second) = levels.split_at(levels.len() / 2);
+    let mean = |levels: &[f64]| levels.iter().sum::<f64>() / levels.len().max(1) as f64;
+    mean(second) - mean(first)
+}
+
 /// Returns the segments of one recording.
-fn segments_of(recording: &Freehand, index: usize, options: &Options) -> Vec<Segment> {
-    let length = ((BLOCK_S * recording.rate_hz).round() as usize).max(1);
-    let blocks = blocks(recording, length);
+fn segments_of(
+    recording: &Freehand,
+    blocks: &[Block],
+    index: usize,
+    options: &Options,
+) -> Vec<Segment> {
+    let length = block_length(recording);
     let least = (options.least_s / BLOCK_S).ceil().max(1.0) as usize;
     let mut segments = Vec::new();
     let mut begin = 0;
     while begin < blocks.len() {
-        let end = steady_end(&blocks, begin, options);
+        let end = steady_end(blocks, begin, options);
         if end - begin < least {
             begin += 1;
             continue;
@@ -237,15 +330,24 @@ fn segments_of(recording: &Freehand, index: usize, options: &Options) -> Vec<Seg
 }
 
 /// Returns the first block after the segment that starts at block `begin`.
-fn steady_end(blocks: &[Option<(f64, f64)>], begin: usize, options: &Options) -> usize {
+fn steady_end(blocks: &[Block], begin: usize, options: &Options) -> usize {
     let (mut speeds, mut forces) = ((f64::MAX, f64::MIN), (f64::MAX, f64::MIN));
+    let mut direction = None;
     for (index, block) in blocks.iter().enumerate().skip(begin) {
-        let Some((speed, force)) = block else {
+        let &Block::Motion {
+            speed_mm_s,
+            force_n,
+            is_backward,
+        } = block
+        else {
             return index;
         };
-        speeds = (speeds.0.min(*speed), speeds.1.max(*speed));
-        forces = (forces.0.min(*force), forces.1.max(*force));
-        if !options.speed.holds(speeds.0, speeds.1) || !options.force.holds(forces.0, forces.1) {
+        speeds = (speeds.0.min(speed_mm_s), speeds.1.max(speed_mm_s));
+        forces = (forces.0.min(force_n), forces.1.max(force_n));
+        if *direction.get_or_insert(is_backward) != is_backward
+            || !options.speed.holds(speeds.0, speeds.1)
+            || !options.force.holds(forces.0, forces.1)
+        {
             return index;
         }
     }
@@ -298,6 +400,7 @@ mod tests {
             rate_hz: 1000.0,
             axes: vec![vec![0.1; speed_mm_s.len()]],
             is_outlier: vec![false; speed_mm_s.len()],
+            is_backward: vec![false; speed_mm_s.len()],
             speed_mm_s,
             force_n,
             outliers: Vec::new(),
@@ -358,14 +461,52 @@ mod tests {
         assert!((cut.too_little[0].2 - 0.3).abs() < 1e-9);
     }
 
+    fn ends(cut: &Segmentation) -> Vec<(usize, usize)> {
+        cut.placed
+            .iter()
+            .map(|p| (p.segment.first, p.segment.end))
+            .collect()
+    }
+
     #[test]
-    fn axes_are_read_as_they_are_written() {
-        let axis: GridAxis = "0.2:1.4:0.2".parse().unwrap();
-        assert_eq!(axis.nearest(0.58), Some(0.6));
-        assert_eq!(axis.nearest(1.51), None);
-        assert_eq!(axis.nearest(0.05), None);
-        for bad in ["", "1:2", "0:3:1", "3:2:1", "1:2:0", "a:b:c"] {
-            assert!(bad.parse::<GridAxis>().is_err(), "{bad}");
-        }
+    fn segments_end_where_the_direction_changes_and_it_is_counted() {
+        let mut hand = recording(&[(100.0, 0.6, 2.0)]);
+        hand.is_backward[1000..].fill(true);
+        let cut = segment(&[hand], &OPTIONS);
+        assert_eq!(ends(&cut), [(0, 1000), (1000, 2000)]);
+        assert_eq!(cut.reversals, 1);
+    }
+
+    #[test]
+    fn a_jump_of_the_speed_breaks_a_segment_and_a_fast_hand_does_not() {
+        let mut hand = recording(&[(100.0, 0.6, 2.0)]);
+        hand.speed_mm_s[1010] = 400.0;
+        let cut = segment(std::slice::from_ref(&hand), &OPTIONS);
+        assert_eq!(ends(&cut), [(0, 1000), (1020, 2000)]);
+        assert_eq!(cut.jumps, [(0, 1.0)]);
+        hand.speed_mm_s = (0..2000).map(|n| f64::from(n) * 0.15).collect();
+        assert!(segment(&[hand], &OPTIONS).jumps.is_empty());
+    }
+
+    #[test]
+    fn a_segment_without_a_steady_acceleration_is_left_out() {
+        let mut hand = recording(&[(100.0, 0.6, 1.0), (0.0, 0.0, 0.2), (100.0, 0.6, 1.0)]);
+        let wave = |n: usize| if n.is_multiple_of(2) { 0.1 } else { -0.1 };
+        hand.axes[0] = (0..2200)
+            .map(|n| {
+                if n > 500 && n < 1000 {
+                    0.01 * wave(n)
+                } else {
+                    wave(n)
+                }
+            })
+            .collect();
+        let cut = segment(&[hand], &OPTIONS);
+        assert_eq!(ends(&cut), [(1200, 2200)]);
+        assert!(
+            (cut.uneven[0].change_db + 40.0).abs() < 3.0,
+            "{:?}",
+            cut.uneven
+        );
     }
 }

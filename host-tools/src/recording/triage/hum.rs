@@ -6,8 +6,8 @@ use model_format::SAMPLE_RATE_HZ;
 /// Least level of a mains line above its surroundings, dB.
 pub const HUM_RATIO_DB: f64 = 20.0;
 
-/// Mains frequencies, Hz.
-const MAINS_HZ: [f64; 2] = [50.0, 60.0];
+/// Mains frequencies, and the second and third harmonics: rectifiers and magnets hum at twice the frequency; Hz.
+const MAINS_HZ: [f64; 6] = [50.0, 60.0, 100.0, 120.0, 150.0, 180.0];
 
 /// Returns the frequency of a mains line in the spectrum of a reduced trial, in Hz.
 ///
@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn mains_lines_are_found_with_their_frequency_and_others_are_not() {
-        for frequency_hz in [50.0, 59.9] {
+        for frequency_hz in [50.0, 59.9, 100.0, 119.8, 150.2, 180.0] {
             let found = line_of(&plus(&noise(7), tone(frequency_hz, 0.3))).unwrap();
             assert!((found - frequency_hz).abs() < 0.5, "{found}");
         }

@@ -1,6 +1,8 @@
-//! Verdicts on a trial that need no other trial: length, sample rate, clipping and drift.
+//! Verdicts on a trial that need no other trial.
 
-use super::verdict::Verdict;
+use super::verdict::{Span, Verdict};
+use super::{axes, band, level, peaks};
+use crate::recording::defects::Truncation;
 use crate::recording::samples::Samples;
 use model_format::SAMPLE_RATE_HZ;
 
@@ -16,23 +18,28 @@ pub const DRIFT_SHARE: f64 = 0.05;
 /// Default of the RMS below which a recording is silent, m/s²: less than the noise of any accelerometer.
 pub const SILENCE_FLOOR_M_S2: f64 = 1e-3;
 
-/// Returns the verdicts that need no other trial.
+/// Samples on either side of a spike that it takes with it when the file is resampled.
+const SPIKE_REACH: usize = 20;
+
+/// Least ratio of the signal to the round-off of its steps, dB; below, round-off is heard in the quiet bands of a
+/// texture, which are some 40 dB below its strong ones.
+pub const COARSE_SNR_DB: f64 = 20.0;
+
+/// Returns the verdicts that need no other trial, but for [silence](Verdict::Silent), which depends on the reduction.
 pub fn samples(samples: &Samples) -> Vec<Verdict> {
-    let mut verdicts = Vec::new();
     let axes = samples.axes.as_slice();
-    let source_rate_hz = samples.source_rate_hz;
-    let count = axes.first().map_or(0, Vec::len);
-    if count < SHORT_SAMPLES {
-        verdicts.push(Verdict::TooShort { samples: count });
-    }
-    if source_rate_hz < f64::from(SAMPLE_RATE_HZ) {
-        verdicts.push(Verdict::WrongRate {
-            rate_hz: source_rate_hz,
-        });
-    }
-    let share = samples.clipped_share;
-    if share >= CLIPPED_SHARE {
-        verdicts.push(Verdict::Clipped { share });
+    let mut verdicts = of_file(samples);
+    let power: f64 = axes.iter().map(|axis| variance(axis)).sum();
+    // What is silent has nothing else that could be judged.
+    if power.sqrt() >= SILENCE_FLOOR_M_S2 {
+        verdicts.extend(of_defects(samples));
+        verdicts.extend(axes::verdicts(axes));
+        verdicts.extend(peaks::clipped_before(
+            axes,
+            samples.defects.clipped_share >= CLIPPED_SHARE,
+        ));
+        verdicts.extend(level::verdicts(axes));
+        verdicts.extend(band::verdicts(axes, samples.source_rate_hz));
     }
     let share = worst(axes, drift_share);
     if share >= DRIFT_SHARE {
@@ -41,8 +48,98 @@ pub fn samples(samples: &Samples) -> Vec<Verdict> {
     verdicts
 }
 
+/// Verdicts on length, rate and completeness.
+fn of_file(samples: &Samples) -> Vec<Verdict> {
+    let mut verdicts = Vec::new();
+    let count = samples.axes.first().map_or(0, Vec::len);
+    if count < SHORT_SAMPLES {
+        verdicts.push(Verdict::TooShort { samples: count });
+    }
+    let rate_hz = samples.source_rate_hz;
+    if rate_hz < f64::from(SAMPLE_RATE_HZ) {
+        verdicts.push(Verdict::WrongRate { rate_hz });
+    }
+    if let Some(Truncation { declared, held }) = samples.defects.truncation {
+        verdicts.push(Verdict::Truncated { declared, held });
+    }
+    verdicts
+}
+
+/// Verdicts on what shows at the file's own rate only.
+fn of_defects(samples: &Samples) -> Vec<Verdict> {
+    let defects = &samples.defects;
+    let length = samples.axes.first().map_or(0, Vec::len);
+    let span = |start_s: f64, seconds: f64, margin: usize| {
+        let at = |time_s: f64| (time_s * f64::from(SAMPLE_RATE_HZ)) as usize;
+        at(start_s).saturating_sub(margin)..(at(start_s + seconds) + margin + 1).min(length)
+    };
+    let holds = |is_zero: bool| -> Vec<Span> {
+        let alike = defects.holds.iter().filter(|hold| hold.is_zero == is_zero);
+        alike
+            .map(|hold| span(hold.start_s, hold.seconds, 0))
+            .collect()
+    };
+    let mut verdicts = Vec::new();
+    if defects.clipped_share >= CLIPPED_SHARE {
+        verdicts.push(Verdict::Clipped {
+            share: defects.clipped_share,
+        });
+    }
+    if let Some(&first_s) = defects.overflows.first() {
+        verdicts.push(Verdict::Overflow {
+            jumps: defects.overflows.len(),
+            first_s,
+        });
+    }
+    if defects.repeats > 1 {
+        verdicts.push(Verdict::Repeated {
+            times: defects.repeats,
+            band_hz: samples.source_rate_hz / (2 * defects.repeats) as f64,
+        });
+    } else {
+        let (dropouts, stuck) = (holds(true), holds(false));
+        if !dropouts.is_empty() {
+            verdicts.push(Verdict::Dropouts { spans: dropouts });
+        }
+        if !stuck.is_empty() {
+            verdicts.push(Verdict::Stuck { spans: stuck });
+        }
+    }
+    if !defects.spikes.is_empty() {
+        let spans = defects
+            .spikes
+            .iter()
+            .map(|spike| span(spike.time_s, 0.0, SPIKE_REACH));
+        verdicts.push(Verdict::Spikes {
+            spans: spans.collect(),
+            ratio: defects
+                .spikes
+                .iter()
+                .map(|spike| spike.ratio)
+                .fold(0.0, f64::max),
+        });
+    }
+    if defects.quantisation_snr_db < COARSE_SNR_DB {
+        verdicts.push(Verdict::Coarse {
+            snr_db: defects.quantisation_snr_db,
+        });
+    }
+    verdicts
+}
+
 fn worst(axes: &[Vec<f64>], measure: fn(&[f64]) -> f64) -> f64 {
     axes.iter().map(|axis| measure(axis)).fold(0.0, f64::max)
+}
+
+/// Power about the mean, (m/s²)².
+fn variance(axis: &[f64]) -> f64 {
+    let n = axis.len().max(1) as f64;
+    let first = axis.first().copied().unwrap_or(0.0);
+    let mean = axis.iter().map(|x| x - first).sum::<f64>() / n;
+    axis.iter()
+        .map(|x| (x - first - mean) * (x - first - mean))
+        .sum::<f64>()
+        / n
 }
 
 /// Length of a chunk, which the compiler keeps in vector registers.
@@ -80,13 +177,13 @@ mod tests {
     use super::super::test_signals::{RATE_HZ, noise, plus, tone};
     use super::*;
     use crate::dsp::autocorrelation::Autocorrelation;
-    use crate::recording::clipping::clipped_share;
+    use crate::recording::defects::Defects;
 
     fn axes(axes: &[Vec<f64>], source_rate_hz: f64) -> Vec<Verdict> {
         samples(&Samples {
             axes: axes.to_vec(),
             source_rate_hz,
-            clipped_share: clipped_share(axes),
+            defects: Defects::of(axes, source_rate_hz),
         })
     }
 
@@ -94,11 +191,27 @@ mod tests {
     fn ordinary_recordings_pass() {
         let signal = noise(1);
         assert_eq!(
-            axes(&[signal.clone(), noise(2), vec![9.81; 10_000]], RATE_HZ),
+            axes(
+                &[
+                    signal.clone(),
+                    noise(2),
+                    plus(&noise(11), [9.81; 10_000].into_iter())
+                ],
+                RATE_HZ
+            ),
             []
         );
         assert_eq!(mains_line(&Autocorrelation::of(&signal, 400)), None);
         assert_eq!(axes(&[tone(100.0, 1.0).collect()], RATE_HZ), []);
+    }
+
+    #[test]
+    fn an_axis_that_holds_still_is_dead() {
+        let dead = vec![9.81; 10_000];
+        assert!(matches!(
+            axes(&[noise(1), noise(2), dead], RATE_HZ)[..],
+            [Verdict::DeadAxis { axis: 3, .. }]
+        ));
     }
 
     #[test]

@@ -1,0 +1,153 @@
+//! Stretches in which a value does not change: a converter that stands still, or samples that were lost.
+
+/// Shortest hold, s. Shorter ones take less than 0.1 dB from the level of a recording even if there are ten per second.
+const LEAST_S: f64 = 2e-3;
+
+/// Fewest samples of a hold, whatever the rate.
+const LEAST_SAMPLES: usize = 6;
+
+/// Holds of this length or more are silence, which the levels show; s.
+const SILENCE_S: f64 = 0.1;
+
+/// Number of samples on either side from which the chance of equal neighbours is estimated.
+const SURROUNDINGS: usize = 64;
+
+/// Largest expected number of natural runs of a hold's length in a whole recording.
+const LARGEST_CHANCE: f64 = 1e-3;
+
+/// Most samples that a repetition of every value is looked for; 44.1 kHz from 1 kHz repeats 44 times.
+const MOST_REPEATS: usize = 64;
+
+/// Least share of the changes of value that come at the multiples of a repetition.
+const REPEATED_SHARE: f64 = 0.98;
+
+/// A stretch in which the value does not change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hold {
+    /// Start, s.
+    pub start_s: f64,
+    /// Duration, s.
+    pub seconds: f64,
+    /// True if the value is zero: samples that were lost, not a converter that stands still.
+    pub is_zero: bool,
+}
+
+impl Hold {
+    /// Returns whether `next`, which starts later, overlaps it; and extends it then.
+    pub(super) fn joins(&mut self, next: &Self) -> bool {
+        let overlaps = next.start_s <= self.start_s + self.seconds;
+        if overlaps {
+            let end = (self.start_s + self.seconds).max(next.start_s + next.seconds);
+            self.seconds = end - self.start_s;
+            self.is_zero |= next.is_zero;
+        }
+        overlaps
+    }
+}
+
+/// Returns the holds of `axis` that are too long to be a natural run of equal values.
+///
+/// Quiet parts of a recording with coarse steps have runs of equal values, too. Where the share p of neighbours is
+/// equal, a run of L samples is expected N p^(L-1) times in N samples. A run at the highest or lowest value is clipping.
+pub(super) fn holds(axis: &[f64], rate_hz: f64) -> Vec<Hold> {
+    let low = axis.iter().copied().fold(f64::MAX, f64::min);
+    let high = axis.iter().copied().fold(f64::MIN, f64::max);
+    let least = ((LEAST_S * rate_hz).round() as usize).max(LEAST_SAMPLES);
+    let most = (SILENCE_S * rate_hz) as usize;
+    let mut found = Vec::new();
+    let mut first = 0;
+    for end in 1..=axis.len() {
+        if end < axis.len() && axis[end] == axis[first] {
+            continue;
+        }
+        let (length, value) = (end - first, axis[first]);
+        let is_extreme = value <= low || value >= high;
+        if (least..most).contains(&length) && !is_extreme && is_unnatural(axis, first, end) {
+            found.push(Hold {
+                start_s: first as f64 / rate_hz,
+                seconds: length as f64 / rate_hz,
+                is_zero: value == 0.0,
+            });
+        }
+        first = end;
+    }
+    found
+}
+
+fn is_unnatural(axis: &[f64], first: usize, end: usize) -> bool {
+    let before = &axis[first.saturating_sub(SURROUNDINGS)..first];
+    let after = &axis[end..(end + SURROUNDINGS).min(axis.len())];
+    let share = |part: &[f64]| {
+        let equal = part.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        // Laplace's rule of succession: what did not occur among so few is not impossible.
+        (equal + 1) as f64 / (part.len() + 1) as f64
+    };
+    let p = share(before).max(share(after));
+    axis.len() as f64 * p.powi((end - first) as i32 - 1) < LARGEST_CHANCE
+}
+
+/// Returns the number of times that every value of `axis` is repeated; 1 if it is not.
+pub(super) fn repeats(axis: &[f64]) -> usize {
+    let changes: Vec<usize> = (1..axis.len())
+        .filter(|&n| axis[n] != axis[n - 1])
+        .collect();
+    let densest = axis.len() / changes.len().max(1);
+    if changes.len() < MOST_REPEATS || densest < 2 {
+        return 1;
+    }
+    let aligned = |times: &usize| {
+        let mut phases = vec![0usize; *times];
+        changes
+            .iter()
+            .for_each(|change| phases[change % times] += 1);
+        let most = phases.into_iter().max().unwrap_or(0);
+        most as f64 >= REPEATED_SHARE * changes.len() as f64
+    };
+    (2..=MOST_REPEATS.min(densest))
+        .rev()
+        .find(aligned)
+        .unwrap_or(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(n: usize, steps: f64) -> Vec<f64> {
+        let mut state = 1u64;
+        (0..n)
+            .map(|_| {
+                state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1_442_695_040_888_963_407);
+                ((state >> 33) as f64 / f64::from(1u32 << 31) * steps).round() - 0.5 * steps
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_converter_that_stands_still_is_found_and_coarse_steps_are_not() {
+        let clean = noise(10_000, 1000.0);
+        assert_eq!(holds(&clean, 5000.0), []);
+        assert_eq!(holds(&noise(10_000, 2.0), 5000.0), []);
+        let mut stuck = clean.clone();
+        let value = stuck[4000];
+        stuck[4000..4020].fill(value);
+        let found = holds(&stuck, 5000.0);
+        assert_eq!(found.len(), 1);
+        assert!((found[0].start_s - 0.8).abs() < 1e-9 && (found[0].seconds - 0.004).abs() < 1e-9);
+        assert!(!found[0].is_zero);
+        stuck[4000..4020].fill(0.0);
+        assert!(holds(&stuck, 5000.0)[0].is_zero);
+    }
+
+    #[test]
+    fn repeated_values_are_counted() {
+        let clean = noise(2000, 1e6);
+        assert_eq!(repeats(&clean), 1);
+        for times in [2, 5, 44] {
+            let held: Vec<f64> = clean.iter().flat_map(|&x| vec![x; times]).collect();
+            assert_eq!(repeats(&held), times);
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Defects of a recording that its samples show at the file's own rate only, because resampling smears them.
+//!
+//! Invariant: samples in, findings out; times are in seconds from the first sample. Nothing here judges: triage does.
+
+mod clipping;
+mod holds;
+mod overflow;
+mod quantisation;
+mod spikes;
+
+pub use clipping::clipped_share;
+pub use holds::Hold;
+pub use spikes::Spike;
+
+/// Declared and actual length of a file that ends early.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Truncation {
+    /// Frames that the header declares.
+    pub declared: u64,
+    /// Frames that the file holds.
+    pub held: u64,
+}
+
+/// Findings at the file's own rate.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Defects {
+    /// Share of clipped samples on the worst axis.
+    pub clipped_share: f64,
+    /// Stretches in which the value does not change, of all axes, in the order of time.
+    pub holds: Vec<Hold>,
+    /// Single samples far off their neighbours, of all axes, in the order of time.
+    pub spikes: Vec<Spike>,
+    /// Times of jumps from one end of the range to the other, s.
+    pub overflows: Vec<f64>,
+    /// Number of successive samples that are equal, on all axes: 1 unless every value is repeated.
+    pub repeats: usize,
+    /// Ratio of the signal's power to that of the round-off of its steps, on the best axis, dB; infinite for a constant.
+    pub quantisation_snr_db: f64,
+    /// Lengths, if the file ends before its header says.
+    pub truncation: Option<Truncation>,
+}
+
+impl Defects {
+    /// Finds the defects of `axes`, finite samples at `rate_hz`.
+    pub fn of(axes: &[Vec<f64>], rate_hz: f64) -> Self {
+        let mut holds: Vec<Hold> = axes
+            .iter()
+            .flat_map(|axis| holds::holds(axis, rate_hz))
+            .collect();
+        holds.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
+        // A gap of the converter is in all axes.
+        holds.dedup_by(|next, first| first.joins(next));
+        let mut spikes: Vec<Spike> = axes
+            .iter()
+            .flat_map(|axis| spikes::spikes(axis, rate_hz))
+            .collect();
+        spikes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        spikes.dedup_by(|next, first| next.time_s - first.time_s < spikes::REACH as f64 / rate_hz);
+        Self {
+            clipped_share: clipped_share(axes),
+            holds,
+            spikes,
+            overflows: axes
+                .iter()
+                .flat_map(|axis| overflow::overflows(axis, rate_hz))
+                .collect(),
+            repeats: axes
+                .iter()
+                .map(|axis| holds::repeats(axis))
+                .min()
+                .unwrap_or(1),
+            quantisation_snr_db: axes
+                .iter()
+                .map(|axis| quantisation::snr_db(axis))
+                .fold(f64::NEG_INFINITY, f64::max),
+            truncation: None,
+        }
+    }
+}
+
+/// RMS about the mean.
+fn deviation(axis: &[f64]) -> f64 {
+    let Some(&first) = axis.first() else {
+        return 0.0;
+    };
+    let n = axis.len() as f64;
+    // About the first sample, so that a large offset costs no digits.
+    let mean = axis.iter().map(|x| x - first).sum::<f64>() / n;
+    let square = axis
+        .iter()
+        .map(|x| (x - first - mean) * (x - first - mean))
+        .sum::<f64>();
+    (square / n).sqrt()
+}

@@ -1,0 +1,83 @@
+//! Single samples far off their neighbours: a bit that fell over, a contact that was lost.
+
+use super::deviation;
+
+/// Number of samples on either side that a spike stands out from.
+pub(super) const REACH: usize = 48;
+
+/// Number of samples on either side that a spike itself disturbs.
+const OWN: usize = 5;
+
+/// Ratio of a spike's fourth difference to the largest around it.
+///
+/// Impulses of real contacts reach 12.8 at 5 kHz, and 10 at 44.1 kHz. At 20, one spike is some 60 standard deviations
+/// high and adds about a third to the energy of 2 s at 5 kHz; one of half that height adds 0.4 dB.
+const RATIO: f64 = 20.0;
+
+/// Least background, as a share of the axis's standard deviation, because a spike in a quiet part matters less.
+const BACKGROUND_SHARE: f64 = 0.05;
+
+/// A sample far off its neighbours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spike {
+    /// Time, s.
+    pub time_s: f64,
+    /// Ratio of its fourth difference to the largest around it.
+    pub ratio: f64,
+}
+
+/// Returns the spikes of `axis`. The fourth difference tells a single sample from anything that the ones before and
+/// after take part in.
+pub(super) fn spikes(axis: &[f64], rate_hz: f64) -> Vec<Spike> {
+    let difference: Vec<f64> = axis
+        .windows(5)
+        .map(|w| (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).abs() / 6.0)
+        .collect();
+    let least = BACKGROUND_SHARE * deviation(axis);
+    let mut found = Vec::new();
+    for (n, &top) in difference.iter().enumerate() {
+        if top <= RATIO * least {
+            continue;
+        }
+        let before = &difference[n.saturating_sub(REACH)..n.saturating_sub(OWN)];
+        let after =
+            &difference[(n + OWN + 1).min(difference.len())..(n + REACH).min(difference.len())];
+        let own = &difference[n.saturating_sub(OWN)..(n + OWN + 1).min(difference.len())];
+        let stands_out = before.iter().rev().chain(after).all(|x| RATIO * x < top);
+        if stands_out && own.iter().all(|&x| x <= top) && before.len() + after.len() >= REACH - OWN
+        {
+            let around = before.iter().chain(after).fold(least, |a, &b| a.max(b));
+            found.push(Spike {
+                time_s: (n + 2) as f64 / rate_hz,
+                ratio: top / around,
+            });
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spike_is_found_where_it_is_and_a_short_vibration_is_none() {
+        let mut signal: Vec<f64> = (0..5000).map(|n| (0.3 * f64::from(n)).sin()).collect();
+        assert_eq!(spikes(&signal, 5000.0), []);
+        signal[2500] += 30.0;
+        let found = spikes(&signal, 5000.0);
+        assert_eq!(found.len(), 1);
+        assert!((found[0].time_s - 0.5).abs() < 1e-9);
+        let ring: Vec<f64> = (0..5000)
+            .map(|n| {
+                let since = f64::from(n - 2500);
+                if n < 2500 {
+                    0.0
+                } else {
+                    30.0 * (-since / 40.0).exp() * since.sin()
+                }
+            })
+            .collect();
+        assert_eq!(spikes(&ring, 5000.0), []);
+    }
+}

@@ -1,0 +1,119 @@
+//! Verdicts that compare the axes of a trial, and its level with that of any texture.
+
+use super::verdict::{ScaleDoubt, Verdict};
+
+/// Ratio of a dead axis's RMS to the strongest one's. The cross-axis sensitivity of accelerometers is about one per
+/// cent, so that an axis 60 dB below another measures not even that.
+const DEAD_RATIO: f64 = 1e-3;
+
+/// Least correlation of axes that hold the same signal.
+const ALIKE_CORRELATION: f64 = 0.9999;
+
+/// RMS beyond which a scale is doubted, m/s²: ten times the acceleration of gravity. Tools on rough surfaces reach some
+/// 30 m/s².
+pub const LARGE_RMS_M_S2: f64 = 100.0;
+
+/// Deviation from one at which the mean of three axes is gravity in units of itself.
+const GRAVITY_TOLERANCE: f64 = 0.02;
+
+/// Largest RMS, in units of the mean, beside which a mean of one is gravity.
+const GRAVITY_RMS: f64 = 0.3;
+
+struct Moments {
+    mean: f64,
+    rms: f64,
+}
+
+/// Returns the verdicts on scale, dead axes and axes that are alike.
+pub(super) fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
+    let moments: Vec<Moments> = axes.iter().map(|axis| moments(axis)).collect();
+    let strongest = moments.iter().map(|axis| axis.rms).fold(0.0, f64::max);
+    let mut verdicts: Vec<Verdict> = scale(&moments).into_iter().collect();
+    for (index, axis) in moments.iter().enumerate() {
+        if axis.rms < DEAD_RATIO * strongest {
+            verdicts.push(Verdict::DeadAxis {
+                axis: index + 1,
+                below_db: 20.0 * (strongest / axis.rms).log10(),
+            });
+        }
+    }
+    for (first, second) in [(0, 1), (0, 2), (1, 2)] {
+        if second < axes.len()
+            && correlation(axes, &moments, first, second).abs() > ALIKE_CORRELATION
+        {
+            verdicts.push(Verdict::AlikeAxes {
+                axes: (first + 1, second + 1),
+            });
+        }
+    }
+    verdicts
+}
+
+fn scale(moments: &[Moments]) -> Option<Verdict> {
+    let rms = moments
+        .iter()
+        .map(|axis| axis.rms * axis.rms)
+        .sum::<f64>()
+        .sqrt();
+    let mean = moments
+        .iter()
+        .map(|axis| axis.mean * axis.mean)
+        .sum::<f64>()
+        .sqrt();
+    if rms > LARGE_RMS_M_S2 {
+        return Some(Verdict::Scale(ScaleDoubt::TooLarge(rms)));
+    }
+    let is_gravity =
+        moments.len() == 3 && (mean - 1.0).abs() < GRAVITY_TOLERANCE && rms < GRAVITY_RMS;
+    is_gravity.then_some(Verdict::Scale(ScaleDoubt::GravityOfOne))
+}
+
+fn moments(axis: &[f64]) -> Moments {
+    let n = axis.len().max(1) as f64;
+    let first = axis.first().copied().unwrap_or(0.0);
+    let mean = axis.iter().map(|x| x - first).sum::<f64>() / n;
+    let power = axis
+        .iter()
+        .map(|x| (x - first - mean) * (x - first - mean))
+        .sum::<f64>()
+        / n;
+    Moments {
+        mean: first + mean,
+        rms: power.sqrt(),
+    }
+}
+
+fn correlation(axes: &[Vec<f64>], moments: &[Moments], first: usize, second: usize) -> f64 {
+    let (a, b) = (&moments[first], &moments[second]);
+    let pairs = axes[first].iter().zip(&axes[second]);
+    let sum: f64 = pairs.map(|(x, y)| (x - a.mean) * (y - b.mean)).sum();
+    let both = a.rms * b.rms * axes[first].len() as f64;
+    if both > 0.0 { sum / both } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_signals::{noise, plus};
+    use super::*;
+
+    #[test]
+    fn axes_that_are_alike_and_gravity_of_one_are_said() {
+        let (a, b) = (noise(1), noise(2));
+        let half: Vec<f64> = a.iter().map(|x| -0.5 * x).collect();
+        assert_eq!(
+            verdicts(&[a.clone(), b.clone(), half]),
+            [Verdict::AlikeAxes { axes: (1, 3) }]
+        );
+        let quiet = |signal: &[f64], mean: f64| {
+            let scaled: Vec<f64> = signal.iter().map(|x| 0.01 * x).collect();
+            plus(&scaled, std::iter::repeat(mean))
+        };
+        let in_g = [quiet(&a, 0.6), quiet(&b, 0.8), quiet(&noise(3), 0.0)];
+        assert_eq!(verdicts(&in_g), [Verdict::Scale(ScaleDoubt::GravityOfOne)]);
+        let thousandfold: Vec<f64> = a.iter().map(|x| 1000.0 * x).collect();
+        assert!(matches!(
+            verdicts(&[thousandfold])[..],
+            [Verdict::Scale(ScaleDoubt::TooLarge(_))]
+        ));
+    }
+}

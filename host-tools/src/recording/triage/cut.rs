@@ -1,0 +1,121 @@
+//! What triage leaves out of a fit: dropouts, spikes, taps and silent parts, where enough is left without them.
+
+use super::verdict::{Span, Verdict};
+
+/// Shortest part that is kept, in samples: 0.4 s, so that the longest lag of a model, 80 ms, is a fifth of it at most.
+pub const LEAST_KEPT: usize = 2000;
+
+/// Least share of a trial that must be left for anything to be cut.
+const LEAST_SHARE: f64 = 0.5;
+
+/// Samples over which two parts are joined: 10 ms.
+const JOINT: usize = 50;
+
+/// Returns the parts of a trial of `samples` samples that a fit uses: the whole of it, or what its verdicts leave.
+///
+/// Nothing is cut if the parts of [`LEAST_KEPT`] or more samples hold less than half of the trial; the verdict then
+/// stands for the whole of it.
+pub fn usable(verdicts: &[Verdict], samples: usize) -> Vec<Span> {
+    let mut cuts: Vec<Span> = verdicts
+        .iter()
+        .flat_map(|verdict| verdict.spans().iter().cloned())
+        .collect();
+    cuts.sort_by_key(|cut| cut.start);
+    let mut parts = Vec::new();
+    let mut from = 0;
+    for cut in cuts.into_iter().chain(std::iter::once(samples..samples)) {
+        if cut.start >= from + LEAST_KEPT {
+            parts.push(from..cut.start.min(samples));
+        }
+        from = from.max(cut.end);
+    }
+    let left: usize = parts.iter().map(ExactSizeIterator::len).sum();
+    if (left as f64) < LEAST_SHARE * samples as f64 || left == 0 {
+        parts = std::iter::once(0..samples).collect();
+    }
+    parts
+}
+
+/// Returns the `parts` of `axes`, at least one and in order, joined to one recording.
+///
+/// Each part fades into the next over 10 ms with weights whose squares sum to one. The parts are uncorrelated, so that
+/// the power is kept; a lag takes products across a joint, whose mean is zero, as it does at the ends of a recording.
+/// The mean over the parts is taken off before, and put back.
+pub fn kept(axes: Vec<Vec<f64>>, parts: &[Span]) -> Vec<Vec<f64>> {
+    let [first, rest @ ..] = parts else {
+        return axes;
+    };
+    if rest.is_empty() && axes.iter().all(|axis| first.len() == axis.len()) {
+        return axes;
+    }
+    axes.into_iter().map(|axis| kept_of(&axis, parts)).collect()
+}
+
+fn kept_of(axis: &[f64], parts: &[Span]) -> Vec<f64> {
+    let count: usize = parts.iter().map(ExactSizeIterator::len).sum();
+    let mean = parts
+        .iter()
+        .flat_map(|part| &axis[part.clone()])
+        .sum::<f64>()
+        / count as f64;
+    let mut joined: Vec<f64> = Vec::with_capacity(count);
+    for part in parts {
+        let mut samples = axis[part.clone()].iter().map(|x| x - mean);
+        let joint = joined.len().saturating_sub(JOINT);
+        let before = &mut joined[joint..];
+        let length = before.len() as f64;
+        for (index, (last, next)) in before.iter_mut().zip(samples.by_ref()).enumerate() {
+            let angle = std::f64::consts::FRAC_PI_2 * (index as f64 + 0.5) / length;
+            *last = *last * angle.cos() + next * angle.sin();
+        }
+        joined.extend(samples);
+    }
+    joined.iter().map(|x| x + mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_signals::noise;
+    use super::*;
+
+    fn silent(spans: Vec<Span>) -> Vec<Verdict> {
+        vec![Verdict::PartlySilent {
+            spans,
+            samples: 10_000,
+        }]
+    }
+
+    #[test]
+    fn what_is_left_is_long_enough_or_all() {
+        assert_eq!(usable(&[], 10_000), [0..10_000]);
+        assert_eq!(usable(&silent(vec![0..1000]), 10_000), [1000..10_000]);
+        assert_eq!(
+            usable(&silent(vec![3000..3500]), 10_000),
+            [0..3000, 3500..10_000]
+        );
+        // The part between two cuts is too short.
+        assert_eq!(
+            usable(&silent(vec![3000..3500, 4000..4500]), 10_000),
+            [0..3000, 4500..10_000]
+        );
+        // Too little would be left.
+        assert_eq!(usable(&silent(vec![500..10_000]), 10_000), [0..10_000]);
+        let many = (0..100).map(|n| 100 * n..100 * n + 10).collect();
+        assert_eq!(usable(&silent(many), 10_000), [0..10_000]);
+        assert_eq!(usable(&[], 100), [0..100]);
+    }
+
+    #[test]
+    fn joined_parts_keep_their_samples_their_mean_and_their_power() {
+        let axis: Vec<f64> = noise(1).iter().map(|x| x + 9.81).collect();
+        let joined = kept(vec![axis.clone()], &[0..4000, 6000..10_000]).remove(0);
+        assert_eq!(joined.len(), 8000 - JOINT);
+        let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
+        assert!(close(&joined[..4000 - JOINT], &axis[..4000 - JOINT]));
+        assert!(close(&joined[4000..], &axis[6000 + JOINT..]));
+        let joint = &joined[4000 - JOINT..4000];
+        let power = joint.iter().map(|x| (x - 9.81) * (x - 9.81)).sum::<f64>() / JOINT as f64;
+        assert!((0.3..1.4).contains(&power), "{power}");
+        assert_eq!(kept(vec![axis.clone()], &[0..10_000]), [axis]);
+    }
+}

@@ -1,0 +1,133 @@
+//! Verdicts that only a comparison of trials tells: hum, copies, and a scale unlike that of the others.
+
+use super::fingerprint::{Fingerprint, copies};
+use super::hum::confirmed_hum;
+use super::verdict::{ScaleDoubt, Verdict};
+
+/// Deviation of a trial's level from the median of its texture at which its scale is doubted, dB. From the slowest and
+/// lightest trial of a grid to the fastest and heaviest the level rises by some 40 dB; wrong units are 60 dB off.
+const UNLIKE_DB: f64 = 45.0;
+
+/// Fewest trials of a texture with a median that means something.
+const FEWEST_TRIALS: usize = 4;
+
+/// A trial, as far as it is compared with others.
+#[derive(Clone, Copy, Debug)]
+pub struct Compared<'a> {
+    /// Name of its texture.
+    pub texture: &'a str,
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// RMS, m/s².
+    pub rms_m_s2: f64,
+    /// A line at a mains frequency, Hz.
+    pub mains_line_hz: Option<f64>,
+    /// Content.
+    pub fingerprint: &'a Fingerprint,
+    /// Its verdicts so far.
+    pub verdicts: &'a [Verdict],
+}
+
+impl Compared<'_> {
+    fn is_silent(&self) -> bool {
+        self.verdicts.contains(&Verdict::Silent)
+    }
+}
+
+/// Returns all verdicts on each trial: its own, and those of the comparison.
+pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
+    let mut verdicts: Vec<Vec<Verdict>> =
+        trials.iter().map(|trial| trial.verdicts.to_vec()).collect();
+    let mut textures: Vec<&str> = trials.iter().map(|trial| trial.texture).collect();
+    textures.sort_unstable();
+    textures.dedup();
+    for texture in textures {
+        let members: Vec<usize> = (0..trials.len())
+            .filter(|&index| trials[index].texture == texture)
+            .collect();
+        add_hum(trials, &members, &mut verdicts);
+        add_unlike_levels(trials, &members, &mut verdicts);
+    }
+    // All silence is alike.
+    let loud: Vec<usize> = (0..trials.len())
+        .filter(|&index| !trials[index].is_silent())
+        .collect();
+    let prints: Vec<&Fingerprint> = loud
+        .iter()
+        .map(|&index| trials[index].fingerprint)
+        .collect();
+    for (&index, copy) in loud.iter().zip(copies(&prints)) {
+        verdicts[index].extend(copy.map(|(original, likeness)| Verdict::Duplicate {
+            of: loud[original],
+            likeness,
+        }));
+    }
+    verdicts
+}
+
+fn add_hum(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdict>]) {
+    let lines: Vec<_> = members
+        .iter()
+        .map(|&index| (trials[index].speed_mm_s, trials[index].mains_line_hz))
+        .collect();
+    for (&index, line) in members.iter().zip(confirmed_hum(&lines)) {
+        verdicts[index].extend(line.map(|frequency_hz| Verdict::Hum { frequency_hz }));
+    }
+}
+
+fn add_unlike_levels(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdict>]) {
+    let level = |index: usize| 20.0 * trials[index].rms_m_s2.log10();
+    let loud: Vec<usize> = members
+        .iter()
+        .copied()
+        .filter(|&index| !trials[index].is_silent())
+        .collect();
+    if loud.len() < FEWEST_TRIALS {
+        return;
+    }
+    let mut levels: Vec<f64> = loud.iter().map(|&index| level(index)).collect();
+    levels.sort_by(f64::total_cmp);
+    let median = levels[levels.len() / 2];
+    for index in loud {
+        let off_db = level(index) - median;
+        let is_doubted = verdicts[index]
+            .iter()
+            .any(|verdict| verdict.name() == "scale");
+        if off_db.abs() >= UNLIKE_DB && !is_doubted {
+            verdicts[index].push(Verdict::Scale(ScaleDoubt::UnlikeOthers(off_db)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fingerprint::fingerprint;
+    use super::super::test_signals::noise;
+    use super::*;
+
+    #[test]
+    fn a_trial_in_other_units_than_its_texture_is_told() {
+        let prints: Vec<Fingerprint> = (0..5).map(|seed| fingerprint(&noise(seed))).collect();
+        let trial = |index: usize, rms_m_s2: f64| Compared {
+            texture: "felt",
+            speed_mm_s: 100.0,
+            rms_m_s2,
+            mains_line_hz: None,
+            fingerprint: &prints[index],
+            verdicts: &[],
+        };
+        let levels = [0.02, 0.05, 50.0, 0.1, 0.03];
+        let trials: Vec<_> = levels
+            .iter()
+            .enumerate()
+            .map(|(index, &rms)| trial(index, rms))
+            .collect();
+        let verdicts = all_verdicts(&trials);
+        for (index, found) in verdicts.iter().enumerate() {
+            assert_eq!(found.len(), usize::from(index == 2), "{found:?}");
+        }
+        assert!(
+            matches!(verdicts[2][..], [Verdict::Scale(ScaleDoubt::UnlikeOthers(db))] if (db - 60.0).abs() < 1.0)
+        );
+    }
+}
