@@ -35,7 +35,7 @@ mod tap;
 pub use block::{Block, MAX_STAGES, SLOTS, Stage, VoiceStage};
 pub use director::Director;
 pub use equaliser::{Equaliser, EqualiserState};
-pub use interaction::{ContactDetector, Interaction, InteractionError};
+pub use interaction::{ContactDetector, ContactThreshold, Interaction, InteractionError};
 pub use path::{Located, Path};
 pub use plan::Plan;
 pub use playback::{Ringing, ScenePlayback};

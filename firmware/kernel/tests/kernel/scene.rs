@@ -1,11 +1,13 @@
 //! Whole scenes: the stages that a moment needs are played, and no others.
 
 use model_format::scene::{MotionOfScene, Scene, StickSlip, Surface};
-use model_format::{Library, SAMPLE_RATE_HZ};
+use model_format::{Library, Newton, SAMPLE_RATE_HZ};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::scene::cost::{self, Item};
-use stylus_kernel::scene::{ContactDetector, Interaction, Plan, ScenePlayer, Stage};
+use stylus_kernel::scene::{
+    ContactDetector, ContactThreshold, Interaction, Plan, ScenePlayer, Stage,
+};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::models::motion;
@@ -385,15 +387,20 @@ fn stick_slip_has_the_period_of_the_path() {
 
 #[test]
 fn contact_has_a_hysteresis() {
-    let mut contact = ContactDetector::new();
-    for (force, touches) in [
-        (0.015, false),
-        (0.021, true),
-        (0.015, true),
-        (0.009, false),
-        (0.015, false),
-    ] {
-        assert_eq!(contact.touches(motion(10.0, force)), touches, "{force} N");
+    let set = ContactThreshold::new(Newton(0.4));
+    for (threshold, unit) in [(ContactThreshold::LEAST, 0.02), (set, 0.4)] {
+        let mut contact = ContactDetector::new();
+        for (share, touches) in [
+            (0.75, false),
+            (1.05, true),
+            (0.75, true),
+            (0.45, false),
+            (0.75, false),
+        ] {
+            let motion = motion(10.0, share * unit);
+            let touched = contact.touches(motion, threshold);
+            assert_eq!(touched, touches, "{share} of {unit} N");
+        }
     }
 }
 
