@@ -13,6 +13,7 @@ mod scene_hard;
 mod scene_path;
 mod scenes;
 mod silence;
+mod start;
 mod synthesis;
 #[cfg(feature = "variants")]
 mod variants;
