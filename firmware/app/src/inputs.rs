@@ -5,7 +5,12 @@
 //! resolution is path per count / 20 ms, 0.5 mm/s for counts of 0.01 mm. Its direction does not matter.
 //!
 //! **Position** is the encoder's count since playing began, times the path per count. **Contact** follows from the
-//! force, see [`ContactDetector`]. The host may give either of them instead.
+//! force, see [`ContactDetector`], for a texture as for a scene. The host may give either of them instead.
+//!
+//! **The threshold of contact** is a setting, or by default 6 standard deviations of the converter's noise, see
+//! [`FORCE_NOISE_CODES`], and at least [`ContactThreshold::LEAST`]. The force has no filter, so an update sees the noise
+//! of one conversion. Beyond 6 deviations lies one of 10⁹ Gaussian values: a contact out of nothing every 23 days.
+//! Contact ends at 3 deviations.
 //!
 //! An input that is older than [`STALE_TICKS`] is stale and mutes the output.
 
@@ -13,13 +18,23 @@ use model_format::link::{
     MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings,
 };
 use model_format::{AdcCode, MillimetresPerSecond, Newton};
-use stylus_kernel::scene::{ContactDetector, Interaction};
+use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 use stylus_kernel::{Motion, MotionError, UPDATE_INTERVAL_SAMPLES};
 
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 
 /// Greatest age of an input that is not stale, ticks.
 pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;
+
+/// Standard deviation of the force's code at rest.
+///
+/// A NUCLEO-H743ZI with a grounded pin was seen to give 100 codes from peak to peak, because its Ethernet transceiver's
+/// clock reaches the converter (community.st.com, "Fluctuations in ADC value of STM32H743 MCU"); that is 6 deviations
+/// of 16. A sensor's amplifier may add more, and is then a reason to set the threshold.
+pub const FORCE_NOISE_CODES: f32 = 16.0;
+
+/// Deviations of the noise at which contact begins.
+const CONTACT_DEVIATIONS: f32 = 6.0;
 
 /// Blocks of the window that the speed is averaged over.
 const WINDOW_BLOCKS: usize = 10;
@@ -37,6 +52,7 @@ pub struct InputConfig {
     force_zero: AdcCode,
     /// Force per code, N.
     force_per_code: f32,
+    contact: ContactThreshold,
 }
 
 impl InputConfig {
@@ -44,12 +60,19 @@ impl InputConfig {
     pub fn new(settings: &Settings) -> Self {
         let windows_per_second = SAMPLE_RATE_HZ as f32 / WINDOW_TICKS as f32;
         let path_per_count = settings.get(Setting::PathPerCount);
+        let force_per_code = settings.get(Setting::ForcePerVolt) * AdcCode::STEP.0;
         Self {
             speed_per_count: path_per_count * windows_per_second,
             path_per_count,
             force_zero: settings.force_zero(),
-            force_per_code: settings.get(Setting::ForcePerVolt) * AdcCode::STEP.0,
+            force_per_code,
+            contact: contact_threshold(settings.get(Setting::ContactThreshold), force_per_code),
         }
+    }
+
+    /// Threshold of contact.
+    pub fn contact(&self) -> ContactThreshold {
+        self.contact
     }
 
     /// Force of `code`.
@@ -67,6 +90,15 @@ impl InputConfig {
     fn position_mm(&self, counts: i32) -> f32 {
         counts as f32 * self.path_per_count
     }
+}
+
+/// The threshold of contact by the setting `set_n`; 0 derives it from the noise of `force_per_code`.
+fn contact_threshold(set_n: f32, force_per_code: f32) -> ContactThreshold {
+    if set_n > 0.0 {
+        return ContactThreshold::new(Newton(set_n));
+    }
+    let of_noise = CONTACT_DEVIATIONS * FORCE_NOISE_CODES * force_per_code.abs();
+    ContactThreshold::new(Newton(of_noise.max(ContactThreshold::LEAST.begins_n())))
 }
 
 /// Follower of a 16-bit quadrature counter.
@@ -229,7 +261,7 @@ pub fn choose(source: MotionSource, sensors: Timed, host: Timed) -> Timed {
 /// Follower of the hand from the time that playing began.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Follower {
-    /// True if position and contact count; otherwise the tool touches the path's origin forever.
+    /// True if the position counts; otherwise the tool is at the path's origin forever.
     locates: bool,
     /// Count of the encoder at the origin, once it is known.
     origin: Option<i32>,
@@ -237,7 +269,7 @@ pub struct Follower {
 }
 
 impl Follower {
-    /// A follower that has seen nothing yet. A scene depends on position and contact (`locates`), a texture does not.
+    /// A follower that has seen nothing yet. A scene depends on the position (`locates`), a texture does not.
     pub const fn new(locates: bool) -> Self {
         Self {
             locates,
@@ -254,15 +286,16 @@ impl Follower {
         sensors: &Sensors,
         config: &InputConfig,
     ) -> Interaction {
-        if !self.locates {
-            return Interaction::touching(chosen.motion);
-        }
-        let counts = sensors.counts();
-        let origin = *self.origin.get_or_insert(counts);
-        let by_encoder = config.position_mm(counts.wrapping_sub(origin));
-        let position = chosen.position_mm.unwrap_or(by_encoder);
-        let by_force = self.contact.touches(chosen.motion);
+        let by_force = self.contact.touches(chosen.motion, config.contact);
         let contact = chosen.contact.unwrap_or(by_force);
+        let position = if self.locates {
+            let counts = sensors.counts();
+            let origin = *self.origin.get_or_insert(counts);
+            let by_encoder = config.position_mm(counts.wrapping_sub(origin));
+            chosen.position_mm.unwrap_or(by_encoder)
+        } else {
+            0.0
+        };
         // Both positions are finite: the host's was checked, and the encoder's is at most 2³¹ times a setting in its
         // range.
         Interaction::new(chosen.motion, position, contact).unwrap_or(Interaction::NONE)

@@ -14,6 +14,11 @@
 //! an eighth of full scale. Sums are exact in 64 bits, and truncated toward zero once per sample. Unlike the
 //! lattice's, this structure's stability depends on its coefficients: between two stable nodes it may be unstable,
 //! and then it saturates.
+//!
+//! A state is stationary for one set of coefficients only. To draw it would take the reflection coefficients of the
+//! moment, by a recursion that divides by 1 - k² at each order: it loses digits with each pole near the unit circle,
+//! and has no result where the mean of two nodes is unstable. The state is therefore run up from zero by the filter
+//! itself, unheard; see [`RUN_UP_SAMPLES`].
 
 use model_format::limits::{MAX_EXPONENT, MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{Coefficients, OutputSample, Texture};
@@ -26,6 +31,13 @@ use crate::level::{Levels, Ramp, rms_at};
 
 /// Digits after the point of a sample's sum, in steps of the history.
 pub const SUM_FRACTION_BITS: u32 = 20;
+
+/// Number of samples that the filter runs from zero before it is heard: 1 s at 5 kHz.
+///
+/// After n samples from zero, a line of pole radius r has the share 1 - r^(2n) of its variance. It lacks less than
+/// 0.5 dB, which is 11 %, if r is at most 0.11^(1/10 000) = 0.99978, and its width, (1 - r)/π of the sample rate, at
+/// least 0.35 Hz. The radius 0.9995 lacks 0.03 dB.
+pub const RUN_UP_SAMPLES: u32 = 5000;
 
 /// Digits after the point of a coefficient at exponent 0.
 const COEFFICIENT_FRACTION_BITS: u32 = 31;
@@ -178,6 +190,15 @@ fn scale_bits(max_output_power: f32) -> u32 {
     bits
 }
 
+impl DirectFrame {
+    /// A sample of excitation at its deviation, in steps of the history with [`SUM_FRACTION_BITS`] digits.
+    #[inline(always)]
+    fn driven(&self, excitation: i32, left: u32) -> i64 {
+        let driven = i64::from(excitation) * i64::from(self.deviation.value(left));
+        driven >> (excitation::FRACTION_BITS - SUM_FRACTION_BITS)
+    }
+}
+
 impl DirectState {
     /// A filter at rest.
     pub const fn new() -> Self {
@@ -219,6 +240,12 @@ impl DirectState {
         (output, saturated)
     }
 
+    /// Passes one sample of excitation through, at the end of the frame's ramps, for nobody to hear.
+    #[inline]
+    pub fn run<A: Arithmetic>(&mut self, frame: &DirectFrame, excitation: i32) {
+        self.filter::<A>(frame, frame.driven(excitation, 0));
+    }
+
     /// The next sample of a texture: `excitation` through the filter of `frame`, with `left` samples of its ramps to
     /// come. The flag is true if the filter was saturated.
     #[inline]
@@ -228,9 +255,7 @@ impl DirectState {
         excitation: i32,
         left: u32,
     ) -> (OutputSample, bool) {
-        let driven = i64::from(excitation) * i64::from(frame.deviation.value(left));
-        let driven = driven >> (excitation::FRACTION_BITS - SUM_FRACTION_BITS);
-        let (filtered, saturated) = self.filter::<A>(frame, driven);
+        let (filtered, saturated) = self.filter::<A>(frame, frame.driven(excitation, left));
         let faded = i64::from(filtered) * i64::from(frame.fade.value(left));
         // Truncating twice toward zero is truncating once. The mask is for the compiler, as above. A scene's gain may
         // make the fade larger than one, and so the product longer than a word.

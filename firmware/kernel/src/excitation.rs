@@ -4,6 +4,9 @@
 //! for the half-normal quantile. The quantile is read from a table with sixteen linear pieces in each octave of the
 //! tail's probability, so that its relative resolution is the same from the middle out to 6 σ, with no rejection and
 //! no loop.
+//!
+//! The generator begins at the hash of the seed. States that differ in some of their higher bits only would give
+//! correlated noise.
 
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -27,12 +30,13 @@ pub struct Excitation {
 }
 
 impl Excitation {
-    /// A source that gives the same noise for the same seed, always and everywhere.
+    /// A source that gives the same noise for the same seed, always and everywhere. Seeds that differ in any bit give
+    /// uncorrelated noise.
     pub fn new(seed: u64) -> Self {
         /// Any odd increment gives the full period; this is PCG's own default stream.
         const STREAM: u64 = 0x0a02_bdbf_7bb3_c0a7;
         Self {
-            generator: Pcg32::new(seed, STREAM),
+            generator: Pcg32::new(hashed(seed), STREAM),
         }
     }
 
@@ -41,6 +45,16 @@ impl Excitation {
     pub fn next_sample(&mut self) -> i32 {
         gaussian(self.generator.next_u32())
     }
+}
+
+/// A one-to-one hash of `seed`, in which each bit of the seed flips each bit of the result with probability 1/2: one
+/// step of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
+pub(crate) const fn hashed(seed: u64) -> u64 {
+    // The sum keeps zero from being its own hash.
+    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
 }
 
 /// The Gaussian sample of 32 uniform bits.
@@ -215,6 +229,66 @@ mod tests {
         for (lag, product) in products.iter().enumerate().skip(1) {
             let correlation = product / products[0];
             assert!(correlation.abs() < bound, "lag {lag}: {correlation}");
+        }
+    }
+
+    /// The reference values of the generator's author, for the state 0.
+    #[test]
+    fn the_hash_is_splitmix64() {
+        let step = 0x9e37_79b9_7f4a_7c15u64;
+        assert_eq!(hashed(0), 0xe220_a839_7b1d_cdaf);
+        assert_eq!(hashed(step), 0x6e78_9e6a_a1b9_65f4);
+        assert_eq!(hashed(step.wrapping_mul(2)), 0x06c4_5d18_8009_454f);
+    }
+
+    /// The correlation of the noise of two seeds at the same samples, in standard deviations of that of independent
+    /// noise.
+    ///
+    /// Without the hash, states that differ in one of the bits 51 to 58 rotate their outputs alike in one sample of 32,
+    /// and correlate by 0.013 to 0.026: 6.5 to 13 deviations of so many samples.
+    fn correlation(one: u64, other: u64) -> f64 {
+        const N: usize = 1 << 18;
+        let mut sources = [one, other].map(Excitation::new);
+        let products = (0..N).map(|_| {
+            let [one, other] = sources
+                .each_mut()
+                .map(|source| f64::from(source.next_sample()) / UNIT);
+            one * other
+        });
+        (products.sum::<f64>() / libm::sqrt(N as f64)).abs()
+    }
+
+    /// The largest correlation at lags of -63 to 63 samples, in the same unit.
+    fn largest_of_lags(one: u64, other: u64) -> f64 {
+        const N: usize = 1 << 12;
+        const LAGS: usize = 64;
+        let noise = |seed| {
+            let mut source = Excitation::new(seed);
+            core::array::from_fn::<f64, { N + LAGS }, _>(|_| f64::from(source.next_sample()) / UNIT)
+        };
+        let (one, other) = (noise(one), noise(other));
+        let products = |leads: &[f64], follows: &[f64], lag: usize| -> f64 {
+            let pairs = leads[lag..][..N].iter().zip(follows);
+            pairs.map(|(a, b)| a * b).sum()
+        };
+        let lags =
+            (0..LAGS).flat_map(|lag| [products(&one, &other, lag), products(&other, &one, lag)]);
+        lags.fold(0.0f64, |largest, sum| largest.max(sum.abs())) / libm::sqrt(N as f64)
+    }
+
+    /// The bound is exceeded by chance once in 10⁹ correlations, of which there are 128 per pair of seeds. The hash of a
+    /// seed is that of a scene's second voice.
+    #[test]
+    fn related_seeds_give_uncorrelated_noise() {
+        const BOUND: f64 = 6.1;
+        for seed in [0u64, 0x0123_4567_89ab_cdef] {
+            let bits = (0..u64::BITS).map(|bit| seed ^ (1 << bit));
+            let next = (1..16).map(|n| seed.wrapping_add(n));
+            let high = (1..16).map(|n| seed ^ (n << 60));
+            for other in bits.chain(next).chain(high).chain([hashed(seed)]) {
+                let found = correlation(seed, other).max(largest_of_lags(seed, other));
+                assert!(found < BOUND, "{seed:#x} and {other:#x}: {found}");
+            }
         }
     }
 

@@ -15,6 +15,7 @@ use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Texture};
 
 use crate::arithmetic::Arithmetic;
+use crate::excitation::Excitation;
 use crate::fixed::shift_toward_zero;
 use crate::grid::{GridPoint, ONE};
 use crate::level::{Levels, Ramp, rms_at};
@@ -101,6 +102,21 @@ impl LatticeState {
         Self {
             backward: [0; MAX_ORDER + 1],
         }
+    }
+
+    /// A lattice of `stages` stages, at most [`MAX_ORDER`], that has been played for ever: its backward signals are
+    /// the next `stages` samples of `source`.
+    ///
+    /// That is the stationary state of any rotations. A sample maps excitation and state, independent signals of unit
+    /// variance, orthogonally to the state after it and the signal that leaves the last stage; these are then
+    /// independent and of unit variance too. It holds at each sample by itself, so a state that was left while the
+    /// coefficients moved, and is taken up with others, is stationary as well.
+    pub fn stationary(stages: usize, source: &mut Excitation) -> Self {
+        let mut state = Self::new();
+        for backward in &mut state.backward[..stages.min(MAX_ORDER)] {
+            *backward = source.next_sample();
+        }
+        state
     }
 
     /// A lattice whose backward signals are `backward`, `g[0]` first.

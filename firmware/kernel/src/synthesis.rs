@@ -106,6 +106,11 @@ impl Frame {
         each_frame!(&mut self.0, frame => frame.update(texture, &point, from, samples));
     }
 
+    /// Makes this a silent frame with the coefficients of `motion`, for [`Playback::run_up`].
+    pub fn prepare(&mut self, texture: &Texture<'_>, motion: Motion) {
+        self.update_scaled(texture, motion, 0, Levels::SILENT, 1);
+    }
+
     /// The levels with `left` samples of their ramps to come; `left` is 0 at the end of the frame.
     pub fn levels(&self, left: u32) -> Levels {
         each_frame!(&self.0, frame => frame.levels(left))
@@ -113,10 +118,16 @@ impl Frame {
 }
 
 /// State of a texture's filter, and the source of its excitation.
+///
+/// It never begins empty, because a narrow line would then be too low for as long as it rings, up to a second. A
+/// lattice begins in a state drawn from the excitation, stationary for every motion. A direct form begins cold: it is
+/// silent until it was run up, see [`Playback::run_up`].
 #[derive(Clone, Debug)]
 pub struct Playback {
     excitation: Excitation,
     state: State,
+    /// Samples that the state has yet to be run up.
+    cold: u32,
     /// Samples of the current frame's ramps that are still to come.
     left: u32,
     saturations: u32,
@@ -133,29 +144,57 @@ enum State {
 }
 
 impl State {
-    fn at_rest(texture: &Texture<'_>) -> Self {
+    /// The state in which `texture` begins, with the number of samples that it must be run up before it is heard.
+    fn beginning(texture: &Texture<'_>, excitation: &mut Excitation) -> (Self, u32) {
         match texture.structure() {
-            Structure::NormalisedLattice => Self::Lattice(LatticeState::new()),
-            Structure::DirectForm16 | Structure::DirectForm32 => Self::Direct(DirectState::new()),
+            Structure::NormalisedLattice => {
+                let state = LatticeState::stationary(texture.max_order(), excitation);
+                (Self::Lattice(state), 0)
+            }
+            Structure::DirectForm16 | Structure::DirectForm32 => {
+                (Self::Direct(DirectState::new()), direct::RUN_UP_SAMPLES)
+            }
         }
     }
 }
 
 impl Playback {
-    /// The state of `texture` at rest. The same `seed` gives the same samples on every machine.
+    /// The beginning of `texture`. The same `seed` gives the same samples on every machine.
     pub fn new(texture: &Texture<'_>, seed: u64) -> Self {
+        let mut excitation = Excitation::new(seed);
+        let (state, cold) = State::beginning(texture, &mut excitation);
         Self {
-            excitation: Excitation::new(seed),
-            state: State::at_rest(texture),
+            excitation,
+            state,
+            cold,
             left: 0,
             saturations: 0,
         }
     }
 
-    /// Changes to `texture`, at rest. The excitation goes on.
+    /// Changes to the beginning of `texture`. The excitation goes on.
     pub fn restart(&mut self, texture: &Texture<'_>) {
-        self.state = State::at_rest(texture);
+        (self.state, self.cold) = State::beginning(texture, &mut self.excitation);
         self.left = 0;
+    }
+
+    /// Number of samples that are still to be run up before the texture may be heard: 0 for a lattice.
+    pub fn cold(&self) -> u32 {
+        self.cold
+    }
+
+    /// Runs the state up by at most `samples` samples, at the end of the ramps of `frame`, a frame of the texture.
+    ///
+    /// Samples at full scale do not count, because nobody hears them.
+    pub fn run_up<A: Arithmetic>(&mut self, frame: &Frame, samples: u32) {
+        let (FrameOf::Direct(frame), State::Direct(state)) = (&frame.0, &mut self.state) else {
+            return;
+        };
+        let samples = samples.min(self.cold);
+        self.cold -= samples;
+        for _ in 0..samples {
+            state.run::<A>(frame, self.excitation.next_sample());
+        }
     }
 
     /// Begins a frame whose ramps take `samples` samples.
@@ -238,10 +277,23 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
 
     /// Follows `motion`: coefficients change with the next sample, and the level goes to its new value in `samples`
     /// samples. It is called once per update interval, see [`UPDATE_INTERVAL_SAMPLES`] and [`Frame::update`].
+    ///
+    /// The first motion that a cold texture sounds at runs it up as a whole, which takes the time of
+    /// [`direct::RUN_UP_SAMPLES`] samples.
     pub fn follow(&mut self, motion: Motion, samples: u32) {
+        if self.playback.cold() > 0 {
+            self.run_up(motion);
+        }
         let from = self.frame.levels(self.playback.left());
         self.frame.update(&self.texture, motion, from, samples);
         self.playback.begin_frame(samples);
+    }
+
+    fn run_up(&mut self, motion: Motion) {
+        if GridPoint::locate(&self.texture, motion).fade > 0 {
+            self.frame.prepare(&self.texture, motion);
+            self.playback.run_up::<A>(&self.frame, u32::MAX);
+        }
     }
 
     /// The next sample.

@@ -207,6 +207,8 @@ pub fn ready() {
 struct SharedVoices;
 
 impl Voices for SharedVoices {
+    type Arithmetic = CortexM;
+
     fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame> {
         // SAFETY: the director asks only for what the block that is played does not name, which is the update's.
         unsafe { FRAMES[slot][buffer].get() }
@@ -223,5 +225,10 @@ impl Voices for SharedVoices {
     fn playback(&mut self, slot: usize) -> &mut Option<Playback> {
         // SAFETY: as above.
         unsafe { PLAYBACKS[slot].get() }
+    }
+
+    fn voice(&mut self, slot: usize, buffer: usize) -> (&mut Option<Playback>, &mut Option<Frame>) {
+        // SAFETY: as above; they are two values.
+        unsafe { (PLAYBACKS[slot].get(), FRAMES[slot][buffer].get()) }
     }
 }

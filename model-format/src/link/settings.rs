@@ -46,10 +46,12 @@ pub enum Setting {
     SoftStart,
     /// Time of the output's ramp from full level to mid-scale when it is muted, ms.
     MuteRamp,
+    /// Force above which contact begins, N; 0 derives it from the converter's noise.
+    ContactThreshold,
 }
 
 /// Number of settings.
-pub const SETTING_COUNT: usize = 18;
+pub const SETTING_COUNT: usize = 19;
 
 /// Name, unit, range and default of a setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,6 +91,7 @@ impl Setting {
         Self::PowerLimit,
         Self::SoftStart,
         Self::MuteRamp,
+        Self::ContactThreshold,
     ];
 
     /// Name, unit, range and default.
@@ -114,6 +117,7 @@ impl Setting {
             // LINK_LOST_AFTER_MS, a few ms until the mute begins and at most 16 ms of slew add up to silence within
             // 100 ms.
             Self::MuteRamp => number("mute-ramp", "ms", [1.0, 30.0], 20.0),
+            Self::ContactThreshold => number("contact-threshold", "N", [0.0, 10.0], 0.0),
         }
     }
 

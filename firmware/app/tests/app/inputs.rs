@@ -6,7 +6,8 @@ use model_format::link::{
 use model_format::{AdcCode, MillimetresPerSecond, Newton};
 use proptest::prelude::*;
 use stylus_app::inputs::{
-    Encoder, Follower, InputConfig, STALE_TICKS, Sensors, Timed, WINDOW_TICKS, choose,
+    Encoder, FORCE_NOISE_CODES, Follower, InputConfig, STALE_TICKS, Sensors, Timed, WINDOW_TICKS,
+    choose,
 };
 use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
@@ -220,13 +221,57 @@ fn a_scene_is_followed_from_where_playing_began_and_from_the_first_touch() {
 }
 
 #[test]
-fn a_texture_is_touched_everywhere_and_always() {
+fn a_texture_is_everywhere_and_is_touched_above_the_threshold() {
     let config = InputConfig::new(&Settings::default());
     let mut follower = Follower::new(false);
-    for counts in [0, 900] {
-        let sensors = moved(Sensors::new(), counts, 0);
+    // 0.1 mN per code: contact begins above 0.02 N and ends at 0.01 N.
+    for (counts, code, touches) in [
+        (0, 0, false),
+        (900, 190, false),
+        (900, 210, true),
+        (-500, 110, true),
+        (0, 90, false),
+    ] {
+        let sensors = moved(Sensors::new(), counts, code);
         let followed = follower.follow(sensors.motion(&config), &sensors, &config);
-        assert_eq!((followed.position_mm(), followed.contact), (0.0, true));
+        let found = (followed.position_mm(), followed.contact);
+        assert_eq!(found, (0.0, touches), "code {code}");
+    }
+    // The host's contact takes precedence.
+    for contact in [true, false] {
+        let sample = MotionSample {
+            speed: MillimetresPerSecond(50.0),
+            force: Newton(if contact { 0.0 } else { 1.0 }),
+            position_mm: Some(30.0),
+            contact: Some(contact),
+        };
+        let host = Timed::from_host(sample, 1).expect("finite");
+        let followed = follower.follow(host, &Sensors::new(), &config);
+        assert_eq!((followed.position_mm(), followed.contact), (0.0, contact));
+    }
+}
+
+#[test]
+fn the_threshold_of_contact_is_set_or_follows_from_the_noise_of_the_force() {
+    let per_code = |per_volt: f32| f64::from(per_volt.abs()) * f64::from(AdcCode::STEP.0);
+    for per_volt in [-100.0, -2.0, 0.1, 2.0, 5.0, 100.0] {
+        let derived = InputConfig::new(&settings(&[(Setting::ForcePerVolt, per_volt)])).contact();
+        let noise = 6.0 * f64::from(FORCE_NOISE_CODES) * per_code(per_volt);
+        let expected = noise.max(0.02);
+        let begins = f64::from(derived.begins_n());
+        assert!(
+            (begins / expected - 1.0).abs() < 1e-5,
+            "{per_volt} N/V: {begins}"
+        );
+        assert_eq!(derived.ends_n(), derived.begins_n() / 2.0);
+        for set in [0.001, 0.3, 10.0] {
+            let changes = [
+                (Setting::ForcePerVolt, per_volt),
+                (Setting::ContactThreshold, set),
+            ];
+            let config = InputConfig::new(&settings(&changes));
+            assert_eq!(config.contact().begins_n(), set);
+        }
     }
 }
 

@@ -6,6 +6,7 @@ mod player;
 mod power_cut;
 mod recorder;
 mod requests;
+mod rest;
 mod safety;
 mod settings;
 mod slots;

@@ -35,6 +35,24 @@ fn a_device_that_was_never_set_has_the_defaults() {
     );
 }
 
+/// Settings have their keys in flash, so that a firmware finds those of an older one, and its own at their defaults.
+#[test]
+fn a_setting_that_the_firmware_before_did_not_have_has_its_default() {
+    let mut flash = SimulatedFlash::new(blank());
+    let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+    let (&newest, before) = Setting::ALL.split_last().expect("there are some");
+    let mut expected = Settings::default();
+    for &setting in before {
+        let set = change(setting, setting.spec().lowest);
+        expected = expected.with(set).expect("in range");
+        block_on(store.set(set)).expect("in range");
+    }
+    let store = open(flash.memory);
+    assert_eq!((store.settings(), store.is_faulty()), (expected, false));
+    let default = newest.spec().default;
+    assert_eq!(store.settings().get(newest), default);
+}
+
 #[test]
 fn garbage_gives_the_defaults_and_can_be_set_afterwards() {
     let mut flash = SimulatedFlash::new(Memory::garbage(RANGE.end as usize));

@@ -1,5 +1,7 @@
 //! Interaction of the tool with a scene: motion, position and contact.
 
+use model_format::Newton;
+
 use crate::grid::Motion;
 
 /// Motion, position and contact at a moment. All numbers are finite.
@@ -47,7 +49,7 @@ impl Interaction {
         })
     }
 
-    /// A motion in contact at the path's origin, which is all that a scene of one surface without effects needs.
+    /// A motion in contact at the path's origin, which is all that a plan of one surface needs while the tool touches.
     pub const fn touching(motion: Motion) -> Self {
         Self {
             motion,
@@ -62,31 +64,56 @@ impl Interaction {
     }
 }
 
-/// Detector of contact, from a force that is never quite zero. Contact begins above one force and ends below a lower
-/// one, so that noise around either causes no taps.
+/// Force above which contact begins. It ends at and below half of that, so that noise around either bound neither
+/// breaks it off nor causes taps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactThreshold {
+    begins_n: f32,
+}
+
+impl ContactThreshold {
+    /// Threshold of forces without noise, as those of a file, and the lowest that is derived from a sensor's noise.
+    ///
+    /// It is below the lightest force that a hand holds on purpose, and above the weight of a cable or a zero that has
+    /// drifted by a little.
+    pub const LEAST: Self = Self { begins_n: 0.02 };
+
+    /// A threshold at `force`, which is finite.
+    pub const fn new(force: Newton) -> Self {
+        Self {
+            begins_n: force.0.max(0.0),
+        }
+    }
+
+    /// Force above which contact begins, N.
+    pub const fn begins_n(self) -> f32 {
+        self.begins_n
+    }
+
+    /// Force at and below which contact ends, N.
+    pub const fn ends_n(self) -> f32 {
+        self.begins_n / 2.0
+    }
+}
+
+/// Detector of contact, from a force that is never quite zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ContactDetector {
     touching: bool,
 }
 
 impl ContactDetector {
-    /// Force above which contact begins, N.
-    pub const BEGINS_N: f32 = 0.02;
-
-    /// Force at and below which contact ends, N.
-    pub const ENDS_N: f32 = 0.01;
-
     /// A detector without contact.
     pub const fn new() -> Self {
         Self { touching: false }
     }
 
     /// Follows the force of `motion`, and returns whether the tool touches.
-    pub fn touches(&mut self, motion: Motion) -> bool {
+    pub fn touches(&mut self, motion: Motion, threshold: ContactThreshold) -> bool {
         let bound = if self.touching {
-            Self::ENDS_N
+            threshold.ends_n()
         } else {
-            Self::BEGINS_N
+            threshold.begins_n()
         };
         self.touching = motion.force_n() > bound;
         self.touching

@@ -18,20 +18,22 @@ use crate::synthesis::{Frame, Playback};
 #[derive(Clone, Debug)]
 pub struct ScenePlayer<'a, A: Arithmetic = Portable> {
     director: Director<'a>,
-    voices: OwnVoices,
+    voices: OwnVoices<A>,
     playback: ScenePlayback,
     block: Block,
-    arithmetic: PhantomData<A>,
 }
 
 /// The voices, none of them shared.
 #[derive(Clone, Debug)]
-struct OwnVoices {
+struct OwnVoices<A> {
     frames: [[Option<Frame>; 2]; SLOTS],
     playbacks: [Option<Playback>; SLOTS],
+    arithmetic: PhantomData<A>,
 }
 
-impl Voices for OwnVoices {
+impl<A: Arithmetic> Voices for OwnVoices<A> {
+    type Arithmetic = A;
+
     fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame> {
         &mut self.frames[slot][buffer]
     }
@@ -43,6 +45,10 @@ impl Voices for OwnVoices {
 
     fn playback(&mut self, slot: usize) -> &mut Option<Playback> {
         &mut self.playbacks[slot]
+    }
+
+    fn voice(&mut self, slot: usize, buffer: usize) -> (&mut Option<Playback>, &mut Option<Frame>) {
+        (&mut self.playbacks[slot], &mut self.frames[slot][buffer])
     }
 }
 
@@ -59,10 +65,10 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
             voices: OwnVoices {
                 frames: [const { [const { None }; 2] }; SLOTS],
                 playbacks: [const { None }; SLOTS],
+                arithmetic: PhantomData,
             },
             playback: ScenePlayback::new(),
             block: Block::silent(),
-            arithmetic: PhantomData,
         }
     }
 
@@ -82,7 +88,9 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
     /// The next sample.
     #[inline]
     pub fn next_sample(&mut self) -> OutputSample {
-        let OwnVoices { frames, playbacks } = &mut self.voices;
+        let OwnVoices {
+            frames, playbacks, ..
+        } = &mut self.voices;
         self.playback.next_sample(&self.block, |voice| {
             let slot = usize::from(voice.slot);
             match (

@@ -4,19 +4,43 @@
 //! surface that is to sound gets a slot and keeps it as long as it sounds; one that is no longer wanted fades within a
 //! block. A slot's playback changes its texture only after a block in which the tick did not play the slot. There are
 //! therefore never more than two voices, however far the tool jumps; a third surface waits one block for a slot.
+//!
+//! **A voice begins at its level.** A lattice begins in a stationary state, and its state stays stationary whatever
+//! motion it was left at, so that a slot which holds the texture is taken up as it is
+//! ([`crate::lattice::LatticeState::stationary`]). A direct form is cold when its playback changes its texture. The
+//! director then runs it up, some samples per block and with the coefficients of the moment, before its stage is in any
+//! block; a lift does not interrupt that. Until then its share of a transition belongs to the surface that sounds, and
+//! a surface that the tool has left for it goes on, unless a third needs its slot. A direct form that was left is taken
+//! up as it is: its history is that of its last motion, as it is when the motion jumps while it sounds.
 
 use model_format::Texture;
 
 use super::block::{Block, SLOTS, Stage, VoiceStage};
+use super::cost::Term;
 use super::plan::{Plan, PlannedTexture};
 use super::stick_slip::StickSlipFrame;
+use crate::arithmetic::Arithmetic;
+use crate::excitation::hashed;
 use crate::grid::Motion;
 use crate::level::Levels;
 use crate::synthesis::{Frame, Playback};
 
+/// Most instructions that run-ups may take per block, in the model of [`super::cost`] and for both slots together.
+///
+/// A device decides a block in less than 2 ms, which at 400 MHz is 800 000 cycles, or 400 000 instructions at two cycles
+/// per instruction, which is pessimistic. While one of two voices is run up, the ten ticks of a block take at most
+/// 65 000 of them, with all effects and a lattice of 400 stages; the frames of both voices take 65 000, and two changes
+/// of texture 20 000. With this a third is left over.
+///
+/// A direct form of up to 40 coefficients is so run up in 16 blocks or 32 ms, one of 400 in 65 blocks or 130 ms.
+pub const RUN_UP_INSTRUCTIONS: u32 = 100_000;
+
 /// Storage of the voices. On a device it is shared with the tick; the director never asks for a part that the tick uses
 /// at that time.
 pub trait Voices {
+    /// The arithmetic that runs voices up.
+    type Arithmetic: Arithmetic;
+
     /// Frame `buffer` of `slot`, which the block that is played does not use.
     fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame>;
 
@@ -26,6 +50,9 @@ pub trait Voices {
 
     /// The playback of `slot`, which the block that is played does not use.
     fn playback(&mut self, slot: usize) -> &mut Option<Playback>;
+
+    /// The playback of `slot` and its frame `buffer`, of which the block that is played uses neither.
+    fn voice(&mut self, slot: usize, buffer: usize) -> (&mut Option<Playback>, &mut Option<Frame>);
 }
 
 /// A surface that is to sound, with its gain in steps of 2⁻¹⁶, which is not 0.
@@ -61,6 +88,8 @@ struct Slot<'a> {
     buffer: usize,
     /// True for each frame that was made for the texture.
     made: [bool; 2],
+    /// True while the playback is to be run up, before it may be in a block.
+    cold: bool,
     /// True if the block that is played uses the slot.
     played: bool,
     /// True if the frame began with that block; otherwise its ramps are at their ends.
@@ -107,15 +136,78 @@ impl<'a> Slots<'a> {
         for wanted_one in wanted.iter().flatten() {
             self.find(plan, *wanted_one, wanted, moment.left, voices);
         }
-        for index in 0..SLOTS {
-            let surface = self.slots[index].surface;
-            let mut all = wanted.iter().flatten();
-            let gain = all
-                .find(|wanted| Some(wanted.surface) == surface)
-                .map_or(0, |wanted| wanted.gain);
-            if let Some(stage) = self.direct_slot(plan, index, gain, moment, voices) {
+        let gains = self.gains(plan, wanted);
+        let mut instructions = RUN_UP_INSTRUCTIONS;
+        for (index, gain) in gains.into_iter().enumerate() {
+            if self.slots[index].cold {
+                self.run_up(index, gain, moment.motion, &mut instructions, voices);
+            } else if let Some(stage) = self.direct_slot(plan, index, gain, moment, voices) {
                 block.push(stage);
             }
+        }
+    }
+
+    /// The gains of both slots. While a wanted surface is cold, the one that sounds has the share of both.
+    fn gains(&self, plan: &Plan<'a>, wanted: &[Option<Wanted>; SLOTS]) -> [u32; SLOTS] {
+        let slot_of = |one: &Wanted| {
+            let mut slots = self.slots.iter();
+            slots.find(|slot| slot.surface == Some(one.surface))
+        };
+        let is_cold = |one: &Wanted| slot_of(one).is_some_and(|slot| slot.cold);
+        let any_cold = wanted.iter().flatten().any(is_cold);
+        let all_cold = any_cold && wanted.iter().flatten().all(is_cold);
+        self.slots.each_ref().map(|slot| {
+            let mut all = wanted.iter().flatten();
+            match all.find(|one| Some(one.surface) == slot.surface) {
+                Some(one) if any_cold && !slot.cold => {
+                    let planned = plan.surfaces.get(usize::from(one.surface));
+                    planned.map_or(one.gain, |planned| planned.gain)
+                }
+                Some(one) => one.gain,
+                // The surface that the tool has left.
+                None if all_cold && slot.played => slot.gain,
+                None => 0,
+            }
+        })
+    }
+
+    /// Runs slot `index` up with what is left of `instructions`: at the moment's `motion`, or after a lift, when its
+    /// `gain` is 0, at the one before.
+    fn run_up<V: Voices>(
+        &mut self,
+        index: usize,
+        gain: u32,
+        motion: Motion,
+        instructions: &mut u32,
+        voices: &mut V,
+    ) {
+        let slot = &mut self.slots[index];
+        let (Some(PlannedTexture { texture, scale }), Some(surface)) = (slot.texture, slot.surface)
+        else {
+            return;
+        };
+        let cost = Term::voice(surface, &texture).instructions();
+        let samples = *instructions / cost;
+        if samples == 0 {
+            return;
+        }
+        let motion = match slot.motion {
+            Some(before) if gain == 0 => before,
+            _ => motion,
+        };
+        let (playback, frame) = voices.voice(index, slot.buffer);
+        if !slot.made[slot.buffer] {
+            slot.made[slot.buffer] = true;
+            *frame = None;
+        }
+        let frame = frame.get_or_insert_with(|| Frame::silent_at(&texture, scale));
+        frame.prepare(&texture, motion);
+        (slot.motion, slot.gain) = (Some(motion), 0);
+        if let Some(playback) = playback {
+            let before = playback.cold();
+            playback.run_up::<V::Arithmetic>(frame, samples);
+            *instructions -= (before - playback.cold()) * cost;
+            slot.cold = playback.cold() > 0;
         }
     }
 
@@ -161,11 +253,16 @@ impl<'a> Slots<'a> {
         if holds(slot) {
             return;
         }
-        (slot.texture, slot.made) = (Some(texture), [false; 2]);
-        match voices.playback(index) {
-            Some(playback) => playback.restart(&texture.texture),
-            empty => *empty = Some(Playback::new(&texture.texture, seed_of(self.seed, index))),
+        (slot.texture, slot.made, slot.motion) = (Some(texture), [false; 2], None);
+        let playback = voices.playback(index);
+        if let Some(playback) = playback {
+            playback.restart(&texture.texture);
+        } else {
+            *playback = Some(Playback::new(&texture.texture, seed_of(self.seed, index)));
         }
+        slot.cold = playback
+            .as_ref()
+            .is_some_and(|playback| playback.cold() > 0);
     }
 
     /// Takes slot `index` to `gain`, and returns its stage if it is to be played.
@@ -244,11 +341,10 @@ impl Slot<'_> {
     }
 }
 
-/// The seed of a slot's own noise. The first slot has `seed` itself.
+/// The seed of a slot's own noise. The first slot has `seed` itself, the second its hash, which no sum of related seeds
+/// meets.
 fn seed_of(seed: u64, slot: usize) -> u64 {
-    /// 2⁶⁴ divided by the golden ratio: seeds of neighbouring numbers stay apart.
-    const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
-    seed.wrapping_add(STEP.wrapping_mul(slot as u64))
+    (0..slot).fold(seed, |seed, _| hashed(seed))
 }
 
 /// Returns whether both are the same texture of the same library: the same bytes at the same address.

@@ -14,6 +14,7 @@ mod scene_hard;
 mod scene_path;
 mod scenes;
 mod silence;
+mod start;
 mod synthesis;
 mod theta;
 #[cfg(feature = "variants")]

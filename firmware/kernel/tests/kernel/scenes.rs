@@ -10,6 +10,9 @@ use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
 use crate::models::{STRUCTURES, fixture, motion};
 
+/// Blocks in which two direct forms of order 400 are run up, with some to spare.
+const MOST_RUN_UP_BLOCKS: usize = 140;
+
 /// A texture of `node` at 50 and 100 mm/s, 0.5 and 1 N.
 pub fn texture_of(name: &str, structure: Structure, node: &NodeSpec) -> TextureSpec {
     TextureSpec {
@@ -126,6 +129,19 @@ pub fn block(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64>
     (0..UPDATE_INTERVAL_SAMPLES)
         .map(|_| f64::from(player.next_sample().metres_per_second_squared().0))
         .collect()
+}
+
+/// Plays blocks until a voice is in one, as it is at once with a lattice; the samples of that block, in m/s². The blocks
+/// before it are silent.
+pub fn heard(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64> {
+    for _ in 0..MOST_RUN_UP_BLOCKS {
+        let samples = block(player, interaction);
+        if !player.block().stages().is_empty() {
+            return samples;
+        }
+        assert_eq!(peak(&samples), 0.0);
+    }
+    panic!("silent for {MOST_RUN_UP_BLOCKS} blocks");
 }
 
 pub fn largest_step(samples: &[f64]) -> f64 {

@@ -66,7 +66,8 @@ fn before_any_motion_there_is_exact_silence() {
 }
 
 proptest! {
-    /// Compared with the same noise at its full level from the first sample on, within one output step for rounding.
+    /// Compared with the same noise at its full level from the first sample on, within one output step for rounding, and
+    /// nine steps of the ramp, 2⁻¹⁶ each.
     #[test]
     fn the_first_sample_has_a_tenth_of_the_level_at_most(seed: u64, power in 0.0f32..MAX_OUTPUT_POWER) {
         for structure in STRUCTURES {
@@ -78,7 +79,7 @@ proptest! {
             let full = play(&mut at_once, moving, 1).next().expect("one sample");
             let first = play(&mut ramped, moving, UPDATE_INTERVAL_SAMPLES).next().expect("one sample");
             let (full, first) = (i64::from(full.0).abs(), i64::from(first.0).abs());
-            prop_assert!(10 * first <= full + 100, "{}: {} of {}", structure, first, full);
+            prop_assert!(10 * first <= full + 100 + 10 * 9 * (full >> 16) + 1, "{}: {} of {}", structure, first, full);
         }
     }
 }
@@ -142,7 +143,8 @@ fn the_same_seed_gives_the_same_samples_and_a_copy_goes_on_alike() {
     }
 }
 
-/// Earlier frames leave a trace in the filter's state only, neither in coefficients nor in levels.
+/// Earlier frames leave a trace in the filter's state only, neither in coefficients nor in levels. The first motion is
+/// the same, because a direct form is run up at it.
 #[test]
 fn a_motion_calls_for_the_same_whatever_the_motion_before() {
     for structure in STRUCTURES {
@@ -165,6 +167,7 @@ fn a_motion_calls_for_the_same_whatever_the_motion_before() {
             motion(10.0, 0.1),
         ] {
             let mut moved: Synthesis<'_> = Synthesis::new(texture(&bytes), 9);
+            moved.follow(end, 1);
             moved.follow(before, 1);
             moved.follow(end, 1);
             assert!(

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use host_tools::playing::motion::Hand;
+use host_tools::playing::render::Rendering;
 use host_tools::report::plot;
 use host_tools::report::plot::{Caption, SceneRegion, SceneView};
-use host_tools::scene::Hand;
-use host_tools::scene::SceneRendering;
 use host_tools::support::error::Result;
 use model_format::{OutputSample, Provenance};
 
@@ -39,7 +39,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let (motion, seconds) = arguments.along.motion(&compiled.scene)?;
     let seconds = seconds.min(LONGEST_S);
     let plan = plan(&compiled, &library)?;
-    let rendering = SceneRendering::new(plan, &motion, seconds, arguments.along.seed)?;
+    let rendering = Rendering::of_plan(plan, &motion, seconds, arguments.along.seed)?;
     let rate_hz = f64::from(rendering.sample_rate_hz());
     let samples_m_s2: Vec<f64> = rendering
         .map(|sample: OutputSample| f64::from(sample.metres_per_second_squared().0))

@@ -1,7 +1,6 @@
 //! `stylus scene render`
 
-use host_tools::playing::render::{RenderSummary, write_wav};
-use host_tools::scene::SceneRendering;
+use host_tools::playing::render::{RenderSummary, Rendering, write_wav};
 use host_tools::support::error::Result;
 
 use super::source::{Along, Source, plan};
@@ -25,7 +24,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let compiled = arguments.source.compile(&library)?;
     let (motion, seconds) = arguments.along.motion(&compiled.scene)?;
     let plan = plan(&compiled, &library)?;
-    let mut rendering = SceneRendering::new(plan, &motion, seconds, arguments.along.seed)?;
+    let mut rendering = Rendering::of_plan(plan, &motion, seconds, arguments.along.seed)?;
     let rate_hz = rendering.sample_rate_hz();
     let wav = &arguments.wav;
     let written = write_wav(wav.path(), rate_hz, wav.format(), rendering.by_ref())?;

@@ -8,10 +8,12 @@
 //! ```
 //! Columns may stand in any order, and other columns are ignored. A column `position_mm` gives the position on the
 //! path; without it the position is the integral of the speed, from 0 mm. A column `contact`, 0 or 1, gives contact
-//! with the surface; without it the contact follows from the force.
+//! with the surface; without it the contact follows from the force, see [`Hand`].
 
+mod hand;
 mod path;
 mod point;
 mod table;
 
+pub use hand::Hand;
 pub use path::MotionPath;

@@ -1,24 +1,26 @@
 //! Samples of a rendering, one by one or in memory.
 
 use model_format::{OutputSample, Texture};
-use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
+use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+use stylus_kernel::scene::{Plan, ScenePlayer};
 
 use super::clock::SampleClock;
-use crate::playing::motion::MotionPath;
+use crate::playing::motion::{Hand, MotionPath};
 use crate::support::error::Result;
 
-/// Iterator over the samples of a texture along a motion; it keeps none of them.
+/// Iterator over the samples of a texture or scene along a motion; it keeps none of them.
 ///
-/// The same texture, motion and seed give the same samples on every computer.
+/// The same library, motion and seed give the same samples on every computer. They begin as a stylus begins: a lattice
+/// at its level, a direct form after the silence in which it is run up, and both with contact.
 #[derive(Clone, Debug)]
 pub struct Rendering<'a> {
-    synthesis: Synthesis<'a>,
-    motion: &'a MotionPath,
+    player: ScenePlayer<'a>,
+    hand: Hand<'a>,
     clock: SampleClock,
 }
 
 impl<'a> Rendering<'a> {
-    /// A rendering of `seconds` of `texture`, from rest.
+    /// A rendering of `seconds` of `texture`, from rest without contact, by the plan that a stylus makes of it.
     ///
     /// # Errors
     /// A duration that is not a number, is shorter than a sample, or is longer than
@@ -29,16 +31,29 @@ impl<'a> Rendering<'a> {
         seconds: f64,
         seed: u64,
     ) -> Result<Self> {
+        Self::of_plan(Plan::of_texture(texture), motion, seconds, seed)
+    }
+
+    /// A rendering of `seconds` of `plan`, from rest without contact.
+    ///
+    /// # Errors
+    /// As [`Rendering::new`].
+    pub fn of_plan(
+        plan: Plan<'a>,
+        motion: &'a MotionPath,
+        seconds: f64,
+        seed: u64,
+    ) -> Result<Self> {
         Ok(Self {
-            clock: SampleClock::new(seconds, texture.sample_rate_hz())?,
-            synthesis: Synthesis::new(texture, seed),
-            motion,
+            clock: SampleClock::new(seconds, plan.sample_rate_hz())?,
+            player: ScenePlayer::new(plan, seed),
+            hand: Hand::new(motion),
         })
     }
 
     /// Number of samples so far at the kernel's full scale.
     pub fn saturations(&self) -> u32 {
-        self.synthesis.saturations()
+        self.player.saturations()
     }
 
     /// Sample rate, Hz.
@@ -52,10 +67,10 @@ impl Iterator for Rendering<'_> {
 
     fn next(&mut self) -> Option<OutputSample> {
         if let Some(time_s) = self.clock.next()? {
-            self.synthesis
-                .follow(self.motion.at(time_s), UPDATE_INTERVAL_SAMPLES);
+            let interaction = self.hand.at(time_s);
+            self.player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
         }
-        Some(self.synthesis.next_sample())
+        Some(self.player.next_sample())
     }
 
     fn size_hint(&self) -> (usize, Option<usize>) {
@@ -113,6 +128,8 @@ pub fn render(
 
 #[cfg(test)]
 mod tests {
+    use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
+
     use super::super::MAX_SECONDS;
     use super::super::test_library::{constant, library, sweep, texture};
     use super::*;
@@ -123,13 +140,15 @@ mod tests {
         let library = library(5000);
         let motion = sweep();
         let rendered = render(texture(&library), &motion, 0.4, 11).unwrap();
-        let mut kernel: Synthesis<'_> = Synthesis::new(texture(&library), 11);
+        let plan = Plan::of_texture(texture(&library));
+        let mut kernel: ScenePlayer<'_> = ScenePlayer::new(plan, 11);
+        let mut contact = ContactDetector::new();
         let mut played = Vec::new();
         for update in 0..200 {
-            kernel.follow(
-                motion.at(f64::from(update) * 0.002),
-                UPDATE_INTERVAL_SAMPLES,
-            );
+            let motion = motion.at(f64::from(update) * 0.002);
+            let contact = contact.touches(motion, ContactThreshold::LEAST);
+            let interaction = Interaction::new(motion, 0.0, contact).unwrap();
+            kernel.follow(interaction, UPDATE_INTERVAL_SAMPLES);
             played.extend((0..UPDATE_INTERVAL_SAMPLES).map(|_| kernel.next_sample()));
         }
         assert_eq!(rendered.samples, played);
@@ -175,6 +194,19 @@ mod tests {
                 .iter()
                 .all(|sample| *sample == OutputSample::SILENCE)
         );
+    }
+
+    /// A hand held still in the air above a surface: its force is noise below the threshold.
+    #[test]
+    fn a_hand_without_contact_feels_nothing_whatever_its_speed() {
+        let library = library(5000);
+        let rendered =
+            |force_n| render(texture(&library), &constant(80.0, force_n), 0.1, 5).unwrap();
+        let is_silent = |force_n| {
+            (rendered(force_n).samples.iter()).all(|&sample| sample == OutputSample::SILENCE)
+        };
+        assert!(is_silent(0.02));
+        assert!(!is_silent(0.021));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::canvas::{
 };
 use super::spectrogram::{image, levels_db, png};
 use super::{Caption, Svg};
-use crate::scene::Hand;
+use crate::playing::motion::Hand;
 use crate::support::error::{Error, Result};
 
 /// Size of the picture, shown pixels.

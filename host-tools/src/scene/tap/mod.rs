@@ -22,7 +22,7 @@ use model_format::scene::limits::{
 };
 use serde::Serialize;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
-use stylus_kernel::scene::ContactDetector;
+use stylus_kernel::scene::ContactThreshold;
 
 pub use fit::{Ringing, fit};
 pub use onset::onsets;
@@ -183,7 +183,7 @@ impl Taps {
         let interval_s = f64::from(UPDATE_INTERVAL_SAMPLES) / f64::from(SAMPLE_RATE_HZ);
         let interval = ((interval_s * self.rate_hz).round() as usize).max(1);
         let within = (CONTACT_WITHIN_S * self.rate_hz) as usize;
-        let bound = f64::from(ContactDetector::BEGINS_N);
+        let bound = f64::from(ContactThreshold::LEAST.begins_n());
         let first = begin.saturating_sub(within).max(interval);
         let last = (begin + within).min(force.len().saturating_sub(2 * interval));
         let contact = (first..last).find(|&at| force[at - 1] <= bound && force[at] > bound)?;

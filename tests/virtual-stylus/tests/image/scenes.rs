@@ -388,8 +388,8 @@ fn count_scene(device: &mut Device, scene: &str) -> Count {
     device
         .play_scene(scene, MotionSource::Sensors, 3)
         .expect("it is there");
-    // Time for the exchange, and for the window of the speed.
-    device.run_for(30 * MS);
+    // Time for the exchange, for the window of the speed, and for the run-up of a direct form of the highest order.
+    device.run_for(200 * MS);
     count(device, scene, 30)
 }
 

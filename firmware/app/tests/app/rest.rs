@@ -1,0 +1,134 @@
+//! A trial at rest: the tool in the air, with the noise that the converter gives there, moved or not.
+
+use model_format::link::{Setting, SettingChange, Settings};
+use model_format::{
+    AdcCode, CodeSpec, DacCode, Library, NodeFlags, NodeSpec, Provenance, Structure, Texture,
+    TextureSpec, encode_uncertified,
+};
+use stylus_app::SAMPLE_RATE_HZ;
+use stylus_app::inputs::{FORCE_NOISE_CODES, Follower, InputConfig, Sensors};
+use stylus_app::safety::{Config, State};
+use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+use stylus_kernel::excitation::{self, Excitation};
+use stylus_kernel::scene::{Plan, ScenePlayer};
+
+/// A texture that is at its level from the force of one code on.
+fn library(structure: Structure) -> Vec<u8> {
+    let codes = match structure {
+        Structure::NormalisedLattice => CodeSpec::Lattice(vec![-20_000, 9_000]),
+        Structure::DirectForm16 | Structure::DirectForm32 => CodeSpec::Direct16 {
+            exponent: 0,
+            codes: vec![16_384],
+        },
+    };
+    let node = NodeSpec {
+        output_power: 400.0,
+        prediction_error_power: 300.0,
+        flags: NodeFlags::NONE,
+        codes,
+    };
+    encode_uncertified(&[TextureSpec {
+        name: "loud".into(),
+        sample_rate_hz: SAMPLE_RATE_HZ,
+        structure,
+        provenance: Provenance::Simulated,
+        speed_axis_mm_s: vec![1.0],
+        force_axis_n: vec![0.000_1],
+        nodes: vec![node],
+        cell_margins: vec![],
+    }])
+    .expect("a valid library")
+}
+
+fn texture(bytes: &[u8]) -> Texture<'_> {
+    let library = Library::decode_uncertified(bytes).expect("it was just written");
+    library.textures().next().expect("it has one")
+}
+
+/// The way from the converter's code to the DAC's, as the image goes it.
+struct Stylus<'a> {
+    input: InputConfig,
+    sensors: Sensors,
+    follower: Follower,
+    player: ScenePlayer<'a>,
+    safety: (Config, State),
+    tick: u64,
+}
+
+impl<'a> Stylus<'a> {
+    fn new(settings: &Settings, texture: Texture<'a>) -> Self {
+        Self {
+            input: InputConfig::new(settings),
+            sensors: Sensors::new(),
+            follower: Follower::new(false),
+            player: ScenePlayer::new(Plan::of_texture(texture), 3),
+            safety: (Config::new(settings, 1.0), State::new()),
+            tick: 0,
+        }
+    }
+
+    /// Plays a block after the ticks in which `counts` and `code` were read; the codes at the DAC.
+    fn block(&mut self, counts: i16, mut code: impl FnMut() -> AdcCode) -> Vec<DacCode> {
+        for _ in 0..UPDATE_INTERVAL_SAMPLES {
+            self.tick += 1;
+            self.sensors.read(self.tick, counts, code(), true);
+        }
+        self.sensors.end_block();
+        let chosen = self.sensors.motion(&self.input);
+        let interaction = self.follower.follow(chosen, &self.sensors, &self.input);
+        self.player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
+        let (config, state) = &mut self.safety;
+        (0..UPDATE_INTERVAL_SAMPLES)
+            .map(|_| state.process(config, self.player.next_sample(), false))
+            .collect()
+    }
+}
+
+fn settings(force_zero: f32, force_per_volt: f32) -> Settings {
+    let changes = [
+        (Setting::ForceZero, force_zero),
+        (Setting::ForcePerVolt, force_per_volt),
+    ];
+    changes
+        .into_iter()
+        .fold(Settings::default(), |settings, (setting, value)| {
+            let change = SettingChange { setting, value };
+            settings.with(change).expect("in range")
+        })
+}
+
+/// A minute of Gaussian noise around the zero of the force, for a sensor of 2 N/V and for a coarse one, whose noise is
+/// above the least threshold.
+#[test]
+fn noise_at_rest_is_exact_silence_and_costs_what_silence_costs() {
+    const ZERO: i32 = 3000;
+    let unit = (1u32 << excitation::FRACTION_BITS) as f32;
+    for structure in [Structure::NormalisedLattice, Structure::DirectForm16] {
+        let bytes = library(structure);
+        for (force_per_volt, counts) in [(2.0, 0), (2.0, 3), (50.0, 3)] {
+            let settings = settings(ZERO as f32, force_per_volt);
+            let mut stylus = Stylus::new(&settings, texture(&bytes));
+            let mut noise = Excitation::new(1);
+            let mut at_rest = || {
+                let codes = noise.next_sample() as f32 / unit * FORCE_NOISE_CODES;
+                AdcCode((ZERO + codes.round() as i32) as u16)
+            };
+            for block in 0..60 * 500 {
+                let codes = stylus.block(counts, &mut at_rest);
+                assert!(
+                    codes.iter().all(|&code| code == DacCode::MID_SCALE),
+                    "{structure}, {force_per_volt} N/V, block {block}"
+                );
+                assert!(stylus.player.block().stages().is_empty());
+            }
+            // The same hand is heard once it presses, so that the silence was not that of a stylus that plays nothing.
+            let pressed = (0..100).flat_map(|_| stylus.block(3, || AdcCode(20_000)));
+            assert!(
+                pressed
+                    .collect::<Vec<_>>()
+                    .iter()
+                    .any(|&code| code != DacCode::MID_SCALE)
+            );
+        }
+    }
+}

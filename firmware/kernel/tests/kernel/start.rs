@@ -1,0 +1,454 @@
+//! Beginnings: no voice is heard from an empty state, and none at another level than its own.
+//!
+//! Levels are means over many seeds. The exact level is that of the filter's impulse response in float64.
+
+use std::f64::consts::PI;
+
+use model_format::scene::Scene;
+use model_format::{CodeSpec, NodeFlags, NodeSpec, Structure, TextureSpec, encode_uncertified};
+use stylus_kernel::arithmetic::Portable;
+use stylus_kernel::direct::RUN_UP_SAMPLES;
+use stylus_kernel::excitation::Excitation;
+use stylus_kernel::lattice::LatticeState;
+use stylus_kernel::rotation::Rotation;
+use stylus_kernel::scene::{Interaction, Plan, RUN_UP_INSTRUCTIONS, ScenePlayer, Stage};
+
+use crate::models::{fixture, motion, rotation, texture};
+use crate::scenes::{
+    at, block, heard, library, lifted, moving, peak, plan, player, side_by_side, texture_of,
+};
+
+/// Blocks of the first 20 ms.
+const FIRST_BLOCKS: usize = 10;
+
+/// Largest deviation of the mean level in that time, dB. The ramp of the first block takes 0.3 of it.
+const WITHIN_DB: f64 = 0.5;
+
+/// A line of this pole radius at `hz`, with an RMS of 1 m/s².
+fn line(structure: Structure, hz: f64, radius: f64) -> NodeSpec {
+    let a1 = -2.0 * radius * (2.0 * PI * hz / 5000.0).cos();
+    let a2 = radius * radius;
+    let k = [a1 / (1.0 + a2), a2];
+    let error = (1.0 - k[0] * k[0]) * (1.0 - k[1] * k[1]);
+    NodeSpec {
+        output_power: 1.0,
+        prediction_error_power: error as f32,
+        flags: NodeFlags::NONE,
+        codes: match structure {
+            Structure::NormalisedLattice => CodeSpec::Lattice(
+                k.map(|k| (k.asin() / PI * 65_536.0).round() as i16)
+                    .to_vec(),
+            ),
+            Structure::DirectForm16 | Structure::DirectForm32 => CodeSpec::Direct32 {
+                exponent: 2,
+                codes: [-a1, -a2]
+                    .map(|h| (h * 2f64.powi(29)).round() as i32)
+                    .to_vec(),
+            },
+        },
+    }
+}
+
+/// The output's power of a node, (m/s²)²: of a lattice as stored, of a direct form by its impulse response.
+fn power(node: &NodeSpec) -> f64 {
+    let CodeSpec::Direct32 { exponent, codes } = &node.codes else {
+        return f64::from(node.output_power);
+    };
+    let scale = 2f64.powi(i32::from(*exponent) - 31);
+    let h: Vec<f64> = codes.iter().map(|&code| f64::from(code) * scale).collect();
+    let mut response = vec![1.0];
+    for n in 1..200_000usize {
+        let past = response[n.saturating_sub(h.len())..].iter().rev();
+        response.push(h.iter().zip(past).map(|(h, y)| h * y).sum());
+    }
+    f64::from(node.prediction_error_power) * response.iter().map(|y| y * y).sum::<f64>()
+}
+
+/// A texture that is played, with what its level shows best.
+struct Case {
+    name: String,
+    spec: TextureSpec,
+    /// Seeds whose mean level has a standard deviation of at most 0.1 dB.
+    seeds: u64,
+    power: f64,
+}
+
+/// Lines, a broadband texture, and a model of order 400, of the lattice and of the direct form.
+fn cases() -> Vec<Case> {
+    use Structure::{DirectForm32, NormalisedLattice};
+    let mut cases = Vec::new();
+    for structure in [NormalisedLattice, DirectForm32] {
+        let mut add = |name: &str, node: NodeSpec, seeds| {
+            let name = format!("{structure}, {name}");
+            let spec = texture_of("test", structure, &node);
+            let power = power(&node);
+            cases.push(Case {
+                name,
+                spec,
+                seeds,
+                power,
+            });
+        };
+        add(
+            "line of radius 0.9995",
+            line(structure, 200.0, 0.9995),
+            4000,
+        );
+        add("broadband", line(structure, 300.0, 0.3), 100);
+        add("order 400", fixture("H3").node(structure, 4.0), 500);
+    }
+    // Its θ has 16 bits, of which the radius of a line has some more.
+    let node = line(NormalisedLattice, 200.0, 0.9999);
+    cases.push(Case {
+        name: "lattice, line of radius 0.9999".to_owned(),
+        spec: texture_of("test", NormalisedLattice, &node),
+        seeds: 4000,
+        power: 1.0,
+    });
+    cases
+}
+
+fn decibels(ratio: f64) -> f64 {
+    10.0 * ratio.log10()
+}
+
+fn mean_square(samples: &[f64]) -> f64 {
+    samples.iter().map(|sample| sample * sample).sum::<f64>() / samples.len() as f64
+}
+
+/// Samples of the first 20 ms in which a voice is in the blocks.
+fn first_samples(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64> {
+    let mut samples = heard(player, interaction);
+    for _ in 1..FIRST_BLOCKS {
+        samples.extend(block(player, interaction));
+    }
+    samples
+}
+
+/// The deviation of the mean level of `first` over the case's seeds, dB.
+fn deviation_db(case: &Case, first: impl Fn(u64) -> Vec<f64>) -> f64 {
+    let sum: f64 = (0..case.seeds).map(|seed| mean_square(&first(seed))).sum();
+    decibels(sum / case.seeds as f64 / case.power)
+}
+
+fn assert_within(name: &str, deviation_db: f64) {
+    println!("{name}: {deviation_db:+.2} dB");
+    assert!(deviation_db.abs() < WITHIN_DB, "{name}: {deviation_db} dB");
+}
+
+#[test]
+fn a_texture_is_at_its_level_in_its_first_20_ms() {
+    for case in cases() {
+        let bytes = encode_uncertified(std::slice::from_ref(&case.spec)).expect("a valid library");
+        let played = deviation_db(&case, |seed| {
+            let plan = Plan::of_texture(texture(&bytes));
+            first_samples(&mut ScenePlayer::new(plan, seed), at(0.0, moving()))
+        });
+        assert_within(&case.name, played);
+    }
+}
+
+/// The tool lifts, and comes down again: the state is the one that was left.
+#[test]
+fn a_texture_is_at_its_level_whenever_the_tool_comes_down_again() {
+    for case in cases() {
+        let bytes = encode_uncertified(std::slice::from_ref(&case.spec)).expect("a valid library");
+        let again = deviation_db(&case, |seed| {
+            let plan = Plan::of_texture(texture(&bytes));
+            let mut player = ScenePlayer::new(plan, seed);
+            first_samples(&mut player, at(0.0, moving()));
+            let mut all = Vec::new();
+            for _ in 0..3 {
+                while !player.block().stages().is_empty() {
+                    block(&mut player, lifted());
+                }
+                all.extend(first_samples(&mut player, at(0.0, moving())));
+            }
+            all
+        });
+        assert_within(&case.name, again);
+    }
+}
+
+/// A lattice was left at another motion, with other coefficients and another level.
+#[test]
+fn a_lattice_comes_down_at_its_level_wherever_it_was_left() {
+    let quiet = line(Structure::NormalisedLattice, 700.0, 0.999);
+    let loud = line(Structure::NormalisedLattice, 90.0, 0.9995);
+    let mut spec = texture_of("test", Structure::NormalisedLattice, &quiet);
+    spec.nodes[3] = NodeSpec {
+        output_power: 16.0,
+        ..loud
+    };
+    let bytes = encode_uncertified(&[spec.clone()]).expect("a valid library");
+    let case = Case {
+        name: "lattice, from one motion to another".to_owned(),
+        spec,
+        seeds: 4000,
+        power: 16.0,
+    };
+    let again = deviation_db(&case, |seed| {
+        let mut player = ScenePlayer::new(Plan::of_texture(texture(&bytes)), seed);
+        first_samples(&mut player, at(0.0, motion(50.0, 0.5)));
+        block(&mut player, lifted());
+        block(&mut player, lifted());
+        first_samples(&mut player, at(0.0, motion(100.0, 1.0)))
+    });
+    assert_within(&case.name, again);
+}
+
+/// A library of the case's texture, a lattice and another lattice.
+fn among_others(case: &Case) -> Vec<u8> {
+    let other = |name: &str| {
+        let node = line(Structure::NormalisedLattice, 500.0, 0.9);
+        texture_of(name, Structure::NormalisedLattice, &node)
+    };
+    let textures = [case.spec.clone(), other("second"), other("third")];
+    encode_uncertified(&textures).expect("a valid library")
+}
+
+/// Three surfaces have two slots, so that each entry finds that its texture had to go.
+#[test]
+fn a_texture_is_at_its_level_at_each_entry_of_its_region() {
+    let scene = side_by_side(&[0, 1, 2], 0.0);
+    for case in cases() {
+        let bytes = among_others(&case);
+        let entered = deviation_db(&case, |seed| {
+            let mut player = player(&bytes, &scene, seed);
+            let mut all = Vec::new();
+            for _ in 0..2 {
+                for other in [150.0, 250.0] {
+                    for _ in 0..5 {
+                        block(&mut player, at(other, moving()));
+                    }
+                }
+                // The tool comes down in the region, because one surface sounds on while another is run up.
+                while !player.block().stages().is_empty() {
+                    block(
+                        &mut player,
+                        Interaction::new(moving(), 250.0, false).expect("finite"),
+                    );
+                }
+                all.extend(first_samples(&mut player, at(50.0, moving())));
+            }
+            all
+        });
+        assert_within(&case.name, entered);
+    }
+}
+
+#[test]
+fn a_texture_is_at_its_level_after_a_switch_of_plans() {
+    let of = |texture| {
+        let surface = model_format::scene::Surface::of_texture(texture);
+        Scene::of_surface(crate::scenes::name("test"), 5000, surface)
+    };
+    for case in cases() {
+        let bytes = among_others(&case);
+        let switched = deviation_db(&case, |seed| {
+            let mut player = player(&bytes, &of(1), seed);
+            for _ in 0..5 {
+                block(&mut player, at(0.0, moving()));
+            }
+            player.switch(plan(&bytes, &of(0)));
+            let mut samples = Vec::new();
+            while player.director().is_switching() {
+                samples = block(&mut player, at(0.0, moving()));
+            }
+            if player.block().stages().is_empty() {
+                samples = heard(&mut player, at(0.0, moving()));
+            }
+            for _ in 1..FIRST_BLOCKS {
+                samples.extend(block(&mut player, at(0.0, moving())));
+            }
+            samples
+        });
+        assert_within(&case.name, switched);
+    }
+}
+
+/// Drawn for each of many seeds, and after each of some samples with other rotations: every signal has unit variance,
+/// neighbours are uncorrelated, and none is near full scale.
+#[test]
+fn the_drawn_state_of_a_lattice_is_white_and_stays_so_whatever_its_coefficients() {
+    const STAGES: usize = 40;
+    const SEEDS: u64 = 4000;
+    let unit = f64::from(1u32 << 28);
+    let mut squares = [0.0; STAGES];
+    let mut neighbours = [0.0; STAGES - 1];
+    let mut largest = 0;
+    for seed in 0..SEEDS {
+        let mut source = Excitation::new(seed);
+        let mut state = LatticeState::stationary(STAGES, &mut source);
+        assert!(state.backward(400)[STAGES..].iter().all(|&g| g == 0));
+        for sample in 0..30i32 {
+            let codes =
+                (0..STAGES as i32).map(|stage| (9_973 * (stage + 1) * (sample % 7 + 1)) as i16);
+            let rotations: Vec<Rotation> = codes.map(rotation).collect();
+            state.filter::<Portable>(&rotations, source.next_sample());
+            let loudest = state
+                .backward(STAGES)
+                .iter()
+                .map(|g| g.unsigned_abs())
+                .max();
+            largest = largest.max(loudest.expect("some stages"));
+        }
+        let signals: Vec<f64> = state
+            .backward(STAGES)
+            .iter()
+            .map(|&g| f64::from(g) / unit)
+            .collect();
+        for (square, signal) in squares.iter_mut().zip(&signals) {
+            *square += signal * signal;
+        }
+        for (product, pair) in neighbours.iter_mut().zip(signals.windows(2)) {
+            *product += pair[0] * pair[1];
+        }
+    }
+    // Five standard deviations of a mean of squares and of products.
+    let deviation = 1.0 / (SEEDS as f64).sqrt();
+    for (stage, square) in squares.iter().enumerate() {
+        let variance = square / SEEDS as f64;
+        assert!(
+            (variance - 1.0).abs() < 5.0 * 2f64.sqrt() * deviation,
+            "stage {stage}: {variance}"
+        );
+    }
+    for (stage, product) in neighbours.iter().enumerate() {
+        let correlation = product / SEEDS as f64;
+        assert!(
+            correlation.abs() < 5.0 * deviation,
+            "stage {stage}: {correlation}"
+        );
+    }
+    assert!(largest < 7 << 28, "{largest}");
+}
+
+/// Number of blocks without a stage before the first with one, all of them silent.
+fn blocks_of_silence(player: &mut ScenePlayer<'_>, interaction: Interaction) -> usize {
+    let mut blocks = 0;
+    loop {
+        let samples = block(player, interaction);
+        if !player.block().stages().is_empty() {
+            return blocks;
+        }
+        assert_eq!(peak(&samples), 0.0);
+        blocks += 1;
+        assert!(blocks < 1000, "it never sounds");
+    }
+}
+
+/// Blocks that the run-up of `instructions` per sample takes by itself.
+fn run_up_blocks(instructions: u32) -> usize {
+    RUN_UP_SAMPLES.div_ceil(RUN_UP_INSTRUCTIONS / instructions) as usize
+}
+
+#[test]
+fn a_direct_form_is_silent_while_it_is_run_up_and_a_lattice_never() {
+    let bytes = library(&[]);
+    for index in 0..5 {
+        let scene = side_by_side(&[index], 0.0);
+        let mut player = player(&bytes, &scene, 1);
+        let voice = player.director().plan().worst_case().terms()[1];
+        let silent = blocks_of_silence(&mut player, at(50.0, moving()));
+        let expected = if index < 3 {
+            0
+        } else {
+            run_up_blocks(voice.instructions())
+        };
+        assert_eq!(silent, expected, "{voice}");
+        assert!(silent <= 65, "130 ms, as the pages say");
+    }
+}
+
+/// Both share what a block may take, one after the other.
+#[test]
+fn two_direct_forms_at_once_take_as_long_as_one_after_the_other() {
+    let bytes = library(&[]);
+    let scene = side_by_side(&[3, 4], 20.0);
+    let mut player = player(&bytes, &scene, 1);
+    let one = run_up_blocks(player.director().plan().worst_case().terms()[1].instructions());
+    assert_eq!(blocks_of_silence(&mut player, at(100.0, moving())), one);
+    let more = (0..).take_while(|_| {
+        block(&mut player, at(100.0, moving()));
+        player.block().stages().len() == 1
+    });
+    // The block in which the first one became ready had some samples left for the second.
+    let more = 1 + more.count();
+    assert!((one - 1..=one).contains(&more), "{more} after {one}");
+    assert_eq!(player.block().stages().len(), 2);
+}
+
+#[test]
+fn a_lift_does_not_interrupt_the_run_up() {
+    let bytes = library(&[]);
+    let scene = side_by_side(&[4], 0.0);
+    let mut player = player(&bytes, &scene, 1);
+    for _ in 0..3 {
+        assert_eq!(peak(&block(&mut player, at(50.0, moving()))), 0.0);
+    }
+    for _ in 0..100 {
+        assert_eq!(peak(&block(&mut player, lifted())), 0.0);
+        assert!(player.block().stages().is_empty());
+    }
+    assert_eq!(blocks_of_silence(&mut player, at(50.0, moving())), 0);
+}
+
+/// A lattice and a direct form: while that is run up, the lattice has its share of the transition too, and goes on where
+/// the tool has left it.
+#[test]
+fn a_surface_sounds_alone_until_the_one_beside_it_is_run_up() {
+    let bytes = library(&[]);
+    for there in [95.0, 100.0, 105.0, 150.0] {
+        let scene = side_by_side(&[2, 4], 20.0);
+        let [mut crossing, mut staying] = [1, 1].map(|seed| player(&bytes, &scene, seed));
+        for _ in 0..10 {
+            let here = at(50.0, moving());
+            assert_eq!(block(&mut crossing, here), block(&mut staying, here));
+        }
+        let alone = (0..1000).take_while(|_| {
+            let (crossed, stayed) = (
+                block(&mut crossing, at(there, moving())),
+                block(&mut staying, at(50.0, moving())),
+            );
+            let alone = crossing.block().stages().len() == 1;
+            if alone {
+                assert_eq!(crossed, stayed, "at {there} mm");
+            }
+            alone
+        });
+        let direct = crossing_cost(&bytes);
+        assert_eq!(alone.count(), run_up_blocks(direct), "at {there} mm");
+        // The fade from one to the other, or their shares.
+        assert_eq!(crossing.block().stages().len(), 2);
+    }
+}
+
+/// Instructions of the direct form of that crossing.
+fn crossing_cost(bytes: &[u8]) -> u32 {
+    plan(bytes, &side_by_side(&[4], 0.0)).worst_case().terms()[1].instructions()
+}
+
+#[test]
+fn a_surface_that_sounds_for_one_that_is_run_up_ends_with_contact() {
+    let bytes = library(&[]);
+    let scene = side_by_side(&[2, 4], 20.0);
+    let mut player = player(&bytes, &scene, 1);
+    for position in [50.0, 150.0, 150.0] {
+        block(&mut player, at(position, moving()));
+    }
+    assert_eq!(player.block().stages().len(), 1);
+    block(&mut player, lifted());
+    assert_eq!(
+        player
+            .block()
+            .stages()
+            .iter()
+            .filter_map(Stage::voice)
+            .count(),
+        1,
+        "it fades"
+    );
+    assert_eq!(peak(&block(&mut player, lifted())), 0.0);
+    assert!(player.block().stages().is_empty());
+}
