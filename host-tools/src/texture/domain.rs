@@ -1,6 +1,6 @@
 //! Domains in which models can be interpolated, and a model predicted in each from its neighbours.
 
-use model_format::NodeFlags;
+use model_format::{LevelLaw, NodeFlags};
 use serde::{Serialize, Serializer};
 
 use crate::dsp::line_spectral_frequencies as line_spectrum;
@@ -57,8 +57,8 @@ impl Method {
     /// The paper's: h and σ², played in the direct form.
     pub const PAPER: Self = Self::new(Domain::Predictor, Level::Excitation);
 
-    /// The method of a texture on the device whose level law is the fit's default: θ and the logarithm of the power.
-    pub const DEVICE: Self = Self::new(Domain::Angle, Level::LogPower);
+    /// The device's own method for grids as `fit` makes them.
+    pub const DEVICE: Self = Self::of_device(LevelLaw::Logarithm);
 
     /// Every method, the paper's first.
     pub const ALL: [Self; 18] = [
@@ -67,9 +67,9 @@ impl Method {
         Self::new(Domain::Predictor, Level::LogPower),
         Self::new(Domain::Reflection, Level::Power),
         Self::new(Domain::Reflection, Level::LogPower),
-        Self::new(Domain::Angle, Level::Power),
-        Self::new(Domain::Angle, Level::Amplitude),
-        Self::DEVICE,
+        Self::of_device(LevelLaw::Power),
+        Self::of_device(LevelLaw::Amplitude),
+        Self::of_device(LevelLaw::Logarithm),
         Self::new(Domain::LogAreaRatio, Level::Power),
         Self::new(Domain::LogAreaRatio, Level::LogPower),
         Self::new(Domain::LineSpectrum, Level::Power),
@@ -81,6 +81,16 @@ impl Method {
         Self::new(Domain::WarpedLogSpectrum, Level::Power),
         Self::new(Domain::WarpedLogSpectrum, Level::LogPower),
     ];
+
+    /// The device's own method for a lattice with this law: θ, and the level by the law.
+    pub const fn of_device(law: LevelLaw) -> Self {
+        let level = match law {
+            LevelLaw::Power => Level::Power,
+            LevelLaw::Amplitude => Level::Amplitude,
+            LevelLaw::Logarithm => Level::LogPower,
+        };
+        Self::new(Domain::Angle, level)
+    }
 
     const fn new(domain: Domain, level: Level) -> Self {
         Self { domain, level }
@@ -101,7 +111,7 @@ impl Method {
         let level = match self.level {
             Level::Excitation => "σ²",
             Level::Power => "power",
-            Level::Amplitude => "RMS",
+            Level::Amplitude => "amplitude",
             Level::LogPower => "log power",
         };
         let role = match self {
