@@ -8,9 +8,9 @@
 //! force, see [`ContactDetector`], for a texture as for a scene. The host may give either of them instead.
 //!
 //! **The threshold of contact** is a setting, or by default 6 standard deviations of the converter's noise, see
-//! [`FORCE_NOISE_CODES`], and at least [`ContactThreshold::LEAST`]. The force has no filter, so an update sees the noise
-//! of one conversion. Beyond 6 deviations lies one of 10⁹ Gaussian values: a contact out of nothing every 23 days.
-//! Contact ends at 3 deviations.
+//! [`FORCE_NOISE_CODES`], and at least [`ContactThreshold::LEAST`]. The force has no filter, so an update sees the
+//! noise of one conversion. Beyond 6 deviations lies one of 10⁹ Gaussian values: a contact out of nothing every 23
+//! days. Contact ends at 3 deviations.
 //!
 //! An input that is older than [`STALE_TICKS`] is stale and mutes the output.
 
@@ -28,9 +28,9 @@ pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;
 
 /// Standard deviation of the force's code at rest.
 ///
-/// A NUCLEO-H743ZI with a grounded pin was seen to give 100 codes from peak to peak, because its Ethernet transceiver's
-/// clock reaches the converter (community.st.com, "Fluctuations in ADC value of STM32H743 MCU"); that is 6 deviations
-/// of 16. A sensor's amplifier may add more, and is then a reason to set the threshold.
+/// It was not measured here. Users of a NUCLEO-H743ZI report 100 codes from peak to peak of a grounded pin, because
+/// the clock of the Ethernet transceiver reaches the converter (ST community, "Fluctuations in ADC value of STM32H743
+/// MCU"); that is 6 deviations of 16. A sensor's amplifier may add more, and is then a reason to set the threshold.
 pub const FORCE_NOISE_CODES: f32 = 16.0;
 
 /// Deviations of the noise at which contact begins.

@@ -276,8 +276,8 @@ mod tests {
         lags.fold(0.0f64, |largest, sum| largest.max(sum.abs())) / libm::sqrt(N as f64)
     }
 
-    /// The bound is exceeded by chance once in 10⁹ correlations, of which there are 128 per pair of seeds. The hash of a
-    /// seed is that of a scene's second voice.
+    /// The bound is exceeded by chance once in 10⁹ correlations, of which there are 128 per pair of seeds. The hash of
+    /// a seed is that of a scene's second voice.
     #[test]
     fn related_seeds_give_uncorrelated_noise() {
         const BOUND: f64 = 6.1;

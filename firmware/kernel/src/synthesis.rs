@@ -144,6 +144,13 @@ enum State {
 }
 
 impl State {
+    fn at_rest(texture: &Texture<'_>) -> Self {
+        match texture.structure() {
+            Structure::NormalisedLattice => Self::Lattice(LatticeState::new()),
+            Structure::DirectForm16 | Structure::DirectForm32 => Self::Direct(DirectState::new()),
+        }
+    }
+
     /// The state in which `texture` begins, with the number of samples that it must be run up before it is heard.
     fn beginning(texture: &Texture<'_>, excitation: &mut Excitation) -> (Self, u32) {
         match texture.structure() {
@@ -152,7 +159,7 @@ impl State {
                 (Self::Lattice(state), 0)
             }
             Structure::DirectForm16 | Structure::DirectForm32 => {
-                (Self::Direct(DirectState::new()), direct::RUN_UP_SAMPLES)
+                (Self::at_rest(texture), direct::RUN_UP_SAMPLES)
             }
         }
     }
@@ -167,6 +174,18 @@ impl Playback {
             excitation,
             state,
             cold,
+            left: 0,
+            saturations: 0,
+        }
+    }
+
+    /// The state of `texture` that is empty and not to be run up, with the noise of `seed` from its first sample on:
+    /// for comparisons with filters that begin so. No device plays from it.
+    pub fn from_rest(texture: &Texture<'_>, seed: u64) -> Self {
+        Self {
+            excitation: Excitation::new(seed),
+            state: State::at_rest(texture),
+            cold: 0,
             left: 0,
             saturations: 0,
         }
@@ -264,13 +283,22 @@ pub struct Synthesis<'a, A: Arithmetic = Portable> {
 }
 
 impl<'a, A: Arithmetic> Synthesis<'a, A> {
-    /// Plays `texture`, from rest: it is silent until [`Synthesis::follow`] gives it a motion. The same `seed` gives
-    /// the same samples on every machine.
+    /// Plays `texture`: it is silent until [`Synthesis::follow`] gives it a motion, and then at its level. The same
+    /// `seed` gives the same samples on every machine.
     pub fn new(texture: Texture<'a>, seed: u64) -> Self {
+        Self::of_playback(texture, Playback::new(&texture, seed))
+    }
+
+    /// Plays `texture` from an empty state; see [`Playback::from_rest`].
+    pub fn from_rest(texture: Texture<'a>, seed: u64) -> Self {
+        Self::of_playback(texture, Playback::from_rest(&texture, seed))
+    }
+
+    fn of_playback(texture: Texture<'a>, playback: Playback) -> Self {
         Self {
             texture,
             frame: Frame::silent(&texture),
-            playback: Playback::new(&texture, seed),
+            playback,
             arithmetic: PhantomData,
         }
     }

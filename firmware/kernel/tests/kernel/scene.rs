@@ -29,8 +29,8 @@ fn any_motion() -> impl Strategy<Value = Motion> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
-    /// Blocks are played to their end or broken off; motions change or stay. A direct form is run up at the first motion,
-    /// and the scenes are silent for that time.
+    /// Blocks are played to their end or broken off; motions change or stay. A direct form is run up at the first
+    /// motion, and the scenes are silent for that time.
     #[test]
     fn one_surface_without_effects_is_its_texture_bit_for_bit(
         seed: u64,

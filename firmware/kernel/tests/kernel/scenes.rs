@@ -131,8 +131,8 @@ pub fn block(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64>
         .collect()
 }
 
-/// Plays blocks until a voice is in one, as it is at once with a lattice; the samples of that block, in m/s². The blocks
-/// before it are silent.
+/// Plays blocks until a voice is in one, as it is at once with a lattice; the samples of that block, in m/s². The
+/// blocks before it are silent.
 pub fn heard(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64> {
     for _ in 0..MOST_RUN_UP_BLOCKS {
         let samples = block(player, interaction);

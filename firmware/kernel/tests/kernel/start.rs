@@ -394,8 +394,8 @@ fn a_lift_does_not_interrupt_the_run_up() {
     assert_eq!(blocks_of_silence(&mut player, at(50.0, moving())), 0);
 }
 
-/// A lattice and a direct form: while that is run up, the lattice has its share of the transition too, and goes on where
-/// the tool has left it.
+/// A lattice and a direct form: while that is run up, the lattice has its share of the transition too, and goes on
+/// where the tool has left it.
 #[test]
 fn a_surface_sounds_alone_until_the_one_beside_it_is_run_up() {
     let bytes = library(&[]);

@@ -66,8 +66,8 @@ fn before_any_motion_there_is_exact_silence() {
 }
 
 proptest! {
-    /// Compared with the same noise at its full level from the first sample on, within one output step for rounding, and
-    /// nine steps of the ramp, 2⁻¹⁶ each.
+    /// Compared with the same noise at its full level from the first sample on, within one output step for rounding,
+    /// and nine steps of the ramp, 2⁻¹⁶ each.
     #[test]
     fn the_first_sample_has_a_tenth_of_the_level_at_most(seed: u64, power in 0.0f32..MAX_OUTPUT_POWER) {
         for structure in STRUCTURES {

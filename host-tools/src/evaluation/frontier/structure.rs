@@ -116,7 +116,7 @@ impl FilterStructure {
 
 /// A texture being played by a structure, from rest; a seed gives the same noise in all of them.
 pub enum Voice<'a> {
-    /// The very synthesis of the stylus.
+    /// The very synthesis of the stylus, but for its beginning, which is the variants'.
     Shipped(Box<Synthesis<'a>>),
     /// A variant.
     TwoMultiplier(Box<Variant<'a, TwoMultiplierFrame, TwoMultiplierState>>),
@@ -160,7 +160,7 @@ impl<'a> Voice<'a> {
                 let frame = Lattice16Frame::silent(stages);
                 Self::Lattice16(Box::new(Variant::new(texture, seed, frame)))
             }
-            _ => Self::Shipped(Box::new(Synthesis::new(texture, seed))),
+            _ => Self::Shipped(Box::new(Synthesis::from_rest(texture, seed))),
         }
     }
 

@@ -163,7 +163,7 @@ mod tests {
             let bytes = library(&nodes, structure).unwrap();
             let library = Library::decode_uncertified(&bytes).unwrap();
             let texture = library.textures().next().unwrap();
-            let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 5);
+            let mut synthesis: Synthesis<'_> = Synthesis::from_rest(texture, 5);
             let (mut player, mut noise) = (player(&texture), Excitation::new(5));
             for n in 0..2000u16 {
                 let speed = MillimetresPerSecond(f32::from(n % 97) * 3.0);

@@ -19,7 +19,7 @@ pub fn play(filter: Filter, updates: u32, library: &[u8]) {
     for texture in library.textures() {
         match filter {
             Filter::Product => {
-                let mut synthesis = Synthesis::new(texture, 1);
+                let mut synthesis = Synthesis::from_rest(texture, 1);
                 follow(&mut synthesis, updates, update, sample);
             }
             Filter::TwoMultiplier => {

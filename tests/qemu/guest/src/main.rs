@@ -77,7 +77,8 @@ fn measure(counter: &Counter, output: &mut Output) {
         let texture = library
             .texture(measured.texture)
             .expect("it is in the library");
-        let mut synthesis = Synthesis::<CortexM>::new(texture, 0);
+        // The first update of a beginning would run a direct form up, which a device does not do at once.
+        let mut synthesis = Synthesis::<CortexM>::from_rest(texture, 0);
         let (mut sample, mut follow) = (Range::default(), Range::default());
         for update in 0..PATH_UPDATES {
             let motion = motion(update);
