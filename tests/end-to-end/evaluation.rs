@@ -1,6 +1,8 @@
 //! The removed-node test, denser grids, strokes of a free hand, HaTT's models and the whole report, from the command
 //! line.
 
+#[path = "../../host-tools/src/fit/hatt/fixture.rs"]
+mod hatt;
 mod support;
 
 use std::process::Command;
@@ -275,58 +277,58 @@ fn a_free_hands_file_that_cannot_be_used_is_named() {
     }
 }
 
-/// A made-up model file in HaTT's format.
-fn hatt(ar: &str, var: &str) -> String {
-    let model = |ar: &str, var: &str, speed: u32, force: f64| {
-        format!(
-            "<model><ARcoeff>{ar}</ARcoeff><var>{var}</var><gain>1</gain><speedMod>{speed}</speedMod>\
-             <forceMod>{force}</forceMod></model>"
-        )
-    };
-    format!(
-        "<?xml version=\"1.0\"?><set><header><SampleRate>1000</SampleRate><maxSpeed>200</maxSpeed>\
-         <maxForce>2</maxForce><tri>0 1 2 1 2 3</tri></header>{}{}{}{}</set>",
-        model("1 -0.4 0.1", "0", 0, 0.0),
-        model(ar, var, 200, 0.2),
-        model("1 -1.1 0.6", "0.02", 20, 2.0),
-        model("1 -0.8 0.5", "0.03", 200, 2.0),
-    )
-}
-
 #[test]
-fn model_files_become_a_library_that_plays() {
+fn a_folder_of_model_files_becomes_a_library_that_plays() {
     let bench = Bench::new();
-    bench.write("cork.xml", hatt("1 -0.9 0.4", "0.01"));
-    bench.write("bark.xml", hatt("1 -1.9 0.95", "0.01"));
-    let said = bench.succeed("import-hatt cork.xml bark.xml --out hatt.lib --speeds 5 --forces 3");
+    bench.write("toolkit/Models_cork.xml", hatt::whole());
+    bench.write(
+        "toolkit/bark.xml",
+        hatt::whole().replace("<var>0.004", "<var>0.008"),
+    );
+    bench.write("toolkit/pictures.txt", "none");
+    let output = bench.run("import-hatt toolkit --out hatt.lib");
+    let (said, warned) = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{warned}");
     assert!(
         said.contains("cork") && said.contains("worst band dB"),
         "{said}"
     );
+    assert!(
+        warned.contains("2 textures need about 1 KB of 512"),
+        "{warned}"
+    );
     let inspected = bench.succeed("inspect hatt.lib");
     assert!(
-        inspected.contains("bark") && inspected.contains("5 x 3"),
+        inspected.contains("bark") && inspected.contains("3 x 3"),
         "{inspected}"
     );
     bench
         .succeed("render hatt.lib --texture cork --speed 120 --force 1 --seconds 1 --out cork.wav");
-    let report = bench.succeed("import-hatt cork.xml --out hatt.lib --json");
+    let report = bench
+        .succeed("import-hatt toolkit/Models_cork.xml --out hatt.lib --speeds 2 --forces 3 --json");
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(report[0]["nodes"].as_array().unwrap().len(), 6);
+    assert_eq!(report[0]["own_places"].as_array().unwrap().len(), 3);
     for node in report[0]["nodes"].as_array().unwrap() {
-        if let Some(worst) = node["worst_band_db"].as_f64() {
-            assert!(worst < 1.0, "{node}");
-        }
+        assert!(node["worst_band_db"].as_f64().unwrap() < 0.5, "{node}");
     }
 }
 
 #[test]
 fn model_files_that_cannot_be_used_are_named_and_nothing_is_written() {
     let bench = Bench::new();
-    let good = hatt("1 -0.9 0.4", "0.01");
+    let good = hatt::whole();
     for (content, word) in [
-        (good.replace("</set>", ""), "well-formed"),
-        (good.replace("0 1 2 1 2 3", "0 1 7"), "names model 7"),
-        (good.replace("ARcoeff", "AR"), "no model"),
+        (good.replace("</modelSet>", ""), "well-formed"),
+        (
+            good.replace("<value>6</value>", "<value>9</value>"),
+            "names model 9",
+        ),
+        (
+            good.replace("ARcoeff", "AR").replace("ARlsf", "AL"),
+            "no model",
+        ),
+        (good.replace("<numTri>6", "<numTri>60"), "<numTri> says 60"),
     ] {
         bench.write("bad.xml", content);
         let message = bench.refuse("import-hatt bad.xml --out bad.lib");
@@ -336,17 +338,47 @@ fn model_files_that_cannot_be_used_are_named_and_nothing_is_written() {
         );
         assert!(!bench.path("bad.lib").exists());
     }
-    for (ar, var, word) in [
-        ("1 -2.5 1", "0.01", "unstable"),
-        ("1 -0.9 0.4", "-1", "var is -1"),
+    for (content, word) in [
+        (
+            good.replace("<var>0.004", "<var>-1"),
+            "model 5: var is -1; left out",
+        ),
+        (
+            good.replace("<mu>0.3</mu>", "<nu>1</nu>"),
+            "<nu> are not HaTT's",
+        ),
     ] {
-        bench.write("odd.xml", hatt(ar, var));
+        bench.write("odd.xml", content);
         let output = bench.run("import-hatt odd.xml --out odd.lib");
-        assert!(output.status.success());
         let warned = text(&output.stderr);
+        assert!(output.status.success(), "{warned}");
         assert!(
-            warned.contains("model 2") && warned.contains(word),
+            warned.contains("odd.xml") && warned.contains(word),
             "{warned}"
         );
     }
+}
+
+#[test]
+fn several_model_files_are_refused_together_and_twins_by_both_names() {
+    let bench = Bench::new();
+    bench.write("a/felt.xml", hatt::whole());
+    bench.write("b/Models_felt.xml", hatt::whole());
+    bench.write("b/torn.xml", "<modelSet>");
+    bench.write("b/none.xml", "<modelSet></modelSet>");
+    let message = bench.refuse("import-hatt b --out x.lib");
+    for word in ["2 of 3 files", "torn.xml", "none.xml"] {
+        assert!(message.contains(word), "{message}");
+    }
+    for (arguments, words) in [
+        (
+            "a/felt.xml b/Models_felt.xml",
+            ["Models_felt.xml", "a/felt.xml"],
+        ),
+        ("a/felt.xml a", ["a/felt.xml", "given twice"]),
+    ] {
+        let message = bench.refuse(&format!("import-hatt {arguments} --out x.lib"));
+        assert!(words.iter().all(|word| message.contains(word)), "{message}");
+    }
+    assert!(!bench.path("x.lib").exists());
 }

@@ -169,3 +169,61 @@ fn at_stylus_rate(rate_hz: f64, poles: &[f64], zeros: &[f64], gain: f64) -> LogS
     });
     LogSpectrum::from_values(values.collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixture;
+    use super::super::read::read;
+    use super::*;
+    use std::path::Path;
+
+    fn toolkit() -> Toolkit {
+        read(Path::new("felt.xml"), &fixture::whole()).unwrap()
+    }
+
+    #[test]
+    fn densities_are_kept_up_to_the_models_half_rate_and_fall_above() {
+        let between = at(&toolkit(), (60.0, 0.5));
+        let shape = between.shape.unwrap();
+        for frequency_hz in [30.0, 100.0, 250.0, 480.0] {
+            let wanted = fixture::density(&[(4, 1.0)], frequency_hz);
+            let density = 2.0 * between.variance * shape.at(frequency_hz / STEP_HZ).exp()
+                / f64::from(SAMPLE_RATE_HZ);
+            assert!(
+                (density / wanted - 1.0).abs() < 1e-3,
+                "{frequency_hz}: {density} {wanted}"
+            );
+        }
+        let fall = shape.at(1000.0 / STEP_HZ) - shape.at(2000.0 / STEP_HZ);
+        assert!((10.0 / std::f64::consts::LN_10 * fall - ROLL_OFF_DB_PER_OCTAVE).abs() < 1e-6);
+    }
+
+    #[test]
+    fn towards_a_silent_corner_the_variance_falls_and_the_shape_is_the_mean_of_both() {
+        let toolkit = toolkit();
+        // Half way to a silent corner with the same shape, and to one with another.
+        let half = at(&toolkit, (30.0, 0.25));
+        assert!((half.variance - 0.002).abs() < 1e-12);
+        let (here, there) = (
+            at(&toolkit, (60.0, 0.5)).shape.unwrap(),
+            half.shape.unwrap(),
+        );
+        assert!((here.values()[300] - there.values()[300]).abs() < 1e-9);
+        let other = at(&toolkit, (130.0, 0.25));
+        let wanted = fixture::density(&[(1, 0.5), (4, 0.5)], 150.0);
+        let density = 2.0 * other.variance * other.shape.unwrap().at(150.0 / STEP_HZ).exp()
+            / f64::from(SAMPLE_RATE_HZ);
+        assert!((density / wanted - 1.0).abs() < 1e-3, "{density} {wanted}");
+        assert!(at(&toolkit, (0.0, 1.0)).variance.abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_silent_model_without_a_shape_counts_for_the_variance_alone() {
+        let mut toolkit = toolkit();
+        toolkit.models[1].timbre = None;
+        let half = at(&toolkit, (130.0, 0.25));
+        assert!((half.variance - 0.002).abs() < 1e-12);
+        let whole = at(&toolkit, (60.0, 0.5)).shape.unwrap();
+        assert!((half.shape.unwrap().values()[300] - whole.values()[300]).abs() < 1e-9);
+    }
+}

@@ -128,3 +128,143 @@ pub fn convert(
         between,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixture;
+    use super::super::read::read;
+    use super::*;
+    use std::path::Path;
+
+    const ROOM: Bounds = Bounds {
+        speeds: 64,
+        forces: 64,
+        bytes: usize::MAX,
+    };
+
+    fn converted(text: &str, bounds: Bounds) -> Converted {
+        let toolkit = read(Path::new("felt.xml"), text).unwrap();
+        convert("felt", &toolkit, &Reference::of(text, &[]).unwrap(), bounds).unwrap()
+    }
+
+    /// Errors of a converted texture at these places.
+    fn errors_at(converted: &Converted, text: &str, places: &[(f64, f64)]) -> Vec<PlaceError> {
+        let bytes = encode(std::slice::from_ref(&converted.spec)).unwrap();
+        let library = Library::decode(&bytes).unwrap();
+        let texture = library.texture("felt").unwrap();
+        let errors = errors(&Reference::of(text, &[]).unwrap(), &texture, places);
+        errors.into_iter().flatten().collect()
+    }
+
+    #[test]
+    fn with_room_the_grid_holds_every_model_at_its_own_place() {
+        let converted = converted(&fixture::whole(), ROOM);
+        assert_eq!(converted.spec.speed_axis_mm_s, [60.0, 140.0, 200.0]);
+        assert_eq!(converted.spec.force_axis_n, [0.5, 1.3, 2.0]);
+        assert_eq!(converted.own.len(), 3);
+        for error in &converted.own {
+            assert!(error.level_db.abs() < 0.01, "{error:?}");
+            assert!(
+                error.worst_band_db() < ORDER_TOLERANCE_DB + 0.05,
+                "{error:?}"
+            );
+        }
+        for node in &converted.nodes {
+            assert!(node.level_db.unwrap().abs() < 0.01, "{node:?}");
+            assert!(!node.is_extrapolated);
+        }
+    }
+
+    #[test]
+    fn a_grid_keeps_its_bounds_and_loses_the_lines_that_matter_least() {
+        let text = fixture::scattered(12);
+        let whole = converted(&text, ROOM);
+        let few = Bounds {
+            speeds: 6,
+            forces: 7,
+            ..ROOM
+        };
+        let smaller = converted(&text, few);
+        assert_eq!(smaller.spec.speed_axis_mm_s.len(), 6);
+        assert_eq!(smaller.spec.force_axis_n.len(), 7);
+        let size =
+            |converted: &Converted| encode(std::slice::from_ref(&converted.spec)).unwrap().len();
+        let tight = converted(
+            &text,
+            Bounds {
+                bytes: 1000,
+                ..ROOM
+            },
+        );
+        assert!(size(&tight) <= 1000 + 80, "{}", size(&tight));
+        assert!(size(&tight) < size(&whole));
+        // Shapes of these models glide with the speed, so that every other of them tells the others.
+        let worst = |errors: &[PlaceError]| {
+            errors
+                .iter()
+                .fold(0.0, |worst: f64, e| worst.max(e.level_db.abs()))
+        };
+        assert!(worst(&whole.own) < 0.01);
+        assert!(worst(&smaller.own) < 1.5, "{}", worst(&smaller.own));
+    }
+
+    #[test]
+    fn below_the_lowest_speed_and_force_the_level_is_that_of_the_file() {
+        let text = fixture::whole();
+        let converted = converted(&text, ROOM);
+        let shares = [0.2, 0.4, 0.6];
+        let places: Vec<(f64, f64)> = shares
+            .iter()
+            .flat_map(|share| [(60.0, 0.5 * share), (60.0 * share, 0.5)])
+            .collect();
+        let errors = errors_at(&converted, &text, &places);
+        assert_eq!(errors.len(), places.len());
+        for error in errors {
+            // The axis of speeds also turns the shape towards that at 200 mm/s, which is silent without force.
+            assert!(error.level_db.abs() < 0.6, "{error:?}");
+        }
+    }
+
+    #[test]
+    fn the_errors_tell_a_library_that_is_not_the_files() {
+        let text = fixture::whole();
+        let louder = converted(&text.replace("<var>0.004", "<var>0.016"), ROOM);
+        let error = &errors_at(&louder, &text, &[(60.0, 0.5)])[0];
+        assert!(
+            (error.level_db - 20.0 * 2f64.log10()).abs() < 0.02,
+            "{error:?}"
+        );
+        // One triangle of six, the misreading that an error against one's own reading does not see.
+        let one = fixture::file(&fixture::PLACES, &fixture::TRIANGLES[..1]);
+        let misread = converted(&one, ROOM);
+        let errors = errors_at(&misread, &text, &[(140.0, 1.3), (200.0, 2.0)]);
+        assert!(
+            errors.iter().any(|error| error.level_db.abs() > 2.0),
+            "{errors:?}"
+        );
+    }
+
+    #[test]
+    fn little_power_is_made_above_the_models_half_rate() {
+        let text = fixture::whole();
+        let converted = converted(&text, ROOM);
+        let bytes = encode(std::slice::from_ref(&converted.spec)).unwrap();
+        let library = Library::decode(&bytes).unwrap();
+        let density =
+            super::super::played::density(&library.texture("felt").unwrap(), (140.0, 1.3));
+        let (below, above): (f64, f64) =
+            (density[..=500].iter().sum(), density[600..].iter().sum());
+        assert!(above < 0.01 * below, "{above} {below}");
+    }
+
+    #[test]
+    fn a_file_without_a_speed_or_a_force_is_refused() {
+        let text = fixture::file(
+            &[(0.0, 0.0, 0.1), (0.0, 1.0, 0.1), (0.0, 2.0, 0.1)],
+            &[[1, 2, 3]],
+        );
+        let toolkit = read(Path::new("felt.xml"), &text).unwrap();
+        let reference = Reference::of(&text, &[]).unwrap();
+        assert!(convert("felt", &toolkit, &reference, ROOM).is_err());
+    }
+}

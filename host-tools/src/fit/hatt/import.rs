@@ -359,3 +359,79 @@ pub fn import(
     }
     Ok((converted, bytes))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixture;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn sources(count: usize, text: &str) -> Vec<Source> {
+        let path = Path::new("felt.xml");
+        let source = Source {
+            path: path.to_owned(),
+            name: "felt".into(),
+            toolkit: read(path, text).unwrap(),
+            reference: Reference::of(text, &[]).unwrap(),
+        };
+        vec![source; count]
+    }
+
+    #[test]
+    fn sizes_that_do_not_fit_are_refused_before_the_work_or_made_smaller_on_request() {
+        let sources = sources(8, &fixture::scattered(62));
+        let asked = Options {
+            speeds: Some(62),
+            forces: Some(62),
+            fit_slot: false,
+        };
+        let message = plan(&sources, &asked).unwrap_err().to_string();
+        assert!(
+            message.contains("8 textures need about") && message.contains("--fit-slot"),
+            "{message}"
+        );
+        for options in [
+            Options {
+                fit_slot: true,
+                ..asked
+            },
+            Options::default(),
+        ] {
+            let plan = plan(&sources, &options).unwrap();
+            let bytes: usize = plan.bounds.iter().map(|bounds| bounds.bytes).sum();
+            assert!(
+                bytes < limits::MAX_LIBRARY_BYTES && bytes > limits::MAX_LIBRARY_BYTES * 9 / 10
+            );
+            assert!(plan.planned_bytes <= limits::MAX_LIBRARY_BYTES);
+            assert!(plan.in_words(8).contains("of 512"), "{}", plan.in_words(8));
+        }
+        assert!(
+            plan(
+                &sources,
+                &Options {
+                    speeds: Some(65),
+                    ..asked
+                }
+            )
+            .is_err()
+        );
+        assert!(plan(&sources[..1], &asked).is_ok());
+    }
+
+    proptest! {
+        #[test]
+        fn shares_fill_the_room_and_no_more_than_it(
+            wanted in prop::collection::vec((1.0f64..1e6, 1.0f64..80.0), 1..40), room in 1e3f64..1e6,
+        ) {
+            let bounds = Bounds { speeds: 1, forces: 1, bytes: 0 };
+            let needs: Vec<Need> =
+                wanted.into_iter().map(|(bytes, places)| Need { bytes, places, bounds }).collect();
+            let shares = shares(&needs, room);
+            let sum: f64 = shares.iter().sum();
+            prop_assert!(sum <= room * (1.0 + 1e-9));
+            // What is not given away nobody needs.
+            let content = needs.iter().zip(&shares).all(|(need, share)| need.bytes <= *share);
+            prop_assert!(content || sum >= room * (1.0 - 1e-9), "{} of {}", sum, room);
+        }
+    }
+}

@@ -23,6 +23,8 @@ mod between;
 pub mod comparison;
 pub mod convert;
 mod elements;
+#[cfg(test)]
+mod fixture;
 pub mod import;
 mod model;
 mod node;

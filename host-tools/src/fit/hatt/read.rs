@@ -180,3 +180,233 @@ impl Remarks {
         warnings
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::fixture;
+    use super::super::reference::Reference;
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A file of one triangle and a silent model, without line spectral frequencies; `var` and `ar` are of its second
+    /// model.
+    fn small(ar: &str, var: &str, tri: &str) -> String {
+        let model = |ar: &str, var: &str, speed: f64, force: f64| {
+            format!(
+                "<model><ARcoeff>{ar}</ARcoeff><MAcoeff></MAcoeff><var>{var}</var><gain>1</gain>\
+                 <speedMod>{speed}</speedMod><forceMod>{force}</forceMod></model>\n"
+            )
+        };
+        format!(
+            "<?xml version=\"1.0\"?>\n<HaTT>\n<header><SampleRate>1000</SampleRate><maxSpeed>200</maxSpeed>\
+             <maxForce>2</maxForce><mu>0.3</mu>\n<tri><value>1</value><value>2</value> 3 {tri}</tri></header>\n\
+             {}{}{}{}</HaTT>",
+            model("1 -0.5 0.2", "0.01", 20.0, 0.5),
+            model(ar, var, 200.0, 0.5),
+            model("1 -1.2 0.8", "0.04", 100.0, 2.0),
+            model("1 0 0", "0", 0.0, 0.0),
+        )
+    }
+
+    fn parse(text: &str) -> Result<Toolkit> {
+        read(Path::new("felt.xml"), text)
+    }
+
+    #[test]
+    fn a_file_of_the_published_shape_gives_every_model_and_every_triangle() {
+        let toolkit = parse(&fixture::whole()).unwrap();
+        assert_eq!(
+            toolkit.triangles,
+            fixture::TRIANGLES.map(|t| t.map(|corner| corner - 1))
+        );
+        assert_eq!(toolkit.models.len(), fixture::PLACES.len());
+        assert_eq!(
+            (toolkit.max_speed_mm_s, toolkit.friction),
+            (200.0, Some(0.3))
+        );
+        assert!(toolkit.warnings.is_empty(), "{:?}", toolkit.warnings);
+        for (model, place) in toolkit.models.iter().zip(fixture::PLACES) {
+            assert_eq!((model.speed_mm_s, model.force_n, model.variance), place);
+            let timbre = model.timbre.as_ref().unwrap();
+            assert_eq!((timbre.poles.len(), timbre.zeros.len()), (4, 2));
+            assert_eq!(timbre.gain, fixture::gain(place.0));
+        }
+    }
+
+    #[test]
+    fn coefficients_alone_give_the_same_models() {
+        let whole = fixture::whole();
+        let mut text = String::new();
+        for piece in whole.split_inclusive("lsf>") {
+            let (kept, dropped) = (
+                piece
+                    .trim_end_matches("<ARlsf>")
+                    .trim_end_matches("<MAlsf>"),
+                "",
+            );
+            text.push_str(
+                if piece.ends_with("</ARlsf>") || piece.ends_with("</MAlsf>") {
+                    dropped
+                } else {
+                    kept
+                },
+            );
+        }
+        assert!(!text.contains("lsf"));
+        let (with, without) = (parse(&whole).unwrap(), parse(&text).unwrap());
+        for (a, b) in with.models.iter().zip(&without.models) {
+            let (a, b) = (a.timbre.as_ref().unwrap(), b.timbre.as_ref().unwrap());
+            let pairs = a
+                .poles
+                .iter()
+                .chain(&a.zeros)
+                .zip(b.poles.iter().chain(&b.zeros));
+            assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-6));
+        }
+        let reference = Reference::of(&text, &[]).unwrap();
+        let density = reference.density((60.0, 0.5), &[120.0]).unwrap()[0];
+        assert!((density / fixture::density(&[(4, 1.0)], 120.0) - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn corners_are_counted_from_one_unless_one_of_them_is_zero() {
+        let toolkit = parse(&small("1 -0.9 0.5", "0.02", "0 2 3")).unwrap();
+        assert_eq!(toolkit.triangles, [[1, 2, 3], [0, 2, 3]]);
+        let from_one = parse(&small("1 -0.9 0.5", "0.02", "")).unwrap();
+        assert_eq!(from_one.triangles, [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn a_leading_coefficient_is_that_of_lag_zero_and_may_be_left_out() {
+        let gain = |text: &str| parse(text).unwrap().models[4].timbre.clone().unwrap().gain;
+        let whole = fixture::whole();
+        let halves = whole.replace("<MAcoeff><value>1.0", "<MAcoeff><value>2.0");
+        assert_eq!(gain(&halves), 2.0 * gain(&whole));
+        let left_out = whole
+            .replace("<MAcoeff><value>1.000000000</value>", "<MAcoeff>")
+            .replace("<ARcoeff><value>1.000000000</value>", "<ARcoeff>");
+        assert_ne!(left_out, whole);
+        assert_eq!(parse(&left_out).unwrap(), parse(&whole).unwrap());
+    }
+
+    #[test]
+    fn models_that_cannot_be_played_are_left_out_and_named() {
+        for (ar, var, word) in [
+            ("1 -2.5 1.1", "0.02", "unstable"),
+            ("1 -0.9 0.5", "-0.02", "var is -0.02"),
+            ("1 -0.9 0.5", "nan", "var is NaN"),
+            ("0.5 -0.9 0.5", "0.02", "begins with 0.5"),
+            ("1 -0.9 nan", "0.02", "not finite"),
+        ] {
+            let toolkit = parse(&small(ar, var, "")).unwrap();
+            assert_eq!((toolkit.models.len(), toolkit.triangles.len()), (3, 0));
+            assert_eq!(toolkit.left_out, [1]);
+            let said = toolkit.warnings.join("; ");
+            assert!(said.contains("model 2") && said.contains(word), "{said}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_model_file_is_refused_with_its_place() {
+        let good = small("1 -0.9 0.5", "0.02", "");
+        let whole = fixture::whole();
+        let triangle =
+            "<tri type=\"array\">\n<value>2</value>\n<value>6</value>\n<value>5</value>\n</tri>\n";
+        for (text, word) in [
+            (good.replace("</HaTT>", ""), "well-formed"),
+            (good.replace("-1.2", "minus"), "line 7: 'minus'"),
+            (small("1 -0.9 0.5", "0.02", "1 2 9"), "names model 9"),
+            (small("1 -0.9 0.5", "0.02", "1 2"), "not three per triangle"),
+            (small("1 -0.9 0.5", "0.02", "1 1 2"), "names a model twice"),
+            (good.replace("ARcoeff", "other"), "no model"),
+            (
+                good.replace("<SampleRate>1000", "<SampleRate>0"),
+                "sample rate",
+            ),
+            (String::new(), "well-formed"),
+            (
+                whole.replace(triangle, ""),
+                "<numTri> says 6, and the file has 5 triangles",
+            ),
+            (
+                whole.replace("<numMod>6", "<numMod>7"),
+                "<numMod> says 7, and the file has 6 models",
+            ),
+            (
+                whole.replace("<value>6</value>", "<value>16</value>"),
+                "names model 16; there are 6",
+            ),
+            (
+                whole.replace("<ForceUnits>N", "<ForceUnits>lbf"),
+                "'lbf'; only 'N'",
+            ),
+            (
+                small("1 -0.9", "0.02", ""),
+                "1 poles and 0 zeros, others have 2 and 0",
+            ),
+        ] {
+            let message = parse(&text).unwrap_err().to_string();
+            assert!(
+                message.contains("felt.xml") && message.contains(word),
+                "{word}: {message}"
+            );
+        }
+    }
+
+    #[test]
+    fn line_spectra_that_are_not_the_coefficients_own_are_said_once_and_count() {
+        let lines = fixture::lines(60.0)[0][1];
+        let text =
+            fixture::whole().replace(&format!("{lines:.9}"), &format!("{:.9}", lines + 0.05));
+        let toolkit = parse(&text).unwrap();
+        // Models at rest have the shape of that at 60 mm/s.
+        let [warning] = &toolkit.warnings[..] else {
+            panic!("{:?}", toolkit.warnings)
+        };
+        assert!(
+            warning.contains("models 1, 3, 5") && warning.contains("0.050 rad"),
+            "{warning}"
+        );
+        let counted = toolkit.models[4].timbre.as_ref().unwrap().poles[1];
+        assert!((counted - lines - 0.05).abs() < 1e-8);
+    }
+
+    #[test]
+    fn what_leaves_a_file_usable_is_said_once_per_kind() {
+        let places = [
+            &fixture::PLACES[..],
+            &[(100.0, 1.0, 0.01), (101.0, 1.0, 0.01)],
+        ]
+        .concat();
+        let unused = parse(&fixture::file(&places, &fixture::TRIANGLES))
+            .unwrap()
+            .warnings;
+        assert_eq!(unused.len(), 1);
+        assert!(unused[0].contains("models 7, 8: no triangle"), "{unused:?}");
+        let gap = parse(&fixture::file(&fixture::PLACES, &fixture::TRIANGLES[1..]))
+            .unwrap()
+            .warnings;
+        assert!(
+            gap.iter().any(|w| w.contains("the triangles cover")),
+            "{gap:?}"
+        );
+        let unknown = fixture::whole().replace("<modNum>", "<kurtosis>3</kurtosis><modNum>");
+        let unknown = parse(&unknown).unwrap().warnings;
+        assert_eq!(unknown, ["<kurtosis> are not HaTT's and were not read"]);
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_makes_either_reader_fail_otherwise_than_by_an_error(
+            cut in 0usize..4000, put in "[<>/a-z0-9 .-]{0,12}",
+        ) {
+            for mut text in [small("1 -0.9 0.5", "0.02", ""), fixture::whole()] {
+                let cut = cut % text.len();
+                text.replace_range(cut..(cut + put.len()).min(text.len()), &put);
+                if let Ok(toolkit) = parse(&text) {
+                    let _ = Reference::of(&text, &toolkit.left_out);
+                }
+            }
+        }
+    }
+}

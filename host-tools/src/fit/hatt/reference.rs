@@ -318,3 +318,49 @@ fn power_at(polynomial: &[f64], omega: f64) -> f64 {
     }
     re * re + im * im
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixture;
+    use super::*;
+
+    #[test]
+    fn densities_are_those_in_closed_form_at_models_and_between_them() {
+        let reference = Reference::of(&fixture::whole(), &[]).unwrap();
+        let frequencies_hz = [0.0, 40.0, 133.0, 250.0, 499.0];
+        for models in [
+            vec![(4, 1.0)],
+            vec![(3, 1.0)],
+            vec![(1, 0.2), (3, 0.3), (5, 0.5)],
+            vec![(0, 0.6), (4, 0.4)],
+        ] {
+            let sum = |of: fn((f64, f64, f64)) -> f64| -> f64 {
+                models
+                    .iter()
+                    .map(|&(i, w)| w * of(fixture::PLACES[i]))
+                    .sum()
+            };
+            let density = reference
+                .density((sum(|p| p.0), sum(|p| p.1)), &frequencies_hz)
+                .unwrap();
+            for (got, frequency_hz) in density.iter().zip(frequencies_hz) {
+                let wanted = fixture::density(&models, frequency_hz);
+                assert!(
+                    (got / wanted - 1.0).abs() < 1e-6,
+                    "{models:?} {frequency_hz}: {got} {wanted}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn silence_has_no_density_and_the_highest_speed_counts_above_it() {
+        let reference = Reference::of(&fixture::whole(), &[]).unwrap();
+        assert!(reference.density((0.0, 1.0), &[100.0]).is_none());
+        assert!(reference.density((50.0, 0.0), &[100.0]).is_none());
+        assert_eq!(
+            reference.density((900.0, 9.0), &[100.0]),
+            reference.density((200.0, 2.0), &[100.0])
+        );
+    }
+}
