@@ -292,3 +292,83 @@ fn every_signal_becomes_a_library_and_what_is_wrong_with_it_is_said() {
     // Every texture can be played.
     bench.succeed("certify a.lib");
 }
+
+/// A list of trials of texture `felt`, each of them at a speed and a force, all of them sounding.
+fn felt(trials: &[(f64, f64)]) -> Bench {
+    let bench = Bench::new();
+    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
+    for (seed, (speed, force)) in (0..).zip(trials) {
+        let signal = all_pole(&[-0.6, 0.5], &noise(seed, SAMPLES));
+        bench.write(&format!("set/{seed}.wav"), wav(&[&signal], RATE_HZ));
+        list.push_str(&format!("{seed}.wav,felt,{speed},{force}\n"));
+    }
+    bench.write("set/trials.csv", list);
+    bench
+}
+
+/// A silent node between which power is interpolated would make light touch too loud.
+#[test]
+fn trials_at_rest_or_without_contact_are_left_out_with_a_note() {
+    let bench = felt(&[(0.0, 0.5), (100.0, 0.0), (100.0, 0.5), (200.0, 0.5)]);
+    let output = bench.run("fit set --out felt.lib --json");
+    assert!(output.status.success());
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let note = report["warnings"][0].as_str().unwrap();
+    assert!(
+        note.contains("'felt': 2 trial(s) at speed 0 or force 0"),
+        "{note}"
+    );
+    let library = std::fs::read(bench.path("felt.lib")).unwrap();
+    let library = model_format::Library::decode(&library).unwrap();
+    let texture = library.textures().next().unwrap();
+    let speeds: Vec<_> = texture.speed_axis().values().collect();
+    assert_eq!(
+        (speeds.len(), texture.force_axis().values().count()),
+        (2, 1)
+    );
+    let used = report["trials"].as_array().unwrap().iter();
+    let used: Vec<bool> = used.map(|trial| trial["used"].as_bool().unwrap()).collect();
+    assert_eq!(used, [false, false, true, true]);
+}
+
+#[test]
+fn a_texture_of_trials_at_rest_or_without_contact_is_refused_with_the_remedy() {
+    let message = felt(&[(0.0, 0.5), (100.0, 0.0)]).refuse("fit set --out felt.lib");
+    assert!(
+        message.contains("'felt'") && message.contains("0.05 N"),
+        "{message}"
+    );
+}
+
+#[test]
+fn values_of_an_axis_that_nearly_coincide_are_named_in_one_line() {
+    let bench = felt(&[(100.0, 0.5), (100.0001, 0.5), (200.0, 0.5), (250.0, 0.5)]);
+    let output = bench.run("fit set --out felt.lib");
+    let notes = String::from_utf8_lossy(&output.stderr).into_owned();
+    let named: Vec<_> = notes.lines().filter(|l| l.contains("1 % apart")).collect();
+    assert_eq!(named.len(), 1, "{notes}");
+    assert!(
+        named[0].contains("1 pair(s) of speeds") && named[0].contains("100.0001"),
+        "{notes}"
+    );
+}
+
+/// Loud for two seconds and a hundred times as quiet for six.
+#[test]
+fn the_whole_recording_is_fitted_unless_a_duration_is_given() {
+    let bench = Bench::new();
+    let signal: Vec<f64> = noise(9, 4 * SAMPLES)
+        .into_iter()
+        .enumerate()
+        .map(|(n, x)| if n < SAMPLES { x } else { 0.01 * x })
+        .collect();
+    bench.write("felt.wav", wav(&[&signal], RATE_HZ));
+    let rms = |options: &str| {
+        let report = bench.succeed(&format!("fit felt.wav --out felt.lib --json {options}"));
+        let report: Value = serde_json::from_str(&report).unwrap();
+        report["trials"][0]["rms_m_s2"].as_f64().unwrap()
+    };
+    let (whole, two_seconds) = (rms(""), rms("--duration 2"));
+    assert!((whole - 0.5).abs() < 0.02, "{whole}");
+    assert!((two_seconds - 1.0).abs() < 0.04, "{two_seconds}");
+}

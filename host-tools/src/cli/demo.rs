@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let simulated = rig::simulate_to_folder(&RigFile::paper(), arguments.seed, &recordings)?;
     print(simulated.to_string().trim_end())?;
 
-    step(2, "stylus fit: one model per node, its order chosen by BIC")?;
+    step(2, "stylus fit: one model per node, its order chosen by AIC")?;
     let set = RecordingSet::open(&[recordings])?;
     let (fit, bytes) = super::fit::fit_library(&set, &fit::Options::default())?;
     let path = out.join("textures.lib");

@@ -11,7 +11,7 @@ pub struct Recordings {
     /// Folder with trials.csv, such a list, or WAV or CSV recordings (each becomes a texture named like the file)
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
-    /// Duration of a trial whose list gives no duration_s, in seconds [default: 2]
+    /// Duration of a trial whose list gives no duration_s, in seconds [default: to its end]
     #[arg(long, value_name = "S", value_parser = positive)]
     duration: Option<f64>,
     /// Sample rate of CSV recordings without a time column, in hertz

@@ -55,6 +55,7 @@ fn summary(outcomes: &[Outcome]) -> String {
         "saturated",
         "level dB",
         "SNR dB",
+        "off line dBc",
         "mean SE",
         "spectrum dB",
         "grows dB",
@@ -70,7 +71,8 @@ fn summary(outcomes: &[Outcome]) -> String {
     format!(
         "{}\n\nThe lattice holds its guarantees in {} of {} cases. In {} of them, all marked *, the SNR is below {} dB \
          or the spectrum deviates by more than {} dB: lines this narrow, of pole radius above 0.998, have limits of \
-         their own, set by the radius.\nThe direct forms guarantee none of this; they are shown for comparison.",
+         their own, set by the radius. SNR counts the damping of such a line as noise; what is noise stands in the \
+         column off line, and what is damping in the level.\nThe direct forms guarantee none of this; they are shown for comparison.",
         table(&header, &rows),
         held.count(),
         lattices().count(),
@@ -88,7 +90,7 @@ fn row(outcome: &Outcome) -> Vec<String> {
     let name = format!("{}{narrow}", outcome.case);
     let mut row = vec![name, outcome.structure.clone()];
     if outcome.refused.is_some() {
-        row.extend(std::iter::repeat_n("-".to_owned(), 9));
+        row.extend(std::iter::repeat_n("-".to_owned(), 10));
         row.push("fit refuses it".to_owned());
         return row;
     }
@@ -98,8 +100,9 @@ fn row(outcome: &Outcome) -> Vec<String> {
         .fold(0.0, f64::max);
     row.extend([
         outcome.saturated.to_string(),
-        optional(outcome.level_db, 3),
+        optional(outcome.level_db, 4),
         optional(outcome.snr_db, 1),
+        optional(outcome.off_line_dbc, 0),
         format!("{:.1}", outcome.mean_standard_errors),
         format!("{:.3}", outcome.spectrum_db),
         format!("{growth:.1}"),

@@ -3,9 +3,8 @@
 //! The time of a sample is that of the highest order of a texture's nodes, wherever the hand is: so that the path of a
 //! tick does not depend on the data, a frame has as many stages, or sums as many taps, as any node of its texture. A
 //! budget therefore bounds the highest order, and each node then takes, among the orders that the bound leaves, the one
-//! with the least error to be expected of new data: by Akaike's criterion. (The Bayesian one, which `fit` goes by
-//! otherwise, is thriftier with order, which saves flash; time it would not save.) Cycles are those of a sample at
-//! worst, of `cargo tasks costs`.
+//! with the least error to be expected of new data: by Akaike's criterion, as `fit` does without a bound. Cycles are
+//! those of a sample at worst, of `cargo tasks costs`.
 
 use model_format::NodeFlags;
 use serde::Serialize;
@@ -86,7 +85,8 @@ impl Budget {
 /// Returns `order` within a budget that leaves orders up to `highest`.
 pub fn capped(order: Order, highest: usize) -> Order {
     match order {
-        Order::Auto => Order::AtMost(highest),
+        // Thrift saves no time, because the budget is for the highest order.
+        Order::Auto | Order::Bayesian => Order::AtMost(highest),
         Order::AtMost(order) => Order::AtMost(order.min(highest)),
         Order::Fixed(order) => Order::Fixed(order.min(highest)),
     }

@@ -9,22 +9,44 @@ use crate::recording::Trial;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 
+use super::bands::{BandLevel, Bands};
 use super::holes::Filler;
 use super::options::{Options, Order};
 use super::trial::Analysis;
 use super::trial_report::TrialReport;
+
+/// A third-octave band of a model further from its recording than this is worth a word, dB.
+const NOTABLE_MISS_DB: f64 = 3.0;
 
 /// An order needs this many samples of data for each of its coefficients.
 const SAMPLES_PER_COEFFICIENT: usize = 4;
 
 type Member<'a> = (&'a Trial, &'a Analysis, &'a TrialReport);
 
-/// Builds the grid of texture `name` from its trials, at least one, and tells what the user should know.
+/// A model of the trials of one node.
+struct Measured {
+    model: Model,
+    miss: Option<BandLevel>,
+}
+
+/// A third-octave band in which a node's model is far from its recording.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Miss {
+    /// Speed of the node, mm/s.
+    pub speed_mm_s: f32,
+    /// Force of the node, N.
+    pub force_n: f32,
+    /// The band, with the model's level over the recording's.
+    pub band: BandLevel,
+}
+
+/// Builds the grid of texture `name` from its trials, at least one, and tells which nodes miss a band of their
+/// recording.
 pub(super) fn assemble(
     name: &str,
     members: &[Member<'_>],
     options: &Options,
-) -> Result<(Grid, Vec<String>)> {
+) -> Result<(Grid, Vec<Miss>)> {
     let speeds_mm_s = axis(name, "speeds", members.iter().map(|m| m.0.speed_mm_s))?;
     let forces_n = axis(name, "forces", members.iter().map(|m| m.0.force_n))?;
     let mut cells: Vec<Vec<Member<'_>>> = vec![Vec::new(); speeds_mm_s.len() * forces_n.len()];
@@ -34,16 +56,24 @@ pub(super) fn assemble(
         let force = place(&forces_n, member.0.force_n);
         cells[speed * forces_n.len() + force].push(member);
     }
-    let measured: Vec<Option<Model>> = cells
+    let measured: Vec<Option<Measured>> = cells
         .par_iter()
         .map(|cell| measured_model(cell, options))
         .collect();
-    let mut filler = Filler {
+    let miss = |(index, node): (usize, &Option<Measured>)| {
+        Some(Miss {
+            speed_mm_s: speeds_mm_s[index / forces_n.len()],
+            force_n: forces_n[index % forces_n.len()],
+            band: node.as_ref()?.miss?,
+        })
+    };
+    let misses = measured.iter().enumerate().filter_map(miss).collect();
+    let models = measured.into_iter().map(|node| Some(node?.model));
+    let filler = Filler {
         speeds: speeds_mm_s.len(),
         forces: forces_n.len(),
-        known: measured,
+        known: models.collect(),
     };
-    let warnings = silence_at_zero(name, &speeds_mm_s, &forces_n, &mut filler.known);
     let models = (0..filler.known.len())
         .map(|index| filler.model(index))
         .collect();
@@ -53,7 +83,7 @@ pub(super) fn assemble(
         models,
         laws: Laws::default(),
     };
-    Ok((grid, warnings))
+    Ok((grid, misses))
 }
 
 fn axis(name: &str, what: &str, values: impl Iterator<Item = f64>) -> Result<Vec<f32>> {
@@ -71,7 +101,7 @@ fn axis(name: &str, what: &str, values: impl Iterator<Item = f64>) -> Result<Vec
 }
 
 /// The model of a node's trials taken together; `None` where there is no trial.
-fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Model> {
+fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
     let doubtful =
         |(_, analysis, report): &Member<'_>| !analysis.is_silent() && !report.verdicts.is_empty();
     let mut flags = NodeFlags::NONE;
@@ -87,7 +117,10 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Model> {
         return None;
     }
     if loud.is_empty() {
-        return Some(Model::silent());
+        return Some(Measured {
+            model: Model::silent(),
+            miss: None,
+        });
     }
     let samples: usize = loud.iter().map(|analysis| analysis.samples).sum();
     let lags = pooled_lags(&loud, samples);
@@ -96,15 +129,19 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Model> {
     let max_order = options.order.highest().min(order_cap);
     let prediction = Prediction::levinson_durbin(&corrected(lags), max_order);
     let order = match options.order {
-        Order::Auto => prediction.bayesian_order(samples),
-        Order::AtMost(_) => prediction.akaike_order(samples),
+        Order::Auto | Order::AtMost(_) => prediction.akaike_order(samples),
+        Order::Bayesian => prediction.bayesian_order(samples),
         Order::Fixed(order) => order.min(prediction.max_order()),
     };
-    Some(Model {
+    let model = Model {
         reflection: prediction.reflection[..order].to_vec(),
         output_power,
         flags,
-    })
+    };
+    let weight = |trial: &Analysis| trial.samples as f64 / samples as f64;
+    let recorded = Bands::mean(loud.iter().map(|trial| (weight(trial), &trial.bands)));
+    let miss = recorded.missed_by(&model, samples, NOTABLE_MISS_DB);
+    Some(Measured { model, miss })
 }
 
 /// The autocorrelation of several trials of one node: the mean of theirs, each weighed by its length.
@@ -121,28 +158,4 @@ fn pooled_lags(trials: &[&Analysis], samples: usize) -> Vec<f64> {
         }
     }
     pooled
-}
-
-/// The stylus is silent at rest and without contact, whatever was recorded there.
-fn silence_at_zero(
-    name: &str,
-    speeds_mm_s: &[f32],
-    forces_n: &[f32],
-    models: &mut [Option<Model>],
-) -> Vec<String> {
-    let mut overruled = 0;
-    for (index, model) in models.iter_mut().enumerate() {
-        let (speed, force) = (index / forces_n.len(), index % forces_n.len());
-        if speeds_mm_s[speed] <= 0.0 || forces_n[force] <= 0.0 {
-            overruled += usize::from(model.as_ref().is_some_and(|m| m.output_power > 0.0));
-            *model = Some(Model::silent());
-        }
-    }
-    if overruled == 0 {
-        return Vec::new();
-    }
-    vec![format!(
-        "texture '{name}': {overruled} trial(s) at speed 0 or force 0 will play as silence (give light contact its \
-         force, such as 0.05 N, to keep it)"
-    )]
 }

@@ -3,7 +3,9 @@
 //!
 //! Invariant: recordings in, models and their textures out. Nothing here draws, prints or writes a file.
 
+mod bands;
 pub mod densify;
+mod estimate;
 mod fitted;
 mod grid;
 #[cfg(feature = "hatt")]
@@ -86,7 +88,7 @@ pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options
             mean_m_s2: analysis.mean_m_s2,
             energy_share: analysis.energy_share,
             cut_s: analysis.cut_s,
-            used: !dropped(&verdicts),
+            used: !dropped(&verdicts) && trial.is_in_motion_and_contact(),
             verdicts,
         })
         .collect();
@@ -131,6 +133,25 @@ fn refuse_doubtful(set: &RecordingSet, trials: &[TrialReport]) -> Result<()> {
     Ok(())
 }
 
+/// Number of trials of texture `name` at speed 0 or force 0, where the stylus is silent whatever was recorded.
+fn idle_trials(name: &str, set: &RecordingSet) -> usize {
+    let idle = |trial: &&Trial| trial.texture == name && !trial.is_in_motion_and_contact();
+    set.trials.iter().filter(idle).count()
+}
+
+/// The error of a texture of which no trial can be used.
+fn nothing_to_fit(name: &str, set: &RecordingSet) -> Error {
+    let all = set.trials.iter().filter(|trial| trial.texture == name);
+    Error::Model(if idle_trials(name, set) == all.count() {
+        format!(
+            "texture '{name}': every trial is at speed 0 or force 0, where the stylus is silent: record it in motion \
+             and contact, or give light contact its force, such as 0.05 N"
+        )
+    } else {
+        format!("texture '{name}': every trial was dropped; nothing is left to fit")
+    })
+}
+
 fn fit_texture(
     name: &str,
     set: &RecordingSet,
@@ -147,8 +168,7 @@ fn fit_texture(
         .map(|((trial, analysis), report)| (trial, analysis, report))
         .collect();
     if members.is_empty() {
-        let problem = format!("texture '{name}': every trial was dropped; nothing is left to fit");
-        return Err(Error::Model(problem));
+        return Err(nothing_to_fit(name, set));
     }
     let simulated = members
         .iter()
@@ -158,10 +178,10 @@ fn fit_texture(
     } else {
         Provenance::Recorded
     };
-    let (grid, warnings) = grid::assemble(name, &members, options)?;
-    fit.warnings.extend(warnings);
+    let (grid, misses) = grid::assemble(name, &members, options)?;
     let reports: Vec<&TrialReport> = members.iter().map(|member| member.2).collect();
-    let notes = notes::of(name, &grid, &reports, options);
+    let idle = idle_trials(name, set);
+    let notes = notes::of(name, &grid, &misses, &reports, idle, options);
     fit.warnings.extend(notes);
     let spec = texture_spec(name, provenance, &grid, options.structure)?;
     fit.specs.push(certificate::certified(spec)?);

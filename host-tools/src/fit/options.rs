@@ -10,11 +10,13 @@ use crate::texture::quantise::StructureChoice;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
-    /// For each node by the Bayesian information criterion, at most 400.
+    /// For each node by Akaike's criterion, at most 400: the least error to be expected of another take.
     Auto,
-    /// For each node by Akaike's criterion, which spends more on accuracy, at most this one: what a budget of cycles
-    /// leaves.
+    /// The same, at most this one: what a budget of cycles leaves.
     AtMost(usize),
+    /// For each node by the Bayesian information criterion, at most 400: smaller libraries, at the price of the lowest
+    /// bands and of short recordings.
+    Bayesian,
     /// The same for all nodes, as in the paper (whose order is 400).
     Fixed(usize),
 }
@@ -23,7 +25,7 @@ impl Order {
     /// The highest order that it allows.
     pub fn highest(self) -> usize {
         match self {
-            Self::Auto => model_format::limits::MAX_ORDER,
+            Self::Auto | Self::Bayesian => model_format::limits::MAX_ORDER,
             Self::AtMost(order) | Self::Fixed(order) => order,
         }
     }
@@ -36,8 +38,9 @@ impl std::str::FromStr for Order {
         const MAX_ORDER: usize = model_format::limits::MAX_ORDER;
         match text.parse::<usize>() {
             _ if text == "auto" => Ok(Self::Auto),
+            _ if text == "bic" => Ok(Self::Bayesian),
             Ok(order) if order <= MAX_ORDER => Ok(Self::Fixed(order)),
-            _ => Err(format!("must be 'auto' or 0 to {MAX_ORDER}")),
+            _ => Err(format!("must be 'auto', 'bic' or 0 to {MAX_ORDER}")),
         }
     }
 }
@@ -45,9 +48,13 @@ impl std::str::FromStr for Order {
 /// The estimate of a recording's autocorrelation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Estimator {
-    /// Biased estimate with a rectangular window, as in the paper: finest resolution, but strong lines leak.
+    /// Rectangular, or tapered where a third-octave band would be more than 1 dB too loud by leakage.
     #[default]
+    Auto,
+    /// Biased estimate with a rectangular window, as in the paper: finest resolution, but strong bands leak.
     Rectangular,
+    /// The same with ends that rise and fall over 0.1 s (a twentieth of a shorter trial): next to no leakage.
+    Tapered,
     /// Mean over seven sine tapers: lines are 4 Hz wide, with little leakage into weak parts of the spectrum.
     Multitaper,
 }
@@ -75,7 +82,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             order: Order::Auto,
-            estimator: Estimator::Rectangular,
+            estimator: Estimator::Auto,
             structure: StructureChoice::Lattice,
             reduction: Reduction::Pca,
             silence_floor_m_s2: SILENCE_FLOOR_M_S2,

@@ -9,14 +9,17 @@ use crate::recording::triage::{Fingerprint, Verdict};
 use crate::recording::{self, Samples, Trial};
 use crate::support::error::{Error, Result};
 
-use super::options::{Estimator, Options};
-use crate::dsp::log_spectrum::LogSpectrum;
+use super::bands::Bands;
+use super::estimate::estimate;
+use super::options::Options;
 
 /// The statistics of a trial that a fit keeps.
 #[derive(Clone, Debug)]
 pub struct Analysis {
     /// Biased autocorrelation of the reduced signal from lag 0 on, (m/s²)².
     pub lags: Vec<f64>,
+    /// Third-octave bands of the reduced signal, by a path that no order limits.
+    pub bands: Bands,
     /// Number of samples that it comes from.
     pub samples: usize,
     /// Variance of the reduced signal, (m/s²)².
@@ -102,10 +105,7 @@ pub fn analyse_with_signal(
     } else {
         triage::mains_line(&autocorrelation)
     };
-    let lags = match options.estimator {
-        Estimator::Rectangular => autocorrelation.lags,
-        Estimator::Multitaper => multitaper_lags(&reduced.signal, autocorrelation.lags),
-    };
+    let estimate = estimate(&reduced.signal, autocorrelation, options.estimator);
     let analysis = Analysis {
         samples: reduced.signal.len(),
         power,
@@ -115,18 +115,8 @@ pub fn analyse_with_signal(
         verdicts,
         mains_line_hz,
         fingerprint,
-        lags,
+        lags: estimate.lags,
+        bands: estimate.bands,
     };
     Ok((analysis, reduced.signal))
-}
-
-/// As many lags as `plain`, from tapered spectra, with the power of `plain`.
-fn multitaper_lags(signal: &[f64], plain: Vec<f64>) -> Vec<f64> {
-    let Some(spectrum) = LogSpectrum::estimate(&[signal]) else {
-        return plain;
-    };
-    let mut lags = spectrum.autocorrelation(plain.len() - 1);
-    let scale = plain[0] / lags[0];
-    lags.iter_mut().for_each(|lag| *lag *= scale);
-    lags
 }

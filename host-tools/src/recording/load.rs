@@ -7,7 +7,7 @@ use model_format::SAMPLE_RATE_HZ;
 use super::defects::Defects;
 use super::samples::Samples;
 use super::source::Cut;
-use super::trial::{TRIAL_DURATION_S, Trial};
+use super::trial::Trial;
 use super::{csv_file, resample, wav};
 use crate::support::error::{Error, Result};
 
@@ -20,7 +20,7 @@ pub fn read(trial: &Trial) -> Result<Samples> {
     let path = trial.file.as_path();
     let cut = Cut {
         start_s: trial.start_s,
-        duration_s: trial.duration_s.unwrap_or(TRIAL_DURATION_S),
+        duration_s: trial.duration_s.unwrap_or(f64::INFINITY),
     };
     let source = match extension(path).as_str() {
         "wav" | "wave" => wav::read(path, &cut)?,

@@ -10,7 +10,7 @@ pub const MAX_CHANNELS: usize = 3;
 pub struct Cut {
     /// Start of the part, s from the beginning of the file.
     pub start_s: f64,
-    /// Longest duration of the part, s.
+    /// Longest duration of the part, s; infinite to the end of the file.
     pub duration_s: f64,
 }
 

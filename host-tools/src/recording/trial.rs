@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use model_format::Provenance;
 
-/// Length of a trial that is used unless the trial says otherwise, s; the paper's figure.
+/// Length of a trial of the paper's protocol, s.
 pub const TRIAL_DURATION_S: f64 = 2.0;
 
 /// Speed that stands for a recording whose speed is not known, mm/s.
@@ -28,10 +28,17 @@ pub struct Trial {
     pub scale_m_s2: f64,
     /// Start of the used part, s.
     pub start_s: f64,
-    /// Longest duration of the used part, s; [`TRIAL_DURATION_S`] if not given.
+    /// Longest duration of the used part, s; to the end of the file if not given.
     pub duration_s: Option<f64>,
     /// Sample rate of a CSV file that has no time column, Hz.
     pub sample_rate_hz: Option<f64>,
     /// Origin of the samples: recorded or simulated.
     pub provenance: Provenance,
+}
+
+impl Trial {
+    /// Returns whether both speed and force are above zero. Anywhere else the stylus is silent.
+    pub fn is_in_motion_and_contact(&self) -> bool {
+        self.speed_mm_s > 0.0 && self.force_n > 0.0
+    }
 }

@@ -118,7 +118,7 @@ pub fn pictures(frontier: &Frontier) -> Result<Pictures> {
             &total,
         )?,
         intervals: front_chart(
-            &caption("Error in motion by the interval of updates, order per node by BIC"),
+            &caption("Error in motion by the interval of updates, order per node by AIC"),
             (
                 Quantity::from_zero("from update to update (ms)"),
                 Quantity::from_zero("RMS error (dB)"),
@@ -152,8 +152,8 @@ fn series(
 fn short_order(filter: &Filter) -> String {
     match filter.order {
         Order::Fixed(order) => order.to_string(),
-        Order::Auto => "BIC".to_owned(),
-        Order::AtMost(_) => "AIC".to_owned(),
+        Order::Bayesian => "BIC".to_owned(),
+        Order::Auto | Order::AtMost(_) => "AIC".to_owned(),
     }
 }
 
@@ -467,8 +467,8 @@ fn notes(frontier: &Frontier) -> Vec<String> {
         ),
         "The error of a choice is √(at rest² + in motion²). What gains less than 0.05 dB, or 0.5 % of C, is on no \
          front.".to_owned(),
-        "Orders per node, with the highest of all: by the Bayesian information criterion (BIC), as fit chooses, or by \
-         Akaike's (AIC), as fit --budget-cycles does. SNR is of the output, in steps of 2⁻²⁰ m/s²: quiet nodes have \
+        "Orders per node, with the highest of all: by Akaike's criterion (AIC), as fit chooses, or by the Bayesian \
+         one (BIC), as fit --order bic does. SNR is of the output, in steps of 2⁻²⁰ m/s²: quiet nodes have \
          less."
             .to_owned(),
         "The hard cases are those of stylus stress (short), their models cut to the order. Held means all that is \

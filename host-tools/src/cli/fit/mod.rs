@@ -51,7 +51,7 @@ pub struct Arguments {
     /// Library file to write
     #[arg(long, value_name = "LIB")]
     out: PathBuf,
-    /// Order of the models: 0 to 400, or 'auto' to choose it for each node (BIC)
+    /// Order of the models: 0 to 400, or chosen for each node: 'auto' (AIC) or 'bic', which is thriftier
     #[arg(long, default_value = "auto")]
     order: Order,
     /// Worst-case cycles per sample of the synthesis: bounds the orders, and reports the loss of accuracy
@@ -61,7 +61,7 @@ pub struct Arguments {
     #[arg(long, value_enum, requires = "budget_cycles", default_value = "m4")]
     core: Core,
     /// Estimator of the autocorrelation
-    #[arg(long, value_enum, default_value = "rectangular")]
+    #[arg(long, value_enum, default_value = "auto")]
     estimator: Estimator,
     /// Filter structure that the stylus runs
     #[arg(long, value_enum, default_value = "lattice")]

@@ -53,8 +53,6 @@ impl Prepared {
         let analyses = fit::analyse_set(&material.fit, &highest_order, &progress)?;
         let fit_at = |order| fit::fit_analysed(&material.fit, &analyses, &at(order));
         let highest = fit_at(Order::Fixed(model_format::limits::MAX_ORDER))?;
-        let bayesian = fit_at(Order::Auto)?;
-        let akaike = Order::AtMost(model_format::limits::MAX_ORDER);
         let names = highest.textures.iter().map(|texture| texture.name.clone());
         let names: Vec<String> = names.collect();
         let grids = |fit: &fit::Fit| -> Vec<Grid> {
@@ -72,8 +70,9 @@ impl Prepared {
                 Fitted::new(Order::Fixed(order), grids)
             })
             .collect();
-        fitted.push(Fitted::new(Order::Auto, grids(&bayesian)));
-        fitted.push(Fitted::new(akaike, grids(&fit_at(akaike)?)));
+        for order in [Order::Bayesian, Order::Auto] {
+            fitted.push(Fitted::new(order, grids(&fit_at(order)?)));
+        }
         let mut prepared = Self {
             names,
             fitted,

@@ -44,8 +44,10 @@ impl Filter {
     pub fn order_text(&self) -> String {
         match self.order {
             Order::Fixed(order) => order.to_string(),
-            Order::Auto => format!("BIC,\u{a0}≤\u{a0}{}", self.highest_order),
-            Order::AtMost(_) => format!("AIC,\u{a0}≤\u{a0}{}", self.highest_order),
+            Order::Bayesian => format!("BIC,\u{a0}≤\u{a0}{}", self.highest_order),
+            Order::Auto | Order::AtMost(_) => {
+                format!("AIC,\u{a0}≤\u{a0}{}", self.highest_order)
+            }
         }
     }
 }

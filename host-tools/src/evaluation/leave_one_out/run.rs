@@ -35,7 +35,8 @@ impl Prepared<'_> {
         Ok(LeaveOneOut {
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
             order: match options.order {
-                Order::Auto => "chosen for each node (BIC)".into(),
+                Order::Auto => "chosen for each node (AIC)".into(),
+                Order::Bayesian => "chosen for each node (BIC)".into(),
                 Order::AtMost(order) => format!("chosen for each node (AIC), at most {order}"),
                 Order::Fixed(order) => order.to_string(),
             },

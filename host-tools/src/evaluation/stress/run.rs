@@ -12,6 +12,7 @@ use crate::texture::quantise::StructureChoice;
 use crate::texture::stored::{predictor, rms_m_s2};
 
 use super::cases::Case;
+use super::off_line::OffLine;
 use super::outcome::{Outcome, Rest};
 use super::player::{Player, player};
 use super::reference::{Deviation, FloatDirect, FloatLattice, Mean};
@@ -141,6 +142,7 @@ impl<'a> Bench<'a> {
     fn drive(&mut self, drive: f64, samples: usize, outcome: &mut Outcome) {
         let mut reference = Reference::of(&self.texture, self.case.is_still());
         let (mut snr, mut level) = (Deviation::default(), Deviation::default());
+        let mut off_line = OffLine::default();
         let mut mean = Mean::of(samples);
         for _ in 0..samples {
             if self.move_on() {
@@ -155,7 +157,11 @@ impl<'a> Bench<'a> {
             if self.case.with_reference
                 && let Some(exact) = reference.sample(f64::from(excitation))
             {
-                snr.add(exact.state, f64::from(self.player.newest()));
+                let played = f64::from(self.player.newest());
+                snr.add(exact.state, played);
+                if self.case.is_still() {
+                    off_line.add(exact.state, played);
+                }
                 level.add(
                     exact.output,
                     f64::from(output.metres_per_second_squared().0),
@@ -166,6 +172,7 @@ impl<'a> Bench<'a> {
         if self.case.with_reference && reference.exists() {
             outcome.snr_db = Some(snr.snr_db());
             outcome.level_db = Some(level.level_db());
+            outcome.off_line_dbc = off_line.noise_dbc();
         }
     }
 

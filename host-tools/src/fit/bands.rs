@@ -1,0 +1,192 @@
+//! Third-octave bands of recordings and of their models, wider than those that are judged: what a fit is checked by.
+
+use model_format::SAMPLE_RATE_HZ;
+
+use crate::dsp::log_spectrum::{BINS, FINE_BINS, LogSpectrum};
+use crate::dsp::model::Model;
+
+/// Number of bands, from 4 Hz to 2 kHz: those of the hand's motion that the tool's lowest mode leaks into, and up to
+/// the last whole one below half the models' sample rate.
+pub(super) const COUNT: usize = 28;
+
+/// Exponent of the lowest band's centre, 10^(6/10) Hz: base ten of IEC 61260-1.
+const LOWEST: f64 = 6.0;
+
+/// Bands further below the strongest one are not felt beside it.
+const AUDIBLE_SHARE: f64 = 1e-5;
+
+/// Least product of a band's width and the recording's length. Below it, the scatter of the band's own power exceeds
+/// 1.5 dB, and nothing can be said.
+const LEAST_DEGREES: f64 = 9.0;
+
+/// Power in each band, in (signal's unit)².
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bands([f64; COUNT]);
+
+/// A band with a level, in dB.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BandLevel {
+    /// Centre of the band, Hz.
+    pub centre_hz: f64,
+    /// Level, dB.
+    pub level_db: f64,
+}
+
+impl Bands {
+    /// Bands of a spectrum of total power `power`, from its density in any unit at evenly spaced frequencies from 0 Hz
+    /// to half the sample rate.
+    pub(super) fn of_density(density: &[f64], power: f64) -> Self {
+        let last = density.len() - 1;
+        let step_hz = f64::from(SAMPLE_RATE_HZ) / 2.0 / last as f64;
+        // The bins at both ends are half as wide as the others.
+        let total = density.iter().sum::<f64>() - 0.5 * (density[0] + density[last]);
+        let scale = if total > 0.0 { power / total } else { 0.0 };
+        Self(std::array::from_fn(|band| {
+            let (low, high) = edges_hz(band);
+            let (low, high) = (low / step_hz, high / step_hz);
+            let (first, end) = (low.round() as usize, (high.round() as usize).min(last));
+            let part = |bin: usize| {
+                let share = (bin as f64 + 0.5).min(high) - (bin as f64 - 0.5).max(low);
+                density[bin] * share.max(0.0)
+            };
+            scale * (first..=end).map(part).sum::<f64>()
+        }))
+    }
+
+    /// Bands of the output of `model`, which must not be silent. `bins` frequencies resolve it.
+    fn of_model(model: &Model, bins: usize) -> Self {
+        let spectrum = LogSpectrum::of_model_at(model, bins);
+        let mut density: Vec<f64> = spectrum.values().iter().map(|l| l.exp()).collect();
+        // A line narrower than the step of frequencies has too little power in the sum if it lies between two of them,
+        // and too much if it lies on one. The model's power is known, and what is amiss belongs to the strongest one.
+        let amiss = (model.output_power - spectrum.power()) * (bins - 1) as f64;
+        if let Some(strongest) = density.iter_mut().max_by(|a, b| a.total_cmp(b)) {
+            *strongest = (*strongest + amiss).max(0.0);
+        }
+        Self::of_density(&density, model.output_power)
+    }
+
+    /// Returns the weighted mean; the weights add up to one.
+    pub(super) fn mean<'a>(terms: impl IntoIterator<Item = (f64, &'a Self)>) -> Self {
+        let mut sum = [0.0; COUNT];
+        for (weight, bands) in terms {
+            for (sum, power) in sum.iter_mut().zip(&bands.0) {
+                *sum += weight * power;
+            }
+        }
+        Self(sum)
+    }
+
+    /// Returns the level of `other` over this one in each band that is within 50 dB of this one's strongest, and that
+    /// a recording of `samples` samples knows, with the standard deviation of the band's own level in dB.
+    fn levels_db<'a>(
+        &'a self,
+        other: &'a Self,
+        samples: usize,
+    ) -> impl Iterator<Item = (BandLevel, f64)> + 'a {
+        let strongest = self.0.iter().copied().fold(0.0, f64::max);
+        let duration_s = samples as f64 / f64::from(SAMPLE_RATE_HZ);
+        (0..COUNT).filter_map(move |band| {
+            let (low, high) = edges_hz(band);
+            let degrees = (high - low) * duration_s;
+            let known = degrees >= LEAST_DEGREES && self.0[band] > AUDIBLE_SHARE * strongest;
+            let level_db = 10.0 * (other.0[band] / self.0[band]).log10();
+            let level = BandLevel {
+                centre_hz: centre_hz(band),
+                level_db,
+            };
+            known.then(|| (level, 10.0 / std::f64::consts::LN_10 / degrees.sqrt()))
+        })
+    }
+
+    /// Returns the largest level of `other` over this one in any band, in dB; zero if no band is known.
+    pub(super) fn largest_excess_db(&self, other: &Self, samples: usize) -> f64 {
+        // Bands count that are strong in either.
+        let levels = other.levels_db(self, samples);
+        levels.map(|(level, _)| -level.level_db).fold(0.0, f64::max)
+    }
+
+    /// Returns the band of `model` that is furthest from this recording's, of those that are more than `limit_db` and
+    /// two standard deviations of the recording's own level away.
+    pub(super) fn missed_by(
+        &self,
+        model: &Model,
+        samples: usize,
+        limit_db: f64,
+    ) -> Option<BandLevel> {
+        let at = |bins: usize| {
+            let bands = Self::of_model(model, bins);
+            let missed = self
+                .levels_db(&bands, samples)
+                .filter(|(level, deviation_db)| {
+                    level.level_db.abs() > limit_db + 2.0 * deviation_db
+                })
+                .map(|(level, _)| level);
+            missed.max_by(|a, b| a.level_db.abs().total_cmp(&b.level_db.abs()))
+        };
+        // Few frequencies miss a narrow resonance, which many of them hold: only a suspicion is worth the time.
+        at(BINS).and_then(|_| at(FINE_BINS))
+    }
+}
+
+fn centre_hz(band: usize) -> f64 {
+    10f64.powf((LOWEST + band as f64) / 10.0)
+}
+
+fn edges_hz(band: usize) -> (f64, f64) {
+    let centre = LOWEST + band as f64;
+    (
+        10f64.powf((centre - 0.5) / 10.0),
+        10f64.powf((centre + 0.5) / 10.0),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_format::NodeFlags;
+
+    fn model(radius: f64, frequency_hz: f64) -> Model {
+        let angle = std::f64::consts::TAU * frequency_hz / f64::from(SAMPLE_RATE_HZ);
+        let k2 = radius * radius;
+        Model {
+            reflection: vec![-2.0 * radius * angle.cos() / (1.0 + k2), k2],
+            output_power: 3.0,
+            flags: NodeFlags::NONE,
+        }
+    }
+
+    #[test]
+    fn white_noise_has_power_in_proportion_to_a_bands_width() {
+        let bands = Bands::of_density(&vec![7.0; 10_001], 2500.0);
+        for (band, power) in bands.0.iter().enumerate() {
+            let (low, high) = edges_hz(band);
+            assert!((power / (high - low) - 1.0).abs() < 1e-9, "{band}: {power}");
+        }
+        let (low, high) = (edges_hz(0).0, edges_hz(COUNT - 1).1);
+        assert!(low < 3.6 && high > 2200.0 && high < 2500.0);
+    }
+
+    #[test]
+    fn a_model_misses_no_band_of_itself_and_those_of_another_by_name() {
+        // Sixty seconds, so that the lowest band is known.
+        let recording = Bands::of_model(&model(0.98, 50.0), FINE_BINS);
+        let missed = |m: &Model| recording.missed_by(m, 300_000, 3.0);
+        assert_eq!(missed(&model(0.98, 50.0)), None);
+        let level = missed(&model(0.98, 100.0)).unwrap();
+        assert!(level.level_db.abs() > 6.0, "{level:?}");
+        // A tenth of a second knows no band that low, and most of the others badly.
+        assert_eq!(
+            recording.missed_by(&model(0.97, 50.0), 500, 3.0),
+            None,
+            "nothing is known of a short recording"
+        );
+    }
+
+    #[test]
+    fn a_narrow_resonance_between_two_frequencies_is_no_miss() {
+        let narrow = model(0.99999, 200.23);
+        let recording = Bands::of_model(&narrow, 10 * FINE_BINS);
+        assert_eq!(recording.missed_by(&narrow, 300_000, 3.0), None);
+    }
+}
