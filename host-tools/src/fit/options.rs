@@ -1,13 +1,13 @@
 //! Choices of a fit.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::dsp::reduction::Reduction;
 use crate::recording::triage::SILENCE_FLOOR_M_S2;
 use crate::texture::quantise::StructureChoice;
 
 /// The choice of a model's order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
     /// For each node by the Bayesian information criterion, at most 400.
@@ -43,7 +43,8 @@ impl std::str::FromStr for Order {
 }
 
 /// The estimate of a recording's autocorrelation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
 pub enum Estimator {
     /// Biased estimate with a rectangular window, as in the paper: finest resolution, but strong lines leak.
     #[default]
@@ -53,7 +54,7 @@ pub enum Estimator {
 }
 
 /// Options of a fit.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Options {
     /// Orders of the models.
     pub order: Order,

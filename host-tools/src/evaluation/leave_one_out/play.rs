@@ -115,7 +115,7 @@ pub(super) fn judge(
 ) -> Option<Judged> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let cost = |width_hz| spectrum::spectral_cost(recorded, synthesised, rate_hz, width_hz);
-    let (low_hz, high_hz) = crate::evaluation::evaluate::DISTANCE_RANGE_HZ;
+    let (low_hz, high_hz) = crate::evaluation::scoring_range::DISTANCE_RANGE_HZ;
     Some(Judged {
         cost: cost(options.smoothing_hz)?,
         costs_by_width: widths_hz.iter().filter_map(|&width| cost(width)).collect(),
