@@ -74,10 +74,13 @@ pub struct Evaluation {
     /// The judge of each trial.
     #[serde(skip)]
     pub judges: Vec<Judge>,
-    /// Libraries of one texture each, which were fitted to blocks: name and bytes.
+    /// What was fitted to blocks.
     #[serde(skip)]
-    refitted: Vec<(String, Vec<u8>)>,
+    refitted: Refitted,
 }
+
+/// Libraries of one texture each: name and bytes.
+type Refitted = Vec<(String, Vec<u8>)>;
 
 /// A judge, what is beside it, and the synthesis, at the models' rate, m/s².
 #[derive(Clone, Debug)]
@@ -329,7 +332,7 @@ fn refit(
     judges: &[Judge],
     record: Option<&FitRecord>,
     options: &Options,
-) -> Result<(Vec<(String, Vec<u8>)>, (f64, f64))> {
+) -> Result<(Refitted, (f64, f64))> {
     let pairs = set.trials.iter().zip(judges);
     let trials = pairs.filter(|(_, judge)| **judge == Judge::Blocks);
     let part = RecordingSet {

@@ -340,7 +340,7 @@ mod tests {
             .map(|(n, x)| if n % 50 == 0 { x * 50f64.sqrt() } else { 0.0 })
             .collect();
         assert!(properties(&impulses).kurtosis.unwrap() > 10.0);
-        assert_eq!(properties(&[0.0; 5000]).kurtosis, None);
+        assert_eq!(properties(&vec![0.0; 5000]).kurtosis, None);
     }
 
     /// A carrier whose amplitude is 1 + m sin: the RMS of the envelope's swing is m/√2 of its mean.

@@ -55,7 +55,7 @@ impl ScoringRange {
             cost_hz: (rate_hz / block as f64, own_hz),
             segment,
         };
-        Some(range).filter(|range| range.holds_a_third_octave())
+        Some(range).filter(Self::holds_a_third_octave)
     }
 
     /// The lowest and the highest frequency of bands, Hz.

@@ -107,15 +107,15 @@ pub const SPECTRA_COLUMNS: [(&str, bool); 13] = [
 pub const FEEL_COLUMNS: [(&str, bool); 11] = [
     ("texture", false),
     ("level error (JND)", true),
-    ("other", true),
+    ("level, other", true),
     ("|balance| (dB)", true),
-    ("other", true),
+    ("balance, other", true),
     ("kurtosis, recording", true),
-    ("synthesis", true),
-    ("other", true),
+    ("kurtosis, synthesis", true),
+    ("kurtosis, other", true),
     ("modulation, recording", true),
-    ("synthesis", true),
-    ("other", true),
+    ("modulation, synthesis", true),
+    ("modulation, other", true),
 ];
 
 /// The columns of [`take_cells`]: a heading, and true for numbers.

@@ -14,7 +14,7 @@ use crate::evaluation::evaluate;
 use crate::evaluation::evaluate::{Comparison, Evaluation, cost_by_order, texture_named};
 use crate::evaluation::held_out::JudgeKind;
 use crate::evaluation::results::TrialEvaluation;
-use crate::evaluation::summary::{FEEL_COLUMNS, SPECTRA_COLUMNS};
+use crate::evaluation::summary::{FEEL_COLUMNS, SPECTRA_COLUMNS, TextureEvaluation};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 use crate::texture::grid::as_written;
@@ -109,8 +109,8 @@ impl<'a> Sections<'a> {
             self.evaluation.smoothing
         ));
         let textures = || self.evaluation.textures.iter();
-        let rows: Vec<Vec<String>> = textures().map(|t| t.spectra_cells()).collect();
-        let felt: Vec<Vec<String>> = textures().map(|t| t.feel_cells()).collect();
+        let rows: Vec<Vec<String>> = textures().map(TextureEvaluation::spectra_cells).collect();
+        let felt: Vec<Vec<String>> = textures().map(TextureEvaluation::feel_cells).collect();
         self.page
             .table("Spectra", &columns(&SPECTRA_COLUMNS), &rows);
         self.page.paragraph(&format!(

@@ -2,6 +2,7 @@
 
 use host_tools::dsp::spectrum::AMPLITUDE_JND_DB;
 use host_tools::evaluation::evaluate::Evaluation;
+use host_tools::evaluation::results::{Scores, TrialEvaluation};
 use host_tools::evaluation::summary::{FEEL_COLUMNS, SPECTRA_COLUMNS, TAKE_COLUMNS, take_cells};
 
 use crate::cli::table::table;
@@ -9,8 +10,8 @@ use crate::cli::table::table;
 /// What was held out, the tables with one line per texture, and an explanation of their columns.
 pub fn summary(evaluation: &Evaluation) -> String {
     let textures = || evaluation.textures.iter();
-    let spectra: Vec<Vec<String>> = textures().map(|t| t.spectra_cells()).collect();
-    let felt: Vec<Vec<String>> = textures().map(|t| t.feel_cells()).collect();
+    let spectra: Vec<Vec<String>> = textures().map(TextureEvaluation::spectra_cells).collect();
+    let felt: Vec<Vec<String>> = textures().map(TextureEvaluation::feel_cells).collect();
     let origin = if evaluation.simulated {
         "\nThe recordings are SIMULATED."
     } else {
@@ -35,10 +36,21 @@ pub fn summary(evaluation: &Evaluation) -> String {
 /// Table of the distances of takes and syntheses from the takes that judged, with their means; none without takes.
 pub fn takes(evaluation: &Evaluation) -> Option<String> {
     let rows: Vec<Vec<String>> = evaluation.trials.iter().filter_map(take_cells).collect();
+    let judged = || {
+        let trials = evaluation.trials.iter();
+        trials.filter(|trial| trial.other_take.is_some())
+    };
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let of = |scores: fn(&TrialEvaluation) -> &Scores| {
+        let distances = judged().filter_map(|trial| scores(trial).log_spectral_distance_db);
+        mean(distances.collect())
+    };
     (!rows.is_empty()).then(|| {
         format!(
-            "Log-spectral distance from each take that judged\n{}",
-            table_of(&TAKE_COLUMNS, &rows)
+            "Log-spectral distance from each take that judged\n{}\nmean: fitted take {:.2} dB, synthesis {:.2} dB",
+            table_of(&TAKE_COLUMNS, &rows),
+            of(|trial| &trial.other),
+            of(|trial| &trial.scores)
         )
     })
 }
