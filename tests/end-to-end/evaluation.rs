@@ -179,6 +179,9 @@ fn a_report_is_one_page_that_holds_everything_it_shows() {
         "data:audio/wav;base64,",
         "data:image/png;base64,",
         "Takes",
+        "are in the fitted set, and judge nothing",
+        "fitted on every other block of 0.5 s",
+        "What is felt",
     ] {
         assert!(page.contains(part), "{part}");
     }
@@ -189,6 +192,133 @@ fn a_report_is_one_page_that_holds_everything_it_shows() {
     for reference in ["http", "src=", "href=", "<script", "@import"] {
         assert!(!references.contains(reference), "{reference}");
     }
+}
+
+/// A recording of noise without structure: any high order only learns its accidents.
+fn white_takes() -> Bench {
+    let bench = Bench::new();
+    let list = "file,texture,speed_mm_s,force_n\n";
+    for (folder, seed) in [("one", 1), ("two", 2)] {
+        let signal = noise(seed, 10_000);
+        bench.write(
+            &format!("{folder}/felt.wav"),
+            support::wav(&[&signal], RATE_HZ),
+        );
+        bench.write(
+            &format!("{folder}/trials.csv"),
+            format!("{list}felt.wav,felt,100,1\n"),
+        );
+    }
+    bench
+}
+
+#[test]
+fn what_a_model_was_fitted_to_does_not_judge_it() {
+    let bench = white_takes();
+    bench.succeed("fit one --out felt.lib --order 400");
+    let said = bench.succeed("evaluate one --library felt.lib --json blocks.json");
+    let words = "fitted on every other block of 0.5 s of each recording, judged on the rest";
+    assert!(said.contains(words), "{said}");
+    assert!(said.contains("not a measure of fidelity"), "{said}");
+    let felt = &json(&bench, "blocks.json")["textures"][0];
+    let held_out = felt["mean_log_spectral_distance_db"].as_f64().unwrap();
+    let in_sample = felt["in_sample_log_spectral_distance_db"].as_f64().unwrap();
+    assert!(held_out > in_sample + 0.2, "{felt}");
+    // Another block of the same noise is as near as a model comes.
+    let other = felt["other"]["mean_log_spectral_distance_db"]
+        .as_f64()
+        .unwrap();
+    assert!((other - held_out).abs() < 1.5, "{felt}");
+
+    // A recording that the record of the fit does not name judges the library as it is.
+    let said = bench.succeed("evaluate two --library felt.lib --json unseen.json");
+    assert!(
+        said.contains("recordings that its fit did not use"),
+        "{said}"
+    );
+    assert_eq!(json(&bench, "unseen.json")["trials"][0]["judge"], "unseen");
+    let said = bench.succeed("evaluate one --library felt.lib --takes two --json takes.json");
+    assert!(said.contains("judged on another take"), "{said}");
+    let takes = json(&bench, "takes.json");
+    let unseen = json(&bench, "unseen.json");
+    assert_eq!(takes["trials"][0]["judge"], "other_take");
+    let distance = |figures: &serde_json::Value| {
+        figures["trials"][0]["log_spectral_distance_db"]
+            .as_f64()
+            .unwrap()
+    };
+    assert_eq!(distance(&takes).to_bits(), distance(&unseen).to_bits());
+}
+
+#[test]
+fn without_a_record_of_the_fit_no_figure_counts() {
+    let bench = white_takes();
+    bench.succeed("fit one --out felt.lib");
+    std::fs::remove_file(bench.path("felt.lib.fit.json")).unwrap();
+    let said = bench.succeed("evaluate one --library felt.lib --json a.json");
+    assert!(said.contains("not known to be held out"), "{said}");
+    let felt = &json(&bench, "a.json")["textures"][0];
+    assert!(
+        felt["mean_cost"].is_null() && felt["level_error_jnd"].is_null(),
+        "{felt}"
+    );
+    assert!(
+        felt["in_sample_log_spectral_distance_db"].is_f64(),
+        "{felt}"
+    );
+}
+
+#[test]
+fn takes_that_are_in_the_fitted_set_are_named_and_judge_nothing() {
+    let bench = white_takes();
+    bench.succeed("fit one --out felt.lib");
+    let list = "file,texture,speed_mm_s,force_n\nx.wav,felt,100,1\n";
+    let signal = noise(1, 10_000);
+    let quiet = support::scaled(&signal, -0.4);
+    let (copy, scaled, shifted) = (
+        support::wav(&[&signal], RATE_HZ),
+        support::wav(&[&quiet], RATE_HZ),
+        support::wav(&[&signal[700..]], RATE_HZ),
+    );
+    for (name, bytes) in [("copy", copy), ("scaled", scaled), ("shifted", shifted)] {
+        bench.write(&format!("{name}/x.wav"), bytes);
+        bench.write(&format!("{name}/trials.csv"), list);
+        let output = bench.run(&format!(
+            "evaluate one --library felt.lib --takes {name} --json a.json"
+        ));
+        let warned = text(&output.stderr);
+        assert!(output.status.success(), "{warned}");
+        assert!(
+            warned.contains("a take judges nothing") && warned.contains(&format!("{name}/x.wav")),
+            "{warned}"
+        );
+        assert_eq!(
+            json(&bench, "a.json")["trials"][0]["judge"],
+            "blocks",
+            "{name}"
+        );
+    }
+}
+
+/// At 1 kHz there is nothing above 500 Hz, which no figure may hold against a synthesis.
+#[test]
+fn nothing_above_a_recordings_own_rate_is_judged() {
+    let bench = Bench::new();
+    let signal = all_pole(&[-0.9, 0.5], &noise(4, 4000));
+    bench.write("slow.wav", support::wav(&[&signal], 1000));
+    bench.succeed("fit slow.wav --out slow.lib --duration 4");
+    let said = bench.succeed("evaluate slow.wav --library slow.lib --duration 4 --json a.json");
+    assert!(said.contains("18 to 450 Hz"), "{said}");
+    let trial = &json(&bench, "a.json")["trials"][0];
+    assert_eq!(trial["range"]["high_hz"], 450.0);
+    let distance = trial["log_spectral_distance_db"].as_f64().unwrap();
+    assert!(distance < 3.0, "{trial}");
+    let bands = trial["band_errors_db"].as_array().unwrap();
+    assert!(bands[..14].iter().all(serde_json::Value::is_f64), "{trial}");
+    assert!(
+        bands[14..].iter().all(serde_json::Value::is_null),
+        "{trial}"
+    );
 }
 
 #[test]

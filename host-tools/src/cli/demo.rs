@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use host_tools::evaluation::evaluate;
+use host_tools::evaluation::held_out::judges;
 use host_tools::fit;
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::{WavFormat, render_wav};
@@ -61,9 +62,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     step(2, "stylus fit: one model per node, its order chosen by AIC")?;
     let set = RecordingSet::open(&[recordings])?;
-    let (fit, bytes) = super::fit::fit_library(&set, &fit::Options::default())?;
+    let fit_options = fit::Options::default();
+    let (fit, bytes) = super::fit::fit_library(&set, &fit_options)?;
     let path = out.join("textures.lib");
-    atomic_file::write(&path, &bytes)?;
+    let record = super::fit::write_library(&path, &bytes, &set, &fit_options)?;
     let library = decode_library(&path, &bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()
@@ -76,13 +78,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     step(
         3,
-        "stylus evaluate: the device's kernel against every recording",
+        "stylus evaluate: the device's kernel against what was held out of every recording",
     )?;
     let options = evaluate::Options {
         seed: arguments.seed,
         ..evaluate::Options::default()
     };
-    let evaluation = super::evaluate::evaluate_set(&set, &library, &options)?;
+    let judges = judges(&set, Vec::new(), Some(&record))?;
+    let evaluation =
+        super::evaluate::evaluate_set(&set, &library, judges, Some(&record), &options)?;
     print(&super::evaluate::summary(&evaluation))?;
     let page = report::write(&set, &library, &evaluation, &options, &out.join("report"))?;
 

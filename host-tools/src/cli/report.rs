@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use host_tools::dsp::reduction::Reduction;
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
+use host_tools::evaluation::evaluate;
 use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::{Prepared, Row};
-use host_tools::evaluation::{evaluate, takes};
+use host_tools::fit::record::FitRecord;
 use host_tools::fit::{self, Order};
-use host_tools::recording::RecordingSet;
 use host_tools::report::removed_nodes::RemovedNodeTest;
 use host_tools::report::set_page;
 use host_tools::report::set_page::Inputs;
@@ -30,7 +30,7 @@ pub struct Arguments {
     /// Library to report on [default: fitted to the recordings]
     #[arg(long, value_name = "LIB")]
     library: Option<PathBuf>,
-    /// Other takes of the same trials, as a folder or a list, to compare with
+    /// Other takes of the same trials, as a folder or a list, which judge the library instead
     #[arg(long, value_name = "DIR")]
     takes: Option<PathBuf>,
     /// Order of fitted models: 0 to 400, or 'auto'
@@ -49,15 +49,19 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let set = arguments.recordings.open()?;
-    let bytes = if let Some(path) = &arguments.library {
-        read_library(path)?
+    let (bytes, record) = if let Some(path) = &arguments.library {
+        let bytes = read_library(path)?;
+        let record = FitRecord::beside(path, &bytes)?;
+        (bytes, record)
     } else {
         let options = fit::Options {
             order: arguments.order,
             reduction: arguments.reduce,
             ..fit::Options::default()
         };
-        super::fit::fit_library(&set, &options)?.1
+        let bytes = super::fit::fit_library(&set, &options)?.1;
+        let record = FitRecord::of(&set, &options, &bytes)?;
+        (bytes, Some(record))
     };
     let path = arguments.library.clone().unwrap_or_default();
     let library = decode_library(&path, &bytes)?;
@@ -65,16 +69,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         reduction: arguments.reduce,
         smoothing_hz: arguments.smoothing,
         seed: arguments.seed,
+        in_sample: true,
         ..evaluate::Options::default()
     };
-    let evaluation = super::evaluate::evaluate_set(&set, &library, &options)?;
-    let distances = match &arguments.takes {
-        Some(others) => {
-            let others = RecordingSet::open(std::slice::from_ref(others))?;
-            takes::distances(&set, &others, &evaluation, arguments.reduce)?
-        }
-        None => Vec::new(),
-    };
+    let takes = arguments.takes.as_deref();
+    let chosen = super::evaluate::takes::choose(&set, takes, record.as_ref(), arguments.reduce)?;
+    let evaluation =
+        super::evaluate::evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
     let removal = leave_one_out::Options {
         reduction: arguments.reduce,
         order: arguments.order,
@@ -101,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
                 prepared,
                 options: removal,
             }),
-        takes: &distances,
+        unused_takes: &chosen.unused,
     };
     let bar = progress::bar(evaluation.textures.len() as u64, "reporting");
     set_page::write(&inputs, &arguments.out, || bar.inc(1))?;

@@ -7,6 +7,7 @@ pub mod line_spectral_frequencies;
 pub mod linear_prediction;
 pub mod log_spectrum;
 pub mod model;
+pub mod phase_correlation;
 pub mod reduction;
 pub mod spectrum;
 mod transform;

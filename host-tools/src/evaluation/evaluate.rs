@@ -1,27 +1,33 @@
-//! Comparison with recordings: each trial is played by the device's own kernel at its speed and force, and
-//! compared with what was recorded.
+//! Comparison with recordings: each trial is played by the device's own kernel at its speed and force, and compared
+//! with what was recorded and not fitted.
+//!
+//! Beside each figure of the synthesis stands that of another recording of the same surface, judged in the same way:
+//! the fitted blocks against the judged ones, or one take against the other. A synthesis need not come nearer.
 
-use model_format::{Library, MillimetresPerSecond, Newton, Texture};
+use model_format::{Library, MillimetresPerSecond, Newton, Provenance, SAMPLE_RATE_HZ, Texture};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::dsp::reduction::Reduction;
+use super::held_out::{Judge, JudgeKind, in_words};
+use super::perception::{Perceived, Properties};
+use super::results::{Scores, TrialEvaluation};
+use super::scoring_range::ScoringRange;
+use super::summary::{TextureEvaluation, judged_hz, other_in_words, summarise};
+use crate::dsp::reduction::{Reduction, reduce};
 use crate::dsp::spectrum;
-use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ};
+use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
 use crate::fit;
+use crate::fit::part::{Blocks, analyse_blocks};
+use crate::fit::record::FitRecord;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
-use crate::recording::{RecordingSet, Trial};
+use crate::recording::{self, RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::texture::library::uncertified_library;
 use crate::texture::quantise::StructureChoice;
-use model_format::SAMPLE_RATE_HZ;
 
 /// Beginning of a synthesis that no comparison uses, s, because filters start from rest.
 pub(super) const WARM_UP_S: f64 = 0.5;
-
-/// The range over which the log-spectral distance is taken, Hz.
-pub const DISTANCE_RANGE_HZ: (f64, f64) = (30.0, 1000.0);
 
 /// Options of an evaluation.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +40,8 @@ pub struct Options {
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise.
     pub seed: u64,
+    /// Compare the library as it is with what it was fitted to, too.
+    pub in_sample: bool,
 }
 
 impl Default for Options {
@@ -43,87 +51,16 @@ impl Default for Options {
             smoothing_hz: spectrum::DEFAULT_SMOOTHING_WIDTH_HZ,
             synthesis_s: 10.0,
             seed: 1,
+            in_sample: false,
         }
-    }
-}
-
-/// The comparison of one trial.
-#[derive(Clone, Debug, Serialize)]
-pub struct TrialEvaluation {
-    /// The recording.
-    pub file: String,
-    /// Its texture.
-    pub texture: String,
-    /// Tangential speed, mm/s.
-    pub speed_mm_s: f64,
-    /// Normal force, N.
-    pub force_n: f64,
-    /// RMS of the recording, m/s².
-    pub recorded_rms_m_s2: f64,
-    /// RMS of the synthesis, m/s².
-    pub synthesised_rms_m_s2: f64,
-    /// The paper's cost C, equation (6); none where the recording or the stylus is silent.
-    pub cost: Option<f64>,
-    /// C of a perfect model of broadband noise, which is not 0 because its synthesis is noise of its own.
-    pub cost_floor: f64,
-    /// Level of the synthesis over that of the recording in each third-octave band from 20 to 1000 Hz, dB.
-    pub band_errors_db: [Option<f64>; BAND_COUNT],
-    /// Log-spectral distance from 30 to 1000 Hz in sliding third octaves, dB.
-    pub log_spectral_distance_db: Option<f64>,
-    /// Samples of the synthesis at full scale.
-    pub saturations: u32,
-}
-
-impl TrialEvaluation {
-    /// Returns whether the stylus plays nothing here.
-    pub fn is_silent(&self) -> bool {
-        self.cost.is_none()
-    }
-}
-
-/// A texture's trials in a few numbers; silent trials are counted and left out of all means.
-#[derive(Clone, Debug, Serialize)]
-pub struct TextureEvaluation {
-    /// The texture.
-    pub texture: String,
-    /// Trials compared.
-    pub trials: usize,
-    /// Trials at which the stylus or the recording is silent.
-    pub silent: usize,
-    /// Mean of C.
-    pub mean_cost: f64,
-    /// Standard deviation of C.
-    pub cost_deviation: f64,
-    /// Mean of what C would be for a perfect model of broadband noise.
-    pub mean_cost_floor: f64,
-    /// Mean magnitude of the bands' errors, dB.
-    pub mean_band_error_db: f64,
-    /// Share of all bands within the amplitude JND of 2.2 dB.
-    pub bands_within_jnd: f64,
-    /// Mean log-spectral distance, dB.
-    pub mean_log_spectral_distance_db: f64,
-}
-
-impl TextureEvaluation {
-    /// The fields as a table's row, in their order.
-    pub fn cells(&self) -> [String; 9] {
-        [
-            self.texture.clone(),
-            self.trials.to_string(),
-            self.silent.to_string(),
-            format!("{:.3}", self.mean_cost),
-            format!("{:.3}", self.cost_deviation),
-            format!("{:.3}", self.mean_cost_floor),
-            format!("{:.2}", self.mean_band_error_db),
-            format!("{:.0} %", 100.0 * self.bands_within_jnd),
-            format!("{:.2}", self.mean_log_spectral_distance_db),
-        ]
     }
 }
 
 /// The outcome of an evaluation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Evaluation {
+    /// What was held out, in words.
+    pub held_out: String,
     /// The kernel that smooths amplitudes for C.
     pub smoothing: String,
     /// The bands' nominal centre frequencies, Hz.
@@ -134,17 +71,59 @@ pub struct Evaluation {
     pub textures: Vec<TextureEvaluation>,
     /// Every trial, in the order of the set.
     pub trials: Vec<TrialEvaluation>,
+    /// The judge of each trial.
+    #[serde(skip)]
+    pub judges: Vec<Judge>,
+    /// What was fitted to blocks.
+    #[serde(skip)]
+    refitted: Refitted,
 }
 
-/// A recording and its synthesis, at the models' rate, m/s².
+/// Libraries of one texture each: name and bytes.
+type Refitted = Vec<(String, Vec<u8>)>;
+
+/// A judge, what is beside it, and the synthesis, at the models' rate, m/s².
 #[derive(Clone, Debug)]
 pub struct Comparison {
-    /// The reduced recording.
-    pub recorded: Vec<f64>,
+    /// The whole recording of which `judged` is a part, or all: for pictures and sounds, not for figures.
+    pub recording: Vec<f64>,
+    /// The held-out recording in blocks; one block if nothing of it was fitted.
+    pub judged: Vec<Vec<f64>>,
+    /// Another recording, to be compared with `beside`: the fitted blocks, or the fitted take.
+    pub other: Vec<Vec<f64>>,
+    /// Part of the judge that `other` is compared with; `judged` if empty.
+    beside: Vec<Vec<f64>>,
     /// The synthesis after warming up; at least as long.
     pub synthesised: Vec<f64>,
     /// Samples of the synthesis at full scale.
     pub saturations: u32,
+    /// The lowest sample rate of the files behind it, Hz.
+    source_rate_hz: f64,
+}
+
+impl Comparison {
+    /// The longest judged block.
+    pub fn longest_block(&self) -> &[f64] {
+        let longest = self.judged.iter().max_by_key(|block| block.len());
+        longest.map_or(&[], Vec::as_slice)
+    }
+
+    /// The blocks that a model may be fitted to, and one that it did not see.
+    pub fn fitted_and_left(&self) -> (Vec<&[f64]>, &[f64]) {
+        let left = if self.beside.is_empty() {
+            self.longest_block()
+        } else {
+            &self.beside[0]
+        };
+        (slices(&self.other), left)
+    }
+
+    /// The frequencies that can be judged; `None` if blocks are too short.
+    fn range(&self) -> Option<ScoringRange> {
+        let blocks = [&self.judged, &self.other, &self.beside];
+        let shortest = blocks.into_iter().flatten().map(Vec::len).min();
+        ScoringRange::of(self.source_rate_hz, shortest?)
+    }
 }
 
 /// The texture of `library` that a trial names.
@@ -161,28 +140,14 @@ pub fn texture_named<'a>(library: &Library<'a>, name: &str) -> Result<Texture<'a
     })
 }
 
-/// Plays `trial` from `texture` and reads its recording. `seed` is this trial's own.
-///
-/// # Errors
-/// A recording that cannot be used.
-pub fn compare(
-    trial: &Trial,
+/// Plays `trial` from `texture` for at least so many samples after warming up: m/s², and the samples at full scale.
+fn play(
     texture: Texture<'_>,
+    trial: &Trial,
+    samples: usize,
     options: &Options,
     seed: u64,
-) -> Result<Comparison> {
-    let (recorded, _) = fit::signal(trial, options.reduction)?;
-    play_beside(recorded, trial, texture, options, seed)
-}
-
-/// Plays `trial` from `texture` for at least as long as its reduced signal `recorded`.
-fn play_beside(
-    recorded: Vec<f64>,
-    trial: &Trial,
-    texture: Texture<'_>,
-    options: &Options,
-    seed: u64,
-) -> Result<Comparison> {
+) -> Result<(Vec<f64>, u32)> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     if texture.sample_rate_hz() != SAMPLE_RATE_HZ {
         return Err(Error::Request(format!(
@@ -191,89 +156,347 @@ fn play_beside(
             texture.sample_rate_hz()
         )));
     }
-    let seconds = (recorded.len() as f64 / rate_hz).max(options.synthesis_s) + WARM_UP_S;
+    let seconds = (samples as f64 / rate_hz).max(options.synthesis_s) + WARM_UP_S;
     let motion = MotionPath::constant(
         MillimetresPerSecond(trial.speed_mm_s as f32),
         Newton(trial.force_n as f32),
     )?;
     let rendered: Rendered = render(texture, &motion, seconds, seed)?;
     let warm_up = (WARM_UP_S * rate_hz) as usize;
+    let synthesised = rendered.accelerations_m_s2().split_off(warm_up);
+    Ok((synthesised, rendered.saturations))
+}
+
+/// A trial read for its judge: the comparison without a synthesis.
+fn read(trial: &Trial, judge: &Judge, reduction: Reduction) -> Result<Comparison> {
+    let (own, mut source_rate_hz) = signal(trial, reduction)?;
+    let blocks = Blocks::of(own.len());
+    let fitted = blocks.fitted().map(|block| own[block].to_vec()).collect();
+    let left = blocks.judged().map(|block| own[block].to_vec()).collect();
+    let (judged, other, beside): (Vec<Vec<f64>>, _, _) = match judge {
+        Judge::Blocks => (left, fitted, Vec::new()),
+        Judge::OtherTake(take) => {
+            let (take, rate_hz) = signal(take, reduction)?;
+            source_rate_hz = source_rate_hz.min(rate_hz);
+            (vec![take], vec![own.clone()], Vec::new())
+        }
+        Judge::Unseen | Judge::Nothing => (vec![own.clone()], fitted, left),
+    };
+    let recording = match judge {
+        Judge::OtherTake(_) => judged[0].clone(),
+        Judge::Blocks | Judge::Unseen | Judge::Nothing => own,
+    };
     Ok(Comparison {
-        recorded,
-        synthesised: rendered.accelerations_m_s2().split_off(warm_up),
-        saturations: rendered.saturations,
+        recording,
+        judged,
+        other,
+        beside,
+        synthesised: Vec::new(),
+        saturations: 0,
+        source_rate_hz,
     })
 }
 
-/// Evaluates every trial of `set` against `library`, telling `progress` of each one done.
+/// The reduced signal of `trial`, m/s², and the sample rate of its file, Hz.
+fn signal(trial: &Trial, reduction: Reduction) -> Result<(Vec<f64>, f64)> {
+    let mut samples = recording::read(trial)?;
+    let reduced = reduce(&mut samples.axes, reduction)
+        .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
+    Ok((reduced.signal, samples.source_rate_hz))
+}
+
+/// Evaluates every trial of `set`, which `judges` has a judge for, telling `progress` of each one done.
 ///
-/// The result does not depend on the number of threads.
+/// What is judged by blocks is fitted again to the blocks between, with the options of `record`; what is judged by
+/// other recordings is `library` as it is. The result does not depend on the number of threads.
 ///
 /// # Errors
-/// A texture that the library does not have, or a recording that cannot be used.
+/// A texture that the library does not have, a recording that cannot be used, or blocks to judge without a record.
 pub fn evaluate(
     set: &RecordingSet,
     library: &Library<'_>,
+    judges: Vec<Judge>,
+    record: Option<&FitRecord>,
     options: &Options,
     progress: impl Fn() + Sync,
 ) -> Result<Evaluation> {
     for name in set.textures() {
         texture_named(library, name)?;
     }
-    let trials = (0..set.trials.len())
-        .into_par_iter()
-        .map(|index| {
-            let trial = &set.trials[index];
-            let texture = texture_named(library, &trial.texture)?;
-            let seed = options.seed.wrapping_add(index as u64);
-            let comparison = compare(trial, texture, options, seed)?;
-            progress();
-            Ok(judge(trial, &comparison, options))
-        })
-        .collect::<Result<Vec<_>>>()?;
-    let textures = set
-        .textures()
-        .into_iter()
-        .map(|name| summarise(name, &trials))
-        .collect();
-    let simulated = set
-        .trials
-        .iter()
-        .any(|trial| trial.provenance == model_format::Provenance::Simulated);
-    Ok(Evaluation {
+    let (refitted, blocks_s) = refit(set, &judges, record, options)?;
+    let mut evaluation = Evaluation {
+        held_out: in_words(&judges, blocks_s),
         smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
         bands_hz: BAND_LABELS_HZ,
-        simulated,
-        textures,
-        trials,
-    })
+        simulated: set
+            .trials
+            .iter()
+            .any(|trial| trial.provenance == Provenance::Simulated),
+        textures: Vec::new(),
+        trials: Vec::new(),
+        judges,
+        refitted,
+    };
+    evaluation.trials = (0..set.trials.len())
+        .into_par_iter()
+        .map(|index| {
+            let comparison = evaluation.compare(set, library, index, options)?;
+            let trial = &set.trials[index];
+            let judge = &evaluation.judges[index];
+            let mut judged = judged(trial, judge.kind(), &comparison, options);
+            if let Judge::OtherTake(take) = judge {
+                judged.other_take = Some(take.file.display().to_string());
+            }
+            if options.in_sample && *judge == Judge::Blocks {
+                let texture = texture_named(library, &trial.texture)?;
+                let (played, _) = play(texture, trial, 0, options, options.seed_of(index))?;
+                judged.in_sample_log_spectral_distance_db = comparison.distance_db(&played);
+            }
+            progress();
+            Ok(judged)
+        })
+        .collect::<Result<Vec<_>>>()?;
+    evaluation.textures = set
+        .textures()
+        .into_iter()
+        .map(|name| summarise(name, &evaluation.trials))
+        .collect();
+    Ok(evaluation)
 }
 
-fn judge(trial: &Trial, comparison: &Comparison, options: &Options) -> TrialEvaluation {
-    let rate_hz = f64::from(SAMPLE_RATE_HZ);
-    let Comparison {
-        recorded,
-        synthesised,
-        saturations,
-    } = comparison;
-    let (low_hz, high_hz) = DISTANCE_RANGE_HZ;
-    let silent = rms(recorded) <= 0.0 || rms(synthesised) <= 0.0;
-    let heard = |value: Option<f64>| value.filter(|_| !silent);
-    let cost = spectrum::spectral_cost(recorded, synthesised, rate_hz, options.smoothing_hz);
-    let distance =
-        spectrum::log_spectral_distance_db(recorded, synthesised, rate_hz, low_hz, high_hz);
+impl Options {
+    /// The seed of trial `index`.
+    fn seed_of(&self, index: usize) -> u64 {
+        self.seed.wrapping_add(index as u64)
+    }
+}
+
+impl Evaluation {
+    /// The frequencies of all figures, in words.
+    pub fn judged_hz(&self) -> String {
+        judged_hz(&self.trials)
+    }
+
+    /// The other recording beside the synthesis, in words.
+    pub fn other_in_words(&self) -> &'static str {
+        other_in_words(&self.trials)
+    }
+
+    /// Reads the judge of trial `index` of the evaluated set, and plays what it judges.
+    ///
+    /// # Errors
+    /// A recording that cannot be used any more.
+    pub fn compare(
+        &self,
+        set: &RecordingSet,
+        library: &Library<'_>,
+        index: usize,
+        options: &Options,
+    ) -> Result<Comparison> {
+        let trial = &set.trials[index];
+        let mut comparison = read(trial, &self.judges[index], options.reduction)?;
+        let samples = comparison.judged.iter().map(Vec::len).sum();
+        let seed = options.seed_of(index);
+        let refitted = self
+            .refitted
+            .iter()
+            .find(|(name, _)| *name == trial.texture && self.judges[index] == Judge::Blocks);
+        let played = if let Some((name, bytes)) = refitted {
+            let library = Library::decode_uncertified(bytes)
+                .map_err(|failure| Error::Model(failure.to_string()))?;
+            play(
+                texture_named(&library, name)?,
+                trial,
+                samples,
+                options,
+                seed,
+            )?
+        } else {
+            play(
+                texture_named(library, &trial.texture)?,
+                trial,
+                samples,
+                options,
+                seed,
+            )?
+        };
+        (comparison.synthesised, comparison.saturations) = played;
+        Ok(comparison)
+    }
+}
+
+/// Fits the trials that are judged by blocks to the blocks between: a library for each of their textures, and the
+/// shortest and the longest block, s.
+fn refit(
+    set: &RecordingSet,
+    judges: &[Judge],
+    record: Option<&FitRecord>,
+    options: &Options,
+) -> Result<(Refitted, (f64, f64))> {
+    let pairs = set.trials.iter().zip(judges);
+    let trials = pairs.filter(|(_, judge)| **judge == Judge::Blocks);
+    let part = RecordingSet {
+        trials: trials.map(|(trial, _)| trial.clone()).collect(),
+        is_listed: set.is_listed,
+    };
+    if part.trials.is_empty() {
+        return Ok((Vec::new(), (0.0, 0.0)));
+    }
+    let Some(record) = record else {
+        return Err(Error::Request(
+            "blocks of a recording judge a fit whose options are known; none are".into(),
+        ));
+    };
+    let fit_options = fit::Options {
+        reduction: options.reduction,
+        // A lattice needs no proof of stability between nodes, and the models are the same; the texture is then made
+        // in the structure that was chosen. Findings of triage were accepted when the library was fitted.
+        structure: StructureChoice::Lattice,
+        strict: false,
+        ..record.options.clone()
+    };
+    let analysed = fit::part::analyse_blocks_of_set(&part, &fit_options, || ())?;
+    let blocks_s = analysed.iter().map(|trial| trial.blocks.block_s());
+    let range_s = (
+        blocks_s.clone().fold(f64::INFINITY, f64::min),
+        blocks_s.fold(0.0, f64::max),
+    );
+    let analyses: Vec<_> = analysed.into_iter().map(|trial| trial.analysis).collect();
+    let fit = fit::fit_analysed(&part, &analyses, &fit_options)?;
+    let libraries = fit.textures.into_iter().map(|texture| {
+        let bytes = uncertified_library(&texture.name, &texture.grid, record.options.structure)?;
+        Ok((texture.name, bytes))
+    });
+    Ok((libraries.collect::<Result<_>>()?, range_s))
+}
+
+/// Slices of blocks.
+fn slices(blocks: &[Vec<f64>]) -> Vec<&[f64]> {
+    blocks.iter().map(Vec::as_slice).collect()
+}
+
+impl Comparison {
+    /// The synthesis, or another one, in blocks as long as those of the judge.
+    fn in_blocks<'s>(&self, synthesised: &'s [f64]) -> Vec<&'s [f64]> {
+        let len = self.longest_block().len().max(1);
+        synthesised.chunks_exact(len).collect()
+    }
+
+    /// Log-spectral distance of a synthesis from the judge, dB.
+    fn distance_db(&self, synthesised: &[f64]) -> Option<f64> {
+        let range = self.range()?;
+        let rate_hz = f64::from(SAMPLE_RATE_HZ);
+        let spectrum =
+            |blocks: &[&[f64]]| spectrum::PowerSpectrum::of_blocks(blocks, range.segment, rate_hz);
+        let (judge, played) = (
+            spectrum(&slices(&self.judged)),
+            spectrum(&self.in_blocks(synthesised)),
+        );
+        let (low_hz, high_hz) = range.distance_hz();
+        spectrum::distance_of_spectra_db(&judge, &played, low_hz, high_hz)
+    }
+}
+
+/// Judges a comparison.
+fn judged(
+    trial: &Trial,
+    judge: JudgeKind,
+    comparison: &Comparison,
+    options: &Options,
+) -> TrialEvaluation {
+    let judged_blocks = slices(&comparison.judged);
+    let other = slices(&comparison.other);
+    let beside = if comparison.beside.is_empty() {
+        judged_blocks.clone()
+    } else {
+        slices(&comparison.beside)
+    };
+    let played = comparison.in_blocks(&comparison.synthesised);
+    let (recorded_rms, synthesised_rms) = (
+        rms(&comparison.judged.concat()),
+        rms(&comparison.synthesised),
+    );
+    let is_silent = recorded_rms <= 0.0 || synthesised_rms <= 0.0;
+    let range = comparison.range();
+    let usable = range.filter(|_| !is_silent);
+    let scores = usable.map(|range| Scored::of(&judged_blocks, &played, &range, options));
+    let is_held_out = judge != JudgeKind::Nothing;
+    let (reference, scores) = match scores {
+        Some(scored) => (Some(scored.reference), scored.scores),
+        None => (None, Scores::NONE),
+    };
+    let others = usable.map(|range| Scored::of(&beside, &other, &range, options).scores);
+    let in_sample = scores.log_spectral_distance_db.filter(|_| !is_held_out);
+    let block = comparison.longest_block().len();
     TrialEvaluation {
         file: trial.file.display().to_string(),
         texture: trial.texture.clone(),
         speed_mm_s: trial.speed_mm_s,
         force_n: trial.force_n,
-        recorded_rms_m_s2: rms(recorded),
-        synthesised_rms_m_s2: rms(synthesised),
-        cost: heard(cost),
-        cost_floor: spectrum::expected_cost_of_noise(recorded.len(), rate_hz, options.smoothing_hz),
-        band_errors_db: spectrum::band_errors_db(recorded, synthesised, rate_hz),
-        log_spectral_distance_db: heard(distance),
-        saturations: *saturations,
+        judge,
+        other_take: None,
+        range,
+        is_silent,
+        recorded_rms_m_s2: recorded_rms,
+        synthesised_rms_m_s2: synthesised_rms,
+        recorded_kurtosis: reference.as_ref().and_then(|r| r.kurtosis),
+        recorded_modulation: reference.as_ref().and_then(|r| r.modulation),
+        scores: if is_held_out { scores } else { Scores::NONE },
+        cost_floor: spectrum::expected_cost_of_blocks(
+            judged_blocks.len(),
+            block,
+            f64::from(SAMPLE_RATE_HZ),
+            options.smoothing_hz,
+        ),
+        other: others.unwrap_or(Scores::NONE),
+        in_sample_log_spectral_distance_db: in_sample,
+        saturations: comparison.saturations,
+    }
+}
+
+/// Scores, with the properties of what they are against.
+struct Scored {
+    reference: Properties,
+    scores: Scores,
+}
+
+impl Scored {
+    /// Scores `signal` against `reference`, both in blocks.
+    fn of(
+        reference: &[&[f64]],
+        signal: &[&[f64]],
+        range: &ScoringRange,
+        options: &Options,
+    ) -> Self {
+        let rate_hz = f64::from(SAMPLE_RATE_HZ);
+        let (of_reference, of_signal) = (
+            Properties::of(reference, rate_hz, range),
+            Properties::of(signal, rate_hz, range),
+        );
+        let (low_hz, high_hz) = range.distance_hz();
+        let spectra = (&of_reference.spectrum, &of_signal.spectrum);
+        let scores = Scores {
+            cost: spectrum::cost_of_blocks(
+                reference,
+                signal,
+                rate_hz,
+                options.smoothing_hz,
+                range.cost_hz,
+            ),
+            band_errors_db: spectrum::band_errors_within_db(
+                spectra.0,
+                spectra.1,
+                range.band_edges_hz(),
+            ),
+            log_spectral_distance_db: spectrum::distance_of_spectra_db(
+                spectra.0, spectra.1, low_hz, high_hz,
+            ),
+            perceived: Some(Perceived::of(&of_reference, &of_signal, range)),
+        };
+        Self {
+            reference: of_reference,
+            scores,
+        }
     }
 }
 
@@ -282,48 +505,8 @@ pub fn rms(signal: &[f64]) -> f64 {
     (signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64).sqrt()
 }
 
-fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvaluation {
-    let members: Vec<&TrialEvaluation> = trials.iter().filter(|t| t.texture == name).collect();
-    let heard: Vec<&TrialEvaluation> = members
-        .iter()
-        .copied()
-        .filter(|trial| !trial.is_silent())
-        .collect();
-    let costs: Vec<f64> = heard.iter().filter_map(|trial| trial.cost).collect();
-    let mean_cost = mean(&costs);
-    let squares: Vec<f64> = costs.iter().map(|c| (c - mean_cost).powi(2)).collect();
-    let errors: Vec<f64> = heard
-        .iter()
-        .flat_map(|trial| trial.band_errors_db)
-        .flatten()
-        .map(f64::abs)
-        .collect();
-    let within = errors.iter().filter(|e| **e <= AMPLITUDE_JND_DB).count();
-    let floors: Vec<f64> = heard.iter().map(|trial| trial.cost_floor).collect();
-    let distances: Vec<f64> = heard
-        .iter()
-        .filter_map(|trial| trial.log_spectral_distance_db)
-        .collect();
-    TextureEvaluation {
-        texture: name.to_owned(),
-        trials: heard.len(),
-        silent: members.len() - heard.len(),
-        mean_cost,
-        cost_deviation: mean(&squares).sqrt(),
-        mean_cost_floor: mean(&floors),
-        mean_band_error_db: mean(&errors),
-        bands_within_jnd: within as f64 / errors.len().max(1) as f64,
-        mean_log_spectral_distance_db: mean(&distances),
-    }
-}
-
-/// The mean, or zero of nothing.
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
-}
-
-/// C of models of `trial` of each of `orders`, as in the paper's figure 8. Orders that the data do not bear are left
-/// out.
+/// C of models of `trial` of each of `orders`, as in the paper's figure 8, fitted to every other block of the recording
+/// and judged on the rest. Orders that the data do not bear are left out.
 ///
 /// # Errors
 /// A recording that cannot be used.
@@ -344,9 +527,11 @@ pub fn cost_by_order(
         reduction: options.reduction,
         ..fit::Options::default()
     };
-    let (analysis, recorded) = fit::analyse_with_signal(trial, &fit_options, highest)?;
+    let analysis = analyse_blocks(trial, &fit_options, highest)?.analysis;
     let fit = fit::fit_analysed(&alone, &[analysis], &fit_options)?;
     let fitted = &fit.textures[0];
+    let read = read(trial, &Judge::Blocks, options.reduction)?;
+    let samples = read.judged.iter().map(Vec::len).sum();
     let costs = orders.par_iter().map(|&order| {
         let mut grid = fitted.grid.clone();
         // Levinson-Durbin's model of a lower order is the first stages of that of a higher one.
@@ -359,8 +544,11 @@ pub fn cost_by_order(
         let library = Library::decode_uncertified(&bytes)
             .map_err(|failure| Error::Model(failure.to_string()))?;
         let texture = texture_named(&library, &trial.texture)?;
-        let comparison = play_beside(recorded.clone(), trial, texture, options, options.seed)?;
-        Ok(judge(trial, &comparison, options)
+        let mut comparison = read.clone();
+        (comparison.synthesised, comparison.saturations) =
+            play(texture, trial, samples, options, options.seed)?;
+        Ok(judged(trial, JudgeKind::Blocks, &comparison, options)
+            .scores
             .cost
             .map(|cost| (order, cost)))
     });

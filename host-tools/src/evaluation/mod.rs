@@ -5,6 +5,11 @@
 pub mod budget;
 pub mod evaluate;
 pub mod frontier;
+pub mod held_out;
 pub mod leave_one_out;
+pub mod perception;
+pub mod results;
+pub mod scoring_range;
 pub mod stress;
+pub mod summary;
 pub mod takes;

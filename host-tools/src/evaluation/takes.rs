@@ -1,89 +1,81 @@
-//! Distances between takes of one surface, which are the floor for a synthesis.
-//!
-//! A model fitted to one take need not come nearer to another take than the first take itself does.
+//! Other takes of the trials of a set: which take judges which trial, and which of them the fit has seen.
 
 use rayon::prelude::*;
-use serde::Serialize;
 
+use crate::dsp::phase_correlation::phase_correlation;
 use crate::dsp::reduction::Reduction;
-use crate::dsp::spectrum;
-use crate::evaluation::evaluate::{DISTANCE_RANGE_HZ, Evaluation, rms};
 use crate::fit;
+use crate::fit::record::FitRecord;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
-use model_format::SAMPLE_RATE_HZ;
 
-/// A trial, and how far another take of the same texture, speed and force is from it.
-#[derive(Clone, Debug, Serialize)]
-pub struct TakeDistance {
-    /// The trial.
-    pub file: String,
-    /// The other take.
-    pub other: String,
-    /// Their texture.
-    pub texture: String,
-    /// Log-spectral distance of the other take from the trial, 30 to 1000 Hz, dB; none if one is silent.
-    pub take_db: Option<f64>,
-    /// Log-spectral distance of the synthesis, dB.
-    pub synthesis_db: Option<f64>,
-    /// Level of the other take over the trial's, dB.
-    pub level_db: Option<f64>,
+/// Phase correlation from which on a take is a copy. Noise stays below 0.1; a copy that lacks half of the samples
+/// reaches 0.6.
+const COPY_CORRELATION: f64 = 0.5;
+
+/// The take that judges a trial.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Take {
+    /// Another recording of the same texture, speed and force.
+    Other(Trial),
+    /// None: what was given is in the fitted set, for this reason.
+    Seen(String),
 }
 
-impl TakeDistance {
-    /// Returns the distance of the synthesis beyond that of the other take, dB.
-    pub fn excess_db(&self) -> Option<f64> {
-        Some(self.synthesis_db? - self.take_db?)
-    }
-}
-
-/// Compares every trial of `set` with the first of `others` that has its texture, speed and force; `evaluation` is of
-/// `set`.
+/// Returns the take of each trial of `set`: the first of `others` that has its texture, speed and force and whose
+/// content the fit has not seen. `record` is that of the library, if there is one.
+///
+/// A take is told by content from what was fitted: by the bytes of its file, and by the phase correlation of its signal
+/// with that of the trial, so that a copy under another name, scaled, inverted or shifted is known.
 ///
 /// # Errors
-/// A trial that has no other take, or a recording that cannot be used.
-pub fn distances(
+/// A trial that has no other take, seen or not, or a recording that cannot be used.
+pub fn takes(
     set: &RecordingSet,
     others: &RecordingSet,
-    evaluation: &Evaluation,
+    record: Option<&FitRecord>,
     reduction: Reduction,
-) -> Result<Vec<TakeDistance>> {
-    let pairs = set.trials.par_iter().zip(&evaluation.trials);
-    pairs
-        .map(|(trial, judged)| {
-            let other = other_take(trial, others)?;
-            let (a, b) = (
-                fit::signal(trial, reduction)?.0,
-                fit::signal(other, reduction)?.0,
-            );
-            let (low_hz, high_hz) = DISTANCE_RANGE_HZ;
-            let rate_hz = f64::from(SAMPLE_RATE_HZ);
-            let level_db = 20.0 * (rms(&b) / rms(&a)).log10();
-            Ok(TakeDistance {
-                file: judged.file.clone(),
-                other: other.file.display().to_string(),
-                texture: trial.texture.clone(),
-                take_db: spectrum::log_spectral_distance_db(&a, &b, rate_hz, low_hz, high_hz),
-                synthesis_db: judged.log_spectral_distance_db,
-                level_db: Some(level_db).filter(|level| level.is_finite()),
-            })
+) -> Result<Vec<Take>> {
+    let of_set = FitRecord::of(set, &fit::Options::default(), &[])?;
+    let take = |trial: &Trial| {
+        let mut seen = None;
+        let mut signal = None;
+        for other in others.trials.iter().filter(|other| is_same(trial, other)) {
+            let has_bytes = |record: &FitRecord| record.used(other);
+            let is_fitted = has_bytes(&of_set)? || record.map_or(Ok(false), has_bytes)?;
+            let reason = if is_fitted {
+                Some("the same file, by content, was fitted".to_owned())
+            } else {
+                let trials = match &signal {
+                    Some(signal) => signal,
+                    None => signal.insert(fit::signal(trial, reduction)?.0),
+                };
+                let (samples, _) = fit::signal(other, reduction)?;
+                let correlation = phase_correlation(trials, &samples);
+                (correlation >= COPY_CORRELATION).then(|| {
+                    format!("the same samples, though not the same file, were fitted (phase correlation {correlation:.2})")
+                })
+            };
+            let Some(reason) = reason else {
+                return Ok(Take::Other(other.clone()));
+            };
+            seen = Some(format!("{}: {reason}", other.file.display()));
+        }
+        seen.map(Take::Seen).ok_or_else(|| {
+            Error::file(
+                &trial.file,
+                format!(
+                    "has no other take: none of '{}' at {} mm/s and {} N among the others",
+                    trial.texture, trial.speed_mm_s, trial.force_n
+                ),
+            )
         })
-        .collect()
+    };
+    set.trials.par_iter().map(take).collect()
 }
 
-fn other_take<'a>(trial: &Trial, others: &'a RecordingSet) -> Result<&'a Trial> {
-    let same = |other: &&Trial| {
-        other.texture == trial.texture
-            && other.speed_mm_s == trial.speed_mm_s
-            && other.force_n == trial.force_n
-    };
-    others.trials.iter().find(same).ok_or_else(|| {
-        Error::file(
-            &trial.file,
-            format!(
-                "has no other take: none of '{}' at {} mm/s and {} N among the others",
-                trial.texture, trial.speed_mm_s, trial.force_n
-            ),
-        )
-    })
+fn is_same(trial: &Trial, other: &Trial) -> bool {
+    other.texture == trial.texture
+        && other.speed_mm_s == trial.speed_mm_s
+        && other.force_n == trial.force_n
 }

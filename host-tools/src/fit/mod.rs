@@ -13,6 +13,8 @@ pub mod hatt;
 mod holes;
 mod notes;
 mod options;
+pub mod part;
+pub mod record;
 mod trial;
 mod trial_report;
 

@@ -1,13 +1,13 @@
 //! Choices of a fit.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::dsp::reduction::Reduction;
 use crate::recording::triage::SILENCE_FLOOR_M_S2;
 use crate::texture::quantise::StructureChoice;
 
 /// The choice of a model's order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
     /// For each node by Akaike's criterion, at most 400: the least error to be expected of another take.
@@ -46,7 +46,8 @@ impl std::str::FromStr for Order {
 }
 
 /// The estimate of a recording's autocorrelation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
 pub enum Estimator {
     /// Rectangular, or tapered where a third-octave band would be more than 1 dB too loud by leakage.
     #[default]
@@ -60,7 +61,7 @@ pub enum Estimator {
 }
 
 /// Options of a fit.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Options {
     /// Orders of the models.
     pub order: Order,

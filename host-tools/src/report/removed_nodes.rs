@@ -6,8 +6,7 @@ use super::sections::{Sections, distance};
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::leave_one_out;
 use crate::evaluation::leave_one_out::{
-    LeaveOneOut, Options, PAPER_TABLE_I, PaperColumn, Prepared, Removed, Row, SMOOTHING_WIDTHS_HZ,
-    summarise,
+    LeaveOneOut, Options, Prepared, Removed, Row, SMOOTHING_WIDTHS_HZ, paper_row, summarise,
 };
 use crate::support::error::Result;
 use crate::texture::domain::Method;
@@ -38,19 +37,16 @@ pub(super) fn table_one(page: &mut Page, test: &LeaveOneOut) {
     let mut columns = vec![Column::Text("C (%), mean ± sd")];
     columns.extend(textures.iter().map(|name| Column::Number(name)));
     columns.extend(["all", "σ² error", "not playable"].map(Column::Number));
-    let known = |name: &str| PAPER_TABLE_I.iter().find(|column| column.texture == name);
-    let mut first = vec!["the paper's figures, real recordings".to_owned()];
-    first.extend(
-        textures.iter().map(|name| {
-            known(name).map_or(String::new(), |c| percent(c.mean_cost, c.cost_deviation))
-        }),
-    );
-    let mean = |of: fn(&PaperColumn) -> f64| {
-        PAPER_TABLE_I.iter().map(of).sum::<f64>() / PAPER_TABLE_I.len() as f64
-    };
-    first.push(percent(mean(|c| c.mean_cost), mean(|c| c.cost_deviation)));
-    first.push(format!("{:.1e}", mean(|c| c.excitation_error)));
-    let mut rows = vec![first];
+    let mut rows = Vec::new();
+    if let Some(papers) = paper_row(test) {
+        let mut row = vec!["the paper's figures, real recordings".to_owned()];
+        let columns = papers.by_texture.iter().copied().chain([Some(papers.all)]);
+        row.extend(columns.map(|column| {
+            column.map_or(String::new(), |c| percent(c.mean_cost, c.cost_deviation))
+        }));
+        row.push(format!("{:.1e}", papers.all.excitation_error));
+        rows.push(row);
+    }
     for measured in leave_one_out::table_one(test) {
         let all = &measured.all;
         let mut cells = vec![measured.row.name()];
@@ -72,7 +68,8 @@ pub(super) fn domains(page: &mut Page, test: &LeaveOneOut) {
     page.section("What to interpolate");
     page.paragraph(
         "The same test in every domain: what of the models is averaged, and how their level is. The last rows are \
-         what fitting a denser grid puts there, and the node's own model, which is as near as its order comes.",
+         what fitting a denser grid puts there, and the node's own model, which was fitted to what it is compared with \
+         (in-sample, not a measure of fidelity) and is as near as its order comes.",
     );
     let within = format!("within {AMPLITUDE_JND_DB} dB");
     let columns = [

@@ -11,9 +11,10 @@ use super::plot::{
 };
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::evaluate;
-use crate::evaluation::evaluate::{
-    Comparison, Evaluation, TrialEvaluation, compare, cost_by_order, texture_named,
-};
+use crate::evaluation::evaluate::{Comparison, Evaluation, cost_by_order, texture_named};
+use crate::evaluation::held_out::JudgeKind;
+use crate::evaluation::results::TrialEvaluation;
+use crate::evaluation::summary::{FEEL_COLUMNS, SPECTRA_COLUMNS, TextureEvaluation};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 use crate::texture::grid::as_written;
@@ -53,6 +54,34 @@ pub(super) struct Example<'a> {
     pub title: String,
 }
 
+impl Example<'_> {
+    /// Returns in words what the drawn block of the recording is to the model that is drawn beside it.
+    pub fn part(&self) -> String {
+        let block_s = self.comparison.longest_block().len() as f64 / f64::from(SAMPLE_RATE_HZ);
+        match self.judged.judge {
+            JudgeKind::Blocks => format!("a block of {block_s:.1} s that was not fitted"),
+            JudgeKind::OtherTake => "another take, which was not fitted".into(),
+            JudgeKind::Unseen => "a recording that was not fitted".into(),
+            JudgeKind::Nothing => {
+                "in-sample if the library was fitted to it, and then not a measure of fidelity"
+                    .into()
+            }
+        }
+    }
+}
+
+/// Columns of a page's table from headings, each with true for numbers.
+pub(super) fn columns<'h>(headings: &[(&'h str, bool)]) -> Vec<Column<'h>> {
+    let column = |&(heading, is_number): &(&'h str, bool)| {
+        if is_number {
+            Column::Number(heading)
+        } else {
+            Column::Text(heading)
+        }
+    };
+    headings.iter().map(column).collect()
+}
+
 impl<'a> Sections<'a> {
     /// Writes what was compared, how, and a line per texture.
     pub fn overview(&mut self) {
@@ -63,30 +92,35 @@ impl<'a> Sections<'a> {
             );
         }
         self.page.section("How near the stylus comes");
+        self.page
+            .notice(&format!("Held out: {}", self.evaluation.held_out));
         self.page.paragraph(&format!(
-            "Each recording is compared with {} s of what the stylus plays at its speed and force, computed by the \
-             device's own kernel. C is equation (6) of Romano, Yoshioka and Kuchenbecker (ICRA 2010), with DFT \
-             amplitudes smoothed by a {}. A synthesis is noise of its own: a perfect model of broadband noise scores \
-             the floor, not 0. Bands are third octaves from 20 to 1000 Hz; errors below {AMPLITUDE_JND_DB} dB \
-             (amplitude JND, Israr 2006) are not felt; the table has their mean magnitude and the share that is not \
-             felt. LSD is the log-spectral distance from 30 to 1000 Hz.",
-            self.options.synthesis_s, self.evaluation.smoothing
+            "Each held-out recording is compared with {} s of what the stylus plays at its speed and force, computed by \
+             the device's own kernel. {} {}",
+            self.options.synthesis_s,
+            self.evaluation.judged_hz(),
+            self.evaluation.other_in_words()
         ));
-        let within = format!("within {AMPLITUDE_JND_DB} dB");
-        let columns = [
-            Column::Text("texture"),
-            Column::Number("trials"),
-            Column::Number("silent"),
-            Column::Number("mean C"),
-            Column::Number("sd of C"),
-            Column::Number("floor of C"),
-            Column::Number("band error (dB)"),
-            Column::Number(&within),
-            Column::Number("LSD (dB)"),
-        ];
-        let textures = self.evaluation.textures.iter();
-        let rows: Vec<Vec<String>> = textures.map(|t| t.cells().to_vec()).collect();
-        self.page.table("Textures", &columns, &rows);
+        self.page.paragraph(&format!(
+            "C is equation (6) of Romano, Yoshioka and Kuchenbecker (ICRA 2010), with DFT amplitudes smoothed by a {} and \
+             averaged over blocks. LSD is the log-spectral distance in sliding third octaves. |band| is the mean \
+             magnitude of the errors of third octaves, and the next columns the share of them below {AMPLITUDE_JND_DB} \
+             dB, the amplitude JND (Israr 2006), which are not felt.",
+            self.evaluation.smoothing
+        ));
+        let textures = || self.evaluation.textures.iter();
+        let rows: Vec<Vec<String>> = textures().map(TextureEvaluation::spectra_cells).collect();
+        let felt: Vec<Vec<String>> = textures().map(TextureEvaluation::feel_cells).collect();
+        self.page
+            .table("Spectra", &columns(&SPECTRA_COLUMNS), &rows);
+        self.page.paragraph(&format!(
+            "Level error: RMS error of third octaves in just noticeable differences of {AMPLITUDE_JND_DB} dB, less what \
+             two estimates of one noise differ by: about 0 for another seed, 2.7 for a gain of -6 dB. Balance: power \
+             below 100 Hz over that above, against the judge's. Kurtosis: 3 for Gaussian noise, more for impulses. \
+             Modulation: the envelope's 8 to 64 Hz over its mean."
+        ));
+        self.page
+            .table("What is felt", &columns(&FEEL_COLUMNS), &felt);
     }
 
     /// Draws the cost of each texture's example trial by the order of its model: the paper's figure 8.
@@ -120,8 +154,8 @@ impl<'a> Sections<'a> {
         self.figure(
             &picture,
             "order-against-cost.svg",
-            "C of the example trial of each texture by the order of its model (the paper's figure 8). The mark \
-             is the order that the library has there.",
+            "C of the example trial of each texture by the order of its model (the paper's figure 8), fitted on every \
+             other block of the recording and judged on the rest. The mark is the order that the library has there.",
         )
     }
 
@@ -135,11 +169,11 @@ impl<'a> Sections<'a> {
             return Ok(None);
         };
         let trial = &self.set.trials[index];
-        let seed = self.options.seed.wrapping_add(index as u64);
+        let evaluation = self.evaluation;
         Ok(Some(Example {
             trial,
-            judged: &self.evaluation.trials[index],
-            comparison: compare(trial, texture, self.options, seed)?,
+            judged: &evaluation.trials[index],
+            comparison: evaluation.compare(self.set, self.library, index, self.options)?,
             title: format!("{name}, {} mm/s, {} N", trial.speed_mm_s, trial.force_n),
         }))
     }
@@ -155,7 +189,7 @@ impl<'a> Sections<'a> {
         };
         let picture = time_and_frequency(
             &self.caption(&example.title),
-            &example.comparison.recorded,
+            example.comparison.longest_block(),
             &example.comparison.synthesised,
             f64::from(SAMPLE_RATE_HZ),
             &view,
@@ -166,7 +200,11 @@ impl<'a> Sections<'a> {
                 "{}-time-and-frequency.svg",
                 file_stem(&example.trial.texture)
             ),
-            "The example trial and its synthesis in time and frequency (the paper's figure 7).",
+            &format!(
+                "The example trial and its synthesis in time and frequency (the paper's figure 7): {}. C is of what is \
+                 drawn here.",
+                example.part()
+            ),
         )
     }
 
@@ -175,14 +213,17 @@ impl<'a> Sections<'a> {
     /// # Errors
     /// A file that cannot be written.
     pub fn bands(&mut self, example: &Example<'_>) -> Result<()> {
+        if example.judged.judge == JudgeKind::Nothing {
+            return Ok(());
+        }
         let picture = band_error_chart(
             &self.caption(&example.title),
-            &example.judged.band_errors_db,
+            &example.judged.scores.band_errors_db,
         )?;
         self.figure(
             &picture,
             &format!("{}-bands.svg", file_stem(&example.trial.texture)),
-            "Level of the synthesis over the recording's in third-octave bands; shaded: not felt.",
+            "Level of the synthesis over the held-out recording's in third-octave bands; shaded: not felt.",
         )
     }
 
@@ -199,7 +240,7 @@ impl<'a> Sections<'a> {
         self.figure(
             &picture,
             &format!("{}-cost-map.svg", file_stem(texture.name())),
-            "C of every node against its own recording.",
+            "C of every node against what was held out of its recordings.",
         )
     }
 
@@ -226,7 +267,7 @@ impl<'a> Sections<'a> {
     /// Index of the trial of a texture that is nearest to [`EXAMPLE`] and not silent.
     fn example_index(&self, texture: &str) -> Option<usize> {
         let trials = self.evaluation.trials.iter().enumerate();
-        let heard = trials.filter(|(_, trial)| trial.texture == texture && !trial.is_silent());
+        let heard = trials.filter(|(_, trial)| trial.texture == texture && !trial.is_silent);
         let far = |trial: &TrialEvaluation| distance(trial.speed_mm_s, trial.force_n);
         heard
             .min_by(|(_, a), (_, b)| far(a).total_cmp(&far(b)))
@@ -260,7 +301,11 @@ fn cost_map(caption: &Caption<'_>, texture: &Texture<'_>, evaluation: &Evaluatio
                 && trial.force_n as f32 == force
         };
         GridCell {
-            value: evaluation.trials.iter().find(here).and_then(|t| t.cost),
+            value: evaluation
+                .trials
+                .iter()
+                .find(here)
+                .and_then(|t| t.scores.cost),
             flags: node.flags,
         }
     };

@@ -5,16 +5,18 @@ use std::path::Path;
 
 use model_format::{Library, Texture};
 
-use super::html::{Column, Page};
+use super::html::Page;
 use super::plot::{forward_prediction, grid_and_motion, spectrograms};
 use super::removed_nodes::{self, RemovedNodeTest};
-use super::sections::Sections;
+use super::sections::{Sections, columns};
 use super::sound::sound;
-use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
 use crate::evaluation::evaluate;
-use crate::evaluation::evaluate::{Evaluation, texture_named};
-use crate::evaluation::takes::TakeDistance;
+use crate::evaluation::evaluate::{Comparison, Evaluation, texture_named};
+use crate::evaluation::held_out::JudgeKind;
+use crate::evaluation::summary::{TAKE_COLUMNS, take_cells};
+use crate::fit::Estimator;
+use crate::fit::part::lags_of_blocks;
 use crate::recording::RecordingSet;
 use crate::support::error::Result;
 use crate::texture::grid::as_written;
@@ -35,8 +37,8 @@ pub struct Inputs<'a> {
     pub options: &'a evaluate::Options,
     /// The removed-node test with the set it was made from; none where no node lies between others.
     pub test: Option<RemovedNodeTest<'a>>,
-    /// Distances to other takes; may be none.
-    pub takes: &'a [TakeDistance],
+    /// Takes that were given and not used, with the reason; may be none.
+    pub unused_takes: &'a [String],
 }
 
 /// Writes the page, telling `progress` of each texture done.
@@ -53,7 +55,7 @@ pub fn write(inputs: &Inputs<'_>, path: &Path, progress: impl Fn()) -> Result<()
         page: Page::new("Recordings and what the stylus plays"),
     };
     sections.overview();
-    takes(&mut sections.page, inputs.takes);
+    takes(&mut sections.page, inputs.evaluation, inputs.unused_takes);
     if let Some(RemovedNodeTest { test, .. }) = inputs.test {
         removed_nodes::table_one(&mut sections.page, test);
         removed_nodes::domains(&mut sections.page, test);
@@ -79,7 +81,7 @@ fn write_texture(
         return Ok(());
     };
     let (recorded, played) = (
-        &example.comparison.recorded,
+        &example.comparison.recording,
         &example.comparison.synthesised,
     );
     let origin = if sections.evaluation.simulated {
@@ -96,7 +98,9 @@ fn write_texture(
     sections
         .page
         .paragraph("Both sounds have one scale; what is heard is the acceleration.");
-    prediction(sections, &example.title, recorded)?;
+    if example.judged.judge != JudgeKind::Nothing {
+        prediction(sections, &example.title, &example.comparison)?;
+    }
     sections.time_and_frequency(&example)?;
     let caption = sections.caption(&example.title);
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
@@ -115,40 +119,32 @@ fn write_texture(
     }
 }
 
-fn takes(page: &mut Page, takes: &[TakeDistance]) {
-    if takes.is_empty() {
+fn takes(page: &mut Page, evaluation: &Evaluation, unused: &[String]) {
+    let rows: Vec<Vec<String>> = evaluation.trials.iter().filter_map(take_cells).collect();
+    if rows.is_empty() && unused.is_empty() {
         return;
     }
-    page.section("Against another take");
+    page.section("Takes");
+    if !unused.is_empty() {
+        page.notice("Takes that are in the fitted set, and judge nothing:");
+        page.list(unused);
+    }
+    if rows.is_empty() {
+        return;
+    }
     page.paragraph(
-        "Log-spectral distance from each recording, 30 to 1000 Hz: of another take of the same surface, and of the \
-         synthesis. A model need not come nearer to a recording than another take does.",
+        "Log-spectral distance from each take that judged: of the fitted take of the same surface, and of the \
+         synthesis. A model need not come nearer to another take than the take that it was fitted to.",
     );
-    let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.2}"));
-    let rows: Vec<Vec<String>> = takes
-        .iter()
-        .map(|take| {
-            vec![
-                take.texture.clone(),
-                number(take.take_db),
-                number(take.synthesis_db),
-                number(take.excess_db()),
-            ]
-        })
-        .collect();
-    let columns = [
-        Column::Text("texture"),
-        Column::Number("other take (dB)"),
-        Column::Number("synthesis (dB)"),
-        Column::Number("further by (dB)"),
-    ];
-    page.table("Takes", &columns, &rows);
+    page.table("Takes", &columns(&TAKE_COLUMNS), &rows);
 }
 
-/// Draws the forward prediction of a recording: the paper's figure 5.
-fn prediction(sections: &mut Sections<'_>, place: &str, recorded: &[f64]) -> Result<()> {
-    let order = model_format::limits::MAX_ORDER.min(recorded.len() / 4);
-    let lags = Autocorrelation::of(recorded, order).lags;
+/// Draws the forward prediction of a held-out block: the paper's figure 5.
+fn prediction(sections: &mut Sections<'_>, place: &str, comparison: &Comparison) -> Result<()> {
+    let (fitted, recorded) = comparison.fitted_and_left();
+    let samples: usize = fitted.iter().map(|block| block.len()).sum();
+    let order = model_format::limits::MAX_ORDER.min(samples / 4);
+    let lags = lags_of_blocks(&fitted, Estimator::Rectangular, order);
     let model = Prediction::levinson_durbin(&corrected(lags), order);
     let a = step_up(&model.reflection);
     let shown = ((PREDICTION_S * f64::from(SAMPLE_RATE_HZ)) as usize).min(recorded.len());
@@ -165,7 +161,8 @@ fn prediction(sections: &mut Sections<'_>, place: &str, recorded: &[f64]) -> Res
     let picture = forward_prediction(&sections.caption(&title), stretch, &predicted, rate_hz)?;
     sections.page.figure(
         &picture,
-        "Forward prediction of the recording and what it leaves (the paper's figure 5).",
+        "Forward prediction of a part of the recording by a model that was fitted to another part, and what it leaves (the \
+         paper's figure 5).",
     );
     Ok(())
 }

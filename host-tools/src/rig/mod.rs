@@ -64,6 +64,7 @@ mod file;
 mod folder;
 mod measurement;
 mod output;
+mod paper;
 mod profile;
 mod random;
 mod resonance;
@@ -80,6 +81,7 @@ pub use description::{
 };
 pub use file::RigFile;
 pub use output::{Summary, TextureSummary, simulate_to_folder};
+pub use paper::is_of_the_papers_rig;
 pub use profile::Profile;
 pub use resonance::{Response, ToolResponse};
 pub use trial::{Strip, Trial};

@@ -12,7 +12,10 @@ use crate::dsp::model::Model;
 use crate::texture::grid::Grid;
 
 /// The structure that a user asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum,
+)]
+#[serde(rename_all = "snake_case")]
 pub enum StructureChoice {
     /// Normalised lattice: stable at every point of the grid, also while the coefficients change.
     Lattice,

@@ -2,7 +2,7 @@
 
 pub mod removed_nodes;
 mod summary;
-mod takes;
+pub mod takes;
 
 use std::path::PathBuf;
 
@@ -10,9 +10,11 @@ use host_tools::dsp::reduction::Reduction;
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::evaluate::Evaluation;
+use host_tools::evaluation::held_out::Judge;
 use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::Around;
 use host_tools::fit::Order;
+use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::report::evaluation_folder as report;
 use host_tools::support::error::Result;
@@ -35,7 +37,7 @@ pub struct Arguments {
     /// Remove each inner node instead, predict it from its neighbours in every domain, and evaluate the prediction
     #[arg(long, conflicts_with_all = ["library", "report"])]
     leave_one_out: bool,
-    /// Other takes of the same trials, as a folder or a list, to compare with the synthesis
+    /// Other takes of the same trials, as a folder or a list, which judge the library instead
     #[arg(long, value_name = "DIR", conflicts_with = "leave_one_out")]
     takes: Option<PathBuf>,
     /// With --leave-one-out: order of the models, 0 to 400, or 'auto'
@@ -86,14 +88,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         smoothing_hz: arguments.smoothing,
         synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
         seed: arguments.seed,
+        in_sample: true,
     };
-    let evaluation = evaluate_set(&set, &library, &options)?;
+    let record = FitRecord::beside(path, &bytes)?;
+    let takes = arguments.takes.as_deref();
+    let chosen = takes::choose(&set, takes, record.as_ref(), arguments.reduce)?;
+    let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
     if let Some(path) = &arguments.json {
         atomic_file::write(path, to_json(&evaluation).as_bytes())?;
     }
     print(&summary(&evaluation))?;
-    if let Some(others) = &arguments.takes {
-        let table = takes::compare(&set, others, &evaluation, arguments.reduce)?;
+    if let Some(table) = summary::takes(&evaluation) {
         print(&format!("\n{table}"))?;
     }
     if let Some(folder) = &arguments.report {
@@ -103,14 +108,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Evaluates `library` with a progress bar.
+/// Evaluates `library` by `judges` with a progress bar.
 pub fn evaluate_set(
     set: &RecordingSet,
     library: &Library<'_>,
+    judges: Vec<Judge>,
+    record: Option<&FitRecord>,
     options: &evaluate::Options,
 ) -> Result<Evaluation> {
     let bar = progress::bar(set.trials.len() as u64, "evaluating");
-    let evaluation = evaluate::evaluate(set, library, options, || bar.inc(1))?;
+    let evaluation = evaluate::evaluate(set, library, judges, record, options, || bar.inc(1))?;
     bar.finish_and_clear();
     Ok(evaluation)
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use host_tools::dsp::spectrum::AMPLITUDE_JND_DB;
 use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::{
-    LeaveOneOut, Options, PAPER_TABLE_I, PaperColumn, Prepared, Row, SMOOTHING_WIDTHS_HZ, summarise,
+    LeaveOneOut, Options, Prepared, Row, SMOOTHING_WIDTHS_HZ, paper_row, summarise,
 };
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::Result;
@@ -52,7 +52,7 @@ fn tables(test: &LeaveOneOut) -> String {
          Domain of the average, and interpolation of the level\n{}\n\n\
          C by the width of its smoothing\n{}\n\n\
          C: equation (6), mean ± standard deviation; not playable: means that are unstable or too loud, which count as \
-         C = 1\nσ² error: mean magnitude, (m/s²)² (the paper names no unit); |band|: mean error of third-octave \
+         C = 1; in-sample: fitted to what it is compared with, not a measure of fidelity\nσ² error: mean magnitude, (m/s²)² (the paper names no unit); |band|: mean error of third-octave \
          bands, 20 to 1000 Hz; LSD: 30 to 1000 Hz",
         test.removed.len(),
         test.order,
@@ -71,20 +71,15 @@ fn table_one(test: &LeaveOneOut) -> String {
     let percent =
         |mean: f64, deviation: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * deviation);
     let mut rows = Vec::new();
-    let known = |name: &&str| PAPER_TABLE_I.iter().find(|column| column.texture == *name);
-    if textures.iter().all(|name| known(name).is_some()) {
+    if let Some(papers) = paper_row(test) {
         let mut row = vec!["the paper's own figures (real)".to_owned()];
-        let columns: Vec<_> = textures.iter().filter_map(known).collect();
+        let columns = papers.by_texture.iter().copied().chain([Some(papers.all)]);
         row.extend(
-            columns
-                .iter()
-                .map(|c| percent(c.mean_cost, c.cost_deviation)),
+            columns.map(|column| {
+                column.map_or("-".into(), |c| percent(c.mean_cost, c.cost_deviation))
+            }),
         );
-        let mean = |of: fn(&PaperColumn) -> f64| {
-            columns.iter().map(|c| of(c)).sum::<f64>() / columns.len() as f64
-        };
-        row.push(percent(mean(|c| c.mean_cost), mean(|c| c.cost_deviation)));
-        row.push(format!("{:.1e}", mean(|c| c.excitation_error)));
+        row.push(format!("{:.1e}", papers.all.excitation_error));
         row.push("?".into());
         rows.push(row);
     }

@@ -1,53 +1,46 @@
-//! `stylus evaluate --takes`
+//! Other takes on the command line: which of them judge, and which the fit has seen.
 
 use std::path::Path;
 
 use host_tools::dsp::reduction::Reduction;
-use host_tools::evaluation::evaluate::Evaluation;
-use host_tools::evaluation::takes;
-use host_tools::evaluation::takes::TakeDistance;
+use host_tools::evaluation::held_out::{Judge, judges};
+use host_tools::evaluation::takes::{Take, takes};
+use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::Result;
 
-use crate::cli::table::table;
+/// The judge of each trial of a set, and the takes that judge nothing, with the reason.
+pub struct Chosen {
+    pub judges: Vec<Judge>,
+    pub unused: Vec<String>,
+}
 
-/// Table of the distances to other takes.
-pub fn compare(
+/// Chooses the judges of `set` among the takes at `others`, if given, and warns of takes that the fit has seen.
+pub fn choose(
     set: &RecordingSet,
-    others: &Path,
-    evaluation: &Evaluation,
+    others: Option<&Path>,
+    record: Option<&FitRecord>,
     reduction: Reduction,
-) -> Result<String> {
-    let others = RecordingSet::open(&[others.to_owned()])?;
-    let distances = takes::distances(set, &others, evaluation, reduction)?;
-    let number = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.2}"));
-    let rows: Vec<Vec<String>> = distances
+) -> Result<Chosen> {
+    let found = match others {
+        Some(others) => {
+            let others = RecordingSet::open(&[others.to_owned()])?;
+            takes(set, &others, record, reduction)?
+        }
+        None => Vec::new(),
+    };
+    let unused: Vec<String> = found
         .iter()
-        .map(|distance| {
-            vec![
-                distance.texture.clone(),
-                number(distance.take_db),
-                number(distance.synthesis_db),
-                number(distance.excess_db()),
-                number(distance.level_db),
-            ]
+        .filter_map(|take| match take {
+            Take::Seen(reason) => Some(reason.clone()),
+            Take::Other(_) => None,
         })
         .collect();
-    let header = [
-        "texture",
-        "other take, LSD dB",
-        "synthesis, LSD dB",
-        "further by dB",
-        "take's level dB",
-    ];
-    let mean = |of: fn(&TakeDistance) -> Option<f64>| {
-        let values: Vec<f64> = distances.iter().filter_map(of).collect();
-        values.iter().sum::<f64>() / values.len().max(1) as f64
-    };
-    Ok(format!(
-        "Log-spectral distance, 30 to 1000 Hz, from each recording\n{}\nmean: other take {:.2} dB, synthesis {:.2} dB",
-        table(&header, &rows),
-        mean(|d| d.take_db),
-        mean(|d| d.synthesis_db)
-    ))
+    for reason in &unused {
+        eprintln!("warning: a take judges nothing: {reason}");
+    }
+    Ok(Chosen {
+        judges: judges(set, found, record)?,
+        unused,
+    })
 }

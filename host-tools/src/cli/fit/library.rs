@@ -1,12 +1,15 @@
 //! Fits with progress bars, and encoding of the library.
 
+use std::path::Path;
+
 use host_tools::evaluation::budget;
 use host_tools::evaluation::budget::Concession;
 use host_tools::fit;
+use host_tools::fit::record::FitRecord;
 use host_tools::fit::{Fit, Order};
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::{Error, Result};
-use host_tools::support::progress;
+use host_tools::support::{atomic_file, progress};
 use host_tools::texture::quantise::StructureChoice;
 use model_format::TextureSpec;
 
@@ -17,6 +20,21 @@ pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, V
     bar.finish_and_clear();
     let bytes = encoded(&fit.specs)?;
     Ok((fit, bytes))
+}
+
+/// Writes a library of a fit of `set` with `options`, and beside it the record of the fit.
+///
+/// The library is written first: a record that is missing, or of an earlier library, is not believed.
+pub fn write_library(
+    path: &Path,
+    bytes: &[u8],
+    set: &RecordingSet,
+    options: &fit::Options,
+) -> Result<FitRecord> {
+    let record = FitRecord::of(set, options, bytes)?;
+    atomic_file::write(path, bytes)?;
+    atomic_file::write(&FitRecord::path_for(path), record.to_text()?.as_bytes())?;
+    Ok(record)
 }
 
 /// Loss of accuracy of `fit`, bounded to orders up to `highest`, against a fit with `order`. The unbounded fit is a

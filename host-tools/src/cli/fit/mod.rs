@@ -13,12 +13,11 @@ use host_tools::evaluation::frontier::costs;
 use host_tools::fit;
 use host_tools::fit::{Estimator, Order};
 use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
-use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
 use host_tools::texture::quantise::StructureChoice;
 
-pub use library::fit_library;
 use library::{concessions, encoded};
+pub use library::{fit_library, write_library};
 use report::{FitReport, energy_kept, given_up, show_verdicts};
 
 use crate::cli::input::{Recordings, not_negative, positive};
@@ -120,7 +119,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(denser) = &denser {
         bytes = encoded(&denser.densified.specs)?;
     }
-    atomic_file::write(&arguments.out, &bytes)?;
+    write_library(&arguments.out, &bytes, &set, &options)?;
     let library = decode_library(&arguments.out, &bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()

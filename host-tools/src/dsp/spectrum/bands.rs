@@ -66,6 +66,22 @@ pub fn band_errors_db(
     std::array::from_fn(|band| level_db(other[band] / reference[band]))
 }
 
+/// As [`band_errors_db`], of two spectra, in the bands that lie within `low_hz` to `high_hz`; other bands are `None`.
+pub fn band_errors_within_db(
+    recorded: &PowerSpectrum,
+    synthesised: &PowerSpectrum,
+    (low_hz, high_hz): (f64, f64),
+) -> [Option<f64>; BAND_COUNT] {
+    // Edges are powers of ten; a range that ends at an edge has the band.
+    let slack = 1e-9;
+    std::array::from_fn(|band| {
+        let (low, high) = band_edges_hz(band);
+        let is_within = low >= low_hz * (1.0 - slack) && high <= high_hz * (1.0 + slack);
+        let power = |spectrum: &PowerSpectrum| spectrum.power_between(low, high);
+        level_db(power(synthesised) / power(recorded)).filter(|_| is_within)
+    })
+}
+
 /// Converts a ratio of powers to dB; `None` if the level is not finite.
 pub(super) fn level_db(ratio: f64) -> Option<f64> {
     Some(10.0 * ratio.log10()).filter(|level| level.is_finite())

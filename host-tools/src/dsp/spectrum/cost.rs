@@ -21,16 +21,56 @@ pub fn spectral_cost(
     rate_hz: f64,
     width_hz: f64,
 ) -> Option<f64> {
-    let len = recorded.len().min(synthesised.len());
-    let reference = smoothed_amplitude(&recorded[..len], rate_hz, width_hz);
-    let other = smoothed_amplitude(&synthesised[..len], rate_hz, width_hz);
-    let difference: f64 = reference
-        .iter()
-        .zip(&other)
-        .map(|(a, b)| (a - b).powi(2))
-        .sum();
-    let energy: f64 = reference.iter().map(|a| a * a).sum();
+    cost_of_blocks(
+        &[recorded],
+        &[synthesised],
+        rate_hz,
+        width_hz,
+        (0.0, rate_hz / 2.0),
+    )
+}
+
+/// [`spectral_cost`] of signals in blocks, over the frequencies from `low_hz` to `high_hz`: S is the mean of the
+/// blocks' smoothed amplitudes, and no transform goes over the join of two blocks.
+///
+/// All blocks are cut to the shortest, and as many are used of one signal as of the other, because the mean of fewer
+/// amplitudes scatters more.
+pub fn cost_of_blocks(
+    recorded: &[&[f64]],
+    synthesised: &[&[f64]],
+    rate_hz: f64,
+    width_hz: f64,
+    (low_hz, high_hz): (f64, f64),
+) -> Option<f64> {
+    let count = recorded.len().min(synthesised.len());
+    let (recorded, synthesised) = (&recorded[..count], &synthesised[..count]);
+    let len = recorded.iter().chain(synthesised).map(|b| b.len()).min()?;
+    let reference = mean_amplitude(recorded, len, rate_hz, width_hz);
+    let other = mean_amplitude(synthesised, len, rate_hz, width_hz);
+    let step_hz = rate_hz / len as f64;
+    let (mut difference, mut energy) = (0.0, 0.0);
+    for (bin, (a, b)) in reference.iter().zip(&other).enumerate() {
+        let frequency_hz = bin as f64 * step_hz;
+        if frequency_hz >= low_hz && frequency_hz <= high_hz {
+            difference += (a - b).powi(2);
+            energy += a * a;
+        }
+    }
     Some((difference / energy).sqrt()).filter(|cost| cost.is_finite())
+}
+
+/// Mean over the blocks, cut to `len` samples, of their smoothed amplitudes.
+fn mean_amplitude(blocks: &[&[f64]], len: usize, rate_hz: f64, width_hz: f64) -> Vec<f64> {
+    let mut mean = vec![0.0; len / 2 + 1];
+    for block in blocks {
+        for (sum, value) in
+            mean.iter_mut()
+                .zip(smoothed_amplitude(&block[..len], rate_hz, width_hz))
+        {
+            *sum += value / blocks.len() as f64;
+        }
+    }
+    mean
 }
 
 /// Returns the approximate [`spectral_cost`] between two independent excerpts, of `len` samples each, of one Gaussian
@@ -40,10 +80,16 @@ pub fn spectral_cost(
 /// Smoothing with weights w divides the variance by (Σw)²/Σw², and the difference of two amplitudes has twice the
 /// variance.
 pub fn expected_cost_of_noise(len: usize, rate_hz: f64, width_hz: f64) -> f64 {
+    expected_cost_of_blocks(1, len, rate_hz, width_hz)
+}
+
+/// As [`expected_cost_of_noise`], for [`cost_of_blocks`] with `count` blocks of `len` samples: the mean over the blocks
+/// divides the variance by their number.
+pub fn expected_cost_of_blocks(count: usize, len: usize, rate_hz: f64, width_hz: f64) -> f64 {
     let tail = hann_tail(width_hz * len as f64 / rate_hz, len / 2);
     let sum = 1.0 + 2.0 * tail.iter().sum::<f64>();
     let squares = 1.0 + 2.0 * tail.iter().map(|weight| weight * weight).sum::<f64>();
-    let variance = (4.0 / PI - 1.0) * squares / (sum * sum);
+    let variance = (4.0 / PI - 1.0) * squares / (sum * sum) / count.max(1) as f64;
     (2.0 * variance / (1.0 + variance)).sqrt()
 }
 
@@ -71,6 +117,24 @@ mod tests {
             let other = spectral_cost(&scaled(&a, scale), &scaled(&b, scale), RATE_HZ, 50.0).unwrap();
             prop_assert!(close(cost, other, 1e-9));
         }
+    }
+
+    #[test]
+    fn noise_in_blocks_costs_what_statistics_expect_and_nothing_outside_the_range_counts() {
+        let mut mean = 0.0;
+        for pair in 0..20 {
+            let (a, b) = (noise(10_000, 900 + pair), noise(10_000, 950 + pair));
+            let (a, b): (Vec<&[f64]>, Vec<&[f64]>) =
+                (a.chunks(2500).collect(), b.chunks(2500).collect());
+            mean += cost_of_blocks(&a, &b, RATE_HZ, 20.0, (2.0, 2500.0)).unwrap() / 20.0;
+        }
+        let expected = expected_cost_of_blocks(4, 2500, RATE_HZ, 20.0);
+        assert!(close(mean, expected, 0.05), "{mean}, expected {expected}");
+        let a = noise(10_000, 7);
+        let tone = super::super::test_signals::sine(10_000, 1500.0, 30.0);
+        let with_tone: Vec<f64> = a.iter().zip(&tone).map(|(a, tone)| a + tone).collect();
+        let below = |high_hz| cost_of_blocks(&[&a], &[&with_tone], RATE_HZ, 20.0, (0.0, high_hz));
+        assert!(below(1000.0).unwrap() < 0.01 && below(2500.0).unwrap() > 1.0);
     }
 
     #[test]

@@ -27,6 +27,16 @@ pub fn log_spectral_distance_db(
         PowerSpectrum::welch(a, rate_hz),
         PowerSpectrum::welch(b, rate_hz),
     );
+    distance_of_spectra_db(&a, &b, low_hz, high_hz)
+}
+
+/// [`log_spectral_distance_db`] of two spectra that were estimated with one length of segments.
+pub fn distance_of_spectra_db(
+    a: &PowerSpectrum,
+    b: &PowerSpectrum,
+    low_hz: f64,
+    high_hz: f64,
+) -> Option<f64> {
     let mut squares = Vec::new();
     for (low, high) in third_octave_windows(low_hz, high_hz) {
         let difference = level_db(a.power_between(low, high) / b.power_between(low, high))?;

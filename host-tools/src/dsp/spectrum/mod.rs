@@ -15,8 +15,11 @@ mod test_signals;
 pub use amplitude::{dft_amplitude, smoothed_amplitude};
 pub use bands::{
     AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, band_centre_hz, band_edges_hz, band_errors_db,
-    band_powers,
+    band_errors_within_db, band_powers,
 };
-pub use cost::{DEFAULT_SMOOTHING_WIDTH_HZ, expected_cost_of_noise, spectral_cost};
-pub use log_spectral_distance::log_spectral_distance_db;
-pub use power::PowerSpectrum;
+pub use cost::{
+    DEFAULT_SMOOTHING_WIDTH_HZ, cost_of_blocks, expected_cost_of_blocks, expected_cost_of_noise,
+    spectral_cost,
+};
+pub use log_spectral_distance::{distance_of_spectra_db, log_spectral_distance_db};
+pub use power::{PowerSpectrum, longest_segment};

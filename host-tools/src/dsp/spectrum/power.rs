@@ -15,6 +15,12 @@ pub struct PowerSpectrum {
     density: Vec<f64>,
     step_hz: f64,
     nyquist_hz: f64,
+    worth_s: f64,
+}
+
+/// Returns the longest segment of an estimate, 1 s, in samples.
+pub fn longest_segment(rate_hz: f64) -> usize {
+    (SEGMENT_S * rate_hz).round() as usize
 }
 
 impl PowerSpectrum {
@@ -24,32 +30,85 @@ impl PowerSpectrum {
     /// The density is scaled by the window's energy, so that it integrates to the power of a stationary signal. A
     /// signal of fewer than two samples has no power here, because a window of one sample is zero.
     pub fn welch(signal: &[f64], rate_hz: f64) -> Self {
-        let segment = ((SEGMENT_S * rate_hz).round() as usize).clamp(1, signal.len().max(1));
+        let segment = longest_segment(rate_hz).min(signal.len());
+        Self::of_blocks(&[signal], segment, rate_hz)
+    }
+
+    /// Welch's estimate over several blocks of one signal, with segments of `segment` samples that lie within a block.
+    /// Blocks shorter than a segment are left out.
+    ///
+    /// Two estimates with one `segment` have one resolution, so that a window's leakage is alike in both.
+    pub fn of_blocks(blocks: &[&[f64]], segment: usize, rate_hz: f64) -> Self {
+        let segment = segment.max(1);
         let window: Vec<f64> = (0..segment)
             .map(|n| 0.5 - 0.5 * (TAU * n as f64 / segment as f64).cos())
             .collect();
         let window_energy: f64 = window.iter().map(|weight| weight * weight).sum();
-        let spare = signal.len().saturating_sub(segment);
-        let hops = (2 * spare).div_ceil(segment);
-        let mut density = vec![0.0; segment / 2 + 1];
-        if segment > 1 {
-            let scale = 2.0 / (rate_hz * window_energy * (hops + 1) as f64);
+        let (mut density, mut segments) = (vec![0.0; segment / 2 + 1], 0);
+        // Weight of each sample in the estimate, for the duration that it is worth.
+        let (mut weight, mut squared_weight) = (0.0, 0.0);
+        for block in blocks
+            .iter()
+            .filter(|block| block.len() >= segment && segment > 1)
+        {
+            let spare = block.len() - segment;
+            let hops = (2 * spare).div_ceil(segment);
+            let mut weights = vec![0.0; block.len()];
             for hop in 0..=hops {
                 let begin = (spare * hop).checked_div(hops).unwrap_or(0);
-                let windowed: Vec<f64> = signal[begin..]
+                let windowed: Vec<f64> = block[begin..]
                     .iter()
                     .zip(&window)
                     .map(|(value, weight)| value * weight)
                     .collect();
                 for (sum, amplitude) in density.iter_mut().zip(dft_amplitude(&windowed)) {
-                    *sum += scale * amplitude * amplitude;
+                    *sum += amplitude * amplitude;
+                }
+                for (sum, weight) in weights[begin..].iter_mut().zip(&window) {
+                    *sum += weight * weight;
                 }
             }
+            segments += hops + 1;
+            weight += weights.iter().sum::<f64>();
+            squared_weight += weights.iter().map(|w| w * w).sum::<f64>();
         }
+        let scale = 2.0 / (rate_hz * window_energy * f64::from(segments.max(1) as u32));
+        // No segment means no power, whatever the window's energy.
+        let scale = if segments > 0 { scale } else { 0.0 };
+        density.iter_mut().for_each(|value| *value *= scale);
+        let worth = weight * weight / squared_weight / rate_hz;
         Self {
             density,
             step_hz: rate_hz / segment as f64,
             nyquist_hz: rate_hz / 2.0,
+            worth_s: if worth.is_finite() { worth } else { 0.0 },
+        }
+    }
+
+    /// Returns the number of independent complex amplitudes that the power of Gaussian noise between two frequencies is
+    /// the mean square of: its relative variance is one over this. 0 without an estimate, or between no frequencies.
+    ///
+    /// For B hertz, wide against the resolution, and weights w of the squared samples, which windows and their overlap
+    /// give, it is B (Σw)² / Σw² sample intervals (Welch, IEEE Trans. Audio Electroacoust. 15, 1967, 70). Bins of a
+    /// Hann window one and two apart have correlations of 2/3 and 1/6 in amplitude, which a narrow band feels.
+    pub fn averages_between(&self, low_hz: f64, high_hz: f64) -> f64 {
+        let shares: Vec<f64> = self
+            .shares(low_hz, high_hz)
+            .map(|(_, share)| share)
+            .collect();
+        let at = |index: usize| shares.get(index).copied().unwrap_or(0.0);
+        let (mut sum, mut variance) = (0.0, 0.0);
+        for (index, share) in shares.iter().enumerate() {
+            sum += share;
+            let pairs = 4.0 / 9.0 * at(index + 1) + at(index + 2) / 36.0;
+            variance += share * (share + 2.0 * pairs);
+        }
+        // One segment's weights, the squares of a Hann window, are worth 18/35 of its length.
+        let segments = self.worth_s * self.step_hz * 35.0 / 18.0;
+        if variance > 0.0 {
+            sum * sum / variance * segments
+        } else {
+            0.0
         }
     }
 
@@ -58,23 +117,25 @@ impl PowerSpectrum {
     ///
     /// The first bin starts at 0 Hz and the last one ends at half the sample rate; there is no power beyond.
     pub fn power_between(&self, low_hz: f64, high_hz: f64) -> f64 {
+        let bins = self.shares(low_hz, high_hz);
+        bins.map(|(index, share)| self.density[index] * share).sum()
+    }
+
+    /// Each bin between two frequencies, with the hertz of it that are.
+    fn shares(&self, low_hz: f64, high_hz: f64) -> impl Iterator<Item = (usize, f64)> {
         let (low, high) = (low_hz.max(0.0), high_hz.min(self.nyquist_hz));
-        if low >= high {
-            return 0.0;
-        }
-        let first = (low / self.step_hz).round() as usize;
-        let mut power = 0.0;
-        for (index, density) in self.density.iter().enumerate().skip(first) {
-            let (begin, end) = (
-                (index as f64 - 0.5) * self.step_hz,
-                (index as f64 + 0.5) * self.step_hz,
-            );
-            if begin >= high {
-                break;
-            }
-            power += density * (end.min(high) - begin.max(low)).max(0.0);
-        }
-        power
+        let step_hz = self.step_hz;
+        let first = (low / step_hz).round() as usize;
+        (first..self.density.len())
+            .map(move |index| {
+                let (begin, end) = (
+                    (index as f64 - 0.5) * step_hz,
+                    (index as f64 + 0.5) * step_hz,
+                );
+                (index, begin, end.min(high) - begin.max(low))
+            })
+            .take_while(move |(_, begin, _)| *begin < high)
+            .map(|(index, _, share)| (index, share.max(0.0)))
     }
 }
 
@@ -99,6 +160,15 @@ mod tests {
         }
 
         #[test]
+        fn the_estimate_of_blocks_of_one_segment_is_the_mean_of_theirs(seed: u64, count in 1usize..5) {
+            let blocks: Vec<Vec<f64>> = (0..count as u64).map(|n| noise(400, seed ^ n)).collect();
+            let blocks: Vec<&[f64]> = blocks.iter().map(Vec::as_slice).collect();
+            let power = |blocks: &[&[f64]]| PowerSpectrum::of_blocks(blocks, 400, RATE_HZ).power_between(100.0, 900.0);
+            let mean = blocks.iter().map(|block| power(&[block])).sum::<f64>() / count as f64;
+            prop_assert!(close(power(&blocks), mean, 1e-12));
+        }
+
+        #[test]
         fn power_is_the_sum_over_any_division_of_the_frequencies(
             len in 100usize..600, seed: u64, mut cuts in prop::collection::vec(0.0..2500.0f64, 1..20),
         ) {
@@ -107,6 +177,29 @@ mod tests {
             cuts.sort_by(f64::total_cmp);
             let sum: f64 = cuts.windows(2).map(|cut| spectrum.power_between(cut[0], cut[1])).sum();
             prop_assert!(close(sum, spectrum.power_between(-1.0, 1e9), 1e-12));
+        }
+    }
+
+    #[test]
+    fn the_power_of_noise_scatters_as_the_number_of_averages_says() {
+        for (low_hz, high_hz, segment) in [
+            (500.0, 700.0, 800),
+            (100.0, 108.0, 1250),
+            (200.3, 206.1, 800),
+        ] {
+            let (mut squares, mut expected) = (0.0, 0.0);
+            for seed in 0..600 {
+                let signal = noise(5000, seed);
+                let blocks: Vec<&[f64]> = signal.chunks(1250).collect();
+                let spectrum = PowerSpectrum::of_blocks(&blocks, segment, RATE_HZ);
+                let power = spectrum.power_between(low_hz, high_hz) / ((high_hz - low_hz) / 2500.0);
+                squares += (power - 1.0).powi(2) / 600.0;
+                expected = 1.0 / spectrum.averages_between(low_hz, high_hz);
+            }
+            assert!(
+                close(squares, expected, 0.25),
+                "{low_hz}: {squares}, expected {expected}"
+            );
         }
     }
 }

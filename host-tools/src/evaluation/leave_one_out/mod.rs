@@ -21,4 +21,6 @@ pub use options::{Around, Options, SMOOTHING_WIDTHS_HZ};
 pub use play::{Judged, Voice, synthesis};
 pub use prepared::Prepared;
 pub use results::{LeaveOneOut, Outcome, Removed, Row};
-pub use summary::{PAPER_TABLE_I, PaperColumn, Summary, TableOneRow, summarise, table_one};
+pub use summary::{
+    PAPER_TABLE_I, PaperColumn, PaperRow, Summary, TableOneRow, paper_row, summarise, table_one,
+};

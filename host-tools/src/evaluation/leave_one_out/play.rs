@@ -10,6 +10,7 @@ use crate::dsp::model::Model;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::BAND_COUNT;
 use crate::evaluation::evaluate::WARM_UP_S;
+use crate::evaluation::scoring_range::ScoringRange;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use crate::texture::grid::Grid;
@@ -107,27 +108,28 @@ pub fn synthesis(
     )))
 }
 
-/// Compares a synthesis with a recording, both in m/s² at the models' rate, with C for each of `widths_hz` beside.
-/// `None` if there is nothing to compare.
+/// Compares a synthesis with a recording, both in m/s² at the models' rate, at the frequencies of `range`, with C for
+/// each of `widths_hz` beside. `None` if there is nothing to compare.
 pub(super) fn judge(
     recorded: &[f64],
     synthesised: &[f64],
+    range: &ScoringRange,
     options: &Options,
     widths_hz: &[f64],
 ) -> Option<Judged> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
-    let cost = |width_hz| spectrum::spectral_cost(recorded, synthesised, rate_hz, width_hz);
-    let (low_hz, high_hz) = crate::evaluation::evaluate::DISTANCE_RANGE_HZ;
+    let cost = |width_hz| {
+        let (recorded, synthesised) = (&[recorded][..], &[synthesised][..]);
+        spectrum::cost_of_blocks(recorded, synthesised, rate_hz, width_hz, range.cost_hz)
+    };
+    let of_blocks =
+        |signal: &[f64]| spectrum::PowerSpectrum::of_blocks(&[signal], range.segment, rate_hz);
+    let (a, b) = (of_blocks(recorded), of_blocks(synthesised));
+    let (low_hz, high_hz) = range.distance_hz();
     Some(Judged {
         cost: cost(options.smoothing_hz)?,
         costs_by_width: widths_hz.iter().filter_map(|&width| cost(width)).collect(),
-        band_errors_db: spectrum::band_errors_db(recorded, synthesised, rate_hz),
-        log_spectral_distance_db: spectrum::log_spectral_distance_db(
-            recorded,
-            synthesised,
-            rate_hz,
-            low_hz,
-            high_hz,
-        ),
+        band_errors_db: spectrum::band_errors_within_db(&a, &b, range.band_edges_hz()),
+        log_spectral_distance_db: spectrum::distance_of_spectra_db(&a, &b, low_hz, high_hz),
     })
 }

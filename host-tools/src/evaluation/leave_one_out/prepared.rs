@@ -1,13 +1,16 @@
 //! A set made ready for the removed-node test: its models, its signals and its spectra.
 
-use model_format::{NodeFlags, Provenance};
+use model_format::{NodeFlags, Provenance, SAMPLE_RATE_HZ};
 use rayon::prelude::*;
 
 use crate::dsp::model::Model;
+use crate::evaluation::scoring_range::ScoringRange;
 use crate::fit;
-use crate::fit::Fit;
 use crate::fit::densify::ECONOMY_DB;
+use crate::fit::{Analysis, Fit};
+use crate::recording::triage::Verdict;
 use crate::recording::{RecordingSet, Trial};
+use crate::rig::is_of_the_papers_rig;
 use crate::support::error::{Error, Result};
 use crate::texture::domain::Neighbour;
 use crate::texture::grid::Grid;
@@ -20,8 +23,11 @@ use super::options::{Around, Options};
 pub struct Prepared<'a> {
     pub(super) set: &'a RecordingSet,
     pub(super) signals: Vec<Vec<f64>>,
+    /// Frequencies at which each trial can be judged.
+    pub(super) ranges: Vec<Option<ScoringRange>>,
     pub(super) textures: Vec<PreparedTexture>,
     pub(super) simulated: bool,
+    pub(super) papers_textures: Vec<String>,
 }
 
 pub(super) struct PreparedTexture {
@@ -55,6 +61,14 @@ impl<'a> Prepared<'a> {
         });
         let (analyses, signals): (Vec<_>, Vec<_>) =
             read.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        let ranges =
+            analyses
+                .iter()
+                .zip(&signals)
+                .map(|(analysis, signal): (&Analysis, &Vec<f64>)| {
+                    ScoringRange::of(source_rate_hz(&analysis.verdicts), signal.len())
+                });
+        let ranges = ranges.collect();
         let Fit { textures, .. } = fit::fit_analysed(set, &analyses, &fit_options)?;
         let textures = textures
             .into_iter()
@@ -71,11 +85,13 @@ impl<'a> Prepared<'a> {
         let prepared = Self {
             set,
             signals,
+            ranges,
             textures,
             simulated: set
                 .trials
                 .iter()
                 .any(|trial| trial.provenance == Provenance::Simulated),
+            papers_textures: papers_textures(set),
         };
         if prepared.targets(options.around).is_empty() {
             return Err(Error::Request(
@@ -98,6 +114,8 @@ impl<'a> Prepared<'a> {
             .filter_map(|(index, trial)| {
                 let texture = self.textures.iter().position(|t| t.name == trial.texture)?;
                 let place = self.textures[texture].place(trial)?;
+                // A recording that nothing can be judged on is no place of the test.
+                self.ranges[index].as_ref()?;
                 let neighbours = self.textures[texture].neighbours(place, around);
                 (!neighbours.is_empty()).then_some(Target {
                     trial: index,
@@ -107,6 +125,41 @@ impl<'a> Prepared<'a> {
             })
             .collect()
     }
+}
+
+/// The sample rate of a recording's file as far as it bounds what can be judged, Hz.
+fn source_rate_hz(verdicts: &[Verdict]) -> f64 {
+    let slow = verdicts.iter().map(|verdict| match verdict {
+        Verdict::WrongRate { rate_hz } => *rate_hz,
+        _ => f64::INFINITY,
+    });
+    slow.fold(f64::from(SAMPLE_RATE_HZ), f64::min)
+}
+
+/// Names of the textures of which every trial was simulated by the paper's rig.
+fn papers_textures(set: &RecordingSet) -> Vec<String> {
+    let is_papers = |trial: &Trial| {
+        trial.provenance == Provenance::Simulated
+            && is_of_the_papers_rig(&trial.file, &trial.texture)
+    };
+    // One recording of a folder tells for all; a set has hundreds.
+    let mut known = std::collections::HashMap::new();
+    let mut others = Vec::new();
+    for trial in &set.trials {
+        let key = (
+            trial.file.parent(),
+            &trial.texture,
+            trial.provenance == Provenance::Simulated,
+        );
+        if !*known.entry(key).or_insert_with(|| is_papers(trial)) {
+            others.push(trial.texture.as_str());
+        }
+    }
+    let names = set.textures().into_iter();
+    names
+        .filter(|name| !others.contains(name))
+        .map(str::to_owned)
+        .collect()
 }
 
 impl PreparedTexture {

@@ -101,7 +101,8 @@ impl<'p, 's> Removal<'p, 's> {
         let voice = voice.and_then(|(at, power)| Some((self.voices[at].1.as_ref()?, power)));
         let judged = voice.and_then(|(voice, power)| {
             let synthesised = voice.at_power(power)?;
-            play::judge(recorded, &synthesised, self.options, widths)
+            let range = self.prepared.ranges[self.target.trial].as_ref()?;
+            play::judge(recorded, &synthesised, range, self.options, widths)
         });
         let own = self.texture().model(self.target.place);
         let excitation_error = voice.filter(|_| judged.is_some()).map(|(voice, power)| {

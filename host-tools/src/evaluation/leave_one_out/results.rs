@@ -36,7 +36,7 @@ impl Row {
     /// A name for tables.
     pub fn name(self) -> String {
         match self {
-            Self::Own => "(not removed: its own model)".into(),
+            Self::Own => "(not removed: its own model; in-sample)".into(),
             Self::Interpolated(method) => method.name(),
             Self::Densified => "densified: f/v, surface and tool apart".into(),
         }
@@ -97,6 +97,8 @@ pub struct LeaveOneOut {
     pub around: Around,
     /// True if any recording behind it is simulated.
     pub simulated: bool,
+    /// Textures that were simulated after the paper's protocol, for which the paper has figures.
+    pub papers_textures: Vec<String>,
     /// Ways of predicting a node.
     pub rows: Vec<Row>,
     /// Widths, Hz, over which [`Judged::costs_by_width`] goes.

@@ -42,6 +42,7 @@ impl Prepared<'_> {
             },
             around: options.around,
             simulated: self.simulated,
+            papers_textures: self.papers_textures.clone(),
             rows: rows.to_vec(),
             smoothing_widths_hz: SMOOTHING_WIDTHS_HZ.to_vec(),
             removed,

@@ -40,6 +40,40 @@ const fn paper(
     }
 }
 
+/// The paper's own figures beside those of a test.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PaperRow {
+    /// The paper's column for each texture of the test, in the order of [`LeaveOneOut::textures`]; none for textures
+    /// that only share a name with the paper's, or not even that.
+    pub by_texture: Vec<Option<PaperColumn>>,
+    /// Mean over the columns that are there: of C, of its standard deviation and of the excitations' difference.
+    pub all: PaperColumn,
+}
+
+/// Returns the paper's figures for the textures that were simulated after its protocol; `None` if there are none.
+pub fn paper_row(test: &LeaveOneOut) -> Option<PaperRow> {
+    let column = |name: &str| {
+        let is_papers = test.papers_textures.iter().any(|papers| papers == name);
+        let known = PAPER_TABLE_I.iter().find(|column| column.texture == name);
+        known.copied().filter(|_| is_papers)
+    };
+    let by_texture: Vec<Option<PaperColumn>> = test.textures().into_iter().map(column).collect();
+    let shown: Vec<PaperColumn> = by_texture.iter().flatten().copied().collect();
+    if shown.is_empty() {
+        return None;
+    }
+    let mean_of = |of: fn(&PaperColumn) -> f64| mean(&shown.iter().map(of).collect::<Vec<_>>());
+    Some(PaperRow {
+        by_texture,
+        all: PaperColumn {
+            texture: "all",
+            mean_cost: mean_of(|c| c.mean_cost),
+            cost_deviation: mean_of(|c| c.cost_deviation),
+            excitation_error: mean_of(|c| c.excitation_error),
+        },
+    })
+}
+
 /// A row of the test over some of its nodes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
@@ -151,4 +185,43 @@ pub fn table_one(test: &LeaveOneOut) -> Vec<TableOneRow> {
 /// The mean, or zero of nothing.
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluation::leave_one_out::{Around, Removed};
+
+    fn test_of(textures: &[&str], papers: &[&str]) -> LeaveOneOut {
+        let removed = |texture: &&str| Removed {
+            file: String::new(),
+            texture: (*texture).to_owned(),
+            speed_mm_s: 100.0,
+            force_n: 1.0,
+            outcomes: Vec::new(),
+        };
+        LeaveOneOut {
+            smoothing: String::new(),
+            order: String::new(),
+            around: Around::Both,
+            simulated: true,
+            papers_textures: papers.iter().map(|&name| name.to_owned()).collect(),
+            rows: Vec::new(),
+            smoothing_widths_hz: Vec::new(),
+            removed: textures.iter().map(removed).collect(),
+        }
+    }
+
+    #[test]
+    fn the_papers_row_is_for_textures_of_its_protocol_and_averages_what_it_shows() {
+        assert_eq!(paper_row(&test_of(&["paper", "denim"], &[])), None);
+        assert_eq!(paper_row(&test_of(&["felt"], &["felt"])), None);
+        let row = paper_row(&test_of(&["paper", "felt", "denim"], &["denim", "felt"])).unwrap();
+        assert_eq!(row.by_texture, [None, None, Some(PAPER_TABLE_I[3])]);
+        assert!((row.all.mean_cost - 0.36).abs() < 1e-12);
+        let names = PAPER_TABLE_I.map(|column| column.texture);
+        let row = paper_row(&test_of(&names, &names)).unwrap();
+        assert!((row.all.mean_cost - 0.345).abs() < 1e-12);
+        assert!((row.all.cost_deviation - 0.135).abs() < 1e-12);
+    }
 }

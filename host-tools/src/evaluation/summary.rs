@@ -1,0 +1,322 @@
+//! An evaluation in a few numbers per texture, and as the rows of the tables that commands and pages show.
+
+use serde::Serialize;
+
+use super::held_out::JudgeKind;
+use super::results::{Scores, TrialEvaluation};
+use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+
+/// A texture's trials in a few numbers; silent trials are counted and left out of all means.
+#[derive(Clone, Debug, Serialize)]
+pub struct TextureEvaluation {
+    /// The texture.
+    pub texture: String,
+    /// Trials compared.
+    pub trials: usize,
+    /// Trials at which the stylus or the recording is silent.
+    pub silent: usize,
+    /// Lowest and highest frequency of the bands that all trials could be judged at, Hz.
+    pub bands_hz: Option<(f64, f64)>,
+    /// Lowest and highest frequency of C, Hz.
+    pub cost_hz: Option<(f64, f64)>,
+    /// Mean of C.
+    pub mean_cost: Option<f64>,
+    /// Standard deviation of C.
+    pub cost_deviation: Option<f64>,
+    /// Mean of what C would be for a perfect model of broadband noise.
+    pub mean_cost_floor: Option<f64>,
+    /// The synthesis.
+    #[serde(flatten)]
+    pub synthesis: Means,
+    /// Another recording in the place of the synthesis.
+    pub other: Means,
+    /// Mean of C of the other recording.
+    pub mean_cost_other: Option<f64>,
+    /// Median kurtosis of the judges.
+    pub recorded_kurtosis: Option<f64>,
+    /// Median modulation of the judges' envelopes.
+    pub recorded_modulation: Option<f64>,
+    /// Mean log-spectral distance of the library as it is from what it was, or may have been, fitted to, dB.
+    pub in_sample_log_spectral_distance_db: Option<f64>,
+}
+
+/// Means over trials; none where no trial has a value.
+#[derive(Clone, Debug, Serialize)]
+pub struct Means {
+    /// Mean magnitude of the bands' errors, dB.
+    pub mean_band_error_db: Option<f64>,
+    /// Share of all bands within the amplitude JND of 2.2 dB.
+    pub bands_within_jnd: Option<f64>,
+    /// Mean log-spectral distance, dB.
+    pub mean_log_spectral_distance_db: Option<f64>,
+    /// Level error in third octaves, JND: the root of the mean square over trials, less scatter.
+    pub level_error_jnd: Option<f64>,
+    /// Mean magnitude of the balance's error, dB.
+    pub mean_balance_error_db: Option<f64>,
+    /// Median kurtosis.
+    pub kurtosis: Option<f64>,
+    /// Median modulation of the envelope.
+    pub modulation: Option<f64>,
+}
+
+impl Means {
+    fn of(scores: &[&Scores]) -> Self {
+        let perceived = || scores.iter().filter_map(|scores| scores.perceived);
+        let errors: Vec<f64> = scores
+            .iter()
+            .flat_map(|scores| scores.band_errors_db)
+            .flatten()
+            .map(f64::abs)
+            .collect();
+        let within = errors.iter().filter(|e| **e <= AMPLITUDE_JND_DB).count();
+        Self {
+            mean_band_error_db: mean(errors.iter().copied()),
+            bands_within_jnd: (!errors.is_empty()).then(|| within as f64 / errors.len() as f64),
+            mean_log_spectral_distance_db: mean(
+                scores.iter().filter_map(|s| s.log_spectral_distance_db),
+            ),
+            level_error_jnd: mean(perceived().filter_map(|p| p.level_error_squared_jnd))
+                .map(|square| square.max(0.0).sqrt()),
+            mean_balance_error_db: mean(
+                perceived().filter_map(|p| p.balance_error_db.map(f64::abs)),
+            ),
+            kurtosis: median(perceived().filter_map(|p| p.kurtosis)),
+            modulation: median(perceived().filter_map(|p| p.modulation)),
+        }
+    }
+}
+
+/// The columns of [`TextureEvaluation::spectra_cells`]: a heading, and true for numbers.
+pub const SPECTRA_COLUMNS: [(&str, bool); 13] = [
+    ("texture", false),
+    ("trials", true),
+    ("silent", true),
+    ("judged (Hz)", true),
+    ("C", true),
+    ("± sd", true),
+    ("C, other", true),
+    ("LSD (dB)", true),
+    ("LSD, other", true),
+    ("|band| (dB)", true),
+    ("within 2.2 dB", true),
+    ("within, other", true),
+    ("in-sample LSD (dB), not a measure of fidelity", true),
+];
+
+/// The columns of [`TextureEvaluation::feel_cells`]: a heading, and true for numbers.
+pub const FEEL_COLUMNS: [(&str, bool); 11] = [
+    ("texture", false),
+    ("level error (JND)", true),
+    ("level, other", true),
+    ("|balance| (dB)", true),
+    ("balance, other", true),
+    ("kurtosis, recording", true),
+    ("kurtosis, synthesis", true),
+    ("kurtosis, other", true),
+    ("modulation, recording", true),
+    ("modulation, synthesis", true),
+    ("modulation, other", true),
+];
+
+/// The columns of [`take_cells`]: a heading, and true for numbers.
+pub const TAKE_COLUMNS: [(&str, bool); 6] = [
+    ("texture", false),
+    ("recording", false),
+    ("judged on", false),
+    ("fitted take, LSD (dB)", true),
+    ("synthesis, LSD (dB)", true),
+    ("further by (dB)", true),
+];
+
+/// A trial that another take judged as a table's row, under [`TAKE_COLUMNS`]; `None` for other trials.
+pub fn take_cells(trial: &TrialEvaluation) -> Option<Vec<String>> {
+    let take = trial.other_take.as_ref()?;
+    let (other, synthesis) = (
+        trial.other.log_spectral_distance_db,
+        trial.scores.log_spectral_distance_db,
+    );
+    let further = synthesis
+        .zip(other)
+        .map(|(synthesis, other)| synthesis - other);
+    Some(vec![
+        trial.texture.clone(),
+        format!("{} mm/s, {} N", trial.speed_mm_s, trial.force_n),
+        take.clone(),
+        number(other, 2),
+        number(synthesis, 2),
+        number(further, 2),
+    ])
+}
+
+impl TextureEvaluation {
+    /// The figures of spectra as a table's row, under [`SPECTRA_COLUMNS`].
+    pub fn spectra_cells(&self) -> Vec<String> {
+        let Self {
+            synthesis, other, ..
+        } = self;
+        let range = self
+            .bands_hz
+            .map_or("-".into(), |(low, high)| format!("{low:.0} to {high:.0}"));
+        let share =
+            |share: Option<f64>| share.map_or("-".into(), |s| format!("{:.0} %", 100.0 * s));
+        vec![
+            self.texture.clone(),
+            self.trials.to_string(),
+            self.silent.to_string(),
+            range,
+            number(self.mean_cost, 3),
+            number(self.cost_deviation, 3),
+            number(self.mean_cost_other, 3),
+            number(synthesis.mean_log_spectral_distance_db, 2),
+            number(other.mean_log_spectral_distance_db, 2),
+            number(synthesis.mean_band_error_db, 2),
+            share(synthesis.bands_within_jnd),
+            share(other.bands_within_jnd),
+            number(self.in_sample_log_spectral_distance_db, 2),
+        ]
+    }
+
+    /// What is felt as a table's row, under [`FEEL_COLUMNS`].
+    pub fn feel_cells(&self) -> Vec<String> {
+        let Self {
+            synthesis, other, ..
+        } = self;
+        vec![
+            self.texture.clone(),
+            number(synthesis.level_error_jnd, 2),
+            number(other.level_error_jnd, 2),
+            number(synthesis.mean_balance_error_db, 1),
+            number(other.mean_balance_error_db, 1),
+            number(self.recorded_kurtosis, 1),
+            number(synthesis.kurtosis, 1),
+            number(other.kurtosis, 1),
+            number(self.recorded_modulation, 2),
+            number(synthesis.modulation, 2),
+            number(other.modulation, 2),
+        ]
+    }
+}
+
+/// A number with so many decimals, or a dash.
+fn number(value: Option<f64>, decimals: usize) -> String {
+    value.map_or("-".into(), |value| format!("{value:.decimals$}"))
+}
+
+/// The trials of texture `name` in a few numbers.
+pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvaluation {
+    let members: Vec<&TrialEvaluation> = trials.iter().filter(|t| t.texture == name).collect();
+    let heard: Vec<&TrialEvaluation> = members
+        .iter()
+        .copied()
+        .filter(|trial| !trial.is_silent)
+        .collect();
+    let costs = || heard.iter().filter_map(|trial| trial.scores.cost);
+    let mean_cost = mean(costs());
+    let deviation = mean_cost.and_then(|m| mean(costs().map(|c| (c - m).powi(2))));
+    let held_out = heard.iter().filter(|t| t.judge != JudgeKind::Nothing);
+    let scores: Vec<&Scores> = heard.iter().map(|trial| &trial.scores).collect();
+    let others: Vec<&Scores> = heard.iter().map(|trial| &trial.other).collect();
+    let common = |ranges: &mut dyn Iterator<Item = (f64, f64)>| {
+        ranges.reduce(|a, b| (a.0.max(b.0), a.1.min(b.1)))
+    };
+    let ranges = || heard.iter().filter_map(|trial| trial.range);
+    TextureEvaluation {
+        texture: name.to_owned(),
+        trials: heard.len(),
+        silent: members.len() - heard.len(),
+        bands_hz: common(&mut ranges().map(|range| range.band_edges_hz())),
+        cost_hz: common(&mut ranges().map(|range| range.cost_hz)),
+        mean_cost,
+        cost_deviation: deviation.map(f64::sqrt),
+        mean_cost_floor: mean(held_out.map(|trial| trial.cost_floor)),
+        synthesis: Means::of(&scores),
+        other: Means::of(&others),
+        mean_cost_other: mean(others.iter().filter_map(|scores| scores.cost)),
+        recorded_kurtosis: median(heard.iter().filter_map(|trial| trial.recorded_kurtosis)),
+        recorded_modulation: median(heard.iter().filter_map(|trial| trial.recorded_modulation)),
+        in_sample_log_spectral_distance_db: mean(
+            heard
+                .iter()
+                .filter_map(|trial| trial.in_sample_log_spectral_distance_db),
+        ),
+    }
+}
+
+/// The mean; `None` of nothing.
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+/// The median; `None` of nothing.
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    let half = values.len() / 2;
+    let upper = values.get(half).copied()?;
+    Some(if values.len() % 2 == 1 {
+        upper
+    } else {
+        f64::midpoint(values[half - 1], upper)
+    })
+}
+
+/// The frequencies of all figures, in words.
+pub(super) fn judged_hz(trials: &[TrialEvaluation]) -> String {
+    let ends = |ranges: Vec<(f64, f64)>| {
+        let of = |pick: fn(&(f64, f64)) -> f64| {
+            let values: Vec<f64> = ranges.iter().map(pick).collect();
+            let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = values.iter().copied().fold(0.0, f64::max);
+            if format!("{least:.0}") == format!("{most:.0}") {
+                format!("{most:.0}")
+            } else {
+                format!("{least:.0}-{most:.0}")
+            }
+        };
+        format!("{} to {} Hz", of(|r| r.0), of(|r| r.1))
+    };
+    let ranges = || {
+        let trials = trials.iter().filter(|trial| !trial.is_silent);
+        trials.filter_map(|trial| trial.range)
+    };
+    if ranges().next().is_none() {
+        return "Nothing could be judged: recordings are silent, too short or too slow.".into();
+    }
+    format!(
+        "Judged: third octaves, balance, kurtosis and modulation from {}, LSD from {}, C from {}; nothing above 0.9 \
+         of half a recording's own sample rate, nor where its blocks do not resolve a third octave.",
+        ends(ranges().map(|range| range.band_edges_hz()).collect()),
+        ends(ranges().map(|range| range.distance_hz()).collect()),
+        ends(ranges().map(|range| range.cost_hz).collect()),
+    )
+}
+
+/// The other recording beside the synthesis, in words.
+pub(super) fn other_in_words(trials: &[TrialEvaluation]) -> &'static str {
+    let kinds: Vec<JudgeKind> = trials.iter().map(|trial| trial.judge).collect();
+    let all = |kind| kinds.iter().all(|&k| k == kind);
+    if all(JudgeKind::OtherTake) {
+        "Other: the fitted recording in the place of the synthesis, against the same take; a synthesis need not come \
+         nearer."
+    } else if kinds.contains(&JudgeKind::OtherTake) {
+        "Other: the fitted take, or the recording's other blocks, in the place of the synthesis; a synthesis need not \
+         come nearer."
+    } else {
+        "Other: the recording's other blocks in the place of the synthesis, against the judged ones; a synthesis need \
+         not come nearer."
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_and_medians_of_nothing_do_not_exist() {
+        assert_eq!(mean(std::iter::empty()), None);
+        assert_eq!(median(std::iter::empty()), None);
+        assert_eq!(median([3.0, 1.0, 2.0].into_iter()), Some(2.0));
+        assert_eq!(median([4.0, 1.0].into_iter()), Some(2.5));
+    }
+}

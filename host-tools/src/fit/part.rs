@@ -1,0 +1,208 @@
+//! Fits to a part of each recording, so that the rest can judge them: every other block is fitted, the others are left.
+//!
+//! Blocks alternate, because a recording changes over time: halves would compare its beginning with its end. Lags are
+//! estimated within blocks and averaged, never across the join of two blocks. Nothing but the direction of the first
+//! principal component, the mean and the verdicts of triage comes from the whole recording.
+
+use std::ops::Range;
+
+use model_format::SAMPLE_RATE_HZ;
+use rayon::prelude::*;
+
+use super::options::{Estimator, Options};
+use super::trial::{Analysis, analyse_with_signal};
+use crate::dsp::autocorrelation::Autocorrelation;
+use crate::dsp::log_spectrum::LogSpectrum;
+use crate::recording::{RecordingSet, Trial};
+use crate::support::error::Result;
+
+/// Longest block, s. Blocks of 1 s resolve the lowest third octave; shorter ones alternate more often.
+const LONGEST_BLOCK_S: f64 = 1.0;
+
+/// Shortest block that a recording is divided into four for, s; a shorter recording is divided into halves.
+const SHORTEST_BLOCK_S: f64 = 0.4;
+
+/// Division of a recording into an even number of blocks of equal length, of which the first, third and so on are
+/// fitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Blocks {
+    count: usize,
+    len: usize,
+}
+
+impl Blocks {
+    /// Divides a recording of so many samples at 5 kHz: into blocks of at most 1 s, two for each part at least; into
+    /// halves if the blocks would be shorter than 0.4 s. At most one sample per block is left over at the end.
+    pub fn of(samples: usize) -> Self {
+        let rate_hz = f64::from(SAMPLE_RATE_HZ);
+        let duration_s = samples as f64 / rate_hz;
+        let count = if duration_s < 4.0 * SHORTEST_BLOCK_S {
+            2
+        } else {
+            // An even number, so that both parts are equal.
+            (2 * (duration_s / (2.0 * LONGEST_BLOCK_S)).ceil() as usize).max(4)
+        };
+        Self {
+            count,
+            len: samples / count,
+        }
+    }
+
+    /// Duration of a block, s.
+    pub fn block_s(&self) -> f64 {
+        self.len as f64 / f64::from(SAMPLE_RATE_HZ)
+    }
+
+    /// Samples of each block that is fitted.
+    pub fn fitted(&self) -> impl Iterator<Item = Range<usize>> {
+        self.every_other(0)
+    }
+
+    /// Samples of each block that is left for judging.
+    pub fn judged(&self) -> impl Iterator<Item = Range<usize>> {
+        self.every_other(1)
+    }
+
+    fn every_other(&self, first: usize) -> impl Iterator<Item = Range<usize>> {
+        let len = self.len;
+        (first..self.count)
+            .step_by(2)
+            .map(move |block| block * len..(block + 1) * len)
+    }
+}
+
+/// A trial of which a part was analysed.
+#[derive(Clone, Debug)]
+pub struct PartlyAnalysed {
+    /// Statistics of the fitted blocks; verdicts and mean of the whole recording.
+    pub analysis: Analysis,
+    /// The whole reduced signal, m/s².
+    pub signal: Vec<f64>,
+    /// Its division.
+    pub blocks: Blocks,
+}
+
+/// Reads `trial` and analyses its fitted blocks for models of up to `max_order`.
+///
+/// # Errors
+/// A file that cannot be used, or without the axis that was asked for.
+pub fn analyse_blocks(
+    trial: &Trial,
+    options: &Options,
+    max_order: usize,
+) -> Result<PartlyAnalysed> {
+    let (mut analysis, signal) = analyse_with_signal(trial, options, max_order)?;
+    let blocks = Blocks::of(signal.len());
+    let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
+    analysis.lags = lags_of_blocks(&fitted, options.estimator, max_order);
+    analysis.samples = fitted.iter().map(|block| block.len()).sum();
+    analysis.power = analysis.lags[0];
+    Ok(PartlyAnalysed {
+        analysis,
+        signal,
+        blocks,
+    })
+}
+
+/// As [`analyse_blocks`], of every trial of `set` for models of the highest order of `options`.
+///
+/// # Errors
+/// The first trial that cannot be used.
+pub fn analyse_blocks_of_set(
+    set: &RecordingSet,
+    options: &Options,
+    progress: impl Fn() + Sync,
+) -> Result<Vec<PartlyAnalysed>> {
+    let max_order = options.order.highest();
+    let analysed = set.trials.par_iter().map(|trial| {
+        let analysed = analyse_blocks(trial, options, max_order);
+        progress();
+        analysed
+    });
+    analysed.collect()
+}
+
+/// Autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean of those of its blocks, each weighed by
+/// its length.
+pub fn lags_of_blocks(blocks: &[&[f64]], estimator: Estimator, max_lag: usize) -> Vec<f64> {
+    let samples: usize = blocks.iter().map(|block| block.len()).sum();
+    let mut lags = vec![0.0; max_lag + 1];
+    for block in blocks {
+        let weight = block.len() as f64 / samples.max(1) as f64;
+        for (sum, lag) in lags
+            .iter_mut()
+            .zip(Autocorrelation::of(block, max_lag).lags)
+        {
+            *sum += weight * lag;
+        }
+    }
+    if estimator == Estimator::Multitaper
+        && let Some(spectrum) = LogSpectrum::estimate(blocks)
+    {
+        let tapered = spectrum.autocorrelation(max_lag);
+        let scale = lags[0] / tapered[0];
+        lags = tapered.iter().map(|lag| lag * scale).collect();
+    }
+    lags
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn both_parts_are_equal_and_share_no_sample(samples in 0usize..200_000) {
+            let blocks = Blocks::of(samples);
+            let (fitted, judged): (Vec<_>, Vec<_>) = (blocks.fitted().collect(), blocks.judged().collect());
+            prop_assert_eq!(fitted.len(), judged.len());
+            let mut all: Vec<_> = fitted.iter().chain(&judged).cloned().collect();
+            all.sort_by_key(|block| block.start);
+            prop_assert!(all.windows(2).all(|pair| pair[0].end == pair[1].start));
+            prop_assert_eq!(all[0].start, 0);
+            let end = all[all.len() - 1].end;
+            prop_assert!(end <= samples && samples - end < all.len());
+        }
+
+        #[test]
+        fn blocks_are_of_half_a_second_to_a_second(samples in 10_000usize..200_000) {
+            let block_s = Blocks::of(samples).block_s();
+            prop_assert!((0.499..=1.0).contains(&block_s), "{}", block_s);
+        }
+
+        /// What stands in the blocks that are judged has no influence on the lags.
+        #[test]
+        fn lags_do_not_depend_on_what_is_left_for_judging(seed in 0u64..1000, multitaper: bool) {
+            use rand::SeedableRng;
+            use rand_distr::{Distribution, StandardNormal};
+            let generator = rand_pcg::Pcg64::seed_from_u64(seed);
+            let signal: Vec<f64> = StandardNormal.sample_iter(generator).take(10_000).collect();
+            let blocks = Blocks::of(signal.len());
+            let mut other = signal.clone();
+            for block in blocks.judged() {
+                other[block].fill(1e3);
+            }
+            let estimator = if multitaper { Estimator::Multitaper } else { Estimator::Rectangular };
+            let lags = |signal: &[f64]| {
+                let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
+                lags_of_blocks(&fitted, estimator, 50)
+            };
+            prop_assert_eq!(lags(&signal), lags(&other));
+        }
+    }
+
+    #[test]
+    fn a_recording_of_the_papers_length_has_two_blocks_of_half_a_second_per_part() {
+        let blocks = Blocks::of(10_000);
+        assert_eq!(blocks.fitted().collect::<Vec<_>>(), [0..2500, 5000..7500]);
+        assert_eq!(
+            blocks.judged().collect::<Vec<_>>(),
+            [2500..5000, 7500..10_000]
+        );
+        let (fitted, judged) = (0..1500, 1500..3000);
+        assert_eq!(Blocks::of(3000).fitted().next(), Some(fitted));
+        assert_eq!(Blocks::of(3000).judged().next(), Some(judged));
+        assert_eq!(Blocks::of(3000).judged().count(), 1);
+    }
+}

@@ -1,0 +1,205 @@
+//! The record of a fit: the options and the recordings that a library was fitted to, so that a later evaluation knows
+//! what is held out.
+//!
+//! Recordings are known by content: by a hash of the file's bytes, whatever its name or folder is by then, and by the
+//! part of it that was used. The record stands in a file beside the library and names it by its content, too, so that
+//! a record of another library is not believed.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::options::Options;
+use crate::recording::{RecordingSet, Trial};
+use crate::support::error::{Error, Result};
+
+/// Ending that the name of a library's file gets for that of its record.
+const ENDING: &str = ".fit.json";
+
+/// The options and the recordings of a fit.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct FitRecord {
+    /// Hash of the library's bytes, in hexadecimal digits.
+    pub library: String,
+    /// Options of the fit.
+    pub options: Options,
+    /// The recordings.
+    pub trials: Vec<FittedTrial>,
+}
+
+/// A recording that a library was fitted to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FittedTrial {
+    /// The file, as it was named.
+    pub file: String,
+    /// Hash of the file's bytes, in hexadecimal digits.
+    pub content: String,
+    /// Start of the used part, s.
+    pub start_s: f64,
+    /// Longest duration of the used part, s; none if it goes to the end, or was not given.
+    pub duration_s: Option<f64>,
+}
+
+impl FitRecord {
+    /// The record of a fit of `set` with `options` that gave the library `bytes`.
+    ///
+    /// # Errors
+    /// A recording that cannot be read any more.
+    pub fn of(set: &RecordingSet, options: &Options, bytes: &[u8]) -> Result<Self> {
+        Ok(Self {
+            library: content_hash(bytes),
+            options: options.clone(),
+            trials: set
+                .trials
+                .iter()
+                .map(FittedTrial::of)
+                .collect::<Result<_>>()?,
+        })
+    }
+
+    /// Returns the path of the record of the library at `library`.
+    pub fn path_for(library: &Path) -> PathBuf {
+        let mut name = library.as_os_str().to_owned();
+        name.push(ENDING);
+        PathBuf::from(name)
+    }
+
+    /// Reads the record beside the library at `path`, whose content is `bytes`. `None` if there is none, or one of
+    /// another library.
+    ///
+    /// # Errors
+    /// A record that cannot be read or understood.
+    pub fn beside(path: &Path, bytes: &[u8]) -> Result<Option<Self>> {
+        let path = Self::path_for(path);
+        let text = match std::fs::read(&path) {
+            Ok(text) => text,
+            Err(failure) if failure.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(failure) => return Err(Error::io("read", &path)(failure)),
+        };
+        let record: Self = serde_json::from_slice(&text).map_err(|failure| {
+            let problem = format!("is no record of a fit ({failure}): remove it, or fit again");
+            Error::file(&path, problem)
+        })?;
+        Ok(Some(record).filter(|record| record.library == content_hash(bytes)))
+    }
+
+    /// The record as text.
+    ///
+    /// # Errors
+    /// None for records that [`Self::of`] makes.
+    pub fn to_text(&self) -> Result<String> {
+        serde_json::to_string_pretty(self).map_err(|failure| Error::Request(failure.to_string()))
+    }
+
+    /// Returns whether the fit used a part of `trial`, under whatever name its file was.
+    ///
+    /// # Errors
+    /// A recording that cannot be read.
+    pub fn used(&self, trial: &Trial) -> Result<bool> {
+        let asked = FittedTrial::of(trial)?;
+        Ok(self
+            .trials
+            .iter()
+            .any(|used| used.content == asked.content && used.overlaps(&asked)))
+    }
+}
+
+impl FittedTrial {
+    fn of(trial: &Trial) -> Result<Self> {
+        let bytes = std::fs::read(&trial.file).map_err(Error::io("read", &trial.file))?;
+        Ok(Self {
+            file: trial.file.display().to_string(),
+            content: content_hash(&bytes),
+            start_s: trial.start_s,
+            duration_s: trial.duration_s,
+        })
+    }
+
+    /// Returns whether two parts of one file share a moment.
+    fn overlaps(&self, other: &Self) -> bool {
+        let end_s = |part: &Self| part.start_s + part.duration_s.unwrap_or(f64::INFINITY);
+        self.start_s < end_s(other) && other.start_s < end_s(self)
+    }
+}
+
+/// Returns the 64-bit FNV-1a hash (Fowler, Noll and Vo; IETF draft-eastlake-fnv) of `bytes`, in hexadecimal digits. It
+/// is the same on every computer and in every version, which the standard library's hashes are not.
+fn content_hash(bytes: &[u8]) -> String {
+    let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325u64, |hash, &byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    });
+    format!("{hash:016x}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_format::Provenance;
+
+    fn trial(file: PathBuf, start_s: f64, duration_s: Option<f64>) -> Trial {
+        Trial {
+            file,
+            texture: "felt".into(),
+            speed_mm_s: 100.0,
+            force_n: 1.0,
+            scale_m_s2: 1.0,
+            start_s,
+            duration_s,
+            sample_rate_hz: None,
+            provenance: Provenance::Recorded,
+        }
+    }
+
+    /// The vectors of the draft's appendix.
+    #[test]
+    fn the_hash_is_that_of_its_authors() {
+        assert_eq!(content_hash(b""), "cbf29ce484222325");
+        assert_eq!(content_hash(b"a"), "af63dc4c8601ec8c");
+        assert_eq!(content_hash(b"foobar"), "85944171f73967e8");
+    }
+
+    #[test]
+    fn a_recording_is_known_by_its_content_and_its_part_under_any_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let put = |name: &str, content: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, content).unwrap();
+            path
+        };
+        let fitted = put("a.wav", "one");
+        let (copy, other) = (put("b.wav", "one"), put("c.wav", "two"));
+        let set = RecordingSet {
+            trials: vec![trial(fitted.clone(), 1.0, Some(2.0))],
+            is_listed: true,
+        };
+        let record = FitRecord::of(&set, &Options::default(), b"library").unwrap();
+        for (file, start_s, duration_s, used) in [
+            (&fitted, 1.0, Some(2.0), true),
+            (&copy, 0.0, None, true),
+            (&copy, 2.5, Some(2.0), true),
+            (&copy, 3.0, Some(2.0), false),
+            (&copy, 0.0, Some(1.0), false),
+            (&other, 1.0, Some(2.0), false),
+        ] {
+            let asked = trial(file.clone(), start_s, duration_s);
+            assert_eq!(record.used(&asked).unwrap(), used, "{asked:?}");
+        }
+    }
+
+    #[test]
+    fn a_record_of_another_library_is_not_believed() {
+        let folder = tempfile::tempdir().unwrap();
+        let library = folder.path().join("a.lib");
+        assert!(FitRecord::beside(&library, b"one").unwrap().is_none());
+        let set = RecordingSet {
+            trials: Vec::new(),
+            is_listed: true,
+        };
+        let record = FitRecord::of(&set, &Options::default(), b"one").unwrap();
+        std::fs::write(FitRecord::path_for(&library), record.to_text().unwrap()).unwrap();
+        assert!(FitRecord::beside(&library, b"one").unwrap().is_some());
+        assert!(FitRecord::beside(&library, b"two").unwrap().is_none());
+        std::fs::write(FitRecord::path_for(&library), "{").unwrap();
+        assert!(FitRecord::beside(&library, b"one").is_err());
+    }
+}
