@@ -1,0 +1,602 @@
+//! Damage of 45 kinds at three strengths, done to signals that are shaped like real takes, and what triage says of it.
+//!
+//! The signals are made from numbers alone: a heavy-tailed residual, a level that varies by 5 dB within the take, most
+//! power at low frequencies; their kurtosis is that of real takes. A damage that passes without a verdict must change
+//! the fitted spectrum by less than its bound.
+
+mod support;
+
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+
+use host_tools::dsp::linear_prediction::{error_share, step_up};
+use host_tools::dsp::model::Model;
+use host_tools::fit::{self, Fit, Options, Order};
+use host_tools::recording::{RecordingSet, resample};
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use support::{Bench, RATE_HZ, noise, wav};
+
+/// Rate of the recordings that are damaged before they are resampled, Hz.
+const FAST_HZ: u32 = 44_100;
+
+/// Duration of a take, s.
+const SECONDS: f64 = 4.0;
+
+/// A surface: the corner of its low-pass, Hz, and resonances as frequency, Hz, bandwidth, Hz, and gain.
+struct Surface {
+    corner_hz: f64,
+    resonances: &'static [(f64, f64, f64)],
+}
+
+const SURFACES: [Surface; 3] = [
+    Surface {
+        corner_hz: 120.0,
+        resonances: &[(350.0, 60.0, 0.5)],
+    },
+    Surface {
+        corner_hz: 300.0,
+        resonances: &[(900.0, 120.0, 0.8), (200.0, 80.0, 0.3)],
+    },
+    Surface {
+        corner_hz: 60.0,
+        resonances: &[(90.0, 40.0, 0.5)],
+    },
+];
+
+/// A slow Gaussian process of unit variance with the time constant `seconds`.
+fn slow(
+    normal: &mut impl Iterator<Item = f64>,
+    samples: usize,
+    rate_hz: f64,
+    seconds: f64,
+) -> Vec<f64> {
+    let pole = (-1.0 / (seconds * rate_hz)).exp();
+    let mut state = normal.next().expect("it has no end");
+    (0..samples)
+        .map(|_| {
+            state =
+                pole * state + (1.0 - pole * pole).sqrt() * normal.next().expect("it has no end");
+            state
+        })
+        .collect()
+}
+
+impl Surface {
+    /// A take with an RMS of 0.5 m/s², in 16 bits.
+    fn take(&self, seed: u64, rate_hz: u32, seconds: f64) -> Vec<f64> {
+        let rate = f64::from(rate_hz);
+        let samples = (seconds * rate) as usize;
+        let mut normal = StandardNormal.sample_iter(rand_pcg::Pcg64::seed_from_u64(seed));
+        let level = slow(&mut normal, samples, rate, 0.09);
+        let cluster = slow(&mut normal, samples, rate, 0.004);
+        let residual: Vec<f64> = cluster
+            .iter()
+            .map(|cluster| {
+                let (x, spread): (f64, f64) = (normal.next().unwrap(), normal.next().unwrap());
+                x * (0.45 * spread + 0.35 * cluster).exp()
+            })
+            .collect();
+        let pole = (-TAU * self.corner_hz / rate).exp();
+        let mut low = 0.0;
+        let mut states = vec![(0.0, 0.0); self.resonances.len()];
+        let shaped: Vec<f64> = residual
+            .iter()
+            .zip(&level)
+            .map(|(e, level)| {
+                low = pole * low + (1.0 - pole) * e;
+                let mut sum = low + 0.08 * e;
+                for ((before, earlier), (frequency_hz, width_hz, gain)) in
+                    states.iter_mut().zip(self.resonances)
+                {
+                    let radius = (-0.5 * TAU * width_hz / rate).exp();
+                    let next = (1.0 - radius) * e
+                        + 2.0 * radius * (TAU * frequency_hz / rate).cos() * *before
+                        - radius * radius * *earlier;
+                    (*before, *earlier) = (next, *before);
+                    sum += gain * next;
+                }
+                sum * (if *level < 0.0 { 0.95 } else { 0.4 } * level).exp()
+            })
+            .collect();
+        sixteen_bits(&scaled_to(&shaped, 0.5))
+    }
+}
+
+fn rms(signal: &[f64]) -> f64 {
+    (signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64).sqrt()
+}
+
+fn scaled_to(signal: &[f64], level: f64) -> Vec<f64> {
+    support::scaled(signal, level / rms(signal))
+}
+
+/// Rounded to steps of 2⁻¹⁵ of 16 m/s².
+fn sixteen_bits(signal: &[f64]) -> Vec<f64> {
+    signal
+        .iter()
+        .map(|x| (x * 2048.0).round() / 2048.0)
+        .collect()
+}
+
+fn kurtosis(signal: &[f64]) -> f64 {
+    let power = rms(signal).powi(2);
+    signal.iter().map(|x| x.powi(4)).sum::<f64>() / signal.len() as f64 / (power * power)
+}
+
+/// Magnitude that the share `share` of samples exceeds.
+fn quantile(signal: &[f64], share: f64) -> f64 {
+    let mut sorted: Vec<f64> = signal.iter().map(|x| x.abs()).collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted[((1.0 - share) * (sorted.len() - 1) as f64) as usize]
+}
+
+fn plus(signal: &[f64], other: impl Fn(f64) -> f64, rate_hz: u32) -> Vec<f64> {
+    let time = |n: usize| n as f64 / f64::from(rate_hz);
+    signal
+        .iter()
+        .enumerate()
+        .map(|(n, x)| x + other(time(n)))
+        .collect()
+}
+
+fn tone(frequency_hz: f64, amplitude: f64) -> impl Fn(f64) -> f64 {
+    move |time| amplitude * (TAU * frequency_hz * time).sin()
+}
+
+fn to_model_rate(signal: &[f64]) -> Vec<f64> {
+    resample(&[signal.to_vec()], FAST_HZ, RATE_HZ)
+        .unwrap()
+        .remove(0)
+}
+
+/// Files of a set; the last is the damaged one.
+struct Files(Vec<(&'static str, Vec<u8>)>, &'static str);
+
+fn files(axes: &[Vec<f64>], rate_hz: u32) -> Files {
+    let axes: Vec<&[f64]> = axes.iter().map(Vec::as_slice).collect();
+    Files(vec![("take.wav", wav(&axes, rate_hz))], "")
+}
+
+fn one(signal: Vec<f64>) -> Files {
+    files(&[signal], RATE_HZ)
+}
+
+/// The take, and a copy of it.
+fn two(original: &[f64], copy: &[f64]) -> Files {
+    Files(
+        vec![
+            ("first.wav", wav(&[original], RATE_HZ)),
+            ("take.wav", wav(&[copy], RATE_HZ)),
+        ],
+        "",
+    )
+}
+
+/// A take of a surface: its index, its seed, and its samples at the models' rate.
+struct Take<'a> {
+    surface: &'a Surface,
+    seed: u64,
+    clean: Vec<f64>,
+}
+
+impl Take<'_> {
+    fn other(&self, number: u64) -> Vec<f64> {
+        self.surface
+            .take(1000 + 10 * self.seed + number, RATE_HZ, SECONDS)
+    }
+
+    fn fast(&self) -> Vec<f64> {
+        self.surface.take(self.seed, FAST_HZ, SECONDS)
+    }
+
+    /// With `edit` done to the samples.
+    fn edited(&self, edit: impl FnOnce(&mut Vec<f64>)) -> Files {
+        let mut signal = self.clean.clone();
+        edit(&mut signal);
+        one(signal)
+    }
+}
+
+/// Expectation for one kind at one strength.
+#[derive(Clone, Copy)]
+enum Expected {
+    /// A verdict of this name.
+    Caught(&'static str),
+    /// An error with this word.
+    Refused(&'static str),
+    /// No verdict, because the fitted spectrum changes by no more than this, dB (mean over third octaves).
+    Weak(f64),
+    /// No verdict, because a texture can be like that; the spectrum changes by no more than this, dB.
+    Alike(f64),
+}
+
+use Expected::{Alike, Caught, Refused, Weak};
+
+type Damage = fn(&Take<'_>, usize) -> Files;
+
+/// Strengths: weak, middle, strong.
+const STRENGTHS: usize = 3;
+
+fn sample(at_s: f64) -> usize {
+    (at_s * f64::from(RATE_HZ)) as usize
+}
+
+fn of(values: [f64; STRENGTHS], strength: usize) -> f64 {
+    values[strength]
+}
+
+/// Replaces `count` stretches of `seconds`, evenly spread, by `value` of their first sample.
+fn held(signal: &mut [f64], count: usize, seconds: f64, value: impl Fn(f64) -> f64) {
+    for number in 0..count {
+        let first = (2 * number + 1) * signal.len() / (2 * count);
+        let end = first + sample(seconds).max(1);
+        let fill = value(signal[first]);
+        signal[first..end].fill(fill);
+    }
+}
+
+fn taps(signal: &mut [f64], times: &[f64], height: f64) {
+    for &time in times {
+        for n in 0..200 {
+            let decay = (-(n as f64) / 50.0).exp();
+            signal[sample(time) + n] += height * decay * (0.6 * n as f64).sin();
+        }
+    }
+}
+
+fn hum(take: &Take<'_>, strength: usize, lines: &[(f64, f64)]) -> Files {
+    // Relative to the RMS of the take.
+    let amplitude = 0.5 * 2f64.sqrt() * of([0.01, 0.3, 1.0], strength);
+    let sum = |time: f64| {
+        lines
+            .iter()
+            .map(|&(frequency_hz, gain)| tone(frequency_hz, gain * amplitude)(time))
+            .sum::<f64>()
+    };
+    one(plus(&take.clean, sum, RATE_HZ))
+}
+
+fn clipped(signal: &[f64], share: f64) -> Vec<f64> {
+    let limit = quantile(signal, share);
+    signal.iter().map(|x| x.clamp(-limit, limit)).collect()
+}
+
+/// Samples as CSV with these times.
+fn timed(signal: &[f64], time_s: impl Fn(usize) -> f64) -> Files {
+    let mut text = String::from("time_s,a\n");
+    for (n, x) in signal.iter().enumerate() {
+        writeln!(text, "{:.7},{x}", time_s(n)).unwrap();
+    }
+    Files(vec![("take.csv", text.into_bytes())], "")
+}
+
+/// Three axes with their own mixtures of the take and of others.
+fn three_axes(take: &Take<'_>) -> [Vec<f64>; 3] {
+    let mix = |own: f64, other: Vec<f64>, gain: f64| -> Vec<f64> {
+        take.clean
+            .iter()
+            .zip(other)
+            .map(|(a, b)| own * a + gain * b)
+            .collect()
+    };
+    [
+        mix(1.0, take.other(1), 0.2),
+        mix(0.4, take.other(2), 0.3),
+        mix(-0.6, take.other(3), 0.2),
+    ]
+}
+
+#[rustfmt::skip]
+const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
+    ("NaN", |t, s| t.edited(|x| x[sample(1.0)..][..[1, 10, 100][s]].fill(f64::NAN)), [Refused("finite"); 3]),
+    ("infinity", |t, s| t.edited(|x| x[sample(1.0)..][..[1, 10, 100][s]].fill(f64::INFINITY)), [Refused("finite"); 3]),
+    ("hard clipping", |t, s| one(clipped(&t.clean, of([4e-4, 0.01, 0.1], s))),
+        [Weak(0.5), Caught("clipped"), Caught("clipped")]),
+    ("one-sided clipping", |t, s| {
+        let limit = quantile(&t.clean, of([8e-4, 0.02, 0.2], s));
+        one(t.clean.iter().map(|x| x.min(limit)).collect())
+    }, [Weak(0.5), Caught("clipped"), Caught("clipped")]),
+    ("clipping before resampling", |t, s| one(to_model_rate(&clipped(&t.fast(), of([1e-4, 0.01, 0.1], s)))),
+        [Weak(0.5), Alike(2.0), Caught("clipped-before")]),
+    ("clipping under noise", |t, s| {
+        let flat = clipped(&t.clean, of([4e-4, 0.03, 0.1], s));
+        let top = quantile(&flat, 0.0);
+        one(flat.iter().zip(noise(t.seed + 77, flat.len())).map(|(x, n)| x + 0.02 * top * n).collect())
+    }, [Weak(3.0), Caught("clipped-before"), Caught("clipped-before")]),
+    ("soft saturation", |t, s| {
+        let knee = 0.5 * of([12.0, 6.0, 3.0], s);
+        one(t.clean.iter().map(|x| knee * (x / knee).tanh()).collect())
+    }, [Weak(0.5), Weak(1.0), Alike(2.5)]),
+    ("overflow", |t, s| {
+        let limit = quantile(&t.clean, of([1e-4, 1e-3, 0.01], s));
+        one(t.clean.iter().map(|x| x - 2.0 * limit * (0.5 * x / limit).round()).collect())
+    }, [Caught("overflow"); 3]),
+    ("silence", |t, s| t.edited(|x| match s {
+        0 => x.iter_mut().for_each(|x| *x *= 1e-3),
+        1 => x.fill(0.25),
+        _ => x.fill(0.0),
+    }), [Caught("silent"); 3]),
+    ("silent beginning", |t, s| t.edited(|x| x[..sample(of([0.05, 0.3, 1.5], s))].fill(0.0)),
+        [Weak(0.3), Caught("partly-silent"), Caught("partly-silent")]),
+    ("silent end", |t, s| t.edited(|x| {
+        x.truncate(sample(2.0));
+        x[sample(of([1.95, 1.0, 0.1], s))..].fill(0.0);
+    }), [Weak(2.0), Caught("partly-silent"), Caught("partly-silent")]),
+    ("lift-off", |t, s| t.edited(|x| {
+        let part = sample(1.0)..sample(1.0 + of([0.1, 0.6, 1.5], s));
+        let floor = noise(t.seed + 5, part.len());
+        x[part].iter_mut().zip(floor).for_each(|(x, n)| *x = 0.005 * n);
+    }), [Weak(0.5), Caught("partly-silent"), Caught("partly-silent")]),
+    ("dropouts", |t, s| t.edited(|x| held(x, [5, 5, 20][s], of([1e-3, 5e-3, 20e-3], s), |_| 0.0)),
+        [Weak(0.5), Caught("dropouts"), Caught("dropouts")]),
+    ("lost samples", |t, s| t.edited(|x| {
+        for place in (1..=5).rev() {
+            let first = place * x.len() / 6;
+            x.drain(first..first + [5, 50, 500][s]);
+        }
+    }), [Weak(0.5), Weak(0.5), Weak(1.0)]),
+    ("repeated block", |t, s| t.edited(|x| {
+        let (first, length) = (sample(2.0), sample(of([0.01, 0.05, 0.2], s)));
+        let (before, after) = x.split_at_mut(first);
+        after[..length].copy_from_slice(&before[first - length..]);
+    }), [Weak(0.3), Weak(0.5), Weak(1.0)]),
+    ("stuck converter", |t, s| t.edited(|x| held(x, [5, 5, 20][s], of([1e-3, 5e-3, 20e-3], s), |x| x + 0.1)),
+        [Weak(0.5), Caught("stuck"), Caught("stuck")]),
+    ("coarse steps", |t, s| {
+        let step = of([0.02, 0.35, 1.0], s);
+        one(t.clean.iter().map(|x| (x / step).round() * step).collect())
+    }, [Weak(2.0), Caught("coarse"), Caught("coarse")]),
+    ("spikes", |t, s| t.edited(|x| {
+        let height = of([1.5, 30.0, 300.0], s);
+        (1..=5).for_each(|place| x[place * 3301] += height);
+    }), [Weak(0.7), Caught("spikes"), Caught("spikes")]),
+    ("tap", |t, s| t.edited(|x| taps(x, &[1.5], of([1.0, 25.0, 80.0], s))), [Weak(0.5), Caught("tap"), Caught("tap")]),
+    ("two taps", |t, s| t.edited(|x| taps(x, &[1.2, 3.0], of([1.0, 25.0, 80.0], s))),
+        [Weak(0.5), Caught("tap"), Caught("tap")]),
+    ("level step", |t, s| t.edited(|x| {
+        let gain = 10f64.powf(of([3.0, 24.0, 36.0], s) / 20.0);
+        x[sample(2.0)..].iter_mut().for_each(|x| *x *= gain);
+        x.iter_mut().for_each(|x| *x /= gain.sqrt());
+    }), [Alike(3.0), Caught("level-change"), Caught("level-change")]),
+    ("level ramp", |t, s| t.edited(|x| {
+        let neper = of([6.0, 40.0, 60.0], s) / 20.0 * 10f64.ln();
+        let length = x.len() as f64;
+        x.iter_mut().enumerate().for_each(|(n, x)| *x *= (neper * (n as f64 / length - 0.5)).exp());
+    }), [Alike(3.0), Caught("level-change"), Caught("level-change")]),
+    ("wrong units, whole set", |t, s| one(support::scaled(&t.clean, of([10.0, 100.0, 1000.0], s))),
+        [Alike(21.0), Alike(41.0), Caught("scale")]),
+    ("wrong units, one trial", |t, s| {
+        let own = support::scaled(&t.clean, of([0.1, 5.0, 100.0], s) * 0.1);
+        let others = [1, 2, 3].map(|number| support::scaled(&t.other(number), 0.02));
+        let names = ["a.wav", "b.wav", "c.wav"];
+        let mut all: Vec<_> = names.into_iter().zip(&others).map(|(n, x)| (n, wav(&[x], RATE_HZ))).collect();
+        let own = if s == 2 { support::scaled(&own, 0.5) } else { own };
+        all.push(("take.wav", wav(&[&own], RATE_HZ)));
+        Files(all, "felt")
+    }, [Alike(50.0), Alike(50.0), Caught("scale")]),
+    ("gravity in g", |t, s| {
+        let tilt = of([0.0, 0.4, 0.8], s);
+        let means = [tilt.sin(), 0.0, tilt.cos()];
+        let axes = three_axes(t).into_iter().zip(means);
+        let axes: Vec<Vec<f64>> = axes.map(|(x, mean)| plus(&support::scaled(&x, 0.1), |_| mean, RATE_HZ)).collect();
+        files(&axes, RATE_HZ)
+    }, [Caught("scale"); 3]),
+    ("drift", |t, s| {
+        let slope = 0.5 * 12f64.sqrt() * of([0.05, 0.5, 2.0], s);
+        one(plus(&t.clean, |time| slope * (time / SECONDS - 0.5), RATE_HZ))
+    }, [Weak(0.3), Caught("drifting"), Caught("drifting")]),
+    ("slow motion", |t, s| {
+        let gain = 0.7 * of([0.1, 1.2, 3.0], s);
+        one(plus(&t.clean, |time| tone(2.3, gain)(time) + tone(4.1, gain)(time), RATE_HZ))
+    }, [Weak(0.5), Caught("wandering"), Caught("wandering")]),
+    ("offset", |t, s| one(plus(&t.clean, |_| of([0.1, 9.81, 100.0], s), RATE_HZ)), [Weak(0.01); 3]),
+    ("hum at 50 Hz", |t, s| hum(t, s, &[(50.0, 1.0)]), [Weak(0.5), Caught("hum"), Caught("hum")]),
+    ("hum at 100 Hz", |t, s| hum(t, s, &[(100.0, 1.0)]), [Weak(0.5), Caught("hum"), Caught("hum")]),
+    ("hum at 120 Hz", |t, s| hum(t, s, &[(120.0, 1.0)]), [Weak(0.5), Caught("hum"), Caught("hum")]),
+    ("hum at 60 Hz with harmonics", |t, s| hum(t, s, &[(60.0, 1.0), (120.0, 0.5), (180.0, 0.4), (300.0, 0.2)]),
+        [Weak(0.5), Caught("hum"), Caught("hum")]),
+    ("whistle at 733 Hz", |t, s| hum(t, s, &[(733.0, 1.0)]), [Weak(1.0), Alike(4.0), Alike(8.0)]),
+    ("sensor noise alone", |t, s| one(support::scaled(&noise(t.seed, sample(SECONDS)), of([0.01, 0.05, 0.15], s))),
+        [Caught("sensor-noise"); 3]),
+    ("sensor noise added", |t, s| {
+        let level = 0.5 * of([0.01, 0.03, 0.1], s);
+        one(t.clean.iter().zip(noise(t.seed + 9, t.clean.len())).map(|(x, n)| x + level * n).collect())
+    }, [Weak(1.0), Weak(2.0), Alike(6.0)]),
+    ("upsampled", |t, s| {
+        let low_hz = [4600, 2000, 1000][s];
+        let low = resample(&[t.fast()], FAST_HZ, low_hz).unwrap();
+        one(resample(&low, low_hz, RATE_HZ).unwrap().remove(0))
+    }, [Weak(0.5), Caught("empty-band"), Caught("empty-band")]),
+    ("held samples", |t, s| {
+        let times = [2, 5, 25][s];
+        one(t.clean.chunks_exact(times).flat_map(|part| vec![part[0]; times]).collect())
+    }, [Caught("repeated"); 3]),
+    ("low rate", |t, s| {
+        let low_hz = [4000, 2800, 1000][s];
+        files(&resample(&[t.fast()], FAST_HZ, low_hz).unwrap(), low_hz)
+    }, [Caught("wrong-rate"); 3]),
+    ("uneven times", |t, s| match s {
+        0 => timed(&t.clean, |n| (n as f64 + 0.1 * (n % 3) as f64) / f64::from(RATE_HZ)),
+        1 => timed(&t.clean, |n| (n as f64 + 0.8 * (n % 3) as f64) / f64::from(RATE_HZ)),
+        _ => timed(&t.clean, |n| n as f64 / f64::from(RATE_HZ) + if n > 9999 { 1.0 } else { 0.0 }),
+    }, [Weak(0.3), Refused("even steps"), Refused("even steps")]),
+    ("truncated file", |t, s| {
+        let mut bytes = wav(&[&t.clean], RATE_HZ);
+        let keep = of([0.99, 0.5, 0.05], s) * bytes.len() as f64;
+        bytes.truncate(keep as usize);
+        // A part that is still there can be used.
+        Files(vec![("take.wav", bytes)], "0.1")
+    }, [Caught("truncated"); 3]),
+    ("exact duplicate", |t, s| {
+        let length = sample(of([0.5, 2.0, 4.0], s));
+        two(&t.clean[..length], &t.clean[..length])
+    }, [Caught("duplicate"); 3]),
+    ("scaled or inverted duplicate", |t, s| two(&t.clean, &support::scaled(&t.clean, of([0.9, -1.0, -0.1], s))),
+        [Caught("duplicate"); 3]),
+    ("shifted duplicate", |t, s| {
+        let by = sample(of([0.01, 0.1, 2.0], s));
+        let copy: Vec<f64> = t.clean[by..].iter().copied().chain(t.other(4)[..by].iter().copied()).collect();
+        two(&t.clean, &copy)
+    }, [Caught("duplicate"); 3]),
+    ("dead axis", |t, s| {
+        let [x, y, z] = three_axes(t);
+        let floor = support::scaled(&noise(t.seed, x.len()), of([5e-3, 5e-5, 0.0], s));
+        assert_eq!(z.len(), floor.len());
+        files(&[x, y, plus(&floor, |_| 0.3, RATE_HZ)], RATE_HZ)
+    }, [Alike(2.0), Caught("dead-axis"), Caught("dead-axis")]),
+    ("too short", |t, s| t.edited(|x| x.truncate(sample(of([0.3, 0.1, 0.02], s)))), [Caught("too-short"); 3]),
+];
+
+/// Fits the files, each a texture of its own unless they share one; a truncated file is used for its first 0.1 s.
+fn fitted(files: &Files) -> Result<Fit, String> {
+    let bench = Bench::new();
+    let mut list = String::from("file,texture,speed_mm_s,force_n,duration_s\n");
+    for (number, (name, bytes)) in files.0.iter().enumerate() {
+        bench.write(name, bytes);
+        let (texture, duration) = match files.1 {
+            "felt" => ("felt".to_owned(), ""),
+            duration => (format!("t{number}"), duration),
+        };
+        let speed = 50 * (number + 1);
+        writeln!(list, "{name},{texture},{speed},1,{duration}").unwrap();
+    }
+    bench.write("trials.csv", list);
+    let options = Options {
+        order: Order::Fixed(80),
+        ..Options::default()
+    };
+    let set = RecordingSet::open(&[bench.path("trials.csv")]).map_err(|e| e.to_string())?;
+    fit::fit(&set, &options, || ()).map_err(|e| e.to_string())
+}
+
+/// Levels of third octaves from 31.5 to 1000 Hz, dB, of an autoregressive model.
+fn levels(model: &Model) -> Vec<f64> {
+    let a = step_up(&model.reflection);
+    let gain = model.output_power * error_share(&model.reflection);
+    (-15..=0)
+        .map(|band| {
+            let centre = 1000.0 * 2f64.powf(f64::from(band) / 3.0);
+            let power = |step: i32| {
+                let omega = TAU * centre * 2f64.powf(f64::from(step) / 60.0) / f64::from(RATE_HZ);
+                let terms = a.iter().zip(1..).map(|(a, n)| {
+                    (
+                        a * (omega * f64::from(n)).cos(),
+                        a * (omega * f64::from(n)).sin(),
+                    )
+                });
+                let (re, im) = terms.fold((1.0, 0.0), |sum, term| (sum.0 + term.0, sum.1 + term.1));
+                gain / (re * re + im * im)
+            };
+            10.0 * (-10..=10).map(power).sum::<f64>().log10()
+        })
+        .collect()
+}
+
+fn last_model(fit: &Fit) -> &Model {
+    let grid = &fit.textures.last().unwrap().grid;
+    grid.models.last().unwrap()
+}
+
+fn names(fit: &Fit) -> Vec<&'static str> {
+    fit.trials
+        .last()
+        .unwrap()
+        .verdicts
+        .iter()
+        .map(host_tools::recording::triage::Verdict::name)
+        .collect()
+}
+
+#[test]
+fn signals_shaped_like_real_takes_have_no_verdict() {
+    let mut kurtoses = Vec::new();
+    for (index, surface) in SURFACES.iter().enumerate() {
+        for seed in 0..4 {
+            let take = surface.take(20 + seed, RATE_HZ, SECONDS);
+            kurtoses.push(kurtosis(&take));
+            for (signal, rate_hz) in [
+                (take, RATE_HZ),
+                (surface.take(40 + seed, FAST_HZ, 2.0), FAST_HZ),
+            ] {
+                let fit = fitted(&files(&[signal], rate_hz)).unwrap();
+                assert_eq!(
+                    fit.trials[0].verdicts,
+                    [],
+                    "surface {index}, seed {seed}, {rate_hz} Hz"
+                );
+            }
+        }
+        let take = Take {
+            surface,
+            seed: 9,
+            clean: surface.take(9, RATE_HZ, SECONDS),
+        };
+        let fit = fitted(&files(&three_axes(&take), RATE_HZ)).unwrap();
+        assert_eq!(fit.trials[0].verdicts, [], "surface {index}, three axes");
+    }
+    kurtoses.sort_by(f64::total_cmp);
+    let median = kurtoses[kurtoses.len() / 2];
+    assert!((8.0..18.0).contains(&median), "{kurtoses:?}");
+}
+
+#[test]
+fn damage_of_45_kinds_is_found_at_the_strengths_that_matter() {
+    let takes: Vec<Take<'_>> = SURFACES
+        .iter()
+        .zip(1..)
+        .map(|(surface, seed)| Take {
+            surface,
+            seed,
+            clean: surface.take(seed, RATE_HZ, SECONDS),
+        })
+        .collect();
+    let clean: Vec<Vec<f64>> = takes
+        .iter()
+        .map(|take| levels(last_model(&fitted(&one(take.clean.clone())).unwrap())))
+        .collect();
+    let mut table = String::new();
+    let mut wrong = Vec::new();
+    for (kind, damage, expected) in KINDS {
+        write!(table, "{kind:28}").unwrap();
+        for (strength, expected) in expected.into_iter().enumerate() {
+            let mut worst_db = 0f64;
+            let mut found = Vec::new();
+            for (take, clean) in takes.iter().zip(&clean) {
+                let outcome = fitted(&damage(take, strength));
+                let is_right = match (&outcome, expected) {
+                    (Err(message), Refused(word)) => message.contains(word),
+                    (Ok(fit), Caught(name)) => names(fit).contains(&name),
+                    (Ok(fit), Weak(bound_db) | Alike(bound_db)) => {
+                        let levels = levels(last_model(fit));
+                        let change = clean
+                            .iter()
+                            .zip(&levels)
+                            .map(|(a, b)| (a - b).abs())
+                            .sum::<f64>();
+                        worst_db = worst_db.max(change / levels.len() as f64);
+                        names(fit).is_empty() && worst_db <= bound_db
+                    }
+                    _ => false,
+                };
+                let said = outcome.map_or_else(|message| message, |fit| names(&fit).join("+"));
+                found.push(said.clone());
+                if !is_right {
+                    wrong.push(format!(
+                        "{kind}, strength {strength}: '{said}', {worst_db:.2} dB"
+                    ));
+                }
+            }
+            let cell = match expected {
+                Caught(name) => name.to_owned(),
+                Refused(_) => "refused".to_owned(),
+                Weak(_) => format!("too weak: {worst_db:.2} dB"),
+                Alike(_) => format!("as a texture: {worst_db:.2} dB"),
+            };
+            write!(table, " | {cell:24}").unwrap();
+        }
+        table.push('\n');
+    }
+    println!("{table}");
+    assert!(wrong.is_empty(), "{table}\n{}", wrong.join("\n"));
+}
