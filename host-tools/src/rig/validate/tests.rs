@@ -330,11 +330,11 @@ fn lists_that_are_too_long_or_empty_are_refused() {
     let head_alone = head.replacen("[recording]", "texture = []\n\n[recording]", 1);
     let message = read(&head_alone).unwrap_err().to_string();
     assert!(
-        message.contains("line 3: texture: must have 1 to 32"),
+        message.contains("line 3: texture: must have 1 to 256"),
         "{message}"
     );
     let mut many = head.to_owned();
-    for i in 0..33 {
+    for i in 0..257 {
         write!(
             many,
             "[[texture]]
@@ -346,7 +346,7 @@ effective_modulus_mpa = 500.0
     }
     let message = read(&many).unwrap_err().to_string();
     assert!(
-        message.contains("texture: must have 1 to 32 entries, but has 33"),
+        message.contains("texture: must have 1 to 256 entries, but has 257"),
         "{message}"
     );
 }

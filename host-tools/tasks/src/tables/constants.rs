@@ -65,6 +65,10 @@ pub fn library_limits() -> String {
         ("speeds, and forces, of a grid", whole(limits::MAX_AXIS_LEN)),
         ("order of a model", whole(limits::MAX_ORDER)),
         (
+            "stages of a lattice with 24 bits of θ",
+            whole(limits::MAX_FINE_STAGES),
+        ),
+        (
             "sample rate, Hz",
             grouped(limits::MAX_SAMPLE_RATE_HZ.into()),
         ),
