@@ -126,6 +126,17 @@ impl CodeSpec {
         }
     }
 
+    /// θ of all stages of a lattice, stage 1 first, in steps of [`crate::FINE_THETA_STEP_RAD`]. Empty for a direct form.
+    pub fn thetas(&self) -> impl Iterator<Item = i32> + '_ {
+        let codes = match self {
+            Self::Lattice { codes, .. } => codes.as_slice(),
+            Self::Direct16 { .. } | Self::Direct32 { .. } => &[],
+        };
+        let fractions = self.fractions().iter().copied();
+        let both = codes.iter().zip(fractions.chain(core::iter::repeat(0)));
+        both.map(|(&code, fraction)| theta(code, fraction))
+    }
+
     fn fractions(&self) -> &[i8] {
         match self {
             Self::Lattice { fractions, .. } => fractions,
@@ -379,15 +390,7 @@ fn node_place(texture: &TextureSpec, index: usize, number: usize) -> Place {
 }
 
 fn largest_theta(nodes: &[NodeSpec]) -> u32 {
-    let thetas = nodes.iter().filter_map(|node| match &node.codes {
-        CodeSpec::Lattice { codes, fractions } => {
-            let fractions = fractions.iter().copied().chain(core::iter::repeat(0));
-            let both = codes.iter().zip(fractions);
-            both.map(|(&code, fraction)| theta(code, fraction))
-                .max_by_key(|theta| theta.unsigned_abs())
-        }
-        CodeSpec::Direct16 { .. } | CodeSpec::Direct32 { .. } => None,
-    });
+    let thetas = nodes.iter().flat_map(|node| node.codes.thetas());
     thetas.map(i32::unsigned_abs).max().unwrap_or(0)
 }
 

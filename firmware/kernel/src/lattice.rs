@@ -19,7 +19,7 @@ use crate::fixed::shift_toward_zero;
 use crate::grid::{GridPoint, ONE};
 use crate::level::{Levels, Ramp, rms_at};
 use crate::rotation::Rotation;
-use crate::theta::interpolated;
+use crate::theta::interpolate;
 
 /// Digits after the point of the gain in m/s²: full scale of the lattice times full gain is that of the output.
 pub(crate) const GAIN_FRACTION_BITS: u32 = 23;
@@ -56,11 +56,8 @@ impl LatticeFrame {
     /// Makes this the frame of `point` on the grid of `texture`, a lattice of at most as many stages. The level goes
     /// from `from`, that of the frame before, to its new value in `samples` samples.
     pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
-        let thetas = interpolated(texture, point);
         let rotations = &mut self.rotations[..self.stages];
-        for (rotation, theta) in rotations.iter_mut().zip(thetas) {
-            *rotation = Rotation::from_theta(theta);
-        }
+        interpolate(texture, point, rotations, Rotation::from_theta);
         let power = |speed, force| texture.node(speed, force).output_power;
         let rms = rms_at(point, texture.level_law(), GAIN_FRACTION_BITS, power);
         let gain = (u64::from(rms) * u64::from(point.fade)) / u64::from(ONE);

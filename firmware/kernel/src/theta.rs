@@ -10,34 +10,39 @@ use crate::grid::{GridPoint, ONE};
 /// Binary digits that a sum of codes times weights has beyond those of an interpolated θ.
 const DROPPED_BITS: u32 = ONE.ilog2() - THETA_FRACTION_BITS;
 
-/// θ of each stage at `point`, in steps of π/2²⁴, rounded to nearest. Stages that a node's model lacks have θ = 0.
+/// Writes `coefficient` of each stage's θ at `point` to `stages`, the first stage first. θ has steps of π/2²⁴ and is
+/// rounded to nearest. Stages that a node's model lacks have θ = 0.
 ///
 /// Codes are summed in one word. Their fractions, which only the first stages have, are summed in another, so that the
 /// further stages cost no more for them.
-pub(crate) fn interpolated(texture: &Texture<'_>, point: &GridPoint) -> [i32; MAX_ORDER] {
-    let mut thetas = [0i32; MAX_ORDER];
+pub(crate) fn interpolate<T>(
+    texture: &Texture<'_>,
+    point: &GridPoint,
+    stages: &mut [T],
+    mut coefficient: impl FnMut(i32) -> T,
+) {
+    let mut sums = [0i32; MAX_ORDER];
     let mut fine = [0i32; MAX_FINE_STAGES];
     for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {
         let Coefficients::Lattice { codes, fractions } = texture.node(speed, force).coefficients
         else {
             continue;
         };
-        for (theta, &code) in thetas.iter_mut().zip(codes) {
-            *theta += i32::from(i16::from_le_bytes(code)) * weight as i32;
+        for (sum, &code) in sums.iter_mut().zip(codes) {
+            *sum += i32::from(i16::from_le_bytes(code)) * weight as i32;
         }
-        for (fine, &fraction) in fine.iter_mut().zip(fractions) {
-            *fine += i32::from(fraction.cast_signed()) * weight as i32;
+        for (sum, &fraction) in fine.iter_mut().zip(fractions) {
+            *sum += i32::from(fraction.cast_signed()) * weight as i32;
         }
     }
-    let (first, further) = thetas.split_at_mut(MAX_FINE_STAGES);
-    for (theta, fine) in first.iter_mut().zip(fine) {
-        // theta · 2⁸ + fine, rounded once, without a longer word: the lowest digits of theta are added to fine.
-        let lowest = *theta & ((1 << DROPPED_BITS) - 1);
-        let rest = (lowest << THETA_FRACTION_BITS) + fine;
-        *theta = (*theta >> DROPPED_BITS) + ((rest + (1 << (ONE.ilog2() - 1))) >> ONE.ilog2());
+    let (first, further) = stages.split_at_mut(stages.len().min(MAX_FINE_STAGES));
+    for ((stage, &sum), &fine) in first.iter_mut().zip(&sums).zip(&fine) {
+        // sum · 2⁸ + fine, rounded once, without a longer word: the lowest digits of the sum are added to fine.
+        let lowest = sum & ((1 << DROPPED_BITS) - 1);
+        let rest = (lowest << THETA_FRACTION_BITS) + fine + (1 << (ONE.ilog2() - 1));
+        *stage = coefficient((sum >> DROPPED_BITS) + (rest >> ONE.ilog2()));
     }
-    for theta in further {
-        *theta = (*theta + (1 << (DROPPED_BITS - 1))) >> DROPPED_BITS;
+    for (stage, &sum) in further.iter_mut().zip(&sums[MAX_FINE_STAGES..]) {
+        *stage = coefficient((sum + (1 << (DROPPED_BITS - 1))) >> DROPPED_BITS);
     }
-    thetas
 }

@@ -1,6 +1,6 @@
 //! The model of one node: a linear predictor with its level.
 
-use model_format::NodeFlags;
+use model_format::{LevelLaw, NodeFlags};
 
 /// An all-pole model of a node, by its reflection coefficients and its power.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,9 +30,9 @@ impl Model {
 
     /// Returns the weighted mean of models; the weights add up to one.
     ///
-    /// The mean is of θ = arcsin k, so that every mixture is stable, and of the logarithm of the power. It is of the
-    /// power itself if one of the models is silent.
-    pub fn mean(models: &[(f64, &Self)]) -> Self {
+    /// The mean is of θ = arcsin k, so that every mixture is stable, and of the level by `law`. If one of the models is
+    /// silent, the mean power stands for the mean logarithm.
+    pub fn mean(models: &[(f64, &Self)], law: LevelLaw) -> Self {
         let order = models.iter().map(|(_, model)| model.reflection.len()).max();
         let mut thetas = vec![0.0; order.unwrap_or(0)];
         for (weight, model) in models {
@@ -41,14 +41,14 @@ impl Model {
             }
         }
         let any_silent = models.iter().any(|(_, model)| model.is_silent());
-        let power = |of: fn(f64) -> f64| -> f64 {
+        let mean = |of: fn(f64) -> f64| -> f64 {
             let terms = models.iter().map(|(w, model)| w * of(model.output_power));
             terms.sum()
         };
-        let output_power = if any_silent {
-            power(|p| p)
-        } else {
-            power(f64::ln).exp()
+        let output_power = match law {
+            LevelLaw::Logarithm if !any_silent => mean(f64::ln).exp(),
+            LevelLaw::Power | LevelLaw::Logarithm => mean(|p| p),
+            LevelLaw::Amplitude => mean(f64::sqrt).powi(2),
         };
         let flags = if output_power > 0.0 {
             NodeFlags::NONE

@@ -1,6 +1,6 @@
 //! Models for the nodes of a grid that were not recorded, from those that were.
 
-use model_format::NodeFlags;
+use model_format::{LevelLaw, NodeFlags};
 
 use crate::dsp::model::Model;
 
@@ -47,7 +47,7 @@ impl Filler {
             terms.push((share * after / (before + after), pair.before.1));
             terms.push((share * before / (before + after), pair.after.1));
         }
-        let mean = Model::mean(&terms);
+        let mean = Model::mean(&terms, LevelLaw::Logarithm);
         let flags = mean.flags.with(NodeFlags::INTERPOLATED);
         Model { flags, ..mean }
     }
@@ -96,7 +96,7 @@ impl Filler {
             .collect();
         let weight = 1.0 / nearest.len() as f64;
         let terms: Vec<_> = nearest.into_iter().map(|model| (weight, model)).collect();
-        Model::mean(&terms)
+        Model::mean(&terms, LevelLaw::Logarithm)
     }
 }
 

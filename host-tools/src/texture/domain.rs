@@ -1,6 +1,6 @@
 //! Domains in which models can be interpolated, and a model predicted in each from its neighbours.
 
-use model_format::NodeFlags;
+use model_format::{LevelLaw, NodeFlags};
 use serde::{Serialize, Serializer};
 
 use crate::dsp::line_spectral_frequencies as line_spectrum;
@@ -38,6 +38,8 @@ pub enum Level {
     Excitation,
     /// By the output's power.
     Power,
+    /// By the output's RMS.
+    Amplitude,
     /// By the output's power in dB.
     LogPower,
 }
@@ -55,18 +57,19 @@ impl Method {
     /// The paper's: h and σ², played in the direct form.
     pub const PAPER: Self = Self::new(Domain::Predictor, Level::Excitation);
 
-    /// The device's own method: θ and power.
-    pub const DEVICE: Self = Self::new(Domain::Angle, Level::Power);
+    /// The device's own method for grids as `fit` makes them.
+    pub const DEVICE: Self = Self::of_device(LevelLaw::Power);
 
     /// Every method, the paper's first.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::PAPER,
         Self::new(Domain::Predictor, Level::Power),
         Self::new(Domain::Predictor, Level::LogPower),
         Self::new(Domain::Reflection, Level::Power),
         Self::new(Domain::Reflection, Level::LogPower),
-        Self::DEVICE,
-        Self::new(Domain::Angle, Level::LogPower),
+        Self::of_device(LevelLaw::Power),
+        Self::of_device(LevelLaw::Amplitude),
+        Self::of_device(LevelLaw::Logarithm),
         Self::new(Domain::LogAreaRatio, Level::Power),
         Self::new(Domain::LogAreaRatio, Level::LogPower),
         Self::new(Domain::LineSpectrum, Level::Power),
@@ -78,6 +81,16 @@ impl Method {
         Self::new(Domain::WarpedLogSpectrum, Level::Power),
         Self::new(Domain::WarpedLogSpectrum, Level::LogPower),
     ];
+
+    /// The device's own method for a lattice with this law: θ, and the level by the law.
+    pub const fn of_device(law: LevelLaw) -> Self {
+        let level = match law {
+            LevelLaw::Power => Level::Power,
+            LevelLaw::Amplitude => Level::Amplitude,
+            LevelLaw::Logarithm => Level::LogPower,
+        };
+        Self::new(Domain::Angle, level)
+    }
 
     const fn new(domain: Domain, level: Level) -> Self {
         Self { domain, level }
@@ -98,6 +111,7 @@ impl Method {
         let level = match self.level {
             Level::Excitation => "σ²",
             Level::Power => "power",
+            Level::Amplitude => "amplitude",
             Level::LogPower => "log power",
         };
         let role = match self {
@@ -132,6 +146,7 @@ impl Level {
                 mean(&excitation) / error_share(reflection)
             }
             Self::Power => mean(&|m| m.output_power),
+            Self::Amplitude => mean(&|m| m.output_power.sqrt()).powi(2),
             Self::LogPower => mean(&|m| m.output_power.ln()).exp(),
         }
     }
@@ -316,6 +331,7 @@ mod tests {
                     prop_assert!(mean.reflection.iter().all(|k| k.abs() < 1.0));
                     match method.level {
                         Level::Power => prop_assert!((mean.output_power - 2.5).abs() < 1e-9),
+                        Level::Amplitude => prop_assert!((mean.output_power - 2.25).abs() < 1e-9),
                         Level::LogPower => prop_assert!((mean.output_power - 2.0).abs() < 1e-9),
                         Level::Excitation => {}
                     }

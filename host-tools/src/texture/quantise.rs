@@ -1,6 +1,8 @@
 //! From a model in floating point to the codes that a library stores.
 
-use model_format::{CodeSpec, NodeFlags, NodeSpec, Structure, THETA_STEP_RAD, limits};
+use model_format::{
+    CodeSpec, FINE_THETA_STEP_RAD, NodeFlags, NodeSpec, Structure, THETA_FRACTION_BITS, limits,
+};
 use rayon::prelude::*;
 
 use crate::dsp::linear_prediction::{error_share, step_down, step_up};
@@ -78,22 +80,48 @@ fn node(model: &Model, structure: StructureChoice) -> std::result::Result<NodeSp
     })
 }
 
-/// θ codes, and the reflection coefficients that they stand for.
+/// θ with 24 bits in the first stages and 16 bits in the others, and the reflection coefficients that they stand for.
 fn lattice(model: &Model) -> (CodeSpec, Vec<f64>) {
-    let codes: Vec<i16> = model
+    const CODE: f64 = (1 << THETA_FRACTION_BITS) as f64;
+    let thetas: Vec<i32> = model
         .reflection
         .iter()
-        .map(|k| {
-            let code = (k.asin() / THETA_STEP_RAD).round();
-            // The last code of all would be |k| = 1.
-            code.clamp(-f64::from(i16::MAX), f64::from(i16::MAX)) as i16
+        .enumerate()
+        .map(|(stage, k)| {
+            let theta = k.asin() / FINE_THETA_STEP_RAD;
+            if stage < limits::MAX_FINE_STAGES {
+                theta.round() as i32
+            } else {
+                // Rounded once, and the last code of all would be |k| = 1.
+                let code = (theta / CODE).round();
+                (code.clamp(-f64::from(i16::MAX), f64::from(i16::MAX)) * CODE) as i32
+            }
         })
         .collect();
-    let reflection = codes
-        .iter()
-        .map(|&code| (f64::from(code) * THETA_STEP_RAD).sin())
-        .collect();
-    (CodeSpec::lattice(codes), reflection)
+    let codes = CodeSpec::fine_lattice(&thetas);
+    let reflection = stored_reflection(&codes);
+    (codes, reflection)
+}
+
+/// Reflection coefficients of a lattice's codes; none of a direct form's.
+fn stored_reflection(codes: &CodeSpec) -> Vec<f64> {
+    let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
+    codes.thetas().map(k).collect()
+}
+
+/// The lattice's `nodes` with 16 bits of θ in every stage, for a texture that must save the 32 bytes per node. Nodes of
+/// direct forms stay as they are.
+pub fn coarse(nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
+    let coarse = |mut node: NodeSpec| {
+        if let CodeSpec::Lattice { fractions, .. } = &mut node.codes {
+            // A code is the nearest of 16 bits already.
+            fractions.clear();
+            let share = error_share(&stored_reflection(&node.codes));
+            node.prediction_error_power = (f64::from(node.output_power) * share) as f32;
+        }
+        node
+    };
+    nodes.into_iter().map(coarse).collect()
 }
 
 /// Predictor coefficients h with `bits` binary digits after the point at exponent 0, and the reflection coefficients
@@ -140,6 +168,7 @@ fn direct(model: &Model, bits: u32) -> std::result::Result<(CodeSpec, Vec<f64>),
 #[cfg(test)]
 mod tests {
     use super::*;
+    use model_format::THETA_STEP_RAD;
     use proptest::prelude::*;
 
     fn model(reflection: Vec<f64>) -> Model {
@@ -152,13 +181,22 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_stable_model_has_lattice_codes_within_half_a_step(
+        fn every_stable_model_has_a_lattice_within_half_a_step(
             k in prop::collection::vec(-0.999_999_999f64..0.999_999_999, 0..400),
         ) {
-            let (codes, back) = lattice(&model(k.clone()));
-            let CodeSpec::Lattice { codes, .. } = codes else { unreachable!() };
+            let (spec, back) = lattice(&model(k.clone()));
+            let CodeSpec::Lattice { codes, .. } = &spec else { unreachable!() };
             prop_assert!(codes.iter().all(|&code| code != i16::MIN));
-            for (a, b) in k.iter().zip(back) {
+            for (stage, (a, b)) in k.iter().zip(back).enumerate() {
+                let step = if stage < limits::MAX_FINE_STAGES { FINE_THETA_STEP_RAD } else { THETA_STEP_RAD };
+                // The last θ of all is half a coarse step from π/2.
+                let end = std::f64::consts::FRAC_PI_2 - 0.51 * THETA_STEP_RAD;
+                let error = (a.asin().clamp(-end, end) - b.asin().clamp(-end, end)).abs();
+                prop_assert!(error <= 0.51 * step, "stage {}: {}", stage + 1, error / step);
+            }
+            let node = node(&model(k.clone()), StructureChoice::Lattice).unwrap();
+            let coarse = coarse(vec![node]).remove(0);
+            for (a, b) in k.iter().zip(stored_reflection(&coarse.codes)) {
                 prop_assert!((a.asin() - b.asin()).abs() <= 0.51 * THETA_STEP_RAD);
             }
         }

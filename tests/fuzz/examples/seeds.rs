@@ -1,12 +1,12 @@
 //! Seeds of the fuzzer: writes small valid libraries into the folder that is its only argument, of each structure, with
-//! grids of one and of several nodes and orders 0 to 400.
+//! grids of one and of several nodes and orders 0 to 400, and with every optional part.
 
 use std::error::Error;
 use std::path::PathBuf;
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode_uncertified,
+    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode_uncertified,
     encode_with_scenes_uncertified, limits,
 };
 
@@ -24,6 +24,16 @@ fn main() -> Result<(), Box<dyn Error>> {
             let name = format!("{structure} {order} × {size}²");
             all.push(texture(name, structure, order, size));
         }
+    }
+    for level in LevelLaw::ALL {
+        let mut with_parts = texture(format!("{level}"), structures[0], 40, 1);
+        with_parts.laws = Laws {
+            level,
+            fade: FadeLaw::Power,
+        };
+        let thetas: Vec<i32> = (0..40).map(|stage| 100_003 * (stage % 9 - 4)).collect();
+        with_parts.nodes[0].codes = CodeSpec::fine_lattice(&thetas);
+        all.push(with_parts);
     }
     for (index, texture) in all.iter().enumerate() {
         let bytes = encode_uncertified(std::slice::from_ref(texture))?;

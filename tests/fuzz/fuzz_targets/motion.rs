@@ -1,12 +1,12 @@
 //! Lattices under any grid, state, motion per sample and excitation: energy never grows, and nothing overflows.
 //!
-//! The input is read in order: two bytes per θ, one byte per order, four bytes per motion, two bytes per excitation.
+//! The input is read in order: a byte for the laws, two bytes per θ, a byte per fraction, one byte per order, four bytes per motion, two bytes per excitation.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use model_format::limits::{MAX_ORDER, MAX_OUTPUT_POWER};
+use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance, Structure,
+    CodeSpec, FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance, Structure,
     TextureSpec, encode,
 };
 use stylus_kernel::arithmetic::Portable;
@@ -54,14 +54,21 @@ fn energy(signals: &[i32]) -> u128 {
 }
 
 fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
+    let choice = usize::from(bytes.next().unwrap_or(0));
+    let laws = Laws {
+        level: LevelLaw::ALL[choice % LevelLaw::ALL.len()],
+        fade: FadeLaw::ALL[choice / LevelLaw::ALL.len() % FadeLaw::ALL.len()],
+    };
     let mut node = |_| {
         let order = usize::from(bytes.next().unwrap_or(0)).min(MAX_ORDER);
         let codes = (0..order).map(|_| sixteen(bytes).max(-i16::MAX)).collect();
+        let fine = 0..order.min(MAX_FINE_STAGES);
+        let fractions = fine.map(|_| bytes.next().unwrap_or(0).cast_signed()).collect();
         NodeSpec {
             output_power: MAX_OUTPUT_POWER,
             prediction_error_power: 0.0,
             flags: NodeFlags::NONE,
-            codes: CodeSpec::lattice(codes),
+            codes: CodeSpec::Lattice { codes, fractions },
         }
     };
     let texture = TextureSpec {
@@ -69,7 +76,7 @@ fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
         sample_rate_hz: 5000,
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
-        laws: Laws::default(),
+        laws,
         speed_axis_mm_s: SPEEDS_MM_S.to_vec(),
         force_axis_n: FORCES_N.to_vec(),
         nodes: (0..4).map(&mut node).collect(),

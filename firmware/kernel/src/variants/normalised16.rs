@@ -87,10 +87,10 @@ impl Lattice16Frame {
     /// Makes this the frame of `point` on the grid of `texture`, a lattice of at most as many stages. The level goes
     /// from `from`, that of the frame before, to its new value in `samples` samples.
     pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
-        let thetas = theta::interpolated(texture, point);
-        for (rotation, theta) in self.rotations[..self.stages].iter_mut().zip(thetas) {
-            *rotation = Rotation::from_theta(theta).into();
-        }
+        let rotations = &mut self.rotations[..self.stages];
+        theta::interpolate(texture, point, rotations, |theta| {
+            Rotation::from_theta(theta).into()
+        });
         self.gain = theta::gain(texture, point, from, samples);
     }
 

@@ -7,7 +7,7 @@ use crate::grid::{GridPoint, ONE};
 use crate::lattice::GAIN_FRACTION_BITS;
 use crate::level::{Levels, Ramp, rms_at};
 
-pub(super) use crate::theta::interpolated;
+pub(super) use crate::theta::interpolate;
 
 /// Binary digits between a standard deviation of a lattice's output and its full scale, eight of them.
 const HEADROOM_BITS: u32 = 3;

@@ -61,13 +61,13 @@ impl TwoMultiplierFrame {
     /// Makes this the frame of `point` on the grid of `texture`, a lattice of at most as many stages. The level goes
     /// from `from`, that of the frame before, to its new value in `samples` samples.
     pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
-        let thetas = theta::interpolated(texture, point);
         let mut deviation = 1.0;
-        for (k, theta) in self.reflection[..self.stages].iter_mut().zip(thetas) {
+        let reflection = &mut self.reflection[..self.stages];
+        theta::interpolate(texture, point, reflection, |theta| {
             let rotation = Rotation::from_theta(theta);
-            *k = rotation.sin;
             deviation *= rotation.cos as f32 / (1u32 << 31) as f32;
-        }
+            rotation.sin
+        });
         // The cast to an integer saturates, here at one.
         self.deviation = (deviation * (1u32 << 31) as f32) as i32;
         self.gain = theta::gain(texture, point, from, samples);

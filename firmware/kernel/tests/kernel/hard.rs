@@ -1,41 +1,59 @@
 //! Grids, motions and states of any kind at once: the lattice keeps its promises for all of them together.
 
-use model_format::limits::{MAX_ORDER, MAX_OUTPUT_POWER};
-use model_format::{CodeSpec, NodeFlags, NodeSpec, Structure};
+use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER};
+use model_format::{
+    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Structure, TextureSpec,
+    encode_uncertified,
+};
 use proptest::collection::vec;
 use proptest::prelude::*;
+use proptest::sample::select;
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::LatticeFrame;
 use stylus_kernel::{Levels, Motion, Synthesis};
 
 use crate::lattice::{sample, state, theta_code};
-use crate::models::{library, motion, silent_node, texture};
+use crate::models::{motion, silent_node, spec, texture};
 
 /// A node of any order and level, silent ones among them.
 fn node() -> impl Strategy<Value = NodeSpec> {
     let codes = prop_oneof![6 => vec(theta_code(), 0..40), 1 => vec(theta_code(), MAX_ORDER), 1 => Just(Vec::new())];
+    let fractions = prop_oneof![1 => Just(Vec::new()), 2 => vec(any::<i8>(), 0..=MAX_FINE_STAGES)];
     let power = prop_oneof![
         Just(MAX_OUTPUT_POWER),
         Just(f32::MIN_POSITIVE),
         1e-9f32..MAX_OUTPUT_POWER
     ];
     prop_oneof![
-        8 => (codes, power).prop_map(|(codes, output_power)| NodeSpec {
+        8 => (codes, fractions, power).prop_map(|(codes, mut fractions, output_power)| NodeSpec {
             output_power,
             prediction_error_power: 0.0,
             flags: NodeFlags::NONE,
-            codes: CodeSpec::lattice(codes),
+            codes: {
+                fractions.truncate(codes.len());
+                CodeSpec::Lattice { codes, fractions }
+            },
         }),
         1 => Just(silent_node(Structure::NormalisedLattice)),
     ]
 }
 
-/// A library of 3 x 2 such nodes.
+/// A library of 3 x 2 such nodes, with laws that they allow.
 fn grid() -> impl Strategy<Value = Vec<u8>> {
-    vec(node(), 6).prop_map(|nodes| {
+    let laws = (select(&LevelLaw::ALL[..]), select(&FadeLaw::ALL[..]));
+    (vec(node(), 6), laws).prop_map(|(nodes, (level, fade))| {
+        let silent = |node: &NodeSpec| node.flags.contains(NodeFlags::SILENT);
+        let level = match level {
+            LevelLaw::Logarithm if nodes.iter().any(silent) => LevelLaw::Amplitude,
+            level => level,
+        };
         let speeds = [40.0, 80.0, 160.0];
-        library(Structure::NormalisedLattice, &speeds, &[0.5, 1.5], nodes)
+        let spec = TextureSpec {
+            laws: Laws { level, fade },
+            ..spec(Structure::NormalisedLattice, &speeds, &[0.5, 1.5], nodes)
+        };
+        encode_uncertified(&[spec]).expect("a valid library")
     })
 }
 

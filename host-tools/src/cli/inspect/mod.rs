@@ -9,6 +9,7 @@ use host_tools::support::error::Result;
 use serde::Serialize;
 
 use scene::{SceneSummary, scene_table};
+use texture::storage_table;
 pub use texture::{TextureSummary, texture_table};
 
 use crate::cli::library_file::{decode_library, read_library};
@@ -52,7 +53,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         model_format::FORMAT_VERSION
     ))?;
     print(&texture_table(&textures))?;
-    print("\norder: lowest / middle / highest of the nodes")?;
+    print("\norder: lowest / middle / highest of the nodes\n")?;
+    print(&storage_table(&textures))?;
     if scenes.is_empty() {
         return Ok(());
     }

@@ -21,8 +21,24 @@ pub struct TextureSummary {
     silent_nodes: usize,
     filled_nodes: usize,
     doubtful_nodes: usize,
+    /// Law of the level between nodes.
+    level_law: String,
+    /// Law of the level below the lowest speed and force.
+    fade_law: String,
+    /// Number of stages with 24 bits of θ.
+    fine_stages: usize,
+    /// Length of the coefficients of all nodes.
+    coefficient_bytes: usize,
+    /// The optional parts.
+    parts: Vec<PartSummary>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     nodes: Vec<NodeSummary>,
+}
+
+#[derive(Serialize)]
+struct PartSummary {
+    part: String,
+    bytes: usize,
 }
 
 #[derive(Serialize)]
@@ -80,6 +96,17 @@ impl TextureSummary {
             silent_nodes: count(NodeFlags::SILENT),
             filled_nodes: count(NodeFlags::INTERPOLATED) + count(NodeFlags::EXTRAPOLATED),
             doubtful_nodes: count(NodeFlags::DOUBTFUL),
+            level_law: texture.level_law().to_string(),
+            fade_law: texture.fade_law().to_string(),
+            fine_stages: texture.fine_stages(),
+            coefficient_bytes: texture.coefficient_bytes(),
+            parts: texture
+                .parts()
+                .map(|(part, bytes)| PartSummary {
+                    part: part.to_string(),
+                    bytes,
+                })
+                .collect(),
             nodes,
         }
     }
@@ -149,4 +176,35 @@ pub fn texture_table(textures: &[TextureSummary]) -> String {
         })
         .collect();
     table(&header, &rows)
+}
+
+/// Table of the laws of the level and of the bytes that each texture takes, with one line per texture.
+pub fn storage_table(textures: &[TextureSummary]) -> String {
+    let header = [
+        "texture",
+        "between nodes",
+        "below the grid",
+        "stages of 24-bit θ",
+        "bytes of coefficients",
+        "bytes of parts",
+    ];
+    let row = |texture: &TextureSummary| {
+        let parts = texture.parts.iter();
+        let parts: Vec<String> = parts
+            .map(|part| format!("{} {}", part.part, part.bytes))
+            .collect();
+        vec![
+            texture.name.clone(),
+            texture.level_law.clone(),
+            texture.fade_law.clone(),
+            texture.fine_stages.to_string(),
+            texture.coefficient_bytes.to_string(),
+            if parts.is_empty() {
+                "none".to_owned()
+            } else {
+                parts.join(", ")
+            },
+        ]
+    };
+    table(&header, &textures.iter().map(row).collect::<Vec<_>>())
 }

@@ -17,6 +17,7 @@ use stylus_kernel::grid::{GridPoint, ONE};
 
 use super::structure::{FilterStructure, Voice};
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
+use crate::texture::stored::rms_m_s2;
 use model_format::SAMPLE_RATE_HZ;
 
 /// Strokes per second, to and fro; and how often the hand presses and lifts.
@@ -153,8 +154,7 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
                 f = cos * f - sin * g;
             }
             backward[0] = f;
-            let power = point.mean(|speed, force| texture.node(speed, force).output_power);
-            f * f64::from(power).sqrt() * f64::from(point.fade) / f64::from(ONE)
+            f * rms_m_s2(texture, &point)
         })
         .collect();
     frames(&signal)

@@ -2,7 +2,7 @@
 
 use std::mem::size_of;
 
-use model_format::{OutputSample, Texture};
+use model_format::{OutputSample, Texture, limits};
 use serde::Serialize;
 use stylus_costs::Structure;
 use stylus_kernel::excitation::Excitation;
@@ -92,7 +92,11 @@ impl FilterStructure {
 
     /// Bytes of flash that a node's coefficients take in a library.
     pub fn library_bytes_per_node(self, order: usize) -> usize {
-        order * self.stored_as().structure().coefficient_bytes()
+        let fractions = match self.stored_as() {
+            StructureChoice::Lattice => order.min(limits::MAX_FINE_STAGES),
+            StructureChoice::Direct | StructureChoice::Direct16 => 0,
+        };
+        order * self.stored_as().structure().coefficient_bytes() + fractions
     }
 
     /// Bytes of RAM for the coefficients of two frames, one played and one in the making, and for the state.

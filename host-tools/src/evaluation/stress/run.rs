@@ -3,13 +3,13 @@
 use model_format::{Library, OutputSample, Structure, Texture};
 use rayon::prelude::*;
 use stylus_kernel::excitation::{self, Excitation};
-use stylus_kernel::grid::{GridPoint, ONE};
+use stylus_kernel::grid::GridPoint;
 use stylus_kernel::level::rms_in_steps;
 
 use crate::dsp::linear_prediction::step_down;
 use crate::support::error::{Error, Result};
 use crate::texture::quantise::StructureChoice;
-use crate::texture::stored::predictor;
+use crate::texture::stored::{predictor, rms_m_s2};
 
 use super::cases::Case;
 use super::outcome::{Outcome, Rest};
@@ -265,9 +265,7 @@ impl Reference {
     fn follow(&mut self, player: &dyn Player, texture: &Texture<'_>, point: &GridPoint) {
         if let Self::Lattice { filter, gain } = self {
             filter.rotate_by(player.rotations());
-            let power = point.mean(|speed, force| texture.node(speed, force).output_power);
-            let fade = f64::from(point.fade) / f64::from(ONE);
-            *gain = f64::from(power).sqrt() * fade;
+            *gain = rms_m_s2(texture, point);
         }
     }
 

@@ -128,7 +128,8 @@ fn gain(
         speed_mm_s: f64::from(grid.speeds_mm_s[place.0]),
         model: &grid.models[grid.index(place.0, place.1)],
     });
-    let played = Method::DEVICE.predict(&neighbours, f64::from(grid.speeds_mm_s[node.0]))?;
+    let played = Method::of_device(grid.laws.level)
+        .predict(&neighbours, f64::from(grid.speeds_mm_s[node.0]))?;
     let cost = |spectrum: &LogSpectrum| recorded.cost(spectrum, DEFAULT_SMOOTHING_WIDTH_HZ);
     Some(cost(&LogSpectrum::of_model(&played)) - cost(filled))
 }

@@ -10,7 +10,7 @@
 
 mod lines;
 
-use model_format::{NodeFlags, TextureSpec, limits};
+use model_format::{NodeFlags, Structure, TextureSpec, limits};
 use serde::Serialize;
 
 use crate::dsp::log_spectrum::LogSpectrum;
@@ -83,9 +83,13 @@ pub fn densify(
         candidates.extend(lines::candidates(index, &texture.grid, field, &ways));
     }
     candidates.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    let width = options.structure.structure().coefficient_bytes();
-    let mut left = limits::MAX_LIBRARY_BYTES
-        .saturating_sub(grids.iter().map(|grid| bytes(grid, width)).sum::<usize>());
+    let structure = options.structure.structure();
+    let mut left = limits::MAX_LIBRARY_BYTES.saturating_sub(
+        grids
+            .iter()
+            .map(|grid| bytes(grid, structure))
+            .sum::<usize>(),
+    );
     let mut lines = Vec::new();
     for candidate in candidates {
         progress();
@@ -93,7 +97,7 @@ pub fn densify(
         let Some(denser) = with_line(grid, field, candidate.direction, candidate.value) else {
             continue;
         };
-        let more = bytes(&denser, width) - bytes(grid, width);
+        let more = bytes(&denser, structure) - bytes(grid, structure);
         if more > left {
             continue;
         }
@@ -127,12 +131,19 @@ pub fn densify(
     })
 }
 
-/// About how many bytes a grid takes in a library, with coefficients of `width` bytes; not fewer than it does.
-fn bytes(grid: &Grid, width: usize) -> usize {
+/// About how many bytes a grid takes in a library of `structure`; not fewer than it does.
+fn bytes(grid: &Grid, structure: Structure) -> usize {
     const NODE_BYTES: usize = 16;
-    let nodes = grid.models.iter();
-    let models: usize = nodes.map(|m| NODE_BYTES + width * m.reflection.len()).sum();
-    HEADER_BYTES + 4 * (grid.speeds_mm_s.len() + grid.forces_n.len()) + models
+    let orders = || grid.models.iter().map(|model| model.reflection.len());
+    let width = structure.coefficient_bytes();
+    let models: usize = orders().map(|order| NODE_BYTES + width * order).sum();
+    // A lattice's fractions of theta are as many for each node.
+    let fractions = match structure {
+        Structure::NormalisedLattice => orders().max().unwrap_or(0).min(limits::MAX_FINE_STAGES),
+        Structure::DirectForm16 | Structure::DirectForm32 => 0,
+    };
+    let axes = 4 * (grid.speeds_mm_s.len() + grid.forces_n.len());
+    HEADER_BYTES + axes + models + fractions * grid.models.len()
 }
 
 /// Replaces what `fit` filled between recorded nodes by what their spectra tell.
@@ -233,7 +244,7 @@ fn new_node(
                 model,
             }
         });
-    let mut model = Method::DEVICE
+    let mut model = Method::of_device(grid.laws.level)
         .predict(&neighbours, f64::from(speed_mm_s))
         .expect("a mean of angles is stable");
     model.flags = if model.output_power > 0.0 {
