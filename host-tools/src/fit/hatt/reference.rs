@@ -2,8 +2,9 @@
 //! the conversion, so that it can judge it.
 //!
 //! The definition is HaTT's own renderer's. At a speed and a force it takes the triangle around them, the barycentric
-//! means of the corners' line spectral frequencies, variance and gain, multiplies out the filters, and plays white noise
-//! of the variance through gain · B/A at the file's rate. Speeds and forces above the highest count as the highest.
+//! means of the corners' line spectral frequencies, variance and gain, and multiplies out the filters. It plays white
+//! noise of the variance through gain · B/A at the file's rate. Speeds and forces above the highest count as the
+//! highest.
 
 use std::f64::consts::TAU;
 
