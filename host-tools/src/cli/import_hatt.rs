@@ -112,8 +112,8 @@ fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
     let worst = nodes.iter().max_by(|a, b| error(a).total_cmp(&error(b)))?;
     (far > 0).then(|| {
         format!(
-            "{far} of {} nodes are more than {WARN_DB} dB from the file, by up to {:.1} dB in a third octave at {} mm/s, \
-             {} N",
+            "{far} of {} nodes are more than {WARN_DB} dB from the file, by up to {:.1} dB in a third octave at {} \
+             mm/s, {} N",
             nodes.len(),
             error(worst),
             worst.speed_mm_s,

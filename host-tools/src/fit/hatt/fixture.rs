@@ -103,10 +103,11 @@ pub fn coefficients(lines: &[f64]) -> Vec<f64> {
 }
 
 fn list(values: &[f64]) -> String {
-    values
+    let elements: Vec<String> = values
         .iter()
         .map(|value| format!("<value>{value:.9}</value>\n"))
-        .collect()
+        .collect();
+    elements.concat()
 }
 
 /// A file of models at `places` (mm/s, N, variance) with `triangles` over them, from 1.

@@ -299,8 +299,8 @@ fn kilobytes(bytes: usize) -> usize {
 fn too_large(textures: usize, bytes: usize, about: &str) -> Error {
     let over = bytes - limits::MAX_LIBRARY_BYTES;
     Error::Request(format!(
-        "{textures} textures need {about}{} KB of a slot's {}, {} too many: ask for fewer --speeds or --forces, or give \
-         --fit-slot, which chooses them",
+        "{textures} textures need {about}{} KB of a slot's {}, {} too many: ask for fewer --speeds or --forces, or \
+         give --fit-slot, which chooses them",
         kilobytes(bytes),
         kilobytes(limits::SLOT_BYTES),
         kilobytes(over)

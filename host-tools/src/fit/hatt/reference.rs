@@ -2,8 +2,9 @@
 //! the conversion, so that it can judge it.
 //!
 //! The definition is HaTT's own renderer's. At a speed and a force it takes the triangle around them, the barycentric
-//! means of the corners' line spectral frequencies, variance and gain, multiplies out the filters, and plays white noise
-//! of the variance through gain · B/A at the file's rate. Speeds and forces above the highest count as the highest.
+//! means of the corners' line spectral frequencies, variance and gain, and multiplies out the filters. It plays white
+//! noise of the variance through gain · B/A at the file's rate. Speeds and forces above the highest count as the
+//! highest.
 
 use std::f64::consts::TAU;
 
@@ -131,7 +132,8 @@ impl Reference {
         let variance = mean(&|c| c.variance);
         let gain = mean(&|c| if c.shape.is_some() { c.gain } else { 0.0 }) / shaped;
         // Edges of silence are not silent by more than the weights' rounding.
-        if !(variance * gain * gain > 1e-15) {
+        let power = variance * gain * gain;
+        if power.is_nan() || power <= 1e-15 {
             return None;
         }
         let polynomials = [0, 1].map(|half| {
@@ -200,7 +202,7 @@ fn direct<'a, 'b>(node: Node<'a, 'b>, name: &str) -> Option<Node<'a, 'b>> {
 fn values(node: &Node<'_, '_>) -> Option<Vec<f64>> {
     let text: Vec<&str> = node
         .descendants()
-        .filter(|n| n.is_text())
+        .filter(Node::is_text)
         .filter_map(|n| n.text())
         .collect();
     let text = text.join(" ").replace([',', ';'], " ");
