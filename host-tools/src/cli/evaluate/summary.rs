@@ -3,7 +3,9 @@
 use host_tools::dsp::spectrum::AMPLITUDE_JND_DB;
 use host_tools::evaluation::evaluate::Evaluation;
 use host_tools::evaluation::results::{Scores, TrialEvaluation};
-use host_tools::evaluation::summary::{FEEL_COLUMNS, SPECTRA_COLUMNS, TAKE_COLUMNS, take_cells};
+use host_tools::evaluation::summary::{
+    FEEL_COLUMNS, SPECTRA_COLUMNS, TAKE_COLUMNS, TextureEvaluation, take_cells,
+};
 
 use crate::cli::table::table;
 
