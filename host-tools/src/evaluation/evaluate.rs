@@ -59,7 +59,7 @@ impl Default for Options {
 /// The outcome of an evaluation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Evaluation {
-    /// What was held out, in words.
+    /// The data that were held out, in words.
     pub held_out: String,
     /// The kernel that smooths amplitudes for C.
     pub smoothing: String,
@@ -74,7 +74,7 @@ pub struct Evaluation {
     /// The judge of each trial.
     #[serde(skip)]
     pub judges: Vec<Judge>,
-    /// What was fitted to blocks.
+    /// Models that were fitted to blocks.
     #[serde(skip)]
     refitted: Refitted,
 }

@@ -13,13 +13,13 @@
 //! | modulation | RMS of the envelope's part from 8 to 64 Hz over the envelope's mean |
 //!
 //! e_b is the level of the second signal over the first, dB. s_b² is the variance that e_b has between two estimates of
-//! one Gaussian noise, (10/ln 10)² (ψ′(n₁) + ψ′(n₂)) for means of n squares each, so that another seed of the same noise
-//! scores 0 on average. A gain of -6 dB scores 2.7.
+//! one Gaussian noise, (10/ln 10)² (ψ′(n₁) + ψ′(n₂)) for means of n squares each, so that another seed of the same
+//! noise scores 0 on average. A gain of -6 dB scores 2.7.
 //!
-//! Sources. JND of level 2.2 to 2.5 dB: Israr 2006. Energy per critical band
-//! predicts the realism of textures: arXiv 2605.23804. Balance of low and high as the main cue: Bernard 2023.
-//! Kurtosis and the envelope tell apart impulses and changes of level that a power spectrum does not show; no JND of
-//! theirs is known for textures, so they are given as they are.
+//! Sources. JND of level 2.2 to 2.5 dB: Israr 2006. Energy per critical band predicts the realism of textures: arXiv
+//! 2605.23804. Balance of low and high as the main cue: Bernard 2023. Kurtosis and the envelope tell apart impulses and
+//! changes of level that a power spectrum does not show; no JND of theirs is known for textures, so they are given as
+//! they are.
 
 use serde::Serialize;
 

@@ -16,7 +16,7 @@ pub struct Scores {
     pub band_errors_db: [Option<f64>; BAND_COUNT],
     /// Log-spectral distance in sliding third octaves, dB.
     pub log_spectral_distance_db: Option<f64>,
-    /// What is felt.
+    /// Differences that are felt.
     #[serde(flatten)]
     pub perceived: Option<Perceived>,
 }

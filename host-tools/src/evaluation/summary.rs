@@ -176,7 +176,7 @@ impl TextureEvaluation {
         ]
     }
 
-    /// What is felt as a table's row, under [`FEEL_COLUMNS`].
+    /// The figures that are felt as a table's row, under [`FEEL_COLUMNS`].
     pub fn feel_cells(&self) -> Vec<String> {
         let Self {
             synthesis, other, ..

@@ -53,7 +53,9 @@ pub fn takes(
                 let (samples, _) = fit::signal(other, reduction)?;
                 let correlation = phase_correlation(trials, &samples);
                 (correlation >= COPY_CORRELATION).then(|| {
-                    format!("the same samples, though not the same file, were fitted (phase correlation {correlation:.2})")
+                    format!(
+                        "the same samples, in another file, were fitted (phase correlation {correlation:.2})"
+                    )
                 })
             };
             let Some(reason) = reason else {

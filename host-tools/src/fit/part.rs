@@ -171,7 +171,7 @@ mod tests {
             prop_assert!((0.499..=1.0).contains(&block_s), "{}", block_s);
         }
 
-        /// What stands in the blocks that are judged has no influence on the lags.
+        /// Samples of the blocks that are judged have no influence on the lags.
         #[test]
         fn lags_do_not_depend_on_what_is_left_for_judging(seed in 0u64..1000, multitaper: bool) {
             use rand::SeedableRng;

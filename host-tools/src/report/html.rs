@@ -23,8 +23,8 @@ p, li { max-width: 45rem; }
 .wide { overflow-x: auto; margin: 1rem 0; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 caption { text-align: left; font-weight: 600; padding-bottom: 0.3rem; }
-th, td { padding: 0.25rem 0.75rem; border-bottom: 1px solid #ddd; text-align: left; vertical-align: top; }
-th { border-bottom: 2px solid #888; white-space: nowrap; }
+th, td { padding: 0.25rem 0.55rem; border-bottom: 1px solid #ddd; text-align: left; vertical-align: top; }
+th { border-bottom: 2px solid #888; vertical-align: bottom; overflow-wrap: normal; }
 th.number, td.number { text-align: right; }
 td.number, td:first-child { white-space: nowrap; }
 figure { margin: 1.5rem 0; }

@@ -95,17 +95,17 @@ impl<'a> Sections<'a> {
         self.page
             .notice(&format!("Held out: {}", self.evaluation.held_out));
         self.page.paragraph(&format!(
-            "Each held-out recording is compared with {} s of what the stylus plays at its speed and force, computed by \
-             the device's own kernel. {} {}",
+            "Each held-out recording is compared with {} s of what the stylus plays at its speed and force, computed \
+             by the device's own kernel. {} {}",
             self.options.synthesis_s,
             self.evaluation.judged_hz(),
             self.evaluation.other_in_words()
         ));
         self.page.paragraph(&format!(
-            "C is equation (6) of Romano, Yoshioka and Kuchenbecker (ICRA 2010), with DFT amplitudes smoothed by a {} and \
-             averaged over blocks. LSD is the log-spectral distance in sliding third octaves. |band| is the mean \
-             magnitude of the errors of third octaves, and the next columns the share of them below {AMPLITUDE_JND_DB} \
-             dB, the amplitude JND (Israr 2006), which are not felt.",
+            "C is equation (6) of Romano, Yoshioka and Kuchenbecker (ICRA 2010), with DFT amplitudes smoothed by a {} \
+             and averaged over blocks. LSD is the log-spectral distance in sliding third octaves. |band| is the mean \
+             magnitude of the errors of third octaves, and the next columns are the share of them below \
+             {AMPLITUDE_JND_DB} dB, the amplitude JND (Israr 2006), which are not felt.",
             self.evaluation.smoothing
         ));
         let textures = || self.evaluation.textures.iter();
@@ -114,10 +114,10 @@ impl<'a> Sections<'a> {
         self.page
             .table("Spectra", &columns(&SPECTRA_COLUMNS), &rows);
         self.page.paragraph(&format!(
-            "Level error: RMS error of third octaves in just noticeable differences of {AMPLITUDE_JND_DB} dB, less what \
-             two estimates of one noise differ by: about 0 for another seed, 2.7 for a gain of -6 dB. Balance: power \
-             below 100 Hz over that above, against the judge's. Kurtosis: 3 for Gaussian noise, more for impulses. \
-             Modulation: the envelope's 8 to 64 Hz over its mean."
+            "Level error: RMS error of third octaves in just noticeable differences of {AMPLITUDE_JND_DB} dB, less \
+             what two estimates of one noise differ by: about 0 for another seed, 2.7 for a gain of -6 dB. Balance: \
+             power below 100 Hz over that above, against the judge's. Kurtosis: 3 for Gaussian noise, more for \
+             impulses. Modulation: the envelope's 8 to 64 Hz over its mean."
         ));
         self.page
             .table("What is felt", &columns(&FEEL_COLUMNS), &felt);

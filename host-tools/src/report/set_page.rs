@@ -161,8 +161,8 @@ fn prediction(sections: &mut Sections<'_>, place: &str, comparison: &Comparison)
     let picture = forward_prediction(&sections.caption(&title), stretch, &predicted, rate_hz)?;
     sections.page.figure(
         &picture,
-        "Forward prediction of a part of the recording by a model that was fitted to another part, and what it leaves (the \
-         paper's figure 5).",
+        "Forward prediction of a part of the recording by a model that was fitted to another part, and what it leaves \
+         (the paper's figure 5).",
     );
     Ok(())
 }

@@ -52,7 +52,8 @@ fn tables(test: &LeaveOneOut) -> String {
          Domain of the average, and interpolation of the level\n{}\n\n\
          C by the width of its smoothing\n{}\n\n\
          C: equation (6), mean ± standard deviation; not playable: means that are unstable or too loud, which count as \
-         C = 1; in-sample: fitted to what it is compared with, not a measure of fidelity\nσ² error: mean magnitude, (m/s²)² (the paper names no unit); |band|: mean error of third-octave \
+         C = 1; in-sample: fitted to what it is compared with, not a measure of fidelity\n\
+         σ² error: mean magnitude, (m/s²)² (the paper names no unit); |band|: mean error of third-octave \
          bands, 20 to 1000 Hz; LSD: 30 to 1000 Hz",
         test.removed.len(),
         test.order,
