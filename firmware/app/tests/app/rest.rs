@@ -15,7 +15,7 @@ use stylus_kernel::scene::{Plan, ScenePlayer};
 /// A texture that is at its level from the force of one code on.
 fn library(structure: Structure) -> Vec<u8> {
     let codes = match structure {
-        Structure::NormalisedLattice => CodeSpec::Lattice(vec![-20_000, 9_000]),
+        Structure::NormalisedLattice => CodeSpec::lattice(vec![-20_000, 9_000]),
         Structure::DirectForm16 | Structure::DirectForm32 => CodeSpec::Direct16 {
             exponent: 0,
             codes: vec![16_384],
@@ -35,6 +35,7 @@ fn library(structure: Structure) -> Vec<u8> {
         speed_axis_mm_s: vec![1.0],
         force_axis_n: vec![0.000_1],
         nodes: vec![node],
+        laws: model_format::Laws::default(),
         cell_margins: vec![],
     }])
     .expect("a valid library")

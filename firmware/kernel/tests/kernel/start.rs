@@ -35,7 +35,7 @@ fn line(structure: Structure, hz: f64, radius: f64) -> NodeSpec {
         prediction_error_power: error as f32,
         flags: NodeFlags::NONE,
         codes: match structure {
-            Structure::NormalisedLattice => CodeSpec::Lattice(
+            Structure::NormalisedLattice => CodeSpec::lattice(
                 k.map(|k| (k.asin() / PI * 65_536.0).round() as i16)
                     .to_vec(),
             ),
