@@ -171,6 +171,7 @@ fn direct(model: &Model, bits: u32) -> std::result::Result<(CodeSpec, Vec<f64>),
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dsp::linear_prediction::Prediction;
     use model_format::THETA_STEP_RAD;
     use proptest::prelude::*;
 
@@ -238,5 +239,90 @@ mod tests {
         let problem = direct(&model(reflection.clone()), 15).unwrap_err();
         assert!(problem.contains("--structure lattice"), "{problem}");
         assert!(node(&model(reflection), StructureChoice::Lattice).is_ok());
+    }
+
+    /// Highest power density within 6 Hz of a line.
+    fn peak(reflection: &[f64], line_hz: f64) -> f64 {
+        let (a, share) = (step_up(reflection), error_share(reflection));
+        let power = |step: i32| {
+            let hz = line_hz + f64::from(step) / 200.0;
+            let angle = std::f64::consts::TAU * hz / f64::from(model_format::SAMPLE_RATE_HZ);
+            let mut sum = (1.0, 0.0);
+            for (lag, a) in (1..).zip(&a) {
+                let (sin, cos) = (angle * f64::from(lag)).sin_cos();
+                sum = (sum.0 + a * cos, sum.1 - a * sin);
+            }
+            share / (sum.0 * sum.0 + sum.1 * sum.1)
+        };
+        (-1200..=1200).map(power).fold(0.0, f64::max)
+    }
+
+    /// Largest error of a line's peak, dB, with fractions of theta and without.
+    fn peak_errors_db(reflection: Vec<f64>, lines_hz: &[f64]) -> [f64; 2] {
+        let model = model(reflection);
+        let fine = node(&model, StructureChoice::Lattice).unwrap();
+        let coarse = coarse(vec![fine.clone()]).remove(0);
+        [fine, coarse].map(|node| {
+            let stored = stored_reflection(&node.codes);
+            let error = |&hz: &f64| {
+                let ratio = peak(&stored, hz) / peak(&model.reflection, hz);
+                (10.0 * ratio.log10()).abs()
+            };
+            lines_hz.iter().map(error).fold(0.0, f64::max)
+        })
+    }
+
+    /// Lines that never decay over a floor are the hardest: their poles are as near to the circle as the floor lets
+    /// them be.
+    #[test]
+    fn first_stages_with_24_bits_keep_the_level_of_narrow_lines() {
+        const ORDER: usize = 20;
+        let mut worst = [0.0f64; 2];
+        for (floor, lines_hz) in [
+            (1e-6, &[60.0, 180.0][..]),
+            (1e-4, &[200.0, 200.5]),
+            (1e-4, &[100.0, 130.0]),
+            (
+                1e-4,
+                &[60.0, 170.0, 270.0, 380.0, 480.0, 590.0, 690.0, 800.0],
+            ),
+        ] {
+            let lag = |lag: usize| {
+                let angle =
+                    std::f64::consts::TAU * lag as f64 / f64::from(model_format::SAMPLE_RATE_HZ);
+                let lines = lines_hz.iter().map(|hz| (angle * hz).cos());
+                lines.sum::<f64>() / lines_hz.len() as f64 + if lag == 0 { floor } else { 0.0 }
+            };
+            let lags: Vec<f64> = (0..=ORDER).map(lag).collect();
+            let errors = peak_errors_db(
+                Prediction::levinson_durbin(&lags, ORDER).reflection,
+                lines_hz,
+            );
+            worst = [worst[0].max(errors[0]), worst[1].max(errors[1])];
+        }
+        assert!(worst[0] < 0.1, "with 24 bits {} dB", worst[0]);
+        // Otherwise the cases would show nothing.
+        assert!(worst[1] > 3.0, "with 16 bits {} dB", worst[1]);
+    }
+
+    #[test]
+    fn poles_next_to_the_circle_keep_their_level() {
+        for (radius, fine_db, coarse_db) in [(0.9998f64, 0.0005, 0.01), (0.999_99, 0.002, 0.05)] {
+            for line_hz in [40.0, 100.0, 237.0, 500.0, 1230.0] {
+                let k2 = radius * radius;
+                let angle =
+                    std::f64::consts::TAU * line_hz / f64::from(model_format::SAMPLE_RATE_HZ);
+                let k1 = -2.0 * radius * angle.cos() / (1.0 + k2);
+                let [fine, coarse] = peak_errors_db(vec![k1, k2], &[line_hz]);
+                assert!(
+                    fine < fine_db,
+                    "{radius}, {line_hz} Hz: {fine} dB with 24 bits"
+                );
+                assert!(
+                    coarse < coarse_db,
+                    "{radius}, {line_hz} Hz: {coarse} dB with 16 bits"
+                );
+            }
+        }
     }
 }
