@@ -126,7 +126,8 @@ impl CodeSpec {
         }
     }
 
-    /// θ of all stages of a lattice, stage 1 first, in steps of [`crate::FINE_THETA_STEP_RAD`]. Empty for a direct form.
+    /// θ of all stages of a lattice, stage 1 first, in steps of [`crate::FINE_THETA_STEP_RAD`]. Empty for a direct
+    /// form.
     pub fn thetas(&self) -> impl Iterator<Item = i32> + '_ {
         let codes = match self {
             Self::Lattice { codes, .. } => codes.as_slice(),

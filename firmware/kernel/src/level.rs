@@ -16,9 +16,9 @@ pub fn rms_in_steps(power: f32, bits: u32) -> u32 {
 
 /// The RMS at `point` in steps of 2^-`bits`, from the powers of the four nodes around it, by `law`.
 ///
-/// At a node it is [`rms_in_steps`] of the node's power, by every law. By amplitude and by logarithm it is never outside
-/// of the range of the nodes that have a weight, and does not turn back along an edge of a cell. The mean power is one
-/// of single precision.
+/// At a node it is [`rms_in_steps`] of the node's power, by every law. By amplitude and by logarithm it is never
+/// outside of the range of the nodes that have a weight, and does not turn back along an edge of a cell. The mean power
+/// is one of single precision.
 pub fn rms_at(
     point: &GridPoint,
     law: LevelLaw,

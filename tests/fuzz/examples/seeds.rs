@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode_uncertified,
-    encode_with_scenes_uncertified, limits,
+    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec,
+    encode_uncertified, encode_with_scenes_uncertified, limits,
 };
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -1,13 +1,14 @@
 //! Lattices under any grid, state, motion per sample and excitation: energy never grows, and nothing overflows.
 //!
-//! The input is read in order: a byte for the laws, two bytes per θ, a byte per fraction, one byte per order, four bytes per motion, two bytes per excitation.
+//! The input is read in order: a byte for the laws, one byte per order, two bytes per θ, a byte per fraction, four
+//! bytes per motion, two bytes per excitation.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance, Structure,
-    TextureSpec, encode,
+    CodeSpec, FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec,
+    Provenance, Structure, TextureSpec, encode,
 };
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::grid::GridPoint;
@@ -63,7 +64,9 @@ fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
         let order = usize::from(bytes.next().unwrap_or(0)).min(MAX_ORDER);
         let codes = (0..order).map(|_| sixteen(bytes).max(-i16::MAX)).collect();
         let fine = 0..order.min(MAX_FINE_STAGES);
-        let fractions = fine.map(|_| bytes.next().unwrap_or(0).cast_signed()).collect();
+        let fractions = fine
+            .map(|_| bytes.next().unwrap_or(0).cast_signed())
+            .collect();
         NodeSpec {
             output_power: MAX_OUTPUT_POWER,
             prediction_error_power: 0.0,

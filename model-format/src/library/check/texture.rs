@@ -4,6 +4,7 @@ use super::certificate::{Demand, check_certificate};
 use super::node::check_node;
 use crate::error::{DecodeError, Place, Problem};
 use crate::library::axis::Axis;
+use crate::library::part::Subject;
 use crate::library::texture::Texture;
 use crate::limits;
 use crate::wire::NodeRecord;
@@ -56,7 +57,12 @@ pub(in crate::library) fn check_texture(
             expected: end,
         }));
     }
-    texture.parts.check(texture, index)?;
+    texture.parts.check(&Subject {
+        index,
+        structure: texture.structure,
+        forces: texture.force_axis.len(),
+        nodes: texture.nodes,
+    })?;
     check_certificate(texture, index, demand)
 }
 

@@ -5,10 +5,13 @@
 //! The code is the nearest of 16 bits, so that the bytes add resolution and nothing else. They are worth their place in
 //! the first stages, because that is where a few narrow lines have their large |k|.
 
-use crate::error::{DecodeError, Place, Problem};
-use crate::library::texture::Texture;
+use super::subject::Subject;
+use crate::error::{DecodeError, Problem};
 use crate::limits::MAX_FINE_STAGES;
 use crate::wire::Structure;
+
+#[cfg(feature = "alloc")]
+use super::subject::PartSpec;
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 2;
@@ -30,31 +33,26 @@ impl<'a> FineTheta<'a> {
         &self.0[begin..begin + stages.min(order)]
     }
 
-    /// Checks the part of texture `index`, whose nodes were found valid.
-    pub fn check(self, texture: &Texture<'_>, index: usize) -> Result<(), DecodeError> {
-        let here = |problem: Problem| Err(problem.at(Place::Texture(index)));
-        if texture.structure() != Structure::NormalisedLattice {
-            return here(Problem::FineStructure(texture.structure()));
+    /// Checks the part of `subject`.
+    pub fn check(self, subject: &Subject<'_>) -> Result<(), DecodeError> {
+        let here = |problem: Problem| Err(subject.error(problem));
+        if subject.structure != Structure::NormalisedLattice {
+            return here(Problem::FineStructure(subject.structure));
         }
-        let forces = texture.force_axis().len();
-        let nodes = texture.speed_axis().len() * forces;
+        let nodes = subject.len();
         let (found, stages) = (self.0.len(), self.stages(nodes));
         if !found.is_multiple_of(nodes) || !(1..=MAX_FINE_STAGES).contains(&stages) {
             return here(Problem::FineLength { found, nodes });
         }
         let mut last_is_used = false;
-        for (number, bytes) in self.0.chunks_exact(stages).enumerate() {
-            let (speed, force) = (number / forces, number % forces);
-            let order = usize::from(texture.record(speed, force).order);
+        let each = subject.nodes().zip(self.0.chunks_exact(stages));
+        for (number, (node, bytes)) in each.enumerate() {
+            let order = usize::from(node.order);
             let beyond = bytes.iter().skip(order).position(|&byte| byte != 0);
             if let Some(beyond) = beyond {
                 let stage = order + beyond + 1;
-                let place = Place::Node {
-                    texture: index,
-                    speed,
-                    force,
-                };
-                return Err(Problem::FineBeyondOrder { stage, order }.at(place));
+                let problem = Problem::FineBeyondOrder { stage, order };
+                return Err(subject.node_error(number, problem));
             }
             last_is_used |= bytes[stages - 1] != 0;
         }
@@ -71,7 +69,7 @@ impl<'a> FineTheta<'a> {
 /// # Errors
 /// Bytes for more than [`MAX_FINE_STAGES`] stages, with the index of the node.
 #[cfg(feature = "alloc")]
-pub(crate) fn part(nodes: &[&[i8]]) -> Result<Option<super::PartSpec>, (usize, Problem)> {
+pub(crate) fn part(nodes: &[&[i8]]) -> Result<Option<PartSpec>, (usize, Problem)> {
     let used = |bytes: &&[i8]| {
         bytes
             .iter()

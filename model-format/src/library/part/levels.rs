@@ -2,10 +2,12 @@
 //!
 //! Two bytes: the [`LevelLaw`], then the [`FadeLaw`]. A texture without the part has the default of both.
 
-use crate::error::{DecodeError, Place, Problem};
-use crate::library::node::Node;
-use crate::library::texture::Texture;
-use crate::wire::Structure;
+use super::subject::Subject;
+use crate::error::{DecodeError, Problem};
+use crate::wire::{NodeRecord, Structure};
+
+#[cfg(feature = "alloc")]
+use super::subject::PartSpec;
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 1;
@@ -109,32 +111,25 @@ impl LevelsPart<'_> {
     }
 }
 
-/// Checks that the nodes of texture `index` have levels that its law can average: a lattice's output power, and a direct
-/// form's prediction error.
-pub(super) fn check_nodes(texture: &Texture<'_>, index: usize) -> Result<(), DecodeError> {
-    if texture.level_law() != LevelLaw::Logarithm {
+/// Checks that the nodes have levels that `law` can average: a lattice's output power, and a direct form's prediction
+/// error.
+pub(super) fn check_nodes(law: LevelLaw, subject: &Subject<'_>) -> Result<(), DecodeError> {
+    if law != LevelLaw::Logarithm {
         return Ok(());
     }
-    let averaged = |node: Node<'_>| match texture.structure() {
+    let averaged = |node: NodeRecord| match subject.structure {
         Structure::NormalisedLattice => node.output_power,
         Structure::DirectForm16 | Structure::DirectForm32 => node.prediction_error_power,
     };
-    match texture.nodes().position(|node| averaged(node) <= 0.0) {
-        Some(node) => {
-            let forces = texture.force_axis().len();
-            Err(Problem::SilentInLogarithm.at(Place::Node {
-                texture: index,
-                speed: node / forces,
-                force: node % forces,
-            }))
-        }
+    match subject.nodes().position(|node| averaged(node) <= 0.0) {
+        Some(node) => Err(subject.node_error(node, Problem::SilentInLogarithm)),
         None => Ok(()),
     }
 }
 
 /// The part of a texture with these laws, if it needs one.
 #[cfg(feature = "alloc")]
-pub(crate) fn part(laws: Laws) -> Option<super::PartSpec> {
+pub(crate) fn part(laws: Laws) -> Option<PartSpec> {
     let content = || alloc::vec![laws.level as u8, laws.fade as u8];
     (laws != Laws::default()).then(|| (KIND, content()))
 }

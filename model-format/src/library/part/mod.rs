@@ -15,12 +15,16 @@
 
 pub(crate) mod fine_theta;
 pub(crate) mod levels;
+mod subject;
 
-use crate::error::{DecodeError, Place, Problem};
-use crate::library::texture::Texture;
+use crate::error::{DecodeError, Problem};
 
 use fine_theta::FineTheta;
 use levels::LevelsPart;
+
+#[cfg(feature = "alloc")]
+pub(crate) use subject::PartSpec;
+pub(super) use subject::Subject;
 
 /// A kind of optional part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,18 +76,17 @@ impl<'a> Parts<'a> {
         Ok((parts, rest))
     }
 
-    /// Checks the contents of all parts of texture `index`, whose nodes were found valid.
+    /// Checks the contents of all parts of `subject`.
     ///
     /// # Errors
     /// The first fault found, with its place.
-    pub fn check(&self, texture: &Texture<'_>, index: usize) -> Result<(), DecodeError> {
-        let here = |problem: Problem| problem.at(Place::Texture(index));
+    pub fn check(&self, subject: &Subject<'_>) -> Result<(), DecodeError> {
         if let Some(levels) = self.levels {
-            levels.check().map_err(here)?;
+            levels.check().map_err(|problem| subject.error(problem))?;
+            levels::check_nodes(levels.laws().level, subject)?;
         }
-        levels::check_nodes(texture, index)?;
         if let Some(fine_theta) = self.fine_theta {
-            fine_theta.check(texture, index)?;
+            fine_theta.check(subject)?;
         }
         Ok(())
     }
@@ -97,10 +100,6 @@ impl<'a> Parts<'a> {
         [levels, fine_theta].into_iter().flatten()
     }
 }
-
-/// Kind and content of a part to be written.
-#[cfg(feature = "alloc")]
-pub(crate) type PartSpec = (u32, alloc::vec::Vec<u8>);
 
 /// Appends `parts` to `bytes`. Kinds must ascend.
 #[cfg(feature = "alloc")]
