@@ -245,8 +245,8 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
             .as_f64()
             .unwrap()
     };
-    // The same recording judges the same synthesis; segments are of 0.5 s there, because halves are beside it, and of 1 s
-    // here.
+    // The same recording judges the same synthesis; segments are of 0.5 s there, because blocks are beside it, and of
+    // 1 s here.
     assert!(
         (distance(&takes) - distance(&unseen)).abs() < 0.2,
         "{takes} {unseen}"
