@@ -247,7 +247,12 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
             .as_f64()
             .unwrap()
     };
-    assert_eq!(distance(&takes).to_bits(), distance(&unseen).to_bits());
+    // The same recording judges the same synthesis; segments are of 0.5 s there, because blocks are beside it, and of
+    // 1 s here.
+    assert!(
+        (distance(&takes) - distance(&unseen)).abs() < 0.2,
+        "{takes} {unseen}"
+    );
 }
 
 #[test]

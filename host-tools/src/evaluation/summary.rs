@@ -122,10 +122,10 @@ pub const FEEL_COLUMNS: [(&str, bool); 11] = [
 pub const TAKE_COLUMNS: [(&str, bool); 6] = [
     ("texture", false),
     ("recording", false),
-    ("judged on", false),
     ("fitted take, LSD (dB)", true),
     ("synthesis, LSD (dB)", true),
     ("further by (dB)", true),
+    ("judged on", false),
 ];
 
 /// A trial that another take judged as a table's row, under [`TAKE_COLUMNS`]; `None` for other trials.
@@ -141,10 +141,10 @@ pub fn take_cells(trial: &TrialEvaluation) -> Option<Vec<String>> {
     Some(vec![
         trial.texture.clone(),
         format!("{} mm/s, {} N", trial.speed_mm_s, trial.force_n),
-        take.clone(),
         number(other, 2),
         number(synthesis, 2),
         number(further, 2),
+        take.clone(),
     ])
 }
 
