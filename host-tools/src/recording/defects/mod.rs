@@ -3,6 +3,7 @@
 //! Invariant: samples in, findings out; times are in seconds from the first sample. Nothing here judges: triage does.
 
 mod clipping;
+mod deviation;
 mod holds;
 mod overflow;
 mod quantisation;
@@ -76,19 +77,4 @@ impl Defects {
             truncation: None,
         }
     }
-}
-
-/// RMS about the mean.
-fn deviation(axis: &[f64]) -> f64 {
-    let Some(&first) = axis.first() else {
-        return 0.0;
-    };
-    let n = axis.len() as f64;
-    // About the first sample, so that a large offset costs no digits.
-    let mean = axis.iter().map(|x| x - first).sum::<f64>() / n;
-    let square = axis
-        .iter()
-        .map(|x| (x - first - mean) * (x - first - mean))
-        .sum::<f64>();
-    (square / n).sqrt()
 }

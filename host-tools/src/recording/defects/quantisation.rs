@@ -1,6 +1,6 @@
 //! Steps of a converter, from the smallest change between successive samples.
 
-use super::deviation;
+use super::deviation::deviation;
 
 /// Returns the ratio of the power of `axis` about its mean to that of the round-off of its steps, a twelfth of their
 /// square, in dB; infinite for a constant.

@@ -1,6 +1,6 @@
 //! Single samples far off their neighbours: a bit that fell over, a contact that was lost.
 
-use super::deviation;
+use super::deviation::deviation;
 
 /// Number of samples on either side that a spike stands out from.
 pub(super) const REACH: usize = 48;

@@ -57,7 +57,11 @@ pub(super) fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
     let samples = axes.first().map_or(0, Vec::len);
     let silence = silent_spans(axes, samples);
     let mut verdicts = Vec::new();
-    verdicts.extend(tap(axes));
+    let silent: usize = silence.iter().map(ExactSizeIterator::len).sum();
+    // Beside silence any event outweighs the rest.
+    if 2 * silent < samples {
+        verdicts.extend(tap(axes));
+    }
     verdicts.extend(change(axes, &silence));
     if !silence.is_empty() {
         verdicts.push(Verdict::PartlySilent {
