@@ -1,8 +1,11 @@
 //! Contents of slots, as a store finds them.
 
 use embassy_futures::block_on;
-use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
+use model_format::limits::{MAX_LIBRARY_BYTES, MAX_TEXTURES, SLOT_BYTES};
 use model_format::link::{ListError, SlotFault, SlotId, SlotState};
+use model_format::{
+    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
+};
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
 
@@ -161,4 +164,37 @@ fn a_listing_tells_what_is_in_a_library() {
             textures
         })
     );
+}
+
+#[test]
+fn the_last_of_256_textures_is_listed_and_all_are_counted() {
+    let textures: Vec<TextureSpec> = (0..MAX_TEXTURES)
+        .map(|index| TextureSpec {
+            name: format!("texture {index}"),
+            sample_rate_hz: SAMPLE_RATE_HZ,
+            structure: Structure::NormalisedLattice,
+            provenance: Provenance::Simulated,
+            laws: Laws::default(),
+            speed_axis_mm_s: vec![100.0],
+            force_axis_n: vec![1.0],
+            nodes: vec![NodeSpec {
+                output_power: 1.0,
+                prediction_error_power: 1.0,
+                flags: NodeFlags::NONE,
+                codes: CodeSpec::lattice(Vec::new()),
+            }],
+            cell_margins: Vec::new(),
+        })
+        .collect();
+    let bytes = encode(&textures).expect("within the limits");
+    block_on(async {
+        let mut store = SlotStore::open(SimulatedFlash::two_slots()).await;
+        let committed = upload(&mut Uploader::new(), &mut store, &bytes, 512).await;
+        assert_eq!(committed.map(|library| library.textures), Ok(256));
+        let last = store.texture(SlotId::A, u8::MAX).await;
+        assert_eq!(
+            last.map(|texture| texture.name.as_str().to_owned()),
+            Ok("texture 255".to_owned())
+        );
+    });
 }
