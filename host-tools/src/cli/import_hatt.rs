@@ -63,7 +63,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     eprintln!("{}", plan.in_words(sources.len()));
     let bar = progress::bar(sources.len() as u64, "converting");
-    let (converted, bytes) = import(&sources, &plan, &bar)?;
+    let (converted, bytes) = import(&sources, &plan, &|| bar.inc(1))?;
+    bar.finish_and_clear();
     atomic_file::write(&arguments.out, &bytes)?;
     for (source, converted) in sources.iter().zip(&converted) {
         if let Some(warning) = far_nodes(&converted.nodes) {

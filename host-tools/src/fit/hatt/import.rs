@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use indicatif::ProgressBar;
 use model_format::{TextureSpec, encode, limits};
 use rayon::prelude::*;
 
@@ -173,7 +172,7 @@ fn source(path: &Path) -> Result<Source> {
     })
 }
 
-/// What one texture would take.
+/// Bytes that one texture would take, and its bounds.
 struct Need {
     /// Bytes of its grid as it is wanted.
     bytes: f64,
@@ -327,14 +326,14 @@ impl Plan {
     }
 }
 
-/// Converts all `sources` as `plan` says, with `progress` of one step per file.
+/// Converts all `sources` as `plan` says, and calls `progress` after each file.
 ///
 /// # Errors
 /// A model that the library cannot hold, with its file; a library that does not fit in a slot.
 pub fn import(
     sources: &[Source],
     plan: &Plan,
-    progress: &ProgressBar,
+    progress: &(impl Fn() + Sync),
 ) -> Result<(Vec<Converted>, Vec<u8>)> {
     let converted: Vec<Converted> = sources
         .par_iter()
@@ -342,11 +341,10 @@ pub fn import(
         .map(|(source, bounds)| {
             let converted = convert(&source.name, &source.toolkit, &source.reference, *bounds)
                 .map_err(|failure| Error::file(&source.path, failure.to_string()));
-            progress.inc(1);
+            progress();
             converted
         })
         .collect::<Result<_>>()?;
-    progress.finish_and_clear();
     let specs: Vec<TextureSpec> = converted
         .iter()
         .map(|texture| texture.spec.clone())
