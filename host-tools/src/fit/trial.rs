@@ -53,7 +53,8 @@ fn triaged(trial: &Trial) -> Result<(Samples, Vec<Verdict>, f64)> {
     Ok((samples, verdicts, cut_s))
 }
 
-/// The reduced signal of `trial`, without what triage cuts, m/s², with a mean of zero, at the models' rate; and its share of the axes' energy.
+/// The reduced signal of `trial`, without what triage cuts, m/s², with a mean of zero, at the models' rate;
+/// and its share of the axes' energy.
 ///
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.

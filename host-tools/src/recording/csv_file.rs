@@ -28,7 +28,8 @@ const LEAST_TIMES: usize = 8;
 
 /// Reads the part of a CSV file within `cut`.
 ///
-/// A first line with a field that is not a number is a header. Without a column `time_s`, `sample_rate_hz` must be given.
+/// A first line with a field that is not a number is a header. Without a column `time_s`, `sample_rate_hz` must be
+/// given.
 pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Result<Source> {
     let table = CsvText::read(path)?;
     let mut reader = table.reader(false);

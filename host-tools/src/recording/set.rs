@@ -21,8 +21,8 @@ pub struct RecordingSet {
 }
 
 impl RecordingSet {
-    /// Opens the inputs of a command: one folder with a `trials.csv`, one list of any name, or recordings. Each recording is
-    /// then a texture of its own, named like the file, at the nominal speed and force.
+    /// Opens the inputs of a command: one folder with a `trials.csv`, one list of any name, or recordings. Each
+    /// recording is then a texture of its own, named like the file, at the nominal speed and force.
     ///
     /// # Errors
     /// A missing input, a list without trials, or a line that cannot be used, with its number.

@@ -48,7 +48,8 @@ impl Hold {
 /// Returns the holds of `axis` that are too long to be a natural run of equal values.
 ///
 /// Quiet parts of a recording with coarse steps have runs of equal values, too. Where the share p of neighbours is
-/// equal, a run of L samples is expected N p^(L-1) times in N samples. A run at the highest or lowest value is clipping.
+/// equal, a run of L samples is expected N p^(L-1) times in N samples. A run at the highest or lowest value is
+/// clipping.
 pub(super) fn holds(axis: &[f64], rate_hz: f64) -> Vec<Hold> {
     let low = axis.iter().copied().fold(f64::MAX, f64::min);
     let high = axis.iter().copied().fold(f64::MIN, f64::max);

@@ -35,7 +35,8 @@ pub struct Defects {
     pub overflows: Vec<f64>,
     /// Number of successive samples that are equal, on all axes: 1 unless every value is repeated.
     pub repeats: usize,
-    /// Ratio of the signal's power to that of the round-off of its steps, on the best axis, dB; infinite for a constant.
+    /// Ratio of the signal's power to that of the round-off of its steps, on the best axis, dB; infinite for a
+    /// constant.
     pub quantisation_snr_db: f64,
     /// Lengths, if the file ends before its header says.
     pub truncation: Option<Truncation>,

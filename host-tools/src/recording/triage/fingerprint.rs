@@ -323,7 +323,8 @@ fn inner_product<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
     a.iter().zip(b).map(|(&a, &b)| a.into() * b.into()).sum()
 }
 
-/// Hash of the samples' bits. It is compared within one run and never stored, because Rust may change its hash function.
+/// Hash of the samples' bits. It is compared within one run and never stored, because Rust may change its hash
+/// function.
 fn hash(signal: &[f64]) -> u64 {
     use std::hash::{DefaultHasher, Hasher};
     let mut hasher = DefaultHasher::new();

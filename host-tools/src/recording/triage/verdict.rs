@@ -239,7 +239,7 @@ impl Verdict {
         }
     }
 
-    /// What to do about it, in the imperative.
+    /// Remedy, in the imperative.
     pub fn remedy(&self) -> &'static str {
         match self {
             Self::Silent => "check contact, cable and scale_m_s2, unless it is meant to be silent",
