@@ -17,7 +17,7 @@
 //! | level-change | a step or a ramp of 6 dB explains 60 % of the level's variance | |
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | |
 //! | wandering | 25 % of the energy is below [`SLOW_HZ`] | |
-//! | hum | a line of the mains, or of its harmonics, is [`HUM_RATIO_DB`] above its surroundings at half of the speeds | |
+//! | hum | a line of the mains, or of its harmonics, is [`HUM_RATIO_DB`] above its surroundings at half the speeds | |
 //! | empty-band | the spectrum falls by 40 dB within 100 Hz, to a floor | |
 //! | sensor-noise | white, Gaussian and below [`SENSOR_NOISE_M_S2`] | |
 //! | scale | an RMS above [`LARGE_RMS_M_S2`], gravity of 1.00, or a level 45 dB off the texture's median | |
