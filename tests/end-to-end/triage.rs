@@ -656,9 +656,9 @@ fn tables_of_other_programs_are_read() {
 
 #[test]
 fn tables_that_hold_no_accelerations_are_named_with_the_remedy() {
-    let rising: String = (0..20)
-        .map(|n| format!("{},0.5\n", 0.0002 * f64::from(n)))
-        .collect();
+    let rising = (0..20).fold(String::new(), |text, n| {
+        text + &format!("{},0.5\n", 0.0002 * f64::from(n))
+    });
     for (content, words) in [
         (
             "time_s,x,speed_mm_s,force_n\n0,1,100,1\n",

@@ -116,6 +116,7 @@ fn all_verdicts(set: &RecordingSet, analyses: &[Analysis]) -> Vec<Vec<Verdict>> 
         .map(|(trial, analysis)| triage::Compared {
             texture: &trial.texture,
             speed_mm_s: trial.speed_mm_s,
+            is_idle: trial.speed_mm_s <= 0.0 || trial.force_n <= 0.0,
             rms_m_s2: analysis.power.sqrt(),
             mains_line_hz: analysis.mains_line_hz,
             fingerprint: &analysis.fingerprint,

@@ -31,7 +31,7 @@ impl CsvText {
         let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
         let text = String::from_utf8(bytes).map_err(|failure| {
             let before = &failure.as_bytes()[..failure.utf8_error().valid_up_to()];
-            let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count() as u64;
+            let line = before.split(|&byte| byte == b'\n').count() as u64;
             Error::line(path, line, "is not UTF-8 text: save the file as UTF-8")
         })?;
         Ok(Self::of(text))

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::path::Path;
 
+use symphonia::core::audio::Channels;
 use symphonia::core::codecs::audio::{AudioDecoder, AudioDecoderOptions};
 use symphonia::core::errors::Error as WavError;
 use symphonia::core::formats::{FormatOptions, FormatReader, TrackType};
@@ -32,10 +33,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         return Err(Error::file(path, "holds no samples"));
     };
     let declared_frames = track.num_frames;
-    let channel_count = parameters
-        .channels
-        .as_ref()
-        .map_or(1, |channels| channels.count());
+    let channel_count = parameters.channels.as_ref().map_or(1, Channels::count);
     let frame_bits = u64::from(parameters.bits_per_sample.unwrap_or(8)) * channel_count as u64;
     let Some(rate_hz) = parameters.sample_rate.filter(|&rate| rate > 0) else {
         return Err(Error::file(

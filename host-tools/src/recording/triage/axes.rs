@@ -9,6 +9,10 @@ const DEAD_RATIO: f64 = 1e-3;
 /// Least correlation of axes that hold the same signal.
 const ALIKE_CORRELATION: f64 = 0.9999;
 
+/// Largest difference of their RMS, as a share. A vibration along one line has one signal on all axes, but at its own
+/// level on each.
+const ALIKE_LEVEL: f64 = 1e-3;
+
 /// RMS beyond which a scale is doubted, m/s²: ten times the acceleration of gravity. Tools on rough surfaces reach some
 /// 30 m/s².
 pub const LARGE_RMS_M_S2: f64 = 100.0;
@@ -38,9 +42,12 @@ pub(super) fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
         }
     }
     for (first, second) in [(0, 1), (0, 2), (1, 2)] {
-        if second < axes.len()
-            && correlation(axes, &moments, first, second).abs() > ALIKE_CORRELATION
-        {
+        if second >= axes.len() {
+            continue;
+        }
+        let alike_levels =
+            (moments[first].rms - moments[second].rms).abs() <= ALIKE_LEVEL * moments[first].rms;
+        if alike_levels && correlation(axes, &moments, first, second).abs() > ALIKE_CORRELATION {
             verdicts.push(Verdict::AlikeAxes {
                 axes: (first + 1, second + 1),
             });
@@ -99,9 +106,11 @@ mod tests {
     #[test]
     fn axes_that_are_alike_and_gravity_of_one_are_said() {
         let (a, b) = (noise(1), noise(2));
-        let half: Vec<f64> = a.iter().map(|x| -0.5 * x).collect();
+        let inverted: Vec<f64> = a.iter().map(|x| -x).collect();
+        let half: Vec<f64> = a.iter().map(|x| 0.5 * x).collect();
+        assert_eq!(verdicts(&[a.clone(), half]), []);
         assert_eq!(
-            verdicts(&[a.clone(), b.clone(), half]),
+            verdicts(&[a.clone(), b.clone(), inverted]),
             [Verdict::AlikeAxes { axes: (1, 3) }]
         );
         let quiet = |signal: &[f64], mean: f64| {

@@ -1,4 +1,4 @@
-//! What triage leaves out of a fit: dropouts, spikes, taps and silent parts, where enough is left without them.
+//! Parts that triage leaves out of a fit: dropouts, spikes, taps and silent parts, where enough is left without them.
 
 use super::verdict::{Span, Verdict};
 
@@ -74,6 +74,7 @@ fn kept_of(axis: &[f64], parts: &[Span]) -> Vec<f64> {
 }
 
 #[cfg(test)]
+#[allow(clippy::single_range_in_vec_init, reason = "the spans are ranges")]
 mod tests {
     use super::super::test_signals::noise;
     use super::*;

@@ -17,12 +17,12 @@
 //! | level-change | a step or a ramp of 6 dB explains 60 % of the level's variance | |
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | |
 //! | wandering | 25 % of the energy is below [`SLOW_HZ`] | |
-//! | hum | a line of the mains, or twice or three times its frequency, is [`HUM_RATIO_DB`] above its surroundings at half of the speeds or more | |
+//! | hum | a line of the mains, or of its harmonics, is [`HUM_RATIO_DB`] above its surroundings at half the speeds | |
 //! | empty-band | the spectrum falls by 40 dB within 100 Hz, to a floor | |
 //! | sensor-noise | white, Gaussian and below [`SENSOR_NOISE_M_S2`] | |
 //! | scale | an RMS above [`LARGE_RMS_M_S2`], gravity of 1.00, or a level 45 dB off the texture's median | |
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |
-//! | alike-axes | two axes correlate by 0.9999 | |
+//! | alike-axes | two axes correlate by 0.9999 at one level | |
 //! | duplicate | a copy of an earlier trial, equal, scaled, inverted or shifted | |
 //! | wrong-rate | the file's sample rate is below the models' | |
 //!
@@ -32,7 +32,8 @@
 //!
 //! A trial that is used in spite of a verdict other than silent marks its node as doubtful. What a verdict can cut is
 //! cut if parts of 0.4 s or more are left that make half of the trial ([`usable`]). Silent trials are not compared for
-//! copies. The option `--drop` leaves trials out, and `--strict` refuses the set.
+//! copies. At rest or without contact, sensor noise and slow motion are no findings. The option `--drop` leaves trials
+//! out, and `--strict` refuses the set.
 //!
 //! Bounds come from 24 real takes of a tool on 12 surfaces, whole and in parts of 2 s, none of which is in the
 //! repository; the constants say what these reach. All measures are relative to the take itself and robust, because

@@ -18,6 +18,8 @@ pub struct Compared<'a> {
     pub texture: &'a str,
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
+    /// True at rest or without contact, where noise of the sensor and slow motion are all that there is to record.
+    pub is_idle: bool,
     /// RMS, m/s².
     pub rms_m_s2: f64,
     /// A line at a mains frequency, Hz.
@@ -36,8 +38,7 @@ impl Compared<'_> {
 
 /// Returns all verdicts on each trial: its own, and those of the comparison.
 pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
-    let mut verdicts: Vec<Vec<Verdict>> =
-        trials.iter().map(|trial| trial.verdicts.to_vec()).collect();
+    let mut verdicts: Vec<Vec<Verdict>> = trials.iter().map(own_verdicts).collect();
     let mut textures: Vec<&str> = trials.iter().map(|trial| trial.texture).collect();
     textures.sort_unstable();
     textures.dedup();
@@ -63,6 +64,22 @@ pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
         }));
     }
     verdicts
+}
+
+/// The verdicts of a trial by itself, without those that idleness explains.
+fn own_verdicts(trial: &Compared<'_>) -> Vec<Verdict> {
+    let is_explained = |verdict: &&Verdict| {
+        let expected = matches!(
+            verdict,
+            Verdict::SensorNoise { .. } | Verdict::Wandering { .. }
+        );
+        trial.is_idle && expected
+    };
+    let own = trial
+        .verdicts
+        .iter()
+        .filter(|verdict| !is_explained(verdict));
+    own.cloned().collect()
 }
 
 fn add_hum(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdict>]) {
@@ -111,6 +128,7 @@ mod tests {
         let trial = |index: usize, rms_m_s2: f64| Compared {
             texture: "felt",
             speed_mm_s: 100.0,
+            is_idle: false,
             rms_m_s2,
             mains_line_hz: None,
             fingerprint: &prints[index],
@@ -129,5 +147,28 @@ mod tests {
         assert!(
             matches!(verdicts[2][..], [Verdict::Scale(ScaleDoubt::UnlikeOthers(db))] if (db - 60.0).abs() < 1.0)
         );
+    }
+
+    #[test]
+    fn noise_of_the_sensor_is_no_finding_in_the_air() {
+        let print = fingerprint(&noise(1));
+        let own = [
+            Verdict::SensorNoise { rms_m_s2: 0.05 },
+            Verdict::TooShort { samples: 9 },
+        ];
+        let verdicts = |is_idle: bool| {
+            all_verdicts(&[Compared {
+                texture: "felt",
+                speed_mm_s: 100.0,
+                is_idle,
+                rms_m_s2: 0.05,
+                mains_line_hz: None,
+                fingerprint: &print,
+                verdicts: &own,
+            }])
+            .remove(0)
+        };
+        assert_eq!(verdicts(false), own);
+        assert_eq!(verdicts(true), own[1..]);
     }
 }

@@ -195,7 +195,7 @@ mod tests {
                 &[
                     signal.clone(),
                     noise(2),
-                    plus(&noise(11), [9.81; 10_000].into_iter())
+                    plus(&noise(11), std::iter::repeat(9.81))
                 ],
                 RATE_HZ
             ),

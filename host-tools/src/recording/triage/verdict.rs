@@ -239,7 +239,7 @@ impl Verdict {
         }
     }
 
-    /// What to do about it, in the imperative.
+    /// Remedy, in the imperative.
     pub fn remedy(&self) -> &'static str {
         match self {
             Self::Silent => "check contact, cable and scale_m_s2, unless it is meant to be silent",
@@ -301,8 +301,9 @@ fn write_spans(f: &mut fmt::Formatter<'_>, spans: &[Span]) -> fmt::Result {
     )
 }
 
-impl fmt::Display for Verdict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Verdict {
+    /// Writes findings on samples and on the file.
+    fn write_samples(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let per_cent = |share: f64| 100.0 * share;
         let seconds = |samples: usize| samples as f64 / f64::from(SAMPLE_RATE_HZ);
         match self {
@@ -346,6 +347,15 @@ impl fmt::Display for Verdict {
             Self::Truncated { declared, held } => {
                 write!(f, "truncated: the file holds {held} of {declared} samples")
             }
+            _ => self.write_signal(f),
+        }
+    }
+
+    /// Writes findings on level, spectrum, axes and the set.
+    fn write_signal(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let per_cent = |share: f64| 100.0 * share;
+        let seconds = |samples: usize| samples as f64 / f64::from(SAMPLE_RATE_HZ);
+        match self {
             Self::PartlySilent { spans, samples } => {
                 f.write_str("partly silent: ")?;
                 write_spans(f, spans)?;
@@ -425,7 +435,14 @@ impl fmt::Display for Verdict {
                     rate_hz / 2.0
                 )
             }
-        }?;
+            _ => f.write_str(self.name()),
+        }
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write_samples(f)?;
         write!(f, "; {}", self.remedy())
     }
 }
