@@ -226,7 +226,7 @@ impl DirectState {
     ///
     /// The excitation has steps of the history with [`SUM_FRACTION_BITS`] digits after the point; the output has
     /// steps of the history. The flag is true if the output was saturated.
-    #[inline]
+    #[inline(always)]
     pub fn filter<A: Arithmetic>(&mut self, frame: &DirectFrame, excitation: i64) -> (i32, bool) {
         let window: &[i32; MAX_ORDER] = self.history[self.newest..]
             .first_chunk()
