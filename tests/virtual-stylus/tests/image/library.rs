@@ -4,7 +4,9 @@ use std::sync::OnceLock;
 
 use host_tools::texture::certificate::certified;
 use model_format::limits::MAX_ORDER;
-use model_format::{CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode};
+use model_format::{
+    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode,
+};
 use virtual_stylus::Options;
 use virtual_stylus::model::flash::Contents;
 

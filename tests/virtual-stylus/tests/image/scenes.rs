@@ -10,7 +10,8 @@ use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneName, StickSlip, Surface, Tap,
 };
 use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode_with_scenes,
+    CodeSpec, Laws, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec,
+    encode_with_scenes,
 };
 use stylus_kernel::arithmetic::TURN_TAPS;
 use stylus_kernel::scene::Plan;
