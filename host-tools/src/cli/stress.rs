@@ -72,8 +72,8 @@ fn summary(outcomes: &[Outcome]) -> String {
         "{}\n\nThe lattice holds its guarantees in {} of {} cases. In {} of them, all marked *, the SNR is below {} dB \
          or the spectrum deviates by more than {} dB: lines this narrow, of pole radius above 0.998, have limits of \
          their own, set by the radius. SNR counts the damping of such a line as noise; what is noise stands in the \
-         column off line, and what is damping in the level.\nThe direct forms guarantee none of this; they are shown for \
-         comparison.",
+         column off line, and what is damping in the level.\nThe direct forms guarantee none of this; they are shown \
+         for comparison.",
         table(&header, &rows),
         held.count(),
         lattices().count(),
