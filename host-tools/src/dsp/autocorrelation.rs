@@ -66,8 +66,8 @@ impl Autocorrelation {
         }
     }
 
-    /// Computes the autocorrelation of `signal` with tapered ends: a cosine over [`TAPER_SAMPLES`] at each, or over
-    /// one in [`TAPER_SHARE`] of a short signal (the split cosine bell; Bingham, Godfrey and Tukey, IEEE Trans. Audio
+    /// Computes the autocorrelation of `signal` with tapered ends: a cosine over 500 samples at each, or over
+    /// a 20th of a short signal (the split cosine bell; Bingham, Godfrey and Tukey, IEEE Trans. Audio
     /// Electroacoustics 15, 1967, 56). All is scaled so that lag 0 is the power of the signal without taper.
     pub fn with_tapered_ends(signal: &[f64], max_lag: usize) -> Self {
         let samples = signal.len();

@@ -1,4 +1,4 @@
-//! Errors of a library against the definition of the file that it was made of: the bytes' own sound ([`played`]) and
+//! Errors of a library against the definition of the file that it was made of: the bytes' own sound (`played`) and
 //! the definition's ([`Reference`]), level and third octaves up to half the file's rate.
 
 use model_format::Texture;
