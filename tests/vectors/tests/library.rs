@@ -65,7 +65,7 @@ fn a_direct_form_plays_what_the_lattice_of_its_reflection_coefficients_plays() {
     let library = Library::decode_uncertified(&bytes).expect("the library is valid");
     let play = |name| {
         let texture = library.texture(name).expect("it is there");
-        let mut synthesis = Synthesis::<Portable>::new(texture, 1);
+        let mut synthesis = Synthesis::<Portable>::from_rest(texture, 1);
         let motion = Motion::new(MillimetresPerSecond(60.0), Newton(1.0)).expect("it is finite");
         synthesis.follow(motion, UPDATE_INTERVAL_SAMPLES);
         let samples = (0..2 * SETTLING_SAMPLES).map(move |_| f64::from(synthesis.next_sample().0));
