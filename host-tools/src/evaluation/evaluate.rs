@@ -13,20 +13,22 @@ use super::perception::{Perceived, Properties};
 use super::results::{Scores, TrialEvaluation};
 use super::scoring_range::ScoringRange;
 use super::summary::{TextureEvaluation, judged_hz, other_in_words, summarise};
-use crate::dsp::reduction::{Reduction, reduce};
+use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
 use crate::fit;
+use crate::fit::Signal;
 use crate::fit::part::{Blocks, analyse_blocks};
 use crate::fit::record::FitRecord;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
-use crate::recording::{self, RecordingSet, Trial};
+use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::texture::library::uncertified_library;
 use crate::texture::quantise::StructureChoice;
 
-/// Beginning of a synthesis that no comparison uses, s, because filters start from rest.
+/// Beginning of a synthesis that no comparison uses, s: a direct form is silent while it is run up, and the frontier's
+/// filters begin at rest.
 pub(super) const WARM_UP_S: f64 = 0.5;
 
 /// Options of an evaluation.
@@ -169,16 +171,20 @@ fn play(
 
 /// A trial read for its judge: the comparison without a synthesis.
 fn read(trial: &Trial, judge: &Judge, reduction: Reduction) -> Result<Comparison> {
-    let (own, mut source_rate_hz) = signal(trial, reduction)?;
+    // Triage cuts here what it cuts for the fit, so that the blocks left here are those that the fit left.
+    let Signal {
+        samples: own,
+        mut source_rate_hz,
+    } = fit::signal(trial, reduction)?;
     let blocks = Blocks::of(own.len());
     let fitted = blocks.fitted().map(|block| own[block].to_vec()).collect();
     let left = blocks.judged().map(|block| own[block].to_vec()).collect();
     let (judged, other, beside): (Vec<Vec<f64>>, _, _) = match judge {
         Judge::Blocks => (left, fitted, Vec::new()),
         Judge::OtherTake(take) => {
-            let (take, rate_hz) = signal(take, reduction)?;
-            source_rate_hz = source_rate_hz.min(rate_hz);
-            (vec![take], vec![own.clone()], Vec::new())
+            let take = fit::signal(take, reduction)?;
+            source_rate_hz = source_rate_hz.min(take.source_rate_hz);
+            (vec![take.samples], vec![own.clone()], Vec::new())
         }
         Judge::Unseen | Judge::Nothing => (vec![own.clone()], fitted, left),
     };
@@ -195,14 +201,6 @@ fn read(trial: &Trial, judge: &Judge, reduction: Reduction) -> Result<Comparison
         saturations: 0,
         source_rate_hz,
     })
-}
-
-/// The reduced signal of `trial`, m/s², and the sample rate of its file, Hz.
-fn signal(trial: &Trial, reduction: Reduction) -> Result<(Vec<f64>, f64)> {
-    let mut samples = recording::read(trial)?;
-    let reduced = reduce(&mut samples.axes, reduction)
-        .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
-    Ok((reduced.signal, samples.source_rate_hz))
 }
 
 /// Evaluates every trial of `set`, which `judges` has a judge for, telling `progress` of each one done.
@@ -554,4 +552,56 @@ pub fn cost_by_order(
     });
     let costs = costs.collect::<Result<Vec<_>>>()?;
     Ok(costs.into_iter().flatten().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    /// A trial of 6 s of noise, with a silence in its third second that triage cuts.
+    fn trial_with_a_silent_part(folder: &std::path::Path) -> Trial {
+        let file = folder.join("noise.wav");
+        let spec = hound::WavSpec {
+            channels: 1,
+            sample_rate: SAMPLE_RATE_HZ,
+            bits_per_sample: 32,
+            sample_format: hound::SampleFormat::Float,
+        };
+        let mut wav = hound::WavWriter::create(&file, spec).unwrap();
+        let noise = StandardNormal.sample_iter(rand_pcg::Pcg64::seed_from_u64(5));
+        for (n, x) in noise.take(30_000).enumerate() {
+            let x: f32 = x;
+            let sounds = !(10_300..13_900).contains(&n);
+            wav.write_sample(if sounds { 2.0 * x } else { 0.0 })
+                .unwrap();
+        }
+        wav.finalize().unwrap();
+        Trial {
+            file,
+            texture: "felt".into(),
+            speed_mm_s: 100.0,
+            force_n: 1.0,
+            scale_m_s2: 1.0,
+            start_s: 0.0,
+            duration_s: None,
+            sample_rate_hz: None,
+            provenance: Provenance::Recorded,
+        }
+    }
+
+    #[test]
+    fn the_blocks_that_judge_are_those_that_the_fit_left_also_where_triage_cuts() {
+        let folder = tempfile::tempdir().unwrap();
+        let trial = trial_with_a_silent_part(folder.path());
+        let fitted = analyse_blocks(&trial, &fit::Options::default(), 50).unwrap();
+        assert!(fitted.analysis.cut_s > 0.5, "{}", fitted.analysis.cut_s);
+        let of_signal = |block: std::ops::Range<usize>| fitted.signal[block].to_vec();
+        let left: Vec<Vec<f64>> = fitted.blocks.judged().map(of_signal).collect();
+        let used: Vec<Vec<f64>> = fitted.blocks.fitted().map(of_signal).collect();
+        let comparison = read(&trial, &Judge::Blocks, Reduction::Pca).unwrap();
+        assert_eq!(comparison.judged, left);
+        assert_eq!(comparison.other, used);
+    }
 }

@@ -11,6 +11,10 @@ use crate::support::error::{Error, Result};
 
 /// Phase correlation from which on a take is a copy. Noise stays below 0.1; a copy that lacks half of the samples
 /// reaches 0.6.
+///
+/// The bound is wider than that of triage, [`COPY_CORRELATION`](crate::recording::triage::COPY_CORRELATION): a judge
+/// must be refused even if it is a copy in 8 bits or under noise, while triage must not take two trials of one drum,
+/// which retraces its track, for one.
 const COPY_CORRELATION: f64 = 0.5;
 
 /// The take that judges a trial.
@@ -48,9 +52,9 @@ pub fn takes(
             } else {
                 let trials = match &signal {
                     Some(signal) => signal,
-                    None => signal.insert(fit::signal(trial, reduction)?.0),
+                    None => signal.insert(fit::signal(trial, reduction)?.samples),
                 };
-                let (samples, _) = fit::signal(other, reduction)?;
+                let samples = fit::signal(other, reduction)?.samples;
                 let correlation = phase_correlation(trials, &samples);
                 (correlation >= COPY_CORRELATION).then(|| {
                     format!(

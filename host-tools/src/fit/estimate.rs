@@ -21,7 +21,7 @@ pub(super) struct Estimate {
     pub bands: Bands,
 }
 
-/// Estimates the autocorrelation of `signal`, whose plain autocorrelation is `plain` and whose power is above zero.
+/// Estimates the autocorrelation of `signal`, whose plain autocorrelation is `plain`.
 pub(super) fn estimate(signal: &[f64], plain: Autocorrelation, estimator: Estimator) -> Estimate {
     let power = plain.lags[0];
     let max_lag = plain.lags.len() - 1;
@@ -40,7 +40,7 @@ pub(super) fn estimate(signal: &[f64], plain: Autocorrelation, estimator: Estima
 
 /// As many lags as `plain`, from tapered spectra, with the power of `plain`.
 fn multitaper_lags(signal: &[f64], plain: Vec<f64>) -> Vec<f64> {
-    let Some(spectrum) = LogSpectrum::estimate(&[signal]) else {
+    let Some(spectrum) = LogSpectrum::estimate(&[signal]).filter(|_| plain[0] > 0.0) else {
         return plain;
     };
     let mut lags = spectrum.autocorrelation(plain.len() - 1);

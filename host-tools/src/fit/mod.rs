@@ -30,7 +30,7 @@ use crate::texture::library::texture_spec;
 
 pub use fitted::{Fit, FittedTexture};
 pub use options::{Estimator, Options, Order};
-pub use trial::{Analysis, analyse, analyse_with_signal, signal};
+pub use trial::{Analysis, Signal, analyse, analyse_with_signal, signal};
 pub use trial_report::TrialReport;
 
 /// Fits `set`, telling `progress` of each trial done.

@@ -9,10 +9,11 @@ use std::ops::Range;
 use model_format::SAMPLE_RATE_HZ;
 use rayon::prelude::*;
 
+use super::bands::Bands;
+use super::estimate::{Estimate, estimate};
 use super::options::{Estimator, Options};
 use super::trial::{Analysis, analyse_with_signal};
 use crate::dsp::autocorrelation::Autocorrelation;
-use crate::dsp::log_spectrum::LogSpectrum;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 
@@ -94,7 +95,8 @@ pub fn analyse_blocks(
     let (mut analysis, signal) = analyse_with_signal(trial, options, max_order)?;
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
-    analysis.lags = lags_of_blocks(&fitted, options.estimator, max_order);
+    let estimate = estimate_of_blocks(&fitted, options.estimator, max_order);
+    (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
     analysis.samples = fitted.iter().map(|block| block.len()).sum();
     analysis.power = analysis.lags[0];
     Ok(PartlyAnalysed {
@@ -122,34 +124,41 @@ pub fn analyse_blocks_of_set(
     analysed.collect()
 }
 
-/// Autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean of those of its blocks, each weighed by
-/// its length.
+/// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, each weighed
+/// by its length.
 pub fn lags_of_blocks(blocks: &[&[f64]], estimator: Estimator, max_lag: usize) -> Vec<f64> {
+    estimate_of_blocks(blocks, estimator, max_lag).lags
+}
+
+fn estimate_of_blocks(blocks: &[&[f64]], estimator: Estimator, max_lag: usize) -> Estimate {
     let samples: usize = blocks.iter().map(|block| block.len()).sum();
+    let estimates: Vec<(f64, Estimate)> = blocks
+        .iter()
+        .map(|block| {
+            let weight = block.len() as f64 / samples.max(1) as f64;
+            let plain = Autocorrelation::of(block, max_lag);
+            (weight, estimate(block, plain, estimator))
+        })
+        .collect();
     let mut lags = vec![0.0; max_lag + 1];
-    for block in blocks {
-        let weight = block.len() as f64 / samples.max(1) as f64;
-        for (sum, lag) in lags
-            .iter_mut()
-            .zip(Autocorrelation::of(block, max_lag).lags)
-        {
+    for (weight, estimate) in &estimates {
+        for (sum, lag) in lags.iter_mut().zip(&estimate.lags) {
             *sum += weight * lag;
         }
     }
-    if estimator == Estimator::Multitaper
-        && let Some(spectrum) = LogSpectrum::estimate(blocks)
-    {
-        let tapered = spectrum.autocorrelation(max_lag);
-        let scale = lags[0] / tapered[0];
-        lags = tapered.iter().map(|lag| lag * scale).collect();
-    }
-    lags
+    let bands = Bands::mean(estimates.iter().map(|(weight, e)| (*weight, &e.bands)));
+    Estimate { lags, bands }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::ValueEnum;
     use proptest::prelude::*;
+
+    fn estimators() -> impl Strategy<Value = Estimator> {
+        prop::sample::select(Estimator::value_variants())
+    }
 
     proptest! {
         #[test]
@@ -173,7 +182,7 @@ mod tests {
 
         /// Samples of the blocks that are judged have no influence on the lags.
         #[test]
-        fn lags_do_not_depend_on_what_is_left_for_judging(seed in 0u64..1000, multitaper: bool) {
+        fn lags_do_not_depend_on_what_is_left_for_judging(seed in 0u64..1000, estimator in estimators()) {
             use rand::SeedableRng;
             use rand_distr::{Distribution, StandardNormal};
             let generator = rand_pcg::Pcg64::seed_from_u64(seed);
@@ -183,13 +192,37 @@ mod tests {
             for block in blocks.judged() {
                 other[block].fill(1e3);
             }
-            let estimator = if multitaper { Estimator::Multitaper } else { Estimator::Rectangular };
             let lags = |signal: &[f64]| {
                 let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
                 lags_of_blocks(&fitted, estimator, 50)
             };
             prop_assert_eq!(lags(&signal), lags(&other));
         }
+    }
+
+    /// What is judged by blocks must be the fit that was asked for, leakage and all.
+    #[test]
+    fn a_block_is_estimated_as_a_recording_is_with_every_estimator() {
+        // Noise that falls by 12 dB per octave, which a rectangular window leaks from.
+        let (mut velocity, mut place) = (0.0, 0.0);
+        let signal: Vec<f64> = (0..5000u32)
+            .map(|n| {
+                velocity = 0.999 * velocity + f64::from(n * n % 7919) / 3959.5 - 1.0;
+                place = 0.999 * place + velocity;
+                place
+            })
+            .collect();
+        for &estimator in Estimator::value_variants() {
+            let whole = estimate(&signal, Autocorrelation::of(&signal, 50), estimator);
+            let of_blocks = lags_of_blocks(&[&signal], estimator, 50);
+            assert_eq!(of_blocks, whole.lags, "{estimator:?}");
+        }
+        let tapered = lags_of_blocks(&[&signal, &signal], Estimator::Tapered, 50);
+        assert_eq!(
+            tapered,
+            Autocorrelation::with_tapered_ends(&signal, 50).lags
+        );
+        assert_ne!(tapered, Autocorrelation::of(&signal, 50).lags);
     }
 
     #[test]

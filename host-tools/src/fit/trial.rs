@@ -56,16 +56,27 @@ fn triaged(trial: &Trial) -> Result<(Samples, Vec<Verdict>, f64)> {
     Ok((samples, verdicts, cut_s))
 }
 
-/// The reduced signal of `trial`, without what triage cuts, m/s², with a mean of zero, at the models' rate; and its
-/// share of the axes' energy.
+/// A trial reduced to one axis, without what triage cuts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Signal {
+    /// Samples at the models' rate, m/s², with a mean of zero.
+    pub samples: Vec<f64>,
+    /// The file's own sample rate, Hz.
+    pub source_rate_hz: f64,
+}
+
+/// Reads `trial` as a fit does. What judges a fit is read by this too, so that both mean the same samples.
 ///
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
-pub fn signal(trial: &Trial, reduction: Reduction) -> Result<(Vec<f64>, f64)> {
+pub fn signal(trial: &Trial, reduction: Reduction) -> Result<Signal> {
     let (mut samples, ..) = triaged(trial)?;
     let reduced = reduce(&mut samples.axes, reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
-    Ok((reduced.signal, reduced.energy_share))
+    Ok(Signal {
+        samples: reduced.signal,
+        source_rate_hz: samples.source_rate_hz,
+    })
 }
 
 /// Reads and analyses `trial` for models of up to `max_order`.

@@ -35,7 +35,7 @@ pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<
         .map(|(trial, report)| {
             bar.inc(1);
             if report.used {
-                Ok(fit::signal(trial, options.reduction)?.0)
+                Ok(fit::signal(trial, options.reduction)?.samples)
             } else {
                 Ok(Vec::new())
             }

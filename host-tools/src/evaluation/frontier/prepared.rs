@@ -104,11 +104,11 @@ impl Prepared {
             .collect::<Vec<_>>()
             .into_par_iter()
             .map(|(index, (texture, node))| {
-                let (signal, _) = fit::signal(&trials[index], options.reduction)?;
+                let signal = fit::signal(&trials[index], options.reduction)?.samples;
                 let take = material.take_of(&trials[index]);
                 let between = match take {
                     Some(take) => {
-                        let (other, _) = fit::signal(take, options.reduction)?;
+                        let other = fit::signal(take, options.reduction)?.samples;
                         let cost =
                             spectrum::spectral_cost(&signal, &other, rate_hz, options.smoothing_hz);
                         let bands = spectrum::band_errors_db(&signal, &other, rate_hz);
