@@ -124,8 +124,8 @@ pub fn analyse_blocks_of_set(
     analysed.collect()
 }
 
-/// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, each weighed
-/// by its length.
+/// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, each
+/// weighed by its length.
 pub fn lags_of_blocks(blocks: &[&[f64]], estimator: Estimator, max_lag: usize) -> Vec<f64> {
     estimate_of_blocks(blocks, estimator, max_lag).lags
 }
@@ -200,7 +200,7 @@ mod tests {
         }
     }
 
-    /// What is judged by blocks must be the fit that was asked for, leakage and all.
+    /// The fit that blocks judge is the one that was asked for, leakage and all.
     #[test]
     fn a_block_is_estimated_as_a_recording_is_with_every_estimator() {
         // Noise that falls by 12 dB per octave, which a rectangular window leaks from.
