@@ -216,7 +216,8 @@ impl Tick {
             None => OutputSample::SILENCE,
         };
         let muted = MUTED.load(Ordering::Relaxed);
-        output::write(self.safety.process(&self.config, sample, muted));
+        let [.., code] = self.safety.process(&self.config, sample, muted);
+        output::write(code);
         let sample = RecordSample {
             acceleration: inputs.acceleration,
             force: inputs.force,

@@ -135,7 +135,7 @@ pub fn explain(heard: &Heard<'_>, recorded: &Recorded, codes: &[u16], from: u64)
             while tick < end {
                 let sample = tick.checked_sub(play).and_then(|n| played.get(n as usize));
                 let sample = sample.copied().unwrap_or_default();
-                let code = state.process(&config, sample, tick < unmuted);
+                let [.., code] = state.process(&config, sample, tick < unmuted);
                 if codes.get(tick as usize - 1) != Some(&code.get()) {
                     break;
                 }
