@@ -167,6 +167,14 @@ impl State {
         codes
     }
 
+    /// Makes the next codes continue from the one `offset` steps from mid-scale, which is put out just before them.
+    ///
+    /// After a tick that came late, that is not the last code that was computed, and the slew limit holds at the pin.
+    #[inline(always)]
+    pub fn continue_from(&mut self, offset: i32) {
+        self.offset = offset;
+    }
+
     /// Returns true if the output is at mid-scale and the ramp at its lower end, so that the voices can be exchanged.
     pub fn is_at_rest(&self) -> bool {
         self.offset == 0 && self.ramp.is_down()
