@@ -222,7 +222,7 @@ impl Tick {
             force: inputs.force,
             encoder_delta: delta,
         };
-        self.tap.put(now, sample);
+        self.tap.put(now, sample, inputs.complete);
     }
 
     /// Counts the triggers since the last tick: one, or more if ticks were missed.
