@@ -135,6 +135,10 @@ impl Device for Hardware {
         update::is_stale()
     }
 
+    fn is_force_railed(&self) -> bool {
+        update::is_railed()
+    }
+
     fn set_mute(&mut self, muted: bool) {
         if muted != self.muted {
             self.muted_since = tick::set_muted(muted);

@@ -75,7 +75,7 @@ async fn main(spawner: Spawner) {
         adc: p.ADC1,
         acceleration_x: p.PA3,
         acceleration_y: p.PC0,
-        acceleration_z: p.PC1,
+        acceleration_z: p.PF12,
         force: p.PB1,
         timer: p.TIM3,
         encoder_a: p.PA6,

@@ -8,7 +8,7 @@ use model_format::link::{
     ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, MotionRefused,
     MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, RecordCounters,
     RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings, SettingsError,
-    SlotId, SlotInfo, Status, StopError, TickCounters, TickHistogram, UploadState,
+    SettingsState, SlotId, SlotInfo, Status, StopError, TickCounters, TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
@@ -45,6 +45,9 @@ pub trait Device {
 
     /// Returns true if the motion that is followed was too old at the last update.
     fn is_motion_stale(&self) -> bool;
+
+    /// Returns true if that is so because the force was at a rail of its converter.
+    fn is_force_railed(&self) -> bool;
 
     /// Mutes or unmutes the tick.
     fn set_mute(&mut self, muted: bool);
@@ -138,7 +141,7 @@ pub struct Control<D> {
     device: D,
     player: Player,
     settings: Settings,
-    settings_faulty: bool,
+    settings_state: SettingsState,
     active: Option<(SlotId, SlotInfo)>,
     upload: UploadState,
     heard_at: Option<u64>,
@@ -146,14 +149,14 @@ pub struct Control<D> {
 
 impl<D: Device> Control<D> {
     /// A control that plays nothing and has no library.
-    pub fn new(mut device: D, settings: Settings, settings_faulty: bool) -> Self {
+    pub fn new(mut device: D, settings: Settings, settings_state: SettingsState) -> Self {
         device.set_settings(&settings);
         device.set_mute(true);
         Self {
             device,
             player: Player::new(),
             settings,
-            settings_faulty,
+            settings_state,
             active: None,
             upload: UploadState::Idle,
             heard_at: None,
@@ -170,6 +173,7 @@ impl<D: Device> Control<D> {
         let observed = Observed {
             at_rest: self.device.is_at_rest(),
             stale: self.device.is_motion_stale(),
+            railed: self.device.is_force_railed(),
             link_lost: self.is_link_lost(),
         };
         let action = self.player.poll(observed);
@@ -224,7 +228,7 @@ impl<D: Device> Control<D> {
             reset: reason,
             resets,
             fault,
-            settings_faulty: self.settings_faulty,
+            settings: self.settings_state,
         }
     }
 
@@ -271,6 +275,7 @@ impl<D: Device> Control<D> {
         if self.player.mute().contains(MuteReason::Fault) {
             return Err(PlayError::Fault);
         }
+        self.settings_state.check_playable()?;
         if self.active.is_none() {
             return Err(PlayError::NoLibrary);
         }
@@ -333,9 +338,9 @@ impl<D: Device> Control<D> {
     }
 
     /// Applies the settings of the store, and lets textures be played again.
-    pub fn end_configuration(&mut self, settings: Settings, faulty: bool) {
+    pub fn end_configuration(&mut self, settings: Settings, state: SettingsState) {
         self.settings = settings;
-        self.settings_faulty = faulty;
+        self.settings_state = state;
         self.device.set_settings(&settings);
         self.player.end_configuration();
     }

@@ -7,8 +7,8 @@
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
     ActivateError, Activated, ListError, ListRequest, SceneInfo, SettingChange, Settings,
-    SettingsError, SlotId, SlotInfo, SlotState, Slots, TextureInfo, UploadBegin, UploadChunk,
-    UploadCommitted, UploadError, UploadProgress, UploadState,
+    SettingsError, SettingsState, SlotId, SlotInfo, SlotState, Slots, TextureInfo, UploadBegin,
+    UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 use crate::settings::SettingsStore;
@@ -43,7 +43,7 @@ pub trait Stage {
     fn begin_configuration(&mut self) -> Result<(), SettingsError>;
 
     /// As `Control::end_configuration`.
-    fn end_configuration(&mut self, settings: Settings, faulty: bool);
+    fn end_configuration(&mut self, settings: Settings, state: SettingsState);
 
     /// As `Control::set_upload`.
     fn set_upload(&mut self, upload: UploadState);
@@ -254,7 +254,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             None => self.settings.reset().await,
         };
         // Also after an error, because a reset that failed half way has changed some settings.
-        stage.end_configuration(self.settings.settings(), self.settings.is_faulty());
+        stage.end_configuration(self.settings.settings(), self.settings.state());
         result
     }
 }

@@ -15,9 +15,9 @@ use embassy_time::{Duration, Ticker, Timer};
 use heapless::Vec;
 use model_format::link::{
     ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES,
-    SettingChange, Settings, SettingsError, SettingsResetEndpoint, SettingsSetEndpoint, SlotId,
-    SlotInfo, SlotsEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
+    SettingChange, Settings, SettingsError, SettingsResetEndpoint, SettingsSetEndpoint,
+    SettingsState, SlotId, SlotInfo, SlotsEndpoint, UploadAbortEndpoint, UploadBegin,
+    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
 };
 use postcard_rpc::header::VarSeq;
 use postcard_rpc::server::{Sender, WireTxErrorKind};
@@ -107,7 +107,7 @@ pub async fn start(spawner: Spawner, hardware: Hardware) {
     // SAFETY: nothing else calls them, and this runs once.
     let (slots, settings) = unsafe { (Bank2::new(), SettingsFlash::new()) };
     let settings = SettingsStore::open(settings, SETTINGS_RANGE).await;
-    let control = Control::new(hardware, settings.settings(), settings.is_faulty());
+    let control = Control::new(hardware, settings.settings(), settings.state());
     CONTROL.lock(|cell| *cell.borrow_mut() = Some(control));
     spawner.spawn(poll().unwrap());
     let stores = STORES.init(Storage::new(SlotStore::open(slots).await, settings));
@@ -216,8 +216,8 @@ impl Stage for ControlStage {
         with_control(Control::begin_configuration)
     }
 
-    fn end_configuration(&mut self, settings: Settings, faulty: bool) {
-        with_control(|control| control.end_configuration(settings, faulty));
+    fn end_configuration(&mut self, settings: Settings, state: SettingsState) {
+        with_control(|control| control.end_configuration(settings, state));
     }
 
     fn set_upload(&mut self, upload: UploadState) {

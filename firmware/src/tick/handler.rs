@@ -238,7 +238,7 @@ impl Tick {
             force: inputs.force,
             encoder_delta: delta,
         };
-        self.tap.put(now, sample);
+        self.tap.put(now, sample, inputs.complete);
     }
 
     /// Writes `sample` as codes, ahead of what is put out now.

@@ -16,6 +16,7 @@ mod mute;
 mod play;
 mod record;
 mod settings;
+mod settings_state;
 mod slot;
 mod status;
 #[cfg(test)]
@@ -37,7 +38,10 @@ pub use record::{
     BLOCK_SAMPLES, PackedSample, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
 };
-pub use settings::{SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError};
+pub use settings::{
+    SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError, Tighter,
+};
+pub use settings_state::{SettingSet, SettingsState};
 pub use slot::{LIBRARY_CRC, SlotFault, SlotId, SlotInfo, SlotState, Slots};
 pub use status::{
     Activity, Fault, FaultKind, FaultText, LinkCounters, OutputStatus, RecordCounters, ResetReason,

@@ -17,10 +17,12 @@ pub enum MuteReason {
     Changing,
     /// A fault was found; only a restart ends this mute.
     Fault,
+    /// The force sensor is at a rail of its converter: not connected, or overloaded.
+    ForceRail,
 }
 
 /// Number of reasons.
-pub const MUTE_REASON_COUNT: usize = 5;
+pub const MUTE_REASON_COUNT: usize = 6;
 
 impl MuteReason {
     /// All reasons, in the order of the counters in [`super::OutputStatus`].
@@ -30,6 +32,7 @@ impl MuteReason {
         Self::LinkLost,
         Self::Changing,
         Self::Fault,
+        Self::ForceRail,
     ];
 }
 
@@ -41,6 +44,7 @@ impl core::fmt::Display for MuteReason {
             Self::LinkLost => "link lost",
             Self::Changing => "changing texture or library",
             Self::Fault => "fault",
+            Self::ForceRail => "force sensor at its rail: connect it, or press less",
         })
     }
 }

@@ -4,7 +4,9 @@ use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{MUTE_REASON_COUNT, MotionSource, MuteReasons, Selection, SlotId, UploadState};
+use super::{
+    MUTE_REASON_COUNT, MotionSource, MuteReasons, Selection, SettingsState, SlotId, UploadState,
+};
 
 /// Width of one bin of the histogram, cycles.
 pub const TICK_BIN_CYCLES: u32 = 4096;
@@ -206,6 +208,6 @@ pub struct Status {
     pub resets: u32,
     /// The last fault since power-on.
     pub fault: Option<Fault>,
-    /// True if the settings could not be read and defaults hold.
-    pub settings_faulty: bool,
+    /// State of the settings.
+    pub settings: SettingsState,
 }

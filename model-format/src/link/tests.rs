@@ -191,6 +191,12 @@ fn play_errors() -> Vec<PlayError> {
         },
         PlayError::Busy,
         PlayError::Fault,
+        PlayError::SettingsNotSet {
+            missing: SettingSet::ALL
+        },
+        PlayError::SettingsLost {
+            lost: SettingSet::ALL
+        },
     ]
 }
 
@@ -292,7 +298,13 @@ fn statuses() -> Vec<Status> {
         reset,
         resets: u32::MAX,
         fault,
-        settings_faulty: true,
+        settings: SettingsState {
+            set: SettingSet::ALL,
+            lost: SettingSet::ALL,
+            differing: SettingSet::ALL,
+            mended: true,
+            unwritable: true,
+        },
     };
     let resets = [
         ResetReason::PowerOn,
@@ -511,6 +523,7 @@ fn a_record_block_takes_less_than_400_bytes_whatever_is_in_it() {
         sequence,
         first_tick: u64::from(sequence) << 32,
         lost_blocks: sequence,
+        torn: sequence,
         samples: [RecordSample {
             acceleration: [AdcCode(code); 3],
             force: AdcCode(code),

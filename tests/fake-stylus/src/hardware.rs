@@ -52,6 +52,8 @@ pub struct Hardware {
     pub host: Timed,
     /// Judgement of the last update on the motion that is followed.
     is_stale: bool,
+    /// True if that is so because the force sensor is at a rail.
+    is_railed: bool,
     sensors: Sensors,
     inputs: InputConfig,
     /// The settings that were installed last.
@@ -65,6 +67,8 @@ pub struct Hardware {
     pub hand: Hand,
     /// Number of samples to come that are lost before they reach the recorder.
     pub lose_samples: u32,
+    /// Number of samples to come whose conversions are not all of their tick.
+    pub tear_samples: u32,
     /// Change of what the device says about itself.
     pub disguise: Option<fn(&mut DeviceInfo)>,
     /// Instructions per sample that a scene may take.
@@ -104,6 +108,7 @@ impl Hardware {
             source: MotionSource::Sensors,
             host: Timed::NEVER,
             is_stale: true,
+            is_railed: false,
             sensors: Sensors::new(),
             inputs: InputConfig::new(&settings),
             settings,
@@ -113,6 +118,7 @@ impl Hardware {
             link: LinkCounters::default(),
             hand: Hand::default(),
             lose_samples: 0,
+            tear_samples: 0,
             disguise: None,
             budget: BUDGET,
             loads_badly: false,
@@ -127,12 +133,16 @@ impl Hardware {
     pub fn tick(&mut self) {
         self.now += 1;
         let sample = self.hand.sample(self.now);
+        let whole = self.tear_samples == 0;
+        self.tear_samples = self.tear_samples.saturating_sub(1);
         self.sensors
-            .read(self.now, sample.encoder_delta, sample.force, true);
+            .read(self.now, sample.encoder_delta, sample.force, whole);
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
             self.sensors.end_block();
             let sensors = self.sensors.motion(&self.inputs);
             self.is_stale = choose(self.source, sensors, self.host).is_stale(self.now);
+            let by_rail = self.source == MotionSource::Sensors && self.sensors.is_railed();
+            self.is_railed = self.is_stale && by_rail;
         }
         let phase = self.now as f32 * 0.3;
         let level = if self.playing.is_some() { 2e7 } else { 0.0 };
@@ -141,7 +151,7 @@ impl Hardware {
         if self.lose_samples > 0 {
             self.lose_samples -= 1;
         } else {
-            self.tap.put(self.now, sample);
+            self.tap.put(self.now, sample, whole);
         }
         self.histogram.count(20_000 + (self.now % 7) as u32 * 3_000);
     }
@@ -233,6 +243,10 @@ impl Device for Hardware {
 
     fn is_motion_stale(&self) -> bool {
         self.is_stale
+    }
+
+    fn is_force_railed(&self) -> bool {
+        self.is_railed
     }
 
     fn set_mute(&mut self, muted: bool) {

@@ -3,14 +3,15 @@
 use std::ops::{Deref, DerefMut};
 
 use embassy_futures::block_on;
-use fake_stylus::device::SteppedStylus;
-use fake_stylus::flash::SimulatedFlash;
+use fake_stylus::device::{COIL, SteppedStylus};
+use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::library::{announcement, library, texture};
 use model_format::limits::{MAX_ORDER, SLOT_BYTES};
 use model_format::link::{
     ActivateError, Activity, LINK_LOST_AFTER_MS, ListError, ListRequest, MotionSample,
-    MotionSource, MuteReason, PlayError, PlayRequest, RecordError, Selection, Setting,
-    SettingChange, Settings, SettingsError, SlotId, SlotState, StopError, UploadChunk, UploadState,
+    MotionSource, MuteReason, PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection,
+    Setting, SettingChange, SettingSet, Settings, SettingsError, SettingsState, SlotId, SlotState,
+    StopError, UploadChunk, UploadState,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{Library, MillimetresPerSecond, Newton, encode, encode_with_scenes};
@@ -37,8 +38,15 @@ impl DerefMut for Stylus {
 }
 
 impl Stylus {
-    /// Boots on blank flash.
+    /// Boots on blank flash, and sets what nothing plays without.
     fn new() -> Self {
+        let mut stylus = Self::unset();
+        stylus.set_coil();
+        stylus
+    }
+
+    /// Boots on blank flash.
+    fn unset() -> Self {
         let stylus = Self(SteppedStylus::boot());
         assert_eq!(stylus.storage.slots().active, None);
         stylus
@@ -459,6 +467,135 @@ fn settings_change_at_rest_alone_and_reach_the_device() {
     assert_eq!(stylus.control.borrow().settings(), set);
     assert_eq!(stylus.reset_settings(), Ok(Settings::default()));
     assert_eq!(stylus.control.borrow().settings(), Settings::default());
+}
+
+/// A stylus that nobody has set, with a library.
+fn unset_with_library() -> Stylus {
+    let mut stylus = Stylus::unset();
+    let slot = stylus.upload(&library(1, 20, 1));
+    assert!(stylus.activate(slot).is_ok());
+    stylus
+}
+
+#[test]
+fn nothing_plays_until_each_setting_of_the_coil_was_set_by_someone() {
+    let mut stylus = unset_with_library();
+    let mut missing = SettingSet::REQUIRED;
+    for change in COIL {
+        let refused = stylus.play("texture 0");
+        assert_eq!(refused, Err(PlayError::SettingsNotSet { missing }));
+        assert!(
+            !stylus
+                .control
+                .borrow()
+                .status()
+                .settings
+                .set
+                .contains(change.setting)
+        );
+        // The value of the default counts as soon as somebody has set it.
+        let default = change.setting.spec().default;
+        stylus
+            .change_setting(SettingChange {
+                value: default,
+                ..change
+            })
+            .expect("in range");
+        missing = missing.with(change.setting, false);
+        stylus.run(50);
+        assert!(!stylus.sounds());
+    }
+    assert!(missing.is_empty());
+    stylus.play("texture 0").expect("all are set");
+    stylus.run(300);
+    assert!(stylus.sounds());
+}
+
+#[test]
+fn after_a_reset_nothing_plays_and_the_output_stays_at_rest() {
+    let mut stylus = Stylus::with_library(&library(1, 20, 1));
+    assert_eq!(stylus.reset_settings(), Ok(Settings::default()));
+    let refused = stylus.play("texture 0");
+    assert_eq!(
+        refused,
+        Err(PlayError::SettingsNotSet {
+            missing: SettingSet::REQUIRED
+        })
+    );
+    stylus.run(300);
+    assert!(!stylus.sounds());
+    assert_eq!(
+        stylus.control.borrow().status().settings,
+        SettingsState::default()
+    );
+}
+
+#[test]
+fn lost_settings_refuse_a_play_by_their_names_until_they_are_set_again_or_reset() {
+    for begins_anew in [true, false] {
+        let mut stylus = Stylus(SteppedStylus::boot_with(
+            SimulatedFlash::two_slots(),
+            SimulatedFlash::new(Memory::garbage(2 * SECTOR_BYTES)),
+        ));
+        let slot = stylus.upload(&library(1, 20, 1));
+        assert!(stylus.activate(slot).is_ok());
+        let lost = SettingSet::ALL;
+        assert_eq!(
+            stylus.play("texture 0"),
+            Err(PlayError::SettingsLost { lost })
+        );
+        assert_eq!(stylus.control.borrow().status().settings.lost, lost);
+        if begins_anew {
+            stylus.reset_settings().expect("the flash can be erased");
+            stylus.set_coil();
+        } else {
+            for setting in Setting::ALL {
+                assert!(matches!(
+                    stylus.play("texture 0"),
+                    Err(PlayError::SettingsLost { .. })
+                ));
+                let value = setting.spec().default;
+                stylus
+                    .change_setting(SettingChange { setting, value })
+                    .expect("in range");
+            }
+        }
+        stylus.play("texture 0").expect("everything is known again");
+        stylus.run(300);
+        assert!(stylus.sounds());
+    }
+}
+
+#[test]
+fn an_open_force_sensor_is_silence_with_its_name_and_a_host_plays_on() {
+    let stylus = Stylus::with_library(&library(1, 20, 1));
+    let by_sensors = PlayRequest {
+        motion: MotionSource::Sensors,
+        ..request("texture 0")
+    };
+    stylus
+        .control
+        .borrow_mut()
+        .play(by_sensors)
+        .expect("it is there");
+    stylus.run(300);
+    assert!(stylus.sounds());
+    stylus.control.borrow_mut().device().hand.is_open = true;
+    stylus.run(STALE_AFTER_MS + 50);
+    assert!(!stylus.sounds());
+    let mute = stylus.control.borrow().status().output.mute;
+    assert_eq!(
+        mute.iter().collect::<Vec<_>>(),
+        [MuteReason::Stale, MuteReason::ForceRail]
+    );
+    stylus.control.borrow_mut().device().hand.is_open = false;
+    stylus.run(300);
+    assert!(stylus.sounds());
+    // Motion of the host needs no sensor.
+    stylus.control.borrow_mut().device().hand.is_open = true;
+    stylus.play("texture 0").expect("it is there");
+    stylus.run(300);
+    assert!(stylus.sounds() && stylus.control.borrow().mute().is_empty());
 }
 
 #[test]
