@@ -8,7 +8,7 @@ use model_format::link::{
     ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, MotionRefused,
     MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, RecordCounters,
     RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings, SettingsError,
-    SlotId, SlotInfo, Status, StopError, TickCounters, TickHistogram, UploadState,
+    SlotId, SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
@@ -39,6 +39,9 @@ pub trait Device {
 
     /// Cause of the last reset.
     fn reset_report(&self) -> ResetReport;
+
+    /// The start, and the supply as it is now.
+    fn start_report(&self) -> StartReport;
 
     /// Returns true if the output is at rest and the tick has seen the last [`Device::set_mute`].
     fn is_at_rest(&self) -> bool;
@@ -147,9 +150,13 @@ impl<D: Device> Control<D> {
     pub fn new(mut device: D, settings: Settings, settings_faulty: bool) -> Self {
         device.set_settings(&settings);
         device.set_mute(true);
+        let mut player = Player::new();
+        if device.start_report().safe_mode {
+            player.safe_mode();
+        }
         Self {
             device,
-            player: Player::new(),
+            player,
             settings,
             settings_faulty,
             active: None,
@@ -209,7 +216,8 @@ impl<D: Device> Control<D> {
             fault,
         } = self.device.reset_report();
         Status {
-            uptime_ms: tick.counters.ticks / u64::from(TICKS_PER_MS),
+            // In safe mode there is no tick that counts.
+            uptime_ms: self.device.now() / u64::from(TICKS_PER_MS),
             output: self.output(&tick),
             tick: tick.counters,
             tick_histogram: tick.histogram,
@@ -223,7 +231,13 @@ impl<D: Device> Control<D> {
             resets,
             fault,
             settings_faulty: self.settings_faulty,
+            start: self.device.start_report(),
         }
+    }
+
+    /// Returns true while the supply is too low to write flash.
+    pub fn is_supply_low(&self) -> bool {
+        self.device.start_report().supply_low
     }
 
     fn output(&self, tick: &TickReport) -> OutputStatus {
@@ -264,6 +278,12 @@ impl<D: Device> Control<D> {
         // A comparison with NaN is false.
         if !(0.0..=MAX_PLAY_GAIN).contains(&request.gain) {
             return Err(PlayError::Gain { gain: request.gain });
+        }
+        let start = self.device.start_report();
+        if start.safe_mode {
+            return Err(PlayError::SafeMode {
+                quick_faults: start.quick_faults,
+            });
         }
         if self.player.mute().contains(MuteReason::Fault) {
             return Err(PlayError::Fault);

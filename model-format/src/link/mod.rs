@@ -17,6 +17,7 @@ mod play;
 mod record;
 mod settings;
 mod slot;
+mod start;
 mod status;
 #[cfg(test)]
 mod tests;
@@ -39,6 +40,10 @@ pub use record::{
 };
 pub use settings::{SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError};
 pub use slot::{LIBRARY_CRC, SlotFault, SlotId, SlotInfo, SlotState, Slots};
+pub use start::{
+    ClockSource, FLASH_SUPPLY_MV, QUICK_FAULT_MS, QUICK_FAULTS, SiliconRevision, StartReport,
+    StartStage,
+};
 pub use status::{
     Activity, Fault, FaultKind, FaultText, LinkCounters, OutputStatus, RecordCounters, ResetReason,
     Status, TICK_BIN_COUNT, TICK_BIN_CYCLES, TickCounters, TickHistogram,

@@ -17,10 +17,12 @@ pub enum MuteReason {
     Changing,
     /// A fault was found; only a restart ends this mute.
     Fault,
+    /// Safe mode after quick faults; only power or the reset button ends this mute.
+    SafeMode,
 }
 
 /// Number of reasons.
-pub const MUTE_REASON_COUNT: usize = 5;
+pub const MUTE_REASON_COUNT: usize = 6;
 
 impl MuteReason {
     /// All reasons, in the order of the counters in [`super::OutputStatus`].
@@ -30,6 +32,7 @@ impl MuteReason {
         Self::LinkLost,
         Self::Changing,
         Self::Fault,
+        Self::SafeMode,
     ];
 }
 
@@ -41,6 +44,7 @@ impl core::fmt::Display for MuteReason {
             Self::LinkLost => "link lost",
             Self::Changing => "changing texture or library",
             Self::Fault => "fault",
+            Self::SafeMode => "safe mode",
         })
     }
 }

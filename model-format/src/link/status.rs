@@ -4,7 +4,9 @@ use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{MUTE_REASON_COUNT, MotionSource, MuteReasons, Selection, SlotId, UploadState};
+use super::{
+    MUTE_REASON_COUNT, MotionSource, MuteReasons, Selection, SlotId, StartReport, UploadState,
+};
 
 /// Width of one bin of the histogram, cycles.
 pub const TICK_BIN_CYCLES: u32 = 4096;
@@ -145,7 +147,7 @@ impl core::fmt::Display for ResetReason {
 pub enum FaultKind {
     /// HardFault, or a fault that escalated to it.
     HardFault,
-    /// Non-maskable interrupt: the clock failed or the flash has an error that cannot be corrected.
+    /// Non-maskable interrupt: the flash has an error that cannot be corrected.
     Nmi,
     /// A panic.
     Panic,
@@ -155,6 +157,10 @@ pub enum FaultKind {
     TickStopped,
     /// The executor stopped; the watchdog followed.
     ExecutorStopped,
+    /// The external clock failed while the processor ran on it.
+    ClockFailed,
+    /// A stage of the start did not end; the watchdog followed. See [`StartReport::hung_stage`].
+    StartHung,
 }
 
 /// Location of a panic, or other detail of a fault.
@@ -204,4 +210,6 @@ pub struct Status {
     pub fault: Option<Fault>,
     /// True if the settings could not be read and defaults hold.
     pub settings_faulty: bool,
+    /// The start: clock, silicon, supply, safe mode.
+    pub start: StartReport,
 }

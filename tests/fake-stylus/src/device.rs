@@ -97,6 +97,10 @@ impl Stage for SharedControl {
         self.borrow_mut().end_configuration(settings, faulty);
     }
 
+    fn is_supply_low(&self) -> bool {
+        self.borrow().is_supply_low()
+    }
+
     fn set_upload(&mut self, upload: UploadState) {
         self.borrow_mut().set_upload(upload);
     }
@@ -144,16 +148,28 @@ impl SteppedStylus {
 
     /// Boots on `slots`, with settings that were never written, in the order of the image.
     pub fn boot_from(slots: Flash) -> Self {
+        Self::boot_as(slots, Hardware::new())
+    }
+
+    /// Boots on blank flash and on `hardware`, whose start may have been in safe mode.
+    pub fn boot_on(hardware: Hardware) -> Self {
+        Self::boot_as(SimulatedFlash::two_slots(), hardware)
+    }
+
+    fn boot_as(slots: Flash, hardware: Hardware) -> Self {
+        let safe_mode = hardware.start.safe_mode;
         let range = 0..2 * SECTOR_BYTES as u32;
         let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
         let settings = embassy_futures::block_on(SettingsStore::open(flash, range));
-        let control = Control::new(Hardware::new(), settings.settings(), settings.is_faulty());
+        let control = Control::new(hardware, settings.settings(), settings.is_faulty());
         let slots = embassy_futures::block_on(SlotStore::open(slots));
         let mut stylus = Self {
             control: SharedControl(Rc::new(RefCell::new(control))),
             storage: Storage::new(slots, settings),
         };
-        stylus.request(async |storage, stage| storage.activate_newest(stage).await);
+        if !safe_mode {
+            stylus.request(async |storage, stage| storage.activate_newest(stage).await);
+        }
         stylus
     }
 
