@@ -7,13 +7,15 @@
 use core::fmt::Write;
 
 use embassy_stm32::uid;
+use embassy_time::Instant;
 use heapless::String;
 use model_format::FORMAT_VERSION;
 use model_format::link::{
     DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
     RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection, Settings,
-    TickCounters,
+    StartReport, TickCounters,
 };
+use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
 use stylus_app::recorder::Recorder;
@@ -23,6 +25,7 @@ use stylus_app::storage::LoadFault;
 use stylus_kernel::scene::cost::BUDGET;
 
 use crate::boot::clock::CORE_HZ;
+use crate::boot::supply;
 use crate::play::direction::{self, Next};
 use crate::play::library_ram::LibraryRam;
 use crate::play::{update, voice};
@@ -35,6 +38,7 @@ pub struct Hardware {
     /// The recorder, which packs samples into blocks.
     pub recorder: Recorder<'static>,
     reset: ResetReport,
+    start: StartReport,
     link_counters: fn() -> [LinkCounters; 2],
     settings: Settings,
     muted: bool,
@@ -48,6 +52,7 @@ impl Hardware {
     pub fn new(
         recorder: Recorder<'static>,
         reset: ResetReport,
+        start: StartReport,
         link_counters: fn() -> [LinkCounters; 2],
     ) -> Self {
         // SAFETY: this runs once, because the caller gives its only recorder away.
@@ -56,6 +61,7 @@ impl Hardware {
             library,
             recorder,
             reset,
+            start,
             link_counters,
             settings: Settings::default(),
             muted: true,
@@ -93,6 +99,10 @@ impl Device for Hardware {
     }
 
     fn now(&self) -> u64 {
+        if self.start.safe_mode {
+            // No tick counts.
+            return Instant::now().as_micros() * u64::from(SAMPLE_RATE_HZ) / 1_000_000;
+        }
         tick::now()
     }
 
@@ -125,6 +135,13 @@ impl Device for Hardware {
 
     fn reset_report(&self) -> ResetReport {
         self.reset.clone()
+    }
+
+    fn start_report(&self) -> StartReport {
+        StartReport {
+            supply_low: supply::is_low(),
+            ..self.start
+        }
     }
 
     fn is_at_rest(&self) -> bool {

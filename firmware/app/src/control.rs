@@ -8,7 +8,8 @@ use model_format::link::{
     ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, MotionRefused,
     MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, RecordCounters,
     RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings, SettingsError,
-    SettingsState, SlotId, SlotInfo, Status, StopError, TickCounters, TickHistogram, UploadState,
+    SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram,
+    UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
@@ -39,6 +40,9 @@ pub trait Device {
 
     /// Cause of the last reset.
     fn reset_report(&self) -> ResetReport;
+
+    /// The start, and the supply as it is now.
+    fn start_report(&self) -> StartReport;
 
     /// Returns true if the output is at rest and the tick has seen the last [`Device::set_mute`].
     fn is_at_rest(&self) -> bool;
@@ -152,9 +156,13 @@ impl<D: Device> Control<D> {
     pub fn new(mut device: D, settings: Settings, settings_state: SettingsState) -> Self {
         device.set_settings(&settings);
         device.set_mute(true);
+        let mut player = Player::new();
+        if device.start_report().safe_mode {
+            player.safe_mode();
+        }
         Self {
             device,
-            player: Player::new(),
+            player,
             settings,
             settings_state,
             active: None,
@@ -215,7 +223,8 @@ impl<D: Device> Control<D> {
             fault,
         } = self.device.reset_report();
         Status {
-            uptime_ms: tick.counters.ticks / u64::from(TICKS_PER_MS),
+            // In safe mode there is no tick that counts.
+            uptime_ms: self.device.now() / u64::from(TICKS_PER_MS),
             output: self.output(&tick),
             tick: tick.counters,
             tick_histogram: tick.histogram,
@@ -229,7 +238,13 @@ impl<D: Device> Control<D> {
             resets,
             fault,
             settings: self.settings_state,
+            start: self.device.start_report(),
         }
+    }
+
+    /// Returns true while the supply is too low to write flash.
+    pub fn is_supply_low(&self) -> bool {
+        self.device.start_report().supply_low
     }
 
     fn output(&self, tick: &TickReport) -> OutputStatus {
@@ -271,6 +286,12 @@ impl<D: Device> Control<D> {
         // A comparison with NaN is false.
         if !(0.0..=MAX_PLAY_GAIN).contains(&request.gain) {
             return Err(PlayError::Gain { gain: request.gain });
+        }
+        let start = self.device.start_report();
+        if start.safe_mode {
+            return Err(PlayError::SafeMode {
+                quick_faults: start.quick_faults,
+            });
         }
         if self.player.mute().contains(MuteReason::Fault) {
             return Err(PlayError::Fault);

@@ -9,6 +9,7 @@
 //! | [`safety`], [`ring`] | the tick |
 //! | [`inputs`] | the tick (encoder, conversions) and below it (motion) |
 //! | [`recorder`] | the tick (one sample in a queue) and thread mode (blocks) |
+//! | [`start`] | the start, before anything else |
 //! | [`player`], [`control`] | thread mode, never waits |
 //! | [`slots`], [`upload`], [`settings`], [`storage`] | thread mode, asynchronous |
 #![no_std]
@@ -29,6 +30,7 @@ pub mod ring;
 pub mod safety;
 pub mod settings;
 pub mod slots;
+pub mod start;
 pub mod status;
 pub mod storage;
 pub mod upload;

@@ -188,6 +188,11 @@ impl Player {
         self.set(MuteReason::Fault, true);
     }
 
+    /// Mutes until the next start, because this one is in safe mode.
+    pub fn safe_mode(&mut self) {
+        self.set(MuteReason::SafeMode, true);
+    }
+
     /// Becomes idle and muted by a fault, because nothing was prepared to be started, and the status must not say that
     /// it plays.
     pub fn not_started(&mut self) {

@@ -18,6 +18,7 @@ mod record;
 mod settings;
 mod settings_state;
 mod slot;
+mod start;
 mod status;
 #[cfg(test)]
 mod tests;
@@ -43,6 +44,10 @@ pub use settings::{
 };
 pub use settings_state::{SettingSet, SettingsState};
 pub use slot::{LIBRARY_CRC, SlotFault, SlotId, SlotInfo, SlotState, Slots};
+pub use start::{
+    ClockSource, FLASH_SUPPLY_MV, QUICK_FAULT_MS, QUICK_FAULTS, SiliconRevision, StartReport,
+    StartStage,
+};
 pub use status::{
     Activity, Fault, FaultKind, FaultText, LinkCounters, OutputStatus, RecordCounters, ResetReason,
     Status, TICK_BIN_COUNT, TICK_BIN_CYCLES, TickCounters, TickHistogram,

@@ -19,10 +19,12 @@ pub enum MuteReason {
     Fault,
     /// The force sensor is at a rail of its converter: not connected, or overloaded.
     ForceRail,
+    /// Safe mode after quick faults; only power or the reset button ends this mute.
+    SafeMode,
 }
 
 /// Number of reasons.
-pub const MUTE_REASON_COUNT: usize = 6;
+pub const MUTE_REASON_COUNT: usize = 7;
 
 impl MuteReason {
     /// All reasons, in the order of the counters in [`super::OutputStatus`].
@@ -33,6 +35,7 @@ impl MuteReason {
         Self::Changing,
         Self::Fault,
         Self::ForceRail,
+        Self::SafeMode,
     ];
 }
 
@@ -45,6 +48,7 @@ impl core::fmt::Display for MuteReason {
             Self::Changing => "changing texture or library",
             Self::Fault => "fault",
             Self::ForceRail => "force sensor at its rail: connect it, or press less",
+            Self::SafeMode => "safe mode",
         })
     }
 }

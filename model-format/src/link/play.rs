@@ -4,7 +4,7 @@ use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{MuteReasons, Reason, SettingSet, TextureName};
+use super::{MuteReasons, QUICK_FAULT_MS, Reason, SettingSet, TextureName};
 use crate::scene::SceneName;
 
 /// Largest gain of a play request.
@@ -145,6 +145,16 @@ pub enum PlayError {
     SettingsLost {
         /// The settings that were lost.
         lost: SettingSet,
+    },
+    /// The device is in safe mode.
+    #[error(
+        "the device is in safe mode after {quick_faults} faults, each within {} s of a start: read the status, \
+         remove the cause, then switch the power off and on, or press the reset button",
+        QUICK_FAULT_MS / 1_000
+    )]
+    SafeMode {
+        /// Quick faults in succession.
+        quick_faults: u8,
     },
 }
 

@@ -3,7 +3,7 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::FlashOperation;
+use super::{FLASH_SUPPLY_MV, FlashOperation};
 use crate::{AdcCode, Volt};
 
 /// One setting. The numbers are those under which values are kept in flash: never reused, never reordered.
@@ -129,7 +129,8 @@ impl Setting {
             Self::AccelerationPerVoltZ => acceleration("acceleration-per-volt-z"),
             Self::OutputGain => number("output-gain", "V/(m/s²)", [0.0, 1.0], 0.01),
             Self::AmplifierGain => number("amplifier-gain", "V/V", [0.01, 100.0], 1.0),
-            Self::HardLimit => number("hard-limit", "V", [0.0, 1.6], 0.5),
+            // The buffered output reaches 0.2 V from either rail (DS12110, DAC characteristics); mid-scale is 1.65 V.
+            Self::HardLimit => number("hard-limit", "V", [0.0, 1.45], 0.5),
             Self::SlewLimit => number("slew-limit", "V/ms", [0.1, 16.0], 4.0),
             Self::CoilResistance => number("coil-resistance", "Ω", [0.1, 1000.0], 8.0),
             Self::ThermalTimeConstant => number("thermal-time-constant", "s", [1.0, 1000.0], 10.0),
@@ -351,4 +352,9 @@ pub enum SettingsError {
         /// The operation that failed.
         operation: FlashOperation,
     },
+    /// A supply too low to write flash.
+    #[error(
+        "the supply is below {FLASH_SUPPLY_MV} mV, too low to write flash: see to the supply, then try again"
+    )]
+    SupplyLow,
 }

@@ -5,7 +5,8 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    MUTE_REASON_COUNT, MotionSource, MuteReasons, Selection, SettingsState, SlotId, UploadState,
+    MUTE_REASON_COUNT, MotionSource, MuteReasons, Selection, SettingsState, SlotId, StartReport,
+    UploadState,
 };
 
 /// Width of one bin of the histogram, cycles.
@@ -151,7 +152,7 @@ impl core::fmt::Display for ResetReason {
 pub enum FaultKind {
     /// HardFault, or a fault that escalated to it.
     HardFault,
-    /// Non-maskable interrupt: the clock failed or the flash has an error that cannot be corrected.
+    /// Non-maskable interrupt: the flash has an error that cannot be corrected.
     Nmi,
     /// A panic.
     Panic,
@@ -161,6 +162,10 @@ pub enum FaultKind {
     TickStopped,
     /// The executor stopped; the watchdog followed.
     ExecutorStopped,
+    /// The external clock failed while the processor ran on it.
+    ClockFailed,
+    /// A stage of the start did not end; the watchdog followed. See [`StartReport::hung_stage`].
+    StartHung,
 }
 
 /// Location of a panic, or other detail of a fault.
@@ -210,4 +215,6 @@ pub struct Status {
     pub fault: Option<Fault>,
     /// State of the settings.
     pub settings: SettingsState,
+    /// The start: clock, silicon, supply, safe mode.
+    pub start: StartReport,
 }

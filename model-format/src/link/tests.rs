@@ -117,6 +117,7 @@ fn upload_errors() -> Vec<UploadError> {
         UploadError::Invalid { reason: text() },
         UploadError::ReadBack { slot, offset },
         UploadError::Busy,
+        UploadError::SupplyLow,
     ];
     for operation in [
         FlashOperation::Read,
@@ -197,11 +198,14 @@ fn play_errors() -> Vec<PlayError> {
         PlayError::SettingsLost {
             lost: SettingSet::ALL
         },
+        PlayError::SafeMode {
+            quick_faults: u8::MAX
+        },
     ]
 }
 
 fn settings_errors() -> Vec<SettingsError> {
-    let mut errors = std::vec![SettingsError::Playing];
+    let mut errors = std::vec![SettingsError::Playing, SettingsError::SupplyLow];
     for setting in Setting::ALL {
         errors.extend(setting.check(f32::INFINITY).err());
     }
@@ -305,6 +309,15 @@ fn statuses() -> Vec<Status> {
             mended: true,
             unwritable: true,
         },
+        start: StartReport {
+            clock: ClockSource::InternalUnmultiplied,
+            revision: SiliconRevision(u16::MAX),
+            brown_out_level: u8::MAX,
+            supply_low: true,
+            quick_faults: u8::MAX,
+            safe_mode: true,
+            hung_stage: Some(StartStage::Links),
+        },
     };
     let resets = [
         ResetReason::PowerOn,
@@ -322,6 +335,8 @@ fn statuses() -> Vec<Status> {
         FaultKind::UnexpectedInterrupt,
         FaultKind::TickStopped,
         FaultKind::ExecutorStopped,
+        FaultKind::ClockFailed,
+        FaultKind::StartHung,
     ];
     let busy = UploadState::Receiving(upload_progress());
     let mut statuses = std::vec![status(

@@ -113,6 +113,10 @@ impl Stage for SharedControl {
         self.borrow_mut().end_configuration(settings, state);
     }
 
+    fn is_supply_low(&self) -> bool {
+        self.borrow().is_supply_low()
+    }
+
     fn set_upload(&mut self, upload: UploadState) {
         self.borrow_mut().set_upload(upload);
     }
@@ -164,17 +168,30 @@ impl SteppedStylus {
         Self::boot_with(slots, flash)
     }
 
+    /// Boots on blank flash and on `hardware`, whose start may have been in safe mode.
+    pub fn boot_on(hardware: Hardware) -> Self {
+        let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
+        Self::boot_as(SimulatedFlash::two_slots(), flash, hardware)
+    }
+
     /// Boots on `slots` and on settings in `flash`, which has two sectors, in the order of the image.
     pub fn boot_with(slots: Flash, flash: Flash) -> Self {
+        Self::boot_as(slots, flash, Hardware::new())
+    }
+
+    fn boot_as(slots: Flash, flash: Flash, hardware: Hardware) -> Self {
+        let safe_mode = hardware.start.safe_mode;
         let range = 0..2 * SECTOR_BYTES as u32;
         let settings = embassy_futures::block_on(SettingsStore::open(flash, range));
-        let control = Control::new(Hardware::new(), settings.settings(), settings.state());
+        let control = Control::new(hardware, settings.settings(), settings.state());
         let slots = embassy_futures::block_on(SlotStore::open(slots));
         let mut stylus = Self {
             control: SharedControl(Rc::new(RefCell::new(control))),
             storage: Storage::new(slots, settings),
         };
-        stylus.request(async |storage, stage| storage.activate_newest(stage).await);
+        if !safe_mode {
+            stylus.request(async |storage, stage| storage.activate_newest(stage).await);
+        }
         stylus
     }
 

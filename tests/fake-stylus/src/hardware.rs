@@ -9,9 +9,9 @@
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest, RecordBlock,
-    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection,
-    Settings, TickCounters,
+    ClockSource, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
+    RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
+    SCHEMA_HASH, Selection, Settings, SiliconRevision, StartReport, TickCounters,
 };
 use model_format::{FORMAT_VERSION, Library, OutputSample};
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
@@ -27,6 +27,17 @@ use crate::hand::Hand;
 
 /// Clock of the processor, Hz.
 const CORE_HZ: u32 = 400_000_000;
+
+/// A start without a fault, on silicon of revision V with the brown-out reset on.
+const HEALTHY_START: StartReport = StartReport {
+    clock: ClockSource::External,
+    revision: SiliconRevision(0x2003),
+    brown_out_level: 3,
+    supply_low: false,
+    quick_faults: 0,
+    safe_mode: false,
+    hung_stage: None,
+};
 
 /// A plan of the fake hardware: the selection that was found playable.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,6 +86,8 @@ pub struct Hardware {
     pub budget: u32,
     /// Damage of each library on its way to RAM.
     pub loads_badly: bool,
+    /// The start, and the present supply.
+    pub start: StartReport,
     /// Number of exchanges of the library in RAM.
     pub exchanges: usize,
     /// Number of times that playing began from silence.
@@ -122,6 +135,7 @@ impl Hardware {
             disguise: None,
             budget: BUDGET,
             loads_badly: false,
+            start: HEALTHY_START,
             exchanges: 0,
             starts: 0,
             switches: 0,
@@ -235,6 +249,10 @@ impl Device for Hardware {
             resets: 0,
             fault: None,
         }
+    }
+
+    fn start_report(&self) -> StartReport {
+        self.start
     }
 
     fn is_at_rest(&self) -> bool {

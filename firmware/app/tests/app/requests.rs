@@ -5,13 +5,14 @@ use std::ops::{Deref, DerefMut};
 use embassy_futures::block_on;
 use fake_stylus::device::{COIL, SteppedStylus};
 use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
+use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, texture};
 use model_format::limits::{MAX_ORDER, SLOT_BYTES};
 use model_format::link::{
     ActivateError, Activity, LINK_LOST_AFTER_MS, ListError, ListRequest, MotionSample,
     MotionSource, MuteReason, PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection,
     Setting, SettingChange, SettingSet, Settings, SettingsError, SettingsState, SlotId, SlotState,
-    StopError, UploadChunk, UploadState,
+    StopError, UploadChunk, UploadError, UploadState,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{Library, MillimetresPerSecond, Newton, encode, encode_with_scenes};
@@ -702,4 +703,61 @@ fn recordings_are_started_and_stopped_once() {
     assert!(control.status().record.recording);
     assert_eq!(control.record_start(), Err(RecordError::Recording));
     assert!(control.record_stop().is_ok());
+}
+
+#[test]
+fn in_safe_mode_nothing_plays_the_reason_is_told_and_the_rest_is_served() {
+    let mut hardware = Hardware::new();
+    hardware.start.safe_mode = true;
+    hardware.start.quick_faults = 4;
+    let mut stylus = Stylus(SteppedStylus::boot_on(hardware));
+    let slot = stylus.upload(&library(1, 4, 1));
+    stylus.activate(slot).expect("it is valid");
+    let refused = stylus.play("texture 0");
+    assert_eq!(refused, Err(PlayError::SafeMode { quick_faults: 4 }));
+    let words = refused.expect_err("as above").to_string();
+    assert!(
+        words.contains("safe mode after 4 faults") && words.contains("power off"),
+        "{words}"
+    );
+    stylus.run(100);
+    let status = stylus.control.borrow().status();
+    assert!(status.output.mute.contains(MuteReason::SafeMode));
+    assert!(status.start.safe_mode && !stylus.sounds());
+    assert_eq!(stylus.control.borrow_mut().device().starts, 0);
+}
+
+#[test]
+fn while_the_supply_is_low_no_flash_is_written_and_what_was_begun_goes_on_after() {
+    let mut stylus = Stylus::new();
+    let bytes = library(1, 4, 1);
+    let begin = announcement(&bytes);
+    let low = |stylus: &mut Stylus, low| {
+        stylus.control.borrow_mut().device().start.supply_low = low;
+    };
+    low(&mut stylus, true);
+    let begun = stylus.request(async |storage, stage| storage.upload_begin(stage, begin).await);
+    assert_eq!(begun, Err(UploadError::SupplyLow));
+    let change = SettingChange {
+        setting: Setting::HardLimit,
+        value: 0.25,
+    };
+    assert_eq!(stylus.change_setting(change), Err(SettingsError::SupplyLow));
+    assert_eq!(stylus.reset_settings(), Err(SettingsError::SupplyLow));
+    low(&mut stylus, false);
+    let begun = stylus.request(async |storage, stage| storage.upload_begin(stage, begin).await);
+    assert!(begun.is_ok(), "{begun:?}");
+    low(&mut stylus, true);
+    let chunk = UploadChunk {
+        offset: 0,
+        data: &bytes[..512],
+    };
+    let written = stylus.request(async |storage, stage| storage.upload_chunk(stage, chunk).await);
+    assert_eq!(written, Err(UploadError::SupplyLow));
+    let sealed = stylus.request(async |storage, stage| storage.upload_commit(stage).await);
+    assert_eq!(sealed, Err(UploadError::SupplyLow));
+    low(&mut stylus, false);
+    let written = stylus.request(async |storage, stage| storage.upload_chunk(stage, chunk).await);
+    assert_eq!(written.map(|progress| progress.next_offset), Ok(512));
+    assert!(stylus.change_setting(change).is_ok());
 }
