@@ -10,12 +10,13 @@ use embassy_stm32::uid;
 use heapless::String;
 use model_format::FORMAT_VERSION;
 use model_format::link::{
-    DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
+    DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
     RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection, Settings,
     TickCounters,
 };
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
+use stylus_app::levels::Sums;
 use stylus_app::recorder::Recorder;
 use stylus_app::safety;
 use stylus_app::status::Histogram;
@@ -23,6 +24,7 @@ use stylus_app::storage::LoadFault;
 use stylus_kernel::scene::cost::BUDGET;
 
 use crate::boot::clock::CORE_HZ;
+use crate::boot::critical;
 use crate::play::direction::{self, Next};
 use crate::play::library_ram::LibraryRam;
 use crate::play::{update, voice};
@@ -35,6 +37,7 @@ pub struct Hardware {
     pub recorder: Recorder<'static>,
     reset: ResetReport,
     link_counters: fn() -> [LinkCounters; 2],
+    guard_marks: fn() -> Marks,
     settings: Settings,
     muted: bool,
     /// Number of the first tick that has seen the present mute.
@@ -48,6 +51,7 @@ impl Hardware {
         recorder: Recorder<'static>,
         reset: ResetReport,
         link_counters: fn() -> [LinkCounters; 2],
+        guard_marks: fn() -> Marks,
     ) -> Self {
         // SAFETY: this runs once, because the caller gives its only recorder away.
         let library = unsafe { LibraryRam::new() };
@@ -56,6 +60,7 @@ impl Hardware {
             recorder,
             reset,
             link_counters,
+            guard_marks,
             settings: Settings::default(),
             muted: true,
             muted_since: 0,
@@ -114,6 +119,18 @@ impl Device for Hardware {
             thermal_load_permille: tick.safety.thermal_load_permille(),
             thermal_gain_permille: tick.safety.thermal_gain_permille(),
         }
+    }
+
+    fn marks(&self) -> Marks {
+        Marks {
+            longest_tick_delay_cycles: tick::snapshot().map_or(0, |tick| tick.longest_delay_cycles),
+            longest_critical_section_cycles: critical::longest_cycles(),
+            ..(self.guard_marks)()
+        }
+    }
+
+    fn sensor_sums(&self) -> Sums {
+        self.recorder.sums()
     }
 
     fn link_counters(&self) -> [LinkCounters; 2] {

@@ -8,6 +8,7 @@
 //! |---|---|
 //! | [`safety`] | the tick |
 //! | [`inputs`] | the tick (encoder, conversions) and below it (motion) |
+//! | [`levels`] | thread mode, never waits |
 //! | [`recorder`] | the tick (one sample in a queue) and thread mode (blocks) |
 //! | [`player`], [`control`] | thread mode, never waits |
 //! | [`slots`], [`upload`], [`settings`], [`storage`] | thread mode, asynchronous |
@@ -23,6 +24,7 @@ extern crate std;
 pub mod control;
 pub mod flash;
 pub mod inputs;
+pub mod levels;
 pub mod player;
 pub mod recorder;
 pub mod safety;

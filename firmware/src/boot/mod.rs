@@ -3,6 +3,8 @@
 //! Invariant: no file here imports another room, and the output is at mid-scale before any Rust code runs.
 
 pub mod clock;
+pub mod critical;
 pub mod priority;
+pub mod protection;
 pub mod reset;
 pub mod startup;
