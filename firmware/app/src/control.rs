@@ -5,15 +5,16 @@
 
 use model_format::Library;
 use model_format::link::{
-    ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, MotionRefused,
-    MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, RecordCounters,
-    RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings, SettingsError,
-    SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram,
-    UploadState,
+    ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, Marks,
+    MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
+    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings,
+    SettingsError, SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters,
+    TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
 use crate::inputs::Timed;
+use crate::levels::Sums;
 use crate::player::{Action, Begin, Busy, Observed, Player};
 use crate::safety::{Config, Counters};
 use crate::words::in_words;
@@ -34,6 +35,12 @@ pub trait Device {
 
     /// Counters and state of the tick.
     fn tick_report(&self) -> TickReport;
+
+    /// Worst cases since the start.
+    fn marks(&self) -> Marks;
+
+    /// Sums of the sensors' samples over the last whole window.
+    fn sensor_sums(&self) -> Sums;
 
     /// Counters of the links: USB, serial.
     fn link_counters(&self) -> [LinkCounters; 2];
@@ -228,6 +235,8 @@ impl<D: Device> Control<D> {
             output: self.output(&tick),
             tick: tick.counters,
             tick_histogram: tick.histogram,
+            marks: self.device.marks(),
+            levels: self.device.sensor_sums().levels(&self.settings),
             record: self.device.record_counters(),
             usb,
             serial,

@@ -8,6 +8,7 @@
 //! |---|---|
 //! | [`safety`], [`ring`] | the tick |
 //! | [`inputs`] | the tick (encoder, conversions) and below it (motion) |
+//! | [`levels`] | thread mode, never waits |
 //! | [`recorder`] | the tick (one sample in a queue) and thread mode (blocks) |
 //! | [`start`] | the start, before anything else |
 //! | [`player`], [`control`] | thread mode, never waits |
@@ -24,6 +25,7 @@ extern crate std;
 pub mod control;
 pub mod flash;
 pub mod inputs;
+pub mod levels;
 pub mod player;
 pub mod recorder;
 pub mod ring;

@@ -70,6 +70,8 @@ pub fn change(change: impl FnOnce(&mut Update)) {
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.update")]
 extern "C" fn SWPMI1() {
+    #[cfg(feature = "fault-injection")]
+    crate::injection::in_update();
     // SAFETY: this is the update, which the tick has requested.
     let noted = unsafe { voice::noted() };
     // SAFETY: this is the handler that owns the value.

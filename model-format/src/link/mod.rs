@@ -10,7 +10,9 @@
 //! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]. Every other one is answered at once.
 
 mod info;
+mod levels;
 mod library;
+mod marks;
 mod motion;
 mod mute;
 mod play;
@@ -29,7 +31,9 @@ mod upload;
 use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
 
 pub use info::{DeviceInfo, ProductName, Serial, VersionText};
+pub use levels::Levels;
 pub use library::{ActivateError, Activated, ListError, ListRequest, SceneInfo, TextureInfo};
+pub use marks::Marks;
 pub use motion::{MotionRefused, MotionSample};
 pub use mute::{MUTE_REASON_COUNT, MuteReason, MuteReasons};
 pub use play::{

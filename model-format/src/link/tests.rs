@@ -271,6 +271,7 @@ fn statuses() -> Vec<Status> {
         kind,
         program_counter: u32::MAX,
         detail: u32::MAX,
+        address: Some(u32::MAX),
         text: text(),
     };
     let status = |output, reset, fault, upload| Status {
@@ -288,6 +289,19 @@ fn statuses() -> Vec<Status> {
             shortest: u32::MAX,
             longest: u32::MAX,
             bins: [u32::MAX; TICK_BIN_COUNT],
+        },
+        marks: Marks {
+            stack_bytes: u32::MAX,
+            stack_used_bytes: u32::MAX,
+            longest_tick_delay_cycles: u32::MAX,
+            longest_critical_section_cycles: u32::MAX,
+            longest_watchdog_gap_us: u32::MAX,
+        },
+        levels: Levels {
+            samples: u32::MAX,
+            vibration_decibel: f32::MIN,
+            force_newton: f32::MAX,
+            force_noise_decibel: f32::MIN,
         },
         record: RecordCounters {
             recording: true,
@@ -337,6 +351,9 @@ fn statuses() -> Vec<Status> {
         FaultKind::ExecutorStopped,
         FaultKind::ClockFailed,
         FaultKind::StartHung,
+        FaultKind::StackOverflow,
+        FaultKind::MemoryProtection,
+        FaultKind::BusFault,
     ];
     let busy = UploadState::Receiving(upload_progress());
     let mut statuses = std::vec![status(

@@ -9,13 +9,14 @@
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    ClockSource, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
-    RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
-    SCHEMA_HASH, Selection, Settings, SiliconRevision, StartReport, TickCounters,
+    ClockSource, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError,
+    PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
+    ResetReason, SCHEMA_HASH, Selection, Settings, SiliconRevision, StartReport, TickCounters,
 };
 use model_format::{FORMAT_VERSION, Library, OutputSample};
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
+use stylus_app::levels::Sums;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety::{Config, State};
 use stylus_app::status::Histogram;
@@ -237,6 +238,20 @@ impl Device for Hardware {
             thermal_gain_permille: self.safety.thermal_gain_permille(),
             amplifier: true,
         }
+    }
+
+    fn marks(&self) -> Marks {
+        Marks {
+            stack_bytes: 48 << 10,
+            stack_used_bytes: 6 << 10,
+            longest_tick_delay_cycles: 400,
+            longest_critical_section_cycles: 300,
+            longest_watchdog_gap_us: 20_500,
+        }
+    }
+
+    fn sensor_sums(&self) -> Sums {
+        self.recorder.sums()
     }
 
     fn link_counters(&self) -> [LinkCounters; 2] {

@@ -9,12 +9,14 @@ use rigless::machine::stm32h743_bench::Stm32h743Bench;
 use rigless::machine::{Board, Target};
 use rigless::mcu::Mcu;
 use rigless::snapshot::Store;
+use rigless::soc::RegionKind;
+use rigless::soc::stm32h743::MEMORY;
 use rigless::soc::stm32h743::peripherals::usart;
 
 use crate::core::{self, Auditor};
 use crate::error::{Error, Result};
 use crate::model::adc::Pins;
-use crate::model::flash::Unreadable;
+use crate::model::flash::{Busy, Chance, Unreadable};
 use crate::part::Part;
 use crate::serial::Line;
 
@@ -36,7 +38,9 @@ pub struct StylusBoard {
     serial: usize,
     instructions_per_second: NonZeroU64,
     unreadable: Unreadable,
+    busy: Busy,
     auditor: Auditor,
+    ram_noise: Option<u64>,
 }
 
 impl StylusBoard {
@@ -48,10 +52,11 @@ impl StylusBoard {
         pins: Box<dyn Pins>,
         instructions_per_second: NonZeroU64,
         unreadable: Unreadable,
+        busy: Busy,
         auditor: Auditor,
     ) -> Result<Self> {
         let told = |error: rigless::soc::Error| Error::Emulator(error.to_string());
-        let mut part = Part::new(pins, unreadable.clone()).map_err(told)?;
+        let mut part = Part::new(pins, unreadable.clone(), busy.clone()).map_err(told)?;
         part.rest.rcc.attach_crystals(HIGH_SPEED_HZ, LOW_SPEED_HZ);
         part.rest.set_supply(RAIL_MILLIVOLTS);
         part.rest.set_analog_supply(RAIL_MILLIVOLTS);
@@ -63,8 +68,16 @@ impl StylusBoard {
             serial,
             instructions_per_second,
             unreadable,
+            busy,
             auditor,
+            ram_noise: None,
         })
+    }
+
+    /// Fills all RAM with noise from `seed` before the start, as the part's power-on leaves it. Without it RAM holds
+    /// zeros. A reset changes nothing.
+    pub fn fill_ram(&mut self, seed: u64) {
+        self.ram_noise = Some(seed);
     }
 
     /// The far end of the serial line, unless it is a socket.
@@ -86,6 +99,19 @@ impl StylusBoard {
         self.part.rest.usart[self.serial].attach(peer);
         Ok(port)
     }
+}
+
+/// Noise from `seed` for all RAM of the part.
+fn noise(seed: u64) -> impl Iterator<Item = Image> {
+    let mut chance = Chance(seed);
+    MEMORY
+        .iter()
+        .filter(|region| region.kind == RegionKind::Ram)
+        .map(move |region| {
+            let words = (0..region.size / 8).flat_map(|_| chance.next().to_le_bytes());
+            Image::new(Path::new("noise"), words.collect(), Some(region.base))
+                .expect("bytes with an address make an image")
+        })
 }
 
 // Runs start from reset, never from a snapshot.
@@ -117,7 +143,15 @@ impl Board for StylusBoard {
         );
         core.factory_images
             .push(unique_id.expect("bytes with an address make an image"));
-        core::wrap(&mut core, self.unreadable.clone(), self.auditor.clone());
+        if let Some(seed) = self.ram_noise {
+            core.factory_images.extend(noise(seed));
+        }
+        core::wrap(
+            &mut core,
+            self.unreadable.clone(),
+            self.busy.clone(),
+            self.auditor.clone(),
+        );
         vec![Target::new(NAME, &mut self.part, core)]
     }
 

@@ -1,7 +1,14 @@
-//! The core, with unreadable words of flash, and audits of a tick instruction by instruction.
+//! The core, with unreadable words and busy banks of flash, and audits of a tick instruction by instruction.
 //!
 //! The emulator's core reads flash as plain memory. Here pages with unreadable words go over the bus, where a read of
 //! such a word is a bus error, as in section 4.7.8: a precise bus fault.
+//!
+//! A bank that is programmed or erased goes over the bus too. A load from it does not happen, and the core stands still,
+//! without taking an interrupt, until the bank is idle; then the instruction begins again. So does an instruction that
+//! is to be fetched from it. The instructions that the core would have executed meanwhile are counted as if it had, so
+//! virtual time and the cycle counter go on. Fetches are looked at before every instruction in the first
+//! [`CLOSELY`] of them after the bank became busy, and before every eighth after that, because an erasure takes longer
+//! than a test can wait for single steps.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,7 +20,7 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
-use crate::model::flash::{BASE, BYTES, Unreadable};
+use crate::model::flash::{BASE, BYTES, Busy, Unreadable};
 use crate::model::usb;
 
 const FLASH: std::ops::Range<u64> = BASE as u64..BASE as u64 + BYTES as u64;
@@ -23,6 +30,20 @@ const STATUS_REGISTER: usize = 16;
 const EXCEPTION: u32 = 0x1FF;
 /// Largest number of places in a report, enough to find the code.
 const PLACES_KEPT: usize = 16;
+
+/// Bytes of a bank.
+const BANK: u64 = BYTES as u64 / 2;
+/// The bank with the code, as a bit of [`Busy::banks`].
+const CODE_BANK: u8 = 1;
+/// The other bank.
+const OTHER_BANK: u8 = 2;
+/// Number of instructions after a bank with code became busy whose fetches are looked at one by one: 5 ms, with ticks
+/// and updates.
+const CLOSELY: u64 = 1_000_000;
+/// Instructions at a time after that.
+const COARSE: u32 = 8;
+/// Time for which the other bank's reads stay on the bus after it was busy, so that an upload routes it once.
+const LINGER: VirtualNanos = VirtualNanos(20_000_000);
 
 /// One run through the tick's handler, instruction by instruction.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -88,12 +109,18 @@ impl Auditor {
 }
 
 /// Wraps this core around the one that `spec` makes.
-pub fn wrap(spec: &mut CoreSpec, unreadable: Unreadable, auditor: Auditor) {
+pub fn wrap(spec: &mut CoreSpec, unreadable: Unreadable, busy: Busy, auditor: Auditor) {
     let make = Arc::clone(&spec.processor);
     spec.processor = Arc::new(move |endian| {
         Ok(Box::new(Core {
             inner: make(endian)?,
             unreadable: unreadable.clone(),
+            busy: busy.clone(),
+            stalled: 0,
+            stall: None,
+            busy_since: 0,
+            other_bank_until: VirtualNanos(0),
+            on_bus: 0,
             seen_changes: None,
             auditor: auditor.clone(),
             auditing: None,
@@ -106,6 +133,17 @@ pub fn wrap(spec: &mut CoreSpec, unreadable: Unreadable, auditor: Auditor) {
 struct Core {
     inner: Box<dyn Processor>,
     unreadable: Unreadable,
+    busy: Busy,
+    /// Instructions that count as executed because the core stood still.
+    stalled: u64,
+    /// Address for whose bank the core waits.
+    stall: Option<u64>,
+    /// Number of instructions retired when the bank with the code became busy.
+    busy_since: u64,
+    /// Instant until which the other bank's reads go over the bus.
+    other_bank_until: VirtualNanos,
+    /// The banks whose reads go over the bus, a bit per bank.
+    on_bus: u8,
     seen_changes: Option<u64>,
     auditor: Auditor,
     /// The exception that is being audited.
@@ -115,17 +153,19 @@ struct Core {
 }
 
 impl Core {
-    /// Sends pages with unreadable words over the bus, and all of the flash during an audit.
+    /// Sends pages with unreadable words and banks that are busy over the bus, and all of the flash during an audit.
     fn route(&mut self) {
         let page = self.inner.page_size();
         let wanted: BTreeSet<u64> = if self.auditing.is_some() {
             FLASH.step_by(page as usize).collect()
         } else {
             let words = self.unreadable.words();
-            words
-                .iter()
-                .map(|&word| u64::from(word) & !(page - 1))
-                .collect()
+            let unreadable = words.iter().map(|&word| u64::from(word) & !(page - 1));
+            let banks = (0..2)
+                .filter(|bank| self.on_bus & 1 << bank != 0)
+                .map(|bank| FLASH.start + bank * BANK)
+                .flat_map(|start| (start..start + BANK).step_by(page as usize));
+            unreadable.chain(banks).collect()
         };
         for &address in wanted.difference(&self.routed) {
             self.inner.ask(Queued::Route(address));
@@ -134,6 +174,76 @@ impl Core {
             self.inner.ask(Queued::Unroute(address));
         }
         self.routed = wanted;
+    }
+
+    /// Follows the banks that became busy or idle at `now`.
+    fn follow_busy(&mut self, now: VirtualNanos) {
+        let busy = self.busy.banks();
+        if busy & OTHER_BANK != 0 {
+            self.other_bank_until = now + LINGER;
+        }
+        if busy & CODE_BANK != 0 && self.on_bus & CODE_BANK == 0 {
+            self.busy_since = self.inner.retired();
+        }
+        let other = if now < self.other_bank_until {
+            OTHER_BANK
+        } else {
+            0
+        };
+        let wanted = busy & CODE_BANK | other;
+        if wanted != self.on_bus {
+            self.on_bus = wanted;
+            self.route();
+        }
+    }
+
+    /// True if the core stands still: for the access that it has put off, or for its next instruction.
+    fn stands_still(&mut self) -> bool {
+        if let Some(address) = self.stall {
+            if self.busy.holds(address) {
+                return true;
+            }
+            self.stall = None;
+        }
+        let at = self.inner.pc();
+        let waits = !self.inner.waiting() && self.busy.holds(at);
+        if waits {
+            self.busy.count_fetch();
+            self.stall = Some(at);
+        }
+        waits
+    }
+
+    /// Runs while the bank with the code is busy, so that the next fetch can be looked at soon.
+    fn run_beside_busy_code(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let close = self.inner.retired() - self.busy_since < CLOSELY;
+        let step = budget.min(if close { 1 } else { COARSE });
+        let (exit, retired) = self.run_inner(step, bus);
+        let exit = if exit == Exit::Budget && step < budget {
+            Exit::Returned
+        } else {
+            exit
+        };
+        (exit, retired)
+    }
+
+    fn run_inner(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let mut seen = Seen {
+            bus,
+            unreadable: &self.unreadable,
+            busy: &self.busy,
+            stalled: self.stalled,
+            put_off: None,
+            changes: Some((self.unreadable.changes(), self.busy.banks())),
+            flash_reads: 0,
+        };
+        let (exit, retired) = self.inner.run(budget, &mut seen);
+        if let Some(address) = seen.put_off {
+            self.busy.count_read();
+            self.stall = Some(address);
+            return (Exit::Returned, retired);
+        }
+        (exit, retired)
     }
 
     fn exception(&self) -> u32 {
@@ -148,11 +258,19 @@ impl Core {
         let mut seen = Seen {
             bus,
             unreadable: &self.unreadable,
+            busy: &self.busy,
+            stalled: self.stalled,
+            put_off: None,
             changes: None,
             flash_reads: 0,
         };
         let (exit, retired) = self.inner.run(1, &mut seen);
         let flash_reads = seen.flash_reads;
+        if let Some(address) = seen.put_off {
+            self.busy.count_read();
+            self.stall = Some(address);
+            return (Exit::Returned, retired);
+        }
         let left = self.exception() != exception;
         let mut asked = self.auditor.asked();
         if let Asked::Running(audit) = &mut *asked {
@@ -189,13 +307,20 @@ impl Core {
 struct Seen<'a> {
     bus: &'a mut dyn CoreBus,
     unreadable: &'a Unreadable,
-    /// Number of changes of the unreadable words when the stretch began; `None` for a stretch that has to end.
-    changes: Option<u64>,
+    busy: &'a Busy,
+    /// Instructions that count as executed besides those of the inner core.
+    stalled: u64,
+    /// Address of a load that has to wait for its bank.
+    put_off: Option<u64>,
+    /// Number of changes of the unreadable words, and the busy banks, when the stretch began; `None` for a stretch that
+    /// has to end.
+    changes: Option<(u64, u8)>,
     flash_reads: u64,
 }
 
 impl CoreBus for Seen<'_> {
-    fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
+    fn access(&mut self, mut access: Access, from_code: bool) -> Option<u64> {
+        access.instruction_count += self.stalled;
         if access.kind == AccessKind::Read && FLASH.contains(&access.address) {
             self.flash_reads += 1;
             if self
@@ -214,7 +339,7 @@ impl CoreBus for Seen<'_> {
     }
 
     fn time(&self, instructions: u64) -> VirtualNanos {
-        self.bus.time(instructions)
+        self.bus.time(instructions + self.stalled)
     }
 
     fn queued(&mut self) -> Vec<Queued> {
@@ -223,15 +348,15 @@ impl CoreBus for Seen<'_> {
 
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
         // A word that a model has just marked must be routed before the core goes on.
-        if Some(self.unreadable.changes()) == self.changes {
-            self.bus.carry_on(instructions, event)
+        if Some((self.unreadable.changes(), self.busy.banks())) == self.changes {
+            self.bus.carry_on(instructions + self.stalled, event)
         } else {
             None
         }
     }
 
     fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
-        self.bus.acknowledge(line, instructions)
+        self.bus.acknowledge(line, instructions + self.stalled)
     }
 
     fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
@@ -243,7 +368,13 @@ impl CoreBus for Seen<'_> {
     }
 
     fn stops_before(&mut self, access: &Access) -> bool {
-        self.bus.stops_before(access)
+        if access.kind == AccessKind::Read && self.busy.holds(access.address) {
+            self.put_off = Some(access.address);
+            return true;
+        }
+        let mut counted = *access;
+        counted.instruction_count += self.stalled;
+        self.bus.stops_before(&counted)
     }
 
     fn send_trace(&mut self, bytes: &[u8]) {
@@ -253,6 +384,12 @@ impl CoreBus for Seen<'_> {
 
 impl Processor for Core {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let now = bus.time(self.retired());
+        self.follow_busy(now);
+        if self.stands_still() {
+            self.stalled += u64::from(budget);
+            return (Exit::Budget, u64::from(budget));
+        }
         let changes = self.unreadable.changes();
         if self.auditing.is_none() && self.auditor.running() {
             self.auditing = Some(self.exception());
@@ -264,17 +401,14 @@ impl Processor for Core {
         if let Some(exception) = self.auditing {
             return self.step(exception, bus);
         }
-        let mut seen = Seen {
-            bus,
-            unreadable: &self.unreadable,
-            changes: Some(changes),
-            flash_reads: 0,
-        };
-        self.inner.run(budget, &mut seen)
+        if self.busy.banks() & CODE_BANK != 0 {
+            return self.run_beside_busy_code(budget, bus);
+        }
+        self.run_inner(budget, bus)
     }
 
     fn retired(&self) -> u64 {
-        self.inner.retired()
+        self.inner.retired() + self.stalled
     }
 
     fn ask(&mut self, queued: Queued) {
@@ -310,6 +444,7 @@ impl Processor for Core {
             *self.auditor.asked() = Asked::Nothing;
         }
         self.seen_changes = None;
+        self.stall = None;
     }
 
     fn take_reset_request(&mut self) -> bool {

@@ -18,7 +18,7 @@ use crate::model::adc::{Injected, Pins};
 use crate::model::around::Extended;
 use crate::model::dac::{Dac, TIM6_TRIGGER, TIM7_TRIGGER};
 use crate::model::encoder::Quadrature;
-use crate::model::flash::{Journal, Unreadable};
+use crate::model::flash::{Busy, Journal, Unreadable};
 use crate::model::pin::PinRecord;
 use crate::model::trigger::TriggerOutput;
 use crate::model::usb::host::Host;
@@ -92,7 +92,7 @@ impl Part {
     ///
     /// # Errors
     /// The emulator's description of the part does not fit the models.
-    pub fn new(pins: Box<dyn Pins>, unreadable: Unreadable) -> Result<Self, Error> {
+    pub fn new(pins: Box<dyn Pins>, unreadable: Unreadable, busy: Busy) -> Result<Self, Error> {
         let mut rest = Stm32h743::new()?;
         let usb_slot = rest.bus_mut().add_window(usb::window())?;
         let layout = rest.bus().slots()[usb_slot].peripheral().registers;
@@ -117,7 +117,7 @@ impl Part {
             code_timer: Extended::new(Tim::new(BASIC_TIMERS[TIM7]), TriggerOutput::default()),
             amplifier: Extended::new(Gpio::default(), PinRecord::new(AMPLIFIER_PIN)),
             encoder: Extended::new(Tim::new(TIMERS[TIM3]), Quadrature::default()),
-            flash: Extended::new(Flash::new(), Journal::new(unreadable)),
+            flash: Extended::new(Flash::new(), Journal::new(unreadable, busy)),
             watchdog: Watchdog::default(),
             usb: Usb::new(layout),
             usb_reset: UsbReset::default(),

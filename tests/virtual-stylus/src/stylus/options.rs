@@ -22,6 +22,8 @@ pub struct Options {
     pub pins: Box<dyn Pins>,
     /// Cuts the power at the flash operation with this number, counted from 1, at this moment of it.
     pub power_cut: Option<(u64, Moment)>,
+    /// Fills all RAM with noise from this seed before the start; without, RAM holds zeros.
+    pub ram_noise: Option<u64>,
     /// Follows the ticks.
     pub watch_ticks: bool,
 }
@@ -34,6 +36,7 @@ impl Default for Options {
             instructions_per_second: PESSIMISTIC_INSTRUCTIONS_PER_SECOND,
             pins: Box::new(ConstantPins::default()),
             power_cut: None,
+            ram_noise: None,
             watch_ticks: true,
         }
     }

@@ -18,7 +18,7 @@ use crate::core::Audit;
 use crate::error::{Error, Result};
 use crate::model::adc::{Pins, Sample};
 use crate::model::dac::Output;
-use crate::model::flash::{Contents, Moment, Operation};
+use crate::model::flash::{Contents, Moment, Operation, Stalls};
 use crate::model::pin::Driven;
 use crate::model::usb::host::Host as UsbHost;
 use crate::motion::Motion;
@@ -270,6 +270,14 @@ impl VirtualStylus {
     /// The run is over.
     pub fn failed_reads(&mut self) -> Result<u64> {
         self.ask(|_, hands, _| hands.unreadable.failures())
+    }
+
+    /// Accesses that waited for a busy bank of the flash.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn flash_stalls(&mut self) -> Result<Stalls> {
+        self.ask(|_, hands, _| hands.busy.stalls())
     }
 
     /// The resets of the part, the first power-on left out.

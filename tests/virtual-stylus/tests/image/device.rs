@@ -250,17 +250,7 @@ impl Device {
     /// Sends any message under any key.
     pub fn send_frame(&mut self, key: Key, message: &impl Serialize) -> u32 {
         self.sequence += 1;
-        let header = VarHeader {
-            key: VarKey::Key8(key),
-            seq_no: VarSeq::Seq4(self.sequence),
-        };
-        let mut buffer = [0; 64];
-        let (used, _) = header
-            .write_to_slice(&mut buffer)
-            .expect("a header fits 64 bytes");
-        let mut frame = used.to_vec();
-        frame.extend(postcard::to_allocvec(message).expect("messages are plain data"));
-        self.send_raw(&frame);
+        self.send_raw(&frame(key, self.sequence, message));
         self.sequence
     }
 
@@ -475,6 +465,21 @@ impl Device {
         }
         panic!("still muted: {:?}", self.status().output);
     }
+}
+
+/// A frame with a message, without COBS.
+pub fn frame(key: Key, sequence: u32, message: &impl Serialize) -> Vec<u8> {
+    let header = VarHeader {
+        key: VarKey::Key8(key),
+        seq_no: VarSeq::Seq4(sequence),
+    };
+    let mut buffer = [0; 64];
+    let (used, _) = header
+        .write_to_slice(&mut buffer)
+        .expect("a header fits 64 bytes");
+    let mut frame = used.to_vec();
+    frame.extend(postcard::to_allocvec(message).expect("messages are plain data"));
+    frame
 }
 
 /// The announcement of an upload of `library`.

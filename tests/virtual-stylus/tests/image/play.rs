@@ -2,6 +2,7 @@
 
 use model_format::Library;
 use model_format::link::{MotionSource, RecordStartEndpoint, RecordStopEndpoint, StopEndpoint};
+use virtual_stylus::Options;
 use virtual_stylus::model::dac::Cause;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::pins::FunctionPins;
@@ -47,7 +48,11 @@ pub fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
 }
 
 fn plays_as_the_host_does(texture: &str) {
-    let mut device = Device::started(library::options());
+    // RAM holds what power-on leaves in it.
+    let mut device = Device::started(Options {
+        ram_noise: Some(2),
+        ..library::options()
+    });
     device.stylus.set_pins(pins()).expect("the run goes on");
     let start = device.stylus.now_ns();
     let knots = [
