@@ -28,7 +28,7 @@ use embassy_stm32::pac::{DAC1, DMA1, DMAMUX1, RCC, TIM7};
 use embassy_stm32::peripherals::{DMA1_CH0, DMA1_CH1, PE9};
 use embassy_stm32::{Peri, peripherals, rcc};
 use model_format::DacCode;
-use stylus_app::ring::{ERASED_BEHIND, FADED, HELD, LENGTH, Slot, faded};
+use stylus_app::ring::{ERASED_BEHIND, FADED_SLOTS, HELD_SLOTS, LENGTH, Slot, faded};
 use stylus_app::safety::{OVERSAMPLING, PIN_RATE_HZ};
 
 use crate::boot::clock::TIMER_HZ;
@@ -119,10 +119,10 @@ impl Output {
         if self.standing >= MOST_STANDING {
             panic!("output: DMA takes no codes");
         }
-        if ring::get(slot.erased()) != ring::MID_SCALE {
+        if ring::first(slot.erased()) != ring::MID_SCALE {
             panic!("output: DMA does not erase");
         }
-        let before = ring::get(slot.before()) as i32 - ring::MID_SCALE as i32;
+        let before = ring::last(slot.before()) as i32 - ring::MID_SCALE as i32;
         Next {
             slot,
             before,
@@ -134,16 +134,15 @@ impl Output {
     /// the first code.
     #[inline(always)]
     pub fn write(&mut self, Next { slot, .. }: Next, codes: [DacCode; OVERSAMPLING]) -> bool {
-        for (place, code) in codes.into_iter().enumerate() {
-            ring::set(slot.index(place), u32::from(code.get()));
-        }
+        ring::fill(slot, codes.map(|code| u32::from(code.get())));
         let [.., last] = codes;
         let held = u32::from(last.get());
-        for place in 0..HELD {
-            ring::set(slot.index(OVERSAMPLING + place), held);
+        for others in 0..HELD_SLOTS {
+            ring::fill(slot.after(1 + others), [held; OVERSAMPLING]);
         }
-        for place in 0..FADED {
-            ring::set(slot.index(OVERSAMPLING + HELD + place), faded(last, place));
+        for others in 0..FADED_SLOTS {
+            let faded = faded(last, others);
+            ring::fill(slot.after(1 + HELD_SLOTS + others), faded);
         }
         self.last = held as i32 - ring::MID_SCALE as i32;
         // All is in memory before the look.
