@@ -9,7 +9,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::pac::IWDG1;
 use embassy_stm32::pac::iwdg::vals::Key;
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Peri, pac, peripherals};
+use embassy_stm32::{Peri, peripherals};
 use embassy_time::{Duration, Ticker};
 
 use crate::fault::record;
@@ -21,9 +21,13 @@ const TIMEOUT_US: u32 = 250_000;
 /// Interval between two feeds.
 const FEED: Duration = Duration::from_millis(20);
 
-/// Starts the watchdog. From then on only a debugger that halts the processor stops it.
+/// Starts the watchdog. From then on nothing stops it; with the feature `debug-halt`, a debugger that halts the
+/// processor does. The timers of the output go on in any case.
 pub fn start(watchdog: Peri<'static, peripherals::IWDG1>) {
-    pac::DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
+    #[cfg(feature = "debug-halt")]
+    embassy_stm32::pac::DBGMCU
+        .apb4fzr1()
+        .modify(|w| w.set_iwdg1(true));
     IndependentWatchdog::new(watchdog, TIMEOUT_US).unleash();
 }
 

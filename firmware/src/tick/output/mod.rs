@@ -167,16 +167,27 @@ pub fn start(hardware: Hardware) {
         amplifier: _amplifier,
     } = hardware;
     mid_scale_now();
-    // Clocks of the ring's memory (RM0433 section 8.7.42) and of the streams.
-    RCC.ahb2enr().modify(|w| w.set_sram1en(true));
-    RCC.ahb1enr().modify(|w| w.set_dma1en(true));
-    let _ = RCC.ahb1enr().read();
+    start_clocks();
     ring::clear();
     set_up_streams();
     // Of the converter's registers only these may change while it is on; TSEL may not (RM0433 section 26.4.7).
     DAC1.cr().modify(|w| w.set_ten(CHANNEL, true));
     DAC1.cr().modify(|w| w.set_dmaen(CHANNEL, true));
     start_timer();
+}
+
+/// Starts the clocks of the ring's memory (RM0433 section 8.7.42) and of the streams, and lets all clocks of the output
+/// run while the core sleeps.
+fn start_clocks() {
+    RCC.ahb2enr().modify(|w| w.set_sram1en(true));
+    RCC.ahb1enr().modify(|w| w.set_dma1en(true));
+    RCC.ahb2lpenr().modify(|w| w.set_sram1lpen(true));
+    RCC.ahb1lpenr().modify(|w| w.set_dma1lpen(true));
+    RCC.apb1llpenr().modify(|w| {
+        w.set_tim7lpen(true);
+        w.set_dac12lpen(true);
+    });
+    let _ = RCC.apb1llpenr().read();
 }
 
 /// Lets the streams run; they wait for their first requests.

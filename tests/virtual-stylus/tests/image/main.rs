@@ -10,6 +10,7 @@ mod faults;
 mod frames;
 mod library;
 mod link;
+mod output;
 /// Blocks of a page; the file is that of the tasks.
 #[path = "../../../../host-tools/tasks/src/tables/page.rs"]
 mod page;
