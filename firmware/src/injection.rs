@@ -21,7 +21,7 @@ pub const PATH: &str = "stylus/fault-injection";
 /// The topic's key; its message is a `u8`.
 pub const KEY: Key = Key::for_path::<u8>(PATH);
 
-/// A tick that takes 500 µs.
+/// A tick that takes more than two periods, 420 µs.
 const LONG_TICK: u8 = 1;
 /// A tick that never ends.
 const ENDLESS_TICK: u8 = 2;
@@ -43,7 +43,7 @@ const PANIC_IN_TICK: u8 = 9;
 const HALT: u8 = 10;
 /// A tick whose sample comes 150 µs late.
 const LATE_TICK: u8 = 11;
-/// A tick that takes 1.3 ms.
+/// A tick that takes more than six periods, 1.25 ms.
 const VERY_LONG_TICK: u8 = 12;
 /// A transfer error of the stream that feeds the converter.
 const NO_TRANSFERS: u8 = 13;
@@ -124,8 +124,8 @@ pub fn inject(fault: u8) {
 #[inline(always)]
 pub fn in_tick() {
     match IN_TICK.swap(0, Ordering::Relaxed) {
-        LONG_TICK => wait_us(500),
-        VERY_LONG_TICK => wait_us(1300),
+        LONG_TICK => wait_us(420),
+        VERY_LONG_TICK => wait_us(1250),
         ENDLESS_TICK => spin(),
         PANIC_IN_TICK => panic!("asked for, in the tick"),
         _ => {}

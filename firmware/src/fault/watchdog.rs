@@ -8,8 +8,8 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m::peripheral::DWT;
+use embassy_stm32::pac::IWDG1;
 use embassy_stm32::pac::iwdg::vals::Key;
-use embassy_stm32::pac::{self, IWDG1};
 use embassy_time::{Duration, Ticker};
 
 use crate::boot::clock::CORE_HZ;
@@ -28,9 +28,13 @@ static FED: AtomicU32 = AtomicU32::new(0);
 /// Cycles of the longest time between two feeds. The counter wraps after ten seconds, and the watchdog bites long before.
 static LONGEST_GAP: AtomicU32 = AtomicU32::new(0);
 
-/// Has a debugger that halts the processor stop the watchdog too.
+/// Begins to measure the gaps between two feeds. The watchdog runs already, and nothing stops it; with the feature
+/// `debug-halt`, a debugger that halts the processor does. The timers of the output go on in any case.
 pub fn start() {
-    pac::DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
+    #[cfg(feature = "debug-halt")]
+    embassy_stm32::pac::DBGMCU
+        .apb4fzr1()
+        .modify(|w| w.set_iwdg1(true));
     FED.store(DWT::cycle_count(), Ordering::Relaxed);
 }
 

@@ -7,15 +7,16 @@ use model_format::link::{
     ActivateEndpoint, Activated, InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, LIBRARY_CRC,
     ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionSource, MuteReasons,
     PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection,
-    SlotId, Slots, SlotsEndpoint, Status, StatusEndpoint, TextureInfo, UploadBegin,
-    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted,
-    UploadProgress,
+    Settings, SettingsGetEndpoint, SlotId, Slots, SlotsEndpoint, Status, StatusEndpoint,
+    TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
+    UploadCommitEndpoint, UploadCommitted, UploadProgress,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::{Endpoint, Key, Topic};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use virtual_stylus::model::dac::Output;
+use virtual_stylus::model::pin::Driven;
 use virtual_stylus::model::usb::host::TransferError;
 use virtual_stylus::usb_host::{BulkFrames, Descriptors, UsbHost};
 use virtual_stylus::{Options, VirtualStylus};
@@ -90,6 +91,7 @@ pub struct Device {
     keeps_alive: bool,
     next_keep_alive_ns: u64,
     dac: Vec<Output>,
+    amplifier: Vec<Driven>,
 }
 
 impl Device {
@@ -107,6 +109,7 @@ impl Device {
             keeps_alive: false,
             next_keep_alive_ns: 0,
             dac: Vec::new(),
+            amplifier: Vec::new(),
         }
     }
 
@@ -373,6 +376,21 @@ impl Device {
         let new = self.stylus.take_dac_record().expect("the run goes on");
         self.dac.extend(new);
         &self.dac
+    }
+
+    /// Changes of the amplifier's enable since power-on.
+    pub fn amplifier(&mut self) -> Vec<Driven> {
+        let new = self
+            .stylus
+            .take_amplifier_record()
+            .expect("the run goes on");
+        self.amplifier.extend(new);
+        self.amplifier.clone()
+    }
+
+    pub fn settings(&mut self) -> Settings {
+        self.request::<SettingsGetEndpoint>(&())
+            .expect("settings are read")
     }
 
     /// Drops the frames that were not requested.

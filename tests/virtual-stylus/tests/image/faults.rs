@@ -5,14 +5,17 @@ use std::ops::Range;
 use model_format::link::{Fault, FaultKind, MotionSource, ResetReason};
 use postcard_rpc::Key;
 use virtual_stylus::ResetCause;
+use virtual_stylus::model::dac::Cause;
+use virtual_stylus::model::pin::Drive;
 use virtual_stylus::motion::Motion;
 
 use crate::device::{Device, MID_SCALE, MS, with_faults};
 use crate::library;
+use crate::output::amplifier_follows_the_output;
 
 /// Faults, numbered as by the firmware's fault injection.
 #[derive(Clone, Copy, Debug)]
-enum Injected {
+pub enum Injected {
     LongTick = 1,
     EndlessTick,
     EndlessTask,
@@ -22,6 +25,13 @@ enum Injected {
     Nmi,
     NoTick,
     PanicInTick,
+    Halt,
+    LateTick,
+    VeryLongTick,
+    NoTransfers,
+    NoEraser,
+    AmplifierOff,
+    AmplifierOn,
     OverflowInTask = 32,
     OverflowInUpdate,
     WriteToNull,
@@ -45,7 +55,8 @@ fn playing() -> Device {
     device
 }
 
-fn inject(device: &mut Device, fault: Injected) {
+/// Requests `fault`.
+pub fn inject(device: &mut Device, fault: Injected) {
     let key = Key::for_path::<u8>("stylus/fault-injection");
     device.send_frame(key, &(fault as u8));
 }
@@ -89,6 +100,21 @@ fn ends(fault: Injected, cause: ResetCause, kind: FaultKind, silent_ns: u64) -> 
         .iter()
         .filter(|output| output.code.is_some_and(|code| code != MID_SCALE));
     assert!(heard.count() > 100, "it was heard before");
+    // The amplifier goes off before the output is moved, or at the reset at the latest, and comes back only after it.
+    let amplifier = device.amplifier();
+    let outputs = device.dac();
+    assert_eq!(
+        amplifier_follows_the_output(outputs, &amplifier).len(),
+        2,
+        "{fault:?}"
+    );
+    let moved = (outputs.iter())
+        .find(|output| output.at_ns > injected && output.cause != Cause::Trigger)
+        .expect("the reset moves it");
+    let off = amplifier
+        .iter()
+        .find(|change| change.at_ns > injected && change.drive != Drive::High);
+    assert!(off.expect("it goes off").at_ns <= moved.at_ns, "{fault:?}");
     status.fault.expect("it has a kind")
 }
 
@@ -117,8 +143,8 @@ fn overflows(fault: Injected, silent_ns: u64) {
     assert!(told.text.len() > 8, "callers are known: {told:x?}");
 }
 
-/// Time for the request on the line and for the handler.
-const CAUGHT_NS: u64 = 2 * MS;
+/// Time for the request on the line, and for the handler, or for the output to run out of codes.
+const CAUGHT_NS: u64 = 3 * MS;
 /// The same, with a stack to be filled and an update to come.
 const OVERFLOW_NS: u64 = 5 * MS;
 /// Lowest address of the stack.
@@ -194,7 +220,7 @@ fn a_tick_that_hangs_ends_in_the_watchdogs_reset_with_its_reason() {
         Injected::EndlessTick,
         ResetCause::Watchdog,
         FaultKind::TickStopped,
-        WATCHDOG_NS,
+        CAUGHT_NS,
     );
 }
 
@@ -204,7 +230,7 @@ fn a_timer_that_stops_ends_in_the_watchdogs_reset_with_its_reason() {
         Injected::NoTick,
         ResetCause::Watchdog,
         FaultKind::TickStopped,
-        WATCHDOG_NS,
+        CAUGHT_NS,
     );
 }
 

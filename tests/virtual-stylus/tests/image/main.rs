@@ -11,6 +11,7 @@ mod frames;
 mod library;
 mod link;
 mod marks;
+mod output;
 /// Blocks of a page; the file is that of the tasks.
 #[path = "../../../../host-tools/tasks/src/tables/page.rs"]
 mod page;

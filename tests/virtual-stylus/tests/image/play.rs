@@ -29,7 +29,7 @@ fn pins() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
 
 /// Codes at the output before those of the first tick: the timer of the codes runs for 17 of them before the tick's own
 /// timer starts and that tick's first code is due.
-const BEFORE_FIRST_TICK: usize = 17;
+pub const BEFORE_FIRST_TICK: usize = 17;
 
 /// The codes of each tick that were put out at the triggers, from the first tick on, after a check of their instants.
 pub fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
