@@ -2,7 +2,8 @@
 
 use host_tools::support::error::Result;
 use model_format::link::{
-    Activity, DeviceInfo, LinkCounters, MotionSource, MuteReason, OutputStatus, Status, UploadState,
+    Activity, DeviceInfo, LinkCounters, MotionSource, MuteReason, OutputStatus, SettingsState,
+    Status, UploadState,
 };
 use serde::Serialize;
 
@@ -62,11 +63,7 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
             fault.kind, fault.program_counter, fault.detail, fault.text
         ));
     }
-    if status.settings_faulty {
-        lines.push(
-            "SETTINGS could not be read, so the defaults are in use; set them again".to_owned(),
-        );
-    }
+    lines.extend(settings(&status.settings).map(|line| format!("SETTINGS {line}")));
     let library = match status.active {
         Some(slot) => format!("slot {slot}, checksum {:08x}", status.library_crc32),
         None => "none active".to_owned(),
@@ -108,6 +105,27 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         histogram.replace('\n', "\n         ")
     ));
     lines.join("\n")
+}
+
+/// Everything about the settings that someone should know, one line each.
+pub fn settings(state: &SettingsState) -> impl Iterator<Item = String> + use<> {
+    let refusal = state.check_playable().err();
+    let differing = (!state.differing.is_empty()).then(|| {
+        format!(
+            "{}: the copies in flash differed, so the tighter value holds; check it, then set it again",
+            state.differing
+        )
+    });
+    let mended = (state.mended && state.lost.is_empty()).then(|| {
+        "one of the two copies in flash was damaged or its writing interrupted; it was written anew".to_owned()
+    });
+    let unwritable = state.unwritable.then(|| {
+        "the flash did not take the last change; try again, then `stylus settings reset`".to_owned()
+    });
+    let refusal = refusal.map(|refusal| format!("nothing plays: {refusal}"));
+    [refusal, differing, mended, unwritable]
+        .into_iter()
+        .flatten()
 }
 
 fn uptime(status: &Status) -> String {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use model_format::link::{
     ActivateEndpoint, Activated, InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, LIBRARY_CRC,
     ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionSource, MuteReasons,
-    PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection,
+    PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection, SettingChange, SettingSet, SettingsSetEndpoint,
     SlotId, Slots, SlotsEndpoint, Status, StatusEndpoint, TextureInfo, UploadBegin,
     UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted,
     UploadProgress,
@@ -430,6 +430,15 @@ impl Device {
     pub fn activate(&mut self, slot: SlotId) -> Activated {
         self.request::<ActivateEndpoint>(&slot)
             .expect("a valid slot")
+    }
+
+    /// Sets what nothing plays without, as the owner of the coil does; the values are those of `Settings::default`.
+    pub fn set_coil(&mut self) {
+        for setting in SettingSet::REQUIRED.iter() {
+            let value = setting.spec().default;
+            self.request::<SettingsSetEndpoint>(&SettingChange { setting, value })
+                .expect("in range, and nothing is played");
+        }
     }
 
     /// Plays with keep-alives, and waits until nothing mutes the output.
