@@ -14,6 +14,7 @@
 //! | [`upload`] | upload of a library, resumed after broken links, and read back |
 //! | [`play`] | motions at a fixed rate, and keep-alives |
 //! | [`capture`] | the record stream and its losses |
+//! | [`calibrate`] | values of the coil, and zeros of the sensors, measured and verified |
 //! | [`strokes`] | recordings of a free hand, with its motion |
 //! | [`set`] | a recording set that grows trial by trial |
 //!
@@ -23,6 +24,7 @@
 
 mod address;
 mod bulk;
+pub mod calibrate;
 pub mod capture;
 mod device;
 mod error;

@@ -40,7 +40,7 @@ pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
 };
 pub use record::{
-    BLOCK_SAMPLES, PackedSample, RecordBlock, RecordError, RecordSample, RecordStarted,
+    BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
 };
 pub use settings::{

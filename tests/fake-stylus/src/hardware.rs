@@ -45,6 +45,7 @@ const HEALTHY_START: StartReport = StartReport {
 pub struct Prepared(Selection);
 
 /// The hardware's state, which tests may inspect.
+#[expect(clippy::struct_excessive_bools, reason = "each is a state of its own")]
 pub struct Hardware {
     /// The library in RAM, empty if there is none.
     ram: Vec<u8>,

@@ -1,6 +1,7 @@
 //! Commands that talk to a stylus, each over one connection that its `--link` names.
 
 pub mod activate;
+pub mod calibrate;
 mod connection;
 mod histogram;
 mod interrupt;
@@ -41,6 +42,8 @@ pub enum Command {
     Monitor(monitor::Arguments),
     /// Show or change the stylus's settings
     Settings(settings::Arguments),
+    /// Set the coil's measured values and the sensors' zeros, with checks; nothing plays before
+    Calibrate(calibrate::Arguments),
 }
 
 /// Runs a command.
@@ -56,5 +59,6 @@ pub fn run(command: &Command) -> Result<()> {
         Command::Status(arguments) => status::run(arguments),
         Command::Monitor(arguments) => monitor::run(arguments),
         Command::Settings(arguments) => settings::run(arguments),
+        Command::Calibrate(arguments) => calibrate::run(arguments),
     }
 }

@@ -3,7 +3,7 @@
 use host_tools::support::error::Result;
 use model_format::link::{
     Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, Levels, LinkCounters, Marks,
-    MotionSource, MuteReason, OutputStatus, StartReport, Status, UploadState,
+    MotionSource, MuteReason, OutputStatus, SettingsState, StartReport, Status, UploadState,
 };
 use serde::Serialize;
 
@@ -60,11 +60,7 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
     if let Some(fault) = &status.fault {
         lines.push(self::fault(fault));
     }
-    if status.settings_faulty {
-        lines.push(
-            "SETTINGS could not be read, so the defaults are in use; set them again".to_owned(),
-        );
-    }
+    lines.extend(settings(&status.settings).map(|line| format!("SETTINGS {line}")));
     lines.extend(start(&status.start));
     let library = match status.active {
         Some(slot) => format!("slot {slot}, checksum {:08x}", status.library_crc32),
@@ -196,6 +192,27 @@ fn levels(levels: &Levels) -> String {
         levels.force_noise_decibel,
         unit(levels.force_noise_decibel)
     )
+}
+
+/// Everything about the settings that someone should know, one line each.
+pub fn settings(state: &SettingsState) -> impl Iterator<Item = String> + use<> {
+    let refusal = state.check_playable().err();
+    let differing = (!state.differing.is_empty()).then(|| {
+        format!(
+            "{}: the copies in flash differed, so the tighter value holds; check it, then set it again",
+            state.differing
+        )
+    });
+    let mended = (state.mended && state.lost.is_empty()).then(|| {
+        "one of the two copies in flash was damaged or its writing interrupted; it was written anew".to_owned()
+    });
+    let unwritable = state.unwritable.then(|| {
+        "the flash did not take the last change; try again, then `stylus settings reset`".to_owned()
+    });
+    let refusal = refusal.map(|refusal| format!("nothing plays: {refusal}"));
+    [refusal, differing, mended, unwritable]
+        .into_iter()
+        .flatten()
 }
 
 fn uptime(status: &Status) -> String {

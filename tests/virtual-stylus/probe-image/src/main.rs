@@ -1,6 +1,6 @@
 //! An image that uses the modelled peripherals as the stylus does, and obeys commands over USART3.
 //!
-//! TIM6 runs at 5 kHz; its trigger latches DAC1 and starts ADC1's injected sequence of channels 15, 10, 11 and 5. The
+//! TIM6 runs at 5 kHz; its trigger latches DAC1 and starts ADC1's injected sequence of channels 15, 10, 6 and 5. The
 //! tick writes a number that rises by one to the DAC. All clocks stay at the 64 MHz after reset.
 //!
 //! | byte | does | answers |
@@ -37,7 +37,7 @@ const TICK_CYCLES: u16 = 12_800;
 const BAUD_CYCLES: u16 = 69;
 const TIM6_TRIGGER_OF_DAC: u8 = 5;
 const TIM6_TRIGGER_OF_ADC: u8 = 14;
-const CHANNELS: [u8; 4] = [15, 10, 11, 5];
+const CHANNELS: [u8; 4] = [15, 10, 6, 5];
 const BANK_2: usize = 0x0810_0000;
 const WORDS_OF_A_FLASH_WORD: usize = 8;
 /// A sector of bank 1 behind the code.

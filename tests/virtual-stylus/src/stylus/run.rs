@@ -183,6 +183,14 @@ impl VirtualStylus {
         self.board(move |board| board.part.encoder.around.set_motion(motion, now_ns))
     }
 
+    /// Disturbs both tracks of the encoder at each of `instants` by pulses of `width_ns`, see `Quadrature::disturb`.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn disturb_encoder(&mut self, instants: Vec<u64>, width_ns: u64) -> Result<()> {
+        self.board(move |board| board.part.encoder.around.disturb(instants, width_ns))
+    }
+
     /// Keeps every sample of the converter's injected sequence from now on.
     ///
     /// # Errors

@@ -7,9 +7,9 @@ use model_format::link::{
     ActivateEndpoint, Activated, InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, LIBRARY_CRC,
     ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionSource, MuteReasons,
     PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection,
-    Settings, SettingsGetEndpoint, SlotId, Slots, SlotsEndpoint, Status, StatusEndpoint,
-    TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
-    UploadCommitEndpoint, UploadCommitted, UploadProgress,
+    SettingChange, SettingSet, Settings, SettingsGetEndpoint, SettingsSetEndpoint, SlotId, Slots,
+    SlotsEndpoint, Status, StatusEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint,
+    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::{Endpoint, Key, Topic};
@@ -442,6 +442,15 @@ impl Device {
     pub fn activate(&mut self, slot: SlotId) -> Activated {
         self.request::<ActivateEndpoint>(&slot)
             .expect("a valid slot")
+    }
+
+    /// Sets what nothing plays without, as the owner of the coil does; the values are those of `Settings::default`.
+    pub fn set_coil(&mut self) {
+        for setting in SettingSet::REQUIRED.iter() {
+            let value = setting.spec().default;
+            self.request::<SettingsSetEndpoint>(&SettingChange { setting, value })
+                .expect("in range, and nothing is played");
+        }
     }
 
     /// Plays with keep-alives, and waits until nothing mutes the output.

@@ -11,9 +11,9 @@ use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS};
 use crate::expected::{Heard, Recorded, explain};
 use crate::library;
 
-/// Code of the ADC for a force, by default at 2 N/V.
+/// Code of the ADC for a force, by default at 2 N/V above a zero at a sixteenth of the range.
 pub fn force_code(newton: f64) -> u16 {
-    (newton / 2.0 / 3.3 * 65_536.0) as u16
+    4_096 + (newton / 2.0 / 3.3 * 65_536.0) as u16
 }
 
 /// Pins with a force that goes up and down over the grid, and an accelerometer whose axes differ.
