@@ -62,7 +62,6 @@ async fn main(spawner: Spawner) {
     };
     startup::prepare_memory(&mut core.SCB, &mut core.CPUID);
     startup::start_cycle_counter(&mut core.DCB, &mut core.DWT);
-    startup::keep_counting_in_sleep();
     word::enable_bus_fault(&mut core.SCB);
     watchdog::start();
     let revision = silicon::revision();

@@ -22,7 +22,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rigless::device::{DeviceContext, RegisterFile};
 use rigless::soc::Width;
-use rigless::soc::stm32h743::generated::flash::{Register, cr1, sr1};
+use rigless::soc::stm32h743::generated::flash::{Register, cr1, optsr_cur, sr1};
 use rigless::soc::stm32h743::peripherals::flash::Flash;
 
 use super::around::Around;
@@ -356,15 +356,18 @@ pub struct Journal {
     asked: Option<Asked>,
     started: u64,
     running: [Vec<Range<u32>>; 2],
+    /// BOR_LEV of the option bytes.
+    brown_out_level: u8,
     log: Vec<Operation>,
     unseen: VecDeque<Operation>,
 }
 
 impl Journal {
-    /// A log, with the words that are unreadable from the start.
-    pub fn new(unreadable: Unreadable) -> Self {
+    /// A log, with the words that are unreadable from the start, and `brown_out_level` in the option bytes.
+    pub fn new(unreadable: Unreadable, brown_out_level: u8) -> Self {
         Self {
             unreadable,
+            brown_out_level,
             ..Self::default()
         }
     }
@@ -486,6 +489,10 @@ impl Around<Flash> for Journal {
         answered: Option<u64>,
         registers: &RegisterFile,
     ) -> Option<u64> {
+        if matches!(register, Register::OptsrCur | Register::OptsrCur_) {
+            let value = answered.unwrap_or_else(|| registers.get(register));
+            return Some(optsr_cur::BOR_LEV.set(value, u64::from(self.brown_out_level)));
+        }
         // The register file shows a failed read from the next call on; this call is answered here.
         let failed = self.unreadable.marks();
         let bank = match register {

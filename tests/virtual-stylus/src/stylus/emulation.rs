@@ -190,6 +190,7 @@ pub(super) fn start(image: &Path, options: Options) -> Result<Ends> {
     let ticks = TickWatch::new(handler, auditor.clone());
     let board = StylusBoard::new(
         options.pins,
+        options.electrical,
         options.instructions_per_second,
         unreadable.clone(),
         auditor,

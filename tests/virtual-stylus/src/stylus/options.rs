@@ -2,6 +2,7 @@
 
 use std::num::NonZeroU64;
 
+use crate::electrical::Electrical;
 use crate::model::adc::Pins;
 use crate::model::flash::{Contents, Moment};
 use crate::pins::ConstantPins;
@@ -22,6 +23,8 @@ pub struct Options {
     pub pins: Box<dyn Pins>,
     /// Cuts the power at the flash operation with this number, counted from 1, at this moment of it.
     pub power_cut: Option<(u64, Moment)>,
+    /// Silicon, clocks and supply.
+    pub electrical: Electrical,
     /// Follows the ticks.
     pub watch_ticks: bool,
 }
@@ -34,6 +37,7 @@ impl Default for Options {
             instructions_per_second: PESSIMISTIC_INSTRUCTIONS_PER_SECOND,
             pins: Box::new(ConstantPins::default()),
             power_cut: None,
+            electrical: Electrical::default(),
             watch_ticks: true,
         }
     }
