@@ -63,7 +63,6 @@ async fn main(spawner: Spawner) {
     protection::enable(&mut core.MPU);
     startup::prepare_memory(&mut core.SCB, &mut core.CPUID);
     startup::start_cycle_counter(&mut core.DCB, &mut core.DWT);
-    startup::keep_counting_in_sleep();
     word::enable_bus_fault(&mut core.SCB);
     watchdog::start();
     let revision = silicon::revision();

@@ -60,6 +60,7 @@ fn a_library_is_uploaded_listed_activated_and_shown() {
     let shown = bench.succeed(&format!("status --link {link}"));
     for words in [
         "stylus 0123456789ABCDEF01234567",
+        "start    external clock, silicon revision V (0x2003), brown-out level 3, 0 quick faults",
         "µs",
         "####",
         "changing texture or library 1 x",

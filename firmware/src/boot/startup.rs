@@ -11,7 +11,6 @@ use core::ptr::{addr_of, read_volatile, write_volatile};
 
 use cortex_m::asm;
 use cortex_m::peripheral::{CPUID, DCB, DWT, SCB};
-use embassy_stm32::pac::DBGMCU;
 
 /// Entries of the vector table: 16 of the core and 150 of the STM32H743 (RM0433 table 148).
 const VECTORS: usize = 166;
@@ -164,10 +163,4 @@ pub fn start_cycle_counter(dcb: &mut DCB, dwt: &mut DWT) {
     dcb.enable_trace();
     DWT::unlock();
     dwt.enable_cycle_counter();
-}
-
-/// Keeps the cycle counter running while the core sleeps, with or without a debugger (DBGSLEEP_D1, RM0433 section
-/// 60.5.8). Without it the counter stops in WFE, and what is measured from one interrupt to the next is too short.
-pub fn keep_counting_in_sleep() {
-    DBGMCU.cr().modify(|w| w.set_dbgsleep_d1(true));
 }

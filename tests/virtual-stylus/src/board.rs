@@ -14,6 +14,7 @@ use rigless::soc::stm32h743::MEMORY;
 use rigless::soc::stm32h743::peripherals::usart;
 
 use crate::core::{self, Auditor};
+use crate::electrical::{Defects, Electrical};
 use crate::error::{Error, Result};
 use crate::model::adc::Pins;
 use crate::model::flash::{Busy, Chance, Unreadable};
@@ -21,10 +22,9 @@ use crate::part::Part;
 use crate::serial::Line;
 
 const NAME: &str = "virtual-stylus";
-/// The NUCLEO-H743ZI2: 8 MHz from the probe, 32.768 kHz, 3.3 V.
+/// The NUCLEO-H743ZI2: 8 MHz from the probe, if it comes, and 32.768 kHz.
 const HIGH_SPEED_HZ: u64 = 8_000_000;
 const LOW_SPEED_HZ: u64 = 32_768;
-const RAIL_MILLIVOLTS: u32 = 3300;
 const SERIAL: &str = "USART3";
 /// The part's unique identifier of 96 bits (section 61.1).
 const UNIQUE_ID_ADDRESS: u64 = 0x1FF1_E800;
@@ -39,6 +39,7 @@ pub struct StylusBoard {
     instructions_per_second: NonZeroU64,
     unreadable: Unreadable,
     busy: Busy,
+    defects: Defects,
     auditor: Auditor,
     ram_noise: Option<u64>,
 }
@@ -50,16 +51,26 @@ impl StylusBoard {
     /// The emulator's description of the part does not fit the models.
     pub fn new(
         pins: Box<dyn Pins>,
+        electrical: Electrical,
         instructions_per_second: NonZeroU64,
         unreadable: Unreadable,
         busy: Busy,
         auditor: Auditor,
     ) -> Result<Self> {
         let told = |error: rigless::soc::Error| Error::Emulator(error.to_string());
-        let mut part = Part::new(pins, unreadable.clone(), busy.clone()).map_err(told)?;
-        part.rest.rcc.attach_crystals(HIGH_SPEED_HZ, LOW_SPEED_HZ);
-        part.rest.set_supply(RAIL_MILLIVOLTS);
-        part.rest.set_analog_supply(RAIL_MILLIVOLTS);
+        let defects = Defects::of(electrical.revision);
+        let mut part = Part::new(
+            pins,
+            electrical,
+            unreadable.clone(),
+            busy.clone(),
+            defects.clone(),
+        )
+        .map_err(told)?;
+        let high_speed_hz = electrical.clocks.external_hz.unwrap_or(HIGH_SPEED_HZ);
+        part.rcc.inner.attach_crystals(high_speed_hz, LOW_SPEED_HZ);
+        part.rest.set_supply(electrical.supply_millivolts);
+        part.rest.set_analog_supply(electrical.supply_millivolts);
         let serial = usart::INSTANCES.iter().position(|&name| name == SERIAL);
         let serial = serial.ok_or_else(|| Error::Emulator(format!("the part has no {SERIAL}")))?;
         part.rest.usart[serial].attach(Line::default());
@@ -69,6 +80,7 @@ impl StylusBoard {
             instructions_per_second,
             unreadable,
             busy,
+            defects,
             auditor,
             ram_noise: None,
         })
@@ -150,6 +162,7 @@ impl Board for StylusBoard {
             &mut core,
             self.unreadable.clone(),
             self.busy.clone(),
+            self.defects.clone(),
             self.auditor.clone(),
         );
         vec![Target::new(NAME, &mut self.part, core)]

@@ -20,11 +20,21 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
+use crate::electrical::Defects;
 use crate::model::flash::{BASE, BYTES, Busy, Unreadable};
 use crate::model::usb;
 
 const FLASH: std::ops::Range<u64> = BASE as u64..BASE as u64 + BYTES as u64;
 const USB: std::ops::Range<u64> = usb::BASE..usb::BASE + usb::BYTES;
+const AXI_SRAM: std::ops::Range<u64> = 0x2400_0000..0x2408_0000;
+/// AXI_TARG7_FN_MOD, and its bit READ_ISS_OVERRIDE (section 2.2, AXI interconnect registers).
+const AXI_SRAM_ISSUING: u64 = 0x5100_8108;
+const ONE_READ: u64 = 1;
+/// Distance of the reads that old silicon corrupts here; on the part it depends on what else is read.
+const MISREAD_BYTES: u64 = 64;
+/// ICSR, and its bit NMIPENDSET (ARM DDI 0403E, B3.2.4).
+const ICSR: u64 = 0xE000_ED04;
+const NMI_PENDING: u64 = 1 << 31;
 /// GDB's number of the program status register, whose low nine bits are the exception under way.
 const STATUS_REGISTER: usize = 16;
 const EXCEPTION: u32 = 0x1FF;
@@ -109,7 +119,13 @@ impl Auditor {
 }
 
 /// Wraps this core around the one that `spec` makes.
-pub fn wrap(spec: &mut CoreSpec, unreadable: Unreadable, busy: Busy, auditor: Auditor) {
+pub fn wrap(
+    spec: &mut CoreSpec,
+    unreadable: Unreadable,
+    busy: Busy,
+    defects: Defects,
+    auditor: Auditor,
+) {
     let make = Arc::clone(&spec.processor);
     spec.processor = Arc::new(move |endian| {
         Ok(Box::new(Core {
@@ -121,7 +137,9 @@ pub fn wrap(spec: &mut CoreSpec, unreadable: Unreadable, busy: Busy, auditor: Au
             busy_since: 0,
             other_bank_until: VirtualNanos(0),
             on_bus: 0,
+            defects: defects.clone(),
             seen_changes: None,
+            seen_misreads: false,
             auditor: auditor.clone(),
             auditing: None,
             routed: BTreeSet::new(),
@@ -144,7 +162,9 @@ struct Core {
     other_bank_until: VirtualNanos,
     /// The banks whose reads go over the bus, a bit per bank.
     on_bus: u8,
+    defects: Defects,
     seen_changes: Option<u64>,
+    seen_misreads: bool,
     auditor: Auditor,
     /// The exception that is being audited.
     auditing: Option<u32>,
@@ -153,10 +173,11 @@ struct Core {
 }
 
 impl Core {
-    /// Sends pages with unreadable words and banks that are busy over the bus, and all of the flash during an audit.
+    /// Sends pages with unreadable words and banks that are busy over the bus, all of the flash during an audit, and the
+    /// AXI SRAM while it is misread.
     fn route(&mut self) {
         let page = self.inner.page_size();
-        let wanted: BTreeSet<u64> = if self.auditing.is_some() {
+        let mut wanted: BTreeSet<u64> = if self.auditing.is_some() {
             FLASH.step_by(page as usize).collect()
         } else {
             let words = self.unreadable.words();
@@ -167,6 +188,9 @@ impl Core {
                 .flat_map(|start| (start..start + BANK).step_by(page as usize));
             unreadable.chain(banks).collect()
         };
+        if self.defects.misreads() {
+            wanted.extend(AXI_SRAM.step_by(page as usize));
+        }
         for &address in wanted.difference(&self.routed) {
             self.inner.ask(Queued::Route(address));
         }
@@ -234,6 +258,7 @@ impl Core {
             busy: &self.busy,
             stalled: self.stalled,
             put_off: None,
+            defects: &self.defects,
             changes: Some((self.unreadable.changes(), self.busy.banks())),
             flash_reads: 0,
         };
@@ -261,6 +286,7 @@ impl Core {
             busy: &self.busy,
             stalled: self.stalled,
             put_off: None,
+            defects: &self.defects,
             changes: None,
             flash_reads: 0,
         };
@@ -315,6 +341,7 @@ struct Seen<'a> {
     /// Number of changes of the unreadable words, and the busy banks, when the stretch began; `None` for a stretch that
     /// has to end.
     changes: Option<(u64, u8)>,
+    defects: &'a Defects,
     flash_reads: u64,
 }
 
@@ -329,6 +356,16 @@ impl CoreBus for Seen<'_> {
             {
                 return None;
             }
+        }
+        if access.address == AXI_SRAM_ISSUING && access.kind == AccessKind::Write {
+            self.defects.issue_one_read(access.value & ONE_READ != 0);
+        }
+        if AXI_SRAM.contains(&access.address)
+            && access.kind == AccessKind::Read
+            && access.address.is_multiple_of(MISREAD_BYTES)
+            && self.defects.misreads()
+        {
+            return self.bus.access(access, from_code).map(|value| value ^ 1);
         }
         if USB.contains(&access.address) {
             let mut redirected = access;
@@ -391,11 +428,18 @@ impl Processor for Core {
             return (Exit::Budget, u64::from(budget));
         }
         let changes = self.unreadable.changes();
+        if self.defects.take_interrupt() {
+            let now = bus.time(0);
+            self.inner
+                .debugger_access(Some(NMI_PENDING), ICSR, Width::W32, now);
+        }
+        let misreads = self.defects.misreads();
         if self.auditing.is_none() && self.auditor.running() {
             self.auditing = Some(self.exception());
             self.route();
-        } else if self.seen_changes != Some(changes) {
+        } else if self.seen_changes != Some(changes) || self.seen_misreads != misreads {
             self.seen_changes = Some(changes);
+            self.seen_misreads = misreads;
             self.route();
         }
         if let Some(exception) = self.auditing {
@@ -445,6 +489,7 @@ impl Processor for Core {
         }
         self.seen_changes = None;
         self.stall = None;
+        self.defects.issue_one_read(false);
     }
 
     fn take_reset_request(&mut self) -> bool {

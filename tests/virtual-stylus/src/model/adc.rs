@@ -330,7 +330,9 @@ impl Around<Adc> for Injected {
         context: &mut DeviceContext<'_>,
     ) -> bool {
         match self.sequence.take_if(|sequence| sequence.event == event) {
-            Some(done) => self.converted(&done, registers, context),
+            Some(done) if self.hz != 0 => self.converted(&done, registers, context),
+            // The clock has stopped: the conversion does not end.
+            Some(_) => {}
             None => return false,
         }
         // There is one event per instance and instant, so the emulator's model may have scheduled this one too.

@@ -28,7 +28,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rigless::device::{DeviceContext, RegisterFile};
 use rigless::soc::Width;
-use rigless::soc::stm32h743::generated::flash::{Register, cr1, sr1};
+use rigless::soc::stm32h743::generated::flash::{Register, cr1, optsr_cur, sr1};
 use rigless::soc::stm32h743::peripherals::flash::Flash;
 
 use super::around::Around;
@@ -431,16 +431,20 @@ pub struct Journal {
     asked: Option<Asked>,
     started: u64,
     running: [Vec<Range<u32>>; 2],
+    /// BOR_LEV of the option bytes.
+    brown_out_level: u8,
     log: Vec<Operation>,
     unseen: VecDeque<Operation>,
 }
 
 impl Journal {
-    /// A log, with the words that are unreadable from the start, which tells `busy` of busy banks.
-    pub fn new(unreadable: Unreadable, busy: Busy) -> Self {
+    /// A log, with the words that are unreadable from the start and `brown_out_level` in the option bytes, which tells
+    /// `busy` of busy banks.
+    pub fn new(unreadable: Unreadable, busy: Busy, brown_out_level: u8) -> Self {
         Self {
             unreadable,
             busy,
+            brown_out_level,
             ..Self::default()
         }
     }
@@ -562,6 +566,10 @@ impl Around<Flash> for Journal {
         answered: Option<u64>,
         registers: &RegisterFile,
     ) -> Option<u64> {
+        if matches!(register, Register::OptsrCur | Register::OptsrCur_) {
+            let value = answered.unwrap_or_else(|| registers.get(register));
+            return Some(optsr_cur::BOR_LEV.set(value, u64::from(self.brown_out_level)));
+        }
         // The register file shows a failed read from the next call on; this call is answered here.
         let failed = self.unreadable.marks();
         let bank = match register {

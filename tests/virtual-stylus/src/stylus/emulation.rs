@@ -194,6 +194,7 @@ pub(super) fn start(image: &Path, options: Options) -> Result<Ends> {
     let busy = Busy::default();
     let mut board = StylusBoard::new(
         options.pins,
+        options.electrical,
         options.instructions_per_second,
         unreadable.clone(),
         busy.clone(),

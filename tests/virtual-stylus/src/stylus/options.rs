@@ -2,6 +2,7 @@
 
 use std::num::NonZeroU64;
 
+use crate::electrical::Electrical;
 use crate::model::adc::Pins;
 use crate::model::flash::{Contents, Moment};
 use crate::pins::ConstantPins;
@@ -24,6 +25,8 @@ pub struct Options {
     pub power_cut: Option<(u64, Moment)>,
     /// Fills all RAM with noise from this seed before the start; without, RAM holds zeros.
     pub ram_noise: Option<u64>,
+    /// Silicon, clocks and supply.
+    pub electrical: Electrical,
     /// Follows the ticks.
     pub watch_ticks: bool,
 }
@@ -37,6 +40,7 @@ impl Default for Options {
             pins: Box::new(ConstantPins::default()),
             power_cut: None,
             ram_noise: None,
+            electrical: Electrical::default(),
             watch_ticks: true,
         }
     }

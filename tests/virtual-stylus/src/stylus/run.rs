@@ -296,6 +296,23 @@ impl VirtualStylus {
         self.ask(|session, _, _| resets(session))
     }
 
+    /// Stops the external clock.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn fail_external_clock(&mut self) -> Result<()> {
+        let now = VirtualNanos(self.now_ns);
+        self.board(move |board| board.part.fail_external_clock(now))
+    }
+
+    /// Sets the supply, in millivolts.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn set_supply(&mut self, millivolts: u32) -> Result<()> {
+        self.board(move |board| board.part.rest.set_supply(millivolts))
+    }
+
     /// Resets the part by its pin.
     ///
     /// # Errors

@@ -19,6 +19,7 @@ mod play;
 mod power;
 mod record;
 mod scenes;
+mod start;
 mod ticks;
 mod upload;
 mod usb;
