@@ -204,7 +204,7 @@ impl Core {
     fn follow_busy(&mut self, now: VirtualNanos) {
         let busy = self.busy.banks();
         if busy & OTHER_BANK != 0 {
-            self.other_bank_until = now + LINGER;
+            self.other_bank_until = VirtualNanos(now.0 + LINGER.0);
         }
         if busy & CODE_BANK != 0 && self.on_bus & CODE_BANK == 0 {
             self.busy_since = self.inner.retired();

@@ -51,6 +51,7 @@ struct Reference {
 }
 
 /// A function in ITCM.
+#[derive(Clone, Debug)]
 struct Function {
     name: String,
     end: u64,
@@ -63,12 +64,15 @@ struct Function {
 pub fn check(image: &[u8]) -> Result<()> {
     let file =
         ElfFile32::<Endianness>::parse(image).map_err(|error| Error::Elf(error.to_string()))?;
-    let functions = functions(&file);
-    let references = references(&file)?;
+    check_roots(&functions(&file), &references(&file)?)
+}
+
+/// Checks everything that the roots reach.
+fn check_roots(functions: &BTreeMap<u64, Function>, references: &[Reference]) -> Result<()> {
     for root in [TICK].into_iter().chain(OF_CODE_BANK) {
-        check_from(root, &functions, &references, |_| false)?;
+        check_from(root, functions, references, |_| false)?;
     }
-    check_from(UPDATE, &functions, &references, |reference| {
+    check_from(UPDATE, functions, references, |reference| {
         !reference.is_call
     })
 }
@@ -260,6 +264,29 @@ mod tests {
         assert!(program(vec![panic.clone(), message(1090)]).is_ok());
         assert!(program(vec![panic.clone(), message(1050)]).is_err());
         assert!(program(vec![panic, message(1104)]).is_err());
+    }
+
+    #[test]
+    fn each_root_has_to_be_in_itcm_and_may_not_lead_to_flash() {
+        let roots = [TICK, UPDATE, OF_CODE_BANK[0], OF_CODE_BANK[1]];
+        let functions: BTreeMap<u64, Function> = (1..)
+            .zip(roots)
+            .map(|(number, name)| {
+                let end = number * 1000 + 100;
+                let name = name.to_owned();
+                (number * 1000, Function { name, end })
+            })
+            .collect();
+        assert!(check_roots(&functions, &[]).is_ok());
+        for (&start, function) in &functions {
+            let leads = [reference(start + 10, true, "somewhere", FLASH)];
+            let error = check_roots(&functions, &leads).expect_err("it is in flash");
+            assert!(error.to_string().contains(&function.name), "{error}");
+            let mut others = functions.clone();
+            others.remove(&start);
+            let error = check_roots(&others, &[]).expect_err("it is not in ITCM");
+            assert!(error.to_string().contains(&function.name), "{error}");
+        }
     }
 
     #[test]
