@@ -15,6 +15,7 @@
 //! | [`play`] | motions at a fixed rate, and keep-alives |
 //! | [`capture`] | the record stream and its losses |
 //! | [`strokes`] | recordings of a free hand, with its motion |
+//! | [`self_test`] | measurements of the device, compared with limits |
 //! | [`set`] | a recording set that grows trial by trial |
 //!
 //! Over TCP and the serial port a frame is COBS-encoded and ends with a zero byte; over USB it is a bulk transfer.
@@ -28,6 +29,7 @@ mod device;
 mod error;
 mod open;
 pub mod play;
+pub mod self_test;
 pub mod set;
 pub mod strokes;
 pub mod upload;

@@ -15,6 +15,7 @@ mod motion;
 mod mute;
 mod play;
 mod record;
+mod selftest;
 mod settings;
 mod slot;
 mod status;
@@ -36,6 +37,12 @@ pub use play::{
 pub use record::{
     BLOCK_SAMPLES, PackedSample, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
+};
+pub use selftest::{
+    CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, EncoderValues,
+    ErrorCorrectionValues, FLASH_TEST_BYTES, FlashValues, LOWEST_OUTPUT_CODE, OUTPUT_CODE_STEP,
+    OUTPUT_CODES, OptionByteValues, OutputValues, RAM_MONITORS, STEP_CODES, STEP_INSTANT_CYCLES,
+    STEP_INSTANTS, SelfTestError, SelfTestRequest, SelfTestValues, output_code,
 };
 pub use settings::{SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError};
 pub use slot::{LIBRARY_CRC, SlotFault, SlotId, SlotInfo, SlotState, Slots};
@@ -101,6 +108,7 @@ type MotionResult = Result<MotionSource, MotionRefused>;
 type RecordStartResult = Result<RecordStarted, RecordError>;
 type RecordStopResult = Result<RecordStopped, RecordError>;
 type SettingsResult = Result<Settings, SettingsError>;
+type SelfTestResult = Result<SelfTestValues, SelfTestError>;
 
 endpoints! {
     list = ENDPOINTS;
@@ -125,6 +133,7 @@ endpoints! {
     | SettingsGetEndpoint    | ()              | SettingsResult    | "stylus/settings/get"     |
     | SettingsSetEndpoint    | SettingChange   | SettingsResult    | "stylus/settings/set"     |
     | SettingsResetEndpoint  | ()              | SettingsResult    | "stylus/settings/reset"   |
+    | SelfTestEndpoint       | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
 }
 
 topics! {

@@ -24,6 +24,7 @@ use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::BUDGET;
 
 use crate::hand::Hand;
+use crate::self_test::Board;
 
 /// Clock of the processor, Hz.
 const CORE_HZ: u32 = 400_000_000;
@@ -61,6 +62,10 @@ pub struct Hardware {
     histogram: Histogram,
     /// Counters of the one link, which is a serial one.
     pub link: LinkCounters,
+    /// The board, as the self test measures it.
+    pub board: Board,
+    /// The encoder's counter.
+    encoder: u16,
     /// The hand that holds the stylus.
     pub hand: Hand,
     /// Number of samples to come that are lost before they reach the recorder.
@@ -111,6 +116,8 @@ impl Hardware {
             recorder: Recorder::new(consumer),
             histogram: Histogram::new(),
             link: LinkCounters::default(),
+            board: Board::default(),
+            encoder: 0,
             hand: Hand::default(),
             lose_samples: 0,
             disguise: None,
@@ -127,6 +134,7 @@ impl Hardware {
     pub fn tick(&mut self) {
         self.now += 1;
         let sample = self.hand.sample(self.now);
+        self.encoder = self.encoder.wrapping_add_signed(sample.encoder_delta);
         self.sensors
             .read(self.now, sample.encoder_delta, sample.force, true);
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
@@ -169,6 +177,11 @@ impl Hardware {
     /// True while the output is not at rest.
     pub fn sounds(&self) -> bool {
         !self.safety.is_at_rest()
+    }
+
+    /// The encoder's counter, which wraps.
+    pub fn encoder_count(&self) -> u16 {
+        self.encoder
     }
 
     /// The next whole block of the recording.

@@ -17,6 +17,7 @@ mod hand;
 pub mod hardware;
 pub mod library;
 mod requests;
+pub mod self_test;
 mod served;
 
 pub use faults::Faults;

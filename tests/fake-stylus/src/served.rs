@@ -18,6 +18,7 @@ use crate::device::{SharedControl, SteppedStylus};
 use crate::faults::Faults;
 use crate::hand::Hand;
 use crate::requests::{Requests, frame, path_of};
+use crate::self_test::Board;
 
 /// Steps of the storage's task between two looks at the link, so that frames are served in the middle of a long job.
 const STORAGE_STEPS: usize = 64;
@@ -39,6 +40,7 @@ struct Inner {
     faults: Faults,
     heard: Vec<Heard>,
     hand: Hand,
+    board: Board,
     lose_samples: u32,
     connections: usize,
     is_over: bool,
@@ -95,6 +97,11 @@ impl FakeStylus {
     /// Puts it in another hand.
     pub fn set_hand(&self, hand: Hand) {
         lock(&self.inner).hand = hand;
+    }
+
+    /// Puts it on another board, for the self test.
+    pub fn set_board(&self, board: Board) {
+        lock(&self.inner).board = board;
     }
 
     /// Loses the next `samples` samples before they reach the recorder.
@@ -204,6 +211,7 @@ fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
     let mut control = control.borrow_mut();
     let device = control.device();
     device.hand = inner.hand.clone();
+    device.board = inner.board.clone();
     device.lose_samples += std::mem::take(&mut inner.lose_samples);
     !inner.is_over
 }
