@@ -13,6 +13,8 @@ pub struct Hand {
     pub force_n: f64,
     /// Converter codes of the three axes of acceleration, repeated for ever.
     pub acceleration: Vec<[u16; 3]>,
+    /// Noise of the force's converter, codes to either side.
+    pub force_noise: u16,
 }
 
 impl Default for Hand {
@@ -22,11 +24,18 @@ impl Default for Hand {
             speed_mm_s: 0.0,
             force_n: 0.0,
             acceleration: vec![[32_768; 3]],
+            force_noise: 0,
         }
     }
 }
 
 impl Hand {
+    /// Noise of the force's converter at `tick`, codes.
+    fn disturbance(&self, tick: u64) -> u16 {
+        let hashed = tick.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
+        (hashed % (2 * u64::from(self.force_noise) + 1)) as u16
+    }
+
     /// The converters' codes and the encoder's step at `tick`, under the default settings.
     pub fn sample(&self, tick: u64) -> RecordSample {
         let settings = Settings::default();
@@ -40,7 +49,7 @@ impl Hand {
         let index = tick % self.acceleration.len() as u64;
         RecordSample {
             acceleration: self.acceleration[index as usize].map(AdcCode),
-            force: AdcCode(force.round() as u16),
+            force: AdcCode(force.round() as u16 + self.disturbance(tick)),
             encoder_delta: (counts(tick + 1) - counts(tick)) as i16,
         }
     }

@@ -1,4 +1,4 @@
-//! The part: the emulator's STM32H743 with the board's models in place of, or around, six of its own.
+//! The part: the emulator's STM32H743 with the board's models in place of, or around, eight of its own.
 //!
 //! A reset of the part leaves RAM, the backup SRAM, the flash and the reset flags of `RCC_RSR` as they were, as in
 //! section 8.4.4 and table 56; only a power cut, which ends the run, loses RAM.
@@ -6,10 +6,12 @@
 use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32h743::Stm32h743;
-use rigless::soc::stm32h743::generated::otg1_hs_global;
+use rigless::soc::stm32h743::generated::{dbgmcu, flash, otg1_hs_global, ramecc1};
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
-use rigless::soc::stm32h743::peripherals::flash::Flash;
-use rigless::soc::stm32h743::peripherals::tim::{BASIC_TIMERS, Basic, General, TIMERS, Tim};
+use rigless::soc::stm32h743::peripherals::flash::{Flash, OptionBytes};
+use rigless::soc::stm32h743::peripherals::tim::{
+    BASIC_TIMERS, Basic, General, TIMER_16, TIMERS, Tim, Tim16,
+};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
@@ -18,6 +20,8 @@ use crate::model::around::Extended;
 use crate::model::dac::Dac;
 use crate::model::encoder::Quadrature;
 use crate::model::flash::{Journal, Unreadable};
+use crate::model::low_speed::LowSpeedInput;
+use crate::model::read_back::ReadBack;
 use crate::model::trigger::TriggerOutput;
 use crate::model::usb::host::Host;
 use crate::model::usb::{self, Usb};
@@ -31,6 +35,9 @@ const TIM3: usize = 1;
 struct Slots {
     dac: usize,
     adc: usize,
+    read_back: usize,
+    low_speed: usize,
+    identity: usize,
     timer: usize,
     encoder: usize,
     flash: usize,
@@ -62,6 +69,10 @@ pub struct Part {
     pub dac: Dac,
     /// ADC1.
     pub adc: Extended<Adc, Injected>,
+    /// ADC2, which reads the output's pin back.
+    pub read_back: Extended<Adc, ReadBack>,
+    /// TIM16, which measures LSI.
+    pub low_speed: Extended<Tim<Tim16>, LowSpeedInput>,
     /// TIM6, the clock of the samples.
     pub timer: Extended<Tim<Basic>, TriggerOutput>,
     /// TIM3, which counts the encoder.
@@ -89,6 +100,9 @@ impl Part {
         let slots = Slots {
             dac: slot("DAC")?,
             adc: slot("ADC1")?,
+            read_back: slot("ADC2")?,
+            low_speed: slot("TIM16")?,
+            identity: slot("DBGMCU")?,
             timer: slot("TIM6")?,
             encoder: slot("TIM3")?,
             flash: slot("Flash")?,
@@ -100,6 +114,8 @@ impl Part {
             rest,
             dac: Dac::default(),
             adc: Extended::new(Adc::new(Converter::Adc1, 0), Injected::new(pins)),
+            read_back: Extended::new(Adc::new(Converter::Adc2, 0), ReadBack::default()),
+            low_speed: Extended::new(Tim::new(TIMER_16), LowSpeedInput::default()),
             timer: Extended::new(Tim::new(BASIC_TIMERS[TIM6]), TriggerOutput::default()),
             encoder: Extended::new(Tim::new(TIMERS[TIM3]), Quadrature::default()),
             flash: Extended::new(Flash::new(), Journal::new(unreadable)),
@@ -108,6 +124,43 @@ impl Part {
             usb_reset: UsbReset::default(),
             slots,
         })
+    }
+
+    /// Programs option bytes, as a probe does before the power comes on.
+    pub fn set_option_bytes(&mut self, change: impl FnOnce(&mut OptionBytes)) {
+        let mut options = self.flash.inner.committed_options();
+        change(&mut options);
+        let registers = self
+            .rest
+            .bus_mut()
+            .slot_mut(self.slots.flash)
+            .registers_mut();
+        self.flash.inner.keep_options(options, registers);
+    }
+
+    /// Makes the part one of another revision: `REV_ID` of `DBGMCU_IDC` (section 60.5.8).
+    pub fn set_revision(&mut self, revision: u16) {
+        let slot = self.rest.bus_mut().slot_mut(self.slots.identity);
+        let registers = slot.registers_mut();
+        let device = registers.get(dbgmcu::Register::Idc) & 0xFFFF;
+        registers.set(dbgmcu::Register::Idc, u64::from(revision) << 16 | device);
+    }
+
+    /// Has AXI SRAM's monitor find an error: bit 0 of `flags` one that was corrected, bit 1 one that was not (section
+    /// 3.4, RAMECC_M1SR).
+    pub fn find_ram_error(&mut self, flags: u64) -> Result<(), Error> {
+        let slot = self.rest.bus().slot("RAMECC1")?;
+        let registers = self.rest.bus_mut().slot_mut(slot).registers_mut();
+        registers.set(ramecc1::Register::M1sr, flags);
+        Ok(())
+    }
+
+    /// Has a read of bank 1 correct an error: `SNECCERR1` (section 4.9.5).
+    pub fn correct_flash_error(&mut self) {
+        let slot = self.rest.bus_mut().slot_mut(self.slots.flash);
+        let registers = slot.registers_mut();
+        let flags = registers.get(flash::Register::Sr1);
+        registers.set(flash::Register::Sr1, flash::sr1::SNECCERR1.set(flags, 1));
     }
 
     /// Has `work` done at `at` by the software of the host on USB.
@@ -140,6 +193,7 @@ impl Mcu for Part {
             self.usb.core_reset();
         }
         self.deliver_triggers();
+        self.read_back.around.follow(self.dac.latest());
         self.rest.bus_mut()
     }
 
@@ -147,6 +201,9 @@ impl Mcu for Part {
         self.rest.reset(at, cause);
         self.dac.part_reset(at);
         Device::reset(&mut self.adc);
+        Device::reset(&mut self.read_back);
+        self.low_speed.inner = Tim::new(TIMER_16);
+        Device::reset(&mut self.low_speed);
         self.timer.inner = Tim::new(BASIC_TIMERS[TIM6]);
         self.timer.around = TriggerOutput::default();
         self.encoder.inner = Tim::new(TIMERS[TIM3]);
@@ -174,6 +231,8 @@ impl Mcu for Part {
         let own: &mut dyn ErasedDevice = match slot {
             _ if slot == self.slots.dac => &mut self.dac,
             _ if slot == self.slots.adc => &mut self.adc,
+            _ if slot == self.slots.read_back => &mut self.read_back,
+            _ if slot == self.slots.low_speed => &mut self.low_speed,
             _ if slot == self.slots.timer => &mut self.timer,
             _ if slot == self.slots.encoder => &mut self.encoder,
             _ if slot == self.slots.flash => &mut self.flash,

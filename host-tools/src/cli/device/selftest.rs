@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use host_tools::link::self_test::record::Record;
-use host_tools::link::self_test::{self, Line, Options, Step, Verdict};
+use host_tools::link::self_test::{self, Options, Step, Verdict};
 use host_tools::link::{Device, LinkAddress, LinkError, Timeouts};
 use host_tools::support::error::{Error, Result};
 use model_format::link::SlotId;
@@ -44,6 +44,9 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
+    let also = (arguments.also.as_ref())
+        .map(|address| other(address, device.info().serial.as_str()))
+        .transpose()?;
     let options = Options {
         traffic_s: arguments.seconds,
         sensors: !arguments.bare,
@@ -59,12 +62,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             line.suspend(|| eprintln!("{words}"));
         }
     })?;
-    if let Some(address) = &arguments.also {
-        lines.extend(other(
-            address,
-            device.info().serial.as_str(),
-            arguments.seconds,
-        )?);
+    if let Some(also) = &also {
+        lines.extend(self_test::other_link(also, arguments.seconds)?);
     }
     line.finish_and_clear();
     let record = Record::new(device.info(), lines);
@@ -84,8 +83,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// Traffic on a second link to the device with this serial number.
-fn other(address: &LinkAddress, serial: &str, seconds: f64) -> Result<Vec<Line>> {
+/// Opens a second link to the device with this serial number.
+fn other(address: &LinkAddress, serial: &str) -> Result<Device> {
     let device = Device::connect(address, Timeouts::default())?;
     if device.info().serial.as_str() != serial {
         return Err(LinkError::NotVerified {
@@ -97,7 +96,7 @@ fn other(address: &LinkAddress, serial: &str, seconds: f64) -> Result<Vec<Line>>
         }
         .into());
     }
-    Ok(self_test::other_link(&device, seconds)?)
+    Ok(device)
 }
 
 fn words(step: Step, seconds: f64) -> String {

@@ -8,6 +8,8 @@ pub mod around;
 pub mod dac;
 pub mod encoder;
 pub mod flash;
+pub mod low_speed;
+pub mod read_back;
 pub mod trigger;
 pub mod usb;
 pub mod watchdog;

@@ -17,6 +17,7 @@ mod play;
 mod power;
 mod record;
 mod scenes;
+mod self_test;
 mod ticks;
 mod upload;
 mod usb;

@@ -5,8 +5,8 @@ use model_format::link::{ClockCount, ClockValues};
 
 use crate::link::self_test::line::Line;
 
-/// Rate of LSI over the whole range of temperature and supply, Hz (DS12110, LSI characteristics).
-const LOW_SPEED_HZ: (f64, f64) = (29_760.0, 33_600.0);
+/// Rate of LSI over the whole range of temperature and supply, Hz (DS12110 table 136).
+const LOW_SPEED_HZ: (f64, f64) = (29_400.0, 33_600.0);
 
 /// Deviation of the core's clock from the host's frames, ppm: 500 for the host (USB 2.0, section 7.1.12), 50 for the
 /// board's crystal, and 200 for the reading.

@@ -6,7 +6,7 @@ use crate::link::self_test::line::Line;
 
 /// Memory of each RAMECC monitor (RM0433 section 3.3).
 const MEMORIES: [&str; RAM_MONITORS] = [
-    "AXI SRAM", "ITCM", "DTCM", "DTCM", "ITCM", "SRAM1", "SRAM1", "SRAM2", "SRAM2", "SRAM3",
+    "AXI SRAM", "ITCM", "DTCM", "DTCM", "trace", "SRAM1", "SRAM1", "SRAM2", "SRAM2", "SRAM3",
     "SRAM4", "backup",
 ];
 
