@@ -160,7 +160,7 @@ impl Part {
         let slot = self.rest.bus_mut().slot_mut(self.slots.flash);
         let registers = slot.registers_mut();
         let flags = registers.get(flash::Register::Sr1);
-        registers.set(flash::Register::Sr1, flash::sr1::SNECCERR1.set(flags, 1));
+        registers.set(flash::Register::Sr1, flash::sr1::SNECCERR.set(flags, 1));
     }
 
     /// Has `work` done at `at` by the software of the host on USB.
