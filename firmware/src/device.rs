@@ -27,6 +27,7 @@ use crate::play::direction::{self, Next};
 use crate::play::library_ram::LibraryRam;
 use crate::play::{update, voice};
 use crate::tick;
+use crate::tick::output::amplifier;
 
 /// All hardware except flash and wires.
 pub struct Hardware {
@@ -104,6 +105,7 @@ impl Device for Hardware {
                 safety: safety::Counters::default(),
                 thermal_load_permille: 0,
                 thermal_gain_permille: 0,
+                amplifier: false,
             };
         };
         TickReport {
@@ -113,6 +115,7 @@ impl Device for Hardware {
             safety: tick.safety.counters(),
             thermal_load_permille: tick.safety.thermal_load_permille(),
             thermal_gain_permille: tick.safety.thermal_gain_permille(),
+            amplifier: amplifier::is_on(),
         }
     }
 

@@ -54,7 +54,8 @@ use crate::flash::word;
 use crate::link::wire::{self, Wire};
 use crate::link::{counters, recording, requests, serial, storage, usb};
 use crate::play::update;
-use crate::tick::inputs;
+use crate::tick::output::amplifier;
+use crate::tick::{inputs, output, raising};
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
@@ -90,6 +91,12 @@ async fn main(spawner: Spawner) {
     update::start(InputConfig::new(&settings));
     tick::start(
         p.TIM6,
+        output::Hardware {
+            timer: p.TIM7,
+            to_converter: p.DMA1_CH0,
+            eraser: p.DMA1_CH1,
+            amplifier: p.PE9,
+        },
         Tap::new(producer),
         safety::Config::new(&settings, 1.0),
     );
@@ -123,6 +130,9 @@ async fn main(spawner: Spawner) {
     } else {
         defmt::warn!("USB link: the peripheral does not answer; the link stays off");
     }
+    // Last: everything that ends the program at mid-scale is in place.
+    spawner.spawn(raising::raise_amplifier().unwrap());
+    amplifier::enable();
 }
 
 #[embassy_executor::task]

@@ -115,6 +115,8 @@ pub struct TickReport {
     pub thermal_load_permille: u16,
     /// `safety::State::thermal_gain_permille`.
     pub thermal_gain_permille: u16,
+    /// True while the amplifier is enabled.
+    pub amplifier: bool,
 }
 
 /// Cause of the last reset.
@@ -237,6 +239,7 @@ impl<D: Device> Control<D> {
             thermally_limited: tick.safety.thermally_limited,
             thermal_load_permille: tick.thermal_load_permille,
             thermal_gain_permille: tick.thermal_gain_permille,
+            amplifier: tick.amplifier,
         }
     }
 

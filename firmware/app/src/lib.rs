@@ -6,7 +6,7 @@
 //!
 //! | module | runs in |
 //! |---|---|
-//! | [`safety`] | the tick |
+//! | [`safety`], [`ring`] | the tick |
 //! | [`inputs`] | the tick (encoder, conversions) and below it (motion) |
 //! | [`recorder`] | the tick (one sample in a queue) and thread mode (blocks) |
 //! | [`player`], [`control`] | thread mode, never waits |
@@ -25,6 +25,7 @@ pub mod flash;
 pub mod inputs;
 pub mod player;
 pub mod recorder;
+pub mod ring;
 pub mod safety;
 pub mod self_test;
 pub mod settings;

@@ -1,4 +1,4 @@
-//! From reset to `main`: the output goes to mid-scale, then code, constants and vectors to the memories of the tick.
+//! From reset to `main`: the amplifier off, the output at mid-scale, then code, constants and vectors to the memories of the tick.
 #![expect(
     unsafe_code,
     reason = "memory is laid out and the processor's own registers are set before they have owners"
@@ -35,17 +35,30 @@ global_asm!(
     ".type __pre_init, %function",
     ".thumb_func",
     "__pre_init:",
+    // Clock of port E: RCC_AHB4ENR, bit 4 (RM0433 section 8.7.43). Then PE9, the amplifier's enable, becomes an output
+    // that drives low, the reset value of GPIOE_ODR: GPIOE_MODER, bits 19:18 from 11 to 01 (section 11.4.1).
+    "    ldr r0, =0x580244E0",
+    "    ldr r1, [r0]",
+    "    orr r1, r1, #0x10",
+    "    str r1, [r0]",
+    "    ldr r1, [r0]",
+    "    ldr r0, =0x58021000",
+    "    ldr r1, [r0]",
+    "    bic r1, r1, #0x80000",
+    "    str r1, [r0]",
     // Clock of DAC1: RCC_APB1LENR, bit 29 (RM0433 section 8.7.45). The read waits until the write has arrived.
     "    ldr r0, =0x580244E8",
     "    ldr r1, [r0]",
     "    orr r1, r1, #0x20000000",
     "    str r1, [r0]",
     "    ldr r1, [r0]",
-    // DAC_DHR12R1 at mid-scale, then DAC_CR.EN1 (RM0433 section 26.7): the output begins at mid-scale.
+    // DAC_DHR12R1 at mid-scale, DAC_CR.TSEL1 at 6, which is TIM7_TRGO (table 213) and may not change once the channel
+    // is on (section 26.4.7), then DAC_CR.EN1 (section 26.7): the output begins at mid-scale.
     "    ldr r0, =0x40007400",
     "    mov r1, #2048",
     "    str r1, [r0, #8]",
-    "    ldr r1, [r0]",
+    "    mov r1, #24",
+    "    str r1, [r0]",
     "    orr r1, r1, #1",
     "    str r1, [r0]",
     "    ldr r0, =__sitcm",
@@ -83,7 +96,7 @@ unsafe extern "C" {
 }
 
 /// Moves the vector table to the DTCM, so that an interrupt is taken without a read of flash, and turns the caches on,
-/// for code in flash and the library in AXI SRAM. This firmware uses no DMA, so all memory may be cached.
+/// for code in flash and the library in AXI SRAM. DMA uses SRAM 1 alone, which must not be cached.
 pub fn prepare_memory(scb: &mut SCB, cpuid: &mut CPUID) {
     let table = VECTOR_TABLE.0.get().cast::<u32>();
     for index in 0..VECTORS {

@@ -54,7 +54,7 @@ impl ReadBack {
         let read_back = Self(());
         ADC2.cr().modify(|w| {
             w.set_deeppwd(false);
-            // For 6.25 to 12.5 MHz.
+            // Of the steps, that of 12.5 to 25 MHz, as ADC1 has it: its clock lies on their border.
             w.set_boost(Boost::LT25);
         });
         ADC2.cr().modify(|w| w.set_advregen(true));

@@ -52,6 +52,8 @@ pub struct OutputStatus {
     pub thermal_load_permille: u16,
     /// Gain of the thermal limiter, per mille.
     pub thermal_gain_permille: u16,
+    /// True while the amplifier is enabled.
+    pub amplifier: bool,
 }
 
 /// Counters of the tick.
@@ -65,6 +67,8 @@ pub struct TickCounters {
     pub late_frames: u32,
     /// Conversions that were not complete when the tick read them.
     pub late_conversions: u32,
+    /// Ticks whose codes did not continue the output's last one: they, or those before them, came too late.
+    pub late_outputs: u32,
 }
 
 /// Histogram of the ticks' durations, from entry to exit of the handler.

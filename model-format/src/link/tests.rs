@@ -309,6 +309,7 @@ fn outputs() -> Vec<OutputStatus> {
         thermally_limited: u32::MAX,
         thermal_load_permille: u16::MAX,
         thermal_gain_permille: u16::MAX,
+        amplifier: true,
     };
     activities.map(output).into()
 }
@@ -335,6 +336,7 @@ fn statuses() -> Vec<Status> {
             missed: u32::MAX,
             late_frames: u32::MAX,
             late_conversions: u32::MAX,
+            late_outputs: u32::MAX,
         },
         tick_histogram: TickHistogram {
             core_hz: u32::MAX,

@@ -224,6 +224,7 @@ impl Device for Hardware {
             safety: self.safety.counters(),
             thermal_load_permille: self.safety.thermal_load_permille(),
             thermal_gain_permille: self.safety.thermal_gain_permille(),
+            amplifier: true,
         }
     }
 

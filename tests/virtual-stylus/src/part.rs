@@ -9,6 +9,7 @@ use rigless::soc::stm32h743::Stm32h743;
 use rigless::soc::stm32h743::generated::{dbgmcu, flash, otg1_hs_global, ramecc1};
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
 use rigless::soc::stm32h743::peripherals::flash::{Flash, OptionBytes};
+use rigless::soc::stm32h743::peripherals::gpio::Gpio;
 use rigless::soc::stm32h743::peripherals::tim::{
     BASIC_TIMERS, Basic, General, TIMER_16, TIMERS, Tim, Tim16,
 };
@@ -17,19 +18,23 @@ use rigless::time::VirtualNanos;
 
 use crate::model::adc::{Injected, Pins};
 use crate::model::around::Extended;
-use crate::model::dac::Dac;
+use crate::model::dac::{Dac, TIM6_TRIGGER, TIM7_TRIGGER};
 use crate::model::encoder::Quadrature;
 use crate::model::flash::{Journal, Unreadable};
 use crate::model::low_speed::LowSpeedInput;
+use crate::model::pin::PinRecord;
 use crate::model::read_back::ReadBack;
 use crate::model::trigger::TriggerOutput;
 use crate::model::usb::host::Host;
 use crate::model::usb::{self, Usb};
 use crate::model::watchdog::Watchdog;
 
-/// TIM6 among the basic timers, and TIM3 among the general ones.
+/// TIM6 and TIM7 among the basic timers, and TIM3 among the general ones.
 const TIM6: usize = 0;
+const TIM7: usize = 1;
 const TIM3: usize = 1;
+/// The amplifier's enable in port E.
+const AMPLIFIER_PIN: u32 = 9;
 
 #[derive(Clone, Copy, Debug)]
 struct Slots {
@@ -39,6 +44,8 @@ struct Slots {
     low_speed: usize,
     identity: usize,
     timer: usize,
+    code_timer: usize,
+    amplifier: usize,
     encoder: usize,
     flash: usize,
     watchdog: usize,
@@ -75,6 +82,10 @@ pub struct Part {
     pub low_speed: Extended<Tim<Tim16>, LowSpeedInput>,
     /// TIM6, the clock of the samples.
     pub timer: Extended<Tim<Basic>, TriggerOutput>,
+    /// TIM7, the clock of the codes at the output.
+    pub code_timer: Extended<Tim<Basic>, TriggerOutput>,
+    /// Port E, with the amplifier's enable on PE9.
+    pub amplifier: Extended<Gpio, PinRecord>,
     /// TIM3, which counts the encoder.
     pub encoder: Extended<Tim<General>, Quadrature>,
     /// The flash's registers.
@@ -104,6 +115,8 @@ impl Part {
             low_speed: slot("TIM16")?,
             identity: slot("DBGMCU")?,
             timer: slot("TIM6")?,
+            code_timer: slot("TIM7")?,
+            amplifier: slot("GPIOE")?,
             encoder: slot("TIM3")?,
             flash: slot("Flash")?,
             watchdog: slot("IWDG")?,
@@ -117,6 +130,8 @@ impl Part {
             read_back: Extended::new(Adc::new(Converter::Adc2, 0), ReadBack::default()),
             low_speed: Extended::new(Tim::new(TIMER_16), LowSpeedInput::default()),
             timer: Extended::new(Tim::new(BASIC_TIMERS[TIM6]), TriggerOutput::default()),
+            code_timer: Extended::new(Tim::new(BASIC_TIMERS[TIM7]), TriggerOutput::default()),
+            amplifier: Extended::new(Gpio::default(), PinRecord::new(AMPLIFIER_PIN)),
             encoder: Extended::new(Tim::new(TIMERS[TIM3]), Quadrature::default()),
             flash: Extended::new(Flash::new(), Journal::new(unreadable)),
             watchdog: Watchdog::default(),
@@ -169,14 +184,23 @@ impl Part {
         self.usb.drive(&mut context, work)
     }
 
-    /// Hands each pulse of the timer's trigger output to the converters, at its instant.
+    /// Hands each pulse of the timers' trigger outputs to the converters, at its instant, and the acknowledge of a
+    /// request to the one that asked.
     fn deliver_triggers(&mut self) {
         while let Some(at) = self.timer.around.take() {
             let bus = self.rest.bus_mut();
-            let (registers, _) = bus.drive(at, self.slots.dac);
-            self.dac.trigger(at, registers);
+            let (registers, mut context) = bus.drive(at, self.slots.dac);
+            self.dac.trigger(TIM6_TRIGGER, registers, &mut context);
             let (registers, mut context) = bus.drive(at, self.slots.adc);
             self.adc.around.trigger(registers, &mut context);
+        }
+        while let Some(at) = self.code_timer.around.take() {
+            let (registers, mut context) = self.rest.bus_mut().drive(at, self.slots.dac);
+            self.dac.trigger(TIM7_TRIGGER, registers, &mut context);
+        }
+        if let Some((at, channel)) = self.code_timer.around.take_acknowledge() {
+            let (_, mut context) = self.rest.bus_mut().drive(at, self.slots.dac);
+            self.dac.acknowledge(channel, &mut context);
         }
     }
 }
@@ -206,6 +230,10 @@ impl Mcu for Part {
         Device::reset(&mut self.low_speed);
         self.timer.inner = Tim::new(BASIC_TIMERS[TIM6]);
         self.timer.around = TriggerOutput::default();
+        self.code_timer.inner = Tim::new(BASIC_TIMERS[TIM7]);
+        self.code_timer.around = TriggerOutput::default();
+        Device::reset(&mut self.amplifier);
+        self.amplifier.around.part_reset(at);
         self.encoder.inner = Tim::new(TIMERS[TIM3]);
         Device::reset(&mut self.encoder);
         let options = self.flash.inner.committed_options();
@@ -234,6 +262,8 @@ impl Mcu for Part {
             _ if slot == self.slots.read_back => &mut self.read_back,
             _ if slot == self.slots.low_speed => &mut self.low_speed,
             _ if slot == self.slots.timer => &mut self.timer,
+            _ if slot == self.slots.code_timer => &mut self.code_timer,
+            _ if slot == self.slots.amplifier => &mut self.amplifier,
             _ if slot == self.slots.encoder => &mut self.encoder,
             _ if slot == self.slots.flash => &mut self.flash,
             _ if slot == self.slots.watchdog => &mut self.watchdog,

@@ -72,7 +72,11 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         None => "none active".to_owned(),
     };
     lines.push(format!("library  {library}{}", upload(&status.upload)));
-    lines.push(format!("output   {}", output(&status.output)));
+    let amplifier = if status.output.amplifier { "on" } else { "off" };
+    lines.push(format!(
+        "output   {}; amplifier {amplifier}",
+        output(&status.output)
+    ));
     lines.push(format!("muted    {}", mutes(&status.output)));
     lines.push(format!(
         "limits   saturated {}, hard limit {}, slew {}, thermal {} samples; coil at {:.1} % of its limit, gain {:.1} %",
@@ -96,11 +100,12 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
     lines.push(format!("USB      {}", link(&status.usb)));
     lines.push(format!("serial   {}", link(&status.serial)));
     lines.push(format!(
-        "tick     {} ticks, {} missed, {} late frames, {} late conversions",
+        "tick     {} ticks, {} missed, {} late frames, {} late conversions, {} late outputs",
         status.tick.ticks,
         status.tick.missed,
         status.tick.late_frames,
-        status.tick.late_conversions
+        status.tick.late_conversions,
+        status.tick.late_outputs
     ));
     let histogram = histogram::draw(&status.tick_histogram);
     lines.push(format!(

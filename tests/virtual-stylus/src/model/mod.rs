@@ -9,6 +9,7 @@ pub mod dac;
 pub mod encoder;
 pub mod flash;
 pub mod low_speed;
+pub mod pin;
 pub mod read_back;
 pub mod trigger;
 pub mod usb;

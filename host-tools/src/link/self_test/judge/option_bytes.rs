@@ -15,7 +15,8 @@ fn is_area(register: u32) -> bool {
     start <= end
 }
 
-/// Judges the option bytes.
+/// Judges the option bytes. Any brown-out level will do, because the firmware itself looks at the supply before it
+/// writes flash.
 pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
     let status = values.status;
     let bit = |number: u32| status >> number & 1 != 0;
@@ -25,7 +26,6 @@ pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
         0xcc => "level 2",
         _ => "level 1",
     };
-    let brown_out = status >> 2 & 0b11;
     let sectors = values.writable_sectors;
     let areas = (values.read_protected.iter())
         .chain(&values.secure)
@@ -43,12 +43,12 @@ pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
             protection == 0xaa,
             "the probe cannot read a fault's cause; setting level 0 erases the flash: flash the image again afterwards",
         ),
-        Line::number(
+        Line::exact(
             "brown-out level",
-            f64::from(brown_out),
-            (0.0, 3.0),
-            ("", 0),
-            SET_THEM,
+            (status >> 2 & 0b11).to_string(),
+            "any",
+            true,
+            "",
         ),
         Line::exact(
             "watchdog by",
