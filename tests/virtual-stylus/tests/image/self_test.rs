@@ -9,11 +9,12 @@ use model_format::link::{
 };
 use virtual_stylus::Options;
 use virtual_stylus::board::StylusBoard;
+use virtual_stylus::model::pin::Drive;
 use virtual_stylus::model::read_back::OutputPin;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::pins::FunctionPins;
 
-use crate::device::{Device, MID_SCALE, MS, PERIOD_NS, SECOND, play_request, product};
+use crate::device::{CODE_NS, Device, MID_SCALE, MS, SECOND, play_request, product};
 use crate::library;
 
 /// A device on a board that `change` has changed before the power came on.
@@ -63,7 +64,7 @@ fn show(lines: &[Line]) {
 }
 
 /// A healthy pin: mid-scale with the noise of a converter, and force within its range.
-fn quiet(channel: u8, at_ns: u64) -> u16 {
+pub fn quiet(channel: u8, at_ns: u64) -> u16 {
     let mixed = (at_ns / 1_000)
         .wrapping_mul(0x9E37_79B9_7F4A_7C15)
         .wrapping_add(u64::from(channel) << 7);
@@ -241,25 +242,41 @@ fn faults_of_the_output_are_named() {
 fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
     let mut device = Device::started(library::options());
     // The host asks, and is not there for the answer.
+    let asked_ns = device.stylus.now_ns();
     device.send_frame(
         <SelfTestEndpoint as postcard_rpc::Endpoint>::REQ_KEY,
         &SelfTestRequest::Output,
     );
     device.run_for(2 * SECOND);
     let (now, outputs) = (device.stylus.now_ns(), device.dac().to_vec());
-    let moved = outputs.iter().any(|output| output.code == Some(3072));
-    assert!(moved, "the output was moved");
+    let away = outputs
+        .iter()
+        .filter(|output| output.code != Some(MID_SCALE));
+    let away: Vec<u64> = away.map(|output| output.at_ns).collect();
+    assert!(away.len() > 1_000, "the output was moved");
+    // Of a device that has started, the amplifier is on before and after, and off in between.
+    let amplifier = device.stylus.take_amplifier_record();
+    let amplifier = amplifier.expect("the run goes on");
+    let on_at = |at_ns: u64| {
+        let before = amplifier.iter().rev().find(|driven| driven.at_ns <= at_ns);
+        before.is_some_and(|driven| driven.drive == Drive::High)
+    };
+    assert!(on_at(asked_ns) && on_at(now));
+    assert!(!away.iter().any(|&at_ns| on_at(at_ns)));
     let last: Vec<_> = (outputs.iter())
         .filter(|output| output.at_ns > now - 500 * MS)
         .collect();
-    assert!(last.len() > 2_000, "the timer moves it again");
+    assert!(last.len() > 19_000, "codes go on");
     let at_rest = last.iter().all(|output| output.code == Some(MID_SCALE));
     assert!(at_rest, "it is at rest");
-    let even =
-        |pair: &[&virtual_stylus::model::dac::Output]| pair[1].at_ns - pair[0].at_ns == PERIOD_NS;
-    assert!(last.windows(2).all(even));
-    let told = device.stylus.report().expect("the run goes on");
-    println!("{told:?}");
+    let triggered: Vec<u64> = (outputs.iter())
+        .filter(|output| output.at_ns > asked_ns)
+        .map(|output| output.at_ns)
+        .collect();
+    let uneven = triggered
+        .windows(2)
+        .find(|pair| pair[1] - pair[0] != CODE_NS);
+    assert_eq!(uneven, None);
     let status = device.status();
     assert_eq!((status.tick.missed, status.tick.late_conversions), (0, 0));
     device.play_until_heard("lattice", MotionSource::Sensors, 2);

@@ -7,8 +7,9 @@ use model_format::link::RecordSample;
 use crate::link::capture::{Calibration, Capture};
 use crate::link::self_test::line::Line;
 
-/// Codes that lie this near to an end of the range count as the end: 1 % of it.
-const RAIL_CODES: f64 = 655.0;
+/// Codes that lie this near to an end of the range count as the end: 1 % of it for an axis, which rests in the middle,
+/// and 0.1 % for the force, whose zero may lie low.
+const RAIL_CODES: [f64; 2] = [655.0, 64.0];
 
 /// Highest code of a converter.
 const HIGHEST: f64 = 65_535.0;
@@ -71,7 +72,7 @@ fn sensor(
         Line::number(
             format!("{name} from the rails"),
             rail,
-            (RAIL_CODES, f64::INFINITY),
+            (RAIL_CODES[kind], f64::INFINITY),
             ("codes", 0),
             "the sensor is at the end of its range: check its supply, its ground and its wire",
         ),
