@@ -54,7 +54,7 @@ impl ReadBack {
         let read_back = Self(());
         ADC2.cr().modify(|w| {
             w.set_deeppwd(false);
-            // Of the steps, that of 12.5 to 25 MHz, as ADC1 has it: its clock lies on their border.
+            // That of 12.5 to 25 MHz, on whose border its clock lies.
             w.set_boost(Boost::LT25);
         });
         ADC2.cr().modify(|w| w.set_advregen(true));
