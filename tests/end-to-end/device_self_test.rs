@@ -3,8 +3,7 @@
 mod support;
 
 use fake_stylus::library::library;
-use fake_stylus::self_test::Board;
-use fake_stylus::{FakeStylus, Faults, Hand};
+use fake_stylus::{Board, FakeStylus, Faults, Hand};
 use model_format::link::SelfTestError;
 use serde_json::Value;
 use support::{Bench, json, text};
@@ -287,7 +286,7 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
     assert_eq!(code, 2);
     let found = with(&record, "fail");
     assert!(found.contains(&"encoder line A"), "{found:?}");
-    assert!(!found.contains(&"encoder line B"), "{found:?}");
+    assert!(!found.contains(&"encoder line B"), "{record:#}");
     assert!(!found.contains(&"encoder direction"), "{found:?}");
     // Up and down by one: the tool shakes, or one line is stuck.
     stylus.set_board(Board::default());

@@ -23,8 +23,8 @@ use stylus_app::storage::LoadFault;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::BUDGET;
 
+use crate::board::Board;
 use crate::hand::Hand;
-use crate::self_test::Board;
 
 /// Clock of the processor, Hz.
 const CORE_HZ: u32 = 400_000_000;

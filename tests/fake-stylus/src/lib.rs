@@ -9,6 +9,7 @@
 //! - [`SteppedStylus`](device::SteppedStylus) runs in virtual time, one millisecond after the other, and a test calls
 //!   the application's requests itself.
 
+mod board;
 mod connection;
 pub mod device;
 mod faults;
@@ -20,6 +21,7 @@ mod requests;
 pub mod self_test;
 mod served;
 
+pub use board::Board;
 pub use faults::Faults;
 pub use hand::Hand;
 pub use served::{FakeStylus, Heard};

@@ -13,12 +13,12 @@ use postcard_rpc::header::{VarHeader, VarKey};
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::Device;
 
+use crate::board::Board;
 use crate::connection::Connection;
 use crate::device::{SharedControl, SteppedStylus};
 use crate::faults::Faults;
 use crate::hand::Hand;
 use crate::requests::{Requests, frame, path_of};
-use crate::self_test::Board;
 
 /// Steps of the storage's task between two looks at the link, so that frames are served in the middle of a long job.
 const STORAGE_STEPS: usize = 64;

@@ -37,7 +37,7 @@ pub struct Line {
     pub limits: String,
     /// The verdict.
     pub verdict: Verdict,
-    /// What to do; empty where the verdict is good.
+    /// Remedy; empty where the verdict is good.
     pub remedy: String,
 }
 

@@ -49,7 +49,7 @@ pub fn chip(values: &ChipValues, info: &DeviceInfo) -> Vec<Line> {
             serial.as_str(),
             info.serial.as_str(),
             serial == info.serial.as_str(),
-            "the id differs from the serial number of the same device: read both again; if it stays, the chip is damaged",
+            "the id differs from the serial number of the same device: test again; if it stays, the chip is damaged",
         ),
         Line::number(
             "flash size",

@@ -33,8 +33,8 @@ pub fn clocks(values: &ClockValues) -> Vec<Line> {
             hertz(count, values.timer_hz),
             LOW_SPEED_HZ,
             ("Hz", 0),
-            "LSI drives the watchdog, or the core's clock is not what it should be: see the line of USB; if that passes, \
-             the chip is damaged",
+            "LSI or the core's clock is not what it should be: see the line of USB; if that passes, the chip is \
+             damaged",
         ),
         None => Line::exact(
             "LSI",

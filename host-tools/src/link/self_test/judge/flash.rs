@@ -11,7 +11,8 @@ const ERASE_MS: f64 = 4_000.0;
 /// parallelism of 8 bits.
 const WRITE_US: f64 = 2_000.0;
 
-const WORN: &str = "the flash is slow or worn: check the supply of 3.3 V and test again; if it stays, replace the board";
+const WORN: &str =
+    "the flash is slow or worn: check the 3.3 V and test again; if it stays, replace the board";
 
 /// Judges a sector's erasure and writing.
 pub fn flash(values: &FlashValues) -> Vec<Line> {

@@ -34,8 +34,8 @@ const SETTLED_CODES: f64 = 16.0;
 /// Time within which it has settled, µs.
 const SETTLED_US: f64 = 8.0;
 
-const AMPLIFIER: &str = "take the amplifier's input off PA4 and test again: what loads the pin bends it; if it stays, the \
-     chip's output is damaged";
+const AMPLIFIER: &str = "take the amplifier's input off PA4 and test again: what loads the pin bends it; if it stays, \
+     the chip's output is damaged";
 
 /// Mean word per code of the sweep, in codes.
 fn means(values: &OutputValues) -> [f64; OUTPUT_CODES] {

@@ -63,7 +63,7 @@ pub fn state(status: &Status) -> Vec<Line> {
         Line::none(
             "frames late since the start",
             status.tick.late_frames,
-            "play a simpler scene; if a texture alone is late, report the device's build with the record of this test",
+            "play a simpler scene; if a texture alone is late, report the build with the record of this test",
         ),
         Line::none(
             "conversions late since the start",
@@ -75,14 +75,15 @@ pub fn state(status: &Status) -> Vec<Line> {
             100.0 * f64::from(histogram.longest) / period,
             (0.0, TICK_PERCENT),
             ("% of its period", 1),
-            "play a simpler scene; if a texture alone is too long, report the device's build with the record of this test",
+            "play a simpler scene; if a texture alone is too long, report the build with the record of this test",
         ),
     ]
 }
 
 /// Judges the traffic of `link`.
 pub fn traffic(link: &str, values: &Traffic) -> Vec<Line> {
-    const CABLE: &str = "close other programs that use the link, use another cable or port without a hub, and test again";
+    const CABLE: &str =
+        "close other programs that use the link, use another cable, without a hub, and test again";
     let Traffic { before, after, .. } = values;
     let name = |what: &str| format!("{link}: {what}");
     let during = |count: fn(&Status) -> u32| count(after).wrapping_sub(count(before));
