@@ -7,12 +7,13 @@
 //! | [`tick`] | one sample, 5000 times per second |
 //! | [`fault`] | ends of the program, their reasons, and the guards: handlers, watchdog, stack |
 //! | [`flash`] | library slots and settings in flash |
+//! | [`self_test`] | measurements of the self test |
 //! | [`device`] | the hardware as `stylus_app::control` sees it |
 //! | [`link`] | requests, over two wires |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! Rooms import in one direction: `link` imports `device` and `flash`; `device` imports `tick` and `play`; `flash`
-//! imports `fault`; `fault` imports `tick`; `tick` imports `play`. All may import `boot`, which imports none. Only
+//! Rooms import in one direction: `link` imports `device`, `flash` and `self_test`; `device` imports `tick` and `play`;
+//! `self_test` imports `flash` and `tick`; `flash` imports `fault`; `fault` imports `tick`; `tick` imports `play`. All may import `boot`, which imports none. Only
 //! `main` sees all.
 //!
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
@@ -28,6 +29,7 @@ mod flash;
 mod injection;
 mod link;
 mod play;
+mod self_test;
 mod tick;
 
 use defmt_rtt as _;
@@ -67,6 +69,7 @@ async fn main(spawner: Spawner) {
     watchdog::start();
     let revision = silicon::revision();
     silicon::remedy(revision);
+    self_test::memory::watch();
     let flags = ResetFlags::take();
     let before = record::take(flags);
     let clock = clock::select(before.starts.clock);

@@ -375,6 +375,19 @@ impl<D: Device> Control<D> {
         self.player.end_configuration();
     }
 
+    /// Keeps everything from being played until [`Control::end_self_test`].
+    ///
+    /// # Errors
+    /// Something is played, a library is being activated, or settings are being stored.
+    pub fn begin_self_test(&mut self) -> Result<(), Busy> {
+        self.player.begin_configuration()
+    }
+
+    /// Ends what [`Control::begin_self_test`] began.
+    pub fn end_self_test(&mut self) {
+        self.player.end_configuration();
+    }
+
     /// Sets the progress of the upload, for the status.
     pub fn set_upload(&mut self, upload: UploadState) {
         self.upload = upload;

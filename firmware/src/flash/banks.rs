@@ -35,7 +35,7 @@ use stylus_app::slots::MappedFlash;
 use crate::boot::clock::CORE_HZ;
 use crate::boot::{priority, supply};
 use crate::fault::watchdog;
-use crate::flash::word;
+use crate::flash::{errors, word};
 
 /// Longest erasure of a sector: twice the maximum of DS12110 (table 60, parallelism of 8 bits).
 const ERASE_LIMIT: Duration = Duration::from_secs(8);
@@ -173,6 +173,7 @@ impl Bank {
         if registers.sr().read().qw() {
             return Err(FlashError::Timeout);
         }
+        errors::take(self.index);
         clear(registers);
         if registers.cr().read().lock() {
             registers.keyr().write_value(0x4567_0123);
@@ -213,6 +214,7 @@ impl Bank {
     fn end(self) -> Result<(), FlashError> {
         let registers = self.registers();
         let status = registers.sr().read();
+        errors::take(self.index);
         clear(registers);
         registers.cr().modify(|w| {
             w.set_pg(false);

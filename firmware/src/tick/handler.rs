@@ -32,7 +32,7 @@ use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use crate::boot::clock::{CORE_HZ, TIMER_HZ};
 use crate::play::shared::OfHandler;
 use crate::play::voice::{self, BlockIndex, Noted, Played};
-use crate::tick::output::{Output, amplifier};
+use crate::tick::output::{Output, amplifier, by_hand};
 use crate::tick::{alive, inputs, output};
 
 /// Cycles of the processor per tick.
@@ -263,9 +263,13 @@ impl Tick {
         #[cfg(feature = "fault-injection")]
         crate::injection::before_output();
         let next = self.output.next();
-        self.safety.continue_from(next.before);
+        // What is moved by hand reaches no coil, and the stages do not follow it.
+        if !by_hand::is_held() {
+            self.safety.continue_from(next.before);
+        }
         let muted = MUTED.load(Ordering::Relaxed) | amplifier::is_to_be_raised();
         let codes = self.safety.process(&self.config, sample, muted);
+        let codes = by_hand::instead_of(codes);
         let late = self.output.write(next, codes) | next.interrupted;
         self.counters.late_outputs = (self.counters.late_outputs).saturating_add(u32::from(late));
     }

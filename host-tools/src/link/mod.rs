@@ -16,6 +16,7 @@
 //! | [`capture`] | the record stream and its losses |
 //! | [`calibrate`] | values of the coil, and zeros of the sensors, measured and verified |
 //! | [`strokes`] | recordings of a free hand, with its motion |
+//! | [`self_test`] | measurements of the device, compared with limits |
 //! | [`set`] | a recording set that grows trial by trial |
 //!
 //! Over TCP and the serial port a frame is COBS-encoded and ends with a zero byte; over USB it is a bulk transfer.
@@ -30,6 +31,7 @@ mod device;
 mod error;
 mod open;
 pub mod play;
+pub mod self_test;
 pub mod set;
 pub mod strokes;
 pub mod upload;

@@ -17,6 +17,7 @@ mod motion;
 mod mute;
 mod play;
 mod record;
+mod selftest;
 mod settings;
 mod settings_state;
 mod slot;
@@ -42,6 +43,12 @@ pub use play::{
 pub use record::{
     BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
+};
+pub use selftest::{
+    CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, EncoderValues,
+    ErrorCorrectionValues, FLASH_TEST_BYTES, FlashValues, LOWEST_OUTPUT_CODE, OUTPUT_CODE_STEP,
+    OUTPUT_CODES, OptionByteValues, OutputValues, RAM_MONITORS, STEP_CODES, STEP_INSTANT_CYCLES,
+    STEP_INSTANTS, SelfTestError, SelfTestRequest, SelfTestValues, output_code,
 };
 pub use settings::{
     SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError, Tighter,
@@ -114,6 +121,7 @@ type MotionResult = Result<MotionSource, MotionRefused>;
 type RecordStartResult = Result<RecordStarted, RecordError>;
 type RecordStopResult = Result<RecordStopped, RecordError>;
 type SettingsResult = Result<Settings, SettingsError>;
+type SelfTestResult = Result<SelfTestValues, SelfTestError>;
 
 endpoints! {
     list = ENDPOINTS;
@@ -138,6 +146,7 @@ endpoints! {
     | SettingsGetEndpoint    | ()              | SettingsResult    | "stylus/settings/get"     |
     | SettingsSetEndpoint    | SettingChange   | SettingsResult    | "stylus/settings/set"     |
     | SettingsResetEndpoint  | ()              | SettingsResult    | "stylus/settings/reset"   |
+    | SelfTestEndpoint       | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
 }
 
 topics! {

@@ -24,6 +24,7 @@ use stylus_app::storage::LoadFault;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::BUDGET;
 
+use crate::board::Board;
 use crate::hand::Hand;
 
 /// Clock of the processor, Hz.
@@ -76,6 +77,10 @@ pub struct Hardware {
     histogram: Histogram,
     /// Counters of the one link, which is a serial one.
     pub link: LinkCounters,
+    /// The board, as the self test measures it.
+    pub board: Board,
+    /// The encoder's counter.
+    encoder: u16,
     /// The hand that holds the stylus.
     pub hand: Hand,
     /// Number of samples to come that are lost before they reach the recorder.
@@ -131,6 +136,8 @@ impl Hardware {
             recorder: Recorder::new(consumer),
             histogram: Histogram::new(),
             link: LinkCounters::default(),
+            board: Board::default(),
+            encoder: 0,
             hand: Hand::default(),
             lose_samples: 0,
             tear_samples: 0,
@@ -151,6 +158,7 @@ impl Hardware {
         let sample = self.hand.sample(self.now);
         let whole = self.tear_samples == 0;
         self.tear_samples = self.tear_samples.saturating_sub(1);
+        self.encoder = self.encoder.wrapping_add_signed(sample.encoder_delta);
         self.sensors
             .read(self.now, sample.encoder_delta, sample.force, whole);
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
@@ -195,6 +203,11 @@ impl Hardware {
     /// True while the output is not at rest.
     pub fn sounds(&self) -> bool {
         !self.safety.is_at_rest()
+    }
+
+    /// The encoder's counter, which wraps.
+    pub fn encoder_count(&self) -> u16 {
+        self.encoder
     }
 
     /// The next whole block of the recording.

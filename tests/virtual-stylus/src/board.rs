@@ -29,6 +29,9 @@ const SERIAL: &str = "USART3";
 /// The part's unique identifier of 96 bits (section 61.1).
 const UNIQUE_ID_ADDRESS: u64 = 0x1FF1_E800;
 const UNIQUE_ID: &[u8; 12] = b"VIRTUAL-0001";
+/// The size of the flash, KB (section 61.2).
+const FLASH_SIZE_ADDRESS: u64 = 0x1FF1_E880;
+const FLASH_KB: u16 = 2048;
 
 /// The board.
 #[derive(Debug)]
@@ -158,6 +161,13 @@ impl Board for StylusBoard {
         if let Some(seed) = self.ram_noise {
             core.factory_images.extend(noise(seed));
         }
+        let flash_size = Image::new(
+            Path::new("flash-size"),
+            FLASH_KB.to_le_bytes().to_vec(),
+            Some(FLASH_SIZE_ADDRESS),
+        );
+        core.factory_images
+            .push(flash_size.expect("bytes with an address make an image"));
         core::wrap(
             &mut core,
             self.unreadable.clone(),

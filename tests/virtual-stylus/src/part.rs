@@ -6,12 +6,14 @@
 use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32h743::Stm32h743;
-use rigless::soc::stm32h743::generated::{crs, dbgmcu, otg1_hs_global, rcc};
+use rigless::soc::stm32h743::generated::{crs, dbgmcu, flash, otg1_hs_global, ramecc1, rcc};
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
-use rigless::soc::stm32h743::peripherals::flash::Flash;
+use rigless::soc::stm32h743::peripherals::flash::{Flash, OptionBytes};
 use rigless::soc::stm32h743::peripherals::gpio::Gpio;
 use rigless::soc::stm32h743::peripherals::rcc::{Kernel, Rcc};
-use rigless::soc::stm32h743::peripherals::tim::{BASIC_TIMERS, Basic, General, TIMERS, Tim};
+use rigless::soc::stm32h743::peripherals::tim::{
+    BASIC_TIMERS, Basic, General, TIMER_16, TIMERS, Tim, Tim16,
+};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
@@ -21,8 +23,10 @@ use crate::model::around::{Around, Extended};
 use crate::model::dac::{Dac, TIM6_TRIGGER, TIM7_TRIGGER};
 use crate::model::encoder::Quadrature;
 use crate::model::flash::{Busy, Journal, Unreadable};
+use crate::model::low_speed::LowSpeedInput;
 use crate::model::oscillators::Oscillators;
 use crate::model::pin::PinRecord;
+use crate::model::read_back::ReadBack;
 use crate::model::trigger::TriggerOutput;
 use crate::model::usb::host::Host;
 use crate::model::usb::{self, Usb};
@@ -39,6 +43,8 @@ const AMPLIFIER_PIN: u32 = 9;
 struct Slots {
     dac: usize,
     adc: usize,
+    read_back: usize,
+    low_speed: usize,
     timer: usize,
     code_timer: usize,
     amplifier: usize,
@@ -105,6 +111,10 @@ pub struct Part {
     pub dac: Dac,
     /// ADC1.
     pub adc: Extended<Adc, Injected>,
+    /// ADC2, which reads the output's pin back.
+    pub read_back: Extended<Adc, ReadBack>,
+    /// TIM16, which measures LSI.
+    pub low_speed: Extended<Tim<Tim16>, LowSpeedInput>,
     /// TIM6, the clock of the samples.
     pub timer: Extended<Tim<Basic>, TriggerOutput>,
     /// TIM7, the clock of the codes at the output.
@@ -147,6 +157,8 @@ impl Part {
         let slots = Slots {
             dac: slot("DAC")?,
             adc: slot("ADC1")?,
+            read_back: slot("ADC2")?,
+            low_speed: slot("TIM16")?,
             timer: slot("TIM6")?,
             code_timer: slot("TIM7")?,
             amplifier: slot("GPIOE")?,
@@ -164,6 +176,8 @@ impl Part {
             rest,
             dac: Dac::default(),
             adc: Extended::new(Adc::new(Converter::Adc1, 0), Injected::new(pins)),
+            read_back: Extended::new(Adc::new(Converter::Adc2, 0), ReadBack::default()),
+            low_speed: Extended::new(Tim::new(TIMER_16), LowSpeedInput::default()),
             timer: Extended::new(Tim::new(BASIC_TIMERS[TIM6]), TriggerOutput::default()),
             code_timer: Extended::new(Tim::new(BASIC_TIMERS[TIM7]), TriggerOutput::default()),
             amplifier: Extended::new(Gpio::default(), PinRecord::new(AMPLIFIER_PIN)),
@@ -229,6 +243,41 @@ impl Part {
         set + of_source
     }
 
+    /// Programs option bytes, as a probe does before the power comes on.
+    pub fn set_option_bytes(&mut self, change: impl FnOnce(&mut OptionBytes)) {
+        let mut options = self.flash.inner.committed_options();
+        change(&mut options);
+        let registers = self
+            .rest
+            .bus_mut()
+            .slot_mut(self.slots.flash)
+            .registers_mut();
+        self.flash.inner.keep_options(options, registers);
+    }
+
+    /// Makes the part one of another revision: `REV_ID` of `DBGMCU_IDC` (section 60.5.8).
+    pub fn set_revision(&mut self, revision: u16) {
+        self.electrical.revision = revision;
+        self.show_revision();
+    }
+
+    /// Has AXI SRAM's monitor find an error: bit 0 of `flags` one that was corrected, bit 1 one that was not (section
+    /// 3.4, RAMECC_M1SR).
+    pub fn find_ram_error(&mut self, flags: u64) -> Result<(), Error> {
+        let slot = self.rest.bus().slot("RAMECC1")?;
+        let registers = self.rest.bus_mut().slot_mut(slot).registers_mut();
+        registers.set(ramecc1::Register::M1sr, flags);
+        Ok(())
+    }
+
+    /// Has a read of bank 1 correct an error: `SNECCERR1` (section 4.9.5).
+    pub fn correct_flash_error(&mut self) {
+        let slot = self.rest.bus_mut().slot_mut(self.slots.flash);
+        let registers = slot.registers_mut();
+        let flags = registers.get(flash::Register::Sr1);
+        registers.set(flash::Register::Sr1, flash::sr1::SNECCERR.set(flags, 1));
+    }
+
     /// Has `work` done at `at` by the software of the host on USB.
     pub fn drive_usb<T>(&mut self, at: VirtualNanos, work: impl FnOnce(&mut Host, u64) -> T) -> T {
         let (_, mut context) = self.rest.bus_mut().drive(at, self.slots.usb);
@@ -271,6 +320,7 @@ impl Mcu for Part {
         if self.rcc.around.take_changed() | std::mem::take(&mut self.trimming.changed) {
             self.usb.host.set_clock_deviation(self.usb_clock_ppm());
         }
+        self.read_back.around.follow(self.dac.latest());
         self.rest.bus_mut()
     }
 
@@ -283,6 +333,9 @@ impl Mcu for Part {
         self.show_revision();
         self.dac.part_reset(at);
         Device::reset(&mut self.adc);
+        Device::reset(&mut self.read_back);
+        self.low_speed.inner = Tim::new(TIMER_16);
+        Device::reset(&mut self.low_speed);
         self.timer.inner = Tim::new(BASIC_TIMERS[TIM6]);
         self.timer.around = TriggerOutput::default();
         self.code_timer.inner = Tim::new(BASIC_TIMERS[TIM7]);
@@ -314,6 +367,8 @@ impl Mcu for Part {
         let own: &mut dyn ErasedDevice = match slot {
             _ if slot == self.slots.dac => &mut self.dac,
             _ if slot == self.slots.adc => &mut self.adc,
+            _ if slot == self.slots.read_back => &mut self.read_back,
+            _ if slot == self.slots.low_speed => &mut self.low_speed,
             _ if slot == self.slots.timer => &mut self.timer,
             _ if slot == self.slots.code_timer => &mut self.code_timer,
             _ if slot == self.slots.amplifier => &mut self.amplifier,

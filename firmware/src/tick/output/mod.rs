@@ -20,6 +20,7 @@
 //! `boot/startup.rs` turns the channel on, at mid-scale and with TIM7's trigger selected, before anything else runs.
 
 pub mod amplifier;
+pub mod by_hand;
 mod ring;
 
 use embassy_stm32::pac::dma::vals::{Dir, Pl, Size};
@@ -273,6 +274,12 @@ pub fn mid_scale_now() {
     DAC1.cr().modify(|w| w.set_ten(CHANNEL, false));
     DAC1.dhr12r(CHANNEL)
         .write(|w| w.set_dhr(DacCode::MID_SCALE.get()));
+}
+
+/// Returns true if `code` is at the converter's output.
+#[inline(always)]
+pub fn is_out(code: DacCode) -> bool {
+    DAC1.dor(CHANNEL).read().dor() == code.get()
 }
 
 /// Returns true if the converter drives its pin with mid-scale now, and trigger, stream and timer are on.

@@ -11,8 +11,10 @@ pub mod monitor;
 pub mod play;
 pub mod record;
 pub mod record_strokes;
+pub mod selftest;
 mod sensing;
 pub mod settings;
+mod slot;
 pub mod status;
 pub mod stop;
 pub mod upload;
@@ -40,6 +42,8 @@ pub enum Command {
     Status(status::Arguments),
     /// Show the stylus's state and sensors continuously
     Monitor(monitor::Arguments),
+    /// Test the board, the wiring and the link, and keep a record; the amplifier must be off
+    Selftest(selftest::Arguments),
     /// Show or change the stylus's settings
     Settings(settings::Arguments),
     /// Set the coil's measured values and the sensors' zeros, with checks; nothing plays before
@@ -58,6 +62,7 @@ pub fn run(command: &Command) -> Result<()> {
         Command::Stop(arguments) => stop::run(arguments),
         Command::Status(arguments) => status::run(arguments),
         Command::Monitor(arguments) => monitor::run(arguments),
+        Command::Selftest(arguments) => selftest::run(arguments),
         Command::Settings(arguments) => settings::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(arguments),
     }

@@ -19,6 +19,7 @@ mod play;
 mod power;
 mod record;
 mod scenes;
+mod self_test;
 mod start;
 mod ticks;
 mod upload;
