@@ -10,9 +10,9 @@ use embassy_stm32::uid;
 use heapless::String;
 use model_format::FORMAT_VERSION;
 use model_format::link::{
-    DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
-    RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection, Settings,
-    TickCounters,
+    CycleRange, CycleReport, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError,
+    PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection,
+    Settings, TickCounters,
 };
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
@@ -36,6 +36,9 @@ pub struct Hardware {
     reset: ResetReport,
     link_counters: fn() -> [LinkCounters; 2],
     settings: Settings,
+    /// Durations of the ticks that requests for cycles have taken, and their number.
+    taken: CycleRange,
+    counted: u32,
     muted: bool,
     /// Number of the first tick that has seen the present mute.
     muted_since: u64,
@@ -57,6 +60,8 @@ impl Hardware {
             reset,
             link_counters,
             settings: Settings::default(),
+            taken: CycleRange::NONE,
+            counted: 0,
             muted: true,
             muted_since: 0,
         }
@@ -79,7 +84,8 @@ impl Device for Hardware {
     fn info(&self) -> DeviceInfo {
         let mut build = String::new();
         // Fits; a longer text would be cut.
-        let _ = write!(build, "{}, STM32H743ZI", env!("STYLUS_PROFILE"));
+        let (profile, compiler) = (env!("STYLUS_PROFILE"), env!("STYLUS_COMPILER"));
+        let _ = write!(build, "{profile}, {compiler}");
         DeviceInfo {
             product: text("stylus"),
             serial: text(uid::uid_hex()),
@@ -108,11 +114,21 @@ impl Device for Hardware {
         };
         TickReport {
             counters: tick.counters,
-            histogram: tick.histogram.report(CORE_HZ),
+            histogram: tick.histogram.with_range(self.taken).report(CORE_HZ),
             saturations: voice::saturations(),
             safety: tick.safety.counters(),
             thermal_load_permille: tick.safety.thermal_load_permille(),
             thermal_gain_permille: tick.safety.thermal_gain_permille(),
+        }
+    }
+
+    fn take_cycles(&mut self) -> CycleReport {
+        let tick = tick::take_range(&mut self.counted);
+        self.taken = self.taken.merged(tick);
+        CycleReport {
+            core_hz: CORE_HZ,
+            tick,
+            update: update::take_range(),
         }
     }
 

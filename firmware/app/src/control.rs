@@ -5,10 +5,10 @@
 
 use model_format::Library;
 use model_format::link::{
-    ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, MotionRefused,
-    MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, RecordCounters,
-    RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings, SettingsError,
-    SlotId, SlotInfo, Status, StopError, TickCounters, TickHistogram, UploadState,
+    ActivateError, CycleReport, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN,
+    MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
+    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings,
+    SettingsError, SlotId, SlotInfo, Status, StopError, TickCounters, TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
@@ -33,6 +33,9 @@ pub trait Device {
 
     /// Counters and state of the tick.
     fn tick_report(&self) -> TickReport;
+
+    /// Durations of tick and update since the last call, or since the start.
+    fn take_cycles(&mut self) -> CycleReport;
 
     /// Counters of the links: USB, serial.
     fn link_counters(&self) -> [LinkCounters; 2];
@@ -229,6 +232,7 @@ impl<D: Device> Control<D> {
     fn output(&self, tick: &TickReport) -> OutputStatus {
         OutputStatus {
             activity: self.player.activity(),
+            at_rest: self.device.is_at_rest(),
             mute: self.player.mute(),
             mute_counts: self.player.mute_counts(),
             saturations: tick.saturations,
@@ -238,6 +242,11 @@ impl<D: Device> Control<D> {
             thermal_load_permille: tick.thermal_load_permille,
             thermal_gain_permille: tick.thermal_gain_permille,
         }
+    }
+
+    /// Serves `CyclesEndpoint`.
+    pub fn take_cycles(&mut self) -> CycleReport {
+        self.device.take_cycles()
     }
 
     /// Serves `PlayEndpoint`.

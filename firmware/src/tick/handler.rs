@@ -20,7 +20,7 @@ use cortex_m::peripheral::DWT;
 use embassy_stm32::pac::TIM6;
 use embassy_stm32::pac::timer::vals::{Mms, Urs};
 use embassy_stm32::{Peri, peripherals, rcc};
-use model_format::link::{RecordSample, TickCounters};
+use model_format::link::{CycleRange, RecordSample, TickCounters};
 use model_format::{DacCode, OutputSample};
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::inputs::{Encoder, Sensors};
@@ -122,6 +122,14 @@ pub fn snapshot() -> Option<Snapshot> {
             histogram: tick.histogram,
             safety: tick.safety,
         })
+    })
+}
+
+/// Takes the range of the ticks' durations since the last call; see [`Histogram::take_range`].
+pub fn take_range(counted: &mut u32) -> CycleRange {
+    TICK.with(|_, tick| {
+        tick.as_mut()
+            .map_or(CycleRange::NONE, |tick| tick.histogram.take_range(counted))
     })
 }
 

@@ -8,4 +8,4 @@ mod handler;
 pub mod inputs;
 pub mod output;
 
-pub use handler::{configure, is_at_rest, now, play, set_muted, snapshot, start, stop};
+pub use handler::{configure, is_at_rest, now, play, set_muted, snapshot, start, stop, take_range};

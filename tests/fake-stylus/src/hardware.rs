@@ -9,9 +9,9 @@
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest, RecordBlock,
-    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection,
-    Settings, TickCounters,
+    CycleRange, CycleReport, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError,
+    PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
+    ResetReason, SCHEMA_HASH, Selection, Settings, TickCounters,
 };
 use model_format::{FORMAT_VERSION, Library, OutputSample};
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
@@ -59,6 +59,11 @@ pub struct Hardware {
     tap: Tap<'static>,
     recorder: Recorder<'static>,
     histogram: Histogram,
+    /// Durations of the ticks that requests for cycles have taken, and their number.
+    taken: CycleRange,
+    counted: u32,
+    /// Durations of the updates since the last request for cycles.
+    updates: CycleRange,
     /// Counters of the one link, which is a serial one.
     pub link: LinkCounters,
     /// The hand that holds the stylus.
@@ -67,6 +72,10 @@ pub struct Hardware {
     pub lose_samples: u32,
     /// Change of what the device says about itself.
     pub disguise: Option<fn(&mut DeviceInfo)>,
+    /// Number of ticks that count as missed.
+    pub missed: u32,
+    /// Cycles that every tick takes besides its own.
+    pub slower_by: u32,
     /// Instructions per sample that a scene may take.
     pub budget: u32,
     /// Damage of each library on its way to RAM.
@@ -110,10 +119,15 @@ impl Hardware {
             tap: Tap::new(producer),
             recorder: Recorder::new(consumer),
             histogram: Histogram::new(),
+            taken: CycleRange::NONE,
+            counted: 0,
+            updates: CycleRange::NONE,
             link: LinkCounters::default(),
             hand: Hand::default(),
             lose_samples: 0,
             disguise: None,
+            missed: 0,
+            slower_by: 0,
             budget: BUDGET,
             loads_badly: false,
             exchanges: 0,
@@ -133,6 +147,12 @@ impl Hardware {
             self.sensors.end_block();
             let sensors = self.sensors.motion(&self.inputs);
             self.is_stale = choose(self.source, sensors, self.host).is_stale(self.now);
+            let cycles = 60_000;
+            self.updates = self.updates.merged(CycleRange {
+                runs: 1,
+                shortest: cycles,
+                longest: cycles,
+            });
         }
         let phase = self.now as f32 * 0.3;
         let level = if self.playing.is_some() { 2e7 } else { 0.0 };
@@ -143,7 +163,8 @@ impl Hardware {
         } else {
             self.tap.put(self.now, sample);
         }
-        self.histogram.count(20_000 + (self.now % 7) as u32 * 3_000);
+        self.histogram
+            .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
     }
 
     /// Copies `library` to the RAM that is played from; nothing is played.
@@ -204,13 +225,24 @@ impl Device for Hardware {
         TickReport {
             counters: TickCounters {
                 ticks: self.now,
+                missed: self.missed,
                 ..TickCounters::default()
             },
-            histogram: self.histogram.report(CORE_HZ),
+            histogram: self.histogram.with_range(self.taken).report(CORE_HZ),
             saturations: 0,
             safety: self.safety.counters(),
             thermal_load_permille: self.safety.thermal_load_permille(),
             thermal_gain_permille: self.safety.thermal_gain_permille(),
+        }
+    }
+
+    fn take_cycles(&mut self) -> CycleReport {
+        let tick = self.histogram.take_range(&mut self.counted);
+        self.taken = self.taken.merged(tick);
+        CycleReport {
+            core_hz: CORE_HZ,
+            tick,
+            update: std::mem::replace(&mut self.updates, CycleRange::NONE),
         }
     }
 
