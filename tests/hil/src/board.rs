@@ -3,6 +3,7 @@
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
+use std::time::Duration;
 
 use crate::error::{Error, Result};
 
@@ -32,6 +33,9 @@ impl Images {
         }
     }
 }
+
+/// Time that a virtual stylus takes to start anew, on an idle computer.
+const VIRTUAL_START: Duration = Duration::from_millis(700);
 
 /// Control of the board besides its link.
 #[derive(Debug)]
@@ -68,7 +72,12 @@ impl Board {
         match self {
             Self::ByHand => Err(by_hand()),
             Self::Probe(probe) => probe.run(&["reset"], None),
-            Self::Virtual(board) => board.tell("reset"),
+            Self::Virtual(board) => {
+                board.tell("reset")?;
+                // A request that is on its way would be lost, and waited for.
+                std::thread::sleep(VIRTUAL_START);
+                Ok(())
+            }
         }
     }
 

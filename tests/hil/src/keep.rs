@@ -11,6 +11,16 @@ use model_format::link::{Setting, SettingChange, Settings, SlotState};
 use crate::bench::Bench;
 use crate::error::{Error, Result};
 
+/// Settings of the coil, without which nothing may be played.
+const OF_THE_COIL: [Setting; 3] = [
+    Setting::CoilResistance,
+    Setting::AmplifierGain,
+    Setting::PowerLimit,
+];
+
+/// Largest power limit during the tests, W.
+const MOST_POWER_W: f32 = 0.01;
+
 /// State that the suite changes and puts back.
 #[derive(Clone, Debug)]
 pub struct Kept {
@@ -30,6 +40,22 @@ impl Kept {
         })
     }
 
+    /// Sets the coil's settings, so that the device plays even if nobody has set them: as they are, with a power of at
+    /// most [`MOST_POWER_W`]. [`Kept::restore`] takes that back.
+    ///
+    /// # Errors
+    /// The link fails, or the device refuses a value.
+    pub fn make_playable(&self, bench: &Bench) -> Result<()> {
+        for setting in OF_THE_COIL {
+            let value = match setting {
+                Setting::PowerLimit => self.settings.get(setting).min(MOST_POWER_W),
+                _ => self.settings.get(setting),
+            };
+            bench.device.set(SettingChange { setting, value })?;
+        }
+        Ok(())
+    }
+
     /// Silences the device, and puts back what was saved. Does all that is still possible after a failure.
     ///
     /// # Errors
@@ -45,10 +71,12 @@ impl Kept {
     }
 
     fn restore_settings(&self, bench: &Bench) -> Result<()> {
-        let now = bench.device.settings()?;
+        // A setting at its default stays as nobody has set it: a device that plays with values that somebody has set
+        // refuses to play then, which is the safe side.
+        let default = bench.device.reset_settings()?;
         for setting in Setting::ALL {
             let value = self.settings.get(setting);
-            if now.get(setting) != value {
+            if default.get(setting) != value {
                 bench.device.set(SettingChange { setting, value })?;
             }
         }

@@ -19,8 +19,9 @@ use serde::Serialize;
 /// The part's name for probe-rs.
 const CHIP: &str = "STM32H743ZITx";
 
-/// Longest wait for an answer of an emulated device: it is slower than real time, and may share its processor.
-const EMULATED_ANSWER: Duration = Duration::from_secs(60);
+/// Longest wait for an answer of an emulated device: it may share its processor with a build. A request that a reset
+/// swallows costs as much.
+const EMULATED_ANSWER: Duration = Duration::from_secs(6);
 
 /// Runs the image's tests against a real board, or the virtual stylus, over its link
 #[derive(Parser)]

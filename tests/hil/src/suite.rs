@@ -28,9 +28,16 @@ pub struct Plan {
 pub fn run(bench: &mut Bench, plan: &Plan) -> Result<()> {
     let kept = Kept::save(bench, plan.library.clone())?;
     let played = played();
-    let ended = subjects(bench, plan, &played);
+    let ended = kept
+        .make_playable(bench)
+        .and_then(|()| subjects(bench, plan, &played));
     bench.report.interrupted = matches!(ended, Err(Error::Interrupted));
     bench.begin("end");
+    if let Err(error) = &ended
+        && !bench.report.interrupted
+    {
+        bench.judge("the coil's settings are set", error, "set", false);
+    }
     let restored = kept.restore(bench);
     if let Err(error) = &restored {
         bench.judge(

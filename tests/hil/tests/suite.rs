@@ -7,6 +7,7 @@ use hil::bench::{Bench, Lengths};
 use hil::board::Board;
 use hil::checks::{cycles, endurance, identity, playing, record, settings, upload};
 use hil::interrupt::Interrupt;
+use hil::keep::Kept;
 use hil::library::{Played, played};
 use hil::report::Verdict;
 use hil::suite::{Plan, run};
@@ -25,21 +26,34 @@ fn connected(stylus: &FakeStylus) -> Device {
     Device::connect(&address, Timeouts::default()).expect("it listens")
 }
 
+/// Waits until `count` requests for `path` have arrived.
+fn wait_for(stylus: &FakeStylus, path: &str, count: usize) {
+    while stylus.count(path) < count {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn of(device: Device) -> Bench {
+    let (board, interrupt) = (Board::ByHand, Interrupt::default());
+    Bench::new(device, board, LENGTHS, interrupt, |line| {
+        println!("{line}");
+    })
+}
+
 fn bench(stylus: &FakeStylus) -> Bench {
     stylus.set_hand(Hand {
         speed_mm_s: 120.0,
         force_n: 1.0,
         ..Hand::default()
     });
-    let (board, interrupt) = (Board::ByHand, Interrupt::default());
-    Bench::new(connected(stylus), board, LENGTHS, interrupt, |line| {
-        println!("{line}");
-    })
+    of(connected(stylus))
 }
 
 /// A bench with the suite's library in the device.
 fn bench_with_library(stylus: &FakeStylus) -> (Bench, Played) {
     let mut bench = bench(stylus);
+    let kept = Kept::save(&bench, None).expect("the device answers");
+    kept.make_playable(&bench).expect("the device takes them");
     let played = played();
     upload::check(&mut bench, &played.bytes).expect("the device takes it");
     assert_eq!(bench.report.count(Verdict::Failed), 0);
@@ -112,8 +126,14 @@ fn lost_blocks_of_a_recording_are_found() {
 fn samples_that_the_device_loses_are_found() {
     let stylus = FakeStylus::start();
     let mut bench = bench(&stylus);
-    stylus.lose_samples(3);
-    record::check(&mut bench).expect("blocks arrive");
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            wait_for(&stylus, "stylus/record/start", 1);
+            std::thread::sleep(Duration::from_millis(50));
+            stylus.lose_samples(3);
+        });
+        record::check(&mut bench).expect("blocks arrive");
+    });
     assert_eq!(failed(&bench), ["a recording loses nothing"]);
 }
 
@@ -172,17 +192,32 @@ fn a_tick_that_takes_longer_than_its_period_is_found() {
 }
 
 #[test]
-fn a_link_that_fails_is_a_failure_of_each_subject_and_not_the_end_of_the_run() {
+fn a_device_that_refuses_is_a_failure_of_each_subject_and_not_the_end_of_the_run() {
     let stylus = FakeStylus::start();
-    let mut bench = bench(&stylus);
-    stylus.fail(Faults {
-        busy: true,
-        ..Faults::default()
+    let address = stylus.link().parse().expect("it is an address");
+    let timeouts = Timeouts::scaled_to(Duration::from_millis(100));
+    let device = Device::connect(&address, timeouts).expect("it listens");
+    let mut bench = of(device);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // The coil's settings come first.
+            wait_for(&stylus, "stylus/settings/set", 4);
+            stylus.fail(Faults {
+                busy: true,
+                ..Faults::default()
+            });
+        });
+        assert!(run(&mut bench, &Plan::default()).is_err());
     });
-    let plan = Plan::default();
-    assert!(run(&mut bench, &plan).is_err());
     assert!(!bench.report.holds());
-    assert!(failed(&bench).len() > 2, "{:?}", failed(&bench));
+    let lines = bench.report.lines.iter();
+    let subjects: Vec<_> = lines
+        .filter(|line| line.verdict == Verdict::Failed)
+        .map(|line| line.subject)
+        .collect();
+    for subject in ["settings", "upload", "play", "end"] {
+        assert!(subjects.contains(&subject), "{subjects:?}");
+    }
 }
 
 #[test]
@@ -194,9 +229,7 @@ fn an_interrupt_ends_the_run_in_silence_and_with_the_settings_restored() {
     std::thread::scope(|scope| {
         scope.spawn(|| {
             // After the first settings, and before the last test.
-            while stylus.count("stylus/play") == 0 {
-                std::thread::sleep(Duration::from_millis(2));
-            }
+            wait_for(&stylus, "stylus/play", 1);
             interrupt.raise();
         });
         let plan = Plan::default();

@@ -1,7 +1,7 @@
 //! The virtual stylus as a command: the flashed image on an emulated part, with its serial line and its USB on sockets.
 
 use std::io::{BufRead, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 

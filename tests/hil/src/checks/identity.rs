@@ -82,7 +82,7 @@ pub fn check(bench: &mut Bench) -> Result<()> {
         "ticks go on",
         format!("{ticks}, {missed} missed"),
         "some, 0 missed",
-        { ticks > 0 && missed == 0 },
+        ticks > 0 && missed == 0,
     );
     Ok(())
 }
