@@ -174,14 +174,22 @@ impl Bench {
     /// Waits until the device answers after a reset, as its clock that has begun anew shows.
     ///
     /// # Errors
-    /// It does not come back.
+    /// It does not come back, or its clock goes on.
     pub fn wait_for_restart(&mut self, before: &Status) -> Result<Status> {
         /// Attempts; each takes as long as the link takes to come back.
         const ATTEMPTS: u32 = 5;
+        /// Time in which a reset that was requested comes, ms of the device; the watchdog needs 400.
+        const WITHIN_MS: u64 = 2_000;
         let mut attempts = 0;
         loop {
             match self.status() {
                 Ok(status) if is_restarted(before, &status) => return Ok(status),
+                Ok(status) if status.uptime_ms > before.uptime_ms + WITHIN_MS => {
+                    return Err(Error::NotReached {
+                        what: "the device did not start anew".to_owned(),
+                        ms: WITHIN_MS,
+                    });
+                }
                 Ok(_) => thread::sleep(POLL_INTERVAL),
                 Err(Error::Link(_)) if attempts < ATTEMPTS => {
                     attempts += 1;

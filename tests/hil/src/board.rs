@@ -241,6 +241,7 @@ impl VirtualBoard {
         self.port = port;
         // A pipe that nobody reads would block it.
         std::thread::spawn(move || lines.for_each(drop));
+        std::thread::sleep(VIRTUAL_START);
         Ok(())
     }
 }
