@@ -7,13 +7,15 @@
 use core::fmt::Write;
 
 use embassy_stm32::uid;
+use embassy_time::Instant;
 use heapless::String;
 use model_format::FORMAT_VERSION;
 use model_format::link::{
     CycleRange, CycleReport, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError,
     PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection,
-    Settings, TickCounters,
+    Settings, StartReport, TickCounters,
 };
+use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
 use stylus_app::recorder::Recorder;
@@ -23,10 +25,12 @@ use stylus_app::storage::LoadFault;
 use stylus_kernel::scene::cost::BUDGET;
 
 use crate::boot::clock::CORE_HZ;
+use crate::boot::supply;
 use crate::play::direction::{self, Next};
 use crate::play::library_ram::LibraryRam;
 use crate::play::{update, voice};
 use crate::tick;
+use crate::tick::output::amplifier;
 
 /// All hardware except flash and wires.
 pub struct Hardware {
@@ -34,6 +38,7 @@ pub struct Hardware {
     /// The recorder, which packs samples into blocks.
     pub recorder: Recorder<'static>,
     reset: ResetReport,
+    start: StartReport,
     link_counters: fn() -> [LinkCounters; 2],
     settings: Settings,
     /// Durations of the ticks that requests for cycles have taken, and their number.
@@ -50,6 +55,7 @@ impl Hardware {
     pub fn new(
         recorder: Recorder<'static>,
         reset: ResetReport,
+        start: StartReport,
         link_counters: fn() -> [LinkCounters; 2],
     ) -> Self {
         // SAFETY: this runs once, because the caller gives its only recorder away.
@@ -58,6 +64,7 @@ impl Hardware {
             library,
             recorder,
             reset,
+            start,
             link_counters,
             settings: Settings::default(),
             taken: CycleRange::NONE,
@@ -98,6 +105,10 @@ impl Device for Hardware {
     }
 
     fn now(&self) -> u64 {
+        if self.start.safe_mode {
+            // No tick counts.
+            return Instant::now().as_micros() * u64::from(SAMPLE_RATE_HZ) / 1_000_000;
+        }
         tick::now()
     }
 
@@ -110,6 +121,7 @@ impl Device for Hardware {
                 safety: safety::Counters::default(),
                 thermal_load_permille: 0,
                 thermal_gain_permille: 0,
+                amplifier: false,
             };
         };
         TickReport {
@@ -119,6 +131,7 @@ impl Device for Hardware {
             safety: tick.safety.counters(),
             thermal_load_permille: tick.safety.thermal_load_permille(),
             thermal_gain_permille: tick.safety.thermal_gain_permille(),
+            amplifier: amplifier::is_on(),
         }
     }
 
@@ -140,12 +153,23 @@ impl Device for Hardware {
         self.reset.clone()
     }
 
+    fn start_report(&self) -> StartReport {
+        StartReport {
+            supply_low: supply::is_low(),
+            ..self.start
+        }
+    }
+
     fn is_at_rest(&self) -> bool {
         tick::is_at_rest(self.muted_since)
     }
 
     fn is_motion_stale(&self) -> bool {
         update::is_stale()
+    }
+
+    fn is_force_railed(&self) -> bool {
+        update::is_railed()
     }
 
     fn set_mute(&mut self, muted: bool) {

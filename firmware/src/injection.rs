@@ -8,10 +8,11 @@ use core::sync::atomic::{AtomicU8, Ordering};
 
 use cortex_m::peripheral::{DWT, NVIC, SCB};
 use embassy_stm32::interrupt::Interrupt;
-use embassy_stm32::pac::TIM6;
+use embassy_stm32::pac::{DMA1, TIM6};
 use postcard_rpc::Key;
 
 use crate::boot::clock::CORE_HZ;
+use crate::tick::output::amplifier;
 
 /// The topic's path.
 pub const PATH: &str = "stylus/fault-injection";
@@ -37,13 +38,33 @@ const NMI: u8 = 7;
 const NO_TICK: u8 = 8;
 /// A panic in the tick.
 const PANIC_IN_TICK: u8 = 9;
+/// A core that does nothing any more, whatever interrupts come, as when a debugger halts it or it locks up.
+const HALT: u8 = 10;
+/// A tick whose sample comes 150 µs late.
+const LATE_TICK: u8 = 11;
+/// A tick that takes 1.3 ms.
+const VERY_LONG_TICK: u8 = 12;
+/// A transfer error of the stream that feeds the converter.
+const NO_TRANSFERS: u8 = 13;
+/// A transfer error of the stream that erases what was put out.
+const NO_ERASER: u8 = 14;
+/// The amplifier off, and to be on again.
+const AMPLIFIER_OFF: u8 = 15;
+const AMPLIFIER_ON: u8 = 16;
 
 static IN_TICK: AtomicU8 = AtomicU8::new(0);
 
 /// Causes `fault` now, or in the next tick.
 pub fn inject(fault: u8) {
     match fault {
-        LONG_TICK | ENDLESS_TICK | PANIC_IN_TICK => IN_TICK.store(fault, Ordering::Relaxed),
+        LONG_TICK | ENDLESS_TICK | PANIC_IN_TICK | LATE_TICK | VERY_LONG_TICK => {
+            IN_TICK.store(fault, Ordering::Relaxed);
+        }
+        HALT => halt(),
+        NO_TRANSFERS => DMA1.st(0).cr().modify(|w| w.set_en(false)),
+        NO_ERASER => DMA1.st(1).cr().modify(|w| w.set_en(false)),
+        AMPLIFIER_OFF => amplifier::disable(),
+        AMPLIFIER_ON => amplifier::enable(),
         ENDLESS_TASK => spin(),
         PANIC => panic!("asked for"),
         // SAFETY: none is needed: the processor refuses the jump, which is the fault (INVSTATE, ARM DDI 0403E,
@@ -65,14 +86,34 @@ pub fn inject(fault: u8) {
 #[inline(always)]
 pub fn in_tick() {
     match IN_TICK.swap(0, Ordering::Relaxed) {
-        LONG_TICK => {
-            let begin = DWT::cycle_count();
-            while DWT::cycle_count().wrapping_sub(begin) < CORE_HZ / 2000 {}
-        }
+        LONG_TICK => wait_us(500),
+        VERY_LONG_TICK => wait_us(1300),
         ENDLESS_TICK => spin(),
         PANIC_IN_TICK => panic!("asked for, in the tick"),
         _ => {}
     }
+}
+
+/// Delays the sample if that was requested, for a tick that comes late.
+#[inline(always)]
+pub fn before_output() {
+    if IN_TICK.load(Ordering::Relaxed) == LATE_TICK {
+        IN_TICK.store(0, Ordering::Relaxed);
+        wait_us(150);
+    }
+}
+
+#[inline(always)]
+fn wait_us(microseconds: u32) {
+    let begin = DWT::cycle_count();
+    while DWT::cycle_count().wrapping_sub(begin) < CORE_HZ / 1_000_000 * microseconds {}
+}
+
+/// Masks all exceptions but the non-maskable interrupt, and executes one instruction for ever.
+fn halt() -> ! {
+    // SAFETY: nothing else runs any more (FAULTMASK, ARM DDI 0403E, B1.4.3).
+    unsafe { asm!("cpsid f") };
+    spin()
 }
 
 fn spin() -> ! {

@@ -255,7 +255,7 @@ fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
     for (arguments, words) in [
         (
             "settings set hard-limit 5",
-            "hard-limit of 5; it must be 0 to 1.6 V",
+            "hard-limit of 5; it must be 0 to 1.45 V",
         ),
         ("settings set hard-limit NaN", "hard-limit of NaN"),
         ("settings set force-zero 1.5", "a whole number"),

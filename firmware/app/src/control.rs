@@ -8,7 +8,8 @@ use model_format::link::{
     ActivateError, CycleReport, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN,
     MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
     RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings,
-    SettingsError, SlotId, SlotInfo, Status, StopError, TickCounters, TickHistogram, UploadState,
+    SettingsError, SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters,
+    TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
@@ -43,11 +44,17 @@ pub trait Device {
     /// Cause of the last reset.
     fn reset_report(&self) -> ResetReport;
 
+    /// The start, and the supply as it is now.
+    fn start_report(&self) -> StartReport;
+
     /// Returns true if the output is at rest and the tick has seen the last [`Device::set_mute`].
     fn is_at_rest(&self) -> bool;
 
     /// Returns true if the motion that is followed was too old at the last update.
     fn is_motion_stale(&self) -> bool;
+
+    /// Returns true if that is so because the force was at a rail of its converter.
+    fn is_force_railed(&self) -> bool;
 
     /// Mutes or unmutes the tick.
     fn set_mute(&mut self, muted: bool);
@@ -118,6 +125,8 @@ pub struct TickReport {
     pub thermal_load_permille: u16,
     /// `safety::State::thermal_gain_permille`.
     pub thermal_gain_permille: u16,
+    /// True while the amplifier is enabled.
+    pub amplifier: bool,
 }
 
 /// Cause of the last reset.
@@ -139,7 +148,7 @@ pub struct Control<D> {
     device: D,
     player: Player,
     settings: Settings,
-    settings_faulty: bool,
+    settings_state: SettingsState,
     active: Option<(SlotId, SlotInfo)>,
     upload: UploadState,
     heard_at: Option<u64>,
@@ -147,14 +156,18 @@ pub struct Control<D> {
 
 impl<D: Device> Control<D> {
     /// A control that plays nothing and has no library.
-    pub fn new(mut device: D, settings: Settings, settings_faulty: bool) -> Self {
+    pub fn new(mut device: D, settings: Settings, settings_state: SettingsState) -> Self {
         device.set_settings(&settings);
         device.set_mute(true);
+        let mut player = Player::new();
+        if device.start_report().safe_mode {
+            player.safe_mode();
+        }
         Self {
             device,
-            player: Player::new(),
+            player,
             settings,
-            settings_faulty,
+            settings_state,
             active: None,
             upload: UploadState::Idle,
             heard_at: None,
@@ -171,6 +184,7 @@ impl<D: Device> Control<D> {
         let observed = Observed {
             at_rest: self.device.is_at_rest(),
             stale: self.device.is_motion_stale(),
+            railed: self.device.is_force_railed(),
             link_lost: self.is_link_lost(),
         };
         let action = self.player.poll(observed);
@@ -212,7 +226,8 @@ impl<D: Device> Control<D> {
             fault,
         } = self.device.reset_report();
         Status {
-            uptime_ms: tick.counters.ticks / u64::from(TICKS_PER_MS),
+            // In safe mode there is no tick that counts.
+            uptime_ms: self.device.now() / u64::from(TICKS_PER_MS),
             output: self.output(&tick),
             tick: tick.counters,
             tick_histogram: tick.histogram,
@@ -225,8 +240,14 @@ impl<D: Device> Control<D> {
             reset: reason,
             resets,
             fault,
-            settings_faulty: self.settings_faulty,
+            settings: self.settings_state,
+            start: self.device.start_report(),
         }
+    }
+
+    /// Returns true while the supply is too low to write flash.
+    pub fn is_supply_low(&self) -> bool {
+        self.device.start_report().supply_low
     }
 
     fn output(&self, tick: &TickReport) -> OutputStatus {
@@ -241,6 +262,7 @@ impl<D: Device> Control<D> {
             thermally_limited: tick.safety.thermally_limited,
             thermal_load_permille: tick.thermal_load_permille,
             thermal_gain_permille: tick.thermal_gain_permille,
+            amplifier: tick.amplifier,
         }
     }
 
@@ -274,9 +296,16 @@ impl<D: Device> Control<D> {
         if !(0.0..=MAX_PLAY_GAIN).contains(&request.gain) {
             return Err(PlayError::Gain { gain: request.gain });
         }
+        let start = self.device.start_report();
+        if start.safe_mode {
+            return Err(PlayError::SafeMode {
+                quick_faults: start.quick_faults,
+            });
+        }
         if self.player.mute().contains(MuteReason::Fault) {
             return Err(PlayError::Fault);
         }
+        self.settings_state.check_playable()?;
         if self.active.is_none() {
             return Err(PlayError::NoLibrary);
         }
@@ -339,9 +368,9 @@ impl<D: Device> Control<D> {
     }
 
     /// Applies the settings of the store, and lets textures be played again.
-    pub fn end_configuration(&mut self, settings: Settings, faulty: bool) {
+    pub fn end_configuration(&mut self, settings: Settings, state: SettingsState) {
         self.settings = settings;
-        self.settings_faulty = faulty;
+        self.settings_state = state;
         self.device.set_settings(&settings);
         self.player.end_configuration();
     }

@@ -12,7 +12,8 @@
 //! noise of one conversion. Beyond 6 deviations lies one of 10⁹ Gaussian values: a contact out of nothing every 23
 //! days. Contact ends at 3 deviations.
 //!
-//! An input that is older than [`STALE_TICKS`] is stale and mutes the output.
+//! An input that is older than [`STALE_TICKS`] is stale and mutes the output. A force at a rail of the converter, see
+//! [`RAIL_CODES`], is none: there is no contact at once, and the motion becomes stale.
 
 use model_format::link::{
     MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings,
@@ -32,6 +33,12 @@ pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;
 /// the clock of the Ethernet transceiver reaches the converter (ST community, "Fluctuations in ADC value of STM32H743
 /// MCU"); that is 6 deviations of 16. A sensor's amplifier may add more, and is then a reason to set the threshold.
 pub const FORCE_NOISE_CODES: f32 = 16.0;
+
+/// Codes from either end of the converter's range within which a force sensor counts as open, shorted or overloaded.
+///
+/// They are 4 deviations of [`FORCE_NOISE_CODES`], because noise takes the code of a pin at the rail so far from it;
+/// 3.2 mV of 3.3 V. A sensor's zero, and its greatest force, have to lie between the rails.
+pub const RAIL_CODES: u16 = 64;
 
 /// Deviations of the noise at which contact begins.
 const CONTACT_DEVIATIONS: f32 = 6.0;
@@ -133,6 +140,8 @@ pub struct Sensors {
     /// Counts of all blocks, modulo 2³².
     counts: i32,
     force: AdcCode,
+    /// True if the last conversion in time was within [`RAIL_CODES`] of a rail.
+    railed: bool,
     /// Tick at which the last good conversion was read.
     updated_at: Option<u64>,
 }
@@ -152,15 +161,21 @@ impl Sensors {
             oldest: 0,
             counts: 0,
             force: AdcCode(0),
+            railed: false,
             updated_at: None,
         }
     }
 
-    /// Takes the values read at `tick`. If the conversion was not `fresh`, that is in time, `force` is left out.
+    /// Takes the values read at `tick`. If the conversion was not `fresh`, that is in time, `force` is left out, and so
+    /// it is at a rail.
     #[inline(always)]
     pub fn read(&mut self, tick: u64, encoder_delta: i16, force: AdcCode, fresh: bool) {
         self.block_counts = self.block_counts.saturating_add(i32::from(encoder_delta));
+        let inside = force.0.wrapping_sub(RAIL_CODES) <= u16::MAX - 2 * RAIL_CODES;
         if fresh {
+            self.railed = !inside;
+        }
+        if fresh & inside {
             self.force = force;
             self.updated_at = Some(tick);
         }
@@ -186,9 +201,14 @@ impl Sensors {
         Timed {
             motion: motion.unwrap_or(Motion::REST),
             position_mm: None,
-            contact: None,
+            contact: self.railed.then_some(false),
             at: self.updated_at,
         }
+    }
+
+    /// Returns true if the force is at a rail of its converter, so that it is not known.
+    pub fn is_railed(&self) -> bool {
+        self.railed
     }
 
     /// Count of the encoder at the end of the last block, modulo 2³².
@@ -205,6 +225,8 @@ pub struct Timed {
     /// Position on the path, mm, finite; if none, the encoder gives it.
     pub position_mm: Option<f32>,
     /// True if the tool touches; if none, the force decides.
+    ///
+    /// Of the sensors it is false while the force is at a rail.
     pub contact: Option<bool>,
     /// Tick of the input; none before the first one.
     pub at: Option<u64>,

@@ -6,9 +6,10 @@
 //!
 //! | module | runs in |
 //! |---|---|
-//! | [`safety`] | the tick |
+//! | [`safety`], [`ring`] | the tick |
 //! | [`inputs`] | the tick (encoder, conversions) and below it (motion) |
 //! | [`recorder`] | the tick (one sample in a queue) and thread mode (blocks) |
+//! | [`start`] | the start, before anything else |
 //! | [`player`], [`control`] | thread mode, never waits |
 //! | [`slots`], [`upload`], [`settings`], [`storage`] | thread mode, asynchronous |
 #![no_std]
@@ -25,9 +26,11 @@ pub mod flash;
 pub mod inputs;
 pub mod player;
 pub mod recorder;
+pub mod ring;
 pub mod safety;
 pub mod settings;
 pub mod slots;
+pub mod start;
 pub mod status;
 pub mod storage;
 pub mod upload;

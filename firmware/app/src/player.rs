@@ -31,6 +31,8 @@ pub struct Observed {
     pub at_rest: bool,
     /// The motion that is followed is too old.
     pub stale: bool,
+    /// That is so because the force sensor is at a rail of its converter.
+    pub railed: bool,
     /// The host has sent nothing for too long.
     pub link_lost: bool,
 }
@@ -186,6 +188,11 @@ impl Player {
         self.set(MuteReason::Fault, true);
     }
 
+    /// Mutes until the next start, because this one is in safe mode.
+    pub fn safe_mode(&mut self) {
+        self.set(MuteReason::SafeMode, true);
+    }
+
     /// Becomes idle and muted by a fault, because nothing was prepared to be started, and the status must not say that
     /// it plays.
     pub fn not_started(&mut self) {
@@ -200,6 +207,7 @@ impl Player {
         let playing = matches!(self.phase, Phase::Playing(_));
         // Without playing, neither motion nor host is needed.
         self.set(MuteReason::Stale, playing && observed.stale);
+        self.set(MuteReason::ForceRail, playing && observed.railed);
         self.set(MuteReason::LinkLost, playing && observed.link_lost);
         if !observed.at_rest {
             return None;

@@ -20,6 +20,8 @@ pub const QUEUE_SAMPLES: usize = 512;
 pub struct TimedSample {
     tick: u32,
     sample: PackedSample,
+    /// False if the conversions are not all of this tick.
+    whole: bool,
 }
 
 /// The queue from the tick to thread mode.
@@ -36,12 +38,14 @@ impl<'q> Tap<'q> {
         Self { queue }
     }
 
-    /// Queues the sample of `tick`. If the queue is full, the sample is lost, and the recorder finds the gap.
+    /// Queues the sample of `tick`, `whole` if its conversions are all of that tick. If the queue is full, the sample is
+    /// lost, and the recorder finds the gap.
     #[inline(always)]
-    pub fn put(&mut self, tick: u64, sample: RecordSample) {
+    pub fn put(&mut self, tick: u64, sample: RecordSample, whole: bool) {
         let timed = TimedSample {
             tick: tick as u32,
             sample: sample.into(),
+            whole,
         };
         let _ = self.queue.enqueue(timed);
     }
@@ -57,6 +61,8 @@ pub struct Recorder<'q> {
     next: u64,
     /// Samples of the block under way.
     samples: [PackedSample; BLOCK_SAMPLES],
+    /// Samples of it whose conversions are not all of their tick, a bit each.
+    torn: u32,
     /// True if the block under way misses no sample so far.
     whole: bool,
     blocks: u32,
@@ -72,6 +78,7 @@ impl<'q> Recorder<'q> {
             start: None,
             next: 0,
             samples: [PackedSample::ZERO; BLOCK_SAMPLES],
+            torn: 0,
             whole: true,
             blocks: 0,
             lost_blocks: 0,
@@ -123,7 +130,7 @@ impl<'q> Recorder<'q> {
         for _ in 0..QUEUE_SAMPLES {
             let timed = self.queue.dequeue()?;
             if self.recording
-                && let Some(block) = self.take(whole_tick(timed.tick, now), timed.sample)
+                && let Some(block) = self.take(whole_tick(timed.tick, now), timed)
             {
                 return Some(block);
             }
@@ -132,11 +139,18 @@ impl<'q> Recorder<'q> {
     }
 
     /// Takes the sample of `tick` and returns the block that it completes.
-    fn take(&mut self, tick: u64, sample: PackedSample) -> Option<RecordBlock> {
+    fn take(&mut self, tick: u64, timed: TimedSample) -> Option<RecordBlock> {
         let start = *self.start.get_or_insert(tick);
         let index = tick.saturating_sub(start);
         self.close_missed(index);
-        self.samples[(index % BLOCK_SAMPLES as u64) as usize] = sample;
+        let place = (index % BLOCK_SAMPLES as u64) as usize;
+        self.samples[place] = timed.sample;
+        let bit = 1 << place;
+        self.torn = if timed.whole {
+            self.torn & !bit
+        } else {
+            self.torn | bit
+        };
         self.next = index + 1;
         if !self.next.is_multiple_of(BLOCK_SAMPLES as u64) {
             return None;
@@ -145,6 +159,7 @@ impl<'q> Recorder<'q> {
             sequence,
             first_tick: start + u64::from(sequence) * BLOCK_SAMPLES as u64,
             lost_blocks: self.lost_blocks,
+            torn: self.torn,
             samples: self.samples,
         })
     }

@@ -1,4 +1,5 @@
-//! From reset to `main`: the output goes to mid-scale, then code, constants and vectors to the memories of the tick.
+//! From reset to `main`: the watchdog starts, the amplifier goes off and the output to mid-scale, then code, constants
+//! and vectors go to the memories of the tick.
 #![expect(
     unsafe_code,
     reason = "memory is laid out and the processor's own registers are set before they have owners"
@@ -10,9 +11,25 @@ use core::ptr::{addr_of, read_volatile, write_volatile};
 
 use cortex_m::asm;
 use cortex_m::peripheral::{CPUID, DCB, DWT, SCB};
+use embassy_stm32::pac::DBGMCU;
 
 /// Entries of the vector table: 16 of the core and 150 of the STM32H743 (RM0433 table 148).
 const VECTORS: usize = 166;
+
+/// Timeout of the watchdog, µs. The first one after a reset is twice as long, because the count begins at its highest
+/// (RM0433 section 45.3.1).
+const WATCHDOG_US: u32 = 250_000;
+
+/// Nominal clock of the watchdog, LSI, Hz. It is within 29.4 and 33.6 kHz (DS12110, LSI oscillator characteristics).
+const WATCHDOG_HZ: u32 = 32_000;
+
+/// Divider of that clock after a reset, which stays.
+const WATCHDOG_DIVIDER: u32 = 4;
+
+/// Value of IWDG_RLR for [`WATCHDOG_US`].
+const WATCHDOG_RELOAD: u32 = WATCHDOG_US / 1_000 * WATCHDOG_HZ / 1_000 / WATCHDOG_DIVIDER - 1;
+
+const _: () = assert!(WATCHDOG_RELOAD < 1 << 12);
 
 /// The vector table in use. Its address is a multiple of its length rounded up to a power of two (ARM DDI 0403E,
 /// B3.2.5).
@@ -35,17 +52,39 @@ global_asm!(
     ".type __pre_init, %function",
     ".thumb_func",
     "__pre_init:",
+    // IWDG1_KR: 0xCCCC starts the watchdog, and with it its clock; 0x5555 opens IWDG1_RLR (RM0433 section 45.3.1). From
+    // here on, whatever hangs ends in a reset.
+    "    ldr r0, =0x58004800",
+    "    movw r1, #0xCCCC",
+    "    str r1, [r0]",
+    "    movw r1, #0x5555",
+    "    str r1, [r0]",
+    "    movw r1, #{reload}",
+    "    str r1, [r0, #8]",
+    // Clock of port E: RCC_AHB4ENR, bit 4 (RM0433 section 8.7.43). Then PE9, the amplifier's enable, becomes an output
+    // that drives low, the reset value of GPIOE_ODR: GPIOE_MODER, bits 19:18 from 11 to 01 (section 11.4.1).
+    "    ldr r0, =0x580244E0",
+    "    ldr r1, [r0]",
+    "    orr r1, r1, #0x10",
+    "    str r1, [r0]",
+    "    ldr r1, [r0]",
+    "    ldr r0, =0x58021000",
+    "    ldr r1, [r0]",
+    "    bic r1, r1, #0x80000",
+    "    str r1, [r0]",
     // Clock of DAC1: RCC_APB1LENR, bit 29 (RM0433 section 8.7.45). The read waits until the write has arrived.
     "    ldr r0, =0x580244E8",
     "    ldr r1, [r0]",
     "    orr r1, r1, #0x20000000",
     "    str r1, [r0]",
     "    ldr r1, [r0]",
-    // DAC_DHR12R1 at mid-scale, then DAC_CR.EN1 (RM0433 section 26.7): the output begins at mid-scale.
+    // DAC_DHR12R1 at mid-scale, DAC_CR.TSEL1 at 6, which is TIM7_TRGO (table 213) and may not change once the channel
+    // is on (section 26.4.7), then DAC_CR.EN1 (section 26.7): the output begins at mid-scale.
     "    ldr r0, =0x40007400",
     "    mov r1, #2048",
     "    str r1, [r0, #8]",
-    "    ldr r1, [r0]",
+    "    mov r1, #24",
+    "    str r1, [r0]",
     "    orr r1, r1, #1",
     "    str r1, [r0]",
     "    ldr r0, =__sitcm",
@@ -76,6 +115,7 @@ global_asm!(
     "    bx lr",
     "    .ltorg",
     ".size __pre_init, . - __pre_init",
+    reload = const WATCHDOG_RELOAD,
 );
 
 unsafe extern "C" {
@@ -83,7 +123,7 @@ unsafe extern "C" {
 }
 
 /// Moves the vector table to the DTCM, so that an interrupt is taken without a read of flash, and turns the caches on,
-/// for code in flash and the library in AXI SRAM. This firmware uses no DMA, so all memory may be cached.
+/// for code in flash and the library in AXI SRAM. DMA uses SRAM 1 alone, which must not be cached.
 pub fn prepare_memory(scb: &mut SCB, cpuid: &mut CPUID) {
     let table = VECTOR_TABLE.0.get().cast::<u32>();
     for index in 0..VECTORS {
@@ -107,4 +147,10 @@ pub fn start_cycle_counter(dcb: &mut DCB, dwt: &mut DWT) {
     dcb.enable_trace();
     DWT::unlock();
     dwt.enable_cycle_counter();
+}
+
+/// Keeps the cycle counter running while the core sleeps, with or without a debugger (DBGSLEEP_D1, RM0433 section
+/// 60.5.8). Without it the counter stops in WFE, and what is measured from one interrupt to the next is too short.
+pub fn keep_counting_in_sleep() {
+    DBGMCU.cr().modify(|w| w.set_dbgsleep_d1(true));
 }

@@ -8,6 +8,7 @@
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
 
+use crate::boot::clock;
 use crate::fault::record::{Caught, Kind, Record, TRACE};
 use crate::fault::stack_trace;
 use crate::tick::output;
@@ -67,7 +68,13 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
 // SAFETY: as for HardFault.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
-    end(Kind::Nmi, 0, None)
+    output::mid_scale_now();
+    let kind = if clock::has_failed() {
+        Kind::ClockFailed
+    } else {
+        Kind::Nmi
+    };
+    end(kind, 0, None)
 }
 
 // SAFETY: as for HardFault.

@@ -8,6 +8,10 @@
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 
+use model_format::link::StartStage;
+use stylus_app::start::{Ended, Kept as KeptOfStarts};
+
+use crate::boot::reset::ResetFlags;
 use crate::tick::alive;
 
 /// Kind of fault; the numbers are kept over a reset.
@@ -26,6 +30,10 @@ pub enum Kind {
     TickStopped,
     /// Watchdog reset while the tick went on: the executor stood still.
     ExecutorStopped,
+    /// Failure of the external clock.
+    ClockFailed = 16,
+    /// Watchdog reset before the start was over.
+    StartHung,
 }
 
 /// Number of return addresses that are kept.
@@ -46,8 +54,9 @@ pub struct Caught {
     pub location: u32,
 }
 
-/// Words of a record: magic, the fields of [`Caught`], tick stopped, resets, whether the fault is new, checksum.
-const WORDS: usize = 9 + TRACE;
+/// Words of a record: magic, the fields of [`Caught`], tick stopped, resets, whether the fault is new, starts,
+/// checksum.
+const WORDS: usize = 10 + TRACE;
 const MAGIC: u32 = 0x5354_594C;
 
 /// Everything that outlives a reset.
@@ -64,7 +73,8 @@ const AT_LOCATION: usize = AT_TRACE + TRACE;
 const AT_TICK_STOPPED: usize = AT_LOCATION + 1;
 const AT_RESETS: usize = AT_TICK_STOPPED + 1;
 const AT_NEW: usize = AT_RESETS + 1;
-const AT_SUM: usize = AT_NEW + 1;
+const AT_STARTS: usize = AT_NEW + 1;
+const AT_SUM: usize = AT_STARTS + 1;
 
 #[repr(C, align(8))]
 struct Kept(UnsafeCell<MaybeUninit<[u32; WORDS]>>);
@@ -125,6 +135,8 @@ impl Record {
             4 => Kind::UnexpectedInterrupt,
             5 => Kind::TickStopped,
             6 => Kind::ExecutorStopped,
+            16 => Kind::ClockFailed,
+            17 => Kind::StartHung,
             _ => return None,
         };
         Some(Caught {
@@ -146,43 +158,81 @@ pub struct Before {
     pub new_fault: bool,
     /// Resets since power-on, this one included.
     pub resets: u32,
+    /// What is kept of the starts, decided for this one.
+    pub starts: KeptOfStarts,
 }
 
-/// Takes the kept state and counts this start.
+/// Takes the kept state, counts this start, and decides how it goes on.
 ///
-/// After `power_on` the memory holds noise, so nothing in it is believed. After a reset by the `watchdog` the fault is
-/// that reset.
-pub fn take(power_on: bool, watchdog: bool) -> Before {
+/// After power-on the memory holds noise, so nothing in it is believed. After a reset by the watchdog the fault is that
+/// reset.
+pub fn take(flags: ResetFlags) -> Before {
+    let power_on = flags == ResetFlags::PowerOn;
     let mut record = Record::load().filter(|_| !power_on).unwrap_or_default();
-    if watchdog {
+    let starts = KeptOfStarts::from_word(record.words[AT_STARTS]);
+    if flags == ResetFlags::Watchdog {
         let tick_stopped = alive::is_running() || record.words[AT_TICK_STOPPED] != 0;
+        let kind = match starts.stage {
+            Some(_) => Kind::StartHung,
+            None if tick_stopped => Kind::TickStopped,
+            None => Kind::ExecutorStopped,
+        };
         record.set(Caught {
-            kind: if tick_stopped {
-                Kind::TickStopped
-            } else {
-                Kind::ExecutorStopped
-            },
+            kind,
             program_counter: 0,
             detail: 0,
             trace: [0; TRACE],
             location: 0,
         });
     }
+    let caught = record.caught();
+    let new_fault = record.words[AT_NEW] != 0;
+    let ended = match flags {
+        ResetFlags::PowerOn | ResetFlags::Pin => Ended::ByHand,
+        ResetFlags::Watchdog => Ended::ByWatchdog,
+        _ if new_fault => Ended::ByFault {
+            clock_failed: caught.is_some_and(|caught| caught.kind == Kind::ClockFailed),
+        },
+        _ => Ended::WithoutFault,
+    };
     let before = Before {
-        caught: record.caught(),
-        new_fault: record.words[AT_NEW] != 0,
+        caught,
+        new_fault,
         resets: if power_on {
             0
         } else {
             record.words[AT_RESETS].saturating_add(1)
         },
+        starts: starts.next(ended),
     };
     record.words[AT_RESETS] = before.resets;
     record.words[AT_TICK_STOPPED] = 0;
     record.words[AT_NEW] = 0;
+    record.words[AT_STARTS] = before.starts.to_word();
     record.store();
     alive::clear_running();
     before
+}
+
+/// Keeps that the start has got to `stage`; none once it is over.
+pub fn enter(stage: Option<StartStage>) {
+    change_starts(|starts| starts.stage = stage);
+}
+
+/// Keeps that this run has lasted long enough to be a healthy one.
+pub fn note_healthy() {
+    change_starts(|starts| starts.healthy = true);
+}
+
+fn change_starts(change: impl FnOnce(&mut KeptOfStarts)) {
+    // Short, and a few times per start.
+    critical_section::with(|_| {
+        let mut record = Record::load().unwrap_or_default();
+        let mut starts = KeptOfStarts::from_word(record.words[AT_STARTS]);
+        change(&mut starts);
+        record.words[AT_STARTS] = starts.to_word();
+        record.store();
+    });
 }
 
 /// Keeps that the tick stands still; the watchdog resets the processor next.

@@ -19,6 +19,8 @@ pub fn reset_report(flags: ResetFlags, before: Before) -> ResetReport {
             Kind::UnexpectedInterrupt => FaultKind::UnexpectedInterrupt,
             Kind::TickStopped => FaultKind::TickStopped,
             Kind::ExecutorStopped => FaultKind::ExecutorStopped,
+            Kind::ClockFailed => FaultKind::ClockFailed,
+            Kind::StartHung => FaultKind::StartHung,
         },
         program_counter: caught.program_counter,
         detail: caught.detail,

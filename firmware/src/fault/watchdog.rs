@@ -1,30 +1,38 @@
 //! The independent watchdog, RM0433 chapter 46: fed only while tick and executor both run.
 //!
 //! It has a clock of its own. A task feeds it, so an executor that hangs starves it. The task feeds only if the tick
-//! has moved on, so a tick that hangs starves it too. The reset includes DAC and pins, and the start puts the output to
+//! has moved on, so a tick that hangs starves it too. `boot/startup.rs` starts it, with the first instructions, and the
+//! start feeds it at the end of each of its stages. The reset includes DAC and pins, and the start puts the output to
 //! mid-scale.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use embassy_stm32::pac::IWDG1;
 use embassy_stm32::pac::iwdg::vals::Key;
-use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Peri, pac, peripherals};
+use embassy_stm32::pac::{self, IWDG1};
 use embassy_time::{Duration, Ticker};
 
 use crate::fault::record;
 use crate::tick::alive;
 
-/// Timeout of the watchdog, µs.
-const TIMEOUT_US: u32 = 250_000;
-
 /// Interval between two feeds.
 const FEED: Duration = Duration::from_millis(20);
 
-/// Starts the watchdog. From then on only a debugger that halts the processor stops it.
-pub fn start(watchdog: Peri<'static, peripherals::IWDG1>) {
+/// True if the tick does not run, as in safe mode, and is not waited for.
+static WITHOUT_TICK: AtomicBool = AtomicBool::new(false);
+
+/// Has a debugger that halts the processor stop the watchdog too.
+pub fn start() {
     pac::DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
-    IndependentWatchdog::new(watchdog, TIMEOUT_US).unleash();
+}
+
+/// Feeds the watchdog at the end of a stage of the start.
+pub fn feed_at_start() {
+    reload();
+}
+
+/// Feeds the watchdog while the executor runs, without a tick.
+pub fn expect_no_tick() {
+    WITHOUT_TICK.store(true, Ordering::Relaxed);
 }
 
 /// Feeds the watchdog while the tick moves on.
@@ -35,7 +43,7 @@ pub async fn feed() -> ! {
     loop {
         ticker.next().await;
         let now = alive::ended();
-        if now == before {
+        if now == before && !WITHOUT_TICK.load(Ordering::Relaxed) {
             record::note_tick_stopped();
         } else {
             reload();
@@ -49,7 +57,7 @@ pub async fn feed() -> ! {
 pub fn feed_while_ticking() {
     static BEFORE: AtomicU32 = AtomicU32::new(0);
     let now = alive::ended();
-    if now != BEFORE.swap(now, Ordering::Relaxed) {
+    if now != BEFORE.swap(now, Ordering::Relaxed) || WITHOUT_TICK.load(Ordering::Relaxed) {
         reload();
     }
 }

@@ -33,7 +33,7 @@ use stylus_app::settings::SETTINGS_RANGE;
 use stylus_app::slots::MappedFlash;
 
 use crate::boot::clock::CORE_HZ;
-use crate::boot::priority;
+use crate::boot::{priority, supply};
 use crate::fault::watchdog;
 use crate::flash::word;
 
@@ -60,6 +60,8 @@ pub enum FlashError {
     },
     /// The flash is busy for longer than it may be.
     Timeout,
+    /// The supply is too low to erase or program.
+    SupplyLow,
 }
 
 /// Reason why a range is refused.
@@ -87,6 +89,7 @@ impl core::fmt::Display for FlashError {
                 "the flash reports {status:#010x} (RM0433, FLASH_SR): try again"
             ),
             Self::Timeout => write!(f, "the flash does not become ready: restart the device"),
+            Self::SupplyLow => write!(f, "the supply is too low to write flash: see to it"),
         }
     }
 }
@@ -160,9 +163,12 @@ impl Bank {
         Ok(())
     }
 
-    /// Prepares an erasure or a word: checks that the bank is idle, clears old faults, unlocks (RM0433 sections 4.3.9
+    /// Prepares an erasure or a word: checks that the supply holds and the bank is idle, clears old faults, unlocks (RM0433 sections 4.3.9
     /// and 4.3.10).
     fn prepare(self) -> Result<(), FlashError> {
+        if supply::is_low() {
+            return Err(FlashError::SupplyLow);
+        }
         let registers = self.registers();
         if registers.sr().read().qw() {
             return Err(FlashError::Timeout);

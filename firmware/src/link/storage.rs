@@ -15,14 +15,14 @@ use embassy_time::{Duration, Ticker, Timer};
 use heapless::Vec;
 use model_format::link::{
     ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES,
-    SettingChange, Settings, SettingsError, SettingsResetEndpoint, SettingsSetEndpoint, SlotId,
-    SlotInfo, SlotsEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
+    SettingChange, Settings, SettingsError, SettingsResetEndpoint, SettingsSetEndpoint,
+    SettingsState, SlotId, SlotInfo, SlotsEndpoint, UploadAbortEndpoint, UploadBegin,
+    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
 };
 use postcard_rpc::header::VarSeq;
 use postcard_rpc::server::{Sender, WireTxErrorKind};
 use static_cell::StaticCell;
-use stylus_app::control::Control;
+use stylus_app::control::{Control, Device};
 use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
 use stylus_app::slots::SlotStore;
 use stylus_app::storage::{LoadFault, Stage, Storage};
@@ -102,17 +102,20 @@ type Stores = Storage<Bank2, SettingsFlash>;
 #[unsafe(link_section = ".sram4.stores")]
 static STORES: StaticCell<Stores> = StaticCell::new();
 
-/// Opens the stores, activates the newest library, and starts the tasks that poll and that serve jobs.
+/// Opens the stores, activates the newest library unless in safe mode, and starts the tasks that poll and that serve jobs.
 pub async fn start(spawner: Spawner, hardware: Hardware) {
     // SAFETY: nothing else calls them, and this runs once.
     let (slots, settings) = unsafe { (Bank2::new(), SettingsFlash::new()) };
     let settings = SettingsStore::open(settings, SETTINGS_RANGE).await;
-    let control = Control::new(hardware, settings.settings(), settings.is_faulty());
+    let safe_mode = hardware.start_report().safe_mode;
+    let control = Control::new(hardware, settings.settings(), settings.state());
     CONTROL.lock(|cell| *cell.borrow_mut() = Some(control));
     spawner.spawn(poll().unwrap());
     let stores = STORES.init(Storage::new(SlotStore::open(slots).await, settings));
-    let active = stores.activate_newest(&mut ControlStage).await;
-    defmt::info!("library active: {}", active.is_some());
+    if !safe_mode {
+        let active = stores.activate_newest(&mut ControlStage).await;
+        defmt::info!("library active: {}", active.is_some());
+    }
     spawner.spawn(serve(stores).unwrap());
 }
 
@@ -216,8 +219,12 @@ impl Stage for ControlStage {
         with_control(Control::begin_configuration)
     }
 
-    fn end_configuration(&mut self, settings: Settings, faulty: bool) {
-        with_control(|control| control.end_configuration(settings, faulty));
+    fn end_configuration(&mut self, settings: Settings, state: SettingsState) {
+        with_control(|control| control.end_configuration(settings, state));
+    }
+
+    fn is_supply_low(&self) -> bool {
+        with_control(|control| control.is_supply_low())
     }
 
     fn set_upload(&mut self, upload: UploadState) {

@@ -17,6 +17,9 @@ use crate::play::{direction, voice};
 /// True if the motion that is followed was too old at the last update.
 static STALE: AtomicBool = AtomicBool::new(true);
 
+/// True if that is so because the force sensor was at a rail of its converter.
+static RAILED: AtomicBool = AtomicBool::new(false);
+
 /// Inputs of an update besides the tick's note.
 pub struct Update {
     /// Conversion of counts and codes to speed and force.
@@ -59,6 +62,11 @@ pub fn take_range() -> CycleRange {
     })
 }
 
+/// Returns true if that is so because the force sensor was at a rail of its converter.
+pub fn is_railed() -> bool {
+    RAILED.load(Ordering::Relaxed)
+}
+
 /// Changes the inputs before the next update.
 pub fn change(change: impl FnOnce(&mut Update)) {
     UPDATE.with(|_, update| {
@@ -83,7 +91,10 @@ extern "C" fn SWPMI1() {
     if let Some(update) = unsafe { UPDATE.in_handler() } {
         let sensors = noted.sensors.motion(&update.config);
         let chosen = inputs::choose(update.source, sensors, update.host);
-        STALE.store(chosen.is_stale(noted.tick), Ordering::Relaxed);
+        let stale = chosen.is_stale(noted.tick);
+        let by_rail = update.source == MotionSource::Sensors && noted.sensors.is_railed();
+        STALE.store(stale, Ordering::Relaxed);
+        RAILED.store(stale && by_rail, Ordering::Relaxed);
         if let Some(played) = noted.playing {
             // SAFETY: this is the update, and the tick plays.
             if let Some(direction) = unsafe { direction::directed() } {

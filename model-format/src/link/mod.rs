@@ -17,7 +17,9 @@ mod mute;
 mod play;
 mod record;
 mod settings;
+mod settings_state;
 mod slot;
+mod start;
 mod status;
 #[cfg(test)]
 mod tests;
@@ -39,8 +41,15 @@ pub use record::{
     BLOCK_SAMPLES, PackedSample, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
 };
-pub use settings::{SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError};
+pub use settings::{
+    SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError, Tighter,
+};
+pub use settings_state::{SettingSet, SettingsState};
 pub use slot::{LIBRARY_CRC, SlotFault, SlotId, SlotInfo, SlotState, Slots};
+pub use start::{
+    ClockSource, FLASH_SUPPLY_MV, QUICK_FAULT_MS, QUICK_FAULTS, SiliconRevision, StartReport,
+    StartStage,
+};
 pub use status::{
     Activity, Fault, FaultKind, FaultText, LinkCounters, OutputStatus, RecordCounters, ResetReason,
     Status, TICK_BIN_COUNT, TICK_BIN_CYCLES, TickCounters, TickHistogram,

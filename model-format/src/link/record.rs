@@ -64,8 +64,20 @@ pub struct RecordBlock {
     pub first_tick: u64,
     /// Blocks that the device lost since the start of the recording.
     pub lost_blocks: u32,
+    /// Samples whose conversions are not all of their tick, bit n for sample n: the tick read them too early or too
+    /// late. Their encoder steps are right.
+    pub torn: u32,
     /// The samples.
     pub samples: [PackedSample; BLOCK_SAMPLES],
+}
+
+const _: () = assert!(BLOCK_SAMPLES <= u32::BITS as usize);
+
+impl RecordBlock {
+    /// Returns true if the conversions of sample `index` are all of its tick.
+    pub const fn is_whole(&self, index: usize) -> bool {
+        self.torn & (1 << index) == 0
+    }
 }
 
 /// A recording that has begun: block 0 comes next.

@@ -4,7 +4,10 @@ use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{MUTE_REASON_COUNT, MotionSource, MuteReasons, Selection, SlotId, UploadState};
+use super::{
+    MUTE_REASON_COUNT, MotionSource, MuteReasons, Selection, SettingsState, SlotId, StartReport,
+    UploadState,
+};
 
 /// Width of one bin of the histogram, cycles.
 pub const TICK_BIN_CYCLES: u32 = 4096;
@@ -54,6 +57,8 @@ pub struct OutputStatus {
     pub thermal_load_permille: u16,
     /// Gain of the thermal limiter, per mille.
     pub thermal_gain_permille: u16,
+    /// True while the amplifier is enabled.
+    pub amplifier: bool,
 }
 
 /// Counters of the tick.
@@ -67,6 +72,8 @@ pub struct TickCounters {
     pub late_frames: u32,
     /// Conversions that were not complete when the tick read them.
     pub late_conversions: u32,
+    /// Ticks whose codes did not continue the output's last one: they, or those before them, came too late.
+    pub late_outputs: u32,
 }
 
 /// Histogram of the ticks' durations, from entry to exit of the handler.
@@ -147,7 +154,7 @@ impl core::fmt::Display for ResetReason {
 pub enum FaultKind {
     /// HardFault, or a fault that escalated to it.
     HardFault,
-    /// Non-maskable interrupt: the clock failed or the flash has an error that cannot be corrected.
+    /// Non-maskable interrupt: the flash has an error that cannot be corrected.
     Nmi,
     /// A panic.
     Panic,
@@ -157,6 +164,10 @@ pub enum FaultKind {
     TickStopped,
     /// The executor stopped; the watchdog followed.
     ExecutorStopped,
+    /// The external clock failed while the processor ran on it.
+    ClockFailed,
+    /// A stage of the start did not end; the watchdog followed. See [`StartReport::hung_stage`].
+    StartHung,
 }
 
 /// Location of a panic, or other detail of a fault.
@@ -204,6 +215,8 @@ pub struct Status {
     pub resets: u32,
     /// The last fault since power-on.
     pub fault: Option<Fault>,
-    /// True if the settings could not be read and defaults hold.
-    pub settings_faulty: bool,
+    /// State of the settings.
+    pub settings: SettingsState,
+    /// The start: clock, silicon, supply, safe mode.
+    pub start: StartReport,
 }

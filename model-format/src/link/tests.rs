@@ -117,6 +117,7 @@ fn upload_errors() -> Vec<UploadError> {
         UploadError::Invalid { reason: text() },
         UploadError::ReadBack { slot, offset },
         UploadError::Busy,
+        UploadError::SupplyLow,
     ];
     for operation in [
         FlashOperation::Read,
@@ -191,11 +192,20 @@ fn play_errors() -> Vec<PlayError> {
         },
         PlayError::Busy,
         PlayError::Fault,
+        PlayError::SettingsNotSet {
+            missing: SettingSet::ALL
+        },
+        PlayError::SettingsLost {
+            lost: SettingSet::ALL
+        },
+        PlayError::SafeMode {
+            quick_faults: u8::MAX
+        },
     ]
 }
 
 fn settings_errors() -> Vec<SettingsError> {
-    let mut errors = std::vec![SettingsError::Playing];
+    let mut errors = std::vec![SettingsError::Playing, SettingsError::SupplyLow];
     for setting in Setting::ALL {
         errors.extend(setting.check(f32::INFINITY).err());
     }
@@ -245,6 +255,7 @@ fn outputs() -> Vec<OutputStatus> {
         thermally_limited: u32::MAX,
         thermal_load_permille: u16::MAX,
         thermal_gain_permille: u16::MAX,
+        amplifier: true,
     };
     activities.map(output).into()
 }
@@ -271,6 +282,7 @@ fn statuses() -> Vec<Status> {
             missed: u32::MAX,
             late_frames: u32::MAX,
             late_conversions: u32::MAX,
+            late_outputs: u32::MAX,
         },
         tick_histogram: TickHistogram {
             core_hz: u32::MAX,
@@ -291,7 +303,22 @@ fn statuses() -> Vec<Status> {
         reset,
         resets: u32::MAX,
         fault,
-        settings_faulty: true,
+        settings: SettingsState {
+            set: SettingSet::ALL,
+            lost: SettingSet::ALL,
+            differing: SettingSet::ALL,
+            mended: true,
+            unwritable: true,
+        },
+        start: StartReport {
+            clock: ClockSource::InternalUnmultiplied,
+            revision: SiliconRevision(u16::MAX),
+            brown_out_level: u8::MAX,
+            supply_low: true,
+            quick_faults: u8::MAX,
+            safe_mode: true,
+            hung_stage: Some(StartStage::Links),
+        },
     };
     let resets = [
         ResetReason::PowerOn,
@@ -309,6 +336,8 @@ fn statuses() -> Vec<Status> {
         FaultKind::UnexpectedInterrupt,
         FaultKind::TickStopped,
         FaultKind::ExecutorStopped,
+        FaultKind::ClockFailed,
+        FaultKind::StartHung,
     ];
     let busy = UploadState::Receiving(upload_progress());
     let mut statuses = std::vec![status(
@@ -520,6 +549,7 @@ fn a_record_block_takes_less_than_400_bytes_whatever_is_in_it() {
         sequence,
         first_tick: u64::from(sequence) << 32,
         lost_blocks: sequence,
+        torn: sequence,
         samples: [RecordSample {
             acceleration: [AdcCode(code); 3],
             force: AdcCode(code),

@@ -13,6 +13,8 @@ pub struct Hand {
     pub force_n: f64,
     /// Converter codes of the three axes of acceleration, repeated for ever.
     pub acceleration: Vec<[u16; 3]>,
+    /// True if the wire of the force sensor is open, so that a pull-down takes its pin to the lower rail.
+    pub is_open: bool,
 }
 
 impl Default for Hand {
@@ -22,6 +24,7 @@ impl Default for Hand {
             speed_mm_s: 0.0,
             force_n: 0.0,
             acceleration: vec![[32_768; 3]],
+            is_open: false,
         }
     }
 }
@@ -32,7 +35,8 @@ impl Hand {
         let settings = Settings::default();
         let per_volt = f64::from(settings.get(Setting::ForcePerVolt));
         let path = f64::from(settings.get(Setting::PathPerCount));
-        let force = self.force_n / per_volt / f64::from(AdcCode::STEP.0);
+        let zero = f64::from(settings.force_zero().0);
+        let force = zero + self.force_n / per_volt / f64::from(AdcCode::STEP.0);
         let counts = |tick: u64| {
             let per_tick = self.speed_mm_s / path / f64::from(SAMPLE_RATE_HZ);
             (tick as f64 * per_tick).floor() as i64
@@ -40,7 +44,11 @@ impl Hand {
         let index = tick % self.acceleration.len() as u64;
         RecordSample {
             acceleration: self.acceleration[index as usize].map(AdcCode),
-            force: AdcCode(force.round() as u16),
+            force: AdcCode(if self.is_open {
+                0
+            } else {
+                force.round() as u16
+            }),
             encoder_delta: (counts(tick + 1) - counts(tick)) as i16,
         }
     }

@@ -9,9 +9,9 @@
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    CycleRange, CycleReport, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError,
-    PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
-    ResetReason, SCHEMA_HASH, Selection, Settings, TickCounters,
+    ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION,
+    PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
+    ResetReason, SCHEMA_HASH, Selection, Settings, SiliconRevision, StartReport, TickCounters,
 };
 use model_format::{FORMAT_VERSION, Library, OutputSample};
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
@@ -27,6 +27,17 @@ use crate::hand::Hand;
 
 /// Clock of the processor, Hz.
 const CORE_HZ: u32 = 400_000_000;
+
+/// A start without a fault, on silicon of revision V with the brown-out reset on.
+const HEALTHY_START: StartReport = StartReport {
+    clock: ClockSource::External,
+    revision: SiliconRevision(0x2003),
+    brown_out_level: 3,
+    supply_low: false,
+    quick_faults: 0,
+    safe_mode: false,
+    hung_stage: None,
+};
 
 /// A plan of the fake hardware: the selection that was found playable.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,6 +63,8 @@ pub struct Hardware {
     pub host: Timed,
     /// Judgement of the last update on the motion that is followed.
     is_stale: bool,
+    /// True if that is so because the force sensor is at a rail.
+    is_railed: bool,
     sensors: Sensors,
     inputs: InputConfig,
     /// The settings that were installed last.
@@ -70,6 +83,8 @@ pub struct Hardware {
     pub hand: Hand,
     /// Number of samples to come that are lost before they reach the recorder.
     pub lose_samples: u32,
+    /// Number of samples to come whose conversions are not all of their tick.
+    pub tear_samples: u32,
     /// Change of what the device says about itself.
     pub disguise: Option<fn(&mut DeviceInfo)>,
     /// Number of ticks that count as missed.
@@ -80,6 +95,8 @@ pub struct Hardware {
     pub budget: u32,
     /// Damage of each library on its way to RAM.
     pub loads_badly: bool,
+    /// The start, and the present supply.
+    pub start: StartReport,
     /// Number of exchanges of the library in RAM.
     pub exchanges: usize,
     /// Number of times that playing began from silence.
@@ -113,6 +130,7 @@ impl Hardware {
             source: MotionSource::Sensors,
             host: Timed::NEVER,
             is_stale: true,
+            is_railed: false,
             sensors: Sensors::new(),
             inputs: InputConfig::new(&settings),
             settings,
@@ -125,11 +143,13 @@ impl Hardware {
             link: LinkCounters::default(),
             hand: Hand::default(),
             lose_samples: 0,
+            tear_samples: 0,
             disguise: None,
             missed: 0,
             slower_by: 0,
             budget: BUDGET,
             loads_badly: false,
+            start: HEALTHY_START,
             exchanges: 0,
             starts: 0,
             switches: 0,
@@ -141,8 +161,10 @@ impl Hardware {
     pub fn tick(&mut self) {
         self.now += 1;
         let sample = self.hand.sample(self.now);
+        let whole = self.tear_samples == 0;
+        self.tear_samples = self.tear_samples.saturating_sub(1);
         self.sensors
-            .read(self.now, sample.encoder_delta, sample.force, true);
+            .read(self.now, sample.encoder_delta, sample.force, whole);
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
             self.sensors.end_block();
             let sensors = self.sensors.motion(&self.inputs);
@@ -153,6 +175,8 @@ impl Hardware {
                 shortest: cycles,
                 longest: cycles,
             });
+            let by_rail = self.source == MotionSource::Sensors && self.sensors.is_railed();
+            self.is_railed = self.is_stale && by_rail;
         }
         let phase = self.now as f32 * 0.3;
         let level = if self.playing.is_some() { 2e7 } else { 0.0 };
@@ -161,7 +185,7 @@ impl Hardware {
         if self.lose_samples > 0 {
             self.lose_samples -= 1;
         } else {
-            self.tap.put(self.now, sample);
+            self.tap.put(self.now, sample, whole);
         }
         self.histogram
             .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
@@ -233,6 +257,7 @@ impl Device for Hardware {
             safety: self.safety.counters(),
             thermal_load_permille: self.safety.thermal_load_permille(),
             thermal_gain_permille: self.safety.thermal_gain_permille(),
+            amplifier: true,
         }
     }
 
@@ -258,12 +283,20 @@ impl Device for Hardware {
         }
     }
 
+    fn start_report(&self) -> StartReport {
+        self.start
+    }
+
     fn is_at_rest(&self) -> bool {
         self.now >= self.muted_since && self.safety.is_at_rest()
     }
 
     fn is_motion_stale(&self) -> bool {
         self.is_stale
+    }
+
+    fn is_force_railed(&self) -> bool {
+        self.is_railed
     }
 
     fn set_mute(&mut self, muted: bool) {

@@ -40,6 +40,7 @@ struct Inner {
     heard: Vec<Heard>,
     hand: Hand,
     lose_samples: u32,
+    tear_samples: u32,
     connections: usize,
     is_over: bool,
 }
@@ -62,14 +63,24 @@ pub struct FakeStylus {
 }
 
 impl FakeStylus {
-    /// Boots a stylus on blank flash, and lets hosts connect.
+    /// Boots a stylus on blank flash, sets the settings of its coil, and lets hosts connect.
     pub fn start() -> Self {
+        Self::start_with(SteppedStylus::set_coil)
+    }
+
+    /// Boots a stylus whose settings nobody has set, and lets hosts connect.
+    pub fn start_unset() -> Self {
+        Self::start_with(|_| ())
+    }
+
+    /// Boots a stylus on blank flash, prepares it, and lets hosts connect.
+    fn start_with(prepare: fn(&mut SteppedStylus)) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port is free");
         listener.set_nonblocking(true).expect("it can be polled");
         let port = listener.local_addr().expect("it is bound").port();
         let inner = Arc::new(Mutex::new(Inner::default()));
         let shared = inner.clone();
-        let thread = thread::spawn(move || serve(&listener, &shared));
+        let thread = thread::spawn(move || serve(&listener, &shared, prepare));
         Self {
             port,
             inner,
@@ -100,6 +111,11 @@ impl FakeStylus {
     /// Loses the next `samples` samples before they reach the recorder.
     pub fn lose_samples(&self, samples: u32) {
         lock(&self.inner).lose_samples = samples;
+    }
+
+    /// Tears the next `samples` samples: their conversions are not all of their tick.
+    pub fn tear_samples(&self, samples: u32) {
+        lock(&self.inner).tear_samples = samples;
     }
 
     /// The frames that have arrived since the last call.
@@ -139,11 +155,13 @@ fn lock(inner: &Mutex<Inner>) -> MutexGuard<'_, Inner> {
     inner.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn serve(listener: &TcpListener, shared: &Mutex<Inner>) {
+fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: fn(&mut SteppedStylus)) {
+    let mut stylus = SteppedStylus::boot();
+    prepare(&mut stylus);
     let SteppedStylus {
         control,
         mut storage,
-    } = SteppedStylus::boot();
+    } = stylus;
     let requests = Requests::new(control.clone());
     let mut storage = pin!(requests.serve_storage(&mut storage));
     let mut context = Context::from_waker(Waker::noop());
@@ -206,6 +224,7 @@ fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
     let device = control.device();
     device.hand = inner.hand.clone();
     device.lose_samples += std::mem::take(&mut inner.lose_samples);
+    device.tear_samples += std::mem::take(&mut inner.tear_samples);
     !inner.is_over
 }
 

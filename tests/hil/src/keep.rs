@@ -6,17 +6,10 @@
 use std::path::PathBuf;
 
 use host_tools::link::upload::upload;
-use model_format::link::{Setting, SettingChange, Settings, SlotState};
+use model_format::link::{Setting, SettingChange, SettingSet, Settings, SlotState};
 
 use crate::bench::Bench;
 use crate::error::{Error, Result};
-
-/// Settings of the coil, without which nothing may be played.
-const OF_THE_COIL: [Setting; 3] = [
-    Setting::CoilResistance,
-    Setting::AmplifierGain,
-    Setting::PowerLimit,
-];
 
 /// Largest power limit during the tests, W.
 const MOST_POWER_W: f32 = 0.01;
@@ -25,6 +18,8 @@ const MOST_POWER_W: f32 = 0.01;
 #[derive(Clone, Debug)]
 pub struct Kept {
     settings: Settings,
+    /// Those that somebody has set.
+    set: SettingSet,
     library: Option<PathBuf>,
 }
 
@@ -36,6 +31,7 @@ impl Kept {
     pub fn save(bench: &Bench, library: Option<PathBuf>) -> Result<Self> {
         Ok(Self {
             settings: bench.device.settings()?,
+            set: bench.status()?.settings.set,
             library,
         })
     }
@@ -46,7 +42,7 @@ impl Kept {
     /// # Errors
     /// The link fails, or the device refuses a value.
     pub fn make_playable(&self, bench: &Bench) -> Result<()> {
-        for setting in OF_THE_COIL {
+        for setting in SettingSet::REQUIRED.iter() {
             let value = match setting {
                 Setting::PowerLimit => self.settings.get(setting).min(MOST_POWER_W),
                 _ => self.settings.get(setting),
@@ -71,14 +67,11 @@ impl Kept {
     }
 
     fn restore_settings(&self, bench: &Bench) -> Result<()> {
-        // A setting at its default stays as nobody has set it: a device that plays with values that somebody has set
-        // refuses to play then, which is the safe side.
-        let default = bench.device.reset_settings()?;
-        for setting in Setting::ALL {
+        // What nobody has set stays so, because a device with guessed settings of its coil must refuse to play.
+        bench.device.reset_settings()?;
+        for setting in self.set.iter() {
             let value = self.settings.get(setting);
-            if default.get(setting) != value {
-                bench.device.set(SettingChange { setting, value })?;
-            }
+            bench.device.set(SettingChange { setting, value })?;
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! The part: the emulator's STM32H743 with the board's models in place of, or around, six of its own.
+//! The part: the emulator's STM32H743 with the board's models in place of, or around, eight of its own.
 //!
 //! A reset of the part leaves RAM, the backup SRAM, the flash and the reset flags of `RCC_RSR` as they were, as in
 //! section 8.4.4 and table 56; only a power cut, which ends the run, loses RAM.
@@ -9,29 +9,36 @@ use rigless::soc::stm32h743::Stm32h743;
 use rigless::soc::stm32h743::generated::otg1_hs_global;
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
 use rigless::soc::stm32h743::peripherals::flash::Flash;
+use rigless::soc::stm32h743::peripherals::gpio::Gpio;
 use rigless::soc::stm32h743::peripherals::tim::{BASIC_TIMERS, Basic, General, TIMERS, Tim};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
 use crate::model::adc::{Injected, Pins};
 use crate::model::around::Extended;
-use crate::model::dac::Dac;
+use crate::model::dac::{Dac, TIM6_TRIGGER, TIM7_TRIGGER};
 use crate::model::encoder::Quadrature;
 use crate::model::flash::{Journal, Unreadable};
+use crate::model::pin::PinRecord;
 use crate::model::trigger::TriggerOutput;
 use crate::model::usb::host::Host;
 use crate::model::usb::{self, Usb};
 use crate::model::watchdog::Watchdog;
 
-/// TIM6 among the basic timers, and TIM3 among the general ones.
+/// TIM6 and TIM7 among the basic timers, and TIM3 among the general ones.
 const TIM6: usize = 0;
+const TIM7: usize = 1;
 const TIM3: usize = 1;
+/// The amplifier's enable in port E.
+const AMPLIFIER_PIN: u32 = 9;
 
 #[derive(Clone, Copy, Debug)]
 struct Slots {
     dac: usize,
     adc: usize,
     timer: usize,
+    code_timer: usize,
+    amplifier: usize,
     encoder: usize,
     flash: usize,
     watchdog: usize,
@@ -64,6 +71,10 @@ pub struct Part {
     pub adc: Extended<Adc, Injected>,
     /// TIM6, the clock of the samples.
     pub timer: Extended<Tim<Basic>, TriggerOutput>,
+    /// TIM7, the clock of the codes at the output.
+    pub code_timer: Extended<Tim<Basic>, TriggerOutput>,
+    /// Port E, with the amplifier's enable on PE9.
+    pub amplifier: Extended<Gpio, PinRecord>,
     /// TIM3, which counts the encoder.
     pub encoder: Extended<Tim<General>, Quadrature>,
     /// The flash's registers.
@@ -90,6 +101,8 @@ impl Part {
             dac: slot("DAC")?,
             adc: slot("ADC1")?,
             timer: slot("TIM6")?,
+            code_timer: slot("TIM7")?,
+            amplifier: slot("GPIOE")?,
             encoder: slot("TIM3")?,
             flash: slot("Flash")?,
             watchdog: slot("IWDG")?,
@@ -101,6 +114,8 @@ impl Part {
             dac: Dac::default(),
             adc: Extended::new(Adc::new(Converter::Adc1, 0), Injected::new(pins)),
             timer: Extended::new(Tim::new(BASIC_TIMERS[TIM6]), TriggerOutput::default()),
+            code_timer: Extended::new(Tim::new(BASIC_TIMERS[TIM7]), TriggerOutput::default()),
+            amplifier: Extended::new(Gpio::default(), PinRecord::new(AMPLIFIER_PIN)),
             encoder: Extended::new(Tim::new(TIMERS[TIM3]), Quadrature::default()),
             flash: Extended::new(Flash::new(), Journal::new(unreadable)),
             watchdog: Watchdog::default(),
@@ -116,14 +131,23 @@ impl Part {
         self.usb.drive(&mut context, work)
     }
 
-    /// Hands each pulse of the timer's trigger output to the converters, at its instant.
+    /// Hands each pulse of the timers' trigger outputs to the converters, at its instant, and the acknowledge of a
+    /// request to the one that asked.
     fn deliver_triggers(&mut self) {
         while let Some(at) = self.timer.around.take() {
             let bus = self.rest.bus_mut();
-            let (registers, _) = bus.drive(at, self.slots.dac);
-            self.dac.trigger(at, registers);
+            let (registers, mut context) = bus.drive(at, self.slots.dac);
+            self.dac.trigger(TIM6_TRIGGER, registers, &mut context);
             let (registers, mut context) = bus.drive(at, self.slots.adc);
             self.adc.around.trigger(registers, &mut context);
+        }
+        while let Some(at) = self.code_timer.around.take() {
+            let (registers, mut context) = self.rest.bus_mut().drive(at, self.slots.dac);
+            self.dac.trigger(TIM7_TRIGGER, registers, &mut context);
+        }
+        if let Some((at, channel)) = self.code_timer.around.take_acknowledge() {
+            let (_, mut context) = self.rest.bus_mut().drive(at, self.slots.dac);
+            self.dac.acknowledge(channel, &mut context);
         }
     }
 }
@@ -149,6 +173,10 @@ impl Mcu for Part {
         Device::reset(&mut self.adc);
         self.timer.inner = Tim::new(BASIC_TIMERS[TIM6]);
         self.timer.around = TriggerOutput::default();
+        self.code_timer.inner = Tim::new(BASIC_TIMERS[TIM7]);
+        self.code_timer.around = TriggerOutput::default();
+        Device::reset(&mut self.amplifier);
+        self.amplifier.around.part_reset(at);
         self.encoder.inner = Tim::new(TIMERS[TIM3]);
         Device::reset(&mut self.encoder);
         let options = self.flash.inner.committed_options();
@@ -175,6 +203,8 @@ impl Mcu for Part {
             _ if slot == self.slots.dac => &mut self.dac,
             _ if slot == self.slots.adc => &mut self.adc,
             _ if slot == self.slots.timer => &mut self.timer,
+            _ if slot == self.slots.code_timer => &mut self.code_timer,
+            _ if slot == self.slots.amplifier => &mut self.amplifier,
             _ if slot == self.slots.encoder => &mut self.encoder,
             _ if slot == self.slots.flash => &mut self.flash,
             _ if slot == self.slots.watchdog => &mut self.watchdog,

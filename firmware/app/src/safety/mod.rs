@@ -34,6 +34,12 @@ const GAIN_BITS: u32 = 20;
 /// Largest magnitude of the input of the stages after the gain: half the converter's range, in 2^-16 steps.
 const FULL_SCALE: i64 = 2048 << STEP_BITS;
 
+/// Number of codes for the converter per sample of the kernel. They are put out at equal intervals.
+pub const OVERSAMPLING: usize = 8;
+
+/// Codes per second at the pin.
+pub const PIN_RATE_HZ: u32 = SAMPLE_RATE_HZ * OVERSAMPLING as u32;
+
 /// Configuration of the safety stages, computed when settings or the played texture change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Config {
@@ -43,7 +49,7 @@ pub struct Config {
     coil: CoilConfig,
     /// Largest offset from mid-scale, converter steps.
     limit: i32,
-    /// Largest change per sample, converter steps.
+    /// Largest change from one code to the next, converter steps.
     slew: i32,
 }
 
@@ -56,14 +62,14 @@ impl Config {
         let scale = (1u32 << (GAIN_BITS - OutputSample::FRACTION_BITS + STEP_BITS)) as f32;
         let coil = CoilConfig::new(settings);
         let limit = (settings.hard_limit().0 * per_step) as i32;
-        let slew_per_sample = settings.get(Setting::SlewLimit) * 1e3 / SAMPLE_RATE_HZ as f32;
+        let slew_per_code = settings.get(Setting::SlewLimit) * 1e3 / PIN_RATE_HZ as f32;
         Self {
             // The conversion of a float saturates.
             gain: (steps_per_acceleration * scale) as i32,
             ramp: RampConfig::new(settings),
             coil,
             limit: limit.min(coil.peak_limit()),
-            slew: ((slew_per_sample * per_step) as i32).max(1),
+            slew: ((slew_per_code * per_step) as i32).max(1),
         }
     }
 
@@ -73,7 +79,7 @@ impl Config {
         self.limit
     }
 
-    /// Largest change per sample, converter steps.
+    /// Largest change from one code to the next, converter steps.
     pub fn slew_steps(&self) -> i32 {
         self.slew
     }
@@ -81,7 +87,7 @@ impl Config {
     /// Most samples from any output to exactly mid-scale after a mute.
     pub fn mute_samples(&self) -> u32 {
         // The slew limit may lag behind the end of the ramp, by at most the time from one limit to mid-scale.
-        self.ramp.down_samples() + (self.limit / self.slew) as u32 + 1
+        self.ramp.down_samples() + (self.limit / self.slew) as u32 / OVERSAMPLING as u32 + 2
     }
 }
 
@@ -130,12 +136,17 @@ impl State {
         }
     }
 
-    /// The next code for the converter.
+    /// The next codes for the converter, in the order in which they are put out.
     ///
     /// While `muted`, the output goes to mid-scale along the mute ramp and stays there. Afterwards it returns along the
     /// soft start.
     #[inline(always)]
-    pub fn process(&mut self, config: &Config, sample: OutputSample, muted: bool) -> DacCode {
+    pub fn process(
+        &mut self,
+        config: &Config,
+        sample: OutputSample,
+        muted: bool,
+    ) -> [DacCode; OVERSAMPLING] {
         let product = i64::from(sample.0) * i64::from(config.gain);
         let amplified = fixed::shift_toward_zero(product, GAIN_BITS).clamp(-FULL_SCALE, FULL_SCALE);
         let without_dc = self.dc_blocker.next(amplified);
@@ -143,16 +154,25 @@ impl State {
         let (cooled, attenuated) = self.coil.attenuate(ramped);
         let requested = round_to_step(cooled);
         let limited = within(requested, -config.limit, config.limit);
-        let offset = within(
-            limited,
-            self.offset - config.slew,
-            self.offset + config.slew,
-        );
-        self.coil.follow(config.coil, offset);
-        self.offset = offset;
+        let mut held_back = false;
+        let codes = core::array::from_fn(|_| {
+            let (low, high) = (self.offset - config.slew, self.offset + config.slew);
+            self.offset = within(limited, low, high);
+            held_back |= self.offset != limited;
+            self.coil.follow(config.coil, self.offset);
+            DacCode::from_mid_scale(self.offset)
+        });
         self.counters
-            .count(requested != limited, limited != offset, attenuated);
-        DacCode::from_mid_scale(offset)
+            .count(requested != limited, held_back, attenuated);
+        codes
+    }
+
+    /// Makes the next codes continue from the one `offset` steps from mid-scale, which is put out just before them.
+    ///
+    /// After a tick that came late, that is not the last code that was computed, and the slew limit holds at the pin.
+    #[inline(always)]
+    pub fn continue_from(&mut self, offset: i32) {
+        self.offset = offset;
     }
 
     /// Returns true if the output is at mid-scale and the ramp at its lower end, so that the voices can be exchanged.

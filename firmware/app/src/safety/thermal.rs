@@ -11,8 +11,8 @@
 use model_format::DacCode;
 use model_format::link::{Setting, Settings};
 
+use super::PIN_RATE_HZ;
 use super::fixed::shift_toward_zero;
-use crate::SAMPLE_RATE_HZ;
 
 /// Largest instantaneous power, in units of the power limit: a Gaussian signal at the limit is cut at four times its
 /// RMS.
@@ -47,7 +47,7 @@ pub struct CoilConfig {
 impl CoilConfig {
     pub fn new(settings: &Settings) -> Self {
         let seconds = settings.get(Setting::ThermalTimeConstant);
-        let share = 1.0 / (seconds * SAMPLE_RATE_HZ as f32);
+        let share = 1.0 / (seconds * PIN_RATE_HZ as f32);
         let volt = DacCode::STEP.0 * settings.get(Setting::AmplifierGain);
         let limit = settings.get(Setting::CoilResistance) * settings.get(Setting::PowerLimit);
         // Power of one step in units of the limit.

@@ -10,4 +10,5 @@ mod rest;
 mod safety;
 mod settings;
 mod slots;
+mod start;
 mod upload;

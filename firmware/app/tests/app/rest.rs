@@ -80,7 +80,7 @@ impl<'a> Stylus<'a> {
         self.player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
         let (config, state) = &mut self.safety;
         (0..UPDATE_INTERVAL_SAMPLES)
-            .map(|_| state.process(config, self.player.next_sample(), false))
+            .flat_map(|_| state.process(config, self.player.next_sample(), false))
             .collect()
     }
 }

@@ -2,7 +2,8 @@
 
 use host_tools::support::error::Result;
 use model_format::link::{
-    Activity, DeviceInfo, LinkCounters, MotionSource, MuteReason, OutputStatus, Status, UploadState,
+    Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, LinkCounters, MotionSource, MuteReason,
+    OutputStatus, StartReport, Status, UploadState,
 };
 use serde::Serialize;
 
@@ -67,12 +68,17 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
             "SETTINGS could not be read, so the defaults are in use; set them again".to_owned(),
         );
     }
+    lines.extend(start(&status.start));
     let library = match status.active {
         Some(slot) => format!("slot {slot}, checksum {:08x}", status.library_crc32),
         None => "none active".to_owned(),
     };
     lines.push(format!("library  {library}{}", upload(&status.upload)));
-    lines.push(format!("output   {}", output(&status.output)));
+    let amplifier = if status.output.amplifier { "on" } else { "off" };
+    lines.push(format!(
+        "output   {}; amplifier {amplifier}",
+        output(&status.output)
+    ));
     lines.push(format!("muted    {}", mutes(&status.output)));
     lines.push(format!(
         "limits   saturated {}, hard limit {}, slew {}, thermal {} samples; coil at {:.1} % of its limit, gain {:.1} %",
@@ -96,11 +102,12 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
     lines.push(format!("USB      {}", link(&status.usb)));
     lines.push(format!("serial   {}", link(&status.serial)));
     lines.push(format!(
-        "tick     {} ticks, {} missed, {} late frames, {} late conversions",
+        "tick     {} ticks, {} missed, {} late frames, {} late conversions, {} late outputs",
         status.tick.ticks,
         status.tick.missed,
         status.tick.late_frames,
-        status.tick.late_conversions
+        status.tick.late_conversions,
+        status.tick.late_outputs
     ));
     let histogram = histogram::draw(&status.tick_histogram);
     lines.push(format!(
@@ -108,6 +115,45 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         histogram.replace('\n', "\n         ")
     ));
     lines.join("\n")
+}
+
+/// The start: clock, silicon and supply, and a line for each thing to see to.
+fn start(start: &StartReport) -> Vec<String> {
+    let mut lines = vec![format!(
+        "start    {} clock, silicon revision {}, brown-out level {}, {} quick faults",
+        start.clock, start.revision, start.brown_out_level, start.quick_faults
+    )];
+    if start.safe_mode {
+        lines.push(
+            "SAFE     the device plays nothing; switch the power off and on, or press the reset button, to leave"
+                .to_owned(),
+        );
+    }
+    match start.clock {
+        ClockSource::External => {}
+        ClockSource::Internal => lines.push(
+            "CLOCK    the external clock is missing or failed: pitch and times are within 1 %"
+                .to_owned(),
+        ),
+        ClockSource::InternalUnmultiplied => lines
+            .push("CLOCK    no clock could be multiplied: nothing is sampled or played".to_owned()),
+    }
+    if let Some(stage) = start.hung_stage {
+        lines.push(format!(
+            "HUNG     a start did not get past the stage: {stage}"
+        ));
+    }
+    if start.supply_low {
+        lines.push(format!(
+            "SUPPLY   below {FLASH_SUPPLY_MV} mV: no upload and no change of settings until it rises"
+        ));
+    }
+    if start.brown_out_level == 0 {
+        lines.push(
+            "BROWNOUT the brown-out reset is off in the option bytes: set BOR_LEV to 3 with the probe".to_owned(),
+        );
+    }
+    lines
 }
 
 fn uptime(status: &Status) -> String {

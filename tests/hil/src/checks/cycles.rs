@@ -40,11 +40,12 @@ pub fn check(bench: &mut Bench, selections: &[(String, Selection)]) -> Result<Me
         let (report, _) = measured?;
         add(bench, &mut rows, what, report);
     }
+    let revision = bench.status()?.start.revision.to_string();
     let info = bench.device.info();
     let device = MeasuredDevice {
         serial: info.serial.to_string(),
         emulated: bench.is_emulated(),
-        revision: "not stated by this firmware".to_owned(),
+        revision,
         core_hz: idle.core_hz,
         firmware_version: info.firmware_version.to_string(),
         build: info.build.to_string(),

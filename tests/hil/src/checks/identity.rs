@@ -1,7 +1,7 @@
 //! Identity, versions, clock, and the state before anything was asked for.
 
 use model_format::FORMAT_VERSION;
-use model_format::link::{MuteReason, PROTOCOL_VERSION, SCHEMA_HASH};
+use model_format::link::{ClockSource, MuteReason, PROTOCOL_VERSION, SCHEMA_HASH};
 
 use crate::bench::Bench;
 use crate::error::Result;
@@ -58,6 +58,40 @@ pub fn check(bench: &mut Bench) -> Result<()> {
         "400 MHz",
         core_hz == CORE_HZ,
     );
+    let start = status.start;
+    bench.judge(
+        "source of the clock",
+        start.clock,
+        "external",
+        start.clock == ClockSource::External,
+    );
+    bench.judge(
+        "silicon revision",
+        start.revision,
+        "none that misreads its memory",
+        !start.revision.misreads_axi_sram(),
+    );
+    if bench.is_emulated() {
+        bench.leave_out("brown-out level", "an emulator has no supply");
+    } else {
+        bench.judge(
+            "brown-out level",
+            start.brown_out_level,
+            "1 to 3; 0 is off: set the option bytes",
+            (1..=3).contains(&start.brown_out_level),
+        );
+    }
+    bench.judge(
+        "supply",
+        if start.supply_low {
+            "low"
+        } else {
+            "enough to write flash"
+        },
+        "enough to write flash",
+        !start.supply_low,
+    );
+    bench.judge("safe mode", start.safe_mode, "false", !start.safe_mode);
     let fault = status.output.mute.contains(MuteReason::Fault);
     bench.judge(
         "no fault mutes the output",

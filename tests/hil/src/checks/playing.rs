@@ -127,7 +127,8 @@ fn from_the_sensors(bench: &mut Bench) -> Result<()> {
             Err(error) => Err(error),
         }
     })?;
-    if status.output.mute.contains(MuteReason::Stale) {
+    let mute = status.output.mute;
+    if mute.contains(MuteReason::Stale) || mute.contains(MuteReason::ForceRail) {
         let reason = "the sensors are not connected or at a rail: connect encoder and force sensor";
         bench.leave_out(name, reason);
         return Ok(());

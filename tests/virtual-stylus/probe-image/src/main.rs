@@ -94,10 +94,10 @@ fn serial() {
 }
 
 fn converters() {
-    // Mid-scale before the output is on.
+    // Mid-scale before the output is on, and the trigger, which may not be selected afterwards.
     DAC1.dhr12r(0).write(|w| w.set_dhr(2048));
-    DAC1.cr().modify(|w| w.set_en(0, true));
     DAC1.cr().modify(|w| w.set_tsel(0, TIM6_TRIGGER_OF_DAC));
+    DAC1.cr().modify(|w| w.set_en(0, true));
     DAC1.cr().modify(|w| w.set_ten(0, true));
 
     ADC12_COMMON

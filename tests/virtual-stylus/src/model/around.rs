@@ -56,6 +56,9 @@ pub trait Around<D: Device>: Debug + Send {
         false
     }
 
+    /// Called for a change of a request of any instance, before the model.
+    fn request(&mut self, _change: RequestChange, _context: &mut DeviceContext<'_>) {}
+
     /// Called when the clock's rate, in hertz, has changed.
     fn clock(&mut self, _hz: u64) {}
 
@@ -154,6 +157,7 @@ where
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
+        self.around.request(request, context);
         self.inner.on_request(request, registers, context);
         self.around.after(&mut self.inner, registers, context);
     }

@@ -8,6 +8,7 @@ pub mod around;
 pub mod dac;
 pub mod encoder;
 pub mod flash;
+pub mod pin;
 pub mod trigger;
 pub mod usb;
 pub mod watchdog;

@@ -19,6 +19,7 @@ use crate::error::{Error, Result};
 use crate::model::adc::{Pins, Sample};
 use crate::model::dac::Output;
 use crate::model::flash::{Contents, Moment, Operation};
+use crate::model::pin::Driven;
 use crate::model::usb::host::Host as UsbHost;
 use crate::motion::Motion;
 use crate::serial::Sent;
@@ -115,6 +116,14 @@ impl VirtualStylus {
     /// The run is over.
     pub fn take_dac_record(&mut self) -> Result<Vec<Output>> {
         self.board(|board| board.part.dac.take_record())
+    }
+
+    /// Takes the changes of the amplifier's enable since the last call, or since power-on. At power-on it floats.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn take_amplifier_record(&mut self) -> Result<Vec<Driven>> {
+        self.board(|board| board.part.amplifier.around.take_record())
     }
 
     /// Puts `bytes` on the serial line; the image receives them as the run goes on.

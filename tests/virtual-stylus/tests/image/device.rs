@@ -26,6 +26,10 @@ pub const SECOND: u64 = 1_000 * MS;
 pub const MID_SCALE: u16 = 2048;
 /// Time between two samples.
 pub const PERIOD_NS: u64 = 200_000;
+/// Codes per sample.
+pub const CODES: usize = stylus_app::safety::OVERSAMPLING;
+/// Time between two codes at the output.
+pub const CODE_NS: u64 = PERIOD_NS / CODES as u64;
 
 /// Virtual time between two looks at the line.
 const STEP_NS: u64 = MS / 2;

@@ -8,7 +8,7 @@ use virtual_stylus::Options;
 use virtual_stylus::model::dac::Cause;
 use virtual_stylus::motion::Motion;
 
-use crate::device::{Device, MS, PERIOD_NS, announced};
+use crate::device::{CODE_NS, Device, MS, announced};
 use crate::library;
 use crate::power::state_of;
 
@@ -44,11 +44,7 @@ fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwa
         .filter(|output| output.cause == Cause::Trigger)
         .map(|output| output.at_ns)
         .collect();
-    assert!(
-        instants
-            .windows(2)
-            .all(|pair| pair[1] - pair[0] == PERIOD_NS)
-    );
+    assert!(instants.windows(2).all(|pair| pair[1] - pair[0] == CODE_NS));
 
     let activated = device.activate(committed.slot);
     assert_eq!(activated.library.crc32, announced(&large).crc32);

@@ -17,7 +17,7 @@ use virtual_stylus::motion::Motion;
 use virtual_stylus::usb_socket::UsbSocket;
 use virtual_stylus::{Reset, VirtualStylus};
 
-use crate::device::{MS, PERIOD_NS, play_request, product};
+use crate::device::{CODE_NS, MS, play_request, product};
 use crate::library;
 
 /// Virtual time between two looks at the socket.
@@ -113,8 +113,8 @@ impl Running {
             .iter()
             .filter(|output| output.cause == Cause::Trigger);
         let instants: Vec<u64> = triggered.map(|output| output.at_ns).collect();
-        let uneven = (instants.windows(2)).find(|pair| pair[1] - pair[0] != PERIOD_NS);
-        assert_eq!(uneven, None, "instants that are not 200 us apart");
+        let uneven = (instants.windows(2)).find(|pair| pair[1] - pair[0] != CODE_NS);
+        assert_eq!(uneven, None, "instants that are not 25 us apart");
     }
 }
 

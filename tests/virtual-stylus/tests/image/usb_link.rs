@@ -11,7 +11,7 @@ use virtual_stylus::model::usb::host::Host;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::usb_host::{Request, Timing};
 
-use crate::device::{BULK_IN, BULK_OUT, Device, MS, PERIOD_NS, SECOND, announced};
+use crate::device::{BULK_IN, BULK_OUT, CODE_NS, Device, MS, SECOND, announced};
 use crate::library;
 
 /// Length of the recording, s; a minute if `STYLUS_LONG` is set.
@@ -29,8 +29,8 @@ fn assert_even(device: &mut Device) {
     let instants: Vec<u64> = (outputs.filter(|output| output.cause == Cause::Trigger))
         .map(|output| output.at_ns)
         .collect();
-    let uneven = (instants.windows(2)).find(|pair| pair[1] - pair[0] != PERIOD_NS);
-    assert_eq!(uneven, None, "instants that are not 200 us apart");
+    let uneven = (instants.windows(2)).find(|pair| pair[1] - pair[0] != CODE_NS);
+    assert_eq!(uneven, None, "instants that are not 25 us apart");
 }
 
 /// Checks that blocks are in order and complete.
