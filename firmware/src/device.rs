@@ -11,9 +11,9 @@ use embassy_time::Instant;
 use heapless::String;
 use model_format::FORMAT_VERSION;
 use model_format::link::{
-    DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
-    RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection, Settings,
-    StartReport, TickCounters,
+    CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION,
+    PlayError, PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH,
+    Selection, Settings, StartReport, TickCounters,
 };
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
@@ -43,6 +43,9 @@ pub struct Hardware {
     link_counters: fn() -> [LinkCounters; 2],
     guard_marks: fn() -> Marks,
     settings: Settings,
+    /// Durations of the ticks that requests for cycles have taken, and their number.
+    taken: CycleRange,
+    counted: u32,
     muted: bool,
     /// Number of the first tick that has seen the present mute.
     muted_since: u64,
@@ -68,6 +71,8 @@ impl Hardware {
             link_counters,
             guard_marks,
             settings: Settings::default(),
+            taken: CycleRange::NONE,
+            counted: 0,
             muted: true,
             muted_since: 0,
         }
@@ -90,7 +95,8 @@ impl Device for Hardware {
     fn info(&self) -> DeviceInfo {
         let mut build = String::new();
         // Fits; a longer text would be cut.
-        let _ = write!(build, "{}, STM32H743ZI", env!("STYLUS_PROFILE"));
+        let (profile, compiler) = (env!("STYLUS_PROFILE"), env!("STYLUS_COMPILER"));
+        let _ = write!(build, "{profile}, {compiler}");
         DeviceInfo {
             product: text("stylus"),
             serial: text(uid::uid_hex()),
@@ -124,7 +130,7 @@ impl Device for Hardware {
         };
         TickReport {
             counters: tick.counters,
-            histogram: tick.histogram.report(CORE_HZ),
+            histogram: tick.histogram.with_range(self.taken).report(CORE_HZ),
             saturations: voice::saturations(),
             safety: tick.safety.counters(),
             thermal_load_permille: tick.safety.thermal_load_permille(),
@@ -143,6 +149,16 @@ impl Device for Hardware {
 
     fn sensor_sums(&self) -> Sums {
         self.recorder.sums()
+    }
+
+    fn take_cycles(&mut self) -> CycleReport {
+        let tick = tick::take_range(&mut self.counted);
+        self.taken = self.taken.merged(tick);
+        CycleReport {
+            core_hz: CORE_HZ,
+            tick,
+            update: update::take_range(),
+        }
     }
 
     fn link_counters(&self) -> [LinkCounters; 2] {

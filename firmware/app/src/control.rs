@@ -5,7 +5,7 @@
 
 use model_format::Library;
 use model_format::link::{
-    ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, Marks,
+    ActivateError, CycleReport, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, Marks,
     MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
     RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings,
     SettingsError, SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters,
@@ -41,6 +41,9 @@ pub trait Device {
 
     /// Sums of the sensors' samples over the last whole window.
     fn sensor_sums(&self) -> Sums;
+
+    /// Durations of tick and update since the last call, or since the start.
+    fn take_cycles(&mut self) -> CycleReport;
 
     /// Counters of the links: USB, serial.
     fn link_counters(&self) -> [LinkCounters; 2];
@@ -259,6 +262,7 @@ impl<D: Device> Control<D> {
     fn output(&self, tick: &TickReport) -> OutputStatus {
         OutputStatus {
             activity: self.player.activity(),
+            at_rest: self.device.is_at_rest(),
             mute: self.player.mute(),
             mute_counts: self.player.mute_counts(),
             saturations: tick.saturations,
@@ -269,6 +273,11 @@ impl<D: Device> Control<D> {
             thermal_gain_permille: tick.thermal_gain_permille,
             amplifier: tick.amplifier,
         }
+    }
+
+    /// Serves `CyclesEndpoint`.
+    pub fn take_cycles(&mut self) -> CycleReport {
+        self.device.take_cycles()
     }
 
     /// Serves `PlayEndpoint`.

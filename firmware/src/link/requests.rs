@@ -5,8 +5,8 @@
 
 use embassy_time::Timer;
 use model_format::link::{
-    ActivateEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListSceneEndpoint,
-    MotionEndpoint, MotionTopic, PlayEndpoint, PlayError, PlayRequest, Playing,
+    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint,
+    ListSceneEndpoint, MotionEndpoint, MotionTopic, PlayEndpoint, PlayError, PlayRequest, Playing,
     RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SettingsGetEndpoint,
     SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
     UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
@@ -137,6 +137,11 @@ impl Dispatch for Dispatcher {
             StatusEndpoint::REQ_KEY => {
                 request
                     .answer::<StatusEndpoint>(|()| with_control(|control| control.status()))
+                    .await
+            }
+            CyclesEndpoint::REQ_KEY => {
+                request
+                    .answer::<CyclesEndpoint>(|()| with_control(Control::take_cycles))
                     .await
             }
             UploadProgressEndpoint::REQ_KEY => {

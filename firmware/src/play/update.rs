@@ -7,7 +7,8 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use model_format::link::MotionSource;
+use cortex_m::peripheral::DWT;
+use model_format::link::{CycleRange, MotionSource};
 use stylus_app::inputs::{self, InputConfig, Timed};
 
 use crate::play::shared::OfHandler;
@@ -27,6 +28,8 @@ pub struct Update {
     pub source: MotionSource,
     /// The last motion from the host.
     pub host: Timed,
+    /// Durations since the last [`take_range`].
+    range: CycleRange,
 }
 
 /// The inputs; none before [`start`].
@@ -39,6 +42,7 @@ pub fn start(config: InputConfig) {
             config,
             source: MotionSource::Sensors,
             host: Timed::NEVER,
+            range: CycleRange::NONE,
         });
     });
 }
@@ -46,6 +50,16 @@ pub fn start(config: InputConfig) {
 /// Returns true if the motion that is followed was too old at the last update.
 pub fn is_stale() -> bool {
     STALE.load(Ordering::Relaxed)
+}
+
+/// Takes the range of the updates' durations since the last call, with the interrupts that came in between.
+pub fn take_range() -> CycleRange {
+    UPDATE.with(|_, update| {
+        let range = update.as_mut().map(|update| &mut update.range);
+        range.map_or(CycleRange::NONE, |range| {
+            core::mem::replace(range, CycleRange::NONE)
+        })
+    })
 }
 
 /// Returns true if that is so because the force sensor was at a rail of its converter.
@@ -70,6 +84,7 @@ pub fn change(change: impl FnOnce(&mut Update)) {
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.update")]
 extern "C" fn SWPMI1() {
+    let begin = DWT::cycle_count();
     #[cfg(feature = "fault-injection")]
     crate::injection::in_update();
     // SAFETY: this is the update, which the tick has requested.
@@ -91,6 +106,12 @@ extern "C" fn SWPMI1() {
                 unsafe { voice::direct(&mut direction.director, interaction, played) };
             }
         }
+        let cycles = DWT::cycle_count().wrapping_sub(begin);
+        update.range = update.range.merged(CycleRange {
+            runs: 1,
+            shortest: cycles,
+            longest: cycles,
+        });
     }
     voice::ready();
 }

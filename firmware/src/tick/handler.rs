@@ -21,7 +21,7 @@ use embassy_stm32::pac::TIM6;
 use embassy_stm32::pac::timer::vals::{Mms, Urs};
 use embassy_stm32::{Peri, peripherals, rcc};
 use model_format::OutputSample;
-use model_format::link::{RecordSample, TickCounters};
+use model_format::link::{CycleRange, RecordSample, TickCounters};
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::inputs::{Encoder, Sensors};
 use stylus_app::recorder::Tap;
@@ -142,6 +142,14 @@ pub fn snapshot() -> Option<Snapshot> {
             safety: tick.safety,
             longest_delay_cycles: tick.longest_delay * (CORE_HZ / TIMER_HZ),
         })
+    })
+}
+
+/// Takes the range of the ticks' durations since the last call; see [`Histogram::take_range`].
+pub fn take_range(counted: &mut u32) -> CycleRange {
+    TICK.with(|_, tick| {
+        tick.as_mut()
+            .map_or(CycleRange::NONE, |tick| tick.histogram.take_range(counted))
     })
 }
 

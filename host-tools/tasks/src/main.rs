@@ -10,7 +10,7 @@ use tasks::error::{Error, Result};
 use tasks::firmware::Image;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::{Toolchain, check_clippy};
-use tasks::{compare, costs, firmware, house, lint, qemu, tables, virtual_stylus, workspace};
+use tasks::{compare, costs, firmware, hil, house, lint, qemu, tables, virtual_stylus, workspace};
 
 /// Tasks around the microcontroller's core.
 #[derive(Parser)]
@@ -61,6 +61,8 @@ enum Task {
         #[arg(last = true)]
         arguments: Vec<OsString>,
     },
+    /// Run the image's tests against a real board, or the virtual stylus, over its link
+    Hil(hil::Arguments),
     /// Check that code and pages keep to the drawn layout: wings, import circles, line lengths, names in pages
     House,
     /// Write tables of figures into the pages: the named ones, or all that need no build and no emulator
@@ -102,6 +104,7 @@ fn main() -> ExitCode {
         }
         Task::TestVirtualStylus { long, arguments } => Toolchain::find()
             .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
+        Task::Hil(arguments) => hil::run(&arguments),
         Task::House => check_house(),
         Task::Tables { check: true, .. } => tables::check_instant(),
         Task::Tables { names, .. } => write_tables(names),

@@ -9,6 +9,7 @@
 //!
 //! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]. Every other one is answered at once.
 
+mod cycles;
 mod info;
 mod levels;
 mod library;
@@ -31,6 +32,7 @@ mod upload;
 
 use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
 
+pub use cycles::{CycleRange, CycleReport};
 pub use info::{DeviceInfo, ProductName, Serial, VersionText};
 pub use levels::Levels;
 pub use library::{ActivateError, Activated, ListError, ListRequest, SceneInfo, TextureInfo};
@@ -108,6 +110,7 @@ pub const FLASH_TIMEOUT_MS: u32 = 16_000;
 
 type InfoResult = DeviceInfo;
 type StatusResult = Status;
+type CyclesResult = CycleReport;
 type UploadResult = Result<UploadProgress, UploadError>;
 type CommitResult = Result<UploadCommitted, UploadError>;
 type AbortResult = Result<UploadState, UploadError>;
@@ -129,6 +132,7 @@ endpoints! {
     | ----------             | ---------       | ----------        | ----                      |
     | InfoEndpoint           | ()              | InfoResult        | "stylus/info"             |
     | StatusEndpoint         | ()              | StatusResult      | "stylus/status"           |
+    | CyclesEndpoint         | ()              | CyclesResult      | "stylus/cycles"           |
     | UploadBeginEndpoint    | UploadBegin     | UploadResult      | "stylus/upload/begin"     |
     | UploadChunkEndpoint    | UploadChunk<'a> | UploadResult      | "stylus/upload/chunk"     |
     | UploadCommitEndpoint   | ()              | CommitResult      | "stylus/upload/commit"    |

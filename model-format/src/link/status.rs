@@ -39,6 +39,8 @@ pub enum Activity {
 pub struct OutputStatus {
     /// Activity of the player.
     pub activity: Activity,
+    /// True if the output is at mid-scale, with the mute's ramp down, because of the mute that holds.
+    pub at_rest: bool,
     /// Reasons for which the output is muted now.
     pub mute: MuteReasons,
     /// Number of times that each of [`super::MuteReason::ALL`] began.

@@ -311,6 +311,7 @@ fn outputs() -> Vec<OutputStatus> {
     ];
     let output = |activity| OutputStatus {
         activity,
+        at_rest: true,
         mute: all_mute_reasons(),
         mute_counts: [u32::MAX; MUTE_REASON_COUNT],
         saturations: u32::MAX,
@@ -539,6 +540,16 @@ fn every_answer_comes_back_and_fits_a_frame() {
         mute: all_mute_reasons(),
     })]);
     to_host::<Response<PlayEndpoint>>(play_errors().into_iter().map(Err));
+    let range = CycleRange {
+        runs: u32::MAX,
+        shortest: u32::MAX,
+        longest: u32::MAX,
+    };
+    to_host::<Response<CyclesEndpoint>>([CycleReport {
+        core_hz: u32::MAX,
+        tick: range,
+        update: range,
+    }]);
     to_host::<Response<StopEndpoint>>(outputs().into_iter().map(Ok));
     to_host::<Response<StopEndpoint>>([Err(StopError::NotPlaying)]);
     to_host::<Response<MotionEndpoint>>([

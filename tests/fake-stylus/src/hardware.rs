@@ -9,9 +9,10 @@
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    ClockSource, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError,
-    PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
-    ResetReason, SCHEMA_HASH, Selection, Settings, SiliconRevision, StartReport, TickCounters,
+    ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource,
+    PROTOCOL_VERSION, PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError,
+    RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection, Settings, SiliconRevision,
+    StartReport, TickCounters,
 };
 use model_format::{FORMAT_VERSION, Library, OutputSample};
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
@@ -75,6 +76,11 @@ pub struct Hardware {
     tap: Tap<'static>,
     recorder: Recorder<'static>,
     histogram: Histogram,
+    /// Durations of the ticks that requests for cycles have taken, and their number.
+    taken: CycleRange,
+    counted: u32,
+    /// Durations of the updates since the last request for cycles.
+    updates: CycleRange,
     /// Counters of the one link, which is a serial one.
     pub link: LinkCounters,
     /// The board, as the self test measures it.
@@ -89,6 +95,10 @@ pub struct Hardware {
     pub tear_samples: u32,
     /// Change of what the device says about itself.
     pub disguise: Option<fn(&mut DeviceInfo)>,
+    /// Number of ticks that count as missed.
+    pub missed: u32,
+    /// Cycles that every tick takes besides its own.
+    pub slower_by: u32,
     /// Instructions per sample that a scene may take.
     pub budget: u32,
     /// Damage of each library on its way to RAM.
@@ -135,6 +145,9 @@ impl Hardware {
             tap: Tap::new(producer),
             recorder: Recorder::new(consumer),
             histogram: Histogram::new(),
+            taken: CycleRange::NONE,
+            counted: 0,
+            updates: CycleRange::NONE,
             link: LinkCounters::default(),
             board: Board::default(),
             encoder: 0,
@@ -142,6 +155,8 @@ impl Hardware {
             lose_samples: 0,
             tear_samples: 0,
             disguise: None,
+            missed: 0,
+            slower_by: 0,
             budget: BUDGET,
             loads_badly: false,
             start: HEALTHY_START,
@@ -165,6 +180,12 @@ impl Hardware {
             self.sensors.end_block();
             let sensors = self.sensors.motion(&self.inputs);
             self.is_stale = choose(self.source, sensors, self.host).is_stale(self.now);
+            let cycles = 60_000;
+            self.updates = self.updates.merged(CycleRange {
+                runs: 1,
+                shortest: cycles,
+                longest: cycles,
+            });
             let by_rail = self.source == MotionSource::Sensors && self.sensors.is_railed();
             self.is_railed = self.is_stale && by_rail;
         }
@@ -177,7 +198,8 @@ impl Hardware {
         } else {
             self.tap.put(self.now, sample, whole);
         }
-        self.histogram.count(20_000 + (self.now % 7) as u32 * 3_000);
+        self.histogram
+            .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
     }
 
     /// Copies `library` to the RAM that is played from; nothing is played.
@@ -243,9 +265,10 @@ impl Device for Hardware {
         TickReport {
             counters: TickCounters {
                 ticks: self.now,
+                missed: self.missed,
                 ..TickCounters::default()
             },
-            histogram: self.histogram.report(CORE_HZ),
+            histogram: self.histogram.with_range(self.taken).report(CORE_HZ),
             saturations: 0,
             safety: self.safety.counters(),
             thermal_load_permille: self.safety.thermal_load_permille(),
@@ -266,6 +289,16 @@ impl Device for Hardware {
 
     fn sensor_sums(&self) -> Sums {
         self.recorder.sums()
+    }
+
+    fn take_cycles(&mut self) -> CycleReport {
+        let tick = self.histogram.take_range(&mut self.counted);
+        self.taken = self.taken.merged(tick);
+        CycleReport {
+            core_hz: CORE_HZ,
+            tick,
+            update: std::mem::replace(&mut self.updates, CycleRange::NONE),
+        }
     }
 
     fn link_counters(&self) -> [LinkCounters; 2] {

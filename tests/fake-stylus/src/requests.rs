@@ -10,9 +10,9 @@ use std::rc::Rc;
 
 use embassy_futures::yield_now;
 use model_format::link::{
-    ActivateEndpoint, ENDPOINTS, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListSceneEndpoint,
-    MAX_CHUNK_BYTES, MAX_HOST_FRAME_BYTES, MotionEndpoint, MotionTopic, PlayEndpoint,
-    RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SettingsGetEndpoint,
+    ActivateEndpoint, CyclesEndpoint, ENDPOINTS, InfoEndpoint, KeepAliveTopic, ListEndpoint,
+    ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_HOST_FRAME_BYTES, MotionEndpoint, MotionTopic,
+    PlayEndpoint, RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SettingsGetEndpoint,
     SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
     TOPICS_IN, UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
     UploadCommitEndpoint, UploadProgressEndpoint,
@@ -223,6 +223,7 @@ impl<'a> Asked<'a> {
         now!(PingEndpoint, number => number);
         now!(InfoEndpoint, () => control.borrow().info());
         now!(StatusEndpoint, () => control.borrow().status());
+        now!(CyclesEndpoint, () => control.borrow_mut().take_cycles());
         now!(UploadProgressEndpoint, () => control.borrow().upload());
         now!(PlayEndpoint, request => control.borrow_mut().play(request));
         now!(StopEndpoint, () => control.borrow_mut().stop());

@@ -179,7 +179,8 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: fn(&mut Stepped
             lock(shared).connections += 1;
             connection = Some(Connection::new(stream));
         }
-        let blocks = catch_up(&control, begin.elapsed());
+        let faults = lock(shared).faults.clone();
+        let blocks = catch_up(&control, begin.elapsed(), &faults);
         let frames = if let Some(open) = &mut connection {
             open.receive()
         } else {
@@ -236,10 +237,18 @@ fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
 }
 
 /// Runs the device until its clock shows `time`; gives the blocks that were recorded.
-fn catch_up(control: &SharedControl, time: Duration) -> Vec<RecordBlock> {
+fn catch_up(control: &SharedControl, time: Duration, faults: &Faults) -> Vec<RecordBlock> {
     let tick = time.as_micros() as u64 * u64::from(SAMPLE_RATE_HZ) / 1_000_000;
     let mut blocks = Vec::new();
     while control.borrow_mut().device().now() < tick {
+        let mut device = control.borrow_mut();
+        if faults.ignores_lost_link {
+            device.heard();
+        }
+        let hardware = device.device();
+        hardware.missed += u32::from(faults.misses_ticks);
+        hardware.slower_by = faults.slower_by;
+        drop(device);
         blocks.extend(control.millisecond());
     }
     blocks

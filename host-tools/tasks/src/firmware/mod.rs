@@ -120,6 +120,21 @@ const PROBE_RS: [&str; 5] = [
     CHIP,
 ];
 
+/// Flashes the image in `file` to the board on the probe and starts it, without staying attached.
+///
+/// # Errors
+/// probe-rs is missing or fails.
+pub fn download(file: &Path) -> Result<()> {
+    let program = process::find("probe-rs").ok_or(Error::NoProbeRs)?;
+    let probe = |subcommand: &str| {
+        let mut command = std::process::Command::new(&program);
+        command.args([subcommand, "--chip", CHIP]);
+        command
+    };
+    process::run(probe("download").arg(file))?;
+    process::run(&mut probe("reset"))
+}
+
 /// Flashes the image in `file` to the board on the probe, and shows its log until Ctrl-C.
 ///
 /// # Errors
