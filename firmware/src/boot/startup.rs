@@ -1,4 +1,5 @@
-//! From reset to `main`: the amplifier off, the output at mid-scale, then code, constants and vectors to the memories of the tick.
+//! From reset to `main`: the amplifier off, the output at mid-scale, then code, constants and vectors to the memories
+//! of the tick.
 #![expect(
     unsafe_code,
     reason = "memory is laid out and the processor's own registers are set before they have owners"
