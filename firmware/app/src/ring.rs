@@ -21,8 +21,8 @@ pub const LENGTH: usize = SLOTS * OVERSAMPLING;
 /// Number of slots for which the last code of a tick is held if no other tick follows.
 pub const HELD_SLOTS: usize = 1;
 
-/// Number of slots from the held code to mid-scale. From the highest hard limit, 1.6 V, that is 4 V/ms, the default slew
-/// limit.
+/// Number of slots from the held code to mid-scale. From the highest hard limit, 1.6 V, that is 4 V/ms, the default
+/// slew limit.
 pub const FADED_SLOTS: usize = 2;
 
 /// Number of slots that a tick writes: its own and the continuation.
@@ -31,8 +31,8 @@ pub const STRETCH: usize = 1 + HELD_SLOTS + FADED_SLOTS;
 /// Distance between the code that DMA puts into the converter next and the one that it erases next.
 pub const ERASED_BEHIND: usize = OVERSAMPLING;
 
-/// Codes between the one that DMA fetches next and the first one that a tick may still write: 25 µs to compute and write
-/// them.
+/// Codes between the one that DMA fetches next and the first one that a tick may still write: 25 µs to compute and
+/// write them.
 const MARGIN: usize = 1;
 
 /// Number of codes of the fade.
@@ -106,8 +106,8 @@ mod tests {
     use proptest::prelude::*;
     use std::vec::Vec;
 
-    /// Codes that remain in the ring for a tick at the beginning of its period, after DMA has put `passed` more into the
-    /// converter.
+    /// Codes that remain in the ring for a tick at the beginning of its period, after DMA has put `passed` more into
+    /// the converter.
     fn remaining(period: usize, passed: usize) -> usize {
         LENGTH - (OVERSAMPLING * period + 1 + passed) % LENGTH
     }

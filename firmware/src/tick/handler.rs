@@ -2,8 +2,8 @@
 //!
 //! TIM6 counts 200 µs. Its update event is the trigger: it starts the converter's sequence, and interrupts. The handler
 //! reads the conversions of the previous trigger, computes a sample, and writes its eight codes into the ring of
-//! [`output`], from which TIM7 and DMA put them out from 212.5 µs after the trigger on. So timers alone set the instants
-//! of sampling and output, and a signal on the pins at one trigger can be answered 412.5 µs later.
+//! [`output`]. TIM7 and DMA put them out, the first one 212.5 µs after the trigger. So timers alone set the instants of
+//! sampling and output, and a signal on the pins at one trigger can be answered 412.5 µs later.
 //!
 //! Its code is in ITCM and everything that it touches in DTCM; the build fails if a call or an address in it leads to
 //! flash. It takes no lock and logs nothing. The number of instructions depends on the block that is played, never on

@@ -12,9 +12,9 @@
 //! mid-scale for ever, 1012.5 µs after that tick's trigger ([`stylus_app::ring`]). Each tick checks that both streams
 //! work, and panics otherwise.
 //!
-//! **Latency.** A tick's first code is on the pin 212.5 µs after the tick's trigger: DMA fetches it from the ring 162.5
-//! µs after the trigger, writes it to the converter 25 µs later, and the next update moves it to the pin. TIM7's updates
-//! lie 12.5 µs beside TIM6's, so that a handler that is some microseconds late reads the same position of the ring.
+//! **Latency.** A tick's first code is on the pin 212.5 µs after the tick's trigger. DMA fetches it from the ring
+//! 162.5 µs after the trigger, and writes it to the converter 25 µs later; the next update moves it to the pin. TIM7's
+//! updates lie 12.5 µs beside TIM6's, so a handler that is some microseconds late reads the same position of the ring.
 //!
 //! The ring must be neither in DTCM, which DMA does not reach (RM0433 section 2.1.6), nor cached.
 //! `boot/startup.rs` turns the channel on, at mid-scale and with TIM7's trigger selected, before anything else runs.

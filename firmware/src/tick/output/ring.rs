@@ -1,5 +1,5 @@
-//! The ring's memory, in SRAM 1, which DMA1 reaches (RM0433 table 3). A word per code, because the converter's registers
-//! are accessed by words.
+//! The ring's memory, in SRAM 1, which DMA1 reaches (RM0433 table 3). It has a word per code, because the converter's
+//! registers are accessed by words.
 //!
 //! The tick writes, one stream reads and the other one writes. All are words, so no value is ever half of each.
 #![expect(unsafe_code, reason = "a place in memory that DMA reaches")]
@@ -16,7 +16,7 @@ pub const MID_SCALE: u32 = DacCode::MID_SCALE.get() as u32;
 /// The memory, which begins with noise.
 struct Memory {
     slots: [[AtomicU32; OVERSAMPLING]; SLOTS],
-    /// What the eraser writes.
+    /// The word that the eraser writes.
     mid_scale: AtomicU32,
 }
 

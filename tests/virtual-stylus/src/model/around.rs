@@ -62,7 +62,7 @@ pub trait Around<D: Device>: Debug + Send {
     /// Called when the clock's rate, in hertz, has changed.
     fn clock(&mut self, _hz: u64) {}
 
-    /// Called after any call but a peek and a reset.
+    /// Called after any call but a peek, a reset, and a change of a request: there are hundreds per code at the output.
     fn after(
         &mut self,
         _inner: &mut D,
@@ -159,7 +159,6 @@ where
     ) {
         self.around.request(request, context);
         self.inner.on_request(request, registers, context);
-        self.around.after(&mut self.inner, registers, context);
     }
 
     fn on_interrupt(

@@ -6,21 +6,21 @@
 //! | `TSELx` does not change while `ENx` is set | 26.4.7, note |
 //! | `DHR12Rx`, `DHR12Lx`, `DHR8Rx` and the dual registers load the holding registers | 26.4.4, 26.7.3 to 26.7.11 |
 //! | `TENx` clear: a holding register goes to `DORx` as it is written, and as the channel is enabled | 26.4.6 |
-//! | `TENx` set: it goes at the trigger of `TSELx`: an output of TIM6 (5), of TIM7 (6), or `SWTRGR` (0) | 26.4.7, table 217, 26.7.2 |
+//! | `TENx` set: it goes at the trigger of `TSELx`: TIM6 (5), TIM7 (6), `SWTRGR` (0) | 26.4.7, table 217, 26.7.2 |
 //! | `DMAENx`: a timer's trigger, not `SWTRGR`, raises the channel's request; its acknowledge lowers it | 26.4.8 |
-//! | A trigger before the acknowledge sets `DMAUDRx`: no request until the flag is cleared by a written one | 26.4.8, 26.7.14 |
+//! | A trigger before the acknowledge sets `DMAUDRx`: no request until a written one clears it | 26.4.8, 26.7.14 |
 //! | `DMAUDRIEx`: the interrupt, which shares TIM6's line | 26.6, 26.7.1 |
 //! | `DORx`, read only | 26.7.12, 26.7.13 |
 //! | `MCR`: a mode without the pin drives no pin; `CCR` and the sample-and-hold registers keep their bits | 26.7.16 |
 //! | The registers are accessed by words; the report tells another access | 26.7 |
 //! | A reset clears all of it, and nothing drives the pin | 8.4.4 |
 //!
-//! The emulator's description does not pass the acknowledges of the request multiplexer to this instance. The wrapper of
-//! TIM7, to which it does, hears them for it (`trigger.rs`).
+//! The emulator's description does not pass the acknowledges of the request multiplexer to this instance. The wrapper
+//! of TIM7, to which it does, hears them for it (`trigger.rs`).
 //!
 //! Left out: the two or three cycles of the bus clock between a trigger or write and `DORx` (constant, 30 ns at most at
-//! 100 MHz), settling and the buffer, the other triggers, waves (`WAVEx`), calibration (`CENx`), and the timing of sample
-//! and hold. If the image asks for one of these, the run's report says so (`told`).
+//! 100 MHz), settling and the buffer, the other triggers, waves (`WAVEx`), calibration (`CENx`), and the timing of
+//! sample and hold. If the image asks for one of these, the run's report says so (`told`).
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::soc::Width;

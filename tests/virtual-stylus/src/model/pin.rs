@@ -10,7 +10,7 @@ use rigless::time::VirtualNanos;
 
 use super::around::Around;
 
-/// What the part does to a pin.
+/// The part's own effect on a pin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Drive {
     /// Nothing: an input, analogue, an alternate function, or an open drain that is off.

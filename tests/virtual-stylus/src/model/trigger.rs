@@ -3,8 +3,8 @@
 //! The emulator's timer counts the pulses of its trigger output. Here each new pulse is kept with its instant until the
 //! part passes it to the converters, at the same instant and before anything else happens.
 //!
-//! The timers also hear the acknowledges of the request multiplexer DMAMUX1 (section 17.4.4), which the emulator numbers
-//! by its inputs of table 124. Those of the digital-to-analogue converter's two requests are kept here for it.
+//! The timers also hear the acknowledges of the request multiplexer DMAMUX1 (section 17.4.4), which the emulator
+//! numbers by its inputs of table 124. Those of the digital-to-analogue converter's two requests are kept here for it.
 //!
 //! Left out: the level modes of `MMS` (reset, enable). The pulse of the update mode is one instant; its two edges are
 //! one cycle of the timer's clock apart on the part.

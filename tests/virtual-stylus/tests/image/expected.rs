@@ -107,9 +107,9 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
     samples
 }
 
-/// Finds the tick at which the output `codes` (of the ticks from tick 1 on) begins to equal that of `heard`, and for how many ticks it
-/// stays equal: for all recorded ones if the image is right. Of several beginnings it takes the one with the most equal
-/// ticks.
+/// Finds the tick at which the output `codes` (of the ticks from tick 1 on) begins to equal that of `heard`, and for
+/// how many ticks it stays equal: for all recorded ones if the image is right. Of several beginnings it takes the one
+/// with the most equal ticks.
 pub fn explain(
     heard: &Heard<'_>,
     recorded: &Recorded,

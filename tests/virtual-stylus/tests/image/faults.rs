@@ -3,44 +3,15 @@
 use std::ops::Range;
 
 use model_format::link::{Fault, FaultKind, MotionSource, ResetReason};
-use postcard_rpc::Key;
 use virtual_stylus::ResetCause;
 use virtual_stylus::model::dac::Cause;
 use virtual_stylus::model::pin::Drive;
 use virtual_stylus::motion::Motion;
 
 use crate::device::{Device, MID_SCALE, MS, with_faults};
+use crate::injected::{Injected, inject};
 use crate::library;
 use crate::output::amplifier_follows_the_output;
-
-/// Faults, numbered as by the firmware's fault injection.
-#[derive(Clone, Copy, Debug)]
-pub enum Injected {
-    LongTick = 1,
-    EndlessTick,
-    EndlessTask,
-    Panic,
-    BadJump,
-    UnexpectedInterrupt,
-    Nmi,
-    NoTick,
-    PanicInTick,
-    Halt,
-    LateTick,
-    VeryLongTick,
-    NoTransfers,
-    NoEraser,
-    AmplifierOff,
-    AmplifierOn,
-    OverflowInTask = 32,
-    OverflowInUpdate,
-    WriteToNull,
-    ReadNull,
-    WriteToItcm,
-    WriteToFlash,
-    ExecuteData,
-    ReadExternal,
-}
 
 /// A device that plays a texture.
 fn playing() -> Device {
@@ -53,12 +24,6 @@ fn playing() -> Device {
     device.play_until_heard("lattice", MotionSource::Sensors, 9);
     device.run_for(100 * MS);
     device
-}
-
-/// Requests `fault`.
-pub fn inject(device: &mut Device, fault: Injected) {
-    let key = Key::for_path::<u8>("stylus/fault-injection");
-    device.send_frame(key, &(fault as u8));
 }
 
 /// Injects `fault`; it must end in one reset for `cause`, with `kind` in the status, and the output at mid-scale no

@@ -8,6 +8,7 @@ mod device;
 mod expected;
 mod faults;
 mod frames;
+mod injected;
 mod library;
 mod link;
 mod marks;

@@ -10,7 +10,7 @@ use virtual_stylus::model::pin::{Drive, Driven};
 use virtual_stylus::motion::Motion;
 
 use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, product, with_faults};
-use crate::faults::{Injected, inject};
+use crate::injected::{Injected, inject};
 use crate::library;
 use crate::play::BEFORE_FIRST_TICK;
 
