@@ -44,7 +44,7 @@ use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety;
 
 use crate::boot::reset::ResetFlags;
-use crate::boot::{clock, priority, protection, startup};
+use crate::boot::{clock, critical, priority, protection, startup};
 use crate::device::Hardware;
 use crate::fault::{record, report, stack, watchdog};
 use crate::flash::word;
@@ -90,6 +90,7 @@ async fn main(spawner: Spawner) {
         Tap::new(producer),
         safety::Config::new(&settings, 1.0),
     );
+    critical::begin_measuring();
     priority::enable();
 
     let hardware = Hardware::new(

@@ -56,8 +56,8 @@ pub struct Caught {
 
 /// Words of a record: magic, the fields of [`Caught`], tick stopped, resets, whether the fault is new, checksum.
 ///
-/// Noise is believed with a probability of 2⁻⁶⁴: magic and checksum have 32 bits each, and the checksum depends on every
-/// bit of every word.
+/// Noise is believed with a probability of 2⁻⁶⁴: magic and checksum have 32 bits each, and the checksum depends on
+/// every bit of every word.
 const WORDS: usize = 11 + TRACE;
 const MAGIC: u32 = 0x5354_594C;
 
@@ -169,8 +169,8 @@ pub struct Before {
 
 /// Takes the kept state and counts this start.
 ///
-/// After `power_on` the memory holds noise, whose error-correcting code is wrong besides, so it is not even read. After a reset by the `watchdog` the fault is
-/// that reset.
+/// After `power_on` the memory holds noise, whose error-correcting code is wrong besides, so it is not even read. After
+/// a reset by the `watchdog` the fault is that reset.
 pub fn take(power_on: bool, watchdog: bool) -> Before {
     let mut record = if power_on {
         Record::default()

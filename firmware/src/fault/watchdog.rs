@@ -26,7 +26,8 @@ const FEED: Duration = Duration::from_millis(20);
 /// Cycle of the last feed.
 static FED: AtomicU32 = AtomicU32::new(0);
 
-/// Cycles of the longest time between two feeds. The counter wraps after ten seconds, and the watchdog bites long before.
+/// Cycles of the longest time between two feeds. The counter wraps after ten seconds, and the watchdog bites long
+/// before.
 static LONGEST_GAP: AtomicU32 = AtomicU32::new(0);
 
 /// Starts the watchdog. From then on only a debugger that halts the processor stops it.
