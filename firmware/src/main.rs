@@ -47,7 +47,7 @@ use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety;
 
 use crate::boot::reset::ResetFlags;
-use crate::boot::{clock, priority, protection, silicon, startup, supply};
+use crate::boot::{clock, critical, priority, protection, silicon, startup, supply};
 use crate::device::Hardware;
 use crate::fault::{record, report, stack, watchdog};
 use crate::flash::word;
@@ -155,6 +155,7 @@ async fn main(spawner: Spawner) {
         Tap::new(producer),
         safety::Config::new(&settings, 1.0),
     );
+    critical::begin_measuring();
     priority::enable();
     serve(spawner, hardware, links, leds).await;
     // Last: everything that ends the program at mid-scale is in place.

@@ -52,8 +52,8 @@ impl<'q> Tap<'q> {
     }
 }
 
-/// Consuming end of the queue, for thread mode: it packs samples into the blocks of a recording, and sums all of them up
-/// for the sensors' levels.
+/// Consuming end of the queue, for thread mode: it packs samples into the blocks of a recording, and sums all of them
+/// up for the sensors' levels.
 pub struct Recorder<'q> {
     queue: Consumer<'q, TimedSample>,
     recording: bool,

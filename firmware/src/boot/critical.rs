@@ -50,7 +50,12 @@ unsafe impl critical_section::Impl for Measured {
     }
 }
 
-/// Length of the longest critical section since the start, cycles.
+/// Forgets the sections before the tick: embassy sets the clocks up within one.
+pub fn begin_measuring() {
+    LONGEST.store(0, Ordering::Relaxed);
+}
+
+/// Length of the longest critical section since [`begin_measuring`], cycles.
 pub fn longest_cycles() -> u32 {
     LONGEST.load(Ordering::Relaxed)
 }

@@ -1,8 +1,8 @@
 //! Memory protection: the regions of the processor's MPU (ARM DDI 0403E, B3.5).
 //!
-//! Without it everything that is memory can be executed, address 0 can be written, and a stack that overflows is noticed
-//! by the bus alone: late and without its place, because a store's bus fault is asynchronous (PM0253 section 2.5.3). A
-//! refusal by the MPU is always precise.
+//! Without it everything that is memory can be executed, address 0 can be written, and a stack that overflows is
+//! noticed by the bus alone: late and without its place, because a store's bus fault is asynchronous (PM0253 section
+//! 2.5.3). A refusal by the MPU is always precise.
 //!
 //! | region | access | memory | reason |
 //! |---|---|---|---|
@@ -20,14 +20,15 @@
 //! | peripherals | read, write | device | |
 //!
 //! 1. The processor fetches and reads ahead in normal memory, and external memory is normal by default though no
-//!    controller is there (AN4838). A region with an attribute that forbids this is safer than no region. The background
-//!    map is off.
+//!    controller is there (AN4838). A region with an attribute that forbids this is safer than no region. The
+//!    background map is off.
 //! 2. No region is write-through, as bank 1 is by default: a Cortex-M7 can corrupt data in a sequence of stores and
-//!    loads there (ES0392, on the data cache in write-through). Nothing is stored to bank 1, so write-back is never dirty.
-//! 3. Stores must reach the bank as they are, and reads must see what was programmed. With the data cache on, erases were
-//!    found unreliable (NuttX issue 7397). The memory is normal, not device, because slices of bytes are read unaligned,
-//!    which device memory refuses (ARM DDI 0403E, A3.2.1). The bank's lock, which is off only while a word is programmed,
-//!    refuses stray stores.
+//!    loads there (ES0392, on the data cache in write-through). Nothing is stored to bank 1, so write-back is never
+//!    dirty.
+//! 3. Stores must reach the bank as they are, and reads must see what was programmed. With the data cache on, erases
+//!    were found unreliable (NuttX issue 7397). The memory is normal, not device, because slices of bytes are read
+//!    unaligned, which device memory refuses (ARM DDI 0403E, A3.2.1). The bank's lock, which is off only while a word
+//!    is programmed, refuses stray stores.
 //! 4. Below it is no region, so the first store of a stack that overflows is refused. TCMs are never cached.
 //!
 //! SRAM 2 and 3, the backup SRAM and the rest of the system memory have no use, so they have no region. The processor's

@@ -44,9 +44,9 @@ static VECTOR_TABLE: VectorTable = VectorTable(UnsafeCell::new([0; VECTORS]));
 //
 // At power-on RAM holds noise whose error-correcting code is wrong: one code per 64 bits in ITCM and AXI SRAM, per 32
 // bits elsewhere (DS12110, error code correction; AN5342). A narrower store reads the rest first, and a fill of a cache
-// line reads what was never written. So these memories are written in units of 64 bits before anything reads them, which
-// by count of cycles takes some 4 ms at the 64 MHz of the start. cortex-m-rt fills the DTCM's stack, `.bss` and `.data`
-// in words. The rest of the ITCM and of the SRAMs is never read.
+// line reads what was never written. So these memories are written in units of 64 bits before anything reads them,
+// which by count of cycles takes some 4 ms at the 64 MHz of the start. cortex-m-rt fills the DTCM's stack, `.bss` and
+// `.data` in words. The rest of the ITCM and of the SRAMs is never read.
 //
 // SAFETY: besides the registers named here it writes only the three sections that the linker reserves for it
 // (`tick.x`) and the AXI SRAM, where the linker puts nothing, in pairs of words, between bounds that are multiples of

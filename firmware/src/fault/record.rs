@@ -65,8 +65,8 @@ pub struct Caught {
 /// Words of a record: magic, the fields of [`Caught`], tick stopped, resets, whether the fault is new, starts,
 /// checksum.
 ///
-/// Noise is believed with a probability of 2⁻⁶⁴: magic and checksum have 32 bits each, and the checksum depends on every
-/// bit of every word.
+/// Noise is believed with a probability of 2⁻⁶⁴: magic and checksum have 32 bits each, and the checksum depends on
+/// every bit of every word.
 const WORDS: usize = 12 + TRACE;
 const MAGIC: u32 = 0x5354_594C;
 

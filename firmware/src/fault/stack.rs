@@ -1,7 +1,7 @@
 //! The stack: its place, and the most that was ever used of it.
 //!
-//! cortex-m-rt paints the stack before anything runs, and a word that keeps the paint was never used. The search for the
-//! first that does not is spread over many calls, so that none of them takes long.
+//! cortex-m-rt paints the stack before anything runs, and a word that keeps the paint was never used. The search for
+//! the first that does not is spread over many calls, so that none of them takes long.
 #![expect(unsafe_code, reason = "the stack is read as memory")]
 
 use core::ops::Range;

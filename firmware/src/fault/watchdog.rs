@@ -25,7 +25,8 @@ static WITHOUT_TICK: AtomicBool = AtomicBool::new(false);
 /// Cycle of the last feed.
 static FED: AtomicU32 = AtomicU32::new(0);
 
-/// Cycles of the longest time between two feeds. The counter wraps after ten seconds, and the watchdog bites long before.
+/// Cycles of the longest time between two feeds. The counter wraps after ten seconds, and the watchdog bites long
+/// before.
 static LONGEST_GAP: AtomicU32 = AtomicU32::new(0);
 
 /// Begins to measure the gaps between two feeds. The watchdog runs already, and nothing stops it; with the feature

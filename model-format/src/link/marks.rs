@@ -13,7 +13,7 @@ pub struct Marks {
     /// Longest delay from the timer's trigger to the first instruction of the tick, cycles. A tick that was missed is
     /// counted as missed and is not in here.
     pub longest_tick_delay_cycles: u32,
-    /// Longest time that interrupts were masked, cycles.
+    /// Longest time that interrupts were masked since the tick runs, cycles.
     pub longest_critical_section_cycles: u32,
     /// Longest time between two feeds of the watchdog, µs.
     pub longest_watchdog_gap_us: u32,

@@ -3,12 +3,12 @@
 //! The emulator's core reads flash as plain memory. Here pages with unreadable words go over the bus, where a read of
 //! such a word is a bus error, as in section 4.7.8: a precise bus fault.
 //!
-//! A bank that is programmed or erased goes over the bus too. A load from it does not happen, and the core stands still,
-//! without taking an interrupt, until the bank is idle; then the instruction begins again. So does an instruction that
-//! is to be fetched from it. The instructions that the core would have executed meanwhile are counted as if it had, so
-//! virtual time and the cycle counter go on. Fetches are looked at before every instruction in the first
-//! [`CLOSELY`] of them after the bank became busy, and before every eighth after that, because an erasure takes longer
-//! than a test can wait for single steps.
+//! A bank that is programmed or erased goes over the bus too. A load from it does not happen, and the core stands
+//! still, until the bank is idle; then the instruction begins again. So does an instruction that is to be fetched from
+//! it. No interrupt is taken meanwhile, which is the worst that the part may do: it may take one during a fetch. The
+//! instructions that the core would have executed meanwhile are counted as if it had, so virtual time and the cycle
+//! counter go on. Fetches are looked at before every instruction in the first [`CLOSELY`] of them after the bank became
+//! busy, and before every eighth after that, because an erasure takes longer than a test can wait for single steps.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -185,7 +185,8 @@ fn levels(levels: &Levels) -> String {
     // Levels are in decibel re a millionth of the unit.
     let unit = |decibel: f32| 10f64.powf(f64::from(decibel) / 20.0 - 6.0);
     format!(
-        "vibration {:.1} dB re 1 µm/s² ({:.3} m/s² RMS); force {:.3} N, noise {:.1} dB re 1 µN ({:.4} N RMS)",
+        "vibration {:.1} dB re 1 µm/s² ({:.3} m/s² RMS); force {:.3} N, noise {:.1} dB re 1 µN \
+         ({:.4} N RMS)",
         levels.vibration_decibel,
         unit(levels.vibration_decibel),
         levels.force_newton,

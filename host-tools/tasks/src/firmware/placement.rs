@@ -1,8 +1,8 @@
 //! The check that nothing reachable from the tick, the update and the waits for bank 1 is in flash.
 //!
 //! The image keeps its relocations (`--emit-relocs`): every address in the code that the linker filled in. From the two
-//! handlers on, and from the two routines that wait for the bank with the code while it is busy, each one is followed. A
-//! call must lead to ITCM, and data must be in DTCM. There are two exceptions:
+//! handlers on, and from the two routines that wait for the bank with the code while it is busy, each one is followed.
+//! A call must lead to ITCM, and data must be in DTCM. There are two exceptions:
 //!
 //! - a panic, because it ends in mid-scale and a reset: calls of it, with the addresses of its message and place;
 //! - constants that the update alone reads, such as a table of core's square root. The update computes while something

@@ -12,7 +12,7 @@
 //! A torn word always faults here. On the part it may also read as a word with one corrected error, or by chance as a
 //! whole one. An erase that was cut leaves each word as it was, erased, or torn, at random from a seed.
 //!
-//! | A read or fetch from a bank that is programmed or erased waits until that ends; the other bank goes on | 4.3.7, 4.3.11 |
+//! | A read or fetch from a bank that is busy waits until it is idle; the other bank goes on | 4.3.7, 4.3.11 |
 //!
 //! The core makes the wait (`src/core.rs`), because [`Busy`] tells it which bank is busy. There are no caches here, so
 //! every fetch from a busy bank waits, where the part's instruction cache may hide one.

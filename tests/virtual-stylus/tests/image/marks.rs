@@ -17,8 +17,8 @@ use crate::{library, scenes};
 /// Cycles of the processor per microsecond.
 const CYCLES_PER_US: u32 = 400;
 
-/// Most of the stack that may be used, bytes: a third of it.
-const MOST_STACK_BYTES: u32 = 16 << 10;
+/// Most of the stack that may be used, bytes: two thirds of it.
+const MOST_STACK_BYTES: u32 = 32 << 10;
 /// Longest delay of the tick.
 const MOST_TICK_DELAY_CYCLES: u32 = 5 * CYCLES_PER_US;
 /// Longest critical section.
