@@ -11,7 +11,7 @@ use embassy_stm32::interrupt::Interrupt;
 use embassy_stm32::pac::TIM6;
 use postcard_rpc::Key;
 
-use crate::boot::clock::CORE_HZ;
+use crate::boot::clock::{CORE_HZ, TIMER_HZ};
 
 /// The topic's path.
 pub const PATH: &str = "stylus/fault-injection";
@@ -38,6 +38,11 @@ const NO_TICK: u8 = 8;
 /// A panic in the tick.
 const PANIC_IN_TICK: u8 = 9;
 
+/// A critical section from before a trigger until 25 µs after it.
+const SHORT_SECTION: u8 = 30;
+/// A critical section from before a trigger until 45 µs after it.
+const LONG_SECTION: u8 = 31;
+
 static IN_TICK: AtomicU8 = AtomicU8::new(0);
 
 /// Causes `fault` now, or in the next tick.
@@ -57,8 +62,21 @@ pub fn inject(fault: u8) {
         // SAFETY: ICSR.NMIPENDSET (ARM DDI 0403E, B3.2.4); its handler ends the program.
         NMI => unsafe { (*SCB::PTR).icsr.write(1 << 31) },
         NO_TICK => TIM6.cr1().modify(|w| w.set_cen(false)),
+        SHORT_SECTION => delay_tick(25),
+        LONG_SECTION => delay_tick(45),
         _ => {}
     }
+}
+
+/// Masks all interrupts from some microseconds before a trigger until `after_us` after it.
+fn delay_tick(after_us: u32) {
+    let count = || u32::from(TIM6.cnt().read().cnt());
+    let period = u32::from(TIM6.arr().read().arr());
+    while count() < period / 2 {}
+    cortex_m::interrupt::free(|_| {
+        while count() >= period / 2 {}
+        while count() < after_us * (TIMER_HZ / 1_000_000) {}
+    });
 }
 
 /// Causes the fault that was requested for the tick, if any.

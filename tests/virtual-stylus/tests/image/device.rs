@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use model_format::link::{
     ActivateEndpoint, Activated, InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, LIBRARY_CRC,
     ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionSource, MuteReasons,
-    PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection, SettingChange, SettingSet, SettingsSetEndpoint,
-    SlotId, Slots, SlotsEndpoint, Status, StatusEndpoint, TextureInfo, UploadBegin,
-    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted,
-    UploadProgress,
+    PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection,
+    SettingChange, SettingSet, SettingsSetEndpoint, SlotId, Slots, SlotsEndpoint, Status,
+    StatusEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::{Endpoint, Key, Topic};

@@ -8,6 +8,7 @@ mod device;
 mod expected;
 mod faults;
 mod frames;
+mod inputs;
 mod library;
 mod link;
 /// Blocks of a page; the file is that of the tasks.
@@ -17,6 +18,7 @@ mod play;
 mod power;
 mod record;
 mod scenes;
+mod settings;
 mod ticks;
 mod upload;
 mod usb;
