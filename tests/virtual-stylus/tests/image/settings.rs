@@ -28,6 +28,8 @@ fn play(device: &mut Device) -> Result<(), Box<PlayError>> {
     device.keep_alive(true);
     let request = play_request("lattice", MotionSource::Sensors, 1);
     let played = device.request::<PlayEndpoint>(&request);
+    // While the settings' bank is erased, the serial line would lose what is sent.
+    device.keep_alive(played.is_ok());
     played.map(|_| ()).map_err(Box::new)
 }
 
