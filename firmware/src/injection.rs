@@ -12,7 +12,7 @@ use embassy_stm32::interrupt::Interrupt;
 use embassy_stm32::pac::{DMA1, TIM6};
 use postcard_rpc::Key;
 
-use crate::boot::clock::CORE_HZ;
+use crate::boot::clock::{CORE_HZ, TIMER_HZ};
 use crate::tick::output::amplifier;
 
 /// The topic's path.
@@ -53,6 +53,10 @@ const NO_ERASER: u8 = 14;
 const AMPLIFIER_OFF: u8 = 15;
 const AMPLIFIER_ON: u8 = 16;
 
+/// A critical section from before a trigger until 25 µs after it.
+const SHORT_SECTION: u8 = 30;
+/// A critical section from before a trigger until 45 µs after it.
+const LONG_SECTION: u8 = 31;
 /// A recursion in a task that ends at the end of the stack.
 const OVERFLOW_IN_TASK: u8 = 32;
 /// The same in the update.
@@ -116,8 +120,21 @@ pub fn inject(fault: u8) {
             unsafe { asm!("blx {}", in(reg) code, out("lr") _) }
         }
         NO_TICK => TIM6.cr1().modify(|w| w.set_cen(false)),
+        SHORT_SECTION => delay_tick(25),
+        LONG_SECTION => delay_tick(45),
         _ => {}
     }
+}
+
+/// Masks all interrupts from some microseconds before a trigger until `after_us` after it.
+fn delay_tick(after_us: u32) {
+    let count = || u32::from(TIM6.cnt().read().cnt());
+    let period = u32::from(TIM6.arr().read().arr());
+    while count() < period / 2 {}
+    cortex_m::interrupt::free(|_| {
+        while count() >= period / 2 {}
+        while count() < after_us * (TIMER_HZ / 1_000_000) {}
+    });
 }
 
 /// Causes the fault that was requested for the tick, if any.

@@ -39,8 +39,8 @@ impl<'q> Tap<'q> {
         Self { queue }
     }
 
-    /// Queues the sample of `tick`, `whole` if its conversions are all of that tick. If the queue is full, the sample is
-    /// lost, and the recorder finds the gap.
+    /// Queues the sample of `tick`, `whole` if its conversions are all of that tick. If the queue is full, the sample
+    /// is lost, and the recorder finds the gap.
     #[inline(always)]
     pub fn put(&mut self, tick: u64, sample: RecordSample, whole: bool) {
         let timed = TimedSample {

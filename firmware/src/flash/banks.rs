@@ -365,6 +365,8 @@ impl ReadNorFlash for SettingsFlash {
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         check(offset, bytes.len(), Self::READ_SIZE, SETTINGS_RANGE)?;
+        // From the array each time, because the store reads a word again to see whether it reads the same.
+        BANK_1.forget(offset..offset + bytes.len() as u32);
         BANK_1.read(offset, bytes)
     }
 

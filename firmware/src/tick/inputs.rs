@@ -8,9 +8,9 @@
 //!
 //! embassy-stm32 calibrates and enables the converter and configures the encoder's timer. It does not support an
 //! injected sequence of this converter, so this module sets one up by RM0433 sections 25.4.19 to 25.4.22. A trigger
-//! starts the sequence; its four results stay in JDR1 to JDR4 until the next sequence overwrites them. The first channel
-//! is sampled for longer than the others, so that the first result comes late: a tick that a critical section delays
-//! still reads the row of the previous trigger.
+//! starts the sequence; its four results stay in JDR1 to JDR4 until the next sequence overwrites them. The first
+//! channel is sampled for longer than the others, so that the first result comes late: a tick that a critical section
+//! delays still reads the row of the previous trigger.
 //!
 //! Z is not on PC1, which on this board is the Ethernet transceiver's MDC (UM2407); PF11 (ADC1 INP2) is the other pin
 //! of this converter that nothing else drives.
@@ -79,9 +79,9 @@ const _: () = assert!(
 /// Filter of the encoder's inputs: a level counts when 8 samples at the timer's clock / 32 in a row show it (RM0433
 /// chapter 39, TIMx_CCMR1, IC1F), which is 1.28 µs at 200 MHz.
 ///
-/// The fastest stroke of a hand is taken as 2 m/s, the finest encoder as 5 µm per count. Its counts come every 2.5 µs, and
-/// a level of one signal lasts two of them, 5 µs. So the filter leaves three quarters of a level to the encoder's own
-/// errors of phase and duty cycle.
+/// The fastest stroke of a hand is taken as 2 m/s, the finest encoder as 5 µm per count. Its counts come every 2.5 µs,
+/// and a level of one signal lasts two of them, 5 µs. So the filter leaves three quarters of a level to the encoder's
+/// own errors of phase and duty cycle.
 const ENCODER_FILTER: FilterValue = FilterValue::FDTS_DIV32_N8;
 
 /// The pins and peripherals of all inputs.

@@ -200,7 +200,8 @@ impl AtRest {
     }
 }
 
-/// The settings of the accelerometer's zeros by measurements in a pose and in the opposite one, in which gravity cancels.
+/// The settings of the accelerometer's zeros by measurements in a pose and in the opposite one, so that gravity
+/// cancels.
 ///
 /// # Errors
 /// Half the difference of the two is not gravity, so that the poses are not opposite or the scales are wrong; in words.

@@ -103,9 +103,9 @@ pub const KEEP_ALIVE_MS: u32 = 10;
 /// Time that a host waits for an answer that takes no flash, ms.
 pub const ANSWER_TIMEOUT_MS: u32 = 1_000;
 
-/// Time that a host waits for an answer that erases or writes flash, ms. One request erases at most one sector of 128
-/// KB, which takes up to some seconds, more the narrower the programming parallelism (DS12110, flash memory
-/// programming).
+/// Time that a host waits for an answer that erases or writes flash, ms. One request erases at most two sectors of 128
+/// KB, the copies of the settings; each takes up to some seconds, more the narrower the programming parallelism
+/// (DS12110, flash memory programming).
 pub const FLASH_TIMEOUT_MS: u32 = 16_000;
 
 type InfoResult = DeviceInfo;

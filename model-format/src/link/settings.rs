@@ -83,8 +83,8 @@ pub struct SettingSpec {
     pub lowest: f32,
     /// The highest value.
     pub highest: f32,
-    /// The value of a device that was never set. Those of [`super::SettingSet::REQUIRED`] stand in for no value: nothing
-    /// plays with them.
+    /// The value of a device that was never set. Those of [`super::SettingSet::REQUIRED`] stand in for no value:
+    /// nothing plays with them.
     pub default: f32,
     /// True if it must be a whole number.
     pub whole: bool,
@@ -145,9 +145,9 @@ impl Setting {
 
     /// Returns which of two values protects coil and user better, for a setting that does; none for any other.
     ///
-    /// The model of the coil's warmth takes the power as (voltage at the DAC x `amplifier-gain`)² / `coil-resistance`: a
-    /// larger gain and a smaller resistance make it limit earlier. A shorter `thermal-time-constant` is the tighter one,
-    /// because a first-order mean over a longer time never exceeds the greatest one over a shorter time.
+    /// The model of the coil's warmth takes the power as (voltage at the DAC x `amplifier-gain`)² / `coil-resistance`:
+    /// a larger gain and a smaller resistance make it limit earlier. A shorter `thermal-time-constant` is the tighter
+    /// one, because a first-order mean over a longer time never exceeds the greatest one over a shorter time.
     pub const fn tighter(self) -> Option<Tighter> {
         match self {
             Self::OutputGain

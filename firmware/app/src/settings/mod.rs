@@ -142,8 +142,8 @@ impl<F: NorFlash> SettingsStore<F> {
                 self.holds = contents.map(|content| content.ends_with(&record));
                 self.differing = differing;
                 self.mended = true;
-                // A copy that is whole stays so until the other one is. If both are, the newer one is doubtful: a cut may
-                // have left a word of it that reads right now and wrongly at the next start.
+                // A copy that is whole stays so until the other one is. If both are, the newer one is doubtful: a cut
+                // may have left a word of it that reads right now and wrongly at the next start.
                 let first = if contents[1 - newest].is_clean() {
                     newest
                 } else {

@@ -414,8 +414,8 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`; the flash is then as the
-/// cut left it. Without a cut, as the work left it.
+/// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`; the flash is then as
+/// the cut left it. Without a cut, as the work left it.
 fn cut(
     memory: &mut Memory,
     at: usize,
@@ -578,7 +578,9 @@ proptest! {
     #[test]
     fn cuts_alone_never_silence_a_stylus(
         seed: u64,
-        cuts in prop::collection::vec((0..Setting::ALL.len(), any::<u16>(), 0..9usize, 0..5usize, any::<bool>()), 1..12),
+        cuts in prop::collection::vec(
+            (0..Setting::ALL.len(), any::<u16>(), 0..9usize, 0..5usize, any::<bool>()), 1..12,
+        ),
     ) {
         let mut life = Life::new(seed);
         for (setting, share, at, how, at_start) in cuts {

@@ -2,8 +2,8 @@
 //! driven at its own instant, and the emulator's timer counts it.
 //!
 //! The timer's input filters (`TIMx_CCMR1`, `IC1F` and `IC2F`) are the emulator's. Interference reaches both tracks one
-//! after the other, as it does on two wires of a cable: in encoder mode 3 such a pair of pulses counts four, where a pulse
-//! on one track alone would count one up and one down.
+//! after the other, as it does on two wires of a cable: in encoder mode 3 such a pair of pulses counts four, where a
+//! pulse on one track alone would count one up and one down.
 //!
 //! The first track leads when the tool moves forward, so encoder mode 3 without inversion counts up. The tracks are at
 //! the timer's inputs; their pins, and the setting of these pins to TIM3, are not modelled.
