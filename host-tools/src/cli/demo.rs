@@ -7,12 +7,18 @@ use host_tools::evaluation::evaluate;
 use host_tools::evaluation::held_out::judges;
 use host_tools::fit;
 use host_tools::playing::motion::MotionPath;
+#[cfg(feature = "device")]
+use host_tools::playing::pin::render_pin_wav;
+#[cfg(feature = "device")]
+use host_tools::playing::render::Rendering;
 use host_tools::playing::render::{WavFormat, render_wav};
 use host_tools::recording::RecordingSet;
 use host_tools::report::evaluation_folder as report;
 use host_tools::rig::{self, RigFile};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
+#[cfg(feature = "device")]
+use model_format::link::Settings;
 use model_format::{Library, MillimetresPerSecond, Newton};
 
 use super::inspect::{TextureSummary, texture_table};
@@ -34,6 +40,9 @@ time_s,speed_mm_s,force_n
 /// Full scale of the renders for listening, m/s².
 const LISTENING_FULL_SCALE_M_S2: f64 = 60.0;
 
+/// Duration of the rendering along the steady motion, s.
+const STEADY_SECONDS: f64 = 3.0;
+
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Folder for all outputs
@@ -42,6 +51,10 @@ pub struct Arguments {
     /// Seed of the simulated recordings and of the syntheses
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Render each texture at the stylus's pin as well
+    #[cfg(feature = "device")]
+    #[arg(long)]
+    pin: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -92,6 +105,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     step(4, "stylus render: each texture along one stroke")?;
     render_all(&library, arguments.seed, out)?;
+    #[cfg(feature = "device")]
+    if arguments.pin {
+        render_pins(&library, arguments.seed, &out.join("render"))?;
+    }
     print(&format!(
         "\nDone in {:.1} s. Look at {}, listen to {}",
         begin.elapsed().as_secs_f64(),
@@ -100,13 +117,31 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
+/// Renders each texture at the pin of a stylus with the default settings.
+#[cfg(feature = "device")]
+fn render_pins(library: &Library<'_>, seed: u64, folder: &Path) -> Result<()> {
+    let steady = steady()?;
+    for texture in library.textures() {
+        let path = folder.join(format!("{}_120mm_s_1N_pin_simulated.wav", texture.name()));
+        let mut rendering = Rendering::new(texture, &steady, STEADY_SECONDS, seed)?;
+        render_pin_wav(&mut rendering, &Settings::default(), &path)?;
+        print(&format!("{}: volts at the pin", path.display()))?;
+    }
+    Ok(())
+}
+
+/// Motion that every texture is rendered along besides.
+fn steady() -> Result<MotionPath> {
+    MotionPath::constant(MillimetresPerSecond(120.0), Newton(1.0))
+}
+
 fn render_all(library: &Library<'_>, seed: u64, out: &Path) -> Result<()> {
     let folder = out.join("render");
     std::fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
     let stroke = folder.join("stroke.csv");
     atomic_file::write(&stroke, STROKE.as_bytes())?;
     let along = MotionPath::from_csv(&stroke)?;
-    let steady = MotionPath::constant(MillimetresPerSecond(120.0), Newton(1.0))?;
+    let steady = steady()?;
     for texture in library.textures() {
         let name = texture.name();
         let listening = WavFormat::Pcm16 {
@@ -114,7 +149,7 @@ fn render_all(library: &Library<'_>, seed: u64, out: &Path) -> Result<()> {
         };
         for (suffix, motion, seconds, format) in [
             ("stroke", &along, along.duration_s(), listening),
-            ("120mm_s_1N", &steady, 3.0, WavFormat::Float32),
+            ("120mm_s_1N", &steady, STEADY_SECONDS, WavFormat::Float32),
         ] {
             let path = folder.join(format!("{name}_{suffix}_simulated.wav"));
             render_wav(texture, motion, seconds, seed, &path, format)?;

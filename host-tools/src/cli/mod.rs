@@ -18,6 +18,8 @@ mod input;
 mod inspect;
 mod library_file;
 mod output;
+#[cfg(feature = "device")]
+mod pin;
 mod render;
 #[cfg(feature = "spectrograms")]
 mod report;

@@ -4,11 +4,15 @@ use std::path::PathBuf;
 
 use host_tools::evaluation::evaluate::texture_named;
 use host_tools::playing::motion::MotionPath;
+#[cfg(feature = "device")]
+use host_tools::playing::render::Rendering;
 use host_tools::playing::render::render_wav;
 use host_tools::support::error::Result;
 use model_format::{MillimetresPerSecond, Newton};
 
 use super::input::{not_negative, positive};
+#[cfg(feature = "device")]
+use super::pin::PinArguments;
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::wav_file::WavFile;
 
@@ -39,6 +43,9 @@ pub struct Arguments {
     seconds: Option<f64>,
     #[command(flatten)]
     wav: WavFile,
+    #[cfg(feature = "device")]
+    #[command(flatten)]
+    pin: PinArguments,
     /// Seed of the noise: the same seed gives the same samples
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -56,6 +63,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         )?,
     };
     let seconds = arguments.seconds.unwrap_or_else(|| motion.duration_s());
+    let source = format!("'{}' ({})", texture.name(), texture.provenance());
+    #[cfg(feature = "device")]
+    if arguments.pin.is_asked() {
+        let mut rendering = Rendering::new(texture, &motion, seconds, arguments.seed)?;
+        return arguments
+            .pin
+            .render(&mut rendering, &arguments.wav, &source);
+    }
     let summary = render_wav(
         texture,
         &motion,
@@ -64,7 +79,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         arguments.wav.path(),
         arguments.wav.format(),
     )?;
-    let source = format!("'{}' ({})", texture.name(), texture.provenance());
     arguments
         .wav
         .print(&source, texture.sample_rate_hz(), summary)

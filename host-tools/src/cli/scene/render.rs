@@ -5,6 +5,8 @@ use host_tools::support::error::Result;
 
 use super::source::{Along, Source, plan};
 use crate::cli::library_file::{decode_library, read_library};
+#[cfg(feature = "device")]
+use crate::cli::pin::PinArguments;
 use crate::cli::wav_file::WavFile;
 
 #[derive(clap::Args)]
@@ -15,6 +17,9 @@ pub struct Arguments {
     along: Along,
     #[command(flatten)]
     wav: WavFile,
+    #[cfg(feature = "device")]
+    #[command(flatten)]
+    pin: PinArguments,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -25,14 +30,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let (motion, seconds) = arguments.along.motion(&compiled.scene)?;
     let plan = plan(&compiled, &library)?;
     let mut rendering = Rendering::of_plan(plan, &motion, seconds, arguments.along.seed)?;
-    let rate_hz = rendering.sample_rate_hz();
-    let wav = &arguments.wav;
-    let written = write_wav(wav.path(), rate_hz, wav.format(), rendering.by_ref())?;
     let source = format!(
         "the scene '{}' ({})",
         compiled.scene.name,
         compiled.provenance(&library)
     );
+    #[cfg(feature = "device")]
+    if arguments.pin.is_asked() {
+        return arguments
+            .pin
+            .render(&mut rendering, &arguments.wav, &source);
+    }
+    let rate_hz = rendering.sample_rate_hz();
+    let wav = &arguments.wav;
+    let written = write_wav(wav.path(), rate_hz, wav.format(), rendering.by_ref())?;
     let summary = RenderSummary {
         wav: written,
         saturations: rendering.saturations(),

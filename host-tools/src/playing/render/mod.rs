@@ -4,9 +4,9 @@
 mod clock;
 mod samples;
 #[cfg(test)]
-mod test_library;
+pub(super) mod test_library;
 mod wav;
 
 pub use clock::{MAX_SECONDS, SampleClock};
 pub use samples::{Rendered, Rendering, render};
-pub use wav::{RenderSummary, WavFormat, WavSummary, render_wav, write_wav};
+pub use wav::{RenderSummary, WavFormat, WavSummary, render_wav, write_float_wav, write_wav};

@@ -1,5 +1,7 @@
 //! Samples as a mono WAV file, whole or not at all.
 
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::Path;
 
 use hound::{SampleFormat, WavSpec, WavWriter};
@@ -79,6 +81,50 @@ pub fn write_wav(
     format: WavFormat,
     samples: impl ExactSizeIterator<Item = OutputSample>,
 ) -> Result<WavSummary> {
+    let mut clipped = 0;
+    let samples = write_each(
+        path,
+        sample_rate_hz,
+        format,
+        samples,
+        |writer, sample| match format {
+            WavFormat::Float32 => writer.write_sample(sample.metres_per_second_squared().0),
+            WavFormat::Pcm16 { full_scale_m_s2 } => {
+                let (code, beyond) = pcm16(sample, full_scale_m_s2);
+                clipped += u64::from(beyond);
+                writer.write_sample(code)
+            }
+        },
+    )?;
+    Ok(WavSummary { samples, clipped })
+}
+
+/// Writes values as a mono WAV file of 32-bit floating point, whole or not at all, and returns their number.
+///
+/// # Errors
+/// More samples than the file's length fields can count, or a file that cannot be written.
+pub fn write_float_wav(
+    path: &Path,
+    sample_rate_hz: u32,
+    samples: impl ExactSizeIterator<Item = f32>,
+) -> Result<u64> {
+    write_each(
+        path,
+        sample_rate_hz,
+        WavFormat::Float32,
+        samples,
+        WavWriter::write_sample,
+    )
+}
+
+/// Writes each of `samples` by `write`, and returns their number.
+fn write_each<Sample>(
+    path: &Path,
+    sample_rate_hz: u32,
+    format: WavFormat,
+    samples: impl ExactSizeIterator<Item = Sample>,
+    mut write: impl FnMut(&mut WavWriter<&mut BufWriter<&mut File>>, Sample) -> hound::Result<()>,
+) -> Result<u64> {
     format.validate(samples.len())?;
     atomic_file::write_with(path, |file| {
         let failed = |error| match error {
@@ -86,24 +132,13 @@ pub fn write_wav(
             other => Error::file(path, format!("cannot be written as WAV: {other}")),
         };
         let mut writer = WavWriter::new(file, format.spec(sample_rate_hz)).map_err(failed)?;
-        let mut summary = WavSummary {
-            samples: 0,
-            clipped: 0,
-        };
+        let mut written = 0;
         for sample in samples {
-            match format {
-                WavFormat::Float32 => writer.write_sample(sample.metres_per_second_squared().0),
-                WavFormat::Pcm16 { full_scale_m_s2 } => {
-                    let (code, clipped) = pcm16(sample, full_scale_m_s2);
-                    summary.clipped += u64::from(clipped);
-                    writer.write_sample(code)
-                }
-            }
-            .map_err(failed)?;
-            summary.samples += 1;
+            write(&mut writer, sample).map_err(failed)?;
+            written += 1;
         }
         writer.finalize().map_err(failed)?;
-        Ok(summary)
+        Ok(written)
     })
 }
 

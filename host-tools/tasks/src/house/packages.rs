@@ -31,8 +31,13 @@ const PACKAGES: [Package; 15] = [
     package("stylus-costs", &[], &[]),
     package(
         "host-tools",
-        &["model-format", "stylus-costs", "stylus-kernel"],
-        &["fake-stylus", "stylus-app"],
+        &[
+            "model-format",
+            "stylus-app",
+            "stylus-costs",
+            "stylus-kernel",
+        ],
+        &["fake-stylus"],
     ),
     package(
         "fake-stylus",

@@ -1,0 +1,326 @@
+//! What leaves the stylus's pin, judged by a second path in floating point that shares no code with the device.
+
+mod support;
+
+use std::sync::Arc;
+
+use host_tools::playing::motion::MotionPath;
+use host_tools::playing::pin::{Pin, RATE_HZ as PIN_HZ, settings};
+use host_tools::playing::render::render;
+use model_format::{
+    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, OutputSample,
+    Provenance, Structure, TextureSpec, encode,
+};
+use realfft::{RealFftPlanner, RealToComplex};
+use support::{Bench, RATE_HZ, noise};
+
+/// Output gain of the settings that are played with here: their default, V per m/s².
+const GAIN: f64 = 0.01;
+
+/// Volts of one step of the converter.
+const STEP_V: f64 = 3.3 / 4096.0;
+
+/// Length of what is judged: samples of the kernel, 6.6 s.
+const JUDGED: usize = 1 << 15;
+
+/// Samples before that, in which the soft start and the DC blocker's beginning pass.
+const BEFORE: usize = 5_000;
+
+/// Taps of the three filters from 5 to 40 kHz, in 2^-31, as `safety/interpolator.rs` describes their design.
+const FILTERS: [&[i64]; 3] = [
+    &[
+        208_552_727,
+        896_268_715,
+        1_802_854_731,
+        1_916_999_587,
+        681_042_604,
+        -837_525_615,
+        -1_007_227_649,
+        97_304_816,
+        775_180_686,
+        215_003_834,
+        -488_116_274,
+        -291_096_170,
+        272_111_097,
+        272_805_815,
+        -122_480_078,
+        -218_022_724,
+        16_628_125,
+        137_130_407,
+        34_842_437,
+        -52_521_828,
+        -35_773_952,
+        1_269_593,
+    ],
+    &[
+        151_918_481,
+        687_057_783,
+        1_308_507_385,
+        1_308_507_385,
+        687_057_783,
+        151_918_481,
+    ],
+    &[
+        275_148_215,
+        1_073_659_436,
+        1_597_351_995,
+        1_073_659_436,
+        275_148_215,
+    ],
+];
+
+/// The signal at twice the rate, through a filter that begins at rest.
+fn doubled(signal: &[f64], taps: &[i64]) -> Vec<f64> {
+    let value = |index: usize| {
+        let reachable = taps.iter().enumerate().take(index + 1);
+        let products = reachable.filter(|(k, _)| (index - k).is_multiple_of(2));
+        products
+            .map(|(k, &tap)| tap as f64 / 2f64.powi(31) * signal[(index - k) / 2])
+            .sum()
+    };
+    (0..2 * signal.len()).map(value).collect()
+}
+
+/// The kernel's samples in converter steps, without their slow mean.
+fn without_mean(samples: &[OutputSample]) -> Vec<f64> {
+    let mut mean = 0.0;
+    let steps = samples
+        .iter()
+        .map(|sample| f64::from(sample.0) / 2f64.powi(20) * GAIN / STEP_V);
+    steps
+        .map(|steps| {
+            mean += 82.0 / 32_768.0 * (steps - mean);
+            steps - mean
+        })
+        .collect()
+}
+
+/// The codes of a stylus, as steps above mid-scale.
+fn at_the_pin(samples: &[OutputSample], changes: &[(&str, f32)]) -> Vec<f64> {
+    let all = [("soft-start", 1.0), ("power-limit", 10.0)];
+    let settings = settings(all.into_iter().chain(changes.iter().copied())).unwrap();
+    let mut pin = Pin::new(samples.iter().copied(), &settings);
+    let codes = pin
+        .by_ref()
+        .map(|code| f64::from(code.get()) - 2048.0)
+        .collect();
+    assert_eq!(pin.limited(), host_tools::playing::pin::Limited::default());
+    codes
+}
+
+/// Power in each bin of the last [`JUDGED`] samples, or of the codes that belong to them, through a Hann window.
+struct Bins {
+    powers: Vec<f64>,
+    bin_hz: f64,
+}
+
+impl Bins {
+    fn of(signal: &[f64], rate_hz: u32) -> Self {
+        let length = JUDGED * (rate_hz / RATE_HZ) as usize;
+        let transform: Arc<dyn RealToComplex<f64>> = RealFftPlanner::new().plan_fft_forward(length);
+        let mut windowed: Vec<f64> = signal[signal.len() - length..].to_vec();
+        for (n, value) in windowed.iter_mut().enumerate() {
+            let turn = core::f64::consts::TAU * n as f64 / length as f64;
+            *value *= (1.0 - turn.cos()) / 1.5f64.sqrt();
+        }
+        let mut spectrum = transform.make_output_vec();
+        transform.process(&mut windowed, &mut spectrum).unwrap();
+        let scale = 2.0 / (length as f64).powi(2);
+        Self {
+            powers: spectrum.iter().map(|bin| bin.norm_sqr() * scale).collect(),
+            bin_hz: f64::from(rate_hz) / length as f64,
+        }
+    }
+
+    /// Power from `low_hz` to `high_hz`.
+    fn power(&self, low_hz: f64, high_hz: f64) -> f64 {
+        let bin = |hertz: f64| (hertz / self.bin_hz).round() as usize;
+        let bins = bin(low_hz)..=bin(high_hz).min(self.powers.len() - 1);
+        self.powers[bins].iter().sum()
+    }
+}
+
+fn decibels(ratio: f64) -> f64 {
+    10.0 * ratio.log10()
+}
+
+fn felt(signal: &[f64], rate_hz: u32) -> f64 {
+    Bins::of(signal, rate_hz).power(20.0, 1000.0)
+}
+
+/// Samples of a mean square of `rms` squared, from 20 to 1000 Hz.
+fn levelled(signal: &[f64], rms: f64) -> Vec<OutputSample> {
+    let scale = rms / felt(signal, RATE_HZ).sqrt() * 2f64.powi(20);
+    signal
+        .iter()
+        .map(|value| OutputSample((value * scale) as i32))
+        .collect()
+}
+
+/// Noise by the kernel from a lattice with these reflection coefficients.
+fn texture(reflection: &[f64]) -> Vec<f64> {
+    let codes = reflection.iter().map(|k| (k * 32_768.0) as i16).collect();
+    let node = NodeSpec {
+        output_power: 4.0,
+        prediction_error_power: 4.0
+            * reflection.iter().map(|k| 1.0 - k * k).product::<f64>() as f32,
+        flags: NodeFlags::NONE,
+        codes: CodeSpec::lattice(codes),
+    };
+    let bytes = encode(&[TextureSpec {
+        name: "texture".into(),
+        sample_rate_hz: RATE_HZ,
+        structure: Structure::NormalisedLattice,
+        provenance: Provenance::Simulated,
+        laws: Laws::default(),
+        speed_axis_mm_s: vec![100.0],
+        force_axis_n: vec![1.0],
+        nodes: vec![node],
+        cell_margins: Vec::new(),
+    }])
+    .unwrap();
+    let library = Library::decode(&bytes).unwrap();
+    let motion = MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();
+    let seconds = (BEFORE + JUDGED) as f64 / f64::from(RATE_HZ);
+    let rendered = render(library.texture("texture").unwrap(), &motion, seconds, 5).unwrap();
+    rendered.accelerations_m_s2()
+}
+
+/// White noise, and textures: one that falls by 12 dB per octave from 110 Hz, one with a resonance at 300 Hz.
+fn signals() -> [(&'static str, Vec<f64>); 3] {
+    let falling = 0.87f64;
+    let (radius, angle) = (0.98f64, core::f64::consts::TAU * 300.0 / f64::from(RATE_HZ));
+    // Reflection coefficients of 1 + a z^-1 + b z^-2, for poles inside the unit circle.
+    let two = |a: f64, b: f64| [a / (1.0 + b), b];
+    [
+        ("white", noise(11, BEFORE + JUDGED)),
+        ("falling", texture(&two(-2.0 * falling, falling * falling))),
+        (
+            "resonant",
+            texture(&two(-2.0 * radius * angle.cos(), radius * radius)),
+        ),
+    ]
+}
+
+#[test]
+fn the_noise_in_the_band_that_is_felt_is_70_decibels_down_at_1_and_50_at_a_tenth() {
+    for (name, signal) in signals() {
+        for (rms, least) in [(1.0, 70.0), (0.1, 50.0), (0.02, 36.0)] {
+            let samples = levelled(&signal, rms);
+            let slow = without_mean(&samples);
+            let exact = FILTERS
+                .iter()
+                .fold(slow.clone(), |signal, taps| doubled(&signal, taps));
+            let pin = at_the_pin(&samples, &[]);
+            let errors: Vec<f64> = pin
+                .iter()
+                .zip(&exact)
+                .map(|(pin, exact)| pin - exact)
+                .collect();
+            let ratio = decibels(felt(&exact, PIN_HZ) / felt(&errors, PIN_HZ));
+            // What one rounded code per sample would give.
+            let rounded: Vec<f64> = slow.iter().map(|steps| steps.round() - steps).collect();
+            let before = decibels(felt(&slow, RATE_HZ) / felt(&rounded, RATE_HZ));
+            println!(
+                "SNR from 20 to 1000 Hz, {name}, {rms} m/s² RMS: {ratio:.1} dB; one code a sample {before:.1} dB"
+            );
+            assert!(ratio >= least, "{name}, {rms} m/s²: {ratio} dB");
+        }
+    }
+}
+
+#[test]
+fn third_octaves_at_the_pin_are_those_of_the_kernel_down_to_a_fiftieth() {
+    for (name, signal) in signals() {
+        for rms in [1.0, 0.1, 0.02] {
+            let samples = levelled(&signal, rms);
+            let steps: Vec<f64> = samples
+                .iter()
+                .map(|sample| f64::from(sample.0) / 2f64.powi(20) * GAIN / STEP_V)
+                .collect();
+            let kernel = Bins::of(&steps, RATE_HZ);
+            let pin = Bins::of(&at_the_pin(&samples, &[]), PIN_HZ);
+            let rounded: Vec<f64> = steps.iter().map(|steps| steps.round()).collect();
+            let rounded = Bins::of(&rounded, RATE_HZ);
+            let (mut worst, mut before) = (0.0f64, 0.0f64);
+            // From 25 to 1000 Hz.
+            for band in 14..=30 {
+                let [low, high] =
+                    [-0.5, 0.5].map(|half| 10f64.powf((f64::from(band) + half) / 10.0));
+                let of = |bins: &Bins| decibels(bins.power(low, high) / kernel.power(low, high));
+                let apart = of(&pin);
+                assert!(
+                    apart.abs() < 0.3,
+                    "{name}, {rms} m/s², {low:.0} Hz: {apart} dB"
+                );
+                worst = worst.max(apart.abs());
+                before = before.max(of(&rounded).abs());
+            }
+            println!(
+                "worst third octave, {name}, {rms} m/s² RMS: {worst:.2} dB; one code a sample {before:.2} dB"
+            );
+        }
+    }
+}
+
+#[test]
+fn images_of_a_sine_are_60_decibels_down_up_to_20_kilohertz() {
+    let open = [
+        ("hard-limit", 1.6),
+        ("slew-limit", 16.0),
+        ("output-gain", 0.1),
+        ("power-limit", 100.0),
+    ];
+    for hertz in [47.3, 311.7, 997.1, 1503.3, 1999.3] {
+        let turn = core::f64::consts::TAU * hertz / f64::from(RATE_HZ);
+        let sample = |n| OutputSample((5.0 * 2f64.powi(20) * (turn * f64::from(n)).sin()) as i32);
+        let samples: Vec<OutputSample> = (0..(BEFORE + JUDGED) as u32).map(sample).collect();
+        let bins = Bins::of(&at_the_pin(&samples, &open), PIN_HZ);
+        let line = |hertz: f64| bins.power(hertz - 0.7, hertz + 0.7);
+        let worst = (1..=4)
+            .flat_map(|multiple| [-hertz, hertz].map(|apart| f64::from(multiple * RATE_HZ) + apart))
+            .filter(|&image| image < 20_000.0)
+            .map(|image| decibels(line(image) / line(hertz)))
+            .fold(f64::MIN, f64::max);
+        println!("strongest image of {hertz} Hz: {worst:.1} dB");
+        assert!(worst < -60.0, "{hertz} Hz: {worst} dB");
+        // Harmonics too, which no stage may make.
+        let content = bins.power(10.0, 2_500.0) - line(hertz);
+        assert!(decibels(content / line(hertz)) < -90.0, "{hertz} Hz");
+    }
+}
+
+#[test]
+fn the_command_writes_the_pin_in_volts_and_says_so() {
+    let bench = support::two_textures(|signal| [support::scaled(signal, 3.0)]);
+    bench.succeed("fit set --out cloths.lib");
+    let render = "render cloths.lib --texture felt --speed 90 --force 0.7 --seconds 1";
+    let told = bench.succeed(&format!("{render} --out pin.wav --pin --set soft-start=1"));
+    assert!(
+        told.contains("40000 codes") && told.contains("volts above mid-scale"),
+        "{told}"
+    );
+    let louder =
+        format!("{render} --out louder.wav --pin --set soft-start=1 --set output-gain=0.02");
+    bench.succeed(&louder);
+    bench.succeed(&format!("{render} --out kernel.wav"));
+    let rms = |name: &str| rms(&bench, name);
+    let (kernel, pin, louder) = (rms("kernel.wav"), rms("pin.wav"), rms("louder.wav"));
+    assert!((pin / (kernel * GAIN) - 1.0).abs() < 0.1, "{pin} {kernel}");
+    assert!((louder / pin - 2.0).abs() < 0.1, "{louder} {pin}");
+
+    let unknown = bench.refuse(&format!("{render} --out no.wav --pin --set gain=1"));
+    assert!(unknown.contains("there is no setting 'gain'"), "{unknown}");
+    assert!(!bench.path("no.wav").exists());
+}
+
+/// RMS of a file's second half.
+fn rms(bench: &Bench, name: &str) -> f64 {
+    let reader = hound::WavReader::open(bench.path(name)).unwrap();
+    let samples: Vec<f64> = reader
+        .into_samples::<f32>()
+        .map(|sample| sample.unwrap().into())
+        .collect();
+    let half = &samples[samples.len() / 2..];
+    (half.iter().map(|value| value * value).sum::<f64>() / half.len() as f64).sqrt()
+}
