@@ -11,13 +11,14 @@ use embassy_time::Instant;
 use heapless::String;
 use model_format::FORMAT_VERSION;
 use model_format::link::{
-    CycleRange, CycleReport, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError,
-    PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection,
-    Settings, StartReport, TickCounters,
+    CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION,
+    PlayError, PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH,
+    Selection, Settings, StartReport, TickCounters,
 };
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
+use stylus_app::levels::Sums;
 use stylus_app::recorder::Recorder;
 use stylus_app::safety;
 use stylus_app::status::Histogram;
@@ -25,7 +26,7 @@ use stylus_app::storage::LoadFault;
 use stylus_kernel::scene::cost::BUDGET;
 
 use crate::boot::clock::CORE_HZ;
-use crate::boot::supply;
+use crate::boot::{critical, supply};
 use crate::play::direction::{self, Next};
 use crate::play::library_ram::LibraryRam;
 use crate::play::{update, voice};
@@ -40,6 +41,7 @@ pub struct Hardware {
     reset: ResetReport,
     start: StartReport,
     link_counters: fn() -> [LinkCounters; 2],
+    guard_marks: fn() -> Marks,
     settings: Settings,
     /// Durations of the ticks that requests for cycles have taken, and their number.
     taken: CycleRange,
@@ -57,6 +59,7 @@ impl Hardware {
         reset: ResetReport,
         start: StartReport,
         link_counters: fn() -> [LinkCounters; 2],
+        guard_marks: fn() -> Marks,
     ) -> Self {
         // SAFETY: this runs once, because the caller gives its only recorder away.
         let library = unsafe { LibraryRam::new() };
@@ -66,6 +69,7 @@ impl Hardware {
             reset,
             start,
             link_counters,
+            guard_marks,
             settings: Settings::default(),
             taken: CycleRange::NONE,
             counted: 0,
@@ -133,6 +137,18 @@ impl Device for Hardware {
             thermal_gain_permille: tick.safety.thermal_gain_permille(),
             amplifier: amplifier::is_on(),
         }
+    }
+
+    fn marks(&self) -> Marks {
+        Marks {
+            longest_tick_delay_cycles: tick::snapshot().map_or(0, |tick| tick.longest_delay_cycles),
+            longest_critical_section_cycles: critical::longest_cycles(),
+            ..(self.guard_marks)()
+        }
+    }
+
+    fn sensor_sums(&self) -> Sums {
+        self.recorder.sums()
     }
 
     fn take_cycles(&mut self) -> CycleReport {

@@ -4,7 +4,8 @@
 #![expect(unsafe_code, reason = "faults are what this is for")]
 
 use core::arch::asm;
-use core::sync::atomic::{AtomicU8, Ordering};
+use core::hint::black_box;
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
 use cortex_m::peripheral::{DWT, NVIC, SCB};
 use embassy_stm32::interrupt::Interrupt;
@@ -20,7 +21,7 @@ pub const PATH: &str = "stylus/fault-injection";
 /// The topic's key; its message is a `u8`.
 pub const KEY: Key = Key::for_path::<u8>(PATH);
 
-/// A tick that takes 500 µs.
+/// A tick that takes more than two periods, 420 µs.
 const LONG_TICK: u8 = 1;
 /// A tick that never ends.
 const ENDLESS_TICK: u8 = 2;
@@ -42,7 +43,7 @@ const PANIC_IN_TICK: u8 = 9;
 const HALT: u8 = 10;
 /// A tick whose sample comes 150 µs late.
 const LATE_TICK: u8 = 11;
-/// A tick that takes 1.3 ms.
+/// A tick that takes more than six periods, 1.25 ms.
 const VERY_LONG_TICK: u8 = 12;
 /// A transfer error of the stream that feeds the converter.
 const NO_TRANSFERS: u8 = 13;
@@ -52,7 +53,30 @@ const NO_ERASER: u8 = 14;
 const AMPLIFIER_OFF: u8 = 15;
 const AMPLIFIER_ON: u8 = 16;
 
+/// A recursion in a task that ends at the end of the stack.
+const OVERFLOW_IN_TASK: u8 = 32;
+/// The same in the update.
+const OVERFLOW_IN_UPDATE: u8 = 33;
+/// A write to address 0.
+const WRITE_TO_NULL: u8 = 34;
+/// A read of address 0.
+const READ_NULL: u8 = 35;
+/// A write to the code in ITCM.
+const WRITE_TO_ITCM: u8 = 36;
+/// A write to the code in flash.
+const WRITE_TO_FLASH: u8 = 37;
+/// A jump to data.
+const EXECUTE_DATA: u8 = 38;
+/// A read of external memory, which the board does not have.
+const READ_EXTERNAL: u8 = 39;
+
 static IN_TICK: AtomicU8 = AtomicU8::new(0);
+
+/// True while the next update is to overflow the stack.
+static IN_UPDATE: AtomicBool = AtomicBool::new(false);
+
+/// The instruction `bx lr`, in data.
+static CODE: AtomicU32 = AtomicU32::new(0x4770_4770);
 
 /// Causes `fault` now, or in the next tick.
 pub fn inject(fault: u8) {
@@ -77,6 +101,20 @@ pub fn inject(fault: u8) {
         }
         // SAFETY: ICSR.NMIPENDSET (ARM DDI 0403E, B3.2.4); its handler ends the program.
         NMI => unsafe { (*SCB::PTR).icsr.write(1 << 31) },
+        OVERFLOW_IN_TASK => {
+            black_box(descend(0));
+        }
+        OVERFLOW_IN_UPDATE => IN_UPDATE.store(true, Ordering::Relaxed),
+        // SAFETY: none is needed, here and below: the access is the fault.
+        WRITE_TO_NULL => unsafe { store(0) },
+        READ_NULL => unsafe { load(0) },
+        WRITE_TO_ITCM => unsafe { store(0x0400) },
+        WRITE_TO_FLASH => unsafe { store(0x0800_0400) },
+        READ_EXTERNAL => unsafe { load(0x6000_0000) },
+        EXECUTE_DATA => {
+            let code = CODE.as_ptr() as usize | 1;
+            unsafe { asm!("blx {}", in(reg) code, out("lr") _) }
+        }
         NO_TICK => TIM6.cr1().modify(|w| w.set_cen(false)),
         _ => {}
     }
@@ -86,8 +124,8 @@ pub fn inject(fault: u8) {
 #[inline(always)]
 pub fn in_tick() {
     match IN_TICK.swap(0, Ordering::Relaxed) {
-        LONG_TICK => wait_us(500),
-        VERY_LONG_TICK => wait_us(1300),
+        LONG_TICK => wait_us(420),
+        VERY_LONG_TICK => wait_us(1250),
         ENDLESS_TICK => spin(),
         PANIC_IN_TICK => panic!("asked for, in the tick"),
         _ => {}
@@ -114,6 +152,35 @@ fn halt() -> ! {
     // SAFETY: nothing else runs any more (FAULTMASK, ARM DDI 0403E, B1.4.3).
     unsafe { asm!("cpsid f") };
     spin()
+}
+
+/// Overflows the stack if that was requested for the update.
+#[inline(always)]
+pub fn in_update() {
+    if IN_UPDATE.load(Ordering::Relaxed) {
+        black_box(descend(0));
+    }
+}
+
+/// Takes a piece of the stack, and calls itself. In ITCM, because the update calls it.
+#[inline(never)]
+#[unsafe(link_section = ".itcm.injection")]
+#[expect(unconditional_recursion, reason = "this is the fault")]
+fn descend(depth: u32) -> u32 {
+    let taken = black_box([depth; 12]);
+    descend(depth.wrapping_add(1)).wrapping_add(taken[0])
+}
+
+/// Writes a word, in assembly, because to the compiler a write to null is no write.
+unsafe fn store(address: u32) {
+    // SAFETY: the caller wants what comes of it.
+    unsafe { asm!("str {0}, [{0}]", in(reg) address) }
+}
+
+/// Reads a word.
+unsafe fn load(address: u32) {
+    // SAFETY: as for `store`.
+    unsafe { asm!("ldr {0}, [{0}]", inout(reg) address => _) }
 }
 
 fn spin() -> ! {

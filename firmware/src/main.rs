@@ -7,12 +7,13 @@
 //! | [`tick`] | one sample, 5000 times per second |
 //! | [`fault`] | ends of the program, their reasons, and the guards: handlers, watchdog, stack |
 //! | [`flash`] | library slots and settings in flash |
+//! | [`self_test`] | measurements of the self test |
 //! | [`device`] | the hardware as `stylus_app::control` sees it |
 //! | [`link`] | requests, over two wires |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! Rooms import in one direction: `link` imports `device` and `flash`; `device` imports `tick` and `play`; `flash`
-//! imports `fault`; `fault` imports `tick`; `tick` imports `play`. All may import `boot`, which imports none. Only
+//! Rooms import in one direction: `link` imports `device`, `flash` and `self_test`; `device` imports `tick` and `play`;
+//! `self_test` imports `flash` and `tick`; `flash` imports `fault`; `fault` imports `tick`; `tick` imports `play`. All may import `boot`, which imports none. Only
 //! `main` sees all.
 //!
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
@@ -28,6 +29,7 @@ mod flash;
 mod injection;
 mod link;
 mod play;
+mod self_test;
 mod tick;
 
 use defmt_rtt as _;
@@ -38,15 +40,14 @@ use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::{Peri, peripherals};
 use embassy_time::{Instant, Timer};
 use heapless::spsc::Queue;
-use micromath::F32Ext;
-use model_format::link::{QUICK_FAULT_MS, Settings, StartReport, StartStage};
+use model_format::link::{Marks, QUICK_FAULT_MS, Settings, StartReport, StartStage};
 use static_cell::ConstStaticCell;
 use stylus_app::inputs::InputConfig;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety;
 
 use crate::boot::reset::ResetFlags;
-use crate::boot::{clock, priority, silicon, startup, supply};
+use crate::boot::{clock, priority, protection, silicon, startup, supply};
 use crate::device::Hardware;
 use crate::fault::{record, report, stack, watchdog};
 use crate::flash::word;
@@ -61,13 +62,14 @@ async fn main(spawner: Spawner) {
     let Some(mut core) = cortex_m::Peripherals::take() else {
         defmt::unreachable!("the core peripherals are taken once");
     };
+    protection::enable(&mut core.MPU);
     startup::prepare_memory(&mut core.SCB, &mut core.CPUID);
     startup::start_cycle_counter(&mut core.DCB, &mut core.DWT);
-    startup::keep_counting_in_sleep();
     word::enable_bus_fault(&mut core.SCB);
     watchdog::start();
     let revision = silicon::revision();
     silicon::remedy(revision);
+    self_test::memory::watch();
     let flags = ResetFlags::take();
     let before = record::take(flags);
     let clock = clock::select(before.starts.clock);
@@ -95,6 +97,7 @@ async fn main(spawner: Spawner) {
         report::reset_report(flags, before),
         start,
         counters::all,
+        guard_marks,
     );
     let fault_led = if before.caught.is_some() {
         Level::High
@@ -208,6 +211,16 @@ async fn note_healthy() {
     record::note_healthy();
 }
 
+/// Marks of the guards in [`fault`]; the rest is left at zero.
+fn guard_marks() -> Marks {
+    Marks {
+        stack_bytes: stack::bytes(),
+        stack_used_bytes: stack::used_bytes(),
+        longest_watchdog_gap_us: watchdog::longest_gap_us(),
+        ..Marks::default()
+    }
+}
+
 #[embassy_executor::task]
 async fn serve_serial(receiver: serial::Receiver) -> ! {
     static BUFFER: ConstStaticCell<serial::Buffer> = ConstStaticCell::new(serial::EMPTY);
@@ -235,8 +248,8 @@ struct Leds {
     safe_mode: bool,
 }
 
-/// Blinks while the executor runs, and logs every ten seconds the stack used and the load of the coil. In safe mode both
-/// LEDs blink in turn, four times as fast.
+/// Blinks while the executor runs, and logs the use of the stack every ten seconds. In safe mode both LEDs blink in turn,
+/// four times as fast.
 #[embassy_executor::task]
 async fn blink(mut leds: Leds) -> ! {
     const BLINKS: u32 = 20;
@@ -254,13 +267,10 @@ async fn blink(mut leds: Leds) -> ! {
                 Timer::after_millis(125).await;
             }
         }
-        let (used, bytes) = stack::used();
-        defmt::info!("stack: {} of {} bytes used", used, bytes);
-        if let Some(tick) = tick::snapshot() {
-            let load = f32::from(tick.safety.thermal_load_permille().max(1)) / 1000.0;
-            // For people to read, so a logarithm exact to a tenth is enough.
-            let decibel = 10.0 * load.log10();
-            defmt::info!("coil: {} dB above its power limit", decibel);
-        }
+        defmt::info!(
+            "stack: {} of {} bytes used",
+            stack::used_bytes(),
+            stack::bytes()
+        );
     }
 }

@@ -5,7 +5,7 @@
 
 use model_format::Library;
 use model_format::link::{
-    ActivateError, CycleReport, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN,
+    ActivateError, CycleReport, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, Marks,
     MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
     RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings,
     SettingsError, SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters,
@@ -14,6 +14,7 @@ use model_format::link::{
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
 use crate::inputs::Timed;
+use crate::levels::Sums;
 use crate::player::{Action, Begin, Busy, Observed, Player};
 use crate::safety::{Config, Counters};
 use crate::words::in_words;
@@ -34,6 +35,12 @@ pub trait Device {
 
     /// Counters and state of the tick.
     fn tick_report(&self) -> TickReport;
+
+    /// Worst cases since the start.
+    fn marks(&self) -> Marks;
+
+    /// Sums of the sensors' samples over the last whole window.
+    fn sensor_sums(&self) -> Sums;
 
     /// Durations of tick and update since the last call, or since the start.
     fn take_cycles(&mut self) -> CycleReport;
@@ -231,6 +238,8 @@ impl<D: Device> Control<D> {
             output: self.output(&tick),
             tick: tick.counters,
             tick_histogram: tick.histogram,
+            marks: self.device.marks(),
+            levels: self.device.sensor_sums().levels(&self.settings),
             record: self.device.record_counters(),
             usb,
             serial,
@@ -372,6 +381,19 @@ impl<D: Device> Control<D> {
         self.settings = settings;
         self.settings_state = state;
         self.device.set_settings(&settings);
+        self.player.end_configuration();
+    }
+
+    /// Keeps everything from being played until [`Control::end_self_test`].
+    ///
+    /// # Errors
+    /// Something is played, a library is being activated, or settings are being stored.
+    pub fn begin_self_test(&mut self) -> Result<(), Busy> {
+        self.player.begin_configuration()
+    }
+
+    /// Ends what [`Control::begin_self_test`] began.
+    pub fn end_self_test(&mut self) {
         self.player.end_configuration();
     }
 

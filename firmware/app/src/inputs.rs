@@ -15,6 +15,7 @@
 //! An input that is older than [`STALE_TICKS`] is stale and mutes the output. A force at a rail of the converter, see
 //! [`RAIL_CODES`], is none: there is no contact at once, and the motion becomes stale.
 
+pub use model_format::link::RAIL_CODES;
 use model_format::link::{
     MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings,
 };
@@ -33,12 +34,6 @@ pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;
 /// the clock of the Ethernet transceiver reaches the converter (ST community, "Fluctuations in ADC value of STM32H743
 /// MCU"); that is 6 deviations of 16. A sensor's amplifier may add more, and is then a reason to set the threshold.
 pub const FORCE_NOISE_CODES: f32 = 16.0;
-
-/// Codes from either end of the converter's range within which a force sensor counts as open, shorted or overloaded.
-///
-/// They are 4 deviations of [`FORCE_NOISE_CODES`], because noise takes the code of a pin at the rail so far from it;
-/// 3.2 mV of 3.3 V. A sensor's zero, and its greatest force, have to lie between the rails.
-pub const RAIL_CODES: u16 = 64;
 
 /// Deviations of the noise at which contact begins.
 const CONTACT_DEVIATIONS: f32 = 6.0;

@@ -26,6 +26,10 @@ use model_format::link::{
 
 /// State of the rest of the device, as the player sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is an observation of its own"
+)]
 pub struct Observed {
     /// The output is at mid-scale and muted: `safety::State::is_at_rest`, after the tick has seen the present mute.
     pub at_rest: bool,

@@ -11,6 +11,7 @@ use model_format::link::{
 };
 
 use crate::SAMPLE_RATE_HZ;
+use crate::levels::{Accumulator, Sums};
 
 /// Length of the queue: 100 ms of samples. One entry always stays empty.
 pub const QUEUE_SAMPLES: usize = 512;
@@ -51,7 +52,8 @@ impl<'q> Tap<'q> {
     }
 }
 
-/// Consuming end of the queue, for thread mode: it packs samples into the blocks of a recording.
+/// Consuming end of the queue, for thread mode: it packs samples into the blocks of a recording, and sums all of them up
+/// for the sensors' levels.
 pub struct Recorder<'q> {
     queue: Consumer<'q, TimedSample>,
     recording: bool,
@@ -67,6 +69,7 @@ pub struct Recorder<'q> {
     whole: bool,
     blocks: u32,
     lost_blocks: u32,
+    levels: Accumulator,
 }
 
 impl<'q> Recorder<'q> {
@@ -82,6 +85,7 @@ impl<'q> Recorder<'q> {
             whole: true,
             blocks: 0,
             lost_blocks: 0,
+            levels: Accumulator::new(),
         }
     }
 
@@ -129,6 +133,7 @@ impl<'q> Recorder<'q> {
         // At most one queue full per call, because the tick fills the queue meanwhile.
         for _ in 0..QUEUE_SAMPLES {
             let timed = self.queue.dequeue()?;
+            self.levels.take(timed.sample.into());
             if self.recording
                 && let Some(block) = self.take(whole_tick(timed.tick, now), timed)
             {
@@ -193,6 +198,11 @@ impl<'q> Recorder<'q> {
         }
         self.lost_blocks = self.lost_blocks.saturating_add(1);
         None
+    }
+
+    /// Sums of the last whole window of samples, recorded or not.
+    pub fn sums(&self) -> Sums {
+        self.levels.sums()
     }
 
     /// Counters of this recording or the last one.

@@ -11,6 +11,7 @@ use model_format::link::{
     UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
+use crate::player::Busy;
 use crate::settings::SettingsStore;
 use crate::slots::{MappedFlash, SlotStore};
 use crate::upload::Uploader;
@@ -48,6 +49,15 @@ pub trait Stage {
     /// Returns true while the supply is too low to write flash.
     fn is_supply_low(&self) -> bool;
 
+    /// As `Control::begin_self_test`.
+    ///
+    /// # Errors
+    /// Something is played, or a library is being activated.
+    fn begin_self_test(&mut self) -> Result<(), Busy>;
+
+    /// As `Control::end_self_test`.
+    fn end_self_test(&mut self);
+
     /// As `Control::set_upload`.
     fn set_upload(&mut self, upload: UploadState);
 
@@ -80,6 +90,16 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             uploader: Uploader::new(),
             loaded: None,
         }
+    }
+
+    /// The slots.
+    pub(crate) fn slot_store(&mut self) -> &mut SlotStore<F> {
+        &mut self.slots
+    }
+
+    /// Progress of the upload.
+    pub(crate) fn upload(&self) -> UploadState {
+        self.uploader.state()
     }
 
     /// At boot: activates the newest library that is valid and readable. A boot without one is no fault.

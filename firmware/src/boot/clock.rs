@@ -77,8 +77,9 @@ fn starts_external() -> bool {
 /// - ADC: 25 MHz from PLL2, below the 36 MHz of revision Y. Revision V halves it.
 pub fn config(source: ClockSource) -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
-    // `startup::keep_counting_in_sleep` does this.
-    config.enable_debug_during_sleep = false;
+    // DBGSLEEP_D1 (RM0433 section 60.5.8): without it the cycle counter stops in WFE, with or without a debugger, and
+    // what is measured from one interrupt to the next is too short.
+    config.enable_debug_during_sleep = true;
     let rcc = &mut config.rcc;
     rcc.voltage_scale = VoltageScale::Scale1;
     rcc.hsi = Some(HSIPrescaler::DIV1);

@@ -5,7 +5,9 @@
 //! and the output is at mid-scale.
 
 pub mod clock;
+pub mod critical;
 pub mod priority;
+pub mod protection;
 pub mod reset;
 pub mod silicon;
 pub mod startup;

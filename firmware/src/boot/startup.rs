@@ -11,7 +11,6 @@ use core::ptr::{addr_of, read_volatile, write_volatile};
 
 use cortex_m::asm;
 use cortex_m::peripheral::{CPUID, DCB, DWT, SCB};
-use embassy_stm32::pac::DBGMCU;
 
 /// Entries of the vector table: 16 of the core and 150 of the STM32H743 (RM0433 table 148).
 const VECTORS: usize = 166;
@@ -43,9 +42,15 @@ static VECTOR_TABLE: VectorTable = VectorTable(UnsafeCell::new([0; VECTORS]));
 
 // cortex-m-rt's reset handler calls this first, when no variable has its value yet, so it must not be Rust.
 //
+// At power-on RAM holds noise whose error-correcting code is wrong: one code per 64 bits in ITCM and AXI SRAM, per 32
+// bits elsewhere (DS12110, error code correction; AN5342). A narrower store reads the rest first, and a fill of a cache
+// line reads what was never written. So these memories are written in units of 64 bits before anything reads them, which
+// by count of cycles takes some 4 ms at the 64 MHz of the start. cortex-m-rt fills the DTCM's stack, `.bss` and `.data`
+// in words. The rest of the ITCM and of the SRAMs is never read.
+//
 // SAFETY: besides the registers named here it writes only the three sections that the linker reserves for it
-// (`tick.x`), in words, between bounds that are multiples of eight. It calls nothing, and the caller keeps none of the
-// registers that it changes.
+// (`tick.x`) and the AXI SRAM, where the linker puts nothing, in pairs of words, between bounds that are multiples of
+// eight. It calls nothing. cortex-m-rt's reset handler keeps nothing in registers across this call.
 global_asm!(
     ".section .text.before_main, \"ax\", %progbits",
     ".global __pre_init",
@@ -92,8 +97,8 @@ global_asm!(
     "    ldr r2, =__siitcm",
     "2:  cmp r0, r1",
     "    ittt lo",
-    "    ldrlo r3, [r2], #4",
-    "    strlo r3, [r0], #4",
+    "    ldrdlo r4, r5, [r2], #8",
+    "    strdlo r4, r5, [r0], #8",
     "    blo 2b",
     "    ldr r0, =__stick_constants",
     "    ldr r1, =__etick_constants",
@@ -105,11 +110,18 @@ global_asm!(
     "    blo 3b",
     "    ldr r0, =__ssram4",
     "    ldr r1, =__esram4",
-    "    mov r3, #0",
+    "    mov r4, #0",
+    "    mov r5, #0",
     "4:  cmp r0, r1",
     "    itt lo",
-    "    strlo r3, [r0], #4",
+    "    strdlo r4, r5, [r0], #8",
     "    blo 4b",
+    "    ldr r0, =_axisram_start",
+    "    ldr r1, =_axisram_end",
+    "5:  cmp r0, r1",
+    "    itt lo",
+    "    strdlo r4, r5, [r0], #8",
+    "    blo 5b",
     "    dsb",
     "    isb",
     "    bx lr",
@@ -123,7 +135,7 @@ unsafe extern "C" {
 }
 
 /// Moves the vector table to the DTCM, so that an interrupt is taken without a read of flash, and turns the caches on,
-/// for code in flash and the library in AXI SRAM. DMA uses SRAM 1 alone, which must not be cached.
+/// for code in flash and the library in AXI SRAM. `protection.rs` says which memory is cached.
 pub fn prepare_memory(scb: &mut SCB, cpuid: &mut CPUID) {
     let table = VECTOR_TABLE.0.get().cast::<u32>();
     for index in 0..VECTORS {
@@ -143,14 +155,12 @@ pub fn prepare_memory(scb: &mut SCB, cpuid: &mut CPUID) {
 }
 
 /// Starts the processor's cycle counter, with or without a debugger.
+///
+/// It goes on in WFE because embassy keeps the clocks of sleep modes on for debuggers (DBGMCU_CR.DBGSLEEP_D1, RM0433
+/// section 60.5.8): the option `enable_debug_during_sleep` of its configuration, set by default. The tick's instants do
+/// not depend on it, its durations, the marks and the waits for bank 1 do.
 pub fn start_cycle_counter(dcb: &mut DCB, dwt: &mut DWT) {
     dcb.enable_trace();
     DWT::unlock();
     dwt.enable_cycle_counter();
-}
-
-/// Keeps the cycle counter running while the core sleeps, with or without a debugger (DBGSLEEP_D1, RM0433 section
-/// 60.5.8). Without it the counter stops in WFE, and what is measured from one interrupt to the next is too short.
-pub fn keep_counting_in_sleep() {
-    DBGMCU.cr().modify(|w| w.set_dbgsleep_d1(true));
 }

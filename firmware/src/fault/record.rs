@@ -18,7 +18,7 @@ use crate::tick::alive;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
 #[repr(u32)]
 pub enum Kind {
-    /// HardFault, or a fault that escalated to it.
+    /// HardFault, or a usage fault that escalated to it.
     HardFault = 1,
     /// Non-maskable interrupt.
     Nmi,
@@ -30,8 +30,14 @@ pub enum Kind {
     TickStopped,
     /// Watchdog reset while the tick went on: the executor stood still.
     ExecutorStopped,
+    /// The stack overflowed.
+    StackOverflow,
+    /// The memory protection refused an access.
+    MemoryProtection,
+    /// The bus refused an access.
+    BusFault,
     /// Failure of the external clock.
-    ClockFailed = 16,
+    ClockFailed,
     /// Watchdog reset before the start was over.
     StartHung,
 }
@@ -46,8 +52,10 @@ pub struct Caught {
     pub kind: Kind,
     /// Program counter at the fault.
     pub program_counter: u32,
-    /// CFSR for a HardFault, the number of the exception for an unexpected one, 0 otherwise.
+    /// CFSR for a fault of the processor, the number of the exception for an unexpected one, 0 otherwise.
     pub detail: u32,
+    /// Address of the access that was refused, or to which the stack had come.
+    pub address: Option<u32>,
     /// Likely return addresses from the stack, the newest first; 0 after the last one.
     pub trace: [u32; TRACE],
     /// Address in flash of a panic's `Location`, see [`crate::fault::stack_trace::location`]; 0 if it was not found.
@@ -56,7 +64,10 @@ pub struct Caught {
 
 /// Words of a record: magic, the fields of [`Caught`], tick stopped, resets, whether the fault is new, starts,
 /// checksum.
-const WORDS: usize = 10 + TRACE;
+///
+/// Noise is believed with a probability of 2⁻⁶⁴: magic and checksum have 32 bits each, and the checksum depends on every
+/// bit of every word.
+const WORDS: usize = 12 + TRACE;
 const MAGIC: u32 = 0x5354_594C;
 
 /// Everything that outlives a reset.
@@ -70,7 +81,9 @@ const AT_PROGRAM_COUNTER: usize = 2;
 const AT_DETAIL: usize = 3;
 const AT_TRACE: usize = 4;
 const AT_LOCATION: usize = AT_TRACE + TRACE;
-const AT_TICK_STOPPED: usize = AT_LOCATION + 1;
+const AT_HAS_ADDRESS: usize = AT_LOCATION + 1;
+const AT_ADDRESS: usize = AT_HAS_ADDRESS + 1;
+const AT_TICK_STOPPED: usize = AT_ADDRESS + 1;
 const AT_RESETS: usize = AT_TICK_STOPPED + 1;
 const AT_NEW: usize = AT_RESETS + 1;
 const AT_STARTS: usize = AT_NEW + 1;
@@ -123,6 +136,8 @@ impl Record {
         self.words[AT_PROGRAM_COUNTER] = caught.program_counter;
         self.words[AT_TRACE..AT_TRACE + TRACE].copy_from_slice(&caught.trace);
         self.words[AT_LOCATION] = caught.location;
+        self.words[AT_HAS_ADDRESS] = u32::from(caught.address.is_some());
+        self.words[AT_ADDRESS] = caught.address.unwrap_or(0);
         self.words[AT_NEW] = 1;
     }
 
@@ -135,14 +150,18 @@ impl Record {
             4 => Kind::UnexpectedInterrupt,
             5 => Kind::TickStopped,
             6 => Kind::ExecutorStopped,
-            16 => Kind::ClockFailed,
-            17 => Kind::StartHung,
+            7 => Kind::StackOverflow,
+            8 => Kind::MemoryProtection,
+            9 => Kind::BusFault,
+            10 => Kind::ClockFailed,
+            11 => Kind::StartHung,
             _ => return None,
         };
         Some(Caught {
             kind,
             program_counter: self.words[AT_PROGRAM_COUNTER],
             detail: self.words[AT_DETAIL],
+            address: (self.words[AT_HAS_ADDRESS] != 0).then_some(self.words[AT_ADDRESS]),
             trace: core::array::from_fn(|index| self.words[AT_TRACE + index]),
             location: self.words[AT_LOCATION],
         })
@@ -164,11 +183,15 @@ pub struct Before {
 
 /// Takes the kept state, counts this start, and decides how it goes on.
 ///
-/// After power-on the memory holds noise, so nothing in it is believed. After a reset by the watchdog the fault is that
-/// reset.
+/// After power-on the memory holds noise, whose error-correcting code is wrong besides, so it is not even read. After a
+/// reset by the watchdog the fault is that reset.
 pub fn take(flags: ResetFlags) -> Before {
     let power_on = flags == ResetFlags::PowerOn;
-    let mut record = Record::load().filter(|_| !power_on).unwrap_or_default();
+    let mut record = if power_on {
+        Record::default()
+    } else {
+        Record::load().unwrap_or_default()
+    };
     let starts = KeptOfStarts::from_word(record.words[AT_STARTS]);
     if flags == ResetFlags::Watchdog {
         let tick_stopped = alive::is_running() || record.words[AT_TICK_STOPPED] != 0;
@@ -181,6 +204,7 @@ pub fn take(flags: ResetFlags) -> Before {
             kind,
             program_counter: 0,
             detail: 0,
+            address: None,
             trace: [0; TRACE],
             location: 0,
         });

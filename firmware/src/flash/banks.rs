@@ -3,7 +3,7 @@
 //!
 //! embassy-stm32's own driver waits for an erasure, a second or two, without yielding, and turns an uncorrectable word
 //! into a hard fault. This one follows RM0433 section 4.3. Every wait is bounded. A read after a write comes from the
-//! array itself, because the cache lines are invalidated.
+//! array itself, because neither the slots nor the settings are cached (`boot/protection.rs`).
 //!
 //! - **Bank 2** is erased and written while everything else runs: code runs from bank 1, the tick from ITCM.
 //! - **Bank 1** holds the code, whose fetches stall while the bank is busy. The wait for it runs from ITCM and masks
@@ -35,7 +35,7 @@ use stylus_app::slots::MappedFlash;
 use crate::boot::clock::CORE_HZ;
 use crate::boot::{priority, supply};
 use crate::fault::watchdog;
-use crate::flash::word;
+use crate::flash::{errors, word};
 
 /// Longest erasure of a sector: twice the maximum of DS12110 (table 60, parallelism of 8 bits).
 const ERASE_LIMIT: Duration = Duration::from_secs(8);
@@ -173,6 +173,7 @@ impl Bank {
         if registers.sr().read().qw() {
             return Err(FlashError::Timeout);
         }
+        errors::take(self.index);
         clear(registers);
         if registers.cr().read().lock() {
             registers.keyr().write_value(0x4567_0123);
@@ -213,6 +214,7 @@ impl Bank {
     fn end(self) -> Result<(), FlashError> {
         let registers = self.registers();
         let status = registers.sr().read();
+        errors::take(self.index);
         clear(registers);
         registers.cr().modify(|w| {
             w.set_pg(false);
@@ -223,17 +225,6 @@ impl Bank {
             return Err(FlashError::Refused { status: status.0 });
         }
         Ok(())
-    }
-
-    /// Invalidates the cache lines of `range`, which has changed in the array.
-    fn forget(self, range: Range<u32>) {
-        // SAFETY: the only owner of SCB has dropped it after the start, and cache maintenance is a write of an address
-        // to a register. Flash is never dirty in the cache, because only programming writes to it.
-        unsafe {
-            let mut scb = cortex_m::Peripherals::steal().SCB;
-            let address = (self.address + range.start) as usize;
-            scb.invalidate_dcache_by_address(address, range.len());
-        }
     }
 }
 
@@ -323,7 +314,6 @@ impl NorFlash for Bank2 {
             let waited = Self::wait(ERASE_LIMIT, Some(Duration::from_millis(1))).await;
             BANK_2.end()?;
             waited?;
-            BANK_2.forget(sector..sector + SECTOR_BYTES as u32);
         }
         Ok(())
     }
@@ -337,7 +327,6 @@ impl NorFlash for Bank2 {
             let waited = Self::wait(PROGRAM_LIMIT, None).await;
             BANK_2.end()?;
             waited?;
-            BANK_2.forget(at..at + WORD_BYTES as u32);
         }
         Ok(())
     }
@@ -395,7 +384,6 @@ impl NorFlash for SettingsFlash {
             let done = erase_without_code(sector);
             BANK_1.end()?;
             done?;
-            BANK_1.forget(sector..sector + SECTOR_BYTES as u32);
             yield_now().await;
         }
         Ok(())
@@ -408,15 +396,15 @@ impl NorFlash for SettingsFlash {
             let done = program_without_code(at, &word);
             BANK_1.end()?;
             done?;
-            BANK_1.forget(at..at + WORD_BYTES as u32);
             yield_now().await;
         }
         Ok(())
     }
 }
 
-/// Erases the sector of bank 1 at `offset` and waits for it, in ITCM.
+/// Erases the sector of bank 1 at `offset` and waits for it, in ITCM. The build's check of placement knows its name.
 #[inline(never)]
+#[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.flash_erase")]
 fn erase_without_code(offset: u32) -> Result<(), FlashError> {
     let mask = mask_tasks();
@@ -426,8 +414,9 @@ fn erase_without_code(offset: u32) -> Result<(), FlashError> {
     done
 }
 
-/// Programs a word of bank 1 at `offset` and waits for it, in ITCM.
+/// Programs a word of bank 1 at `offset` and waits for it, in ITCM. The build's check of placement knows its name.
 #[inline(never)]
+#[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.flash_program")]
 fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) -> Result<(), FlashError> {
     let mask = mask_tasks();

@@ -15,14 +15,16 @@ use embassy_time::{Duration, Ticker, Timer};
 use heapless::Vec;
 use model_format::link::{
     ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES,
-    SettingChange, Settings, SettingsError, SettingsResetEndpoint, SettingsSetEndpoint,
-    SettingsState, SlotId, SlotInfo, SlotsEndpoint, UploadAbortEndpoint, UploadBegin,
-    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
+    SelfTestEndpoint, SelfTestRequest, SettingChange, Settings, SettingsError,
+    SettingsResetEndpoint, SettingsSetEndpoint, SettingsState, SlotId, SlotInfo, SlotsEndpoint,
+    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
+    UploadCommitEndpoint, UploadState,
 };
 use postcard_rpc::header::VarSeq;
 use postcard_rpc::server::{Sender, WireTxErrorKind};
 use static_cell::StaticCell;
 use stylus_app::control::{Control, Device};
+use stylus_app::player::Busy;
 use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
 use stylus_app::slots::SlotStore;
 use stylus_app::storage::{LoadFault, Stage, Storage};
@@ -30,6 +32,7 @@ use stylus_app::storage::{LoadFault, Stage, Storage};
 use crate::device::Hardware;
 use crate::flash::banks::{Bank2, SettingsFlash};
 use crate::link::wire::Wire;
+use crate::self_test::Measured;
 
 static CONTROL: Mutex<ThreadModeRawMutex, RefCell<Option<Control<Hardware>>>> =
     Mutex::new(RefCell::new(None));
@@ -71,6 +74,8 @@ pub enum Job {
     SettingsSet(SettingChange),
     /// `SettingsResetEndpoint`.
     SettingsReset,
+    /// `SelfTestEndpoint`.
+    SelfTest(SelfTestRequest),
 }
 
 impl Job {
@@ -192,6 +197,10 @@ async fn work(
             let answer = stores.settings_reset(stage).await;
             to.reply::<SettingsResetEndpoint>(sequence, &answer).await
         }
+        Job::SelfTest(request) => {
+            let answer = stores.self_test(stage, &mut Measured, request).await;
+            to.reply::<SelfTestEndpoint>(sequence, &answer).await
+        }
     }
 }
 
@@ -225,6 +234,14 @@ impl Stage for ControlStage {
 
     fn is_supply_low(&self) -> bool {
         with_control(|control| control.is_supply_low())
+    }
+
+    fn begin_self_test(&mut self) -> Result<(), Busy> {
+        with_control(Control::begin_self_test)
+    }
+
+    fn end_self_test(&mut self) {
+        with_control(Control::end_self_test);
     }
 
     fn set_upload(&mut self, upload: UploadState) {

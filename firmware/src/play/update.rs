@@ -85,6 +85,8 @@ pub fn change(change: impl FnOnce(&mut Update)) {
 #[unsafe(link_section = ".itcm.update")]
 extern "C" fn SWPMI1() {
     let begin = DWT::cycle_count();
+    #[cfg(feature = "fault-injection")]
+    crate::injection::in_update();
     // SAFETY: this is the update, which the tick has requested.
     let noted = unsafe { voice::noted() };
     // SAFETY: this is the handler that owns the value.

@@ -32,7 +32,7 @@ use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use crate::boot::clock::{CORE_HZ, TIMER_HZ};
 use crate::play::shared::OfHandler;
 use crate::play::voice::{self, BlockIndex, Noted, Played};
-use crate::tick::output::{Output, amplifier};
+use crate::tick::output::{Output, amplifier, by_hand};
 use crate::tick::{alive, inputs, output};
 
 /// Cycles of the processor per tick.
@@ -63,6 +63,8 @@ pub struct Tick {
     requested: bool,
     /// The processor's cycle at the last trigger.
     trigger: u32,
+    /// Longest time from a trigger to the handler's entry, cycles of TIM6.
+    longest_delay: u32,
 }
 
 static TICK: OfHandler<Option<Tick>> = OfHandler::new(None);
@@ -79,6 +81,8 @@ pub struct Snapshot {
     pub histogram: Histogram,
     /// State of the safety stages.
     pub safety: safety::State,
+    /// Longest time from a trigger to the handler's entry, cycles of the processor.
+    pub longest_delay_cycles: u32,
 }
 
 /// Starts the output, and TIM6 with it; `tap` takes the samples to record. The cycle counter must run.
@@ -107,6 +111,7 @@ pub fn start(
             begins: false,
             requested: false,
             trigger: DWT::cycle_count(),
+            longest_delay: 0,
         });
     });
     output::start(hardware);
@@ -135,6 +140,7 @@ pub fn snapshot() -> Option<Snapshot> {
             counters: tick.counters,
             histogram: tick.histogram,
             safety: tick.safety,
+            longest_delay_cycles: tick.longest_delay * (CORE_HZ / TIMER_HZ),
         })
     })
 }
@@ -203,12 +209,14 @@ pub fn stop() {
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.tick")]
 extern "C" fn TIM6_DAC() {
+    let delay = inputs::since_trigger();
     let begin = DWT::cycle_count();
     alive::begin();
     // A zero clears a flag of a timer, a one leaves it.
     TIM6.sr().write(|w| w.set_uif(false));
     // SAFETY: this is the handler that owns the value.
     if let Some(tick) = unsafe { TICK.in_handler() } {
+        tick.note_delay(delay);
         tick.run(begin);
         #[cfg(feature = "fault-injection")]
         crate::injection::in_tick();
@@ -218,6 +226,14 @@ extern "C" fn TIM6_DAC() {
 }
 
 impl Tick {
+    /// Keeps the longest `delay`. The first tick has none: what pends it is the timer's first overflow, whenever that
+    /// was.
+    #[inline(always)]
+    fn note_delay(&mut self, delay: u32) {
+        let delay = if self.counters.ticks == 0 { 0 } else { delay };
+        self.longest_delay = self.longest_delay.max(delay);
+    }
+
     #[inline(always)]
     fn run(&mut self, begin: u32) {
         let inputs = inputs::read();
@@ -255,9 +271,13 @@ impl Tick {
         #[cfg(feature = "fault-injection")]
         crate::injection::before_output();
         let next = self.output.next();
-        self.safety.continue_from(next.before);
+        // What is moved by hand reaches no coil, and the stages do not follow it.
+        if !by_hand::is_held() {
+            self.safety.continue_from(next.before);
+        }
         let muted = MUTED.load(Ordering::Relaxed) | amplifier::is_to_be_raised();
         let codes = self.safety.process(&self.config, sample, muted);
+        let codes = by_hand::instead_of(codes);
         let late = self.output.write(next, codes) | next.interrupted;
         self.counters.late_outputs = (self.counters.late_outputs).saturating_add(u32::from(late));
     }

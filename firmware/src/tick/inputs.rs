@@ -187,13 +187,19 @@ pub fn encoder_count() -> u16 {
     TIM3.cnt().read().cnt()
 }
 
+/// Time since the last trigger, cycles of TIM6.
+#[inline(always)]
+pub fn since_trigger() -> u32 {
+    u32::from(TIM6.cnt().read().cnt())
+}
+
 /// Reads all inputs, within 29 µs of a trigger.
 #[inline(always)]
 pub fn read() -> Inputs {
     let encoder = encoder_count();
     let ended = ADC1.isr().read().jeos();
     let [x, y, z, force] = [0, 1, 2, 3].map(|rank| AdcCode(ADC1.jdr(rank).read().jdata() as u16));
-    let elapsed = u32::from(TIM6.cnt().read().cnt());
+    let elapsed = since_trigger();
     // A one clears a flag, a zero does nothing (RM0433 section 25.6.1).
     ADC1.isr().write(|w| {
         w.set_jeoc(true);

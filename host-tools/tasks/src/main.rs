@@ -41,7 +41,11 @@ enum Task {
         fault_injection: bool,
     },
     /// Build the image, flash it with probe-rs, and show its log
-    Flash,
+    Flash {
+        /// An image whose watchdog waits while a debugger halts the core; never with a coil
+        #[arg(long)]
+        debug_halt: bool,
+    },
     /// Build the image and run it on an emulated STM32H743, with a socket for `stylus --link tcp:`
     VirtualStylus {
         /// Arguments of the virtual stylus: `-- --help` lists them
@@ -87,7 +91,14 @@ fn main() -> ExitCode {
         Task::Firmware {
             fault_injection: true,
         } => build_firmware(Image::FaultInjection).map(drop),
-        Task::Flash => build_firmware(Image::Product).and_then(|file| firmware::flash(&file)),
+        Task::Flash { debug_halt } => {
+            let image = if debug_halt {
+                Image::DebugHalt
+            } else {
+                Image::Product
+            };
+            build_firmware(image).and_then(|file| firmware::flash(&file))
+        }
         Task::VirtualStylus { arguments } => {
             Toolchain::find().and_then(|toolchain| virtual_stylus::run(&toolchain, &arguments))
         }

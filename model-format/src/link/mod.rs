@@ -11,11 +11,14 @@
 
 mod cycles;
 mod info;
+mod levels;
 mod library;
+mod marks;
 mod motion;
 mod mute;
 mod play;
 mod record;
+mod selftest;
 mod settings;
 mod settings_state;
 mod slot;
@@ -31,15 +34,23 @@ use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
 
 pub use cycles::{CycleRange, CycleReport};
 pub use info::{DeviceInfo, ProductName, Serial, VersionText};
+pub use levels::Levels;
 pub use library::{ActivateError, Activated, ListError, ListRequest, SceneInfo, TextureInfo};
+pub use marks::Marks;
 pub use motion::{MotionRefused, MotionSample};
 pub use mute::{MUTE_REASON_COUNT, MuteReason, MuteReasons};
 pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
 };
 pub use record::{
-    BLOCK_SAMPLES, PackedSample, RecordBlock, RecordError, RecordSample, RecordStarted,
+    BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
+};
+pub use selftest::{
+    CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, EncoderValues,
+    ErrorCorrectionValues, FLASH_TEST_BYTES, FlashValues, LOWEST_OUTPUT_CODE, OUTPUT_CODE_STEP,
+    OUTPUT_CODES, OptionByteValues, OutputValues, RAM_MONITORS, STEP_CODES, STEP_INSTANT_CYCLES,
+    STEP_INSTANTS, SelfTestError, SelfTestRequest, SelfTestValues, output_code,
 };
 pub use settings::{
     SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError, Tighter,
@@ -113,6 +124,7 @@ type MotionResult = Result<MotionSource, MotionRefused>;
 type RecordStartResult = Result<RecordStarted, RecordError>;
 type RecordStopResult = Result<RecordStopped, RecordError>;
 type SettingsResult = Result<Settings, SettingsError>;
+type SelfTestResult = Result<SelfTestValues, SelfTestError>;
 
 endpoints! {
     list = ENDPOINTS;
@@ -138,6 +150,7 @@ endpoints! {
     | SettingsGetEndpoint    | ()              | SettingsResult    | "stylus/settings/get"     |
     | SettingsSetEndpoint    | SettingChange   | SettingsResult    | "stylus/settings/set"     |
     | SettingsResetEndpoint  | ()              | SettingsResult    | "stylus/settings/reset"   |
+    | SelfTestEndpoint       | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
 }
 
 topics! {

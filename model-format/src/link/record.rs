@@ -8,6 +8,12 @@ use crate::AdcCode;
 /// Number of samples in a block.
 pub const BLOCK_SAMPLES: usize = 32;
 
+/// Codes from either end of the converter's range within which a force sensor counts as open, shorted or overloaded.
+///
+/// They are 4 standard deviations of 16 codes, because noise takes the code of a pin at the rail so far from it; 3.2 mV
+/// of 3.3 V. A sensor's zero, and its greatest force, have to lie between the rails.
+pub const RAIL_CODES: u16 = 64;
+
 /// The codes of one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecordSample {

@@ -5,8 +5,8 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    MUTE_REASON_COUNT, MotionSource, MuteReasons, Selection, SettingsState, SlotId, StartReport,
-    UploadState,
+    Levels, MUTE_REASON_COUNT, Marks, MotionSource, MuteReasons, Selection, SettingsState, SlotId,
+    StartReport, UploadState,
 };
 
 /// Width of one bin of the histogram, cycles.
@@ -152,7 +152,7 @@ impl core::fmt::Display for ResetReason {
 /// Kind of a fault that was caught.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum FaultKind {
-    /// HardFault, or a fault that escalated to it.
+    /// HardFault, or a usage fault that escalated to it.
     HardFault,
     /// Non-maskable interrupt: the flash has an error that cannot be corrected.
     Nmi,
@@ -168,6 +168,12 @@ pub enum FaultKind {
     ClockFailed,
     /// A stage of the start did not end; the watchdog followed. See [`StartReport::hung_stage`].
     StartHung,
+    /// The stack overflowed.
+    StackOverflow,
+    /// An access that the memory protection refused: see [`Fault::address`].
+    MemoryProtection,
+    /// An access that the bus refused: see [`Fault::address`].
+    BusFault,
 }
 
 /// Location of a panic, or other detail of a fault.
@@ -180,8 +186,10 @@ pub struct Fault {
     pub kind: FaultKind,
     /// Program counter, 0 if not known.
     pub program_counter: u32,
-    /// Status of the fault: CFSR for a HardFault, the number of an interrupt, 0 otherwise.
+    /// Status of the fault: CFSR for a fault of the processor, the number of an interrupt, 0 otherwise.
     pub detail: u32,
+    /// Address of the access that was refused, or to which the stack had come, if the processor knows it.
+    pub address: Option<u32>,
     /// File and line of a panic.
     pub text: FaultText,
 }
@@ -197,6 +205,10 @@ pub struct Status {
     pub tick: TickCounters,
     /// Durations of ticks.
     pub tick_histogram: TickHistogram,
+    /// Worst cases since the start.
+    pub marks: Marks,
+    /// Levels of the sensors.
+    pub levels: Levels,
     /// The recorder.
     pub record: RecordCounters,
     /// The USB link.

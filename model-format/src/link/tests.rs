@@ -204,6 +204,71 @@ fn play_errors() -> Vec<PlayError> {
     ]
 }
 
+fn self_test_values() -> Vec<SelfTestValues> {
+    let count = ClockCount {
+        periods: u32::MAX,
+        cycles: u64::MAX,
+    };
+    std::vec![
+        SelfTestValues::Chip(ChipValues {
+            device: u16::MAX,
+            revision: u16::MAX,
+            unique_id: [u32::MAX; 3],
+            flash_kb: u16::MAX,
+            package: u8::MAX,
+        }),
+        SelfTestValues::OptionBytes(OptionByteValues {
+            status: u32::MAX,
+            banks_swapped: true,
+            writable_sectors: [u8::MAX; 2],
+            read_protected: [u32::MAX; 2],
+            secure: [u32::MAX; 2],
+            boot: u32::MAX,
+        }),
+        SelfTestValues::Clocks(ClockValues {
+            core_hz: u32::MAX,
+            timer_hz: u32::MAX,
+            low_speed: Some(count),
+            usb_frames: Some(count),
+            ticks: count,
+        }),
+        SelfTestValues::ErrorCorrection(ErrorCorrectionValues {
+            ram: [u8::MAX; RAM_MONITORS],
+            flash_corrected: [u32::MAX; 2],
+            flash_failed: [u32::MAX; 2],
+        }),
+        SelfTestValues::Output(OutputValues {
+            sums: [u32::MAX; OUTPUT_CODES],
+            noise: f32::MAX,
+            step_words: [u16::MAX; STEP_INSTANTS],
+            sample_cycles: u32::MAX,
+        }),
+        SelfTestValues::Encoder(EncoderValues {
+            count: u16::MAX,
+            levels: [true; 2],
+        }),
+        SelfTestValues::Flash(FlashValues {
+            slot: SlotId::B,
+            erase_us: u32::MAX,
+            not_erased: u32::MAX,
+            words: u32::MAX,
+            write_us: u32::MAX,
+            longest_write_us: u32::MAX,
+            wrong: u32::MAX,
+        }),
+    ]
+}
+
+fn self_test_errors() -> Vec<SelfTestError> {
+    std::vec![
+        SelfTestError::Playing,
+        SelfTestError::Uploading,
+        SelfTestError::ActiveSlot { slot: SlotId::B },
+        SelfTestError::NotEmpty { slot: SlotId::B },
+        SelfTestError::Hardware { what: text() },
+    ]
+}
+
 fn settings_errors() -> Vec<SettingsError> {
     let mut errors = std::vec![SettingsError::Playing, SettingsError::SupplyLow];
     for setting in Setting::ALL {
@@ -272,6 +337,7 @@ fn statuses() -> Vec<Status> {
         kind,
         program_counter: u32::MAX,
         detail: u32::MAX,
+        address: Some(u32::MAX),
         text: text(),
     };
     let status = |output, reset, fault, upload| Status {
@@ -289,6 +355,19 @@ fn statuses() -> Vec<Status> {
             shortest: u32::MAX,
             longest: u32::MAX,
             bins: [u32::MAX; TICK_BIN_COUNT],
+        },
+        marks: Marks {
+            stack_bytes: u32::MAX,
+            stack_used_bytes: u32::MAX,
+            longest_tick_delay_cycles: u32::MAX,
+            longest_critical_section_cycles: u32::MAX,
+            longest_watchdog_gap_us: u32::MAX,
+        },
+        levels: Levels {
+            samples: u32::MAX,
+            vibration_decibel: f32::MIN,
+            force_newton: f32::MAX,
+            force_noise_decibel: f32::MIN,
         },
         record: RecordCounters {
             recording: true,
@@ -338,6 +417,9 @@ fn statuses() -> Vec<Status> {
         FaultKind::ExecutorStopped,
         FaultKind::ClockFailed,
         FaultKind::StartHung,
+        FaultKind::StackOverflow,
+        FaultKind::MemoryProtection,
+        FaultKind::BusFault,
     ];
     let busy = UploadState::Receiving(upload_progress());
     let mut statuses = std::vec![status(
@@ -489,6 +571,13 @@ fn every_answer_comes_back_and_fits_a_frame() {
     to_host::<Response<RecordStopEndpoint>>([Ok(stopped), Err(RecordError::NotRecording)]);
     to_host::<Response<SettingsGetEndpoint>>([Ok(Settings::default())]);
     to_host::<Response<SettingsSetEndpoint>>(settings_errors().into_iter().map(Err));
+    to_host::<Response<SelfTestEndpoint>>(self_test_values().into_iter().map(Ok));
+    to_host::<Response<SelfTestEndpoint>>(self_test_errors().into_iter().map(Err));
+    let flash = SelfTestRequest::Flash {
+        slot: SlotId::B,
+        erases_library: true,
+    };
+    to_device([SelfTestRequest::Chip, SelfTestRequest::Output, flash]);
     to_host::<Response<SettingsResetEndpoint>>([Ok(Settings::default())]);
 }
 
@@ -657,6 +746,7 @@ fn errors_in_words() -> Vec<String> {
         .chain(words(activate_errors()))
         .chain(words(play_errors()))
         .chain(words(settings_errors()))
+        .chain(words(self_test_errors()))
         .chain(words([StopError::NotPlaying]))
         .chain(words([RecordError::Recording, RecordError::NotRecording]))
         .chain(words([MotionRefused::Speed, MotionRefused::Force]))

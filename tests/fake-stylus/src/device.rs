@@ -15,6 +15,7 @@ use model_format::link::{
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::TICKS_PER_MS;
 use stylus_app::control::{Control, Device};
+use stylus_app::player::Busy;
 use stylus_app::settings::SettingsStore;
 use stylus_app::slots::SlotStore;
 use stylus_app::storage::{LoadFault, Stage, Storage};
@@ -115,6 +116,14 @@ impl Stage for SharedControl {
 
     fn is_supply_low(&self) -> bool {
         self.borrow().is_supply_low()
+    }
+
+    fn begin_self_test(&mut self) -> Result<(), Busy> {
+        self.borrow_mut().begin_self_test()
+    }
+
+    fn end_self_test(&mut self) {
+        self.borrow_mut().end_self_test();
     }
 
     fn set_upload(&mut self, upload: UploadState) {

@@ -15,6 +15,8 @@ pub struct Hand {
     pub acceleration: Vec<[u16; 3]>,
     /// True if the wire of the force sensor is open, so that a pull-down takes its pin to the lower rail.
     pub is_open: bool,
+    /// Noise of the force's converter, codes to either side.
+    pub force_noise: u16,
 }
 
 impl Default for Hand {
@@ -25,11 +27,18 @@ impl Default for Hand {
             force_n: 0.0,
             acceleration: vec![[32_768; 3]],
             is_open: false,
+            force_noise: 0,
         }
     }
 }
 
 impl Hand {
+    /// Noise of the force's converter at `tick`, codes.
+    fn disturbance(&self, tick: u64) -> u16 {
+        let hashed = tick.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
+        (hashed % (2 * u64::from(self.force_noise) + 1)) as u16
+    }
+
     /// The converters' codes and the encoder's step at `tick`, under the default settings.
     pub fn sample(&self, tick: u64) -> RecordSample {
         let settings = Settings::default();
@@ -47,7 +56,7 @@ impl Hand {
             force: AdcCode(if self.is_open {
                 0
             } else {
-                force.round() as u16
+                force.round() as u16 + self.disturbance(tick)
             }),
             encoder_delta: (counts(tick + 1) - counts(tick)) as i16,
         }

@@ -9,13 +9,15 @@
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION,
-    PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
-    ResetReason, SCHEMA_HASH, Selection, Settings, SiliconRevision, StartReport, TickCounters,
+    ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource,
+    PROTOCOL_VERSION, PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError,
+    RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection, Settings, SiliconRevision,
+    StartReport, TickCounters,
 };
 use model_format::{FORMAT_VERSION, Library, OutputSample};
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
+use stylus_app::levels::Sums;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety::{Config, State};
 use stylus_app::status::Histogram;
@@ -23,6 +25,7 @@ use stylus_app::storage::LoadFault;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::BUDGET;
 
+use crate::board::Board;
 use crate::hand::Hand;
 
 /// Clock of the processor, Hz.
@@ -44,6 +47,7 @@ const HEALTHY_START: StartReport = StartReport {
 pub struct Prepared(Selection);
 
 /// The hardware's state, which tests may inspect.
+#[expect(clippy::struct_excessive_bools, reason = "each is a state of its own")]
 pub struct Hardware {
     /// The library in RAM, empty if there is none.
     ram: Vec<u8>,
@@ -79,6 +83,10 @@ pub struct Hardware {
     updates: CycleRange,
     /// Counters of the one link, which is a serial one.
     pub link: LinkCounters,
+    /// The board, as the self test measures it.
+    pub board: Board,
+    /// The encoder's counter.
+    encoder: u16,
     /// The hand that holds the stylus.
     pub hand: Hand,
     /// Number of samples to come that are lost before they reach the recorder.
@@ -141,6 +149,8 @@ impl Hardware {
             counted: 0,
             updates: CycleRange::NONE,
             link: LinkCounters::default(),
+            board: Board::default(),
+            encoder: 0,
             hand: Hand::default(),
             lose_samples: 0,
             tear_samples: 0,
@@ -163,6 +173,7 @@ impl Hardware {
         let sample = self.hand.sample(self.now);
         let whole = self.tear_samples == 0;
         self.tear_samples = self.tear_samples.saturating_sub(1);
+        self.encoder = self.encoder.wrapping_add_signed(sample.encoder_delta);
         self.sensors
             .read(self.now, sample.encoder_delta, sample.force, whole);
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
@@ -216,6 +227,11 @@ impl Hardware {
         !self.safety.is_at_rest()
     }
 
+    /// The encoder's counter, which wraps.
+    pub fn encoder_count(&self) -> u16 {
+        self.encoder
+    }
+
     /// The next whole block of the recording.
     pub fn next_block(&mut self) -> Option<RecordBlock> {
         self.recorder.next_block(self.now)
@@ -259,6 +275,20 @@ impl Device for Hardware {
             thermal_gain_permille: self.safety.thermal_gain_permille(),
             amplifier: true,
         }
+    }
+
+    fn marks(&self) -> Marks {
+        Marks {
+            stack_bytes: 48 << 10,
+            stack_used_bytes: 6 << 10,
+            longest_tick_delay_cycles: 400,
+            longest_critical_section_cycles: 300,
+            longest_watchdog_gap_us: 20_500,
+        }
+    }
+
+    fn sensor_sums(&self) -> Sums {
+        self.recorder.sums()
     }
 
     fn take_cycles(&mut self) -> CycleReport {

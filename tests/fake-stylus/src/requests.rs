@@ -12,7 +12,7 @@ use embassy_futures::yield_now;
 use model_format::link::{
     ActivateEndpoint, CyclesEndpoint, ENDPOINTS, InfoEndpoint, KeepAliveTopic, ListEndpoint,
     ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_HOST_FRAME_BYTES, MotionEndpoint, MotionTopic,
-    PlayEndpoint, RecordStartEndpoint, RecordStopEndpoint, SettingsGetEndpoint,
+    PlayEndpoint, RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SettingsGetEndpoint,
     SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
     TOPICS_IN, UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
     UploadCommitEndpoint, UploadProgressEndpoint,
@@ -23,6 +23,7 @@ use postcard_rpc::{Endpoint, Key, Topic};
 use serde::{Deserialize, Serialize};
 
 use crate::device::{SharedControl, Stores};
+use crate::self_test::BoardOf;
 
 /// Jobs that may wait for the storage, as in the image.
 const QUEUED_JOBS: usize = 4;
@@ -254,6 +255,10 @@ impl<'a> Asked<'a> {
         later!(SettingsResetEndpoint, |storage, stage, _nothing| storage
             .settings_reset(stage)
             .await);
+        later!(SelfTestEndpoint, |storage, stage, request| {
+            let mut board = BoardOf::new(stage.clone());
+            storage.self_test(stage, &mut board, request).await
+        });
         match key {
             UploadChunkEndpoint::REQ_KEY => self.hand_over_chunk(),
             MotionTopic::TOPIC_KEY => {

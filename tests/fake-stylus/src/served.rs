@@ -13,6 +13,7 @@ use postcard_rpc::header::{VarHeader, VarKey};
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::Device;
 
+use crate::board::Board;
 use crate::connection::Connection;
 use crate::device::{SharedControl, SteppedStylus};
 use crate::faults::Faults;
@@ -39,6 +40,7 @@ struct Inner {
     faults: Faults,
     heard: Vec<Heard>,
     hand: Hand,
+    board: Board,
     lose_samples: u32,
     tear_samples: u32,
     connections: usize,
@@ -106,6 +108,11 @@ impl FakeStylus {
     /// Puts it in another hand.
     pub fn set_hand(&self, hand: Hand) {
         lock(&self.inner).hand = hand;
+    }
+
+    /// Puts it on another board, for the self test.
+    pub fn set_board(&self, board: Board) {
+        lock(&self.inner).board = board;
     }
 
     /// Loses the next `samples` samples before they reach the recorder.
@@ -223,6 +230,7 @@ fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
     let mut control = control.borrow_mut();
     let device = control.device();
     device.hand = inner.hand.clone();
+    device.board = inner.board.clone();
     device.lose_samples += std::mem::take(&mut inner.lose_samples);
     device.tear_samples += std::mem::take(&mut inner.tear_samples);
     !inner.is_over

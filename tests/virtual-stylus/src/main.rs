@@ -52,8 +52,8 @@ struct Arguments {
     /// Channel of the converter to which the force sensor is connected
     #[arg(long, default_value_t = 5)]
     force_channel: u8,
-    /// Volts of the force sensor without force
-    #[arg(long, default_value_t = 0.0)]
+    /// Volts of the force sensor without force; at a rail it counts as not connected
+    #[arg(long, default_value_t = 0.206)]
     force_zero_volts: f64,
     /// Newtons per volt of the force sensor
     #[arg(long, default_value_t = 1.0)]

@@ -1,7 +1,10 @@
 //! Converter steps in fixed point, and rounding that adds neither energy nor a bias.
 
-/// Binary digits after the point of the values between the stages, which are in converter steps of 2^-16.
+/// Binary digits after the point of the values between the stages of a tick, which are in converter steps of 2^-16.
 pub const STEP_BITS: u32 = 16;
+
+/// Binary digits after the point of what the interpolator gives the stages of a code.
+pub const CODE_BITS: u32 = 15;
 
 /// `value` / 2^`bits`, truncated toward zero, for `bits` below 63.
 #[inline(always)]
@@ -10,10 +13,10 @@ pub fn shift_toward_zero(value: i64, bits: u32) -> i64 {
     (value + ((value >> 63) & below_one)) >> bits
 }
 
-/// The nearest whole step; `value` is at most twice the converter's range.
+/// The nearest whole step, for a `value` in 2^-[`CODE_BITS`] that is at most 2^30.
 #[inline(always)]
-pub fn round_to_step(value: i64) -> i32 {
-    ((value + (1 << (STEP_BITS - 1))) >> STEP_BITS) as i32
+pub fn round_to_step(value: i32) -> i32 {
+    (value + (1 << (CODE_BITS - 1))) >> CODE_BITS
 }
 
 /// `value`, or the nearer of `low` and `high`, which is not below `low`. Unlike `clamp` it has no branch that panics.

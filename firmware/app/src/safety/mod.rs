@@ -1,20 +1,29 @@
-//! Safety stages between a sample of the kernel and a code for the converter, so that no sample can harm the coil or
+//! Safety stages between a sample of the kernel and the codes for the converter, so that no sample can harm the coil or
 //! the hand.
 //!
 //! ```text
-//! OutputSample -> gain -> DC blocker -> mute ramp -> thermal limiter -> hard limit -> slew limit -> DacCode
-//!                                                         ^                                          |
-//!                                                         +--------------- coil model <--------------+
+//! each tick   OutputSample -> gain -> DC blocker -> mute ramp -> thermal limiter -> interpolator
+//!                                                                      ^                 |
+//!                                                                  coil model            v 8 per tick
+//!                                                                      |                 |
+//! each code                             DacCode <- slew limit <- hard limit <- noise shaper
 //! ```
-//! The ramp comes after the DC blocker, so that a muted output is at exactly mid-scale when the ramp has ended, without
-//! the blocker's tail. The coil's model is fed with the codes that are put out, not with its own input.
+//! Between the stages a sample has 16 binary digits below a converter's step; the noise shaper alone rounds to steps.
+//! The limits come last: they hold for every code. The coil's model is fed with the codes that are put out, not with
+//! its own input.
+//!
+//! The ramp comes after the DC blocker, so that a muted output is at exactly mid-scale when the ramp has ended and the
+//! interpolator is empty, without the blocker's tail.
 //!
 //! A sample takes integer arithmetic and the same path for all data. [`Config`] is computed from settings, in
 //! floating-point operations that IEEE 754 defines to the last bit, so that host and device put out the same codes.
 
 mod dc_blocker;
 mod fixed;
+mod interpolator;
+mod limits;
 mod ramp;
+mod shaper;
 mod thermal;
 
 use model_format::link::{Setting, Settings};
@@ -22,8 +31,11 @@ use model_format::{DacCode, OutputSample};
 
 use crate::SAMPLE_RATE_HZ;
 use dc_blocker::DcBlocker;
-use fixed::{STEP_BITS, round_to_step, within};
+use fixed::STEP_BITS;
+use interpolator::Interpolator;
+use limits::{Cut, LimitConfig, Pin};
 use ramp::{Ramp, RampConfig};
+use shaper::Shaper;
 use thermal::{CoilConfig, CoilState};
 
 pub use thermal::PEAK_POWER_RATIO;
@@ -47,10 +59,7 @@ pub struct Config {
     gain: i32,
     ramp: RampConfig,
     coil: CoilConfig,
-    /// Largest offset from mid-scale, converter steps.
-    limit: i32,
-    /// Largest change from one code to the next, converter steps.
-    slew: i32,
+    limits: LimitConfig,
 }
 
 impl Config {
@@ -61,33 +70,33 @@ impl Config {
         // From 2^-20 m/s² to 2^-16 steps is a division by 2^4.
         let scale = (1u32 << (GAIN_BITS - OutputSample::FRACTION_BITS + STEP_BITS)) as f32;
         let coil = CoilConfig::new(settings);
-        let limit = (settings.hard_limit().0 * per_step) as i32;
-        let slew_per_code = settings.get(Setting::SlewLimit) * 1e3 / PIN_RATE_HZ as f32;
         Self {
             // The conversion of a float saturates.
             gain: (steps_per_acceleration * scale) as i32,
             ramp: RampConfig::new(settings),
             coil,
-            limit: limit.min(coil.peak_limit()),
-            slew: ((slew_per_code * per_step) as i32).max(1),
+            limits: LimitConfig::new(settings, coil.peak_limit()),
         }
     }
 
     /// Largest offset of the output from mid-scale, converter steps: the hard limit, or the limit by
     /// [`PEAK_POWER_RATIO`].
     pub fn limit_steps(&self) -> i32 {
-        self.limit
+        self.limits.offset
     }
 
     /// Largest change from one code to the next, converter steps.
     pub fn slew_steps(&self) -> i32 {
-        self.slew
+        self.limits.slew
     }
 
-    /// Most samples from any output to exactly mid-scale after a mute.
+    /// Most ticks from any output to exactly mid-scale after a mute: the ramp, the interpolator's length, and the slew
+    /// limit's lag.
     pub fn mute_samples(&self) -> u32 {
-        // The slew limit may lag behind the end of the ramp, by at most the time from one limit to mid-scale.
-        self.ramp.down_samples() + (self.limit / self.slew) as u32 / OVERSAMPLING as u32 + 2
+        let ramp = self.ramp.down_samples();
+        let apart = shaper::LARGEST_DEVIATION;
+        let peak = interpolator::LARGEST_OUTPUT + apart;
+        ramp + interpolator::TICKS + self.limits.lag_ticks(ramp, peak, apart)
     }
 }
 
@@ -97,19 +106,20 @@ pub struct State {
     dc_blocker: DcBlocker,
     ramp: Ramp,
     coil: CoilState,
-    /// Last output, converter steps from mid-scale.
-    offset: i32,
+    interpolator: Interpolator,
+    shaper: Shaper,
+    pin: Pin,
     counters: Counters,
 }
 
-/// Numbers of samples that the safety stages changed.
+/// Numbers of ticks at which the safety stages changed the signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Samples that the hard limit cut.
+    /// Ticks with a code that the hard limit cut.
     pub hard_limited: u32,
-    /// Samples that the slew limit held back.
+    /// Ticks with a code that the slew limit held back.
     pub slew_limited: u32,
-    /// Samples that the thermal limiter attenuated.
+    /// Ticks at which the thermal limiter attenuated.
     pub thermally_limited: u32,
 }
 
@@ -127,7 +137,9 @@ impl State {
             dc_blocker: DcBlocker::new(),
             ramp: Ramp::new(),
             coil: CoilState::new(),
-            offset: 0,
+            interpolator: Interpolator::new(),
+            shaper: Shaper::new(),
+            pin: Pin::at(0),
             counters: Counters {
                 hard_limited: 0,
                 slew_limited: 0,
@@ -152,18 +164,20 @@ impl State {
         let without_dc = self.dc_blocker.next(amplified);
         let ramped = self.ramp.next(config.ramp, without_dc, muted);
         let (cooled, attenuated) = self.coil.attenuate(ramped);
-        let requested = round_to_step(cooled);
-        let limited = within(requested, -config.limit, config.limit);
-        let mut held_back = false;
-        let codes = core::array::from_fn(|_| {
-            let (low, high) = (self.offset - config.slew, self.offset + config.slew);
-            self.offset = within(limited, low, high);
-            held_back |= self.offset != limited;
-            self.coil.follow(config.coil, self.offset);
-            DacCode::from_mid_scale(self.offset)
+        let wanted = self.interpolator.next(cooled as i32);
+        self.shaper.forget_if(self.interpolator.is_empty());
+        let mut pin = self.pin.under(config.limits);
+        let (mut energy, mut cut) = (0, Cut::default());
+        let codes = wanted.map(|wanted| {
+            let requested = self.shaper.next(wanted);
+            let offset = pin.next(config.limits, requested, &mut cut);
+            energy += offset.unsigned_abs().pow(2);
+            DacCode::from_mid_scale(offset)
         });
+        self.pin = pin;
+        self.coil.follow(config.coil, energy);
         self.counters
-            .count(requested != limited, held_back, attenuated);
+            .count(cut.is_hard(), cut.is_slew(), attenuated);
         codes
     }
 
@@ -172,15 +186,16 @@ impl State {
     /// After a tick that came late, that is not the last code that was computed, and the slew limit holds at the pin.
     #[inline(always)]
     pub fn continue_from(&mut self, offset: i32) {
-        self.offset = offset;
+        self.pin = Pin::at(offset);
     }
 
-    /// Returns true if the output is at mid-scale and the ramp at its lower end, so that the voices can be exchanged.
+    /// Returns true if the output is at mid-scale to stay, because the ramp is at its lower end and nothing is left in
+    /// the interpolator: so that the voices can be exchanged.
     pub fn is_at_rest(&self) -> bool {
-        self.offset == 0 && self.ramp.is_down()
+        self.pin.is_mid_scale() && self.interpolator.is_empty() && self.ramp.is_down()
     }
 
-    /// Numbers of samples changed.
+    /// Numbers of ticks at which the signal was changed.
     pub fn counters(&self) -> Counters {
         self.counters
     }

@@ -11,6 +11,9 @@ const RATE: f64 = SAMPLE_RATE_HZ as f64;
 /// Codes per second at the pin.
 const PIN_RATE: f64 = RATE * OVERSAMPLING as f64;
 
+/// Delay of the interpolator at low frequencies, codes.
+const DELAY_CODES: f64 = 13.5;
+
 /// The codes of one tick at mid-scale.
 const REST: [DacCode; OVERSAMPLING] = [DacCode::MID_SCALE; OVERSAMPLING];
 
@@ -140,6 +143,34 @@ fn sine(amplitude: f64, hertz: f64, n: u32) -> OutputSample {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
+    /// As no device does it, which mutes before settings change. Only the slew limit yields to a lower hard limit.
+    #[test]
+    fn a_change_of_settings_in_the_middle_of_playing_keeps_every_other_limit_and_overflows_nothing(
+        all in prop::collection::vec((any_settings(), 0.0f32..=4.0, any_input()), 2..4),
+    ) {
+        let mut state = State::new();
+        for (settings, gain, input) in &all {
+            let config = Config::new(settings, *gain);
+            let mut before = None;
+            for (sample, muted) in samples(input) {
+                for now in offsets(state.process(&config, sample, muted)) {
+                    prop_assert!(now.abs() <= config.limit_steps());
+                    prop_assert!(power(settings, now) <= f64::from(PEAK_POWER_RATIO) * 1.0001);
+                    if let Some(before) = before.replace(now) {
+                        prop_assert!((now - before).abs() <= config.slew_steps());
+                    }
+                }
+            }
+        }
+        // Whatever was before: what the last settings mute is silent as they say.
+        let (settings, gain, _) = all.last().expect("there are two");
+        let config = Config::new(settings, *gain);
+        for _ in 0..config.mute_samples() {
+            state.process(&config, OutputSample(i32::MIN), true);
+        }
+        prop_assert!(state.is_at_rest());
+    }
+
     #[test]
     fn no_input_goes_beyond_the_limits_or_changes_faster(
         settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(),
@@ -197,6 +228,24 @@ proptest! {
     }
 
     #[test]
+    fn an_output_that_is_at_rest_stays_at_mid_scale_while_it_is_muted(
+        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(),
+    ) {
+        let config = Config::new(&settings, gain);
+        let mut state = State::new();
+        for (sample, muted) in samples(&input) {
+            let [.., last] = state.process(&config, sample, muted);
+            if state.is_at_rest() {
+                prop_assert_eq!(last, DacCode::MID_SCALE);
+                let mut copy = state;
+                for _ in 0..20 {
+                    prop_assert_eq!(copy.process(&config, OutputSample(i32::MIN), true), REST);
+                }
+            }
+        }
+    }
+
+    #[test]
     fn silence_is_exactly_mid_scale_in_bounded_time(settings in any_settings(), input in any_input()) {
         let config = Config::new(&settings, 1.0);
         let mut state = State::new();
@@ -240,13 +289,15 @@ fn within_the_limits_the_output_is_the_input_times_the_gain() {
     let mut state = State::new();
     // 0.05 V per m/s² and 20 m/s² are 1 V.
     for n in 0..SAMPLE_RATE_HZ {
-        let sample = sine(20.0, 100.0, n);
-        let [.., last] = offsets(state.process(&config, sample, false));
-        let volt = f64::from(last) * f64::from(DacCode::STEP.0);
-        let expected = 0.05 * f64::from(sample.metres_per_second_squared().0);
+        let codes = offsets(state.process(&config, sine(20.0, 100.0, n), false));
         // At 100 Hz a corner of 2 Hz turns the phase by 0.02 rad.
-        if n > SAMPLE_RATE_HZ / 2 {
-            assert!((volt - expected).abs() < 0.025, "{n}: {volt} {expected}");
+        for (code, offset) in (n * OVERSAMPLING as u32..).zip(codes) {
+            let volt = f64::from(offset) * f64::from(DacCode::STEP.0);
+            let seconds = (f64::from(code) - DELAY_CODES) / PIN_RATE;
+            let expected = (core::f64::consts::TAU * 100.0 * seconds).sin();
+            if n > SAMPLE_RATE_HZ / 2 {
+                assert!((volt - expected).abs() < 0.025, "{n}: {volt} {expected}");
+            }
         }
     }
     let counters = state.counters();
@@ -300,7 +351,8 @@ fn a_soft_start_rises_in_its_time_and_a_mute_falls_in_its() {
         "{} of {full}",
         fall[4]
     );
-    assert!(fall[11..].iter().all(|&level| level == 0), "{fall:?}");
+    // After the 100 ticks of the ramp the interpolator needs 13 more.
+    assert!(fall[12..].iter().all(|&level| level == 0), "{fall:?}");
 }
 
 #[test]
@@ -358,6 +410,7 @@ fn the_same_input_gives_the_same_codes() {
 fn counters_count_what_was_changed() {
     let settings = with(&[
         (Setting::HardLimit, 0.1),
+        (Setting::SlewLimit, 16.0),
         (Setting::SoftStart, 1.0),
         (Setting::OutputGain, 1.0),
     ]);

@@ -24,13 +24,18 @@ pub fn enable() {
 }
 
 /// Sets the amplifier off at once, until [`enable`].
-#[allow(dead_code, reason = "for states in which nothing may be played")]
 pub fn disable() {
     WANTED.store(false, Ordering::Relaxed);
     off_now();
 }
 
+/// Returns true while the amplifier is to be on, from [`enable`] to [`disable`].
+pub fn is_wanted() -> bool {
+    WANTED.load(Ordering::Relaxed)
+}
+
 /// Returns true while the amplifier is on.
+#[inline(always)]
 pub fn is_on() -> bool {
     ON.load(Ordering::Relaxed)
 }

@@ -20,6 +20,7 @@
 //! `boot/startup.rs` turns the channel on, at mid-scale and with TIM7's trigger selected, before anything else runs.
 
 pub mod amplifier;
+pub mod by_hand;
 mod ring;
 
 use embassy_stm32::pac::dma::vals::{Dir, Pl, Size};
@@ -28,7 +29,7 @@ use embassy_stm32::pac::{DAC1, DMA1, DMAMUX1, RCC, TIM7};
 use embassy_stm32::peripherals::{DMA1_CH0, DMA1_CH1, PE9};
 use embassy_stm32::{Peri, peripherals, rcc};
 use model_format::DacCode;
-use stylus_app::ring::{ERASED_BEHIND, FADED, HELD, LENGTH, Slot, faded};
+use stylus_app::ring::{ERASED_BEHIND, FADED_SLOTS, HELD_SLOTS, LENGTH, Slot, faded};
 use stylus_app::safety::{OVERSAMPLING, PIN_RATE_HZ};
 
 use crate::boot::clock::TIMER_HZ;
@@ -119,10 +120,10 @@ impl Output {
         if self.standing >= MOST_STANDING {
             panic!("output: DMA takes no codes");
         }
-        if ring::get(slot.erased()) != ring::MID_SCALE {
+        if ring::first(slot.erased()) != ring::MID_SCALE {
             panic!("output: DMA does not erase");
         }
-        let before = ring::get(slot.before()) as i32 - ring::MID_SCALE as i32;
+        let before = ring::last(slot.before()) as i32 - ring::MID_SCALE as i32;
         Next {
             slot,
             before,
@@ -134,16 +135,15 @@ impl Output {
     /// the first code.
     #[inline(always)]
     pub fn write(&mut self, Next { slot, .. }: Next, codes: [DacCode; OVERSAMPLING]) -> bool {
-        for (place, code) in codes.into_iter().enumerate() {
-            ring::set(slot.index(place), u32::from(code.get()));
-        }
+        ring::fill(slot, codes.map(|code| u32::from(code.get())));
         let [.., last] = codes;
         let held = u32::from(last.get());
-        for place in 0..HELD {
-            ring::set(slot.index(OVERSAMPLING + place), held);
+        for others in 0..HELD_SLOTS {
+            ring::fill(slot.after(1 + others), [held; OVERSAMPLING]);
         }
-        for place in 0..FADED {
-            ring::set(slot.index(OVERSAMPLING + HELD + place), faded(last, place));
+        for others in 0..FADED_SLOTS {
+            let faded = faded(last, others);
+            ring::fill(slot.after(1 + HELD_SLOTS + others), faded);
         }
         self.last = held as i32 - ring::MID_SCALE as i32;
         // All is in memory before the look.
@@ -168,16 +168,27 @@ pub fn start(hardware: Hardware) {
         amplifier: _amplifier,
     } = hardware;
     mid_scale_now();
-    // Clocks of the ring's memory (RM0433 section 8.7.42) and of the streams.
-    RCC.ahb2enr().modify(|w| w.set_sram1en(true));
-    RCC.ahb1enr().modify(|w| w.set_dma1en(true));
-    let _ = RCC.ahb1enr().read();
+    start_clocks();
     ring::clear();
     set_up_streams();
     // Of the converter's registers only these may change while it is on; TSEL may not (RM0433 section 26.4.7).
     DAC1.cr().modify(|w| w.set_ten(CHANNEL, true));
     DAC1.cr().modify(|w| w.set_dmaen(CHANNEL, true));
     start_timer();
+}
+
+/// Starts the clocks of the ring's memory (RM0433 section 8.7.42) and of the streams, and lets all clocks of the output
+/// run while the core sleeps.
+fn start_clocks() {
+    RCC.ahb2enr().modify(|w| w.set_sram1en(true));
+    RCC.ahb1enr().modify(|w| w.set_dma1en(true));
+    RCC.ahb2lpenr().modify(|w| w.set_sram1lpen(true));
+    RCC.ahb1lpenr().modify(|w| w.set_dma1lpen(true));
+    RCC.apb1llpenr().modify(|w| {
+        w.set_tim7lpen(true);
+        w.set_dac12lpen(true);
+    });
+    let _ = RCC.apb1llpenr().read();
 }
 
 /// Lets the streams run; they wait for their first requests.
@@ -263,6 +274,12 @@ pub fn mid_scale_now() {
     DAC1.cr().modify(|w| w.set_ten(CHANNEL, false));
     DAC1.dhr12r(CHANNEL)
         .write(|w| w.set_dhr(DacCode::MID_SCALE.get()));
+}
+
+/// Returns true if `code` is at the converter's output.
+#[inline(always)]
+pub fn is_out(code: DacCode) -> bool {
+    DAC1.dor(CHANNEL).read().dor() == code.get()
 }
 
 /// Returns true if the converter drives its pin with mid-scale now, and trigger, stream and timer are on.

@@ -7,27 +7,28 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use model_format::DacCode;
-use stylus_app::ring::LENGTH;
+use stylus_app::ring::{SLOTS, Slot};
+use stylus_app::safety::OVERSAMPLING;
 
 /// The code without current, as a word.
 pub const MID_SCALE: u32 = DacCode::MID_SCALE.get() as u32;
 
 /// The memory, which begins with noise.
 struct Memory {
-    codes: [AtomicU32; LENGTH],
+    slots: [[AtomicU32; OVERSAMPLING]; SLOTS],
     /// What the eraser writes.
     mid_scale: AtomicU32,
 }
 
 #[unsafe(link_section = ".sram1.output_ring")]
 static MEMORY: Memory = Memory {
-    codes: [const { AtomicU32::new(0) }; LENGTH],
+    slots: [const { [const { AtomicU32::new(0) }; OVERSAMPLING] }; SLOTS],
     mid_scale: AtomicU32::new(0),
 };
 
 /// Address of the first code.
 pub fn address() -> u32 {
-    MEMORY.codes.as_ptr() as u32
+    MEMORY.slots.as_ptr() as u32
 }
 
 /// Address of the word that the eraser writes.
@@ -37,20 +38,33 @@ pub fn eraser_address() -> u32 {
 
 /// Sets all codes to mid-scale.
 pub fn clear() {
-    for code in MEMORY.codes.iter().chain([&MEMORY.mid_scale]) {
+    for code in MEMORY.slots.iter().flatten().chain([&MEMORY.mid_scale]) {
         code.store(MID_SCALE, Ordering::Relaxed);
     }
     cortex_m::asm::dsb();
 }
 
-/// The code at `index`, which the callers keep below [`LENGTH`].
+/// The first code of `slot`.
 #[inline(always)]
-pub fn get(index: usize) -> u32 {
-    MEMORY.codes[index % LENGTH].load(Ordering::Relaxed)
+pub fn first(slot: Slot) -> u32 {
+    codes(slot)[0].load(Ordering::Relaxed)
 }
 
-/// Sets the code at `index`, which the callers keep below [`LENGTH`].
+/// The last code of `slot`.
 #[inline(always)]
-pub fn set(index: usize, code: u32) {
-    MEMORY.codes[index % LENGTH].store(code, Ordering::Relaxed);
+pub fn last(slot: Slot) -> u32 {
+    codes(slot)[OVERSAMPLING - 1].load(Ordering::Relaxed)
+}
+
+/// Writes the codes of `slot`.
+#[inline(always)]
+pub fn fill(slot: Slot, written: [u32; OVERSAMPLING]) {
+    for (code, value) in codes(slot).iter().zip(written) {
+        code.store(value, Ordering::Relaxed);
+    }
+}
+
+#[inline(always)]
+fn codes(slot: Slot) -> &'static [AtomicU32; OVERSAMPLING] {
+    &MEMORY.slots[slot.number() % SLOTS]
 }

@@ -2,8 +2,8 @@
 
 use host_tools::support::error::Result;
 use model_format::link::{
-    Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, LinkCounters, MotionSource, MuteReason,
-    OutputStatus, StartReport, Status, UploadState,
+    Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, Levels, LinkCounters, Marks,
+    MotionSource, MuteReason, OutputStatus, SettingsState, StartReport, Status, UploadState,
 };
 use serde::Serialize;
 
@@ -58,16 +58,9 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         format!("up       {}", uptime(status)),
     ];
     if let Some(fault) = &status.fault {
-        lines.push(format!(
-            "FAULT    {:?} at {:#010x}, detail {:#x} {}",
-            fault.kind, fault.program_counter, fault.detail, fault.text
-        ));
+        lines.push(self::fault(fault));
     }
-    if status.settings_faulty {
-        lines.push(
-            "SETTINGS could not be read, so the defaults are in use; set them again".to_owned(),
-        );
-    }
+    lines.extend(settings(&status.settings).map(|line| format!("SETTINGS {line}")));
     lines.extend(start(&status.start));
     let library = match status.active {
         Some(slot) => format!("slot {slot}, checksum {:08x}", status.library_crc32),
@@ -109,6 +102,11 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         status.tick.late_conversions,
         status.tick.late_outputs
     ));
+    lines.push(format!(
+        "marks    {}",
+        marks(&status.marks, status.tick_histogram.core_hz)
+    ));
+    lines.push(format!("sensors  {}", levels(&status.levels)));
     let histogram = histogram::draw(&status.tick_histogram);
     lines.push(format!(
         "tick time {}",
@@ -154,6 +152,67 @@ fn start(start: &StartReport) -> Vec<String> {
         );
     }
     lines
+}
+
+fn fault(fault: &Fault) -> String {
+    let address = fault.address.map_or(String::new(), |address| {
+        format!(", access to {address:#010x}")
+    });
+    format!(
+        "FAULT    {:?} at {:#010x}{address}, detail {:#x} {}",
+        fault.kind, fault.program_counter, fault.detail, fault.text
+    )
+}
+
+/// Worst cases since the start, for a processor with a clock of `core_hz`.
+fn marks(marks: &Marks, core_hz: u32) -> String {
+    let micros = |cycles: u32| f64::from(cycles) * 1e6 / f64::from(core_hz.max(1));
+    format!(
+        "stack {} of {} bytes; at most {:.2} µs from trigger to tick, {:.2} µs of masked interrupts, {:.1} ms between \
+         feeds of the watchdog",
+        marks.stack_used_bytes,
+        marks.stack_bytes,
+        micros(marks.longest_tick_delay_cycles),
+        micros(marks.longest_critical_section_cycles),
+        f64::from(marks.longest_watchdog_gap_us) / 1e3
+    )
+}
+
+fn levels(levels: &Levels) -> String {
+    if levels.samples == 0 {
+        return "no levels yet".to_owned();
+    }
+    // Levels are in decibel re a millionth of the unit.
+    let unit = |decibel: f32| 10f64.powf(f64::from(decibel) / 20.0 - 6.0);
+    format!(
+        "vibration {:.1} dB re 1 µm/s² ({:.3} m/s² RMS); force {:.3} N, noise {:.1} dB re 1 µN ({:.4} N RMS)",
+        levels.vibration_decibel,
+        unit(levels.vibration_decibel),
+        levels.force_newton,
+        levels.force_noise_decibel,
+        unit(levels.force_noise_decibel)
+    )
+}
+
+/// Everything about the settings that someone should know, one line each.
+pub fn settings(state: &SettingsState) -> impl Iterator<Item = String> + use<> {
+    let refusal = state.check_playable().err();
+    let differing = (!state.differing.is_empty()).then(|| {
+        format!(
+            "{}: the copies in flash differed, so the tighter value holds; check it, then set it again",
+            state.differing
+        )
+    });
+    let mended = (state.mended && state.lost.is_empty()).then(|| {
+        "one of the two copies in flash was damaged or its writing interrupted; it was written anew".to_owned()
+    });
+    let unwritable = state.unwritable.then(|| {
+        "the flash did not take the last change; try again, then `stylus settings reset`".to_owned()
+    });
+    let refusal = refusal.map(|refusal| format!("nothing plays: {refusal}"));
+    [refusal, differing, mended, unwritable]
+        .into_iter()
+        .flatten()
 }
 
 fn uptime(status: &Status) -> String {

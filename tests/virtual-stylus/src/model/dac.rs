@@ -93,6 +93,7 @@ pub struct Dac {
     underruns: u64,
     raised: bool,
     driven: bool,
+    latest: Option<Output>,
     record: Vec<Output>,
     sink: Option<Sink>,
 }
@@ -122,6 +123,11 @@ impl Dac {
     /// Sends every output from now on to `sink`, and keeps none.
     pub fn send_to(&mut self, sink: Sink) {
         self.sink = Some(sink);
+    }
+
+    /// The latest output of channel 1.
+    pub fn latest(&self) -> Option<Output> {
+        self.latest
     }
 
     /// The present output of channel 1.
@@ -237,6 +243,7 @@ impl Dac {
             code: self.pin(),
             cause,
         };
+        self.latest = Some(output);
         match &mut self.sink {
             Some(sink) => sink(output),
             None => self.record.push(output),

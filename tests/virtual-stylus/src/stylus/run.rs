@@ -18,7 +18,7 @@ use crate::core::Audit;
 use crate::error::{Error, Result};
 use crate::model::adc::{Pins, Sample};
 use crate::model::dac::Output;
-use crate::model::flash::{Contents, Moment, Operation};
+use crate::model::flash::{Contents, Moment, Operation, Stalls};
 use crate::model::pin::Driven;
 use crate::model::usb::host::Host as UsbHost;
 use crate::motion::Motion;
@@ -183,6 +183,14 @@ impl VirtualStylus {
         self.board(move |board| board.part.encoder.around.set_motion(motion, now_ns))
     }
 
+    /// Disturbs both tracks of the encoder at each of `instants` by pulses of `width_ns`, see `Quadrature::disturb`.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn disturb_encoder(&mut self, instants: Vec<u64>, width_ns: u64) -> Result<()> {
+        self.board(move |board| board.part.encoder.around.disturb(instants, width_ns))
+    }
+
     /// Keeps every sample of the converter's injected sequence from now on.
     ///
     /// # Errors
@@ -272,12 +280,37 @@ impl VirtualStylus {
         self.ask(|_, hands, _| hands.unreadable.failures())
     }
 
+    /// Accesses that waited for a busy bank of the flash.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn flash_stalls(&mut self) -> Result<Stalls> {
+        self.ask(|_, hands, _| hands.busy.stalls())
+    }
+
     /// The resets of the part, the first power-on left out.
     ///
     /// # Errors
     /// The run is over.
     pub fn resets(&mut self) -> Result<Vec<Reset>> {
         self.ask(|session, _, _| resets(session))
+    }
+
+    /// Stops the external clock.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn fail_external_clock(&mut self) -> Result<()> {
+        let now = VirtualNanos(self.now_ns);
+        self.board(move |board| board.part.fail_external_clock(now))
+    }
+
+    /// Sets the supply, in millivolts.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn set_supply(&mut self, millivolts: u32) -> Result<()> {
+        self.board(move |board| board.part.rest.set_supply(millivolts))
     }
 
     /// Resets the part by its pin.

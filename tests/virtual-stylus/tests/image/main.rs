@@ -10,6 +10,8 @@ mod faults;
 mod frames;
 mod library;
 mod link;
+mod marks;
+mod output;
 /// Blocks of a page; the file is that of the tasks.
 #[path = "../../../../host-tools/tasks/src/tables/page.rs"]
 mod page;
@@ -17,6 +19,8 @@ mod play;
 mod power;
 mod record;
 mod scenes;
+mod self_test;
+mod start;
 mod ticks;
 mod upload;
 mod usb;

@@ -2,6 +2,7 @@
 
 use model_format::Library;
 use model_format::link::{MotionSource, RecordStartEndpoint, RecordStopEndpoint, StopEndpoint};
+use virtual_stylus::Options;
 use virtual_stylus::model::dac::Cause;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::pins::FunctionPins;
@@ -10,9 +11,9 @@ use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS};
 use crate::expected::{Heard, Recorded, explain};
 use crate::library;
 
-/// Code of the ADC for a force, by default at 2 N/V.
+/// Code of the ADC for a force, by default at 2 N/V above a zero at a sixteenth of the range.
 pub fn force_code(newton: f64) -> u16 {
-    (newton / 2.0 / 3.3 * 65_536.0) as u16
+    4_096 + (newton / 2.0 / 3.3 * 65_536.0) as u16
 }
 
 /// Pins with a force that goes up and down over the grid, and an accelerometer whose axes differ.
@@ -28,7 +29,7 @@ fn pins() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
 
 /// Codes at the output before those of the first tick: the timer of the codes runs for 17 of them before the tick's own
 /// timer starts and that tick's first code is due.
-const BEFORE_FIRST_TICK: usize = 17;
+pub const BEFORE_FIRST_TICK: usize = 17;
 
 /// The codes of each tick that were put out at the triggers, from the first tick on, after a check of their instants.
 pub fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
@@ -47,7 +48,11 @@ pub fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
 }
 
 fn plays_as_the_host_does(texture: &str) {
-    let mut device = Device::started(library::options());
+    // RAM holds what power-on leaves in it.
+    let mut device = Device::started(Options {
+        ram_noise: Some(2),
+        ..library::options()
+    });
     device.stylus.set_pins(pins()).expect("the run goes on");
     let start = device.stylus.now_ns();
     let knots = [

@@ -175,7 +175,8 @@ fn scenes() -> Vec<Scene> {
     ]
 }
 
-fn bytes() -> &'static [u8] {
+/// A library with all scenes.
+pub fn bytes() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
     BYTES.get_or_init(|| {
         use Structure::{DirectForm16, NormalisedLattice};
@@ -204,7 +205,7 @@ fn plan<'a>(library: &Library<'a>, scene: &str) -> Plan<'a> {
 }
 
 /// A force that presses and lifts, so that the tool taps repeatedly.
-fn tapping() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
+pub fn tapping() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
     FunctionPins(|channel, at_ns| {
         let phase = at_ns as f64 / 1e9 * std::f64::consts::TAU * 3.1;
         match channel {

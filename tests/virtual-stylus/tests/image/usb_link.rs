@@ -11,6 +11,7 @@ use virtual_stylus::model::usb::host::Host;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::usb_host::{Request, Timing};
 
+use crate::boot::is_rtc_selection;
 use crate::device::{BULK_IN, BULK_OUT, CODE_NS, Device, MS, SECOND, announced};
 use crate::library;
 
@@ -357,7 +358,7 @@ fn a_setting_or_configuration_that_is_chosen_again_begins_anew() {
     device.status();
     let report = device.stylus.report().expect("the run goes on");
     let told: Vec<_> = (report.told.iter())
-        .filter(|told| !told.starts_with("RCC."))
+        .filter(|told| !is_rtc_selection(told))
         .collect();
     assert!(told.is_empty(), "{told:?}");
 }
