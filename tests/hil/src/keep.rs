@@ -1,7 +1,7 @@
 //! The user's settings and libraries: saved before, restored after.
 //!
-//! A device does not give a library back, so what its slots hold is overwritten; a file of the user's can be uploaded at
-//! the end.
+//! A device does not give a library back, so what its slots hold is overwritten; a file of the user's can be uploaded
+//! at the end.
 
 use std::path::PathBuf;
 
@@ -100,7 +100,7 @@ fn silence(bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-/// What the run will overwrite, as text; empty if there is nothing.
+/// The libraries that the run will overwrite, as text; empty if there are none.
 ///
 /// # Errors
 /// The link fails.

@@ -19,7 +19,7 @@ const STRUCTURES: [(Structure, &str); 3] = [
 const LATTICE: u8 = 3;
 const DIRECT: u8 = LATTICE + 2 * COUNTED_ORDERS.len() as u8;
 
-/// What is played and measured, with the library that holds it.
+/// Textures and scenes that are played and measured, with the library that holds them.
 #[derive(Clone, Debug)]
 pub struct Played {
     /// The library's bytes.

@@ -69,10 +69,7 @@ fn subjects(bench: &mut Bench, plan: &Plan, played: &Played) -> Result<()> {
         }
         Ok(())
     })?;
-    subject(bench, "output", |bench| {
-        output::check(bench);
-        Ok(())
-    })?;
+    subject(bench, "output", output::check)?;
     subject(bench, "faults", |bench| faults::check(bench, plan.is_brief))
 }
 

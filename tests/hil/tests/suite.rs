@@ -200,8 +200,7 @@ fn a_device_that_refuses_is_a_failure_of_each_subject_and_not_the_end_of_the_run
     let mut bench = of(device);
     std::thread::scope(|scope| {
         scope.spawn(|| {
-            // The coil's settings come first.
-            wait_for(&stylus, "stylus/settings/set", 4);
+            wait_for(&stylus, "stylus/upload/begin", 1);
             stylus.fail(Faults {
                 busy: true,
                 ..Faults::default()
@@ -215,7 +214,7 @@ fn a_device_that_refuses_is_a_failure_of_each_subject_and_not_the_end_of_the_run
         .filter(|line| line.verdict == Verdict::Failed)
         .map(|line| line.subject)
         .collect();
-    for subject in ["settings", "upload", "play", "end"] {
+    for subject in ["upload", "play", "endurance", "cycles", "end"] {
         assert!(subjects.contains(&subject), "{subjects:?}");
     }
 }

@@ -19,7 +19,7 @@ const CLOCK_PPM: f64 = 1_000.0;
 /// Shortest run in which the clocks are compared, ms.
 const CLOCK_MS: u64 = 30_000;
 
-/// What happened while it played.
+/// Outcome of playing, streaming and uploading together.
 struct Outcome {
     uploads: u32,
     holes: u32,

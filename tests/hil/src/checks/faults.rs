@@ -23,7 +23,7 @@ const NO_FAULT: u8 = 0;
 const LONG_TICK: u8 = 1;
 
 /// Faults that end in a reset: number, name, reason of the reset, kind in the status.
-const ENDING: [(u8, &str, ResetReason, FaultKind); 8] = [
+const ENDING: [(u8, &str, ResetReason, FaultKind); 16] = [
     (4, "a panic", ResetReason::Fault, FaultKind::Panic),
     (
         9,
@@ -61,6 +61,54 @@ const ENDING: [(u8, &str, ResetReason, FaultKind); 8] = [
         "a task that hangs",
         ResetReason::Watchdog,
         FaultKind::ExecutorStopped,
+    ),
+    (
+        32,
+        "a stack that a task overflows",
+        ResetReason::Fault,
+        FaultKind::StackOverflow,
+    ),
+    (
+        33,
+        "a stack that the update overflows",
+        ResetReason::Fault,
+        FaultKind::StackOverflow,
+    ),
+    (
+        34,
+        "a write to address 0",
+        ResetReason::Fault,
+        FaultKind::MemoryProtection,
+    ),
+    (
+        35,
+        "a read of address 0",
+        ResetReason::Fault,
+        FaultKind::MemoryProtection,
+    ),
+    (
+        36,
+        "a write to the code in ITCM",
+        ResetReason::Fault,
+        FaultKind::MemoryProtection,
+    ),
+    (
+        37,
+        "a write to the code in flash",
+        ResetReason::Fault,
+        FaultKind::MemoryProtection,
+    ),
+    (
+        38,
+        "a jump to data",
+        ResetReason::Fault,
+        FaultKind::MemoryProtection,
+    ),
+    (
+        39,
+        "a read of external memory",
+        ResetReason::Fault,
+        FaultKind::MemoryProtection,
     ),
 ];
 
