@@ -168,11 +168,20 @@ fn a_crystal_that_is_off_and_a_low_speed_oscillator_that_is_off_are_found() {
 
 #[test]
 fn a_core_that_runs_too_fast_is_found_by_the_frames_of_usb() {
-    let mut device = Device::on_usb_with(Options::default(), |board| {
-        board.part.rest.rcc.attach_crystals(8_010_000, 32_768);
-    });
+    let mut options = Options::default();
+    options.electrical.clocks.external_hz = Some(8_010_000);
+    let mut device = Device::on_usb(options);
     let found = lines(&mut device, SelfTestRequest::Clocks);
     assert_eq!(failing(&found), ["core against USB"]);
+}
+
+#[test]
+fn a_start_on_the_internal_clock_is_named() {
+    let mut options = Options::default();
+    options.electrical.clocks.external_hz = None;
+    let mut device = Device::started(options);
+    let status = device.status();
+    assert_eq!(failing(&judge::state(&status)), ["clock"]);
 }
 
 #[test]
