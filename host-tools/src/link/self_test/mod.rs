@@ -28,6 +28,9 @@ const REST_S: f64 = 4.0;
 /// Duration of the recording of a movement, s.
 const MOVE_S: f64 = 5.0;
 
+/// Least number of blocks, of 6.4 ms each, between two looks at the encoder's lines.
+const LOOK_BLOCKS: u32 = 8;
+
 /// Interval between two requests while a recording streams.
 const PING_INTERVAL: Duration = Duration::from_millis(100);
 
@@ -160,6 +163,7 @@ fn movement(device: &Device) -> Result<(Capture, [[bool; 2]; 2])> {
     let mut seen = [[false; 2]; 2];
     let mut failure = None;
     let mut blocks = 0u32;
+    let mut next_look = LOOK_BLOCKS;
     let moved = capture(
         device,
         MOVE_S,
@@ -167,8 +171,9 @@ fn movement(device: &Device) -> Result<(Capture, [[bool; 2]; 2])> {
         || true,
         |_, _, _| {
             blocks += 1;
-            // Five times per second is often enough for a hand, and leaves the link to the recording.
-            if blocks.is_multiple_of(32) && failure.is_none() {
+            if blocks >= next_look && failure.is_none() {
+                // At uneven intervals, because a steady motion could be in step with even ones.
+                next_look = blocks + LOOK_BLOCKS + blocks * 7 % 5;
                 match device.self_test(SelfTestRequest::Encoder) {
                     Ok(SelfTestValues::Encoder(EncoderValues { levels, .. })) => {
                         for (line, level) in seen.iter_mut().zip(levels) {

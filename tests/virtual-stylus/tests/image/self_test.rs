@@ -7,6 +7,7 @@ use model_format::link::{
     RecordStopEndpoint, SelfTestEndpoint, SelfTestError, SelfTestRequest, SelfTestValues,
     SettingsGetEndpoint, SlotId, SlotState, StopEndpoint,
 };
+use postcard_rpc::Key;
 use virtual_stylus::Options;
 use virtual_stylus::board::StylusBoard;
 use virtual_stylus::model::pin::Drive;
@@ -14,7 +15,7 @@ use virtual_stylus::model::read_back::OutputPin;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::pins::FunctionPins;
 
-use crate::device::{CODE_NS, Device, MID_SCALE, MS, SECOND, play_request, product};
+use crate::device::{CODE_NS, Device, MID_SCALE, MS, SECOND, play_request, product, with_faults};
 use crate::library;
 
 /// A device on a board that `change` has changed before the power came on.
@@ -168,11 +169,67 @@ fn a_crystal_that_is_off_and_a_low_speed_oscillator_that_is_off_are_found() {
 
 #[test]
 fn a_core_that_runs_too_fast_is_found_by_the_frames_of_usb() {
-    let mut device = Device::on_usb_with(Options::default(), |board| {
-        board.part.rest.rcc.attach_crystals(8_010_000, 32_768);
-    });
+    let mut options = Options::default();
+    options.electrical.clocks.external_hz = Some(8_010_000);
+    let mut device = Device::on_usb(options);
     let found = lines(&mut device, SelfTestRequest::Clocks);
     assert_eq!(failing(&found), ["core against USB"]);
+}
+
+#[test]
+fn a_start_on_the_internal_clock_is_named() {
+    let mut options = Options::default();
+    options.electrical.clocks.external_hz = None;
+    let mut device = Device::started(options);
+    let status = device.status();
+    assert_eq!(failing(&judge::state(&status)), ["clock"]);
+}
+
+#[test]
+fn marks_beyond_their_bounds_and_counters_are_named() {
+    let mut device = Device::started(Options::default());
+    let healthy = device.status();
+    assert_eq!(failing(&judge::state(&healthy)), [""; 0]);
+    let mut status = healthy.clone();
+    status.marks.stack_used_bytes = status.marks.stack_bytes;
+    status.marks.longest_tick_delay_cycles = status.tick_histogram.core_hz / 20_000;
+    status.marks.longest_critical_section_cycles = status.tick_histogram.core_hz / 20_000;
+    status.marks.longest_watchdog_gap_us = 200_000;
+    let named = [
+        "stack used",
+        "trigger to tick",
+        "masked interrupts",
+        "watchdog gap",
+    ];
+    assert_eq!(failing(&judge::state(&status)), named);
+    let mut status = healthy;
+    status.start.safe_mode = true;
+    status.start.supply_low = true;
+    status.tick.late_frames = 1;
+    status.tick.late_conversions = 1;
+    status.tick_histogram.longest = status.tick_histogram.core_hz / 5_000;
+    let named = [
+        "safe mode",
+        "supply",
+        "frames late since the start",
+        "conversions late since the start",
+        "longest tick",
+    ];
+    assert_eq!(failing(&judge::state(&status)), named);
+}
+
+#[test]
+fn ticks_that_were_missed_are_named() {
+    let mut device = Device::new(&with_faults(), Options::default());
+    device.wait_for_start();
+    // A tick that takes longer than its period.
+    const LONG_TICK: u8 = 1;
+    device.send_frame(Key::for_path::<u8>("stylus/fault-injection"), &LONG_TICK);
+    device.run_for(50 * MS);
+    let found = judge::state(&device.status());
+    let found = failing(&found);
+    assert!(found.contains(&"ticks missed since the start"), "{found:?}");
+    assert!(found.contains(&"longest tick"), "{found:?}");
 }
 
 #[test]

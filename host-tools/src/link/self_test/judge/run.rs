@@ -3,13 +3,25 @@
 use std::time::Duration;
 
 use model_format::SAMPLE_RATE_HZ;
-use model_format::link::{BLOCK_SAMPLES, LinkCounters, Status};
+use model_format::link::{BLOCK_SAMPLES, ClockSource, LinkCounters, Marks, StartReport, Status};
 
 use crate::link::capture::Loss;
 use crate::link::self_test::line::Line;
 
 /// Longest tick, per cent of its period.
 const TICK_PERCENT: f64 = 80.0;
+
+/// Share of the stack that was ever used, per cent.
+const STACK_PERCENT: f64 = 75.0;
+
+/// Longest delay from the timer's trigger to the tick, µs: the tick has 29 µs to read its row, less its own reading.
+const TICK_DELAY_US: f64 = 20.0;
+
+/// Longest critical section, µs: it delays a tick as long.
+const MASKED_US: f64 = 15.0;
+
+/// Longest time between two feeds of the watchdog, ms, of the 250 after which it bites.
+const WATCHDOG_GAP_MS: f64 = 125.0;
 
 /// Longest round trip of a request while a recording streams, ms, and the median of all.
 const ROUND_TRIP_MS: [f64; 2] = [500.0, 100.0];
@@ -47,7 +59,9 @@ pub fn state(status: &Status) -> Vec<Line> {
         Some(fault) => format!("{:?} at {:#010x}", fault.kind, fault.program_counter),
         None => "none".to_owned(),
     };
-    vec![
+    let mut lines = started(&status.start);
+    lines.extend(worst(&status.marks, histogram.core_hz));
+    lines.extend([
         Line::exact(
             "fault since power-on",
             fault,
@@ -76,6 +90,68 @@ pub fn state(status: &Status) -> Vec<Line> {
             (0.0, TICK_PERCENT),
             ("% of its period", 1),
             "play a simpler scene; if a texture alone is too long, report the build with the record of this test",
+        ),
+    ]);
+    lines
+}
+
+/// Judges the start.
+fn started(start: &StartReport) -> Vec<Line> {
+    vec![
+        Line::exact(
+            "clock",
+            start.clock.to_string(),
+            ClockSource::External.to_string(),
+            start.clock == ClockSource::External,
+            "the probe's 8 MHz did not come: power the board through the probe's USB (CN1), and restart",
+        ),
+        Line::exact(
+            "safe mode",
+            if start.safe_mode { "yes" } else { "no" },
+            "no",
+            !start.safe_mode,
+            "three starts ended in a fault: read it in `status`, mend it, then switch the power off and on",
+        ),
+        Line::exact(
+            "supply",
+            if start.supply_low { "low" } else { "good" },
+            "good",
+            !start.supply_low,
+            "flash is not written below 2.76 V: use a better cable or supply",
+        ),
+    ]
+}
+
+/// Judges the worst cases since the start.
+fn worst(marks: &Marks, core_hz: u32) -> Vec<Line> {
+    const REPORT: &str = "report the device's build with the record of this test";
+    let micros = |cycles: u32| f64::from(cycles) * 1e6 / f64::from(core_hz);
+    let stack = 100.0 * f64::from(marks.stack_used_bytes) / f64::from(marks.stack_bytes.max(1));
+    let delay = micros(marks.longest_tick_delay_cycles);
+    let masked = micros(marks.longest_critical_section_cycles);
+    let gap = f64::from(marks.longest_watchdog_gap_us) / 1e3;
+    vec![
+        Line::number("stack used", stack, (0.0, STACK_PERCENT), ("%", 1), REPORT),
+        Line::number(
+            "trigger to tick",
+            delay,
+            (0.0, TICK_DELAY_US),
+            ("µs", 2),
+            REPORT,
+        ),
+        Line::number(
+            "masked interrupts",
+            masked,
+            (0.0, MASKED_US),
+            ("µs", 2),
+            REPORT,
+        ),
+        Line::number(
+            "watchdog gap",
+            gap,
+            (0.0, WATCHDOG_GAP_MS),
+            ("ms", 1),
+            REPORT,
         ),
     ]
 }

@@ -2,14 +2,14 @@
 
 use std::f64::consts::TAU;
 
-use model_format::link::RecordSample;
+use model_format::link::{RAIL_CODES, RecordSample};
 
 use crate::link::capture::{Calibration, Capture};
 use crate::link::self_test::line::Line;
 
 /// Codes that lie this near to an end of the range count as the end: 1 % of it for an axis, which rests in the middle,
-/// and 0.1 % for the force, whose zero may lie low.
-const RAIL_CODES: [f64; 2] = [655.0, 64.0];
+/// and the device's own limit for the force, whose zero may lie low.
+const RAILS: [f64; 2] = [655.0, RAIL_CODES as f64];
 
 /// Highest code of a converter.
 const HIGHEST: f64 = 65_535.0;
@@ -72,7 +72,7 @@ fn sensor(
         Line::number(
             format!("{name} from the rails"),
             rail,
-            (RAIL_CODES[kind], f64::INFINITY),
+            (RAILS[kind], f64::INFINITY),
             ("codes", 0),
             "the sensor is at the end of its range: check its supply, its ground and its wire",
         ),
