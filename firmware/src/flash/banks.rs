@@ -163,8 +163,8 @@ impl Bank {
         Ok(())
     }
 
-    /// Prepares an erasure or a word: checks that the supply holds and the bank is idle, clears old faults, unlocks (RM0433 sections 4.3.9
-    /// and 4.3.10).
+    /// Prepares an erasure or a word: checks that the supply holds and the bank is idle, clears old faults, unlocks
+    /// (RM0433 sections 4.3.9 and 4.3.10).
     fn prepare(self) -> Result<(), FlashError> {
         if supply::is_low() {
             return Err(FlashError::SupplyLow);
@@ -365,8 +365,6 @@ impl ReadNorFlash for SettingsFlash {
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         check(offset, bytes.len(), Self::READ_SIZE, SETTINGS_RANGE)?;
-        // From the array each time, because the store reads a word again to see whether it reads the same.
-        BANK_1.forget(offset..offset + bytes.len() as u32);
         BANK_1.read(offset, bytes)
     }
 
