@@ -43,6 +43,7 @@ const _: () = assert!(SLOTS.is_power_of_two() && STRETCH + 1 + 2 < SLOTS);
 const _: () = assert!(OVERSAMPLING.is_power_of_two() && FADED.is_power_of_two());
 
 /// A slot of the ring: the place of a tick's codes.
+#[must_use]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot(usize);
 
