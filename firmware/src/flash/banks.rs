@@ -163,8 +163,8 @@ impl Bank {
         Ok(())
     }
 
-    /// Prepares an erasure or a word: checks that the supply holds and the bank is idle, clears old faults, unlocks (RM0433 sections 4.3.9
-    /// and 4.3.10).
+    /// Prepares an erasure or a word: checks that the supply holds and the bank is idle, clears old faults, unlocks
+    /// (RM0433 sections 4.3.9 and 4.3.10).
     fn prepare(self) -> Result<(), FlashError> {
         if supply::is_low() {
             return Err(FlashError::SupplyLow);
