@@ -249,8 +249,8 @@ struct Leds {
     safe_mode: bool,
 }
 
-/// Blinks while the executor runs, and logs the use of the stack every ten seconds. In safe mode both LEDs blink in turn,
-/// four times as fast.
+/// Blinks while the executor runs, and logs the use of the stack every ten seconds. In safe mode both LEDs blink in
+/// turn, four times as fast.
 #[embassy_executor::task]
 async fn blink(mut leds: Leds) -> ! {
     const BLINKS: u32 = 20;

@@ -177,7 +177,7 @@ pub struct Before {
     pub new_fault: bool,
     /// Resets since power-on, this one included.
     pub resets: u32,
-    /// What is kept of the starts, decided for this one.
+    /// Knowledge of the starts, decided for this one.
     pub starts: KeptOfStarts,
 }
 

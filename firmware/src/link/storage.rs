@@ -107,7 +107,8 @@ type Stores = Storage<Bank2, SettingsFlash>;
 #[unsafe(link_section = ".sram4.stores")]
 static STORES: StaticCell<Stores> = StaticCell::new();
 
-/// Opens the stores, activates the newest library unless in safe mode, and starts the tasks that poll and that serve jobs.
+/// Opens the stores, activates the newest library unless in safe mode, and starts the tasks that poll and that serve
+/// jobs.
 pub async fn start(spawner: Spawner, hardware: Hardware) {
     // SAFETY: nothing else calls them, and this runs once.
     let (slots, settings) = unsafe { (Bank2::new(), SettingsFlash::new()) };

@@ -43,7 +43,7 @@ struct Shared {
     one_read_at_a_time: AtomicBool,
 }
 
-/// What the part tells the core besides the bus; handles of one state.
+/// Signals of the part to the core besides the bus; handles of one state.
 #[derive(Clone, Debug, Default)]
 pub struct Defects(Arc<Shared>);
 

@@ -97,7 +97,8 @@ const USB_HZ: i64 = 48_000_000;
 const USB_FROM_HSI48: u64 = 3;
 /// Code of `PLLSRC` for HSI (section 8.7.11).
 const PLLS_FROM_HSI: u64 = 0;
-/// Code of `SYNCSRC` for the frames of USB2, which is the core OTG2 (chapter 9, CRS_CFGR; ST's RCC_CRS_SYNC_SOURCE_USB2).
+/// Code of `SYNCSRC` for the frames of USB2, which is the core OTG2 (CRS_CFGR; ST's driver calls it
+/// RCC_CRS_SYNC_SOURCE_USB2).
 const FRAMES_OF_USB2: u64 = 3;
 /// Deviation of a clock that does not run.
 const NO_CLOCK_PPM: i64 = 1_000_000;

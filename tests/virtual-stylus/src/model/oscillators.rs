@@ -1,4 +1,4 @@
-//! What the emulator's clock controller takes for granted: that each clock comes, and that each PLL locks (chapter 8).
+//! Oscillators that do not come and PLLs that do not lock, which the emulator's clock controller lacks (chapter 8).
 //!
 //! | What | Section |
 //! |---|---|
