@@ -109,14 +109,14 @@ pub fn inject(fault: u8) {
             black_box(descend(0));
         }
         OVERFLOW_IN_UPDATE => IN_UPDATE.store(true, Ordering::Relaxed),
-        // SAFETY: none is needed, here and below: the access is the fault.
-        WRITE_TO_NULL => unsafe { store(0) },
-        READ_NULL => unsafe { load(0) },
-        WRITE_TO_ITCM => unsafe { store(0x0400) },
-        WRITE_TO_FLASH => unsafe { store(0x0800_0400) },
-        READ_EXTERNAL => unsafe { load(0x6000_0000) },
+        WRITE_TO_NULL => store(0),
+        READ_NULL => load(0),
+        WRITE_TO_ITCM => store(0x0400),
+        WRITE_TO_FLASH => store(0x0800_0400),
+        READ_EXTERNAL => load(0x6000_0000),
         EXECUTE_DATA => {
             let code = CODE.as_ptr() as usize | 1;
+            // SAFETY: the processor refuses the fetch, which is the fault; otherwise the code returns at once.
             unsafe { asm!("blx {}", in(reg) code, out("lr") _) }
         }
         NO_TICK => TIM6.cr1().modify(|w| w.set_cen(false)),
@@ -189,13 +189,13 @@ fn descend(depth: u32) -> u32 {
 }
 
 /// Writes a word, in assembly, because to the compiler a write to null is no write.
-unsafe fn store(address: u32) {
-    // SAFETY: the caller wants what comes of it.
+fn store(address: u32) {
+    // SAFETY: the processor refuses the access, which is the fault.
     unsafe { asm!("str {0}, [{0}]", in(reg) address) }
 }
 
 /// Reads a word.
-unsafe fn load(address: u32) {
+fn load(address: u32) {
     // SAFETY: as for `store`.
     unsafe { asm!("ldr {0}, [{0}]", inout(reg) address => _) }
 }

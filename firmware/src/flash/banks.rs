@@ -383,7 +383,7 @@ impl NorFlash for SettingsFlash {
             BANK_1.prepare()?;
             let done = erase_without_code(sector);
             BANK_1.end()?;
-            done?;
+            in_time(done)?;
             yield_now().await;
         }
         Ok(())
@@ -395,18 +395,28 @@ impl NorFlash for SettingsFlash {
             BANK_1.prepare()?;
             let done = program_without_code(at, &word);
             BANK_1.end()?;
-            done?;
+            in_time(done)?;
             yield_now().await;
         }
         Ok(())
     }
 }
 
-/// Erases the sector of bank 1 at `offset` and waits for it, in ITCM. The build's check of placement knows its name.
+/// The result of an operation that was `done` within its limit, or was not.
+fn in_time(done: bool) -> Result<(), FlashError> {
+    if done {
+        Ok(())
+    } else {
+        Err(FlashError::Timeout)
+    }
+}
+
+/// Erases the sector of bank 1 at `offset` and waits for it, in ITCM; false if it takes too long. The build's check of
+/// placement knows its name.
 #[inline(never)]
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.flash_erase")]
-fn erase_without_code(offset: u32) -> Result<(), FlashError> {
+extern "C" fn erase_without_code(offset: u32) -> bool {
     let mask = mask_tasks();
     BANK_1.begin_erase(offset);
     let done = wait_without_code(8_000);
@@ -414,11 +424,12 @@ fn erase_without_code(offset: u32) -> Result<(), FlashError> {
     done
 }
 
-/// Programs a word of bank 1 at `offset` and waits for it, in ITCM. The build's check of placement knows its name.
+/// Programs a word of bank 1 at `offset` and waits for it, in ITCM; false if it takes too long. The build's check of
+/// placement knows its name.
 #[inline(never)]
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.flash_program")]
-fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) -> Result<(), FlashError> {
+extern "C" fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) -> bool {
     let mask = mask_tasks();
     BANK_1.begin_program(offset, word);
     let done = wait_without_code(10);
@@ -426,19 +437,20 @@ fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) -> Result<(),
     done
 }
 
-/// Waits for bank 1, at most `limit_ms`, and feeds the watchdog as long as the tick goes on.
+/// Waits for bank 1, at most `limit_ms`, and feeds the watchdog as long as the tick goes on; false if the bank is busy
+/// still.
 #[inline(always)]
-fn wait_without_code(limit_ms: u32) -> Result<(), FlashError> {
+fn wait_without_code(limit_ms: u32) -> bool {
     for _ in 0..limit_ms {
         let begin = DWT::cycle_count();
         while DWT::cycle_count().wrapping_sub(begin) < CORE_HZ / 1000 {
             if !BANK_1.registers().sr().read().qw() {
-                return Ok(());
+                return true;
             }
         }
         watchdog::feed_while_ticking();
     }
-    Err(FlashError::Timeout)
+    false
 }
 
 /// Masks as they were before.
