@@ -337,7 +337,10 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
     let refused = bench.refuse(&format!("play --texture silk --link {link}"));
     assert!(refused.contains("no library is active"), "{refused}");
     for (arguments, words) in [
-        (calibrate.replace("8", "0.01"), "coil-resistance of 0.01"),
+        (
+            calibrate.replace("--resistance 8", "--resistance 0.01"),
+            "coil-resistance of 0.01",
+        ),
         (calibrate.replace("--yes ", ""), "nobody answered"),
     ] {
         let message = bench.refuse(&arguments);

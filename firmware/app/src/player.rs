@@ -35,7 +35,7 @@ pub struct Observed {
     pub at_rest: bool,
     /// The motion that is followed is too old.
     pub stale: bool,
-    /// That is so because the force sensor is at a rail of its converter.
+    /// The reason for that is a force sensor at a rail of its converter.
     pub railed: bool,
     /// The host has sent nothing for too long.
     pub link_lost: bool,

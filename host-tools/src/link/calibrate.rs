@@ -68,7 +68,7 @@ impl Coil {
             / f64::from(self.amplifier_gain)
     }
 
-    /// What follows from the values, one line each.
+    /// Consequences of the values, one line each.
     pub fn summary(&self) -> Vec<String> {
         let mut lines = vec![format!(
             "at the hard limit: {:.2} V, {:.0} mA, {:.3} W in {} Ω",

@@ -4,7 +4,7 @@ use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{MuteReasons, QUICK_FAULT_MS, Reason, SettingSet, TextureName};
+use super::{MuteReasons, QUICK_FAULT_MS, Reason, SettingSet, SettingsState, TextureName};
 use crate::scene::SceneName;
 
 /// Largest gain of a play request.
@@ -156,6 +156,27 @@ pub enum PlayError {
         /// Quick faults in succession.
         quick_faults: u8,
     },
+}
+
+impl SettingsState {
+    /// Checks that the coil's settings are known, so that something may be played.
+    ///
+    /// # Errors
+    /// Settings were lost, or required ones were never set; the error names them.
+    #[expect(
+        clippy::result_large_err,
+        reason = "without allocation the error is as large as its longest text"
+    )]
+    pub fn check_playable(&self) -> Result<(), PlayError> {
+        if !self.lost.is_empty() {
+            return Err(PlayError::SettingsLost { lost: self.lost });
+        }
+        let missing = SettingSet::REQUIRED.without(self.set);
+        if !missing.is_empty() {
+            return Err(PlayError::SettingsNotSet { missing });
+        }
+        Ok(())
+    }
 }
 
 /// Reason for which playing does not stop.

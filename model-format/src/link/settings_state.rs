@@ -3,7 +3,7 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{PlayError, Setting};
+use super::Setting;
 
 /// A set of settings, one bit each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
@@ -104,25 +104,4 @@ pub struct SettingsState {
     pub mended: bool,
     /// True if the last change could not be written to flash.
     pub unwritable: bool,
-}
-
-impl SettingsState {
-    /// Checks that the coil's settings are known, so that something may be played.
-    ///
-    /// # Errors
-    /// Settings were lost, or required ones were never set; the error names them.
-    #[expect(
-        clippy::result_large_err,
-        reason = "without allocation the error is as large as its longest text"
-    )]
-    pub fn check_playable(&self) -> Result<(), PlayError> {
-        if !self.lost.is_empty() {
-            return Err(PlayError::SettingsLost { lost: self.lost });
-        }
-        let missing = SettingSet::REQUIRED.without(self.set);
-        if !missing.is_empty() {
-            return Err(PlayError::SettingsNotSet { missing });
-        }
-        Ok(())
-    }
 }

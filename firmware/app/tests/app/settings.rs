@@ -559,8 +559,8 @@ fn value(setting: usize, share: u16) -> SettingChange {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1500))]
 
-    /// Whatever the power does and whichever words are lost: while something may be played, no limit is weaker than
-    /// the last value that was acknowledged, or whose storing was cut. And the store can always be written again.
+    /// While something may be played, no limit is weaker than the last value that was acknowledged, or whose storing
+    /// was cut, whatever the power does and whichever words are lost. And the store can always be written again.
     #[test]
     fn no_limit_becomes_weaker_while_something_may_be_played(
         seed: u64, steps in prop::collection::vec(step(), 1..12),
