@@ -66,10 +66,6 @@ pub enum SelfTestRequest {
 
 /// The values of a measurement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "without allocation the values of the output are part of the whole"
-)]
 pub enum SelfTestValues {
     /// Of [`SelfTestRequest::Chip`].
     Chip(ChipValues),

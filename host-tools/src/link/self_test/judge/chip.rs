@@ -24,10 +24,8 @@ fn revision(id: u16) -> (&'static str, bool) {
 /// Judges the silicon of the device that `info` describes.
 pub fn chip(values: &ChipValues, info: &DeviceInfo) -> Vec<Line> {
     let (name, known) = revision(values.revision);
-    let serial: String = (values.unique_id.iter())
-        .flat_map(|word| word.to_le_bytes())
-        .map(|byte| format!("{byte:02X}"))
-        .collect();
+    let [first, second, third] = values.unique_id.map(u32::swap_bytes);
+    let serial = format!("{first:08X}{second:08X}{third:08X}");
     vec![
         Line::exact(
             "chip",

@@ -73,7 +73,7 @@ fn delays(values: &OutputValues, core_hz: u32, (slope, middle): (f64, f64)) -> [
         let cycles = index as u32 * STEP_INSTANT_CYCLES + values.sample_cycles;
         f64::from(cycles) * 1e6 / f64::from(core_hz)
     };
-    let half = (ends[0] + ends[1]) / 2.0;
+    let half = f64::midpoint(ends[0], ends[1]);
     let first = |has: &dyn Fn(f64) -> bool| {
         // All later words too, so that one disturbed word is not taken for the end.
         let away = words.iter().rposition(|&word| !has(word));

@@ -59,7 +59,7 @@ pub fn state(status: &Status) -> Vec<Line> {
         Some(fault) => format!("{:?} at {:#010x}", fault.kind, fault.program_counter),
         None => "none".to_owned(),
     };
-    let mut lines = started(&status.start);
+    let mut lines = started(status.start);
     lines.extend(worst(&status.marks, histogram.core_hz));
     lines.extend([
         Line::exact(
@@ -96,7 +96,7 @@ pub fn state(status: &Status) -> Vec<Line> {
 }
 
 /// Judges the start.
-fn started(start: &StartReport) -> Vec<Line> {
+fn started(start: StartReport) -> Vec<Line> {
     vec![
         Line::exact(
             "clock",
