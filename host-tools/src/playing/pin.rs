@@ -6,7 +6,7 @@ use model_format::link::{Setting, SettingChange, Settings};
 use model_format::{DacCode, OutputSample, SAMPLE_RATE_HZ, Volt};
 use stylus_app::safety::{Config, OVERSAMPLING, PIN_RATE_HZ, State};
 
-use super::render::{Rendering, write_float_wav};
+use super::render::{Rendering, write_volts_wav};
 use crate::support::error::{Error, Result};
 
 /// Codes per second at the pin.
@@ -131,8 +131,7 @@ pub fn render_pin_wav(
         )));
     }
     let mut pin = Pin::new(rendering.by_ref(), settings);
-    let volts = pin.by_ref().map(|code| above_mid_scale(code).0);
-    let codes = write_float_wav(path, RATE_HZ, volts)?;
+    let codes = write_volts_wav(path, RATE_HZ, pin.by_ref().map(above_mid_scale))?;
     let limited = pin.limited();
     Ok(PinSummary {
         codes,

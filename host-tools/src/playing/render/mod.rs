@@ -9,4 +9,4 @@ mod wav;
 
 pub use clock::{MAX_SECONDS, SampleClock};
 pub use samples::{Rendered, Rendering, render};
-pub use wav::{RenderSummary, WavFormat, WavSummary, render_wav, write_float_wav, write_wav};
+pub use wav::{RenderSummary, WavFormat, WavSummary, render_wav, write_volts_wav, write_wav};

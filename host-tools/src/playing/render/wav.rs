@@ -5,7 +5,7 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use hound::{SampleFormat, WavSpec, WavWriter};
-use model_format::{OutputSample, Texture};
+use model_format::{OutputSample, Texture, Volt};
 
 use super::samples::{Rendering, exact_m_s2};
 use crate::playing::motion::MotionPath;
@@ -99,21 +99,21 @@ pub fn write_wav(
     Ok(WavSummary { samples, clipped })
 }
 
-/// Writes values as a mono WAV file of 32-bit floating point, whole or not at all, and returns their number.
+/// Writes voltages as a mono WAV file of 32-bit floating point, in volts, whole or not at all, and returns their number.
 ///
 /// # Errors
 /// More samples than the file's length fields can count, or a file that cannot be written.
-pub fn write_float_wav(
+pub fn write_volts_wav(
     path: &Path,
     sample_rate_hz: u32,
-    samples: impl ExactSizeIterator<Item = f32>,
+    samples: impl ExactSizeIterator<Item = Volt>,
 ) -> Result<u64> {
     write_each(
         path,
         sample_rate_hz,
         WavFormat::Float32,
         samples,
-        WavWriter::write_sample,
+        |writer, Volt(volt)| writer.write_sample(volt),
     )
 }
 
