@@ -15,7 +15,6 @@ use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::{Endpoint, Key, Topic};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use virtual_stylus::board::StylusBoard;
 use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::pin::Driven;
 use virtual_stylus::model::usb::host::TransferError;
@@ -123,16 +122,7 @@ impl Device {
 
     /// The product's image, started, enumerated and answering over USB.
     pub fn on_usb(options: Options) -> Self {
-        Self::on_usb_with(options, |_| ())
-    }
-
-    /// As [`Device::on_usb`], on a board that `change` has changed before the power came on.
-    pub fn on_usb_with(
-        options: Options,
-        change: impl FnOnce(&mut StylusBoard) + Send + 'static,
-    ) -> Self {
         let mut device = Self::new(&product(), options);
-        device.stylus.board(change).expect("nothing has run yet");
         device.line = Line::Usb(UsbHost::default(), None);
         device.step_ns = USB_STEP_NS;
         device.run_for(300 * MS);
