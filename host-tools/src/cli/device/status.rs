@@ -61,7 +61,7 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         lines.push(self::fault(fault));
     }
     lines.extend(settings(&status.settings).map(|line| format!("SETTINGS {line}")));
-    lines.extend(start(&status.start));
+    lines.extend(start(status.start));
     let library = match status.active {
         Some(slot) => format!("slot {slot}, checksum {:08x}", status.library_crc32),
         None => "none active".to_owned(),
@@ -116,7 +116,7 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
 }
 
 /// The start: clock, silicon and supply, and a line for each thing to see to.
-fn start(start: &StartReport) -> Vec<String> {
+fn start(start: StartReport) -> Vec<String> {
     let mut lines = vec![format!(
         "start    {} clock, silicon revision {}, brown-out level {}, {} quick faults",
         start.clock, start.revision, start.brown_out_level, start.quick_faults
