@@ -200,7 +200,7 @@ fn torn_samples_are_told_and_interpolated_and_too_many_are_no_recording() {
             "--texture silk --speeds 100 --forces 1 --yes",
         );
         wait_for("the recording", || stylus.count("stylus/record/start") > 0);
-        std::thread::sleep(Duration::from_millis(500));
+        std::thread::sleep(Duration::from_millis(1_200));
         stylus.tear_samples(torn);
         let output = child.wait_with_output().unwrap();
         if is_kept {
