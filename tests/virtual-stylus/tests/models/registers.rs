@@ -4,7 +4,7 @@ use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use virtual_stylus::model::dac::Cause;
-use virtual_stylus::model::flash::Unreadable;
+use virtual_stylus::model::flash::{Busy, Unreadable};
 use virtual_stylus::part::Part;
 use virtual_stylus::pins::ConstantPins;
 
@@ -29,7 +29,7 @@ impl Bench {
         let mut codes = [0; 20];
         codes[3] = 0xABCD;
         let pins = Box::new(ConstantPins(codes));
-        let part = Part::new(pins, Unreadable::default()).unwrap();
+        let part = Part::new(pins, Unreadable::default(), Busy::default()).unwrap();
         let now = VirtualNanos(0);
         let mut bench = Self { part, now };
         bench.part.rest.set_supply(3300);

@@ -3,7 +3,7 @@
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
-use virtual_stylus::model::flash::Unreadable;
+use virtual_stylus::model::flash::{Busy, Unreadable};
 use virtual_stylus::model::usb::WINDOW_BASE;
 use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
 use virtual_stylus::model::usb::host::{Host, Transfer, TransferError};
