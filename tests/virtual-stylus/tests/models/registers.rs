@@ -6,7 +6,7 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use virtual_stylus::electrical::{Defects, Electrical};
 use virtual_stylus::model::dac::Cause;
-use virtual_stylus::model::flash::Unreadable;
+use virtual_stylus::model::flash::{Busy, Unreadable};
 use virtual_stylus::part::Part;
 use virtual_stylus::pins::ConstantPins;
 
@@ -35,6 +35,7 @@ impl Bench {
             pins,
             Electrical::default(),
             Unreadable::default(),
+            Busy::default(),
             Defects::default(),
         )
         .unwrap();

@@ -4,7 +4,7 @@ use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use virtual_stylus::electrical::{Defects, Electrical};
-use virtual_stylus::model::flash::Unreadable;
+use virtual_stylus::model::flash::{Busy, Unreadable};
 use virtual_stylus::model::usb::WINDOW_BASE;
 use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
 use virtual_stylus::model::usb::host::{Host, Transfer, TransferError};
@@ -346,6 +346,7 @@ impl Bench {
             Box::new(ConstantPins([0; 20])),
             electrical,
             Unreadable::default(),
+            Busy::default(),
             Defects::default(),
         )
         .unwrap();
