@@ -90,6 +90,7 @@ fn recording(device: &mut Device, seconds: u64) -> (Capture, Calibration) {
         .flat_map(|block| block.samples.map(Into::into))
         .collect();
     let capture = Capture {
+        interpolated: 0,
         samples,
         rate_hz: 5_000,
         first_tick: device.blocks[0].first_tick,
