@@ -13,8 +13,8 @@
 //! | `injection` | faults on request, in the tests' image alone |
 //!
 //! Rooms import in one direction: `link` imports `device`, `flash` and `self_test`; `device` imports `tick` and `play`;
-//! `self_test` imports `flash` and `tick`; `flash` imports `fault`; `fault` imports `tick`; `tick` imports `play`. All may import `boot`, which imports none. Only
-//! `main` sees all.
+//! `self_test` imports `flash` and `tick`; `flash` imports `fault`; `fault` imports `tick`; `tick` imports `play`. All
+//! may import `boot`, which imports none. Only `main` sees all.
 //!
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
 //! blinks while all is well, LD3 on PB14 lights after a fault, both in turn in safe mode.

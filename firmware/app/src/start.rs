@@ -1,8 +1,8 @@
 //! Decisions at a start by what was kept of the starts before it: safe mode, and the source of the clock.
 //!
 //! A fault within [`QUICK_FAULT_MS`] of a start is a quick one. After [`QUICK_FAULTS`] of them in succession, starts
-//! are in safe mode. A start that hangs or fails while it sets the clock up, and an external clock that fails later, lead
-//! to a humbler source of the clock. Power-on and the reset button make all of it new, because people do both.
+//! are in safe mode. A start that hangs or fails while it sets the clock up, and an external clock that fails later,
+//! lead to a humbler source of the clock. Power-on and the reset button make all of it new, because people do both.
 
 use model_format::link::{ClockSource, QUICK_FAULTS, StartStage};
 

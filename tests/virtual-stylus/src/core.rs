@@ -173,8 +173,8 @@ struct Core {
 }
 
 impl Core {
-    /// Sends pages with unreadable words and banks that are busy over the bus, all of the flash during an audit, and the
-    /// AXI SRAM while it is misread.
+    /// Sends pages with unreadable words and banks that are busy over the bus, all of the flash during an audit, and
+    /// the AXI SRAM while it is misread.
     fn route(&mut self) {
         let page = self.inner.page_size();
         let mut wanted: BTreeSet<u64> = if self.auditing.is_some() {

@@ -38,8 +38,8 @@ pub const EQUALISER: StageCost = StageCost { base: 56, each: 81 };
 /// The fade while scenes are exchanged.
 pub const FADE_OUT: StageCost = StageCost { base: 25, each: 0 };
 
-/// Instructions per tick that a scene may take. At the device's 400 MHz a period of 200 µs is 80 000 cycles, or 40
-/// 000 instructions at two cycles per instruction, which is pessimistic. Half of them are for safety, inputs, interrupts
+/// Instructions per tick that a scene may take. At the device's 400 MHz a period of 200 µs is 80 000 cycles, or 40 000
+/// instructions at two cycles per instruction, which is pessimistic. Half of them are for safety, inputs, interrupts
 /// and margin. The codes of a tick are due 137.5 µs after its trigger, or 27 500 such instructions.
 pub const BUDGET: u32 = 20_000;
 

@@ -3,7 +3,7 @@
 //!
 //! | table | made from | checked by |
 //! |---|---|---|
-//! | those of `INSTANT` | constants, `costs.json`, `cycles.json` of a board | `cargo tasks tables --check`, within a second |
+//! | those of `INSTANT` | constants, `costs.json`, a board's `cycles.json` | `cargo tasks tables --check`, at once |
 //! | [`emulated`] | a run of the vectors on QEMU | the test of `qemu-tests` that plays them |
 //! | [`memory`] | the sections of the image | `cargo tasks test-virtual-stylus` |
 //! | [`TICKS`] | the image's ticks on the virtual stylus | its tests, which include [`page`] by its path |

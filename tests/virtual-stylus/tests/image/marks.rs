@@ -178,7 +178,8 @@ fn levels_are_those_of_the_signals_on_the_pins() {
         (f64::from(levels.force_noise_decibel) - noise).abs() < 0.02,
         "{levels:?}, {noise}"
     );
-    let force = f64::from(FORCE_MEAN) * VOLT_PER_CODE * 2.0;
+    let zero = Settings::default().get(Setting::ForceZero);
+    let force = (f64::from(FORCE_MEAN) - f64::from(zero)) * VOLT_PER_CODE * 2.0;
     assert!(
         (f64::from(levels.force_newton) - force).abs() < 1e-3,
         "{levels:?}, {force}"
