@@ -325,7 +325,12 @@ const MS: u64 = 1_000_000;
 
 impl Bench {
     fn new() -> Self {
-        let part = Part::new(Box::new(ConstantPins([0; 20])), Unreadable::default()).unwrap();
+        let part = Part::new(
+            Box::new(ConstantPins([0; 20])),
+            Unreadable::default(),
+            Busy::default(),
+        )
+        .unwrap();
         let mut bench = Self { part, now: 0 };
         bench.part.rest.set_supply(3300);
         bench.write(AHB1ENR, USB2OTG);
