@@ -56,6 +56,7 @@ fn play() -> PlayRequest {
 #[test]
 fn a_playing_device_refuses_every_measurement_and_plays_on() {
     let mut stylus = SteppedStylus::boot();
+    stylus.set_coil();
     let slot = upload(&mut stylus, &library(1, 20, 1));
     stylus.request(async |storage, stage| {
         storage.activate(stage, slot).await.expect("it is valid");
@@ -83,6 +84,7 @@ fn a_playing_device_refuses_every_measurement_and_plays_on() {
 #[test]
 fn nothing_can_be_played_until_a_measurement_has_ended() {
     let mut stylus = SteppedStylus::boot();
+    stylus.set_coil();
     let slot = upload(&mut stylus, &library(1, 20, 1));
     stylus.request(async |storage, stage| {
         storage.activate(stage, slot).await.expect("it is valid");

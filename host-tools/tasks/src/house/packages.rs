@@ -264,11 +264,12 @@ mod tests {
     #[test]
     fn a_dependency_of_tests_is_none_of_the_code() {
         let host = |section: &str| {
-            format!("[package]\nname = \"host-tools\"\n[{section}]\nstylus-app = \"1\"\n")
+            format!("[package]\nname = \"host-tools\"\n[{section}]\nfake-stylus = \"1\"\n")
         };
+        let fake = ("b/Cargo.toml", "[package]\nname = \"fake-stylus\"\n");
         let [tests, code] = ["dev-dependencies", "dependencies"].map(host);
-        assert_eq!(found(&[("a/Cargo.toml", &tests), APP]).len(), 0);
-        assert_eq!(found(&[("a/Cargo.toml", &code), APP]).len(), 1);
+        assert_eq!(found(&[("a/Cargo.toml", &tests), fake]).len(), 0);
+        assert_eq!(found(&[("a/Cargo.toml", &code), fake]).len(), 1);
     }
 
     #[test]
