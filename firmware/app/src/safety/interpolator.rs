@@ -21,8 +21,8 @@
 
 use core::hint::black_box;
 
-use super::OVERSAMPLING;
 use super::fixed::{CODE_BITS, STEP_BITS};
+use super::rate::OVERSAMPLING;
 
 /// Binary digits of a tap after the point.
 const TAP_BITS: u32 = 31;

@@ -4,7 +4,7 @@ use model_format::DacCode;
 use model_format::link::{Setting, Settings};
 
 use super::fixed::within;
-use super::{OVERSAMPLING, PIN_RATE_HZ};
+use super::rate::{OVERSAMPLING, PIN_RATE_HZ};
 
 /// Limits of the codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

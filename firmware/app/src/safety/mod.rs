@@ -23,13 +23,13 @@ mod fixed;
 mod interpolator;
 mod limits;
 mod ramp;
+mod rate;
 mod shaper;
 mod thermal;
 
 use model_format::link::{Setting, Settings};
 use model_format::{DacCode, OutputSample};
 
-use crate::SAMPLE_RATE_HZ;
 use dc_blocker::DcBlocker;
 use fixed::STEP_BITS;
 use interpolator::Interpolator;
@@ -38,6 +38,7 @@ use ramp::{Ramp, RampConfig};
 use shaper::Shaper;
 use thermal::{CoilConfig, CoilState};
 
+pub use rate::{OVERSAMPLING, PIN_RATE_HZ};
 pub use thermal::PEAK_POWER_RATIO;
 
 /// Binary digits after the point of the gain.
@@ -45,12 +46,6 @@ const GAIN_BITS: u32 = 20;
 
 /// Largest magnitude of the input of the stages after the gain: half the converter's range, in 2^-16 steps.
 const FULL_SCALE: i64 = 2048 << STEP_BITS;
-
-/// Number of codes for the converter per sample of the kernel. They are put out at equal intervals.
-pub const OVERSAMPLING: usize = 8;
-
-/// Codes per second at the pin.
-pub const PIN_RATE_HZ: u32 = SAMPLE_RATE_HZ * OVERSAMPLING as u32;
 
 /// Configuration of the safety stages, computed when settings or the played texture change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

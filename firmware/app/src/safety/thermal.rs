@@ -12,7 +12,7 @@ use model_format::DacCode;
 use model_format::link::{Setting, Settings};
 
 use super::fixed::shift_toward_zero;
-use super::{OVERSAMPLING, PIN_RATE_HZ};
+use super::rate::{OVERSAMPLING, PIN_RATE_HZ};
 use crate::SAMPLE_RATE_HZ;
 
 /// Largest instantaneous power, in units of the power limit: a Gaussian signal at the limit is cut at four times its
