@@ -1,9 +1,10 @@
 //! Rounding to whole converter steps whose error lies where the coil and the skin have no sense for it.
 //!
 //! Error feedback of the third order: the error of each code is fed back to the next three, so its spectrum is that of
-//! white noise through (1 - z^-1) (1 - (2 - 2^-6) z^-1 + z^-2), with zeros at 0 and 796 Hz. From 20 to 1000 Hz it keeps less than 0.0001 steps RMS. Its price lies above: an output is at most four steps, and 1.3 steps RMS,
-//! from its input. The second order keeps 0.0007 steps, which lifts a third octave 50 dB below a texture's level of
-//! 0.02 m/s² by 2 dB.
+//! white noise through (1 - z^-1) (1 - (2 - 2^-6) z^-1 + z^-2), with zeros at 0 and 796 Hz. From 20 to 1000 Hz it
+//! keeps less than 0.0001 steps RMS. Its price lies above: an output is at most four steps, and 1.3 steps RMS, from its
+//! input. The second order keeps 0.0007 steps, which lifts a third octave 50 dB below a texture's level of 0.02 m/s² by
+//! 2 dB.
 //!
 //! The error is that of rounding alone. What the limits cut from a code is not fed back, so nothing winds up.
 
