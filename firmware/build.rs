@@ -1,6 +1,6 @@
 //! Linker arguments for the memory map of the image.
 
-use std::{env, error::Error, path::Path};
+use std::{env, error::Error, path::Path, process::Command};
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=build.rs");
@@ -35,5 +35,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("cargo::rustc-link-arg-bin=stylus-firmware={argument}");
     }
     println!("cargo::rustc-env=STYLUS_PROFILE={}", env::var("PROFILE")?);
+    let compiler = Command::new(env::var("RUSTC")?).arg("--version").output()?;
+    let compiler = String::from_utf8(compiler.stdout)?;
+    println!("cargo::rustc-env=STYLUS_COMPILER={}", compiler.trim());
     Ok(())
 }

@@ -7,15 +7,18 @@
 use core::fmt::Write;
 
 use embassy_stm32::uid;
+use embassy_time::Instant;
 use heapless::String;
 use model_format::FORMAT_VERSION;
 use model_format::link::{
-    DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
-    RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH, Selection, Settings,
-    TickCounters,
+    CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION,
+    PlayError, PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH,
+    Selection, Settings, StartReport, TickCounters,
 };
+use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
+use stylus_app::levels::Sums;
 use stylus_app::recorder::Recorder;
 use stylus_app::safety;
 use stylus_app::status::Histogram;
@@ -23,10 +26,12 @@ use stylus_app::storage::LoadFault;
 use stylus_kernel::scene::cost::BUDGET;
 
 use crate::boot::clock::CORE_HZ;
+use crate::boot::{critical, supply};
 use crate::play::direction::{self, Next};
 use crate::play::library_ram::LibraryRam;
 use crate::play::{update, voice};
 use crate::tick;
+use crate::tick::output::amplifier;
 
 /// All hardware except flash and wires.
 pub struct Hardware {
@@ -34,8 +39,13 @@ pub struct Hardware {
     /// The recorder, which packs samples into blocks.
     pub recorder: Recorder<'static>,
     reset: ResetReport,
+    start: StartReport,
     link_counters: fn() -> [LinkCounters; 2],
+    guard_marks: fn() -> Marks,
     settings: Settings,
+    /// Durations of the ticks that requests for cycles have taken, and their number.
+    taken: CycleRange,
+    counted: u32,
     muted: bool,
     /// Number of the first tick that has seen the present mute.
     muted_since: u64,
@@ -47,7 +57,9 @@ impl Hardware {
     pub fn new(
         recorder: Recorder<'static>,
         reset: ResetReport,
+        start: StartReport,
         link_counters: fn() -> [LinkCounters; 2],
+        guard_marks: fn() -> Marks,
     ) -> Self {
         // SAFETY: this runs once, because the caller gives its only recorder away.
         let library = unsafe { LibraryRam::new() };
@@ -55,8 +67,12 @@ impl Hardware {
             library,
             recorder,
             reset,
+            start,
             link_counters,
+            guard_marks,
             settings: Settings::default(),
+            taken: CycleRange::NONE,
+            counted: 0,
             muted: true,
             muted_since: 0,
         }
@@ -79,7 +95,8 @@ impl Device for Hardware {
     fn info(&self) -> DeviceInfo {
         let mut build = String::new();
         // Fits; a longer text would be cut.
-        let _ = write!(build, "{}, STM32H743ZI", env!("STYLUS_PROFILE"));
+        let (profile, compiler) = (env!("STYLUS_PROFILE"), env!("STYLUS_COMPILER"));
+        let _ = write!(build, "{profile}, {compiler}");
         DeviceInfo {
             product: text("stylus"),
             serial: text(uid::uid_hex()),
@@ -92,6 +109,10 @@ impl Device for Hardware {
     }
 
     fn now(&self) -> u64 {
+        if self.start.safe_mode {
+            // No tick counts.
+            return Instant::now().as_micros() * u64::from(SAMPLE_RATE_HZ) / 1_000_000;
+        }
         tick::now()
     }
 
@@ -104,15 +125,39 @@ impl Device for Hardware {
                 safety: safety::Counters::default(),
                 thermal_load_permille: 0,
                 thermal_gain_permille: 0,
+                amplifier: false,
             };
         };
         TickReport {
             counters: tick.counters,
-            histogram: tick.histogram.report(CORE_HZ),
+            histogram: tick.histogram.with_range(self.taken).report(CORE_HZ),
             saturations: voice::saturations(),
             safety: tick.safety.counters(),
             thermal_load_permille: tick.safety.thermal_load_permille(),
             thermal_gain_permille: tick.safety.thermal_gain_permille(),
+            amplifier: amplifier::is_on(),
+        }
+    }
+
+    fn marks(&self) -> Marks {
+        Marks {
+            longest_tick_delay_cycles: tick::snapshot().map_or(0, |tick| tick.longest_delay_cycles),
+            longest_critical_section_cycles: critical::longest_cycles(),
+            ..(self.guard_marks)()
+        }
+    }
+
+    fn sensor_sums(&self) -> Sums {
+        self.recorder.sums()
+    }
+
+    fn take_cycles(&mut self) -> CycleReport {
+        let tick = tick::take_range(&mut self.counted);
+        self.taken = self.taken.merged(tick);
+        CycleReport {
+            core_hz: CORE_HZ,
+            tick,
+            update: update::take_range(),
         }
     }
 
@@ -124,12 +169,23 @@ impl Device for Hardware {
         self.reset.clone()
     }
 
+    fn start_report(&self) -> StartReport {
+        StartReport {
+            supply_low: supply::is_low(),
+            ..self.start
+        }
+    }
+
     fn is_at_rest(&self) -> bool {
         tick::is_at_rest(self.muted_since)
     }
 
     fn is_motion_stale(&self) -> bool {
         update::is_stale()
+    }
+
+    fn is_force_railed(&self) -> bool {
+        update::is_railed()
     }
 
     fn set_mute(&mut self, muted: bool) {

@@ -7,16 +7,17 @@
 //! | [`tick`] | one sample, 5000 times per second |
 //! | [`fault`] | ends of the program, their reasons, and the guards: handlers, watchdog, stack |
 //! | [`flash`] | library slots and settings in flash |
+//! | [`self_test`] | measurements of the self test |
 //! | [`device`] | the hardware as `stylus_app::control` sees it |
 //! | [`link`] | requests, over two wires |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! Rooms import in one direction: `link` imports `device` and `flash`; `device` imports `tick` and `play`; `flash`
-//! imports `fault`; `fault` imports `tick`; `tick` imports `play`. All may import `boot`, which imports none. Only
-//! `main` sees all.
+//! Rooms import in one direction: `link` imports `device`, `flash` and `self_test`; `device` imports `tick` and `play`;
+//! `self_test` imports `flash` and `tick`; `flash` imports `fault`; `fault` imports `tick`; `tick` imports `play`. All
+//! may import `boot`, which imports none. Only `main` sees all.
 //!
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
-//! blinks while all is well, LD3 on PB14 lights after a fault.
+//! blinks while all is well, LD3 on PB14 lights after a fault, both in turn in safe mode.
 #![no_std]
 #![no_main]
 
@@ -28,6 +29,7 @@ mod flash;
 mod injection;
 mod link;
 mod play;
+mod self_test;
 mod tick;
 
 use defmt_rtt as _;
@@ -35,90 +37,188 @@ use panic_probe as _;
 
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{Level, Output, Speed};
-use embassy_time::Timer;
+use embassy_stm32::{Peri, peripherals};
+use embassy_time::{Instant, Timer};
 use heapless::spsc::Queue;
-use micromath::F32Ext;
-use model_format::link::Settings;
+use model_format::link::{Marks, QUICK_FAULT_MS, Settings, StartReport, StartStage};
 use static_cell::ConstStaticCell;
 use stylus_app::inputs::InputConfig;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety;
 
 use crate::boot::reset::ResetFlags;
-use crate::boot::{clock, priority, startup};
+use crate::boot::{clock, critical, priority, protection, silicon, startup, supply};
 use crate::device::Hardware;
 use crate::fault::{record, report, stack, watchdog};
 use crate::flash::word;
 use crate::link::wire::{self, Wire};
 use crate::link::{counters, recording, requests, serial, storage, usb};
 use crate::play::update;
-use crate::tick::inputs;
+use crate::tick::output::amplifier;
+use crate::tick::{inputs, output, raising};
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     let Some(mut core) = cortex_m::Peripherals::take() else {
         defmt::unreachable!("the core peripherals are taken once");
     };
+    protection::enable(&mut core.MPU);
     startup::prepare_memory(&mut core.SCB, &mut core.CPUID);
     startup::start_cycle_counter(&mut core.DCB, &mut core.DWT);
     word::enable_bus_fault(&mut core.SCB);
+    watchdog::start();
+    let revision = silicon::revision();
+    silicon::remedy(revision);
+    self_test::memory::watch();
     let flags = ResetFlags::take();
-    let before = record::take(flags == ResetFlags::PowerOn, flags == ResetFlags::Watchdog);
-    let p = embassy_stm32::init(clock::config());
+    let before = record::take(flags);
+    let clock = clock::select(before.starts.clock);
+    record::enter(Some(clock::stage(clock)));
+    watchdog::feed_at_start();
+    let p = embassy_stm32::init(clock::config(clock));
+    clock::guard(clock);
+    supply::watch();
+    watchdog::feed_at_start();
     priority::assign();
-    watchdog::start(p.IWDG1);
-    spawner.spawn(watchdog::feed().unwrap());
+    let start = StartReport {
+        clock,
+        revision,
+        brown_out_level: supply::brown_out_level(),
+        supply_low: supply::is_low(),
+        quick_faults: before.starts.quick_faults,
+        safe_mode: before.starts.safe_mode,
+        hung_stage: before.starts.hung_stage,
+    };
     defmt::info!("start {} after {}: {}", before.resets, flags, before.caught);
-
-    inputs::start(inputs::Pins {
-        adc: p.ADC1,
-        acceleration_x: p.PA3,
-        acceleration_y: p.PC0,
-        acceleration_z: p.PC1,
-        force: p.PB1,
-        timer: p.TIM3,
-        encoder_a: p.PA6,
-        encoder_b: p.PC7,
-    });
     static SAMPLES: ConstStaticCell<SampleQueue> = ConstStaticCell::new(Queue::new());
     let (producer, consumer) = SAMPLES.take().split();
-    // The defaults hold until the settings are read.
-    let settings = Settings::default();
-    update::start(InputConfig::new(&settings));
-    tick::start(
-        p.TIM6,
-        Tap::new(producer),
-        safety::Config::new(&settings, 1.0),
-    );
-    priority::enable();
-
     let hardware = Hardware::new(
         Recorder::new(consumer),
         report::reset_report(flags, before),
+        start,
         counters::all,
+        guard_marks,
     );
     let fault_led = if before.caught.is_some() {
         Level::High
     } else {
         Level::Low
     };
-    core::mem::forget(Output::new(p.PB14, fault_led, Speed::Low));
-    spawner.spawn(blink(Output::new(p.PB0, Level::Low, Speed::Low)).unwrap());
+    let leds = Leds {
+        life: Output::new(p.PB0, Level::Low, Speed::Low),
+        fault: Output::new(p.PB14, fault_led, Speed::Low),
+        safe_mode: start.safe_mode,
+    };
+    let links = Links {
+        usart: p.USART3,
+        tx: p.PD8,
+        rx: p.PD9,
+        // Where a start hung at the links, the suspect is the one with the longer way.
+        usb: (!start.safe_mode || start.hung_stage != Some(StartStage::Links)).then_some((
+            p.USB_OTG_FS,
+            p.PA12,
+            p.PA11,
+        )),
+    };
+    if start.safe_mode {
+        // Neither converter nor tick nor amplifier is started: the output stays at mid-scale, where `boot` put it.
+        defmt::warn!("safe mode after {} quick faults", start.quick_faults);
+        watchdog::expect_no_tick();
+        spawner.spawn(watchdog::feed().unwrap());
+        serve(spawner, hardware, links, leds).await;
+        return;
+    }
+    record::enter(Some(StartStage::Inputs));
+    spawner.spawn(watchdog::feed().unwrap());
+
+    inputs::start(inputs::Pins {
+        adc: p.ADC1,
+        acceleration_x: p.PA3,
+        acceleration_y: p.PC0,
+        acceleration_z: p.PF12,
+        force: p.PB1,
+        timer: p.TIM3,
+        encoder_a: p.PA6,
+        encoder_b: p.PC7,
+    });
+    // The defaults hold until the settings are read.
+    let settings = Settings::default();
+    update::start(InputConfig::new(&settings));
+    tick::start(
+        p.TIM6,
+        output::Hardware {
+            timer: p.TIM7,
+            to_converter: p.DMA1_CH0,
+            eraser: p.DMA1_CH1,
+            amplifier: p.PE9,
+        },
+        Tap::new(producer),
+        safety::Config::new(&settings, 1.0),
+    );
+    critical::begin_measuring();
+    priority::enable();
+    serve(spawner, hardware, links, leds).await;
+    // Last: everything that ends the program at mid-scale is in place.
+    spawner.spawn(raising::raise_amplifier().unwrap());
+    amplifier::enable();
+}
+
+/// Peripherals of the links.
+struct Links {
+    usart: Peri<'static, peripherals::USART3>,
+    tx: Peri<'static, peripherals::PD8>,
+    rx: Peri<'static, peripherals::PD9>,
+    /// The core, D+ and D-; none where USB is left off.
+    usb: Option<(
+        Peri<'static, peripherals::USB_OTG_FS>,
+        Peri<'static, peripherals::PA12>,
+        Peri<'static, peripherals::PA11>,
+    )>,
+}
+
+/// Opens the stores and the links, which ends the start.
+async fn serve(spawner: Spawner, hardware: Hardware, links: Links, leds: Leds) {
+    spawner.spawn(blink(leds).unwrap());
+    record::enter(Some(StartStage::Storage));
     storage::start(spawner, hardware).await;
+    record::enter(Some(StartStage::Links));
     spawner.spawn(recording::stream().unwrap());
-    if let Ok((sender, receiver)) = serial::open(p.USART3, p.PD8, p.PD9) {
+    if let Ok((sender, receiver)) = serial::open(links.usart, links.tx, links.rx) {
         wire::SERIAL.open(sender).await;
         spawner.spawn(serve_serial(receiver).unwrap());
     } else {
         defmt::error!("serial link: the clock cannot give the baud rate; the link stays off");
     }
-    if usb::answers().await {
-        let (device, sender, receiver) = usb::open(p.USB_OTG_FS, p.PA12, p.PA11);
-        wire::USB.open(sender).await;
-        spawner.spawn(run_usb(device).unwrap());
-        spawner.spawn(serve_usb(receiver).unwrap());
-    } else {
-        defmt::warn!("USB link: the peripheral does not answer; the link stays off");
+    match links.usb {
+        Some((core, dp, dm)) if usb::answers().await => {
+            let (device, sender, receiver) = usb::open(core, dp, dm);
+            wire::USB.open(sender).await;
+            spawner.spawn(run_usb(device).unwrap());
+            spawner.spawn(serve_usb(receiver).unwrap());
+        }
+        Some(_) => {
+            defmt::warn!("USB link: the peripheral does not answer; the link stays off");
+        }
+        None => defmt::warn!("USB link: a start hung there; the link stays off"),
+    }
+    record::enter(None);
+    spawner.spawn(note_healthy().unwrap());
+}
+
+/// Notes a healthy run once it has lasted long enough.
+#[embassy_executor::task]
+async fn note_healthy() {
+    Timer::at(Instant::from_millis(QUICK_FAULT_MS.into())).await;
+    record::note_healthy();
+}
+
+/// Marks of the guards in [`fault`]; the rest is left at zero.
+fn guard_marks() -> Marks {
+    Marks {
+        stack_bytes: stack::bytes(),
+        stack_used_bytes: stack::used_bytes(),
+        longest_watchdog_gap_us: watchdog::longest_gap_us(),
+        ..Marks::default()
     }
 }
 
@@ -140,22 +240,38 @@ async fn serve_usb(receiver: usb::Receiver) -> ! {
     requests::serve(Wire::Usb, receiver, BUFFER.take()).await
 }
 
-/// Blinks while the executor runs, and logs every ten seconds the stack used and the load of the coil.
+/// The board's LEDs.
+struct Leds {
+    /// LD1.
+    life: Output<'static>,
+    /// LD3.
+    fault: Output<'static>,
+    safe_mode: bool,
+}
+
+/// Blinks while the executor runs, and logs the use of the stack every ten seconds. In safe mode both LEDs blink in
+/// turn, four times as fast.
 #[embassy_executor::task]
-async fn blink(mut led: Output<'static>) -> ! {
+async fn blink(mut leds: Leds) -> ! {
     const BLINKS: u32 = 20;
+    const IN_SAFE_MODE: u32 = 4;
     loop {
         for _ in 0..BLINKS {
-            led.toggle();
-            Timer::after_millis(500).await;
+            leds.life.toggle();
+            if !leds.safe_mode {
+                Timer::after_millis(500).await;
+                continue;
+            }
+            for _ in 0..IN_SAFE_MODE {
+                leds.fault.set_level(leds.life.get_output_level());
+                leds.life.toggle();
+                Timer::after_millis(125).await;
+            }
         }
-        let (used, bytes) = stack::used();
-        defmt::info!("stack: {} of {} bytes used", used, bytes);
-        if let Some(tick) = tick::snapshot() {
-            let load = f32::from(tick.safety.thermal_load_permille().max(1)) / 1000.0;
-            // For people to read, so a logarithm exact to a tenth is enough.
-            let decibel = 10.0 * load.log10();
-            defmt::info!("coil: {} dB above its power limit", decibel);
-        }
+        defmt::info!(
+            "stack: {} of {} bytes used",
+            stack::used_bytes(),
+            stack::bytes()
+        );
     }
 }

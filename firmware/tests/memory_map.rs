@@ -8,6 +8,12 @@ use std::path::Path;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use stylus_app::settings::SETTINGS_RANGE;
 
+/// The regions of the MPU, as the image sets them.
+#[path = "../src/boot/protection.rs"]
+mod protection;
+
+use protection::{Access, Memory, REGIONS, Region};
+
 /// Smallest part of the flash that can be erased, bytes.
 const SECTOR_BYTES: u64 = stylus_app::flash::SECTOR_BYTES as u64;
 const BANK_1: Range<u64> = 0x0800_0000..0x0810_0000;
@@ -122,4 +128,139 @@ fn nothing_lies_below_the_stack() {
 fn a_library_that_is_played_fits_the_axi_sram() {
     let memory = &regions()["AXISRAM"];
     assert!(memory.end - memory.start >= MAX_LIBRARY_BYTES as u64);
+}
+
+/// The region of the MPU that holds for `address`: the last one around it.
+fn protecting(address: u64) -> Region {
+    let around = |region: &&Region| {
+        let start = u64::from(region.start);
+        (start..start + (1 << region.length_log2)).contains(&address)
+    };
+    *REGIONS
+        .iter()
+        .rev()
+        .find(around)
+        .expect("the first region is everywhere")
+}
+
+/// Access, execution and memory of all of `range`.
+fn protection_of(range: &Range<u64>) -> (Access, bool, Memory) {
+    let of = |address| {
+        let Region {
+            access,
+            executable,
+            memory,
+            ..
+        } = protecting(address);
+        (access, executable, memory)
+    };
+    let first = of(range.start);
+    assert!(
+        range
+            .clone()
+            .step_by(1024)
+            .all(|address| of(address) == first),
+        "{range:x?}"
+    );
+    first
+}
+
+#[test]
+fn regions_of_the_mpu_are_such_as_it_has() {
+    assert!(REGIONS.len() <= 16);
+    for region in REGIONS {
+        assert!((5..=32).contains(&region.length_log2), "{region:x?}");
+        let length = 1u64 << region.length_log2;
+        assert!(
+            u64::from(region.start).is_multiple_of(length),
+            "{region:x?}"
+        );
+        // SIZE is the binary logarithm less one (ARM DDI 0403E, B3.5.9).
+        assert_eq!(region.attributes() >> 1 & 0x1F, region.length_log2 - 1);
+    }
+}
+
+#[test]
+fn attributes_are_those_of_the_architecture() {
+    let attributes = |access, executable, memory| {
+        let region = Region {
+            start: 0,
+            length_log2: 5,
+            access,
+            executable,
+            memory,
+        };
+        region.attributes() & !0x3F
+    };
+    // Fields of RASR: XN 28, AP 26:24, TEX 21:19, S 18, C 17, B 16 (ARM DDI 0403E, B3.5.9, tables B3-13 and B3-15).
+    assert_eq!(
+        attributes(Access::Nothing, false, Memory::StronglyOrdered),
+        0x1000_0000
+    );
+    assert_eq!(
+        attributes(Access::ReadWrite, false, Memory::Device),
+        0x1305_0000
+    );
+    assert_eq!(
+        attributes(Access::ReadWrite, false, Memory::NotCached),
+        0x1308_0000
+    );
+    assert_eq!(
+        attributes(Access::ReadWrite, false, Memory::NotCachedShareable),
+        0x130C_0000
+    );
+    assert_eq!(
+        attributes(Access::Read, true, Memory::WriteBack),
+        0x060B_0000
+    );
+}
+
+#[test]
+fn nothing_can_be_both_written_and_executed() {
+    for region in REGIONS {
+        assert!(
+            !(region.executable && region.access == Access::ReadWrite),
+            "{region:x?}"
+        );
+    }
+}
+
+#[test]
+fn each_memory_is_protected_as_its_use_wants() {
+    use Access::{Nothing, Read, ReadWrite};
+    use Memory::{Device, NotCached, NotCachedShareable, StronglyOrdered, WriteBack};
+    let map = regions();
+    let expected = [
+        ("FLASH", (Read, true, WriteBack)),
+        ("SETTINGS", (ReadWrite, false, NotCached)),
+        ("SLOT_A", (ReadWrite, false, NotCached)),
+        ("SLOT_B", (ReadWrite, false, NotCached)),
+        ("STACK", (ReadWrite, false, NotCached)),
+        ("RAM", (ReadWrite, false, NotCached)),
+        ("AXISRAM", (ReadWrite, false, WriteBack)),
+        ("SRAM4", (ReadWrite, false, WriteBack)),
+        ("BKPSRAM", (Nothing, false, StronglyOrdered)),
+    ];
+    for (name, protection) in expected {
+        assert_eq!(protection_of(&map[name]), protection, "{name}");
+    }
+    let ranges = [
+        // The part of ITCM that `tick.x` leaves free, and the code.
+        (0x0000_0000..0x0000_0400, (Nothing, false, StronglyOrdered)),
+        (0x0000_0400..0x0001_0000, (Read, true, NotCached)),
+        // The megabyte below the stack, except the device's identity.
+        (0x1FF2_0000..0x2000_0000, (Nothing, false, StronglyOrdered)),
+        (0x1FF1_E800..0x1FF1_F000, (Read, false, NotCached)),
+        // SRAM 1, for DMA.
+        (
+            0x3000_0000..0x3002_0000,
+            (ReadWrite, false, NotCachedShareable),
+        ),
+        (0x4000_0000..0x6000_0000, (ReadWrite, false, Device)),
+        // External memory.
+        (0x6000_0000..0xA000_0000, (Nothing, false, StronglyOrdered)),
+    ];
+    for (range, protection) in ranges {
+        assert_eq!(protection_of(&range), protection, "{range:x?}");
+    }
 }

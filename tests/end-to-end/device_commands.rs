@@ -60,6 +60,7 @@ fn a_library_is_uploaded_listed_activated_and_shown() {
     let shown = bench.succeed(&format!("status --link {link}"));
     for words in [
         "stylus 0123456789ABCDEF01234567",
+        "start    external clock, silicon revision V (0x2003), brown-out level 3, 0 quick faults",
         "µs",
         "####",
         "changing texture or library 1 x",
@@ -236,6 +237,115 @@ fn settings_are_shown_changed_read_back_and_reset() {
 }
 
 #[test]
+fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
+    let (stylus, bench) = (FakeStylus::start_unset(), Bench::new());
+    let link = stylus.link();
+    bench.write("a.lib", library(1, 20, 1));
+    bench.succeed(&format!("upload a.lib --activate --link {link}"));
+    let play = format!("play --texture absent --link {link}");
+    let refused = bench.refuse(&play);
+    for words in [
+        "amplifier-gain, coil-resistance, power-limit not set",
+        "stylus calibrate",
+        "stylus settings set",
+    ] {
+        assert!(refused.contains(words), "{words}: {refused}");
+    }
+    let shown = bench.succeed(&format!("settings --link {link}"));
+    assert_eq!(shown.matches(" not set ").count(), 3, "{shown}");
+    let status = bench.succeed(&format!("status --link {link}"));
+    assert!(status.contains("SETTINGS nothing plays"), "{status}");
+    let row = json(&bench.succeed(&format!(
+        "settings get coil-resistance --json --link {link}"
+    )));
+    assert_eq!(
+        (&row[0]["value"], &row[0]["state"]),
+        (&Value::Null, &"not-set".into())
+    );
+
+    let all = "settings set coil-resistance 8 amplifier-gain 2 power-limit 0.2";
+    let set = json(&bench.succeed(&format!("{all} --json --link {link}")));
+    let set = set.as_array().unwrap();
+    assert!(
+        set.len() == 3 && set.iter().all(|row| row["state"] == "set"),
+        "{set:?}"
+    );
+    let status = bench.succeed(&format!("status --link {link}"));
+    assert!(!status.contains("SETTINGS"), "{status}");
+    // Nothing is missing but the texture.
+    let refused = bench.refuse(&play);
+    assert!(refused.contains("no texture"), "{refused}");
+    // A pair without a value, or an unknown name, is refused before anything is set.
+    for (pairs, words) in [
+        ("power-limit 0.3 hard-limit", "hard-limit has no value"),
+        ("power-limit 0.3 volume 1", "no setting 'volume'"),
+        ("power-limit loud", "must be a number"),
+    ] {
+        let message = bench.refuse(&format!("settings set {pairs} --link {link}"));
+        assert!(message.contains(words), "{pairs}: {message}");
+    }
+    let row = json(&bench.succeed(&format!("settings get power-limit --json --link {link}")));
+    assert_eq!(
+        row[0]["value"].as_f64().map(|value| value as f32),
+        Some(0.2)
+    );
+}
+
+#[test]
+fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
+    let (stylus, bench) = (FakeStylus::start_unset(), Bench::new());
+    let link = stylus.link();
+    let coil = "--resistance 8 --amplifier-gain 10 --power-limit 0.5 --hard-limit 0.2";
+    let calibrate = format!("calibrate {coil} --seconds 0.3 --yes --json --link {link}");
+    // An open sensor has no zero.
+    stylus.set_hand(Hand {
+        is_open: true,
+        ..Hand::default()
+    });
+    let refused = bench.refuse(&calibrate);
+    assert!(
+        refused.contains("nothing was stored: force is at a rail"),
+        "{refused}"
+    );
+    // Nor has one that moves.
+    stylus.set_hand(Hand {
+        speed_mm_s: 30.0,
+        ..Hand::default()
+    });
+    let refused = bench.refuse(&calibrate);
+    assert!(refused.contains("the encoder moved"), "{refused}");
+    let missing = bench.refuse(&format!("play --texture silk --link {link}"));
+    assert!(missing.contains("not set"), "{missing}");
+
+    // A sensor whose zero is another than the default.
+    stylus.set_hand(Hand {
+        force_n: 0.5,
+        ..Hand::default()
+    });
+    let report = json(&bench.succeed(&calibrate));
+    assert!(
+        (report["peak_watts"].as_f64().unwrap() - 0.5).abs() < 1e-6,
+        "{report}"
+    );
+    let zero = report["set"][4]["value"].as_f64().unwrap();
+    assert!(
+        (zero - (4_096.0 + 0.25 / 3.3 * 65_536.0)).abs() <= 1.0,
+        "{report}"
+    );
+    let mean = report["at_rest"]["mean"][3].as_f64().unwrap();
+    assert!((mean - zero).abs() <= 1.0, "{report}");
+    let refused = bench.refuse(&format!("play --texture silk --link {link}"));
+    assert!(refused.contains("no library is active"), "{refused}");
+    let refused = bench.refuse(&calibrate.replace("--resistance 8", "--resistance 0.01"));
+    assert!(refused.contains("coil-resistance of 0.01"), "{refused}");
+    // Without an answer nothing is stored.
+    let unanswered = bench.run(&calibrate.replace("--yes ", ""));
+    assert!(!unanswered.status.success());
+    let words = text(&unanswered.stderr);
+    assert!(words.contains("nobody answered"), "{words}");
+}
+
+#[test]
 fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
     let (stylus, bench) = ready();
     let link = stylus.link();
@@ -255,7 +365,7 @@ fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
     for (arguments, words) in [
         (
             "settings set hard-limit 5",
-            "hard-limit of 5; it must be 0 to 1.6 V",
+            "hard-limit of 5; it must be 0 to 1.45 V",
         ),
         ("settings set hard-limit NaN", "hard-limit of NaN"),
         ("settings set force-zero 1.5", "a whole number"),
@@ -329,6 +439,7 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
         speed_mm_s: 80.0,
         force_n: 1.5,
         acceleration: vec![[32_000, 32_768, 32_768], [33_536, 32_768, 32_768]],
+        ..Hand::default()
     });
     let seen = bench.succeed(&format!(
         "monitor --seconds 1 --interval 0.25 --json --link {link}"

@@ -26,6 +26,7 @@ fn hand(speed_mm_s: f64, force_n: f64) -> Hand {
         speed_mm_s,
         force_n,
         acceleration: codes.collect(),
+        ..Hand::default()
     }
 }
 
@@ -186,6 +187,34 @@ fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
         "{row}"
     );
     assert_eq!(report["lost_blocks"], lost);
+}
+
+#[test]
+fn torn_samples_are_told_and_interpolated_and_too_many_are_no_recording() {
+    for (torn, is_kept) in [(40, true), (2_000, false)] {
+        let (stylus, bench) = (FakeStylus::start(), Bench::new());
+        stylus.set_hand(hand(100.0, 1.0));
+        let child = spawn(
+            &stylus,
+            &bench,
+            "--texture silk --speeds 100 --forces 1 --yes",
+        );
+        wait_for("the recording", || stylus.count("stylus/record/start") > 0);
+        std::thread::sleep(Duration::from_millis(1_200));
+        stylus.tear_samples(torn);
+        let output = child.wait_with_output().unwrap();
+        if is_kept {
+            let row = &report(&output)["recorded"][0];
+            assert_eq!(row["interpolated"], torn, "{row}");
+            assert!(
+                row["loss"]["torn_samples"].as_u64() >= Some(torn.into()),
+                "{row}"
+            );
+        } else {
+            let words = text(&output.stderr);
+            assert!(words.contains("of 10000 samples are torn"), "{words}");
+        }
+    }
 }
 
 #[test]

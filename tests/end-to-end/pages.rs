@@ -3,11 +3,14 @@
 use std::collections::BTreeSet;
 use std::process::Command;
 
+use model_format::link::Setting;
+
 const COMMANDS: &str = include_str!("../../host-tools/COMMANDS.md");
 
 /// Pages that name options of `stylus`.
-const PAGES: [(&str, &str); 4] = [
+const PAGES: [(&str, &str); 5] = [
     ("README.md", include_str!("../../README.md")),
+    ("firmware/BRINGUP.md", BRINGUP),
     ("host-tools/COMMANDS.md", COMMANDS),
     (
         "host-tools/SCENES.md",
@@ -19,11 +22,20 @@ const PAGES: [(&str, &str); 4] = [
     ),
 ];
 
+/// The page of a board's first hour, which names options of `cargo tasks` too.
+const BRINGUP: &str = include_str!("../../firmware/BRINGUP.md");
+
+/// The command line of `cargo tasks hil`, whose options are fields of these names.
+const HIL: &str = include_str!("../../host-tools/tasks/src/hil.rs");
+
 /// Commands that only lead to others.
 const GROUPS: [&str; 2] = ["scene", "settings"];
 
 /// Options of other programs that the pages name.
-const OF_OTHERS: [&str; 1] = ["--port"];
+const OF_OTHERS: [&str; 2] = ["--port", "--version"];
+
+/// Options of `cargo tasks hil` that only pages for boards name.
+const OF_HIL: [&str; 3] = ["--flash", "--minutes", "--cycles"];
 
 /// The output of `stylus` for `arguments` and `--help`.
 fn help(arguments: &[&str]) -> String {
@@ -83,9 +95,86 @@ fn every_option_that_a_page_names_is_there() {
     for (page, text) in PAGES {
         for option in options(text) {
             assert!(
-                known.contains(option) || OF_OTHERS.contains(&option),
+                known.contains(option)
+                    || OF_OTHERS.contains(&option)
+                    || page == "firmware/BRINGUP.md" && OF_HIL.contains(&option),
                 "{page} names {option}, which no command has"
             );
         }
     }
+}
+
+/// The lines of commands in `page`: those of its fences without a language.
+fn command_lines(page: &str) -> Vec<&str> {
+    let mut fence = None;
+    let mut lines = Vec::new();
+    for line in page.lines() {
+        match (line.strip_prefix("```"), fence) {
+            (Some(language), None) => fence = Some(language),
+            (Some(_), Some(_)) => fence = None,
+            (None, Some("")) => lines.push(line),
+            (None, _) => {}
+        }
+    }
+    lines
+}
+
+#[test]
+fn every_command_of_a_boards_first_hour_is_one() {
+    let lines = command_lines(BRINGUP);
+    let mut tried = 0;
+    for line in lines.iter().filter(|line| !line.is_empty()) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            ["cargo", "stylus", ref arguments @ ..] => {
+                // With --help behind them, all arguments before are parsed, and nothing is done.
+                let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
+                    .args(arguments)
+                    .arg("--help")
+                    .output()
+                    .expect("it runs");
+                assert!(output.status.success(), "{line}: {output:?}");
+                let known = help(&arguments[..1]);
+                let inner = (GROUPS.contains(&arguments[0]) && arguments.len() > 1)
+                    .then(|| help(&arguments[..2]));
+                let known = known + inner.as_deref().unwrap_or_default();
+                for option in options(line).into_iter().filter(|&one| one != "--version") {
+                    assert!(options(&known).contains(option), "{line}: no {option}");
+                }
+                tried += 1;
+            }
+            ["cargo", "tasks", "hil", ..] => {
+                for option in options(line) {
+                    let field =
+                        format!("    {}: ", option.trim_start_matches('-').replace('-', "_"));
+                    assert!(HIL.contains(&field), "{line}: no {option}");
+                }
+                tried += 1;
+            }
+            ["cargo", "tasks", "setup" | "firmware"]
+            | ["cargo", "tasks", "tables", "cycles"]
+            | ["cargo", "flash" | "demo"]
+            | ["export", _] => {}
+            _ => panic!("firmware/BRINGUP.md has a command that nobody checks: {line}"),
+        }
+    }
+    assert!(tried > 10, "{tried}");
+}
+
+#[test]
+fn every_setting_of_a_boards_first_hour_is_one_and_in_range() {
+    let lines = command_lines(BRINGUP);
+    let words = lines
+        .iter()
+        .map(|line| line.split_whitespace().collect::<Vec<_>>());
+    let mut set = 0;
+    for words in words {
+        if let ["cargo", "stylus", "settings", "set", name, value] = words[..] {
+            let setting = Setting::named(name).unwrap_or_else(|| panic!("no setting {name}"));
+            let value = value.parse().unwrap_or_else(|_| panic!("{name}: {value}"));
+            assert!(setting.check(value).is_ok(), "{name}: {value}");
+            set += 1;
+        }
+    }
+    assert!(set > 2, "{set}");
 }

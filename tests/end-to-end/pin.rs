@@ -1,4 +1,4 @@
-//! The output at the stylus's pin, judged by a second path in floating point that shares no code with the device.
+//! Codes at the stylus's pin, judged by a second path in floating point that shares no code with the device.
 
 mod support;
 

@@ -5,14 +5,16 @@
 
 use model_format::Library;
 use model_format::link::{
-    ActivateError, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, MotionRefused,
-    MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, RecordCounters,
-    RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings, SettingsError,
-    SlotId, SlotInfo, Status, StopError, TickCounters, TickHistogram, UploadState,
+    ActivateError, CycleReport, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, Marks,
+    MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
+    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings,
+    SettingsError, SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters,
+    TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
 use crate::inputs::Timed;
+use crate::levels::Sums;
 use crate::player::{Action, Begin, Busy, Observed, Player};
 use crate::safety::{Config, Counters};
 use crate::words::in_words;
@@ -34,17 +36,32 @@ pub trait Device {
     /// Counters and state of the tick.
     fn tick_report(&self) -> TickReport;
 
+    /// Worst cases since the start.
+    fn marks(&self) -> Marks;
+
+    /// Sums of the sensors' samples over the last whole window.
+    fn sensor_sums(&self) -> Sums;
+
+    /// Durations of tick and update since the last call, or since the start.
+    fn take_cycles(&mut self) -> CycleReport;
+
     /// Counters of the links: USB, serial.
     fn link_counters(&self) -> [LinkCounters; 2];
 
     /// Cause of the last reset.
     fn reset_report(&self) -> ResetReport;
 
+    /// The start, and the supply as it is now.
+    fn start_report(&self) -> StartReport;
+
     /// Returns true if the output is at rest and the tick has seen the last [`Device::set_mute`].
     fn is_at_rest(&self) -> bool;
 
     /// Returns true if the motion that is followed was too old at the last update.
     fn is_motion_stale(&self) -> bool;
+
+    /// Returns true if that is so because the force was at a rail of its converter.
+    fn is_force_railed(&self) -> bool;
 
     /// Mutes or unmutes the tick.
     fn set_mute(&mut self, muted: bool);
@@ -115,6 +132,8 @@ pub struct TickReport {
     pub thermal_load_permille: u16,
     /// `safety::State::thermal_gain_permille`.
     pub thermal_gain_permille: u16,
+    /// True while the amplifier is enabled.
+    pub amplifier: bool,
 }
 
 /// Cause of the last reset.
@@ -136,7 +155,7 @@ pub struct Control<D> {
     device: D,
     player: Player,
     settings: Settings,
-    settings_faulty: bool,
+    settings_state: SettingsState,
     active: Option<(SlotId, SlotInfo)>,
     upload: UploadState,
     heard_at: Option<u64>,
@@ -144,14 +163,18 @@ pub struct Control<D> {
 
 impl<D: Device> Control<D> {
     /// A control that plays nothing and has no library.
-    pub fn new(mut device: D, settings: Settings, settings_faulty: bool) -> Self {
+    pub fn new(mut device: D, settings: Settings, settings_state: SettingsState) -> Self {
         device.set_settings(&settings);
         device.set_mute(true);
+        let mut player = Player::new();
+        if device.start_report().safe_mode {
+            player.safe_mode();
+        }
         Self {
             device,
-            player: Player::new(),
+            player,
             settings,
-            settings_faulty,
+            settings_state,
             active: None,
             upload: UploadState::Idle,
             heard_at: None,
@@ -168,6 +191,7 @@ impl<D: Device> Control<D> {
         let observed = Observed {
             at_rest: self.device.is_at_rest(),
             stale: self.device.is_motion_stale(),
+            railed: self.device.is_force_railed(),
             link_lost: self.is_link_lost(),
         };
         let action = self.player.poll(observed);
@@ -209,10 +233,13 @@ impl<D: Device> Control<D> {
             fault,
         } = self.device.reset_report();
         Status {
-            uptime_ms: tick.counters.ticks / u64::from(TICKS_PER_MS),
+            // In safe mode there is no tick that counts.
+            uptime_ms: self.device.now() / u64::from(TICKS_PER_MS),
             output: self.output(&tick),
             tick: tick.counters,
             tick_histogram: tick.histogram,
+            marks: self.device.marks(),
+            levels: self.device.sensor_sums().levels(&self.settings),
             record: self.device.record_counters(),
             usb,
             serial,
@@ -222,13 +249,20 @@ impl<D: Device> Control<D> {
             reset: reason,
             resets,
             fault,
-            settings_faulty: self.settings_faulty,
+            settings: self.settings_state,
+            start: self.device.start_report(),
         }
+    }
+
+    /// Returns true while the supply is too low to write flash.
+    pub fn is_supply_low(&self) -> bool {
+        self.device.start_report().supply_low
     }
 
     fn output(&self, tick: &TickReport) -> OutputStatus {
         OutputStatus {
             activity: self.player.activity(),
+            at_rest: self.device.is_at_rest(),
             mute: self.player.mute(),
             mute_counts: self.player.mute_counts(),
             saturations: tick.saturations,
@@ -237,7 +271,13 @@ impl<D: Device> Control<D> {
             thermally_limited: tick.safety.thermally_limited,
             thermal_load_permille: tick.thermal_load_permille,
             thermal_gain_permille: tick.thermal_gain_permille,
+            amplifier: tick.amplifier,
         }
+    }
+
+    /// Serves `CyclesEndpoint`.
+    pub fn take_cycles(&mut self) -> CycleReport {
+        self.device.take_cycles()
     }
 
     /// Serves `PlayEndpoint`.
@@ -265,9 +305,16 @@ impl<D: Device> Control<D> {
         if !(0.0..=MAX_PLAY_GAIN).contains(&request.gain) {
             return Err(PlayError::Gain { gain: request.gain });
         }
+        let start = self.device.start_report();
+        if start.safe_mode {
+            return Err(PlayError::SafeMode {
+                quick_faults: start.quick_faults,
+            });
+        }
         if self.player.mute().contains(MuteReason::Fault) {
             return Err(PlayError::Fault);
         }
+        self.settings_state.check_playable()?;
         if self.active.is_none() {
             return Err(PlayError::NoLibrary);
         }
@@ -330,10 +377,23 @@ impl<D: Device> Control<D> {
     }
 
     /// Applies the settings of the store, and lets textures be played again.
-    pub fn end_configuration(&mut self, settings: Settings, faulty: bool) {
+    pub fn end_configuration(&mut self, settings: Settings, state: SettingsState) {
         self.settings = settings;
-        self.settings_faulty = faulty;
+        self.settings_state = state;
         self.device.set_settings(&settings);
+        self.player.end_configuration();
+    }
+
+    /// Keeps everything from being played until [`Control::end_self_test`].
+    ///
+    /// # Errors
+    /// Something is played, a library is being activated, or settings are being stored.
+    pub fn begin_self_test(&mut self) -> Result<(), Busy> {
+        self.player.begin_configuration()
+    }
+
+    /// Ends what [`Control::begin_self_test`] began.
+    pub fn end_self_test(&mut self) {
         self.player.end_configuration();
     }
 

@@ -12,8 +12,10 @@
 //! noise of one conversion. Beyond 6 deviations lies one of 10⁹ Gaussian values: a contact out of nothing every 23
 //! days. Contact ends at 3 deviations.
 //!
-//! An input that is older than [`STALE_TICKS`] is stale and mutes the output.
+//! An input that is older than [`STALE_TICKS`] is stale and mutes the output. A force at a rail of the converter, see
+//! [`RAIL_CODES`], is none: there is no contact at once, and the motion becomes stale.
 
+pub use model_format::link::RAIL_CODES;
 use model_format::link::{
     MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings,
 };
@@ -133,6 +135,8 @@ pub struct Sensors {
     /// Counts of all blocks, modulo 2³².
     counts: i32,
     force: AdcCode,
+    /// True if the last conversion in time was within [`RAIL_CODES`] of a rail.
+    railed: bool,
     /// Tick at which the last good conversion was read.
     updated_at: Option<u64>,
 }
@@ -152,15 +156,21 @@ impl Sensors {
             oldest: 0,
             counts: 0,
             force: AdcCode(0),
+            railed: false,
             updated_at: None,
         }
     }
 
-    /// Takes the values read at `tick`. If the conversion was not `fresh`, that is in time, `force` is left out.
+    /// Takes the values read at `tick`. If the conversion was not `fresh`, that is in time, `force` is left out, and so
+    /// it is at a rail.
     #[inline(always)]
     pub fn read(&mut self, tick: u64, encoder_delta: i16, force: AdcCode, fresh: bool) {
         self.block_counts = self.block_counts.saturating_add(i32::from(encoder_delta));
+        let inside = force.0.wrapping_sub(RAIL_CODES) <= u16::MAX - 2 * RAIL_CODES;
         if fresh {
+            self.railed = !inside;
+        }
+        if fresh & inside {
             self.force = force;
             self.updated_at = Some(tick);
         }
@@ -186,9 +196,14 @@ impl Sensors {
         Timed {
             motion: motion.unwrap_or(Motion::REST),
             position_mm: None,
-            contact: None,
+            contact: self.railed.then_some(false),
             at: self.updated_at,
         }
+    }
+
+    /// Returns true if the force is at a rail of its converter, so that it is not known.
+    pub fn is_railed(&self) -> bool {
+        self.railed
     }
 
     /// Count of the encoder at the end of the last block, modulo 2³².
@@ -205,6 +220,8 @@ pub struct Timed {
     /// Position on the path, mm, finite; if none, the encoder gives it.
     pub position_mm: Option<f32>,
     /// True if the tool touches; if none, the force decides.
+    ///
+    /// Of the sensors it is false while the force is at a rail.
     pub contact: Option<bool>,
     /// Tick of the input; none before the first one.
     pub at: Option<u64>,

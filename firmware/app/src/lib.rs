@@ -2,15 +2,17 @@
 //! where the host computes the output of the device.
 //!
 //! Nothing here allocates, waits for hardware, or knows a register. Hardware stands behind small traits:
-//! [`control::Device`], [`slots::MappedFlash`], [`storage::Stage`].
+//! [`control::Device`], [`slots::MappedFlash`], [`storage::Stage`], [`self_test::Bench`].
 //!
 //! | module | runs in |
 //! |---|---|
-//! | [`safety`] | the tick |
+//! | [`safety`], [`ring`] | the tick |
 //! | [`inputs`] | the tick (encoder, conversions) and below it (motion) |
+//! | [`levels`] | thread mode, never waits |
 //! | [`recorder`] | the tick (one sample in a queue) and thread mode (blocks) |
+//! | [`start`] | the start, before anything else |
 //! | [`player`], [`control`] | thread mode, never waits |
-//! | [`slots`], [`upload`], [`settings`], [`storage`] | thread mode, asynchronous |
+//! | [`slots`], [`upload`], [`settings`], [`storage`], [`self_test`] | thread mode, asynchronous |
 #![no_std]
 #![expect(
     clippy::result_large_err,
@@ -23,11 +25,15 @@ extern crate std;
 pub mod control;
 pub mod flash;
 pub mod inputs;
+pub mod levels;
 pub mod player;
 pub mod recorder;
+pub mod ring;
 pub mod safety;
+pub mod self_test;
 pub mod settings;
 pub mod slots;
+pub mod start;
 pub mod status;
 pub mod storage;
 pub mod upload;

@@ -26,11 +26,17 @@ use model_format::link::{
 
 /// State of the rest of the device, as the player sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is an observation of its own"
+)]
 pub struct Observed {
     /// The output is at mid-scale and muted: `safety::State::is_at_rest`, after the tick has seen the present mute.
     pub at_rest: bool,
     /// The motion that is followed is too old.
     pub stale: bool,
+    /// The reason for that is a force sensor at a rail of its converter.
+    pub railed: bool,
     /// The host has sent nothing for too long.
     pub link_lost: bool,
 }
@@ -186,6 +192,11 @@ impl Player {
         self.set(MuteReason::Fault, true);
     }
 
+    /// Mutes until the next start, because this one is in safe mode.
+    pub fn safe_mode(&mut self) {
+        self.set(MuteReason::SafeMode, true);
+    }
+
     /// Becomes idle and muted by a fault, because nothing was prepared to be started, and the status must not say that
     /// it plays.
     pub fn not_started(&mut self) {
@@ -200,6 +211,7 @@ impl Player {
         let playing = matches!(self.phase, Phase::Playing(_));
         // Without playing, neither motion nor host is needed.
         self.set(MuteReason::Stale, playing && observed.stale);
+        self.set(MuteReason::ForceRail, playing && observed.railed);
         self.set(MuteReason::LinkLost, playing && observed.link_lost);
         if !observed.at_rest {
             return None;

@@ -11,6 +11,7 @@ use model_format::link::{
 };
 
 use crate::SAMPLE_RATE_HZ;
+use crate::levels::{Accumulator, Sums};
 
 /// Length of the queue: 100 ms of samples. One entry always stays empty.
 pub const QUEUE_SAMPLES: usize = 512;
@@ -20,6 +21,8 @@ pub const QUEUE_SAMPLES: usize = 512;
 pub struct TimedSample {
     tick: u32,
     sample: PackedSample,
+    /// False if the conversions are not all of this tick.
+    whole: bool,
 }
 
 /// The queue from the tick to thread mode.
@@ -36,18 +39,21 @@ impl<'q> Tap<'q> {
         Self { queue }
     }
 
-    /// Queues the sample of `tick`. If the queue is full, the sample is lost, and the recorder finds the gap.
+    /// Queues the sample of `tick`, `whole` if its conversions are all of that tick. If the queue is full, the sample
+    /// is lost, and the recorder finds the gap.
     #[inline(always)]
-    pub fn put(&mut self, tick: u64, sample: RecordSample) {
+    pub fn put(&mut self, tick: u64, sample: RecordSample, whole: bool) {
         let timed = TimedSample {
             tick: tick as u32,
             sample: sample.into(),
+            whole,
         };
         let _ = self.queue.enqueue(timed);
     }
 }
 
-/// Consuming end of the queue, for thread mode: it packs samples into the blocks of a recording.
+/// Consuming end of the queue, for thread mode: it packs samples into the blocks of a recording, and sums all of them
+/// up for the sensors' levels.
 pub struct Recorder<'q> {
     queue: Consumer<'q, TimedSample>,
     recording: bool,
@@ -57,10 +63,13 @@ pub struct Recorder<'q> {
     next: u64,
     /// Samples of the block under way.
     samples: [PackedSample; BLOCK_SAMPLES],
+    /// Samples of it whose conversions are not all of their tick, a bit each.
+    torn: u32,
     /// True if the block under way misses no sample so far.
     whole: bool,
     blocks: u32,
     lost_blocks: u32,
+    levels: Accumulator,
 }
 
 impl<'q> Recorder<'q> {
@@ -72,9 +81,11 @@ impl<'q> Recorder<'q> {
             start: None,
             next: 0,
             samples: [PackedSample::ZERO; BLOCK_SAMPLES],
+            torn: 0,
             whole: true,
             blocks: 0,
             lost_blocks: 0,
+            levels: Accumulator::new(),
         }
     }
 
@@ -122,8 +133,9 @@ impl<'q> Recorder<'q> {
         // At most one queue full per call, because the tick fills the queue meanwhile.
         for _ in 0..QUEUE_SAMPLES {
             let timed = self.queue.dequeue()?;
+            self.levels.take(timed.sample.into());
             if self.recording
-                && let Some(block) = self.take(whole_tick(timed.tick, now), timed.sample)
+                && let Some(block) = self.take(whole_tick(timed.tick, now), timed)
             {
                 return Some(block);
             }
@@ -132,11 +144,18 @@ impl<'q> Recorder<'q> {
     }
 
     /// Takes the sample of `tick` and returns the block that it completes.
-    fn take(&mut self, tick: u64, sample: PackedSample) -> Option<RecordBlock> {
+    fn take(&mut self, tick: u64, timed: TimedSample) -> Option<RecordBlock> {
         let start = *self.start.get_or_insert(tick);
         let index = tick.saturating_sub(start);
         self.close_missed(index);
-        self.samples[(index % BLOCK_SAMPLES as u64) as usize] = sample;
+        let place = (index % BLOCK_SAMPLES as u64) as usize;
+        self.samples[place] = timed.sample;
+        let bit = 1 << place;
+        self.torn = if timed.whole {
+            self.torn & !bit
+        } else {
+            self.torn | bit
+        };
         self.next = index + 1;
         if !self.next.is_multiple_of(BLOCK_SAMPLES as u64) {
             return None;
@@ -145,6 +164,7 @@ impl<'q> Recorder<'q> {
             sequence,
             first_tick: start + u64::from(sequence) * BLOCK_SAMPLES as u64,
             lost_blocks: self.lost_blocks,
+            torn: self.torn,
             samples: self.samples,
         })
     }
@@ -178,6 +198,11 @@ impl<'q> Recorder<'q> {
         }
         self.lost_blocks = self.lost_blocks.saturating_add(1);
         None
+    }
+
+    /// Sums of the last whole window of samples, recorded or not.
+    pub fn sums(&self) -> Sums {
+        self.levels.sums()
     }
 
     /// Counters of this recording or the last one.

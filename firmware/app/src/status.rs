@@ -1,6 +1,6 @@
 //! Histogram of the tick's duration.
 
-use model_format::link::{TICK_BIN_COUNT, TICK_BIN_CYCLES, TickHistogram};
+use model_format::link::{CycleRange, TICK_BIN_COUNT, TICK_BIN_CYCLES, TickHistogram};
 
 /// Durations of ticks, in bins of fixed width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +38,25 @@ impl Histogram {
         self.longest = self.longest.max(cycles);
     }
 
+    /// The range of the ticks since the call before, which begins anew. `counted` is the number of ticks that calls
+    /// before have taken; the bins go on.
+    pub fn take_range(&mut self, counted: &mut u32) -> CycleRange {
+        let total = (self.bins.iter()).fold(0u32, |total, &bin| total.saturating_add(bin));
+        CycleRange {
+            runs: total - core::mem::replace(counted, total),
+            shortest: core::mem::replace(&mut self.shortest, u32::MAX),
+            longest: core::mem::take(&mut self.longest),
+        }
+    }
+
+    /// The same histogram with the shortest and longest ticks of `earlier` besides its own.
+    #[must_use]
+    pub fn with_range(mut self, earlier: CycleRange) -> Self {
+        self.shortest = self.shortest.min(earlier.shortest);
+        self.longest = self.longest.max(earlier.longest);
+        self
+    }
+
     /// The histogram as it is sent, for a processor with a clock of `core_hz`.
     pub fn report(&self, core_hz: u32) -> TickHistogram {
         TickHistogram {
@@ -68,6 +87,26 @@ mod tests {
             prop_assert_eq!(Some(report.shortest), ticks.iter().copied().min());
             prop_assert_eq!(Some(report.longest), ticks.iter().copied().max());
         }
+    }
+
+    #[test]
+    fn a_taken_range_has_the_ticks_since_the_last_one_and_the_bins_go_on() {
+        let mut histogram = Histogram::new();
+        let mut counted = 0;
+        histogram.count(500);
+        histogram.count(9_000);
+        let first = histogram.take_range(&mut counted);
+        assert_eq!((first.runs, first.shortest, first.longest), (2, 500, 9_000));
+        histogram.count(700);
+        let second = histogram.take_range(&mut counted);
+        assert_eq!(
+            (second.runs, second.shortest, second.longest),
+            (1, 700, 700)
+        );
+        assert_eq!(histogram.take_range(&mut counted), CycleRange::NONE);
+        let whole = histogram.with_range(first.merged(second)).report(1);
+        assert_eq!((whole.shortest, whole.longest), (500, 9_000));
+        assert_eq!(whole.bins.iter().sum::<u32>(), 3);
     }
 
     #[test]

@@ -7,10 +7,11 @@
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
     ActivateError, Activated, ListError, ListRequest, SceneInfo, SettingChange, Settings,
-    SettingsError, SlotId, SlotInfo, SlotState, Slots, TextureInfo, UploadBegin, UploadChunk,
-    UploadCommitted, UploadError, UploadProgress, UploadState,
+    SettingsError, SettingsState, SlotId, SlotInfo, SlotState, Slots, TextureInfo, UploadBegin,
+    UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
+use crate::player::Busy;
 use crate::settings::SettingsStore;
 use crate::slots::{MappedFlash, SlotStore};
 use crate::upload::Uploader;
@@ -43,7 +44,19 @@ pub trait Stage {
     fn begin_configuration(&mut self) -> Result<(), SettingsError>;
 
     /// As `Control::end_configuration`.
-    fn end_configuration(&mut self, settings: Settings, faulty: bool);
+    fn end_configuration(&mut self, settings: Settings, state: SettingsState);
+
+    /// Returns true while the supply is too low to write flash.
+    fn is_supply_low(&self) -> bool;
+
+    /// As `Control::begin_self_test`.
+    ///
+    /// # Errors
+    /// Something is played, or a library is being activated.
+    fn begin_self_test(&mut self) -> Result<(), Busy>;
+
+    /// As `Control::end_self_test`.
+    fn end_self_test(&mut self);
 
     /// As `Control::set_upload`.
     fn set_upload(&mut self, upload: UploadState);
@@ -77,6 +90,16 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             uploader: Uploader::new(),
             loaded: None,
         }
+    }
+
+    /// The slots.
+    pub(crate) fn slot_store(&mut self) -> &mut SlotStore<F> {
+        &mut self.slots
+    }
+
+    /// Progress of the upload.
+    pub(crate) fn upload(&self) -> UploadState {
+        self.uploader.state()
     }
 
     /// At boot: activates the newest library that is valid and readable. A boot without one is no fault.
@@ -170,12 +193,13 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `UploadBeginEndpoint`.
     ///
     /// # Errors
-    /// As [`Uploader::begin`].
+    /// As [`Uploader::begin`], or the supply is too low.
     pub async fn upload_begin(
         &mut self,
         stage: &mut impl Stage,
         begin: UploadBegin,
     ) -> Result<UploadProgress, UploadError> {
+        supplied(stage)?;
         let result = self.uploader.begin(&mut self.slots, begin).await;
         stage.set_upload(self.uploader.state());
         result
@@ -184,12 +208,13 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `UploadChunkEndpoint`.
     ///
     /// # Errors
-    /// As [`Uploader::chunk`].
+    /// As [`Uploader::chunk`], or the supply is too low. The upload can be continued.
     pub async fn upload_chunk(
         &mut self,
         stage: &mut impl Stage,
         chunk: UploadChunk<'_>,
     ) -> Result<UploadProgress, UploadError> {
+        supplied(stage)?;
         let result = self.uploader.chunk(&mut self.slots, chunk).await;
         stage.set_upload(self.uploader.state());
         result
@@ -198,11 +223,12 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `UploadCommitEndpoint`.
     ///
     /// # Errors
-    /// As [`Uploader::commit`].
+    /// As [`Uploader::commit`], or the supply is too low. The upload can be continued.
     pub async fn upload_commit(
         &mut self,
         stage: &mut impl Stage,
     ) -> Result<UploadCommitted, UploadError> {
+        supplied(stage)?;
         let result = self.uploader.commit(&mut self.slots).await;
         stage.set_upload(self.uploader.state());
         result
@@ -221,7 +247,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `SettingsSetEndpoint`.
     ///
     /// # Errors
-    /// The value is out of the setting's range; something is played; the flash fails.
+    /// The value is out of the setting's range; something is played; the supply is too low; the flash fails.
     pub async fn settings_set(
         &mut self,
         stage: &mut impl Stage,
@@ -234,7 +260,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `SettingsResetEndpoint`.
     ///
     /// # Errors
-    /// Something is played; the flash fails.
+    /// Something is played; the supply is too low; the flash fails.
     pub async fn settings_reset(
         &mut self,
         stage: &mut impl Stage,
@@ -247,6 +273,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         stage: &mut impl Stage,
         change: Option<SettingChange>,
     ) -> Result<Settings, SettingsError> {
+        if stage.is_supply_low() {
+            return Err(SettingsError::SupplyLow);
+        }
         // Before the first wait, because a play that came during the wait would be given settings without its gain.
         stage.begin_configuration()?;
         let result = match change {
@@ -254,7 +283,15 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             None => self.settings.reset().await,
         };
         // Also after an error, because a reset that failed half way has changed some settings.
-        stage.end_configuration(self.settings.settings(), self.settings.is_faulty());
+        stage.end_configuration(self.settings.settings(), self.settings.state());
         result
     }
+}
+
+/// Refuses an upload's write while the supply is too low, before the upload changes.
+fn supplied(stage: &impl Stage) -> Result<(), UploadError> {
+    if stage.is_supply_low() {
+        return Err(UploadError::SupplyLow);
+    }
+    Ok(())
 }

@@ -1,4 +1,5 @@
-//! From reset to `main`: the output goes to mid-scale, then code, constants and vectors to the memories of the tick.
+//! From reset to `main`: the watchdog starts, the amplifier goes off and the output to mid-scale, then code, constants
+//! and vectors go to the memories of the tick.
 #![expect(
     unsafe_code,
     reason = "memory is laid out and the processor's own registers are set before they have owners"
@@ -14,6 +15,21 @@ use cortex_m::peripheral::{CPUID, DCB, DWT, SCB};
 /// Entries of the vector table: 16 of the core and 150 of the STM32H743 (RM0433 table 148).
 const VECTORS: usize = 166;
 
+/// Timeout of the watchdog, µs. The first one after a reset is twice as long, because the count begins at its highest
+/// (RM0433 section 45.3.1).
+const WATCHDOG_US: u32 = 250_000;
+
+/// Nominal clock of the watchdog, LSI, Hz. It is within 29.4 and 33.6 kHz (DS12110, LSI oscillator characteristics).
+const WATCHDOG_HZ: u32 = 32_000;
+
+/// Divider of that clock after a reset, which stays.
+const WATCHDOG_DIVIDER: u32 = 4;
+
+/// Value of IWDG_RLR for [`WATCHDOG_US`].
+const WATCHDOG_RELOAD: u32 = WATCHDOG_US / 1_000 * WATCHDOG_HZ / 1_000 / WATCHDOG_DIVIDER - 1;
+
+const _: () = assert!(WATCHDOG_RELOAD < 1 << 12);
+
 /// The vector table in use. Its address is a multiple of its length rounded up to a power of two (ARM DDI 0403E,
 /// B3.2.5).
 #[repr(C, align(1024))]
@@ -26,26 +42,54 @@ static VECTOR_TABLE: VectorTable = VectorTable(UnsafeCell::new([0; VECTORS]));
 
 // cortex-m-rt's reset handler calls this first, when no variable has its value yet, so it must not be Rust.
 //
+// At power-on RAM holds noise whose error-correcting code is wrong: one code per 64 bits in ITCM and AXI SRAM, per 32
+// bits elsewhere (DS12110, error code correction; AN5342). A narrower store reads the rest first, and a fill of a cache
+// line reads what was never written. So these memories are written in units of 64 bits before anything reads them,
+// which by count of cycles takes some 4 ms at the 64 MHz of the start. cortex-m-rt fills the DTCM's stack, `.bss` and
+// `.data` in words. The rest of the ITCM and of the SRAMs is never read.
+//
 // SAFETY: besides the registers named here it writes only the three sections that the linker reserves for it
-// (`tick.x`), in words, between bounds that are multiples of eight. It calls nothing, and the caller keeps none of the
-// registers that it changes.
+// (`tick.x`) and the AXI SRAM, where the linker puts nothing, in pairs of words, between bounds that are multiples of
+// eight. It calls nothing. cortex-m-rt's reset handler keeps nothing in registers across this call.
 global_asm!(
     ".section .text.before_main, \"ax\", %progbits",
     ".global __pre_init",
     ".type __pre_init, %function",
     ".thumb_func",
     "__pre_init:",
+    // IWDG1_KR: 0xCCCC starts the watchdog, and with it its clock; 0x5555 opens IWDG1_RLR (RM0433 section 45.3.1). From
+    // here on, whatever hangs ends in a reset.
+    "    ldr r0, =0x58004800",
+    "    movw r1, #0xCCCC",
+    "    str r1, [r0]",
+    "    movw r1, #0x5555",
+    "    str r1, [r0]",
+    "    movw r1, #{reload}",
+    "    str r1, [r0, #8]",
+    // Clock of port E: RCC_AHB4ENR, bit 4 (RM0433 section 8.7.43). Then PE9, the amplifier's enable, becomes an output
+    // that drives low, the reset value of GPIOE_ODR: GPIOE_MODER, bits 19:18 from 11 to 01 (section 11.4.1).
+    "    ldr r0, =0x580244E0",
+    "    ldr r1, [r0]",
+    "    orr r1, r1, #0x10",
+    "    str r1, [r0]",
+    "    ldr r1, [r0]",
+    "    ldr r0, =0x58021000",
+    "    ldr r1, [r0]",
+    "    bic r1, r1, #0x80000",
+    "    str r1, [r0]",
     // Clock of DAC1: RCC_APB1LENR, bit 29 (RM0433 section 8.7.45). The read waits until the write has arrived.
     "    ldr r0, =0x580244E8",
     "    ldr r1, [r0]",
     "    orr r1, r1, #0x20000000",
     "    str r1, [r0]",
     "    ldr r1, [r0]",
-    // DAC_DHR12R1 at mid-scale, then DAC_CR.EN1 (RM0433 section 26.7): the output begins at mid-scale.
+    // DAC_DHR12R1 at mid-scale, DAC_CR.TSEL1 at 6, which is TIM7_TRGO (table 213) and may not change once the channel
+    // is on (section 26.4.7), then DAC_CR.EN1 (section 26.7): the output begins at mid-scale.
     "    ldr r0, =0x40007400",
     "    mov r1, #2048",
     "    str r1, [r0, #8]",
-    "    ldr r1, [r0]",
+    "    mov r1, #24",
+    "    str r1, [r0]",
     "    orr r1, r1, #1",
     "    str r1, [r0]",
     "    ldr r0, =__sitcm",
@@ -53,8 +97,8 @@ global_asm!(
     "    ldr r2, =__siitcm",
     "2:  cmp r0, r1",
     "    ittt lo",
-    "    ldrlo r3, [r2], #4",
-    "    strlo r3, [r0], #4",
+    "    ldrdlo r4, r5, [r2], #8",
+    "    strdlo r4, r5, [r0], #8",
     "    blo 2b",
     "    ldr r0, =__stick_constants",
     "    ldr r1, =__etick_constants",
@@ -66,16 +110,24 @@ global_asm!(
     "    blo 3b",
     "    ldr r0, =__ssram4",
     "    ldr r1, =__esram4",
-    "    mov r3, #0",
+    "    mov r4, #0",
+    "    mov r5, #0",
     "4:  cmp r0, r1",
     "    itt lo",
-    "    strlo r3, [r0], #4",
+    "    strdlo r4, r5, [r0], #8",
     "    blo 4b",
+    "    ldr r0, =_axisram_start",
+    "    ldr r1, =_axisram_end",
+    "5:  cmp r0, r1",
+    "    itt lo",
+    "    strdlo r4, r5, [r0], #8",
+    "    blo 5b",
     "    dsb",
     "    isb",
     "    bx lr",
     "    .ltorg",
     ".size __pre_init, . - __pre_init",
+    reload = const WATCHDOG_RELOAD,
 );
 
 unsafe extern "C" {
@@ -83,7 +135,7 @@ unsafe extern "C" {
 }
 
 /// Moves the vector table to the DTCM, so that an interrupt is taken without a read of flash, and turns the caches on,
-/// for code in flash and the library in AXI SRAM. This firmware uses no DMA, so all memory may be cached.
+/// for code in flash and the library in AXI SRAM. `protection.rs` says which memory is cached.
 pub fn prepare_memory(scb: &mut SCB, cpuid: &mut CPUID) {
     let table = VECTOR_TABLE.0.get().cast::<u32>();
     for index in 0..VECTORS {
@@ -103,6 +155,10 @@ pub fn prepare_memory(scb: &mut SCB, cpuid: &mut CPUID) {
 }
 
 /// Starts the processor's cycle counter, with or without a debugger.
+///
+/// It goes on in WFE because embassy keeps the clocks of sleep modes on for debuggers (DBGMCU_CR.DBGSLEEP_D1, RM0433
+/// section 60.5.8): the option `enable_debug_during_sleep` of its configuration, set by default. The tick's instants do
+/// not depend on it, its durations, the marks and the waits for bank 1 do.
 pub fn start_cycle_counter(dcb: &mut DCB, dwt: &mut DWT) {
     dcb.enable_trace();
     DWT::unlock();

@@ -1,43 +1,129 @@
 //! Handlers of faults: the output goes to mid-scale, the reason is recorded, the processor resets.
 //!
+//! MemManage, BusFault and UsageFault arrive as HardFault; BusFault by way of `flash/word.rs`. The processor's status
+//! tells them apart.
+//!
+//! A stack that has overflowed has no room for a handler: the handler's own first store would be a fault within
+//! HardFault, at which the processor locks up with the last code at the output. So HardFault begins with a stack of its
+//! own, before any Rust code. The stack of the program stays as it is, to be read for the trace.
+//!
 //! A panic takes the same way. panic-probe masks interrupts and executes UDF, which is a HardFault some twenty
 //! instructions after the panic, before anything is formatted or logged. panic-probe's own printing is left off,
 //! because it would come before mid-scale. The panic's `Location`, which the stack points to, tells its file and line.
 #![expect(unsafe_code, reason = "handlers of exceptions")]
 
+use core::arch::global_asm;
+use core::cell::UnsafeCell;
+use core::mem::{MaybeUninit, size_of};
+
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
 
+use crate::boot::clock;
 use crate::fault::record::{Caught, Kind, Record, TRACE};
-use crate::fault::stack_trace;
+use crate::fault::{stack, stack_trace};
 use crate::tick::output;
 
-/// Sets mid-scale, records the reason, resets. `frame` is what the processor saved, where there is one.
-fn end(kind: Kind, detail: u32, frame: Option<&ExceptionFrame>) -> ! {
-    output::mid_scale_now();
-    let mut caught = Caught {
-        kind,
-        program_counter: 0,
-        detail,
-        trace: [0; TRACE],
-        location: 0,
-    };
-    if let Some(frame) = frame {
-        let stack_pointer = core::ptr::from_ref(frame).cast();
-        caught.program_counter = frame.pc();
-        caught.trace = stack_trace::return_addresses(stack_pointer);
-        if kind == Kind::Panic {
-            let mut locations = stack_trace::words(stack_pointer)
-                .filter(|&word| stack_trace::location(word).is_some());
-            caught.location = locations.next().unwrap_or(0);
-        }
+/// Length of the handler's stack, bytes: some times what it takes.
+const FAULT_STACK_BYTES: usize = 2048;
+
+/// Stack of the handler of HardFault.
+#[repr(C, align(8))]
+struct FaultStack(UnsafeCell<MaybeUninit<[u8; FAULT_STACK_BYTES]>>);
+
+// SAFETY: HardFault alone uses it, once, because its handler does not return and no other exception preempts it but
+// NMI, which does not return either.
+unsafe impl Sync for FaultStack {}
+
+#[unsafe(link_section = ".uninit.fault_stack")]
+static FAULT_STACK: FaultStack = FaultStack(UnsafeCell::new(MaybeUninit::uninit()));
+
+// SAFETY: the main stack is the only one in use, so its pointer is the address of the frame that the processor saved.
+// Nothing of the interrupted program goes on, so all registers are free. Clearing FPCCR.LSPACT (ARM DDI 0403E, B3.2.21)
+// keeps floating-point instructions of the handler from saving registers to the frame, which may lie outside of the
+// stack.
+global_asm!(
+    ".section .text.HardFault, \"ax\", %progbits",
+    ".global HardFault",
+    ".type HardFault, %function",
+    ".thumb_func",
+    "HardFault:",
+    "    mov r0, sp",
+    "    ldr r1, ={stack}",
+    "    add r1, r1, #{bytes}",
+    "    mov sp, r1",
+    "    ldr r2, =0xE000EF34",
+    "    ldr r3, [r2]",
+    "    bic r3, r3, #1",
+    "    str r3, [r2]",
+    "    b {handler}",
+    "    .ltorg",
+    ".size HardFault, . - HardFault",
+    stack = sym FAULT_STACK,
+    bytes = const FAULT_STACK_BYTES,
+    handler = sym hard_fault,
+);
+
+/// Status of a fault, CFSR (ARM DDI 0403E, B3.2.15).
+#[derive(Clone, Copy)]
+struct FaultStatus(u32);
+
+impl FaultStatus {
+    /// Faults on stacking, after which the frame means nothing: MSTKERR, MLSPERR, STKERR, LSPERR.
+    const STACKING: u32 = 1 << 4 | 1 << 5 | 1 << 12 | 1 << 13;
+    /// All of MemManage.
+    const MEM_MANAGE: u32 = 0xFF;
+    /// All of BusFault.
+    const BUS_FAULT: u32 = 0xFF00;
+    /// A fetch that the MPU refused: IACCVIOL. Its address is the program counter.
+    const FETCH: u32 = 1;
+    /// MMFAR holds an address.
+    const MMFAR_VALID: u32 = 1 << 7;
+    /// BFAR holds an address.
+    const BFAR_VALID: u32 = 1 << 15;
+
+    const fn has(self, bits: u32) -> bool {
+        self.0 & bits != 0
     }
+
+    /// Address of the access that was refused. Both registers are one on this processor.
+    fn address(self, program_counter: Option<u32>) -> Option<u32> {
+        if self.has(Self::MMFAR_VALID | Self::BFAR_VALID) {
+            // SAFETY: read and never written (ARM DDI 0403E, B3.2.17).
+            return Some(unsafe { (*SCB::PTR).mmfar.read() });
+        }
+        program_counter.filter(|_| self.has(Self::FETCH))
+    }
+}
+
+/// Reports whether a stack pointer, or the address of an access, is just below the stack: in the megabyte that ends
+/// there no region of the MPU allows a store.
+fn is_below_stack(address: u32) -> bool {
+    const BELOW: u32 = 1 << 20;
+    let start = stack::range().start;
+    (start - BELOW..start).contains(&address)
+}
+
+/// Records the reason and resets. The output is at mid-scale.
+fn end(caught: Caught) -> ! {
     let mut record = Record::load().unwrap_or_default();
     record.set(caught);
     record.store();
     // Never blocks; dropped if the fault came in the middle of another message.
     defmt::error!("{}", caught);
     SCB::sys_reset()
+}
+
+/// A fault of which nothing but `kind` and `detail` is known.
+const fn bare(kind: Kind, detail: u32) -> Caught {
+    Caught {
+        kind,
+        program_counter: 0,
+        detail,
+        address: None,
+        trace: [0; TRACE],
+        location: 0,
+    }
 }
 
 /// Reports whether `program_counter` is at a UDF, with any number (ARM DDI 0403E, A7.7.194): how panic-probe ends.
@@ -47,31 +133,63 @@ fn is_udf(program_counter: u32) -> bool {
         && unsafe { (program_counter as *const u16).read_volatile() } >> 8 == 0xDE
 }
 
-// SAFETY: does not return, touches nothing of the program but the record, and its first act is mid-scale.
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    /// CFSR: a fault on stacking, after which the frame means nothing (MSTKERR, STKERR).
-    const STACKING: u32 = 1 << 4 | 1 << 12;
+/// The handler, on its own stack. `frame` is the address of what the processor saved, or would have saved.
+extern "C" fn hard_fault(frame: u32) -> ! {
     output::mid_scale_now();
     // SAFETY: read and never written; the processor's fault status (ARM DDI 0403E, B3.2.15).
-    let status = unsafe { (*SCB::PTR).cfsr.read() };
-    let frame = (status & STACKING == 0).then_some(frame);
-    let kind = if frame.is_some_and(|frame| is_udf(frame.pc())) {
+    let status = FaultStatus(unsafe { (*SCB::PTR).cfsr.read() });
+    let stack = stack::range();
+    let is_whole = !status.has(FaultStatus::STACKING)
+        && frame >= stack.start
+        && frame <= stack.end - size_of::<ExceptionFrame>() as u32
+        && frame.is_multiple_of(8);
+    // SAFETY: it lies within the stack, aligned, and the processor reports no fault on writing it. Nothing changes it.
+    let program_counter = is_whole.then(|| unsafe { &*(frame as *const ExceptionFrame) }.pc());
+    let address = status.address(program_counter);
+    let kind = if is_below_stack(frame) || address.is_some_and(is_below_stack) {
+        Kind::StackOverflow
+    } else if program_counter.is_some_and(is_udf) {
         Kind::Panic
+    } else if status.has(FaultStatus::MEM_MANAGE) {
+        Kind::MemoryProtection
+    } else if status.has(FaultStatus::BUS_FAULT) {
+        Kind::BusFault
     } else {
         Kind::HardFault
     };
-    end(kind, status, frame)
+    let location = if kind == Kind::Panic {
+        stack_trace::words(frame).find(|&word| stack_trace::location(word).is_some())
+    } else {
+        None
+    };
+    end(Caught {
+        kind,
+        program_counter: program_counter.unwrap_or(0),
+        detail: status.0,
+        address: match kind {
+            Kind::StackOverflow => Some(address.unwrap_or(frame)),
+            _ => address,
+        },
+        trace: stack_trace::return_addresses(frame),
+        location: location.unwrap_or(0),
+    })
 }
 
-// SAFETY: as for HardFault.
+// SAFETY: does not return, touches nothing of the program but the record, and its first act is mid-scale.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
-    end(Kind::Nmi, 0, None)
+    output::mid_scale_now();
+    let kind = if clock::has_failed() {
+        Kind::ClockFailed
+    } else {
+        Kind::Nmi
+    };
+    end(bare(kind, 0))
 }
 
-// SAFETY: as for HardFault.
+// SAFETY: as for NonMaskableInt.
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
-    end(Kind::UnexpectedInterrupt, number as u32, None)
+    output::mid_scale_now();
+    end(bare(Kind::UnexpectedInterrupt, number as u32))
 }

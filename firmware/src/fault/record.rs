@@ -8,13 +8,17 @@
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 
+use model_format::link::StartStage;
+use stylus_app::start::{Ended, Kept as KeptOfStarts};
+
+use crate::boot::reset::ResetFlags;
 use crate::tick::alive;
 
 /// Kind of fault; the numbers are kept over a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
 #[repr(u32)]
 pub enum Kind {
-    /// HardFault, or a fault that escalated to it.
+    /// HardFault, or a usage fault that escalated to it.
     HardFault = 1,
     /// Non-maskable interrupt.
     Nmi,
@@ -26,6 +30,16 @@ pub enum Kind {
     TickStopped,
     /// Watchdog reset while the tick went on: the executor stood still.
     ExecutorStopped,
+    /// The stack overflowed.
+    StackOverflow,
+    /// The memory protection refused an access.
+    MemoryProtection,
+    /// The bus refused an access.
+    BusFault,
+    /// Failure of the external clock.
+    ClockFailed,
+    /// Watchdog reset before the start was over.
+    StartHung,
 }
 
 /// Number of return addresses that are kept.
@@ -38,16 +52,22 @@ pub struct Caught {
     pub kind: Kind,
     /// Program counter at the fault.
     pub program_counter: u32,
-    /// CFSR for a HardFault, the number of the exception for an unexpected one, 0 otherwise.
+    /// CFSR for a fault of the processor, the number of the exception for an unexpected one, 0 otherwise.
     pub detail: u32,
+    /// Address of the access that was refused, or to which the stack had come.
+    pub address: Option<u32>,
     /// Likely return addresses from the stack, the newest first; 0 after the last one.
     pub trace: [u32; TRACE],
     /// Address in flash of a panic's `Location`, see [`crate::fault::stack_trace::location`]; 0 if it was not found.
     pub location: u32,
 }
 
-/// Words of a record: magic, the fields of [`Caught`], tick stopped, resets, whether the fault is new, checksum.
-const WORDS: usize = 9 + TRACE;
+/// Words of a record: magic, the fields of [`Caught`], tick stopped, resets, whether the fault is new, starts,
+/// checksum.
+///
+/// Noise is believed with a probability of 2⁻⁶⁴: magic and checksum have 32 bits each, and the checksum depends on
+/// every bit of every word.
+const WORDS: usize = 12 + TRACE;
 const MAGIC: u32 = 0x5354_594C;
 
 /// Everything that outlives a reset.
@@ -61,10 +81,13 @@ const AT_PROGRAM_COUNTER: usize = 2;
 const AT_DETAIL: usize = 3;
 const AT_TRACE: usize = 4;
 const AT_LOCATION: usize = AT_TRACE + TRACE;
-const AT_TICK_STOPPED: usize = AT_LOCATION + 1;
+const AT_HAS_ADDRESS: usize = AT_LOCATION + 1;
+const AT_ADDRESS: usize = AT_HAS_ADDRESS + 1;
+const AT_TICK_STOPPED: usize = AT_ADDRESS + 1;
 const AT_RESETS: usize = AT_TICK_STOPPED + 1;
 const AT_NEW: usize = AT_RESETS + 1;
-const AT_SUM: usize = AT_NEW + 1;
+const AT_STARTS: usize = AT_NEW + 1;
+const AT_SUM: usize = AT_STARTS + 1;
 
 #[repr(C, align(8))]
 struct Kept(UnsafeCell<MaybeUninit<[u32; WORDS]>>);
@@ -113,6 +136,8 @@ impl Record {
         self.words[AT_PROGRAM_COUNTER] = caught.program_counter;
         self.words[AT_TRACE..AT_TRACE + TRACE].copy_from_slice(&caught.trace);
         self.words[AT_LOCATION] = caught.location;
+        self.words[AT_HAS_ADDRESS] = u32::from(caught.address.is_some());
+        self.words[AT_ADDRESS] = caught.address.unwrap_or(0);
         self.words[AT_NEW] = 1;
     }
 
@@ -125,12 +150,18 @@ impl Record {
             4 => Kind::UnexpectedInterrupt,
             5 => Kind::TickStopped,
             6 => Kind::ExecutorStopped,
+            7 => Kind::StackOverflow,
+            8 => Kind::MemoryProtection,
+            9 => Kind::BusFault,
+            10 => Kind::ClockFailed,
+            11 => Kind::StartHung,
             _ => return None,
         };
         Some(Caught {
             kind,
             program_counter: self.words[AT_PROGRAM_COUNTER],
             detail: self.words[AT_DETAIL],
+            address: (self.words[AT_HAS_ADDRESS] != 0).then_some(self.words[AT_ADDRESS]),
             trace: core::array::from_fn(|index| self.words[AT_TRACE + index]),
             location: self.words[AT_LOCATION],
         })
@@ -146,43 +177,86 @@ pub struct Before {
     pub new_fault: bool,
     /// Resets since power-on, this one included.
     pub resets: u32,
+    /// Knowledge of the starts, decided for this one.
+    pub starts: KeptOfStarts,
 }
 
-/// Takes the kept state and counts this start.
+/// Takes the kept state, counts this start, and decides how it goes on.
 ///
-/// After `power_on` the memory holds noise, so nothing in it is believed. After a reset by the `watchdog` the fault is
-/// that reset.
-pub fn take(power_on: bool, watchdog: bool) -> Before {
-    let mut record = Record::load().filter(|_| !power_on).unwrap_or_default();
-    if watchdog {
+/// After power-on the memory holds noise, whose error-correcting code is wrong besides, so it is not even read. After a
+/// reset by the watchdog the fault is that reset.
+pub fn take(flags: ResetFlags) -> Before {
+    let power_on = flags == ResetFlags::PowerOn;
+    let mut record = if power_on {
+        Record::default()
+    } else {
+        Record::load().unwrap_or_default()
+    };
+    let starts = KeptOfStarts::from_word(record.words[AT_STARTS]);
+    if flags == ResetFlags::Watchdog {
         let tick_stopped = alive::is_running() || record.words[AT_TICK_STOPPED] != 0;
+        let kind = match starts.stage {
+            Some(_) => Kind::StartHung,
+            None if tick_stopped => Kind::TickStopped,
+            None => Kind::ExecutorStopped,
+        };
         record.set(Caught {
-            kind: if tick_stopped {
-                Kind::TickStopped
-            } else {
-                Kind::ExecutorStopped
-            },
+            kind,
             program_counter: 0,
             detail: 0,
+            address: None,
             trace: [0; TRACE],
             location: 0,
         });
     }
+    let caught = record.caught();
+    let new_fault = record.words[AT_NEW] != 0;
+    let ended = match flags {
+        ResetFlags::PowerOn | ResetFlags::Pin => Ended::ByHand,
+        ResetFlags::Watchdog => Ended::ByWatchdog,
+        _ if new_fault => Ended::ByFault {
+            clock_failed: caught.is_some_and(|caught| caught.kind == Kind::ClockFailed),
+        },
+        _ => Ended::WithoutFault,
+    };
     let before = Before {
-        caught: record.caught(),
-        new_fault: record.words[AT_NEW] != 0,
+        caught,
+        new_fault,
         resets: if power_on {
             0
         } else {
             record.words[AT_RESETS].saturating_add(1)
         },
+        starts: starts.next(ended),
     };
     record.words[AT_RESETS] = before.resets;
     record.words[AT_TICK_STOPPED] = 0;
     record.words[AT_NEW] = 0;
+    record.words[AT_STARTS] = before.starts.to_word();
     record.store();
     alive::clear_running();
     before
+}
+
+/// Keeps that the start has got to `stage`; none once it is over.
+pub fn enter(stage: Option<StartStage>) {
+    change_starts(|starts| starts.stage = stage);
+}
+
+/// Keeps that this run has lasted long enough to be a healthy one.
+pub fn note_healthy() {
+    change_starts(|starts| starts.healthy = true);
+}
+
+fn change_starts(change: impl FnOnce(&mut KeptOfStarts)) {
+    // Short, and a few times per start.
+    critical_section::with(|_| {
+        let mut record = Record::load().unwrap_or_default();
+        let mut starts = KeptOfStarts::from_word(record.words[AT_STARTS]);
+        change(&mut starts);
+        record.words[AT_STARTS] = starts.to_word();
+        record.store();
+    });
 }
 
 /// Keeps that the tick stands still; the watchdog resets the processor next.

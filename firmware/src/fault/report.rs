@@ -19,9 +19,15 @@ pub fn reset_report(flags: ResetFlags, before: Before) -> ResetReport {
             Kind::UnexpectedInterrupt => FaultKind::UnexpectedInterrupt,
             Kind::TickStopped => FaultKind::TickStopped,
             Kind::ExecutorStopped => FaultKind::ExecutorStopped,
+            Kind::ClockFailed => FaultKind::ClockFailed,
+            Kind::StartHung => FaultKind::StartHung,
+            Kind::StackOverflow => FaultKind::StackOverflow,
+            Kind::MemoryProtection => FaultKind::MemoryProtection,
+            Kind::BusFault => FaultKind::BusFault,
         },
         program_counter: caught.program_counter,
         detail: caught.detail,
+        address: caught.address,
         text: text(&caught),
     });
     let reason = match flags {

@@ -2,9 +2,9 @@
 #![expect(unsafe_code, reason = "stack and flash are read as memory")]
 
 use core::ops::Range;
-use core::ptr::addr_of;
 
 use crate::fault::record::TRACE;
+use crate::fault::stack;
 
 /// The flash that the program is in.
 const FLASH: Range<u32> = 0x0800_0000..0x080C_0000;
@@ -18,22 +18,23 @@ pub fn is_code(address: u32) -> bool {
 }
 
 /// The words on the stack from `stack_pointer` on, the newest first: the frames of a panic and some of its callers.
-pub fn words(stack_pointer: *const u32) -> impl Iterator<Item = u32> {
+///
+/// After an overflow the pointer is below the stack, and the words are those from its last one on.
+pub fn words(stack_pointer: u32) -> impl Iterator<Item = u32> {
     /// Largest number of words that are read.
-    const DEPTH: usize = 256;
-    unsafe extern "C" {
-        static _stack_start: u32;
-    }
-    let left =
-        (addr_of!(_stack_start) as usize).saturating_sub(stack_pointer as usize) / size_of::<u32>();
-    // SAFETY: these words lie between a pointer to the stack and the stack's beginning, which is all memory.
-    (0..left.min(DEPTH)).map(move |index| unsafe { stack_pointer.add(index).read_volatile() })
+    const DEPTH: u32 = 256;
+    const WORD: u32 = size_of::<u32>() as u32;
+    let stack = stack::range();
+    let start = stack_pointer.clamp(stack.start, stack.end) & !(WORD - 1);
+    let count = ((stack.end - start) / WORD).min(DEPTH);
+    // SAFETY: these words are aligned and lie within the stack, which is all memory.
+    (0..count).map(move |index| unsafe { ((start + index * WORD) as *const u32).read_volatile() })
 }
 
 /// Likely return addresses on the stack: odd numbers that point into code.
 ///
 /// Some are stale. With the image's file, `addr2line` tells the place in the source of each.
-pub fn return_addresses(stack_pointer: *const u32) -> [u32; TRACE] {
+pub fn return_addresses(stack_pointer: u32) -> [u32; TRACE] {
     let mut found = [0; TRACE];
     let addresses = words(stack_pointer).filter(|&word| word & 1 == 1 && is_code(word));
     for (entry, address) in found.iter_mut().zip(addresses) {

@@ -3,7 +3,7 @@
 //!
 //! embassy-stm32's own driver waits for an erasure, a second or two, without yielding, and turns an uncorrectable word
 //! into a hard fault. This one follows RM0433 section 4.3. Every wait is bounded. A read after a write comes from the
-//! array itself, because the cache lines are invalidated.
+//! array itself, because neither the slots nor the settings are cached (`boot/protection.rs`).
 //!
 //! - **Bank 2** is erased and written while everything else runs: code runs from bank 1, the tick from ITCM.
 //! - **Bank 1** holds the code, whose fetches stall while the bank is busy. The wait for it runs from ITCM and masks
@@ -33,9 +33,9 @@ use stylus_app::settings::SETTINGS_RANGE;
 use stylus_app::slots::MappedFlash;
 
 use crate::boot::clock::CORE_HZ;
-use crate::boot::priority;
+use crate::boot::{priority, supply};
 use crate::fault::watchdog;
-use crate::flash::word;
+use crate::flash::{errors, word};
 
 /// Longest erasure of a sector: twice the maximum of DS12110 (table 60, parallelism of 8 bits).
 const ERASE_LIMIT: Duration = Duration::from_secs(8);
@@ -60,6 +60,8 @@ pub enum FlashError {
     },
     /// The flash is busy for longer than it may be.
     Timeout,
+    /// The supply is too low to erase or program.
+    SupplyLow,
 }
 
 /// Reason why a range is refused.
@@ -87,6 +89,7 @@ impl core::fmt::Display for FlashError {
                 "the flash reports {status:#010x} (RM0433, FLASH_SR): try again"
             ),
             Self::Timeout => write!(f, "the flash does not become ready: restart the device"),
+            Self::SupplyLow => write!(f, "the supply is too low to write flash: see to it"),
         }
     }
 }
@@ -160,13 +163,17 @@ impl Bank {
         Ok(())
     }
 
-    /// Prepares an erasure or a word: checks that the bank is idle, clears old faults, unlocks (RM0433 sections 4.3.9
-    /// and 4.3.10).
+    /// Prepares an erasure or a word: checks that the supply holds and the bank is idle, clears old faults, unlocks
+    /// (RM0433 sections 4.3.9 and 4.3.10).
     fn prepare(self) -> Result<(), FlashError> {
+        if supply::is_low() {
+            return Err(FlashError::SupplyLow);
+        }
         let registers = self.registers();
         if registers.sr().read().qw() {
             return Err(FlashError::Timeout);
         }
+        errors::take(self.index);
         clear(registers);
         if registers.cr().read().lock() {
             registers.keyr().write_value(0x4567_0123);
@@ -207,6 +214,7 @@ impl Bank {
     fn end(self) -> Result<(), FlashError> {
         let registers = self.registers();
         let status = registers.sr().read();
+        errors::take(self.index);
         clear(registers);
         registers.cr().modify(|w| {
             w.set_pg(false);
@@ -217,17 +225,6 @@ impl Bank {
             return Err(FlashError::Refused { status: status.0 });
         }
         Ok(())
-    }
-
-    /// Invalidates the cache lines of `range`, which has changed in the array.
-    fn forget(self, range: Range<u32>) {
-        // SAFETY: the only owner of SCB has dropped it after the start, and cache maintenance is a write of an address
-        // to a register. Flash is never dirty in the cache, because only programming writes to it.
-        unsafe {
-            let mut scb = cortex_m::Peripherals::steal().SCB;
-            let address = (self.address + range.start) as usize;
-            scb.invalidate_dcache_by_address(address, range.len());
-        }
     }
 }
 
@@ -317,7 +314,6 @@ impl NorFlash for Bank2 {
             let waited = Self::wait(ERASE_LIMIT, Some(Duration::from_millis(1))).await;
             BANK_2.end()?;
             waited?;
-            BANK_2.forget(sector..sector + SECTOR_BYTES as u32);
         }
         Ok(())
     }
@@ -331,7 +327,6 @@ impl NorFlash for Bank2 {
             let waited = Self::wait(PROGRAM_LIMIT, None).await;
             BANK_2.end()?;
             waited?;
-            BANK_2.forget(at..at + WORD_BYTES as u32);
         }
         Ok(())
     }
@@ -388,8 +383,7 @@ impl NorFlash for SettingsFlash {
             BANK_1.prepare()?;
             let done = erase_without_code(sector);
             BANK_1.end()?;
-            done?;
-            BANK_1.forget(sector..sector + SECTOR_BYTES as u32);
+            in_time(done)?;
             yield_now().await;
         }
         Ok(())
@@ -401,18 +395,28 @@ impl NorFlash for SettingsFlash {
             BANK_1.prepare()?;
             let done = program_without_code(at, &word);
             BANK_1.end()?;
-            done?;
-            BANK_1.forget(at..at + WORD_BYTES as u32);
+            in_time(done)?;
             yield_now().await;
         }
         Ok(())
     }
 }
 
-/// Erases the sector of bank 1 at `offset` and waits for it, in ITCM.
+/// The result of an operation that was `done` within its limit, or was not.
+fn in_time(done: bool) -> Result<(), FlashError> {
+    if done {
+        Ok(())
+    } else {
+        Err(FlashError::Timeout)
+    }
+}
+
+/// Erases the sector of bank 1 at `offset` and waits for it, in ITCM; false if it takes too long. The build's check of
+/// placement knows its name.
 #[inline(never)]
+#[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.flash_erase")]
-fn erase_without_code(offset: u32) -> Result<(), FlashError> {
+extern "C" fn erase_without_code(offset: u32) -> bool {
     let mask = mask_tasks();
     BANK_1.begin_erase(offset);
     let done = wait_without_code(8_000);
@@ -420,10 +424,12 @@ fn erase_without_code(offset: u32) -> Result<(), FlashError> {
     done
 }
 
-/// Programs a word of bank 1 at `offset` and waits for it, in ITCM.
+/// Programs a word of bank 1 at `offset` and waits for it, in ITCM; false if it takes too long. The build's check of
+/// placement knows its name.
 #[inline(never)]
+#[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.flash_program")]
-fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) -> Result<(), FlashError> {
+extern "C" fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) -> bool {
     let mask = mask_tasks();
     BANK_1.begin_program(offset, word);
     let done = wait_without_code(10);
@@ -431,19 +437,20 @@ fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) -> Result<(),
     done
 }
 
-/// Waits for bank 1, at most `limit_ms`, and feeds the watchdog as long as the tick goes on.
+/// Waits for bank 1, at most `limit_ms`, and feeds the watchdog as long as the tick goes on; false if the bank is busy
+/// still.
 #[inline(always)]
-fn wait_without_code(limit_ms: u32) -> Result<(), FlashError> {
+fn wait_without_code(limit_ms: u32) -> bool {
     for _ in 0..limit_ms {
         let begin = DWT::cycle_count();
         while DWT::cycle_count().wrapping_sub(begin) < CORE_HZ / 1000 {
             if !BANK_1.registers().sr().read().qw() {
-                return Ok(());
+                return true;
             }
         }
         watchdog::feed_while_ticking();
     }
-    Err(FlashError::Timeout)
+    false
 }
 
 /// Masks as they were before.

@@ -4,4 +4,5 @@
 //! the slots and the settings is erased or written.
 
 pub mod banks;
+pub mod errors;
 pub mod word;

@@ -16,8 +16,9 @@ use core::mem::MaybeUninit;
 
 use cortex_m::peripheral::SCB;
 use cortex_m::peripheral::scb::{Exception, SystemHandler};
-use embassy_stm32::pac::FLASH;
 use stylus_app::flash::WORD_BYTES;
+
+use crate::flash::errors;
 
 // SAFETY: by the procedure call standard: r0 is the source, r1 the destination, r0 the result; r2 is the caller's to
 // lose. A load of the eight that faults is resumed at `flash_word_failed` with nothing but r2 undefined. The handler
@@ -83,9 +84,9 @@ pub fn read(address: u32) -> Option<[u8; WORD_BYTES]> {
     // SAFETY: the source is flash, aligned, and read by loads that may fault; the destination has eight words.
     let failed = unsafe { flash_word_read(address as *const u32, word.as_mut_ptr().cast()) };
     if failed != 0 {
-        // The return value reports the error, so its flags are cleared. Each bank has its own.
+        // The return value reports the error, so its flags are counted and cleared. Each bank has its own.
         for bank in 0..2 {
-            FLASH.bank(bank).ccr().write(|w| w.set_clr_dbeccerr(true));
+            errors::take(bank);
         }
         return None;
     }

@@ -5,12 +5,12 @@
 
 use embassy_time::Timer;
 use model_format::link::{
-    ActivateEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListSceneEndpoint,
-    MotionEndpoint, MotionTopic, PlayEndpoint, PlayError, PlayRequest, Playing,
-    RecordStartEndpoint, RecordStopEndpoint, SettingsGetEndpoint, SettingsResetEndpoint,
-    SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint, UploadAbortEndpoint,
-    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
-    UploadProgressEndpoint,
+    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint,
+    ListSceneEndpoint, MotionEndpoint, MotionTopic, PlayEndpoint, PlayError, PlayRequest, Playing,
+    RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SettingsGetEndpoint,
+    SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
+    UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
+    UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarKeyKind, VarSeq};
 use postcard_rpc::server::{Dispatch, Sender, Server, WireRx, WireTxErrorKind};
@@ -139,6 +139,11 @@ impl Dispatch for Dispatcher {
                     .answer::<StatusEndpoint>(|()| with_control(|control| control.status()))
                     .await
             }
+            CyclesEndpoint::REQ_KEY => {
+                request
+                    .answer::<CyclesEndpoint>(|()| with_control(Control::take_cycles))
+                    .await
+            }
             UploadProgressEndpoint::REQ_KEY => {
                 request
                     .answer::<UploadProgressEndpoint>(|()| with_control(|control| control.upload()))
@@ -216,6 +221,11 @@ impl Dispatcher {
             }
             SettingsResetEndpoint::REQ_KEY => {
                 request.hand_over(|()| Some(Job::SettingsReset)).await
+            }
+            SelfTestEndpoint::REQ_KEY => {
+                request
+                    .hand_over(|measurement| Some(Job::SelfTest(measurement)))
+                    .await
             }
             MotionTopic::TOPIC_KEY => {
                 // A motion that is not finite is dropped. The endpoint of the same name would report it.

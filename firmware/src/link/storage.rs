@@ -15,14 +15,16 @@ use embassy_time::{Duration, Ticker, Timer};
 use heapless::Vec;
 use model_format::link::{
     ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES,
-    SettingChange, Settings, SettingsError, SettingsResetEndpoint, SettingsSetEndpoint, SlotId,
-    SlotInfo, SlotsEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
+    SelfTestEndpoint, SelfTestRequest, SettingChange, Settings, SettingsError,
+    SettingsResetEndpoint, SettingsSetEndpoint, SettingsState, SlotId, SlotInfo, SlotsEndpoint,
+    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
+    UploadCommitEndpoint, UploadState,
 };
 use postcard_rpc::header::VarSeq;
 use postcard_rpc::server::{Sender, WireTxErrorKind};
 use static_cell::StaticCell;
-use stylus_app::control::Control;
+use stylus_app::control::{Control, Device};
+use stylus_app::player::Busy;
 use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
 use stylus_app::slots::SlotStore;
 use stylus_app::storage::{LoadFault, Stage, Storage};
@@ -30,6 +32,7 @@ use stylus_app::storage::{LoadFault, Stage, Storage};
 use crate::device::Hardware;
 use crate::flash::banks::{Bank2, SettingsFlash};
 use crate::link::wire::Wire;
+use crate::self_test::Measured;
 
 static CONTROL: Mutex<ThreadModeRawMutex, RefCell<Option<Control<Hardware>>>> =
     Mutex::new(RefCell::new(None));
@@ -71,6 +74,8 @@ pub enum Job {
     SettingsSet(SettingChange),
     /// `SettingsResetEndpoint`.
     SettingsReset,
+    /// `SelfTestEndpoint`.
+    SelfTest(SelfTestRequest),
 }
 
 impl Job {
@@ -102,17 +107,21 @@ type Stores = Storage<Bank2, SettingsFlash>;
 #[unsafe(link_section = ".sram4.stores")]
 static STORES: StaticCell<Stores> = StaticCell::new();
 
-/// Opens the stores, activates the newest library, and starts the tasks that poll and that serve jobs.
+/// Opens the stores, activates the newest library unless in safe mode, and starts the tasks that poll and that serve
+/// jobs.
 pub async fn start(spawner: Spawner, hardware: Hardware) {
     // SAFETY: nothing else calls them, and this runs once.
     let (slots, settings) = unsafe { (Bank2::new(), SettingsFlash::new()) };
     let settings = SettingsStore::open(settings, SETTINGS_RANGE).await;
-    let control = Control::new(hardware, settings.settings(), settings.is_faulty());
+    let safe_mode = hardware.start_report().safe_mode;
+    let control = Control::new(hardware, settings.settings(), settings.state());
     CONTROL.lock(|cell| *cell.borrow_mut() = Some(control));
     spawner.spawn(poll().unwrap());
     let stores = STORES.init(Storage::new(SlotStore::open(slots).await, settings));
-    let active = stores.activate_newest(&mut ControlStage).await;
-    defmt::info!("library active: {}", active.is_some());
+    if !safe_mode {
+        let active = stores.activate_newest(&mut ControlStage).await;
+        defmt::info!("library active: {}", active.is_some());
+    }
     spawner.spawn(serve(stores).unwrap());
 }
 
@@ -189,6 +198,10 @@ async fn work(
             let answer = stores.settings_reset(stage).await;
             to.reply::<SettingsResetEndpoint>(sequence, &answer).await
         }
+        Job::SelfTest(request) => {
+            let answer = stores.self_test(stage, &mut Measured, request).await;
+            to.reply::<SelfTestEndpoint>(sequence, &answer).await
+        }
     }
 }
 
@@ -216,8 +229,20 @@ impl Stage for ControlStage {
         with_control(Control::begin_configuration)
     }
 
-    fn end_configuration(&mut self, settings: Settings, faulty: bool) {
-        with_control(|control| control.end_configuration(settings, faulty));
+    fn end_configuration(&mut self, settings: Settings, state: SettingsState) {
+        with_control(|control| control.end_configuration(settings, state));
+    }
+
+    fn is_supply_low(&self) -> bool {
+        with_control(|control| control.is_supply_low())
+    }
+
+    fn begin_self_test(&mut self) -> Result<(), Busy> {
+        with_control(Control::begin_self_test)
+    }
+
+    fn end_self_test(&mut self) {
+        with_control(Control::end_self_test);
     }
 
     fn set_upload(&mut self, upload: UploadState) {

@@ -7,7 +7,8 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use model_format::link::MotionSource;
+use cortex_m::peripheral::DWT;
+use model_format::link::{CycleRange, MotionSource};
 use stylus_app::inputs::{self, InputConfig, Timed};
 
 use crate::play::shared::OfHandler;
@@ -15,6 +16,9 @@ use crate::play::{direction, voice};
 
 /// True if the motion that is followed was too old at the last update.
 static STALE: AtomicBool = AtomicBool::new(true);
+
+/// True if that is so because the force sensor was at a rail of its converter.
+static RAILED: AtomicBool = AtomicBool::new(false);
 
 /// Inputs of an update besides the tick's note.
 pub struct Update {
@@ -24,6 +28,8 @@ pub struct Update {
     pub source: MotionSource,
     /// The last motion from the host.
     pub host: Timed,
+    /// Durations since the last [`take_range`].
+    range: CycleRange,
 }
 
 /// The inputs; none before [`start`].
@@ -36,6 +42,7 @@ pub fn start(config: InputConfig) {
             config,
             source: MotionSource::Sensors,
             host: Timed::NEVER,
+            range: CycleRange::NONE,
         });
     });
 }
@@ -43,6 +50,21 @@ pub fn start(config: InputConfig) {
 /// Returns true if the motion that is followed was too old at the last update.
 pub fn is_stale() -> bool {
     STALE.load(Ordering::Relaxed)
+}
+
+/// Takes the range of the updates' durations since the last call, with the interrupts that came in between.
+pub fn take_range() -> CycleRange {
+    UPDATE.with(|_, update| {
+        let range = update.as_mut().map(|update| &mut update.range);
+        range.map_or(CycleRange::NONE, |range| {
+            core::mem::replace(range, CycleRange::NONE)
+        })
+    })
+}
+
+/// Returns true if that is so because the force sensor was at a rail of its converter.
+pub fn is_railed() -> bool {
+    RAILED.load(Ordering::Relaxed)
 }
 
 /// Changes the inputs before the next update.
@@ -62,13 +84,19 @@ pub fn change(change: impl FnOnce(&mut Update)) {
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.update")]
 extern "C" fn SWPMI1() {
+    let begin = DWT::cycle_count();
+    #[cfg(feature = "fault-injection")]
+    crate::injection::in_update();
     // SAFETY: this is the update, which the tick has requested.
     let noted = unsafe { voice::noted() };
     // SAFETY: this is the handler that owns the value.
     if let Some(update) = unsafe { UPDATE.in_handler() } {
         let sensors = noted.sensors.motion(&update.config);
         let chosen = inputs::choose(update.source, sensors, update.host);
-        STALE.store(chosen.is_stale(noted.tick), Ordering::Relaxed);
+        let stale = chosen.is_stale(noted.tick);
+        let by_rail = update.source == MotionSource::Sensors && noted.sensors.is_railed();
+        STALE.store(stale, Ordering::Relaxed);
+        RAILED.store(stale && by_rail, Ordering::Relaxed);
         if let Some(played) = noted.playing {
             // SAFETY: this is the update, and the tick plays.
             if let Some(direction) = unsafe { direction::directed() } {
@@ -78,6 +106,12 @@ extern "C" fn SWPMI1() {
                 unsafe { voice::direct(&mut direction.director, interaction, played) };
             }
         }
+        let cycles = DWT::cycle_count().wrapping_sub(begin);
+        update.range = update.range.merged(CycleRange {
+            runs: 1,
+            shortest: cycles,
+            longest: cycles,
+        });
     }
     voice::ready();
 }

@@ -1,9 +1,9 @@
 //! The tick: one sample, 5000 times per second.
 //!
-//! TIM6 counts 200 µs. Its update event is the trigger: it moves the DAC's holding register to the output, starts the
-//! converter's sequence, and interrupts. The handler reads the conversions of the previous trigger, computes a sample,
-//! and writes it for the next trigger. So the timer alone sets the instants of sampling and output, and a signal on the
-//! pins at one trigger can be answered two triggers later.
+//! TIM6 counts 200 µs. Its update event is the trigger: it starts the converter's sequence, and interrupts. The handler
+//! reads the conversions of the previous trigger, computes a sample, and writes its eight codes into the ring of
+//! [`output`]. TIM7 and DMA put them out, the first one 212.5 µs after the trigger. So timers alone set the instants of
+//! sampling and output, and a signal on the pins at one trigger can be answered 412.5 µs later.
 //!
 //! Its code is in ITCM and everything that it touches in DTCM; the build fails if a call or an address in it leads to
 //! flash. It takes no lock and logs nothing. The number of instructions depends on the block that is played, never on
@@ -20,8 +20,8 @@ use cortex_m::peripheral::DWT;
 use embassy_stm32::pac::TIM6;
 use embassy_stm32::pac::timer::vals::{Mms, Urs};
 use embassy_stm32::{Peri, peripherals, rcc};
-use model_format::link::{RecordSample, TickCounters};
-use model_format::{DacCode, OutputSample};
+use model_format::OutputSample;
+use model_format::link::{CycleRange, RecordSample, TickCounters};
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::inputs::{Encoder, Sensors};
 use stylus_app::recorder::Tap;
@@ -32,6 +32,7 @@ use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use crate::boot::clock::{CORE_HZ, TIMER_HZ};
 use crate::play::shared::OfHandler;
 use crate::play::voice::{self, BlockIndex, Noted, Played};
+use crate::tick::output::{Output, amplifier, by_hand};
 use crate::tick::{alive, inputs, output};
 
 /// Cycles of the processor per tick.
@@ -46,6 +47,7 @@ const _: () = assert!(PERIOD_TIMER <= 1 << 16 && PERIOD_TIMER * SAMPLE_RATE_HZ =
 pub struct Tick {
     safety: safety::State,
     config: safety::Config,
+    output: Output,
     counters: TickCounters,
     histogram: Histogram,
     encoder: Encoder,
@@ -61,6 +63,8 @@ pub struct Tick {
     requested: bool,
     /// The processor's cycle at the last trigger.
     trigger: u32,
+    /// Longest time from a trigger to the handler's entry, cycles of TIM6.
+    longest_delay: u32,
 }
 
 static TICK: OfHandler<Option<Tick>> = OfHandler::new(None);
@@ -77,15 +81,26 @@ pub struct Snapshot {
     pub histogram: Histogram,
     /// State of the safety stages.
     pub safety: safety::State,
+    /// Longest time from a trigger to the handler's entry, cycles of the processor.
+    pub longest_delay_cycles: u32,
 }
 
-/// Starts TIM6, and with it sampling and output; `tap` takes the samples to record. The cycle counter must run.
-pub fn start(_timer: Peri<'static, peripherals::TIM6>, tap: Tap<'static>, config: safety::Config) {
+/// Starts the output, and TIM6 with it; `tap` takes the samples to record. The cycle counter must run.
+///
+/// The phase of TIM6 against TIM7 stays what it is here: within a microsecond of what [`output`] states, because the
+/// store that starts TIM6 follows the load of TIM7's count by some instructions.
+pub fn start(
+    _timer: Peri<'static, peripherals::TIM6>,
+    hardware: output::Hardware,
+    tap: Tap<'static>,
+    config: safety::Config,
+) {
     rcc::enable_and_reset::<peripherals::TIM6>();
     TICK.with(|_, tick| {
         *tick = Some(Tick {
             safety: safety::State::new(),
             config,
+            output: Output::new(),
             counters: TickCounters::default(),
             histogram: Histogram::new(),
             encoder: Encoder::new(inputs::encoder_count()),
@@ -96,17 +111,21 @@ pub fn start(_timer: Peri<'static, peripherals::TIM6>, tap: Tap<'static>, config
             begins: false,
             requested: false,
             trigger: DWT::cycle_count(),
+            longest_delay: 0,
         });
     });
-    output::write(DacCode::MID_SCALE);
-    output::follow_timer();
+    output::start(hardware);
     TIM6.psc().write_value(0);
     TIM6.arr().write(|w| w.set_arr((PERIOD_TIMER - 1) as u16));
     // TRGO on an update event (RM0433 section 41.4.2), which only an overflow causes (section 41.4.1).
     TIM6.cr2().modify(|w| w.set_mms(Mms::UPDATE));
     TIM6.cr1().modify(|w| w.set_urs(Urs::COUNTER_ONLY));
     TIM6.dier().modify(|w| w.set_uie(true));
-    TIM6.cr1().modify(|w| w.set_cen(true));
+    critical_section::with(|_| {
+        let count = PERIOD_TIMER - output::cycles_to_tick();
+        TIM6.cnt().write(|w| w.set_cnt(count as u16));
+        TIM6.cr1().modify(|w| w.set_cen(true));
+    });
 }
 
 /// Number of ticks since the start.
@@ -121,7 +140,16 @@ pub fn snapshot() -> Option<Snapshot> {
             counters: tick.counters,
             histogram: tick.histogram,
             safety: tick.safety,
+            longest_delay_cycles: tick.longest_delay * (CORE_HZ / TIMER_HZ),
         })
+    })
+}
+
+/// Takes the range of the ticks' durations since the last call; see [`Histogram::take_range`].
+pub fn take_range(counted: &mut u32) -> CycleRange {
+    TICK.with(|_, tick| {
+        tick.as_mut()
+            .map_or(CycleRange::NONE, |tick| tick.histogram.take_range(counted))
     })
 }
 
@@ -173,17 +201,22 @@ pub fn stop() {
 ///
 /// Its time is bounded by the stages of the block, whose worst case was compared with a budget before the plan was
 /// accepted. The safety stages, the queue and the counters take the same at every tick. It begins late by at most the
-/// longest critical section. If it ends after the next trigger, the DAC has repeated the previous sample, the tick is
-/// counted as missed, and the next one begins at once. `status` shows the count and the duration of ticks.
+/// longest critical section. If it ends after the next trigger, the tick is counted as missed, and the next one begins
+/// at once. `status` shows the count and the duration of ticks.
+///
+/// Codes that come more than 137.5 µs after the trigger go into the next slot. The output holds the last code until
+/// then, and the codes continue from it within the slew limit.
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.tick")]
 extern "C" fn TIM6_DAC() {
+    let delay = inputs::since_trigger();
     let begin = DWT::cycle_count();
     alive::begin();
     // A zero clears a flag of a timer, a one leaves it.
     TIM6.sr().write(|w| w.set_uif(false));
     // SAFETY: this is the handler that owns the value.
     if let Some(tick) = unsafe { TICK.in_handler() } {
+        tick.note_delay(delay);
         tick.run(begin);
         #[cfg(feature = "fault-injection")]
         crate::injection::in_tick();
@@ -193,6 +226,14 @@ extern "C" fn TIM6_DAC() {
 }
 
 impl Tick {
+    /// Keeps the longest `delay`. The first tick has none: what pends it is the timer's first overflow, whenever that
+    /// was.
+    #[inline(always)]
+    fn note_delay(&mut self, delay: u32) {
+        let delay = if self.counters.ticks == 0 { 0 } else { delay };
+        self.longest_delay = self.longest_delay.max(delay);
+    }
+
     #[inline(always)]
     fn run(&mut self, begin: u32) {
         let inputs = inputs::read();
@@ -215,15 +256,30 @@ impl Tick {
             Some(block) => unsafe { voice::next_sample(block) },
             None => OutputSample::SILENCE,
         };
-        let muted = MUTED.load(Ordering::Relaxed);
-        let [.., code] = self.safety.process(&self.config, sample, muted);
-        output::write(code);
+        self.put_out(sample);
         let sample = RecordSample {
             acceleration: inputs.acceleration,
             force: inputs.force,
             encoder_delta: delta,
         };
-        self.tap.put(now, sample);
+        self.tap.put(now, sample, inputs.complete);
+    }
+
+    /// Writes `sample` as codes, ahead of what is put out now.
+    #[inline(always)]
+    fn put_out(&mut self, sample: OutputSample) {
+        #[cfg(feature = "fault-injection")]
+        crate::injection::before_output();
+        let next = self.output.next();
+        // What is moved by hand reaches no coil, and the stages do not follow it.
+        if !by_hand::is_held() {
+            self.safety.continue_from(next.before);
+        }
+        let muted = MUTED.load(Ordering::Relaxed) | amplifier::is_to_be_raised();
+        let codes = self.safety.process(&self.config, sample, muted);
+        let codes = by_hand::instead_of(codes);
+        let late = self.output.write(next, codes) | next.interrupted;
+        self.counters.late_outputs = (self.counters.late_outputs).saturating_add(u32::from(late));
     }
 
     /// Counts the triggers since the last tick: one, or more if ticks were missed.

@@ -2,34 +2,87 @@
 //!
 //! | signal | pin | input |
 //! |---|---|---|
-//! | acceleration X, Y, Z | PA3, PC0, PC1 | ADC1 INP15, INP10, INP11 |
+//! | acceleration X, Y, Z | PA3, PC0, PF12 | ADC1 INP15, INP10, INP6 |
 //! | normal force | PB1 | ADC1 INP5 |
 //! | encoder A, B | PA6, PC7 | TIM3 CH1, CH2 |
 //!
 //! embassy-stm32 calibrates and enables the converter and configures the encoder's timer. It does not support an
 //! injected sequence of this converter, so this module sets one up by RM0433 sections 25.4.19 to 25.4.22. A trigger
-//! starts the sequence; its four results stay in JDR1 to JDR4 until the next sequence overwrites them.
+//! starts the sequence; its four results stay in JDR1 to JDR4 until the next sequence overwrites them. The first
+//! channel is sampled for longer than the others, so that the first result comes late: a tick that a critical section
+//! delays still reads the row of the previous trigger.
+//!
+//! Z is not on PC1, which on this board is the Ethernet transceiver's MDC (UM2407); PF11 (ADC1 INP2) is the other pin
+//! of this converter that nothing else drives.
 
 use embassy_stm32::Peri;
 use embassy_stm32::adc::Adc;
 use embassy_stm32::gpio::{Flex, Pull};
 use embassy_stm32::pac::adc::vals::{Exten, Jqm, Pcsel, SampleTime};
+use embassy_stm32::pac::timer::vals::FilterValue;
 use embassy_stm32::pac::{ADC1, TIM3, TIM6};
-use embassy_stm32::peripherals::{self, PA3, PA6, PB1, PC0, PC1, PC7};
+use embassy_stm32::peripherals::{self, PA3, PA6, PB1, PC0, PC7, PF12};
 use embassy_stm32::timer::qei::{self, Qei};
 use model_format::AdcCode;
+use stylus_app::SAMPLE_RATE_HZ;
 
 use crate::boot::clock::TIMER_HZ;
 
 /// Channels in the order of the sequence: acceleration X, Y, Z, and force.
-const CHANNELS: [u8; 4] = [15, 10, 11, 5];
+const CHANNELS: [u8; 4] = [15, 10, 6, 5];
+
+/// A sampling time, and its length in half cycles of the converter (RM0433 section 25.4.13).
+type Sampling = (SampleTime, u32);
+
+/// Sampling time of each channel. That of the first one is the slack of a late tick.
+const SAMPLING: [Sampling; 4] = {
+    const LONG: Sampling = (SampleTime::CYCLES387_5, 775);
+    const SHORT: Sampling = (SampleTime::CYCLES64_5, 129);
+    [LONG, SHORT, SHORT, SHORT]
+};
+
+/// Half cycles of the converter from the end of the sampling time to the result: half a cycle, and half a cycle per bit
+/// of 16 (RM0433 section 25.4.17).
+const CONVERSION: u32 = 17;
 
 /// TIM6_TRGO as a trigger of injected sequences (RM0433 table 212, jadc_ext_trg14).
 const TRIGGER_TIM6: u8 = 14;
 
-/// Arrival of the first result of a sequence, cycles of TIM6 after the trigger: 64.5 + 8.5 cycles of the converter at
-/// 12.5 MHz, half of its clock in the clock tree (revision V; RM0433 section 25.4.3), minus 2 µs for reading.
-const FIRST_RESULT: u32 = TIMER_HZ / 12_500_000 * 73 - TIMER_HZ / 500_000;
+/// Clock of the converter, half of its clock in the clock tree (revision V; RM0433 section 25.4.3).
+const CONVERTER_HZ: u32 = 12_500_000;
+
+/// Cycles of TIM6 per half cycle of the converter.
+const TIMER_PER_HALF_CYCLE: u32 = TIMER_HZ / (2 * CONVERTER_HZ);
+
+/// Time that reading a row may take, cycles of TIM6: 2 µs.
+const READING: u32 = TIMER_HZ / 500_000;
+
+/// Arrival of the first result of a sequence, cycles of TIM6 after the trigger: 31.7 µs, less the time for reading.
+const FIRST_RESULT: u32 = (SAMPLING[0].1 + CONVERSION) * TIMER_PER_HALF_CYCLE - READING;
+
+/// Length of a sequence, cycles of TIM6: 49.2 µs.
+const SEQUENCE: u32 = {
+    let mut half_cycles = 0;
+    let mut rank = 0;
+    while rank < SAMPLING.len() {
+        half_cycles += SAMPLING[rank].1 + CONVERSION;
+        rank += 1;
+    }
+    half_cycles * TIMER_PER_HALF_CYCLE
+};
+
+const _: () = assert!(
+    TIMER_HZ.is_multiple_of(2 * CONVERTER_HZ) && SEQUENCE < TIMER_HZ / SAMPLE_RATE_HZ / 2,
+    "a sequence ends long before the next trigger"
+);
+
+/// Filter of the encoder's inputs: a level counts when 8 samples at the timer's clock / 32 in a row show it (RM0433
+/// chapter 39, TIMx_CCMR1, IC1F), which is 1.28 µs at 200 MHz.
+///
+/// The fastest stroke of a hand is taken as 2 m/s, the finest encoder as 5 µm per count. Its counts come every 2.5 µs,
+/// and a level of one signal lasts two of them, 5 µs. So the filter leaves three quarters of a level to the encoder's
+/// own errors of phase and duty cycle.
+const ENCODER_FILTER: FilterValue = FilterValue::FDTS_DIV32_N8;
 
 /// The pins and peripherals of all inputs.
 pub struct Pins {
@@ -40,7 +93,7 @@ pub struct Pins {
     /// Acceleration along Y.
     pub acceleration_y: Peri<'static, PC0>,
     /// Acceleration along Z.
-    pub acceleration_z: Peri<'static, PC1>,
+    pub acceleration_z: Peri<'static, PF12>,
     /// Normal force.
     pub force: Peri<'static, PB1>,
     /// The encoder's timer.
@@ -80,6 +133,11 @@ pub fn start(pins: Pins) {
     };
     // Forgotten, because a `Qei` that is dropped stops the timer.
     core::mem::forget(Qei::new(timer, encoder_a, encoder_b, config));
+    // embassy leaves the filters off.
+    TIM3.ccmr_input(0).modify(|w| {
+        w.set_icf(0, ENCODER_FILTER);
+        w.set_icf(1, ENCODER_FILTER);
+    });
 }
 
 fn arm_sequence() {
@@ -88,9 +146,9 @@ fn arm_sequence() {
             w.set_pcsel(usize::from(channel), Pcsel::PRESELECTED);
         }
     });
-    for channel in CHANNELS.map(usize::from) {
+    for (channel, (time, _)) in CHANNELS.map(usize::from).into_iter().zip(SAMPLING) {
         ADC1.smpr(channel / 10)
-            .modify(|w| w.set_smp(channel % 10, SampleTime::CYCLES64_5));
+            .modify(|w| w.set_smp(channel % 10, time));
     }
     ADC1.cfgr().modify(|w| {
         // The sequence never changes: without the queue, JSQR holds it (RM0433 section 25.4.21).
@@ -108,7 +166,7 @@ fn arm_sequence() {
     ADC1.cr().modify(|w| w.set_jadstart(true));
 }
 
-/// Signals on the pins at the previous trigger.
+/// Signals on the pins after the previous trigger.
 #[derive(Clone, Copy, Debug)]
 pub struct Inputs {
     /// Acceleration along X, Y, Z.
@@ -129,13 +187,19 @@ pub fn encoder_count() -> u16 {
     TIM3.cnt().read().cnt()
 }
 
-/// Reads all inputs, within a few microseconds of a trigger.
+/// Time since the last trigger, cycles of TIM6.
+#[inline(always)]
+pub fn since_trigger() -> u32 {
+    u32::from(TIM6.cnt().read().cnt())
+}
+
+/// Reads all inputs, within 29 µs of a trigger.
 #[inline(always)]
 pub fn read() -> Inputs {
     let encoder = encoder_count();
     let ended = ADC1.isr().read().jeos();
     let [x, y, z, force] = [0, 1, 2, 3].map(|rank| AdcCode(ADC1.jdr(rank).read().jdata() as u16));
-    let elapsed = u32::from(TIM6.cnt().read().cnt());
+    let elapsed = since_trigger();
     // A one clears a flag, a zero does nothing (RM0433 section 25.6.1).
     ADC1.isr().write(|w| {
         w.set_jeoc(true);

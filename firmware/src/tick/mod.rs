@@ -7,5 +7,6 @@ pub mod alive;
 mod handler;
 pub mod inputs;
 pub mod output;
+pub mod raising;
 
-pub use handler::{configure, is_at_rest, now, play, set_muted, snapshot, start, stop};
+pub use handler::{configure, is_at_rest, now, play, set_muted, snapshot, start, stop, take_range};

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use model_format::link::{
-    ActivateError, ListError, MotionRefused, PlayError, RecordError, SettingsError, StopError,
-    USB_PRODUCT_ID, USB_VENDOR_ID, UploadError,
+    ActivateError, ListError, MotionRefused, PlayError, RecordError, SelfTestError, SettingsError,
+    StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UploadError,
 };
 use postcard_rpc::standard_icd::WireError;
 
@@ -156,6 +156,9 @@ pub enum LinkError {
     /// The device refuses a setting.
     #[error("the device refuses the setting: {0}")]
     Settings(#[from] SettingsError),
+    /// The device refuses a measurement of the self test.
+    #[error("the device refuses the self test: {0}")]
+    SelfTest(Box<SelfTestError>),
     /// The host cannot start what a link needs.
     #[error("this computer cannot open a link: {0}")]
     Host(std::io::Error),
@@ -194,6 +197,7 @@ boxed! {
     List(ListError),
     Activate(ActivateError),
     Play(PlayError),
+    SelfTest(SelfTestError),
 }
 
 impl From<LinkError> for crate::support::error::Error {

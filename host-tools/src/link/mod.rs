@@ -14,7 +14,9 @@
 //! | [`upload`] | upload of a library, resumed after broken links, and read back |
 //! | [`play`] | motions at a fixed rate, and keep-alives |
 //! | [`capture`] | the record stream and its losses |
+//! | [`calibrate`] | values of the coil, and zeros of the sensors, measured and verified |
 //! | [`strokes`] | recordings of a free hand, with its motion |
+//! | [`self_test`] | measurements of the device, compared with limits |
 //! | [`set`] | a recording set that grows trial by trial |
 //!
 //! Over TCP and the serial port a frame is COBS-encoded and ends with a zero byte; over USB it is a bulk transfer.
@@ -23,11 +25,13 @@
 
 mod address;
 mod bulk;
+pub mod calibrate;
 pub mod capture;
 mod device;
 mod error;
 mod open;
 pub mod play;
+pub mod self_test;
 pub mod set;
 pub mod strokes;
 pub mod upload;

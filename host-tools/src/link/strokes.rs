@@ -19,7 +19,7 @@ const SPEED_WINDOW_S: f64 = 0.02;
 /// Strokes of a free hand, tick by tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Strokes {
-    /// One sample per tick; `None` where it was lost.
+    /// One sample per tick; `None` where it was lost or torn.
     pub samples: Vec<Option<RecordSample>>,
     /// Sample rate, Hz.
     pub rate_hz: u32,
@@ -27,7 +27,7 @@ pub struct Strokes {
     pub loss: Loss,
 }
 
-/// Records for `seconds`, or until `goes_on` returns false. Lost samples leave a hole of their length.
+/// Records for `seconds`, or until `goes_on` returns false. Lost and torn samples leave a hole of their length.
 ///
 /// After each block `heard` gets all samples so far, their number at the end, and the sample rate in Hz.
 ///
@@ -49,7 +49,8 @@ pub fn record(
         let start = *start.get_or_insert(arrival.first_tick);
         let offset = arrival.first_tick.saturating_sub(start) as usize;
         samples.resize(offset.clamp(samples.len(), wanted), None);
-        samples.extend(arrival.samples.map(Some));
+        let rows = arrival.samples.into_iter().zip(arrival.whole);
+        samples.extend(rows.map(|(sample, whole)| whole.then_some(sample)));
         samples.truncate(wanted);
         heard(&samples, wanted, rate_hz);
     }

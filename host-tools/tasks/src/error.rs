@@ -146,6 +146,14 @@ pub enum Error {
     /// Code or data that the tick reaches is in flash.
     #[error("{0}: all that the tick reaches must be in ITCM or DTCM; name it in firmware/tick.x")]
     Placement(String),
+    /// A file is none of measured cycles.
+    #[error("{path}: {problem}; `cargo tasks hil --cycles` writes such a file", path = path.display())]
+    Cycles {
+        /// The file.
+        path: PathBuf,
+        /// The problem.
+        problem: String,
+    },
     /// The flashing program is missing.
     #[error(
         "probe-rs is not installed; install it: https://probe.rs/docs/getting-started/installation"

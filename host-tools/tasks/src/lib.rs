@@ -9,6 +9,7 @@ pub mod costs;
 pub mod error;
 pub mod firmware;
 pub mod guest;
+pub mod hil;
 pub mod house;
 pub mod lint;
 pub mod process;

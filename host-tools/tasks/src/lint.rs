@@ -24,13 +24,13 @@ pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     let target_folder = workspace::target_folder("lint");
     let mut packages = toolchain.cargo("clippy", workspace::root(), &target_folder);
     packages.args(PACKAGES.iter().flat_map(|package| ["--package", package]));
-    // The image, with the faults that only its tests have.
+    // The image, with the faults that only its tests have, and what a debugger asks for.
     let mut image = toolchain.cargo("clippy", workspace::root(), &target_folder);
     image.args([
         "--package",
         "stylus-firmware",
         "--features",
-        "fault-injection",
+        "fault-injection,debug-halt",
     ]);
     // The folder and profile of its build, so that most of that build is used again.
     let target_folder = workspace::target_folder(PROCESSOR.name());

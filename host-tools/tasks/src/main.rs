@@ -10,7 +10,7 @@ use tasks::error::{Error, Result};
 use tasks::firmware::Image;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::{Toolchain, check_clippy};
-use tasks::{compare, costs, firmware, house, lint, qemu, tables, virtual_stylus, workspace};
+use tasks::{compare, costs, firmware, hil, house, lint, qemu, tables, virtual_stylus, workspace};
 
 /// Tasks around the microcontroller's core.
 #[derive(Parser)]
@@ -41,7 +41,11 @@ enum Task {
         fault_injection: bool,
     },
     /// Build the image, flash it with probe-rs, and show its log
-    Flash,
+    Flash {
+        /// An image whose watchdog waits while a debugger halts the core; never with a coil
+        #[arg(long)]
+        debug_halt: bool,
+    },
     /// Build the image and run it on an emulated STM32H743, with a socket for `stylus --link tcp:`
     VirtualStylus {
         /// Arguments of the virtual stylus: `-- --help` lists them
@@ -57,6 +61,8 @@ enum Task {
         #[arg(last = true)]
         arguments: Vec<OsString>,
     },
+    /// Run the image's tests against a real board, or the virtual stylus, over its link
+    Hil(hil::Arguments),
     /// Check that code and pages keep to the drawn layout: wings, import circles, line lengths, names in pages
     House,
     /// Write tables of figures into the pages: the named ones, or all that need no build and no emulator
@@ -85,12 +91,20 @@ fn main() -> ExitCode {
         Task::Firmware {
             fault_injection: true,
         } => build_firmware(Image::FaultInjection).map(drop),
-        Task::Flash => build_firmware(Image::Product).and_then(|file| firmware::flash(&file)),
+        Task::Flash { debug_halt } => {
+            let image = if debug_halt {
+                Image::DebugHalt
+            } else {
+                Image::Product
+            };
+            build_firmware(image).and_then(|file| firmware::flash(&file))
+        }
         Task::VirtualStylus { arguments } => {
             Toolchain::find().and_then(|toolchain| virtual_stylus::run(&toolchain, &arguments))
         }
         Task::TestVirtualStylus { long, arguments } => Toolchain::find()
             .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
+        Task::Hil(arguments) => hil::run(&arguments),
         Task::House => check_house(),
         Task::Tables { check: true, .. } => tables::check_instant(),
         Task::Tables { names, .. } => write_tables(names),

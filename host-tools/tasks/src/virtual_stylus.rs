@@ -61,6 +61,20 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
     Ok(())
 }
 
+/// Builds the virtual stylus's program, and returns it.
+///
+/// # Errors
+/// The build fails.
+pub fn build() -> Result<PathBuf> {
+    process::run(cargo("build").args(["--bin", "virtual-stylus"]))?;
+    let program = workspace::host_target_folder().join("debug/virtual-stylus");
+    if program.is_file() {
+        Ok(program)
+    } else {
+        Err(Error::NoImage(program))
+    }
+}
+
 /// Runs the tests that count ticks so that they write the page's table.
 ///
 /// # Errors

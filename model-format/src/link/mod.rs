@@ -9,14 +9,20 @@
 //!
 //! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]. Every other one is answered at once.
 
+mod cycles;
 mod info;
+mod levels;
 mod library;
+mod marks;
 mod motion;
 mod mute;
 mod play;
 mod record;
+mod selftest;
 mod settings;
+mod settings_state;
 mod slot;
+mod start;
 mod status;
 #[cfg(test)]
 mod tests;
@@ -26,19 +32,35 @@ mod upload;
 
 use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
 
+pub use cycles::{CycleRange, CycleReport};
 pub use info::{DeviceInfo, ProductName, Serial, VersionText};
+pub use levels::Levels;
 pub use library::{ActivateError, Activated, ListError, ListRequest, SceneInfo, TextureInfo};
+pub use marks::Marks;
 pub use motion::{MotionRefused, MotionSample};
 pub use mute::{MUTE_REASON_COUNT, MuteReason, MuteReasons};
 pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
 };
 pub use record::{
-    BLOCK_SAMPLES, PackedSample, RecordBlock, RecordError, RecordSample, RecordStarted,
+    BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
 };
-pub use settings::{SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError};
+pub use selftest::{
+    CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, EncoderValues,
+    ErrorCorrectionValues, FLASH_TEST_BYTES, FlashValues, LOWEST_OUTPUT_CODE, OUTPUT_CODE_STEP,
+    OUTPUT_CODES, OptionByteValues, OutputValues, RAM_MONITORS, STEP_CODES, STEP_INSTANT_CYCLES,
+    STEP_INSTANTS, SelfTestError, SelfTestRequest, SelfTestValues, output_code,
+};
+pub use settings::{
+    SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError, Tighter,
+};
+pub use settings_state::{SettingSet, SettingsState};
 pub use slot::{LIBRARY_CRC, SlotFault, SlotId, SlotInfo, SlotState, Slots};
+pub use start::{
+    ClockSource, FLASH_SUPPLY_MV, QUICK_FAULT_MS, QUICK_FAULTS, SiliconRevision, StartReport,
+    StartStage,
+};
 pub use status::{
     Activity, Fault, FaultKind, FaultText, LinkCounters, OutputStatus, RecordCounters, ResetReason,
     Status, TICK_BIN_COUNT, TICK_BIN_CYCLES, TickCounters, TickHistogram,
@@ -81,13 +103,14 @@ pub const KEEP_ALIVE_MS: u32 = 10;
 /// Time that a host waits for an answer that takes no flash, ms.
 pub const ANSWER_TIMEOUT_MS: u32 = 1_000;
 
-/// Time that a host waits for an answer that erases or writes flash, ms. One request erases at most one sector of 128
-/// KB, which takes up to some seconds, more the narrower the programming parallelism (DS12110, flash memory
-/// programming).
+/// Time that a host waits for an answer that erases or writes flash, ms. One request erases at most two sectors of 128
+/// KB, the copies of the settings; each takes up to some seconds, more the narrower the programming parallelism
+/// (DS12110, flash memory programming).
 pub const FLASH_TIMEOUT_MS: u32 = 16_000;
 
 type InfoResult = DeviceInfo;
 type StatusResult = Status;
+type CyclesResult = CycleReport;
 type UploadResult = Result<UploadProgress, UploadError>;
 type CommitResult = Result<UploadCommitted, UploadError>;
 type AbortResult = Result<UploadState, UploadError>;
@@ -101,6 +124,7 @@ type MotionResult = Result<MotionSource, MotionRefused>;
 type RecordStartResult = Result<RecordStarted, RecordError>;
 type RecordStopResult = Result<RecordStopped, RecordError>;
 type SettingsResult = Result<Settings, SettingsError>;
+type SelfTestResult = Result<SelfTestValues, SelfTestError>;
 
 endpoints! {
     list = ENDPOINTS;
@@ -108,6 +132,7 @@ endpoints! {
     | ----------             | ---------       | ----------        | ----                      |
     | InfoEndpoint           | ()              | InfoResult        | "stylus/info"             |
     | StatusEndpoint         | ()              | StatusResult      | "stylus/status"           |
+    | CyclesEndpoint         | ()              | CyclesResult      | "stylus/cycles"           |
     | UploadBeginEndpoint    | UploadBegin     | UploadResult      | "stylus/upload/begin"     |
     | UploadChunkEndpoint    | UploadChunk<'a> | UploadResult      | "stylus/upload/chunk"     |
     | UploadCommitEndpoint   | ()              | CommitResult      | "stylus/upload/commit"    |
@@ -125,6 +150,7 @@ endpoints! {
     | SettingsGetEndpoint    | ()              | SettingsResult    | "stylus/settings/get"     |
     | SettingsSetEndpoint    | SettingChange   | SettingsResult    | "stylus/settings/set"     |
     | SettingsResetEndpoint  | ()              | SettingsResult    | "stylus/settings/reset"   |
+    | SelfTestEndpoint       | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
 }
 
 topics! {

@@ -17,10 +17,14 @@ pub enum MuteReason {
     Changing,
     /// A fault was found; only a restart ends this mute.
     Fault,
+    /// The force sensor is at a rail of its converter: not connected, or overloaded.
+    ForceRail,
+    /// Safe mode after quick faults; only power or the reset button ends this mute.
+    SafeMode,
 }
 
 /// Number of reasons.
-pub const MUTE_REASON_COUNT: usize = 5;
+pub const MUTE_REASON_COUNT: usize = 7;
 
 impl MuteReason {
     /// All reasons, in the order of the counters in [`super::OutputStatus`].
@@ -30,6 +34,8 @@ impl MuteReason {
         Self::LinkLost,
         Self::Changing,
         Self::Fault,
+        Self::ForceRail,
+        Self::SafeMode,
     ];
 }
 
@@ -41,6 +47,8 @@ impl core::fmt::Display for MuteReason {
             Self::LinkLost => "link lost",
             Self::Changing => "changing texture or library",
             Self::Fault => "fault",
+            Self::ForceRail => "force sensor at its rail: connect it, or press less",
+            Self::SafeMode => "safe mode",
         })
     }
 }

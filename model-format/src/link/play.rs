@@ -4,7 +4,7 @@ use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{MuteReasons, Reason, TextureName};
+use super::{MuteReasons, QUICK_FAULT_MS, Reason, SettingSet, SettingsState, TextureName};
 use crate::scene::SceneName;
 
 /// Largest gain of a play request.
@@ -128,6 +128,55 @@ pub enum PlayError {
     /// The output is off after a fault.
     #[error("the output is off after a fault: read the status, then restart the device")]
     Fault,
+    /// Settings of the coil that nobody has set.
+    #[error(
+        "{missing} not set, and nothing plays with guessed values: measure the coil and its amplifier, then run \
+         `stylus calibrate`, or `stylus settings set coil-resistance OHM amplifier-gain V/V power-limit W`"
+    )]
+    SettingsNotSet {
+        /// The settings that are missing.
+        missing: SettingSet,
+    },
+    /// Settings that were lost from flash.
+    #[error(
+        "settings were lost from flash ({lost}): set each again with `stylus settings set`, or begin anew with \
+         `stylus settings reset`, then `stylus calibrate`"
+    )]
+    SettingsLost {
+        /// The settings that were lost.
+        lost: SettingSet,
+    },
+    /// The device is in safe mode.
+    #[error(
+        "the device is in safe mode after {quick_faults} faults, each within {} s of a start: read the status, \
+         remove the cause, then switch the power off and on, or press the reset button",
+        QUICK_FAULT_MS / 1_000
+    )]
+    SafeMode {
+        /// Quick faults in succession.
+        quick_faults: u8,
+    },
+}
+
+impl SettingsState {
+    /// Checks that the coil's settings are known, so that something may be played.
+    ///
+    /// # Errors
+    /// Settings were lost, or required ones were never set; the error names them.
+    #[expect(
+        clippy::result_large_err,
+        reason = "without allocation the error is as large as its longest text"
+    )]
+    pub fn check_playable(&self) -> Result<(), PlayError> {
+        if !self.lost.is_empty() {
+            return Err(PlayError::SettingsLost { lost: self.lost });
+        }
+        let missing = SettingSet::REQUIRED.without(self.set);
+        if !missing.is_empty() {
+            return Err(PlayError::SettingsNotSet { missing });
+        }
+        Ok(())
+    }
 }
 
 /// Reason for which playing does not stop.

@@ -8,6 +8,12 @@ use crate::AdcCode;
 /// Number of samples in a block.
 pub const BLOCK_SAMPLES: usize = 32;
 
+/// Codes from either end of the converter's range within which a force sensor counts as open, shorted or overloaded.
+///
+/// They are 4 standard deviations of 16 codes, because noise takes the code of a pin at the rail so far from it; 3.2 mV
+/// of 3.3 V. A sensor's zero, and its greatest force, have to lie between the rails.
+pub const RAIL_CODES: u16 = 64;
+
 /// The codes of one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecordSample {
@@ -64,8 +70,20 @@ pub struct RecordBlock {
     pub first_tick: u64,
     /// Blocks that the device lost since the start of the recording.
     pub lost_blocks: u32,
+    /// Samples whose conversions are not all of their tick, bit n for sample n: the tick read them too early or too
+    /// late. Their encoder steps are right.
+    pub torn: u32,
     /// The samples.
     pub samples: [PackedSample; BLOCK_SAMPLES],
+}
+
+const _: () = assert!(BLOCK_SAMPLES <= u32::BITS as usize);
+
+impl RecordBlock {
+    /// Returns true if the conversions of sample `index` are all of its tick.
+    pub const fn is_whole(&self, index: usize) -> bool {
+        self.torn & (1 << index) == 0
+    }
 }
 
 /// A recording that has begun: block 0 comes next.

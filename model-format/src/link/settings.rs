@@ -3,7 +3,7 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::FlashOperation;
+use super::{FLASH_SUPPLY_MV, FlashOperation};
 use crate::{AdcCode, Volt};
 
 /// One setting. The numbers are those under which values are kept in flash: never reused, never reordered.
@@ -53,6 +53,25 @@ pub enum Setting {
 /// Number of settings.
 pub const SETTING_COUNT: usize = 19;
 
+/// The tighter one of two values of a setting that protects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tighter {
+    /// The lower value.
+    Lower,
+    /// The higher value.
+    Higher,
+}
+
+impl Tighter {
+    /// Returns the tighter one of two values.
+    pub fn of(self, one: f32, other: f32) -> f32 {
+        match self {
+            Self::Lower => one.min(other),
+            Self::Higher => one.max(other),
+        }
+    }
+}
+
 /// Name, unit, range and default of a setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SettingSpec {
@@ -64,7 +83,8 @@ pub struct SettingSpec {
     pub lowest: f32,
     /// The highest value.
     pub highest: f32,
-    /// The value of a device that was never set, which can do no harm.
+    /// The value of a device that was never set. Those of [`super::SettingSet::REQUIRED`] stand in for no value:
+    /// nothing plays with them.
     pub default: f32,
     /// True if it must be a whole number.
     pub whole: bool,
@@ -97,7 +117,8 @@ impl Setting {
     /// Name, unit, range and default.
     pub const fn spec(self) -> SettingSpec {
         match self {
-            Self::ForceZero => code("force-zero", 0.0),
+            // A sixteenth of the range: a sensor with a live zero, so that an open wire is not taken for no force.
+            Self::ForceZero => code("force-zero", 4096.0),
             Self::ForcePerVolt => number("force-per-volt", "N/V", [-100.0, 100.0], 2.0),
             Self::PathPerCount => number("path-per-count", "mm", [-10.0, 10.0], 0.01),
             Self::AccelerationZeroX => code("acceleration-zero-x", 32_768.0),
@@ -108,7 +129,8 @@ impl Setting {
             Self::AccelerationPerVoltZ => acceleration("acceleration-per-volt-z"),
             Self::OutputGain => number("output-gain", "V/(m/s²)", [0.0, 1.0], 0.01),
             Self::AmplifierGain => number("amplifier-gain", "V/V", [0.01, 100.0], 1.0),
-            Self::HardLimit => number("hard-limit", "V", [0.0, 1.6], 0.5),
+            // The buffered output reaches 0.2 V from either rail (DS12110, DAC characteristics); mid-scale is 1.65 V.
+            Self::HardLimit => number("hard-limit", "V", [0.0, 1.45], 0.5),
             Self::SlewLimit => number("slew-limit", "V/ms", [0.1, 16.0], 4.0),
             Self::CoilResistance => number("coil-resistance", "Ω", [0.1, 1000.0], 8.0),
             Self::ThermalTimeConstant => number("thermal-time-constant", "s", [1.0, 1000.0], 10.0),
@@ -118,6 +140,25 @@ impl Setting {
             // 100 ms.
             Self::MuteRamp => number("mute-ramp", "ms", [1.0, 30.0], 20.0),
             Self::ContactThreshold => number("contact-threshold", "N", [0.0, 10.0], 0.0),
+        }
+    }
+
+    /// Returns which of two values protects coil and user better, for a setting that does; none for any other.
+    ///
+    /// The model of the coil's warmth takes the power as (voltage at the DAC x `amplifier-gain`)² / `coil-resistance`:
+    /// a larger gain and a smaller resistance make it limit earlier. A shorter `thermal-time-constant` is the tighter
+    /// one, because a first-order mean over a longer time never exceeds the greatest one over a shorter time.
+    pub const fn tighter(self) -> Option<Tighter> {
+        match self {
+            Self::OutputGain
+            | Self::HardLimit
+            | Self::SlewLimit
+            | Self::CoilResistance
+            | Self::ThermalTimeConstant
+            | Self::PowerLimit
+            | Self::MuteRamp => Some(Tighter::Lower),
+            Self::AmplifierGain | Self::SoftStart => Some(Tighter::Higher),
+            _ => None,
         }
     }
 
@@ -210,11 +251,22 @@ impl TryFrom<[f32; SETTING_COUNT]> for Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self(Setting::ALL.map(|setting| setting.spec().default))
+        Self::DEFAULT
     }
 }
 
 impl Settings {
+    /// Every setting at its default.
+    pub const DEFAULT: Self = {
+        let mut values = [0.0; SETTING_COUNT];
+        let mut index = 0;
+        while index < SETTING_COUNT {
+            values[index] = Setting::ALL[index].spec().default;
+            index += 1;
+        }
+        Self(values)
+    };
+
     /// The value of `setting`, in its unit.
     pub const fn get(&self, setting: Setting) -> f32 {
         self.0[setting as usize]
@@ -300,4 +352,9 @@ pub enum SettingsError {
         /// The operation that failed.
         operation: FlashOperation,
     },
+    /// A supply too low to write flash.
+    #[error(
+        "the supply is below {FLASH_SUPPLY_MV} mV, too low to write flash: see to the supply, then try again"
+    )]
+    SupplyLow,
 }

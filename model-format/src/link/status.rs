@@ -4,7 +4,10 @@ use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{MUTE_REASON_COUNT, MotionSource, MuteReasons, Selection, SlotId, UploadState};
+use super::{
+    Levels, MUTE_REASON_COUNT, Marks, MotionSource, MuteReasons, Selection, SettingsState, SlotId,
+    StartReport, UploadState,
+};
 
 /// Width of one bin of the histogram, cycles.
 pub const TICK_BIN_CYCLES: u32 = 4096;
@@ -36,6 +39,8 @@ pub enum Activity {
 pub struct OutputStatus {
     /// Activity of the player.
     pub activity: Activity,
+    /// True if the output is at mid-scale, with the mute's ramp down, because of the mute that holds.
+    pub at_rest: bool,
     /// Reasons for which the output is muted now.
     pub mute: MuteReasons,
     /// Number of times that each of [`super::MuteReason::ALL`] began.
@@ -52,6 +57,8 @@ pub struct OutputStatus {
     pub thermal_load_permille: u16,
     /// Gain of the thermal limiter, per mille.
     pub thermal_gain_permille: u16,
+    /// True while the amplifier is enabled.
+    pub amplifier: bool,
 }
 
 /// Counters of the tick.
@@ -65,6 +72,8 @@ pub struct TickCounters {
     pub late_frames: u32,
     /// Conversions that were not complete when the tick read them.
     pub late_conversions: u32,
+    /// Ticks whose codes did not continue the output's last one: they, or those before them, came too late.
+    pub late_outputs: u32,
 }
 
 /// Histogram of the ticks' durations, from entry to exit of the handler.
@@ -143,9 +152,9 @@ impl core::fmt::Display for ResetReason {
 /// Kind of a fault that was caught.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum FaultKind {
-    /// HardFault, or a fault that escalated to it.
+    /// HardFault, or a usage fault that escalated to it.
     HardFault,
-    /// Non-maskable interrupt: the clock failed or the flash has an error that cannot be corrected.
+    /// Non-maskable interrupt: the flash has an error that cannot be corrected.
     Nmi,
     /// A panic.
     Panic,
@@ -155,6 +164,16 @@ pub enum FaultKind {
     TickStopped,
     /// The executor stopped; the watchdog followed.
     ExecutorStopped,
+    /// The external clock failed while the processor ran on it.
+    ClockFailed,
+    /// A stage of the start did not end; the watchdog followed. See [`StartReport::hung_stage`].
+    StartHung,
+    /// The stack overflowed.
+    StackOverflow,
+    /// An access that the memory protection refused: see [`Fault::address`].
+    MemoryProtection,
+    /// An access that the bus refused: see [`Fault::address`].
+    BusFault,
 }
 
 /// Location of a panic, or other detail of a fault.
@@ -167,8 +186,10 @@ pub struct Fault {
     pub kind: FaultKind,
     /// Program counter, 0 if not known.
     pub program_counter: u32,
-    /// Status of the fault: CFSR for a HardFault, the number of an interrupt, 0 otherwise.
+    /// Status of the fault: CFSR for a fault of the processor, the number of an interrupt, 0 otherwise.
     pub detail: u32,
+    /// Address of the access that was refused, or to which the stack had come, if the processor knows it.
+    pub address: Option<u32>,
     /// File and line of a panic.
     pub text: FaultText,
 }
@@ -184,6 +205,10 @@ pub struct Status {
     pub tick: TickCounters,
     /// Durations of ticks.
     pub tick_histogram: TickHistogram,
+    /// Worst cases since the start.
+    pub marks: Marks,
+    /// Levels of the sensors.
+    pub levels: Levels,
     /// The recorder.
     pub record: RecordCounters,
     /// The USB link.
@@ -202,6 +227,8 @@ pub struct Status {
     pub resets: u32,
     /// The last fault since power-on.
     pub fault: Option<Fault>,
-    /// True if the settings could not be read and defaults hold.
-    pub settings_faulty: bool,
+    /// State of the settings.
+    pub settings: SettingsState,
+    /// The start: clock, silicon, supply, safe mode.
+    pub start: StartReport,
 }

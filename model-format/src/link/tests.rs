@@ -117,6 +117,7 @@ fn upload_errors() -> Vec<UploadError> {
         UploadError::Invalid { reason: text() },
         UploadError::ReadBack { slot, offset },
         UploadError::Busy,
+        UploadError::SupplyLow,
     ];
     for operation in [
         FlashOperation::Read,
@@ -191,11 +192,85 @@ fn play_errors() -> Vec<PlayError> {
         },
         PlayError::Busy,
         PlayError::Fault,
+        PlayError::SettingsNotSet {
+            missing: SettingSet::ALL
+        },
+        PlayError::SettingsLost {
+            lost: SettingSet::ALL
+        },
+        PlayError::SafeMode {
+            quick_faults: u8::MAX
+        },
+    ]
+}
+
+fn self_test_values() -> Vec<SelfTestValues> {
+    let count = ClockCount {
+        periods: u32::MAX,
+        cycles: u64::MAX,
+    };
+    std::vec![
+        SelfTestValues::Chip(ChipValues {
+            device: u16::MAX,
+            revision: u16::MAX,
+            unique_id: [u32::MAX; 3],
+            flash_kb: u16::MAX,
+            package: u8::MAX,
+        }),
+        SelfTestValues::OptionBytes(OptionByteValues {
+            status: u32::MAX,
+            banks_swapped: true,
+            writable_sectors: [u8::MAX; 2],
+            read_protected: [u32::MAX; 2],
+            secure: [u32::MAX; 2],
+            boot: u32::MAX,
+        }),
+        SelfTestValues::Clocks(ClockValues {
+            core_hz: u32::MAX,
+            timer_hz: u32::MAX,
+            low_speed: Some(count),
+            usb_frames: Some(count),
+            ticks: count,
+        }),
+        SelfTestValues::ErrorCorrection(ErrorCorrectionValues {
+            ram: [u8::MAX; RAM_MONITORS],
+            flash_corrected: [u32::MAX; 2],
+            flash_failed: [u32::MAX; 2],
+        }),
+        SelfTestValues::Output(OutputValues {
+            sums: [u32::MAX; OUTPUT_CODES],
+            noise: f32::MAX,
+            step_words: [u16::MAX; STEP_INSTANTS],
+            sample_cycles: u32::MAX,
+        }),
+        SelfTestValues::Encoder(EncoderValues {
+            count: u16::MAX,
+            levels: [true; 2],
+        }),
+        SelfTestValues::Flash(FlashValues {
+            slot: SlotId::B,
+            erase_us: u32::MAX,
+            not_erased: u32::MAX,
+            words: u32::MAX,
+            write_us: u32::MAX,
+            longest_write_us: u32::MAX,
+            wrong: u32::MAX,
+        }),
+    ]
+}
+
+fn self_test_errors() -> Vec<SelfTestError> {
+    std::vec![
+        SelfTestError::Playing,
+        SelfTestError::Uploading,
+        SelfTestError::ActiveSlot { slot: SlotId::B },
+        SelfTestError::NotEmpty { slot: SlotId::B },
+        SelfTestError::Hardware { what: text() },
     ]
 }
 
 fn settings_errors() -> Vec<SettingsError> {
-    let mut errors = std::vec![SettingsError::Playing];
+    let mut errors = std::vec![SettingsError::Playing, SettingsError::SupplyLow];
     for setting in Setting::ALL {
         errors.extend(setting.check(f32::INFINITY).err());
     }
@@ -236,6 +311,7 @@ fn outputs() -> Vec<OutputStatus> {
     ];
     let output = |activity| OutputStatus {
         activity,
+        at_rest: true,
         mute: all_mute_reasons(),
         mute_counts: [u32::MAX; MUTE_REASON_COUNT],
         saturations: u32::MAX,
@@ -244,6 +320,7 @@ fn outputs() -> Vec<OutputStatus> {
         thermally_limited: u32::MAX,
         thermal_load_permille: u16::MAX,
         thermal_gain_permille: u16::MAX,
+        amplifier: true,
     };
     activities.map(output).into()
 }
@@ -260,6 +337,7 @@ fn statuses() -> Vec<Status> {
         kind,
         program_counter: u32::MAX,
         detail: u32::MAX,
+        address: Some(u32::MAX),
         text: text(),
     };
     let status = |output, reset, fault, upload| Status {
@@ -270,12 +348,26 @@ fn statuses() -> Vec<Status> {
             missed: u32::MAX,
             late_frames: u32::MAX,
             late_conversions: u32::MAX,
+            late_outputs: u32::MAX,
         },
         tick_histogram: TickHistogram {
             core_hz: u32::MAX,
             shortest: u32::MAX,
             longest: u32::MAX,
             bins: [u32::MAX; TICK_BIN_COUNT],
+        },
+        marks: Marks {
+            stack_bytes: u32::MAX,
+            stack_used_bytes: u32::MAX,
+            longest_tick_delay_cycles: u32::MAX,
+            longest_critical_section_cycles: u32::MAX,
+            longest_watchdog_gap_us: u32::MAX,
+        },
+        levels: Levels {
+            samples: u32::MAX,
+            vibration_decibel: f32::MIN,
+            force_newton: f32::MAX,
+            force_noise_decibel: f32::MIN,
         },
         record: RecordCounters {
             recording: true,
@@ -290,7 +382,22 @@ fn statuses() -> Vec<Status> {
         reset,
         resets: u32::MAX,
         fault,
-        settings_faulty: true,
+        settings: SettingsState {
+            set: SettingSet::ALL,
+            lost: SettingSet::ALL,
+            differing: SettingSet::ALL,
+            mended: true,
+            unwritable: true,
+        },
+        start: StartReport {
+            clock: ClockSource::InternalUnmultiplied,
+            revision: SiliconRevision(u16::MAX),
+            brown_out_level: u8::MAX,
+            supply_low: true,
+            quick_faults: u8::MAX,
+            safe_mode: true,
+            hung_stage: Some(StartStage::Links),
+        },
     };
     let resets = [
         ResetReason::PowerOn,
@@ -308,6 +415,11 @@ fn statuses() -> Vec<Status> {
         FaultKind::UnexpectedInterrupt,
         FaultKind::TickStopped,
         FaultKind::ExecutorStopped,
+        FaultKind::ClockFailed,
+        FaultKind::StartHung,
+        FaultKind::StackOverflow,
+        FaultKind::MemoryProtection,
+        FaultKind::BusFault,
     ];
     let busy = UploadState::Receiving(upload_progress());
     let mut statuses = std::vec![status(
@@ -428,6 +540,16 @@ fn every_answer_comes_back_and_fits_a_frame() {
         mute: all_mute_reasons(),
     })]);
     to_host::<Response<PlayEndpoint>>(play_errors().into_iter().map(Err));
+    let range = CycleRange {
+        runs: u32::MAX,
+        shortest: u32::MAX,
+        longest: u32::MAX,
+    };
+    to_host::<Response<CyclesEndpoint>>([CycleReport {
+        core_hz: u32::MAX,
+        tick: range,
+        update: range,
+    }]);
     to_host::<Response<StopEndpoint>>(outputs().into_iter().map(Ok));
     to_host::<Response<StopEndpoint>>([Err(StopError::NotPlaying)]);
     to_host::<Response<MotionEndpoint>>([
@@ -509,6 +631,7 @@ fn a_record_block_takes_less_than_400_bytes_whatever_is_in_it() {
         sequence,
         first_tick: u64::from(sequence) << 32,
         lost_blocks: sequence,
+        torn: sequence,
         samples: [RecordSample {
             acceleration: [AdcCode(code); 3],
             force: AdcCode(code),
@@ -567,6 +690,17 @@ proptest! {
 }
 
 #[test]
+fn every_measurement_fits_its_frame() {
+    to_host::<Response<SelfTestEndpoint>>(self_test_values().into_iter().map(Ok));
+    to_host::<Response<SelfTestEndpoint>>(self_test_errors().into_iter().map(Err));
+    let flash = SelfTestRequest::Flash {
+        slot: SlotId::B,
+        erases_library: true,
+    };
+    to_device([SelfTestRequest::Chip, SelfTestRequest::Output, flash]);
+}
+
+#[test]
 fn settings_stand_at_their_numbers_with_defaults_in_range() {
     for (index, setting) in Setting::ALL.into_iter().enumerate() {
         let spec = setting.spec();
@@ -616,6 +750,7 @@ fn errors_in_words() -> Vec<String> {
         .chain(words(activate_errors()))
         .chain(words(play_errors()))
         .chain(words(settings_errors()))
+        .chain(words(self_test_errors()))
         .chain(words([StopError::NotPlaying]))
         .chain(words([RecordError::Recording, RecordError::NotRecording]))
         .chain(words([MotionRefused::Speed, MotionRefused::Force]))

@@ -3,7 +3,7 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{Reason, SlotId};
+use super::{FLASH_SUPPLY_MV, Reason, SlotId};
 use crate::limits::{FLASH_WORD_BYTES, MAX_LIBRARY_BYTES};
 
 /// Most bytes in a chunk.
@@ -171,4 +171,9 @@ pub enum UploadError {
     /// The other slot's library is being activated.
     #[error("a library is being activated: try again in a moment")]
     Busy,
+    /// A supply too low to write flash.
+    #[error(
+        "the supply is below {FLASH_SUPPLY_MV} mV, too low to write flash: see to the supply, then upload again"
+    )]
+    SupplyLow,
 }

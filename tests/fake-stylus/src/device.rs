@@ -9,12 +9,13 @@ use std::task::{Context, Poll, Waker};
 
 use embassy_futures::yield_now;
 use model_format::link::{
-    ActivateError, MotionSample, RecordBlock, Settings, SettingsError, SlotId, SlotInfo,
-    UploadState,
+    ActivateError, MotionSample, RecordBlock, Setting, SettingChange, Settings, SettingsError,
+    SettingsState, SlotId, SlotInfo, UploadState,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::TICKS_PER_MS;
 use stylus_app::control::{Control, Device};
+use stylus_app::player::Busy;
 use stylus_app::settings::SettingsStore;
 use stylus_app::slots::SlotStore;
 use stylus_app::storage::{LoadFault, Stage, Storage};
@@ -27,6 +28,22 @@ pub type Flash = SimulatedFlash<'static>;
 
 /// Slots and settings of the fake device.
 pub type Stores = Storage<Flash, Flash>;
+
+/// Settings of the coil that a test's owner has measured.
+pub const COIL: [SettingChange; 3] = [
+    SettingChange {
+        setting: Setting::CoilResistance,
+        value: 8.0,
+    },
+    SettingChange {
+        setting: Setting::AmplifierGain,
+        value: 1.0,
+    },
+    SettingChange {
+        setting: Setting::PowerLimit,
+        value: 0.1,
+    },
+];
 
 /// Virtual time after which a job of the storage counts as stuck, ms: an hour.
 const JOB_LIMIT_MS: u32 = 3_600_000;
@@ -93,8 +110,20 @@ impl Stage for SharedControl {
         self.borrow_mut().begin_configuration()
     }
 
-    fn end_configuration(&mut self, settings: Settings, faulty: bool) {
-        self.borrow_mut().end_configuration(settings, faulty);
+    fn end_configuration(&mut self, settings: Settings, state: SettingsState) {
+        self.borrow_mut().end_configuration(settings, state);
+    }
+
+    fn is_supply_low(&self) -> bool {
+        self.borrow().is_supply_low()
+    }
+
+    fn begin_self_test(&mut self) -> Result<(), Busy> {
+        self.borrow_mut().begin_self_test()
+    }
+
+    fn end_self_test(&mut self) {
+        self.borrow_mut().end_self_test();
     }
 
     fn set_upload(&mut self, upload: UploadState) {
@@ -144,17 +173,44 @@ impl SteppedStylus {
 
     /// Boots on `slots`, with settings that were never written, in the order of the image.
     pub fn boot_from(slots: Flash) -> Self {
-        let range = 0..2 * SECTOR_BYTES as u32;
         let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
+        Self::boot_with(slots, flash)
+    }
+
+    /// Boots on blank flash and on `hardware`, whose start may have been in safe mode.
+    pub fn boot_on(hardware: Hardware) -> Self {
+        let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
+        Self::boot_as(SimulatedFlash::two_slots(), flash, hardware)
+    }
+
+    /// Boots on `slots` and on settings in `flash`, which has two sectors, in the order of the image.
+    pub fn boot_with(slots: Flash, flash: Flash) -> Self {
+        Self::boot_as(slots, flash, Hardware::new())
+    }
+
+    fn boot_as(slots: Flash, flash: Flash, hardware: Hardware) -> Self {
+        let safe_mode = hardware.start.safe_mode;
+        let range = 0..2 * SECTOR_BYTES as u32;
         let settings = embassy_futures::block_on(SettingsStore::open(flash, range));
-        let control = Control::new(Hardware::new(), settings.settings(), settings.is_faulty());
+        let control = Control::new(hardware, settings.settings(), settings.state());
         let slots = embassy_futures::block_on(SlotStore::open(slots));
         let mut stylus = Self {
             control: SharedControl(Rc::new(RefCell::new(control))),
             storage: Storage::new(slots, settings),
         };
-        stylus.request(async |storage, stage| storage.activate_newest(stage).await);
+        if !safe_mode {
+            stylus.request(async |storage, stage| storage.activate_newest(stage).await);
+        }
         stylus
+    }
+
+    /// Sets what nothing plays without, as the owner of the coil does: by requests.
+    pub fn set_coil(&mut self) {
+        for change in COIL {
+            let set =
+                self.request(async |storage, stage| storage.settings_set(stage, change).await);
+            set.expect("it is in range, and nothing is played");
+        }
     }
 
     /// Runs the device for `ms` milliseconds, in each of which a host is heard and sends a motion.

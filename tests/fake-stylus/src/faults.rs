@@ -22,6 +22,12 @@ pub struct Faults {
     pub lose_block_every: Option<usize>,
     /// Refusal of every request that needs the flash, as of a device that is busy with others.
     pub busy: bool,
+    /// No loss of the link is ever noticed, so that the output goes on without a host.
+    pub ignores_lost_link: bool,
+    /// One tick of each millisecond counts as missed.
+    pub misses_ticks: bool,
+    /// Cycles that every tick takes besides its own.
+    pub slower_by: u32,
     /// Bytes that are no frame, before every answer.
     pub noise: bool,
 }

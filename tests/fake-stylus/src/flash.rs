@@ -4,6 +4,7 @@
 //! Every erase of a sector and every write of a word yields once before it is done, because the image's driver waits
 //! there too: whatever else the device serves runs in between. Durations are not simulated.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use embassy_futures::yield_now;
@@ -21,6 +22,10 @@ pub struct Memory {
     bytes: Vec<u8>,
     programmed: Vec<bool>,
     faulty: Vec<bool>,
+    /// Words that read differently from read to read, with the content before the cut and the one after it.
+    unstable: BTreeMap<usize, [[u8; WORD_BYTES]; 2]>,
+    /// State of the chance by which they read.
+    chance: u64,
 }
 
 /// An operation on the flash.
@@ -49,13 +54,24 @@ pub enum Cut {
     Faulting,
     /// Half of it has happened: the words can be read, but hold neither the old nor the new content.
     Readable,
+    /// Half of it has happened, and each read of a word gives the old content, the new one, a mixture, or a fault.
+    Unstable,
     /// All of it has happened.
     After,
 }
 
 impl Cut {
-    /// All four.
+    /// All whose words read the same at each read.
     pub const ALL: [Self; 4] = [Self::Before, Self::Faulting, Self::Readable, Self::After];
+
+    /// All.
+    pub const WITH_UNSTABLE: [Self; 5] = [
+        Self::Before,
+        Self::Faulting,
+        Self::Readable,
+        Self::Unstable,
+        Self::After,
+    ];
 }
 
 impl Memory {
@@ -65,6 +81,8 @@ impl Memory {
             bytes: vec![0xff; bytes],
             programmed: vec![false; bytes / WORD_BYTES],
             faulty: vec![false; bytes / WORD_BYTES],
+            unstable: BTreeMap::new(),
+            chance: 1,
         }
     }
 
@@ -93,11 +111,19 @@ impl Memory {
     }
 
     fn change(&mut self, word: usize, data: [u8; WORD_BYTES], cut: Cut, programmed: bool) {
+        if cut == Cut::Before {
+            return;
+        }
+        self.unstable.remove(&word);
         let bytes = &mut self.bytes[word * WORD_BYTES..][..WORD_BYTES];
         match cut {
-            Cut::Before => return,
+            Cut::Before => {}
             Cut::After => bytes.copy_from_slice(&data),
-            Cut::Faulting | Cut::Readable => {
+            Cut::Faulting | Cut::Readable | Cut::Unstable => {
+                if cut == Cut::Unstable {
+                    let old = bytes.first_chunk().expect("it is a word");
+                    self.unstable.insert(word, [*old, data]);
+                }
                 // Half of the bits have changed.
                 for (index, (byte, new)) in bytes.iter_mut().zip(data).enumerate() {
                     let mask = if (index + word).is_multiple_of(2) {
@@ -118,6 +144,52 @@ impl Memory {
         self.faulty[offset / WORD_BYTES] = true;
     }
 
+    /// Makes the word at `offset` read as it is, or as something else, or fault, from read to read.
+    pub fn set_unstable(&mut self, offset: usize) {
+        let word = offset / WORD_BYTES;
+        let bytes = self.bytes[word * WORD_BYTES..].first_chunk();
+        let content = *bytes.expect("it is in the flash");
+        self.unstable
+            .insert(word, [content, content.map(|byte| byte ^ 0x10)]);
+    }
+
+    /// Seeds the chance by which unstable words read.
+    pub fn seed(&mut self, seed: u64) {
+        self.chance = seed | 1;
+    }
+
+    /// A number below `bound`, by chance.
+    fn below(&mut self, bound: u64) -> u64 {
+        // Marsaglia's xorshift.
+        self.chance ^= self.chance << 13;
+        self.chance ^= self.chance >> 7;
+        self.chance ^= self.chance << 17;
+        (self.chance >> 11) % bound
+    }
+
+    /// The content of `word` as this read finds it; none if it faults.
+    fn read_word(&mut self, word: usize) -> Option<[u8; WORD_BYTES]> {
+        if self.faulty[word] {
+            return None;
+        }
+        let stable = *self.bytes[word * WORD_BYTES..].first_chunk()?;
+        let Some([old, new]) = self.unstable.get(&word).copied() else {
+            return Some(stable);
+        };
+        match self.below(4) {
+            0 => None,
+            1 => Some(old),
+            2 => Some(new),
+            _ => Some(stable),
+        }
+    }
+
+    /// Number of the last word that is not as erased; none if all are.
+    pub fn last_programmed(&self, range: Range<usize>) -> Option<usize> {
+        let words = range.start / WORD_BYTES..range.end / WORD_BYTES;
+        words.rev().find(|&word| self.programmed[word])
+    }
+
     /// Flips a bit of the byte at `offset`.
     pub fn flip_bit(&mut self, offset: usize) {
         self.bytes[offset] ^= 1;
@@ -132,6 +204,8 @@ pub enum Fault {
     None,
     /// The operation with this number fails half way and reports it.
     Refuse(usize),
+    /// So does every operation from this number on.
+    RefuseFrom(usize),
     /// The write with this number puts a wrong bit and reports success.
     Corrupt(usize),
 }
@@ -183,7 +257,12 @@ impl<'a> SimulatedFlash<'a> {
         }
         let number = self.operations;
         self.operations += 1;
-        if self.fault == Fault::Refuse(number) {
+        let refuses = match self.fault {
+            Fault::Refuse(at) => number == at,
+            Fault::RefuseFrom(at) => number >= at,
+            Fault::None | Fault::Corrupt(_) => false,
+        };
+        if refuses {
             self.memory.perform(operation, Cut::Faulting);
             return Err(SimulatedError::Refused);
         }
@@ -232,16 +311,16 @@ impl ReadNorFlash for SimulatedFlash<'_> {
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), SimulatedError> {
         let from = offset as usize;
         let to = from + bytes.len();
-        let source = self
-            .memory
-            .bytes
-            .get(from..to)
-            .ok_or(SimulatedError::Bounds)?;
-        let words = from / WORD_BYTES..to.div_ceil(WORD_BYTES);
-        if self.memory.faulty[words].contains(&true) {
-            return Err(SimulatedError::Ecc);
+        if to > self.memory.bytes.len() {
+            return Err(SimulatedError::Bounds);
         }
-        bytes.copy_from_slice(source);
+        for word in from / WORD_BYTES..to.div_ceil(WORD_BYTES) {
+            let content = self.memory.read_word(word).ok_or(SimulatedError::Ecc)?;
+            let first = word * WORD_BYTES;
+            let part = from.max(first)..to.min(first + WORD_BYTES);
+            bytes[part.start - from..part.end - from]
+                .copy_from_slice(&content[part.start - first..part.end - first]);
+        }
         if let Some((offset, left)) = self.wears_out
             && (from..to).contains(&offset)
         {

@@ -13,6 +13,10 @@ pub struct Hand {
     pub force_n: f64,
     /// Converter codes of the three axes of acceleration, repeated for ever.
     pub acceleration: Vec<[u16; 3]>,
+    /// True if the wire of the force sensor is open, so that a pull-down takes its pin to the lower rail.
+    pub is_open: bool,
+    /// Noise of the force's converter, codes to either side.
+    pub force_noise: u16,
 }
 
 impl Default for Hand {
@@ -22,17 +26,26 @@ impl Default for Hand {
             speed_mm_s: 0.0,
             force_n: 0.0,
             acceleration: vec![[32_768; 3]],
+            is_open: false,
+            force_noise: 0,
         }
     }
 }
 
 impl Hand {
+    /// Noise of the force's converter at `tick`, codes.
+    fn disturbance(&self, tick: u64) -> u16 {
+        let hashed = tick.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
+        (hashed % (2 * u64::from(self.force_noise) + 1)) as u16
+    }
+
     /// The converters' codes and the encoder's step at `tick`, under the default settings.
     pub fn sample(&self, tick: u64) -> RecordSample {
         let settings = Settings::default();
         let per_volt = f64::from(settings.get(Setting::ForcePerVolt));
         let path = f64::from(settings.get(Setting::PathPerCount));
-        let force = self.force_n / per_volt / f64::from(AdcCode::STEP.0);
+        let zero = f64::from(settings.force_zero().0);
+        let force = zero + self.force_n / per_volt / f64::from(AdcCode::STEP.0);
         let counts = |tick: u64| {
             let per_tick = self.speed_mm_s / path / f64::from(SAMPLE_RATE_HZ);
             (tick as f64 * per_tick).floor() as i64
@@ -40,7 +53,11 @@ impl Hand {
         let index = tick % self.acceleration.len() as u64;
         RecordSample {
             acceleration: self.acceleration[index as usize].map(AdcCode),
-            force: AdcCode(force.round() as u16),
+            force: AdcCode(if self.is_open {
+                0
+            } else {
+                force.round() as u16 + self.disturbance(tick)
+            }),
             encoder_delta: (counts(tick + 1) - counts(tick)) as i16,
         }
     }

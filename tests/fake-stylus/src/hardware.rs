@@ -9,13 +9,15 @@
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    DeviceInfo, LinkCounters, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest, RecordBlock,
-    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection,
-    Settings, TickCounters,
+    ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource,
+    PROTOCOL_VERSION, PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError,
+    RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection, Settings, SiliconRevision,
+    StartReport, TickCounters,
 };
 use model_format::{FORMAT_VERSION, Library, OutputSample};
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
+use stylus_app::levels::Sums;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety::{Config, State};
 use stylus_app::status::Histogram;
@@ -23,16 +25,29 @@ use stylus_app::storage::LoadFault;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::BUDGET;
 
+use crate::board::Board;
 use crate::hand::Hand;
 
 /// Clock of the processor, Hz.
 const CORE_HZ: u32 = 400_000_000;
+
+/// A start without a fault, on silicon of revision V with the brown-out reset on.
+const HEALTHY_START: StartReport = StartReport {
+    clock: ClockSource::External,
+    revision: SiliconRevision(0x2003),
+    brown_out_level: 3,
+    supply_low: false,
+    quick_faults: 0,
+    safe_mode: false,
+    hung_stage: None,
+};
 
 /// A plan of the fake hardware: the selection that was found playable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prepared(Selection);
 
 /// The hardware's state, which tests may inspect.
+#[expect(clippy::struct_excessive_bools, reason = "each is a state of its own")]
 pub struct Hardware {
     /// The library in RAM, empty if there is none.
     ram: Vec<u8>,
@@ -52,6 +67,8 @@ pub struct Hardware {
     pub host: Timed,
     /// Judgement of the last update on the motion that is followed.
     is_stale: bool,
+    /// True if that is so because the force sensor is at a rail.
+    is_railed: bool,
     sensors: Sensors,
     inputs: InputConfig,
     /// The settings that were installed last.
@@ -59,18 +76,35 @@ pub struct Hardware {
     tap: Tap<'static>,
     recorder: Recorder<'static>,
     histogram: Histogram,
+    /// Durations of the ticks that requests for cycles have taken, and their number.
+    taken: CycleRange,
+    counted: u32,
+    /// Durations of the updates since the last request for cycles.
+    updates: CycleRange,
     /// Counters of the one link, which is a serial one.
     pub link: LinkCounters,
+    /// The board, as the self test measures it.
+    pub board: Board,
+    /// The encoder's counter.
+    encoder: u16,
     /// The hand that holds the stylus.
     pub hand: Hand,
     /// Number of samples to come that are lost before they reach the recorder.
     pub lose_samples: u32,
+    /// Number of samples to come whose conversions are not all of their tick.
+    pub tear_samples: u32,
     /// Change of what the device says about itself.
     pub disguise: Option<fn(&mut DeviceInfo)>,
+    /// Number of ticks that count as missed.
+    pub missed: u32,
+    /// Cycles that every tick takes besides its own.
+    pub slower_by: u32,
     /// Instructions per sample that a scene may take.
     pub budget: u32,
     /// Damage of each library on its way to RAM.
     pub loads_badly: bool,
+    /// The start, and the present supply.
+    pub start: StartReport,
     /// Number of exchanges of the library in RAM.
     pub exchanges: usize,
     /// Number of times that playing began from silence.
@@ -104,18 +138,28 @@ impl Hardware {
             source: MotionSource::Sensors,
             host: Timed::NEVER,
             is_stale: true,
+            is_railed: false,
             sensors: Sensors::new(),
             inputs: InputConfig::new(&settings),
             settings,
             tap: Tap::new(producer),
             recorder: Recorder::new(consumer),
             histogram: Histogram::new(),
+            taken: CycleRange::NONE,
+            counted: 0,
+            updates: CycleRange::NONE,
             link: LinkCounters::default(),
+            board: Board::default(),
+            encoder: 0,
             hand: Hand::default(),
             lose_samples: 0,
+            tear_samples: 0,
             disguise: None,
+            missed: 0,
+            slower_by: 0,
             budget: BUDGET,
             loads_badly: false,
+            start: HEALTHY_START,
             exchanges: 0,
             starts: 0,
             switches: 0,
@@ -127,12 +171,23 @@ impl Hardware {
     pub fn tick(&mut self) {
         self.now += 1;
         let sample = self.hand.sample(self.now);
+        let whole = self.tear_samples == 0;
+        self.tear_samples = self.tear_samples.saturating_sub(1);
+        self.encoder = self.encoder.wrapping_add_signed(sample.encoder_delta);
         self.sensors
-            .read(self.now, sample.encoder_delta, sample.force, true);
+            .read(self.now, sample.encoder_delta, sample.force, whole);
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
             self.sensors.end_block();
             let sensors = self.sensors.motion(&self.inputs);
             self.is_stale = choose(self.source, sensors, self.host).is_stale(self.now);
+            let cycles = 60_000;
+            self.updates = self.updates.merged(CycleRange {
+                runs: 1,
+                shortest: cycles,
+                longest: cycles,
+            });
+            let by_rail = self.source == MotionSource::Sensors && self.sensors.is_railed();
+            self.is_railed = self.is_stale && by_rail;
         }
         let phase = self.now as f32 * 0.3;
         let level = if self.playing.is_some() { 2e7 } else { 0.0 };
@@ -141,9 +196,10 @@ impl Hardware {
         if self.lose_samples > 0 {
             self.lose_samples -= 1;
         } else {
-            self.tap.put(self.now, sample);
+            self.tap.put(self.now, sample, whole);
         }
-        self.histogram.count(20_000 + (self.now % 7) as u32 * 3_000);
+        self.histogram
+            .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
     }
 
     /// Copies `library` to the RAM that is played from; nothing is played.
@@ -169,6 +225,11 @@ impl Hardware {
     /// True while the output is not at rest.
     pub fn sounds(&self) -> bool {
         !self.safety.is_at_rest()
+    }
+
+    /// The encoder's counter, which wraps.
+    pub fn encoder_count(&self) -> u16 {
+        self.encoder
     }
 
     /// The next whole block of the recording.
@@ -204,13 +265,39 @@ impl Device for Hardware {
         TickReport {
             counters: TickCounters {
                 ticks: self.now,
+                missed: self.missed,
                 ..TickCounters::default()
             },
-            histogram: self.histogram.report(CORE_HZ),
+            histogram: self.histogram.with_range(self.taken).report(CORE_HZ),
             saturations: 0,
             safety: self.safety.counters(),
             thermal_load_permille: self.safety.thermal_load_permille(),
             thermal_gain_permille: self.safety.thermal_gain_permille(),
+            amplifier: true,
+        }
+    }
+
+    fn marks(&self) -> Marks {
+        Marks {
+            stack_bytes: 48 << 10,
+            stack_used_bytes: 6 << 10,
+            longest_tick_delay_cycles: 400,
+            longest_critical_section_cycles: 300,
+            longest_watchdog_gap_us: 20_500,
+        }
+    }
+
+    fn sensor_sums(&self) -> Sums {
+        self.recorder.sums()
+    }
+
+    fn take_cycles(&mut self) -> CycleReport {
+        let tick = self.histogram.take_range(&mut self.counted);
+        self.taken = self.taken.merged(tick);
+        CycleReport {
+            core_hz: CORE_HZ,
+            tick,
+            update: std::mem::replace(&mut self.updates, CycleRange::NONE),
         }
     }
 
@@ -226,12 +313,20 @@ impl Device for Hardware {
         }
     }
 
+    fn start_report(&self) -> StartReport {
+        self.start
+    }
+
     fn is_at_rest(&self) -> bool {
         self.now >= self.muted_since && self.safety.is_at_rest()
     }
 
     fn is_motion_stale(&self) -> bool {
         self.is_stale
+    }
+
+    fn is_force_railed(&self) -> bool {
+        self.is_railed
     }
 
     fn set_mute(&mut self, muted: bool) {

@@ -9,6 +9,7 @@
 //! - [`SteppedStylus`](device::SteppedStylus) runs in virtual time, one millisecond after the other, and a test calls
 //!   the application's requests itself.
 
+mod board;
 mod connection;
 pub mod device;
 mod faults;
@@ -17,8 +18,10 @@ mod hand;
 pub mod hardware;
 pub mod library;
 mod requests;
+pub mod self_test;
 mod served;
 
+pub use board::Board;
 pub use faults::Faults;
 pub use hand::Hand;
 pub use served::{FakeStylus, Heard};

@@ -10,11 +10,11 @@ use std::rc::Rc;
 
 use embassy_futures::yield_now;
 use model_format::link::{
-    ActivateEndpoint, ENDPOINTS, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListSceneEndpoint,
-    MAX_CHUNK_BYTES, MAX_HOST_FRAME_BYTES, MotionEndpoint, MotionTopic, PlayEndpoint,
-    RecordStartEndpoint, RecordStopEndpoint, SettingsGetEndpoint, SettingsResetEndpoint,
-    SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint, TOPICS_IN,
-    UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
+    ActivateEndpoint, CyclesEndpoint, ENDPOINTS, InfoEndpoint, KeepAliveTopic, ListEndpoint,
+    ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_HOST_FRAME_BYTES, MotionEndpoint, MotionTopic,
+    PlayEndpoint, RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SettingsGetEndpoint,
+    SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
+    TOPICS_IN, UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
     UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey};
@@ -23,6 +23,7 @@ use postcard_rpc::{Endpoint, Key, Topic};
 use serde::{Deserialize, Serialize};
 
 use crate::device::{SharedControl, Stores};
+use crate::self_test::BoardOf;
 
 /// Jobs that may wait for the storage, as in the image.
 const QUEUED_JOBS: usize = 4;
@@ -222,6 +223,7 @@ impl<'a> Asked<'a> {
         now!(PingEndpoint, number => number);
         now!(InfoEndpoint, () => control.borrow().info());
         now!(StatusEndpoint, () => control.borrow().status());
+        now!(CyclesEndpoint, () => control.borrow_mut().take_cycles());
         now!(UploadProgressEndpoint, () => control.borrow().upload());
         now!(PlayEndpoint, request => control.borrow_mut().play(request));
         now!(StopEndpoint, () => control.borrow_mut().stop());
@@ -253,6 +255,10 @@ impl<'a> Asked<'a> {
         later!(SettingsResetEndpoint, |storage, stage, _nothing| storage
             .settings_reset(stage)
             .await);
+        later!(SelfTestEndpoint, |storage, stage, request| {
+            let mut board = BoardOf::new(stage.clone());
+            storage.self_test(stage, &mut board, request).await
+        });
         match key {
             UploadChunkEndpoint::REQ_KEY => self.hand_over_chunk(),
             MotionTopic::TOPIC_KEY => {

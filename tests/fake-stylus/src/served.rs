@@ -13,6 +13,7 @@ use postcard_rpc::header::{VarHeader, VarKey};
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::Device;
 
+use crate::board::Board;
 use crate::connection::Connection;
 use crate::device::{SharedControl, SteppedStylus};
 use crate::faults::Faults;
@@ -39,7 +40,9 @@ struct Inner {
     faults: Faults,
     heard: Vec<Heard>,
     hand: Hand,
+    board: Board,
     lose_samples: u32,
+    tear_samples: u32,
     connections: usize,
     is_over: bool,
 }
@@ -62,14 +65,24 @@ pub struct FakeStylus {
 }
 
 impl FakeStylus {
-    /// Boots a stylus on blank flash, and lets hosts connect.
+    /// Boots a stylus on blank flash, sets the settings of its coil, and lets hosts connect.
     pub fn start() -> Self {
+        Self::start_with(SteppedStylus::set_coil)
+    }
+
+    /// Boots a stylus whose settings nobody has set, and lets hosts connect.
+    pub fn start_unset() -> Self {
+        Self::start_with(|_| ())
+    }
+
+    /// Boots a stylus on blank flash, prepares it, and lets hosts connect.
+    fn start_with(prepare: fn(&mut SteppedStylus)) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port is free");
         listener.set_nonblocking(true).expect("it can be polled");
         let port = listener.local_addr().expect("it is bound").port();
         let inner = Arc::new(Mutex::new(Inner::default()));
         let shared = inner.clone();
-        let thread = thread::spawn(move || serve(&listener, &shared));
+        let thread = thread::spawn(move || serve(&listener, &shared, prepare));
         Self {
             port,
             inner,
@@ -97,9 +110,19 @@ impl FakeStylus {
         lock(&self.inner).hand = hand;
     }
 
+    /// Puts it on another board, for the self test.
+    pub fn set_board(&self, board: Board) {
+        lock(&self.inner).board = board;
+    }
+
     /// Loses the next `samples` samples before they reach the recorder.
     pub fn lose_samples(&self, samples: u32) {
         lock(&self.inner).lose_samples = samples;
+    }
+
+    /// Tears the next `samples` samples: their conversions are not all of their tick.
+    pub fn tear_samples(&self, samples: u32) {
+        lock(&self.inner).tear_samples = samples;
     }
 
     /// The frames that have arrived since the last call.
@@ -139,11 +162,13 @@ fn lock(inner: &Mutex<Inner>) -> MutexGuard<'_, Inner> {
     inner.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn serve(listener: &TcpListener, shared: &Mutex<Inner>) {
+fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: fn(&mut SteppedStylus)) {
+    let mut stylus = SteppedStylus::boot();
+    prepare(&mut stylus);
     let SteppedStylus {
         control,
         mut storage,
-    } = SteppedStylus::boot();
+    } = stylus;
     let requests = Requests::new(control.clone());
     let mut storage = pin!(requests.serve_storage(&mut storage));
     let mut context = Context::from_waker(Waker::noop());
@@ -154,7 +179,8 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>) {
             lock(shared).connections += 1;
             connection = Some(Connection::new(stream));
         }
-        let blocks = catch_up(&control, begin.elapsed());
+        let faults = lock(shared).faults.clone();
+        let blocks = catch_up(&control, begin.elapsed(), &faults);
         let frames = if let Some(open) = &mut connection {
             open.receive()
         } else {
@@ -204,15 +230,25 @@ fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
     let mut control = control.borrow_mut();
     let device = control.device();
     device.hand = inner.hand.clone();
+    device.board = inner.board.clone();
     device.lose_samples += std::mem::take(&mut inner.lose_samples);
+    device.tear_samples += std::mem::take(&mut inner.tear_samples);
     !inner.is_over
 }
 
 /// Runs the device until its clock shows `time`; gives the blocks that were recorded.
-fn catch_up(control: &SharedControl, time: Duration) -> Vec<RecordBlock> {
+fn catch_up(control: &SharedControl, time: Duration, faults: &Faults) -> Vec<RecordBlock> {
     let tick = time.as_micros() as u64 * u64::from(SAMPLE_RATE_HZ) / 1_000_000;
     let mut blocks = Vec::new();
     while control.borrow_mut().device().now() < tick {
+        let mut device = control.borrow_mut();
+        if faults.ignores_lost_link {
+            device.heard();
+        }
+        let hardware = device.device();
+        hardware.missed += u32::from(faults.misses_ticks);
+        hardware.slower_by = faults.slower_by;
+        drop(device);
         blocks.extend(control.millisecond());
     }
     blocks

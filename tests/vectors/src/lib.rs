@@ -23,7 +23,7 @@ mod textures;
 pub use edges::edges;
 pub use hard::{HardCase, Way};
 #[cfg(feature = "library")]
-pub use library::{COUNTED_ORDERS, counted_library, library, specs};
+pub use library::{COUNTED_ORDERS, counted_library, counted_texture, library, specs};
 pub use path::{
     COUNTED_SAMPLES, COUNTED_UPDATES, PATH_UPDATES, PEER_SAMPLES, counted_motion, motion,
 };

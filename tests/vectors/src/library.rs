@@ -85,8 +85,11 @@ pub fn counted_library(structure: Structure, orders: &[usize]) -> Vec<u8> {
             .texture(&alloc::format!("order {order}, one node"), structure)
     };
     let grid = |&order: &usize| {
-        Grid::new(|index| Model::gentle(order, (order + index) as u64))
-            .texture(&alloc::format!("order {order}, four nodes"), structure)
+        counted_texture(
+            structure,
+            order,
+            &alloc::format!("order {order}, four nodes"),
+        )
     };
     let textures: Vec<TextureSpec> = orders
         .iter()
@@ -94,6 +97,14 @@ pub fn counted_library(structure: Structure, orders: &[usize]) -> Vec<u8> {
         .chain(orders.iter().map(grid))
         .collect();
     encode_uncertified(&textures).expect("the textures are valid")
+}
+
+/// A texture of `order` on the whole grid in `structure`, called `name`. In direct form it is stable everywhere.
+///
+/// # Panics
+/// An order above the limit.
+pub fn counted_texture(structure: Structure, order: usize, name: &str) -> TextureSpec {
+    Grid::new(|index| Model::gentle(order, (order + index) as u64)).texture(name, structure)
 }
 
 /// An all-pole model, given by the arcsines of its reflection coefficients in stored steps, and their fractions.

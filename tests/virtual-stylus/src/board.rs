@@ -9,24 +9,29 @@ use rigless::machine::stm32h743_bench::Stm32h743Bench;
 use rigless::machine::{Board, Target};
 use rigless::mcu::Mcu;
 use rigless::snapshot::Store;
+use rigless::soc::RegionKind;
+use rigless::soc::stm32h743::MEMORY;
 use rigless::soc::stm32h743::peripherals::usart;
 
 use crate::core::{self, Auditor};
+use crate::electrical::{Defects, Electrical};
 use crate::error::{Error, Result};
 use crate::model::adc::Pins;
-use crate::model::flash::Unreadable;
+use crate::model::flash::{Busy, Chance, Unreadable};
 use crate::part::Part;
 use crate::serial::Line;
 
 const NAME: &str = "virtual-stylus";
-/// The NUCLEO-H743ZI2: 8 MHz from the probe, 32.768 kHz, 3.3 V.
+/// The NUCLEO-H743ZI2: 8 MHz from the probe, if it comes, and 32.768 kHz.
 const HIGH_SPEED_HZ: u64 = 8_000_000;
 const LOW_SPEED_HZ: u64 = 32_768;
-const RAIL_MILLIVOLTS: u32 = 3300;
 const SERIAL: &str = "USART3";
 /// The part's unique identifier of 96 bits (section 61.1).
 const UNIQUE_ID_ADDRESS: u64 = 0x1FF1_E800;
 const UNIQUE_ID: &[u8; 12] = b"VIRTUAL-0001";
+/// The size of the flash, KB (section 61.2).
+const FLASH_SIZE_ADDRESS: u64 = 0x1FF1_E880;
+const FLASH_KB: u16 = 2048;
 
 /// The board.
 #[derive(Debug)]
@@ -36,7 +41,10 @@ pub struct StylusBoard {
     serial: usize,
     instructions_per_second: NonZeroU64,
     unreadable: Unreadable,
+    busy: Busy,
+    defects: Defects,
     auditor: Auditor,
+    ram_noise: Option<u64>,
 }
 
 impl StylusBoard {
@@ -46,15 +54,26 @@ impl StylusBoard {
     /// The emulator's description of the part does not fit the models.
     pub fn new(
         pins: Box<dyn Pins>,
+        electrical: Electrical,
         instructions_per_second: NonZeroU64,
         unreadable: Unreadable,
+        busy: Busy,
         auditor: Auditor,
     ) -> Result<Self> {
         let told = |error: rigless::soc::Error| Error::Emulator(error.to_string());
-        let mut part = Part::new(pins, unreadable.clone()).map_err(told)?;
-        part.rest.rcc.attach_crystals(HIGH_SPEED_HZ, LOW_SPEED_HZ);
-        part.rest.set_supply(RAIL_MILLIVOLTS);
-        part.rest.set_analog_supply(RAIL_MILLIVOLTS);
+        let defects = Defects::of(electrical.revision);
+        let mut part = Part::new(
+            pins,
+            electrical,
+            unreadable.clone(),
+            busy.clone(),
+            defects.clone(),
+        )
+        .map_err(told)?;
+        let high_speed_hz = electrical.clocks.external_hz.unwrap_or(HIGH_SPEED_HZ);
+        part.rcc.inner.attach_crystals(high_speed_hz, LOW_SPEED_HZ);
+        part.rest.set_supply(electrical.supply_millivolts);
+        part.rest.set_analog_supply(electrical.supply_millivolts);
         let serial = usart::INSTANCES.iter().position(|&name| name == SERIAL);
         let serial = serial.ok_or_else(|| Error::Emulator(format!("the part has no {SERIAL}")))?;
         part.rest.usart[serial].attach(Line::default());
@@ -63,8 +82,17 @@ impl StylusBoard {
             serial,
             instructions_per_second,
             unreadable,
+            busy,
+            defects,
             auditor,
+            ram_noise: None,
         })
+    }
+
+    /// Fills all RAM with noise from `seed` before the start, as the part's power-on leaves it. Without it RAM holds
+    /// zeros. A reset changes nothing.
+    pub fn fill_ram(&mut self, seed: u64) {
+        self.ram_noise = Some(seed);
     }
 
     /// The far end of the serial line, unless it is a socket.
@@ -86,6 +114,19 @@ impl StylusBoard {
         self.part.rest.usart[self.serial].attach(peer);
         Ok(port)
     }
+}
+
+/// Noise from `seed` for all RAM of the part.
+fn noise(seed: u64) -> impl Iterator<Item = Image> {
+    let mut chance = Chance(seed);
+    MEMORY
+        .iter()
+        .filter(|region| region.kind == RegionKind::Ram)
+        .map(move |region| {
+            let words = (0..region.size / 8).flat_map(|_| chance.next().to_le_bytes());
+            Image::new(Path::new("noise"), words.collect(), Some(region.base))
+                .expect("bytes with an address make an image")
+        })
 }
 
 // Runs start from reset, never from a snapshot.
@@ -117,7 +158,23 @@ impl Board for StylusBoard {
         );
         core.factory_images
             .push(unique_id.expect("bytes with an address make an image"));
-        core::wrap(&mut core, self.unreadable.clone(), self.auditor.clone());
+        if let Some(seed) = self.ram_noise {
+            core.factory_images.extend(noise(seed));
+        }
+        let flash_size = Image::new(
+            Path::new("flash-size"),
+            FLASH_KB.to_le_bytes().to_vec(),
+            Some(FLASH_SIZE_ADDRESS),
+        );
+        core.factory_images
+            .push(flash_size.expect("bytes with an address make an image"));
+        core::wrap(
+            &mut core,
+            self.unreadable.clone(),
+            self.busy.clone(),
+            self.defects.clone(),
+            self.auditor.clone(),
+        );
         vec![Target::new(NAME, &mut self.part, core)]
     }
 

@@ -1,7 +1,14 @@
-//! The core, with unreadable words of flash, and audits of a tick instruction by instruction.
+//! The core, with unreadable words and busy banks of flash, and audits of a tick instruction by instruction.
 //!
 //! The emulator's core reads flash as plain memory. Here pages with unreadable words go over the bus, where a read of
 //! such a word is a bus error, as in section 4.7.8: a precise bus fault.
+//!
+//! A bank that is programmed or erased goes over the bus too. A load from it does not happen, and the core stands
+//! still, until the bank is idle; then the instruction begins again. So does an instruction that is to be fetched from
+//! it. No interrupt is taken meanwhile, which is the worst that the part may do: it may take one during a fetch. The
+//! instructions that the core would have executed meanwhile are counted as if it had, so virtual time and the cycle
+//! counter go on. Fetches are looked at before every instruction in the first [`CLOSELY`] of them after the bank became
+//! busy, and before every eighth after that, because an erasure takes longer than a test can wait for single steps.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,16 +20,40 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
-use crate::model::flash::{BASE, BYTES, Unreadable};
+use crate::electrical::Defects;
+use crate::model::flash::{BASE, BYTES, Busy, Unreadable};
 use crate::model::usb;
 
 const FLASH: std::ops::Range<u64> = BASE as u64..BASE as u64 + BYTES as u64;
 const USB: std::ops::Range<u64> = usb::BASE..usb::BASE + usb::BYTES;
+const AXI_SRAM: std::ops::Range<u64> = 0x2400_0000..0x2408_0000;
+/// AXI_TARG7_FN_MOD, and its bit READ_ISS_OVERRIDE (section 2.2, AXI interconnect registers).
+const AXI_SRAM_ISSUING: u64 = 0x5100_8108;
+const ONE_READ: u64 = 1;
+/// Distance of the reads that old silicon corrupts here; on the part it depends on what else is read.
+const MISREAD_BYTES: u64 = 64;
+/// ICSR, and its bit NMIPENDSET (ARM DDI 0403E, B3.2.4).
+const ICSR: u64 = 0xE000_ED04;
+const NMI_PENDING: u64 = 1 << 31;
 /// GDB's number of the program status register, whose low nine bits are the exception under way.
 const STATUS_REGISTER: usize = 16;
 const EXCEPTION: u32 = 0x1FF;
 /// Largest number of places in a report, enough to find the code.
 const PLACES_KEPT: usize = 16;
+
+/// Bytes of a bank.
+const BANK: u64 = BYTES as u64 / 2;
+/// The bank with the code, as a bit of [`Busy::banks`].
+const CODE_BANK: u8 = 1;
+/// The other bank.
+const OTHER_BANK: u8 = 2;
+/// Number of instructions after a bank with code became busy whose fetches are looked at one by one: 5 ms, with ticks
+/// and updates.
+const CLOSELY: u64 = 1_000_000;
+/// Instructions at a time after that.
+const COARSE: u32 = 8;
+/// Time for which the other bank's reads stay on the bus after it was busy, so that an upload routes it once.
+const LINGER: VirtualNanos = VirtualNanos(20_000_000);
 
 /// One run through the tick's handler, instruction by instruction.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -88,13 +119,27 @@ impl Auditor {
 }
 
 /// Wraps this core around the one that `spec` makes.
-pub fn wrap(spec: &mut CoreSpec, unreadable: Unreadable, auditor: Auditor) {
+pub fn wrap(
+    spec: &mut CoreSpec,
+    unreadable: Unreadable,
+    busy: Busy,
+    defects: Defects,
+    auditor: Auditor,
+) {
     let make = Arc::clone(&spec.processor);
     spec.processor = Arc::new(move |endian| {
         Ok(Box::new(Core {
             inner: make(endian)?,
             unreadable: unreadable.clone(),
+            busy: busy.clone(),
+            stalled: 0,
+            stall: None,
+            busy_since: 0,
+            other_bank_until: VirtualNanos(0),
+            on_bus: 0,
+            defects: defects.clone(),
             seen_changes: None,
+            seen_misreads: false,
             auditor: auditor.clone(),
             auditing: None,
             routed: BTreeSet::new(),
@@ -106,7 +151,20 @@ pub fn wrap(spec: &mut CoreSpec, unreadable: Unreadable, auditor: Auditor) {
 struct Core {
     inner: Box<dyn Processor>,
     unreadable: Unreadable,
+    busy: Busy,
+    /// Instructions that count as executed because the core stood still.
+    stalled: u64,
+    /// Address for whose bank the core waits.
+    stall: Option<u64>,
+    /// Number of instructions retired when the bank with the code became busy.
+    busy_since: u64,
+    /// Instant until which the other bank's reads go over the bus.
+    other_bank_until: VirtualNanos,
+    /// The banks whose reads go over the bus, a bit per bank.
+    on_bus: u8,
+    defects: Defects,
     seen_changes: Option<u64>,
+    seen_misreads: bool,
     auditor: Auditor,
     /// The exception that is being audited.
     auditing: Option<u32>,
@@ -115,18 +173,24 @@ struct Core {
 }
 
 impl Core {
-    /// Sends pages with unreadable words over the bus, and all of the flash during an audit.
+    /// Sends pages with unreadable words and banks that are busy over the bus, all of the flash during an audit, and
+    /// the AXI SRAM while it is misread.
     fn route(&mut self) {
         let page = self.inner.page_size();
-        let wanted: BTreeSet<u64> = if self.auditing.is_some() {
+        let mut wanted: BTreeSet<u64> = if self.auditing.is_some() {
             FLASH.step_by(page as usize).collect()
         } else {
             let words = self.unreadable.words();
-            words
-                .iter()
-                .map(|&word| u64::from(word) & !(page - 1))
-                .collect()
+            let unreadable = words.iter().map(|&word| u64::from(word) & !(page - 1));
+            let banks = (0..2)
+                .filter(|bank| self.on_bus & 1 << bank != 0)
+                .map(|bank| FLASH.start + bank * BANK)
+                .flat_map(|start| (start..start + BANK).step_by(page as usize));
+            unreadable.chain(banks).collect()
         };
+        if self.defects.misreads() {
+            wanted.extend(AXI_SRAM.step_by(page as usize));
+        }
         for &address in wanted.difference(&self.routed) {
             self.inner.ask(Queued::Route(address));
         }
@@ -134,6 +198,77 @@ impl Core {
             self.inner.ask(Queued::Unroute(address));
         }
         self.routed = wanted;
+    }
+
+    /// Follows the banks that became busy or idle at `now`.
+    fn follow_busy(&mut self, now: VirtualNanos) {
+        let busy = self.busy.banks();
+        if busy & OTHER_BANK != 0 {
+            self.other_bank_until = VirtualNanos(now.0 + LINGER.0);
+        }
+        if busy & CODE_BANK != 0 && self.on_bus & CODE_BANK == 0 {
+            self.busy_since = self.inner.retired();
+        }
+        let other = if now < self.other_bank_until {
+            OTHER_BANK
+        } else {
+            0
+        };
+        let wanted = busy & CODE_BANK | other;
+        if wanted != self.on_bus {
+            self.on_bus = wanted;
+            self.route();
+        }
+    }
+
+    /// True if the core stands still: for the access that it has put off, or for its next instruction.
+    fn stands_still(&mut self) -> bool {
+        if let Some(address) = self.stall {
+            if self.busy.holds(address) {
+                return true;
+            }
+            self.stall = None;
+        }
+        let at = self.inner.pc();
+        let waits = !self.inner.waiting() && self.busy.holds(at);
+        if waits {
+            self.busy.count_fetch();
+            self.stall = Some(at);
+        }
+        waits
+    }
+
+    /// Runs while the bank with the code is busy, so that the next fetch can be looked at soon.
+    fn run_beside_busy_code(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let close = self.inner.retired() - self.busy_since < CLOSELY;
+        let step = budget.min(if close { 1 } else { COARSE });
+        let (exit, retired) = self.run_inner(step, bus);
+        let exit = if exit == Exit::Budget && step < budget {
+            Exit::Returned
+        } else {
+            exit
+        };
+        (exit, retired)
+    }
+
+    fn run_inner(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let mut seen = Seen {
+            bus,
+            unreadable: &self.unreadable,
+            busy: &self.busy,
+            stalled: self.stalled,
+            put_off: None,
+            defects: &self.defects,
+            changes: Some((self.unreadable.changes(), self.busy.banks())),
+            flash_reads: 0,
+        };
+        let (exit, retired) = self.inner.run(budget, &mut seen);
+        if let Some(address) = seen.put_off {
+            self.busy.count_read();
+            self.stall = Some(address);
+            return (Exit::Returned, retired);
+        }
+        (exit, retired)
     }
 
     fn exception(&self) -> u32 {
@@ -148,11 +283,20 @@ impl Core {
         let mut seen = Seen {
             bus,
             unreadable: &self.unreadable,
+            busy: &self.busy,
+            stalled: self.stalled,
+            put_off: None,
+            defects: &self.defects,
             changes: None,
             flash_reads: 0,
         };
         let (exit, retired) = self.inner.run(1, &mut seen);
         let flash_reads = seen.flash_reads;
+        if let Some(address) = seen.put_off {
+            self.busy.count_read();
+            self.stall = Some(address);
+            return (Exit::Returned, retired);
+        }
         let left = self.exception() != exception;
         let mut asked = self.auditor.asked();
         if let Asked::Running(audit) = &mut *asked {
@@ -189,13 +333,21 @@ impl Core {
 struct Seen<'a> {
     bus: &'a mut dyn CoreBus,
     unreadable: &'a Unreadable,
-    /// Number of changes of the unreadable words when the stretch began; `None` for a stretch that has to end.
-    changes: Option<u64>,
+    busy: &'a Busy,
+    /// Instructions that count as executed besides those of the inner core.
+    stalled: u64,
+    /// Address of a load that has to wait for its bank.
+    put_off: Option<u64>,
+    /// Number of changes of the unreadable words, and the busy banks, when the stretch began; `None` for a stretch that
+    /// has to end.
+    changes: Option<(u64, u8)>,
+    defects: &'a Defects,
     flash_reads: u64,
 }
 
 impl CoreBus for Seen<'_> {
-    fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
+    fn access(&mut self, mut access: Access, from_code: bool) -> Option<u64> {
+        access.instruction_count += self.stalled;
         if access.kind == AccessKind::Read && FLASH.contains(&access.address) {
             self.flash_reads += 1;
             if self
@@ -204,6 +356,16 @@ impl CoreBus for Seen<'_> {
             {
                 return None;
             }
+        }
+        if access.address == AXI_SRAM_ISSUING && access.kind == AccessKind::Write {
+            self.defects.issue_one_read(access.value & ONE_READ != 0);
+        }
+        if AXI_SRAM.contains(&access.address)
+            && access.kind == AccessKind::Read
+            && access.address.is_multiple_of(MISREAD_BYTES)
+            && self.defects.misreads()
+        {
+            return self.bus.access(access, from_code).map(|value| value ^ 1);
         }
         if USB.contains(&access.address) {
             let mut redirected = access;
@@ -214,7 +376,7 @@ impl CoreBus for Seen<'_> {
     }
 
     fn time(&self, instructions: u64) -> VirtualNanos {
-        self.bus.time(instructions)
+        self.bus.time(instructions + self.stalled)
     }
 
     fn queued(&mut self) -> Vec<Queued> {
@@ -223,15 +385,15 @@ impl CoreBus for Seen<'_> {
 
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
         // A word that a model has just marked must be routed before the core goes on.
-        if Some(self.unreadable.changes()) == self.changes {
-            self.bus.carry_on(instructions, event)
+        if Some((self.unreadable.changes(), self.busy.banks())) == self.changes {
+            self.bus.carry_on(instructions + self.stalled, event)
         } else {
             None
         }
     }
 
     fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
-        self.bus.acknowledge(line, instructions)
+        self.bus.acknowledge(line, instructions + self.stalled)
     }
 
     fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
@@ -243,7 +405,13 @@ impl CoreBus for Seen<'_> {
     }
 
     fn stops_before(&mut self, access: &Access) -> bool {
-        self.bus.stops_before(access)
+        if access.kind == AccessKind::Read && self.busy.holds(access.address) {
+            self.put_off = Some(access.address);
+            return true;
+        }
+        let mut counted = *access;
+        counted.instruction_count += self.stalled;
+        self.bus.stops_before(&counted)
     }
 
     fn send_trace(&mut self, bytes: &[u8]) {
@@ -253,28 +421,38 @@ impl CoreBus for Seen<'_> {
 
 impl Processor for Core {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let now = bus.time(self.retired());
+        self.follow_busy(now);
+        if self.stands_still() {
+            self.stalled += u64::from(budget);
+            return (Exit::Budget, u64::from(budget));
+        }
         let changes = self.unreadable.changes();
+        if self.defects.take_interrupt() {
+            let now = bus.time(0);
+            self.inner
+                .debugger_access(Some(NMI_PENDING), ICSR, Width::W32, now);
+        }
+        let misreads = self.defects.misreads();
         if self.auditing.is_none() && self.auditor.running() {
             self.auditing = Some(self.exception());
             self.route();
-        } else if self.seen_changes != Some(changes) {
+        } else if self.seen_changes != Some(changes) || self.seen_misreads != misreads {
             self.seen_changes = Some(changes);
+            self.seen_misreads = misreads;
             self.route();
         }
         if let Some(exception) = self.auditing {
             return self.step(exception, bus);
         }
-        let mut seen = Seen {
-            bus,
-            unreadable: &self.unreadable,
-            changes: Some(changes),
-            flash_reads: 0,
-        };
-        self.inner.run(budget, &mut seen)
+        if self.busy.banks() & CODE_BANK != 0 {
+            return self.run_beside_busy_code(budget, bus);
+        }
+        self.run_inner(budget, bus)
     }
 
     fn retired(&self) -> u64 {
-        self.inner.retired()
+        self.inner.retired() + self.stalled
     }
 
     fn ask(&mut self, queued: Queued) {
@@ -310,6 +488,8 @@ impl Processor for Core {
             *self.auditor.asked() = Asked::Nothing;
         }
         self.seen_changes = None;
+        self.stall = None;
+        self.defects.issue_one_read(false);
     }
 
     fn take_reset_request(&mut self) -> bool {

@@ -10,6 +10,7 @@
 
 pub mod board;
 pub mod core;
+pub mod electrical;
 pub mod error;
 pub mod model;
 pub mod motion;
@@ -21,6 +22,7 @@ pub mod tick;
 pub mod usb_host;
 pub mod usb_socket;
 
+pub use electrical::Electrical;
 pub use error::{Error, Result};
 pub use stylus::{
     Options, PESSIMISTIC_INSTRUCTIONS_PER_SECOND, Reset, ResetCause, RunReport, VirtualStylus,

@@ -1,7 +1,8 @@
 //! The virtual stylus as a command: the flashed image on an emulated part, with its serial line and its USB on sockets.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::io::{BufRead, Write};
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
@@ -51,8 +52,8 @@ struct Arguments {
     /// Channel of the converter to which the force sensor is connected
     #[arg(long, default_value_t = 5)]
     force_channel: u8,
-    /// Volts of the force sensor without force
-    #[arg(long, default_value_t = 0.0)]
+    /// Volts of the force sensor without force; at a rail it counts as not connected
+    #[arg(long, default_value_t = 0.206)]
     force_zero_volts: f64,
     /// Newtons per volt of the force sensor
     #[arg(long, default_value_t = 1.0)]
@@ -63,6 +64,9 @@ struct Arguments {
     /// Write the output to the voice coil to this file: at_ns,code (-1 for a pin that is not driven)
     #[arg(long)]
     output: Option<PathBuf>,
+    /// Take commands from the standard input: a line `reset` resets the part by its pin, and its end ends the run
+    #[arg(long)]
+    commands: bool,
 }
 
 fn main() -> Result<()> {
@@ -86,13 +90,7 @@ fn main() -> Result<()> {
         std::io::stdout().flush()?;
     }
     let end_ns = arguments.seconds.map_or(u64::MAX, nanos);
-    let ran = run(
-        &mut stylus,
-        usb.as_mut(),
-        end_ns,
-        arguments.fast,
-        arguments.flash.as_deref(),
-    );
+    let ran = run(&mut stylus, usb.as_mut(), end_ns, &arguments);
     let kept = finish(&mut stylus, &arguments);
     ran.and(kept)
 }
@@ -151,22 +149,31 @@ fn run(
     stylus: &mut VirtualStylus,
     mut usb: Option<&mut UsbSocket>,
     end_ns: u64,
-    fast: bool,
-    flash: Option<&Path>,
+    arguments: &Arguments,
 ) -> Result<()> {
     /// Real time between two writes of the flash to its file, in case the run is interrupted.
     const KEEP_EVERY: Duration = Duration::from_secs(5);
+    let flash = arguments.flash.as_deref();
+    let commands = arguments.commands.then(commands);
     let began = Instant::now();
     let mut kept = Instant::now();
     let mut operations = 0;
     while stylus.now_ns() < end_ns {
+        match commands.as_ref().map(Receiver::try_recv) {
+            Some(Ok(Command::Reset)) => stylus.reset_by_pin()?,
+            Some(Err(TryRecvError::Disconnected)) => return Ok(()),
+            None | Some(Err(TryRecvError::Empty)) => {}
+        }
         let step_ns = if usb.is_some() { USB_STEP_NS } else { STEP_NS };
         stylus.run_until((stylus.now_ns() + step_ns).min(end_ns))?;
         if let Some(usb) = &mut usb {
             usb.serve(stylus)?;
         }
         let wall = Duration::from_nanos(stylus.now_ns());
-        if let Some(ahead) = wall.checked_sub(began.elapsed()).filter(|_| !fast) {
+        if let Some(ahead) = wall
+            .checked_sub(began.elapsed())
+            .filter(|_| !arguments.fast)
+        {
             std::thread::sleep(ahead);
         }
         if let Some(path) = flash.filter(|_| kept.elapsed() > KEEP_EVERY) {
@@ -179,6 +186,30 @@ fn run(
         }
     }
     Ok(())
+}
+
+/// A command from the standard input.
+enum Command {
+    Reset,
+}
+
+/// The commands from the standard input; disconnected at its end.
+fn commands() -> Receiver<Command> {
+    let (sender, commands) = channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines() {
+            match line.as_deref().map(str::trim) {
+                Ok("reset") => {
+                    if sender.send(Command::Reset).is_err() {
+                        return;
+                    }
+                }
+                Ok(other) => eprintln!("no command '{other}': there is `reset`"),
+                Err(_) => return,
+            }
+        }
+    });
+    commands
 }
 
 fn finish(stylus: &mut VirtualStylus, arguments: &Arguments) -> Result<()> {

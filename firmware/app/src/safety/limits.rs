@@ -67,9 +67,9 @@ impl Cut {
 }
 
 impl Pin {
-    /// At mid-scale.
-    pub const fn new() -> Self {
-        Self { offset: 0 }
+    /// At `offset` converter steps from mid-scale.
+    pub const fn at(offset: i32) -> Self {
+        Self { offset }
     }
 
     /// The last code, within limits that may have changed since.

@@ -134,7 +134,7 @@ impl State {
             coil: CoilState::new(),
             interpolator: Interpolator::new(),
             shaper: Shaper::new(),
-            pin: Pin::new(),
+            pin: Pin::at(0),
             counters: Counters {
                 hard_limited: 0,
                 slew_limited: 0,
@@ -174,6 +174,14 @@ impl State {
         self.counters
             .count(cut.is_hard(), cut.is_slew(), attenuated);
         codes
+    }
+
+    /// Makes the next codes continue from the one `offset` steps from mid-scale, which is put out just before them.
+    ///
+    /// After a tick that came late, that is not the last code that was computed, and the slew limit holds at the pin.
+    #[inline(always)]
+    pub fn continue_from(&mut self, offset: i32) {
+        self.pin = Pin::at(offset);
     }
 
     /// Returns true if the output is at mid-scale to stay, because the ramp is at its lower end and nothing is left in

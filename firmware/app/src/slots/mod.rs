@@ -291,6 +291,27 @@ impl<F: MappedFlash> SlotStore<F> {
         F::ERASE_SIZE as u32
     }
 
+    /// Programs one word at `offset` of `slot`, without reading it back.
+    pub(crate) async fn program(
+        &mut self,
+        slot: SlotId,
+        offset: u32,
+        word: &[u8; WORD_BYTES],
+    ) -> Result<(), WriteFault> {
+        let written = self.flash.write(address(slot, offset), word).await;
+        written.map_err(|_| flash_fault(slot, FlashOperation::Write, offset))
+    }
+
+    /// The word at `offset` of `slot`; none if it cannot be read.
+    pub(crate) async fn word(&mut self, slot: SlotId, offset: u32) -> Option<[u8; WORD_BYTES]> {
+        self.read_word(slot, offset).await
+    }
+
+    /// Reads what `slot` holds anew.
+    pub(crate) async fn rescan(&mut self, slot: SlotId) {
+        self.scan(slot).await;
+    }
+
     /// Programs `bytes` at `offset` of `slot` word by word, the last word padded with ones, and reads each word back.
     pub(crate) async fn write(
         &mut self,

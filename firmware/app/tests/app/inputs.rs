@@ -6,8 +6,8 @@ use model_format::link::{
 use model_format::{AdcCode, MillimetresPerSecond, Newton};
 use proptest::prelude::*;
 use stylus_app::inputs::{
-    Encoder, FORCE_NOISE_CODES, Follower, InputConfig, STALE_TICKS, Sensors, Timed, WINDOW_TICKS,
-    choose,
+    Encoder, FORCE_NOISE_CODES, Follower, InputConfig, RAIL_CODES, STALE_TICKS, Sensors, Timed,
+    WINDOW_TICKS, choose,
 };
 use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
@@ -94,7 +94,7 @@ fn the_largest_counts_overflow_nothing() {
     let config = InputConfig::new(&settings(&[(Setting::PathPerCount, 10.0)]));
     let mut sensors = Sensors::new();
     for tick in 0..100_000 {
-        sensors.read(tick, i16::MIN, AdcCode(u16::MAX), true);
+        sensors.read(tick, i16::MIN, AdcCode(u16::MAX - RAIL_CODES), true);
         if tick % 1000 == 0 {
             sensors.end_block();
         }
@@ -139,17 +139,51 @@ fn conversions_that_do_not_come_make_the_sensors_stale() {
         sensors.motion(&config).is_stale(0),
         "nothing was read so far"
     );
-    sensors.read(10, 0, AdcCode(7), true);
+    sensors.read(10, 0, AdcCode(5_007), true);
     for tick in 11..1_000 {
-        sensors.read(tick, 0, AdcCode(9), false);
+        sensors.read(tick, 0, AdcCode(5_009), false);
     }
     let timed = sensors.motion(&config);
     assert_eq!(timed.at, Some(10));
     assert_eq!(
         timed.motion,
-        Motion::new(MillimetresPerSecond(0.0), config.force(AdcCode(7))).expect("finite")
+        Motion::new(MillimetresPerSecond(0.0), config.force(AdcCode(5_007))).expect("finite")
     );
     assert!(timed.is_stale(11 + STALE_TICKS));
+}
+
+#[test]
+fn a_force_at_a_rail_is_no_contact_at_once_and_stale_in_its_time() {
+    let config = InputConfig::new(&settings(&[(Setting::ForceZero, 300.0)]));
+    let inside = [RAIL_CODES, 300, 20_000, u16::MAX - RAIL_CODES];
+    let rails = [0, RAIL_CODES - 1, u16::MAX - RAIL_CODES + 1, u16::MAX];
+    for (code, railed) in
+        (inside.map(|code| (code, false)).into_iter()).chain(rails.map(|code| (code, true)))
+    {
+        let mut sensors = Sensors::new();
+        sensors.read(1, 0, AdcCode(20_000), true);
+        for tick in 2..=2 + STALE_TICKS {
+            sensors.read(tick, 0, AdcCode(code), true);
+        }
+        let now = 2 + STALE_TICKS;
+        let timed = sensors.motion(&config);
+        assert_eq!(
+            (sensors.is_railed(), timed.is_stale(now)),
+            (railed, railed),
+            "code {code}"
+        );
+        let mut follower = Follower::new(false);
+        let touches = follower.follow(timed, &sensors, &config).contact;
+        assert_eq!(touches, !railed && code > 300, "code {code}");
+        // The force that was known last is not followed any further.
+        let at = if railed { 1 } else { now };
+        assert_eq!(timed.at, Some(at), "code {code}");
+        // A conversion that is not of its tick says nothing about the rail, and a good one ends it.
+        sensors.read(now + 1, 0, AdcCode(0), false);
+        assert_eq!(sensors.is_railed(), railed);
+        sensors.read(now + 2, 0, AdcCode(20_000), true);
+        assert!(!sensors.is_railed() && !sensors.motion(&config).is_stale(now + 2));
+    }
 }
 
 #[test]
@@ -190,7 +224,7 @@ fn moved(mut sensors: Sensors, counts: i16, code: u16) -> Sensors {
 #[test]
 fn a_scene_is_followed_from_where_playing_began_and_from_the_first_touch() {
     let config = InputConfig::new(&settings(&[(Setting::PathPerCount, 0.01)]));
-    let before = moved(Sensors::new(), 12_345, 0);
+    let before = moved(Sensors::new(), 12_345, 4_096);
     let mut follower = Follower::new(true);
     let mut follow = |sensors: &Sensors, host: Option<Timed>| {
         let chosen = host.unwrap_or_else(|| sensors.motion(&config));
@@ -232,7 +266,7 @@ fn a_texture_is_everywhere_and_is_touched_above_the_threshold() {
         (-500, 110, true),
         (0, 90, false),
     ] {
-        let sensors = moved(Sensors::new(), counts, code);
+        let sensors = moved(Sensors::new(), counts, 4_096 + code);
         let followed = follower.follow(sensors.motion(&config), &sensors, &config);
         let found = (followed.position_mm(), followed.contact);
         assert_eq!(found, (0.0, touches), "code {code}");

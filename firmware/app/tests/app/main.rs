@@ -8,6 +8,8 @@ mod recorder;
 mod requests;
 mod rest;
 mod safety;
+mod self_test;
 mod settings;
 mod slots;
+mod start;
 mod upload;

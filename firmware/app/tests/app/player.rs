@@ -18,6 +18,7 @@ fn request(name: &str) -> PlayRequest {
 const QUIET: Observed = Observed {
     at_rest: true,
     stale: false,
+    railed: false,
     link_lost: false,
 };
 const SOUNDING: Observed = Observed {
@@ -120,6 +121,13 @@ fn stale_motion_and_a_lost_link_mute_until_they_are_over() {
     for (observed, reason) in [
         (
             Observed {
+                railed: true,
+                ..SOUNDING
+            },
+            MuteReason::ForceRail,
+        ),
+        (
+            Observed {
                 stale: true,
                 ..SOUNDING
             },
@@ -189,7 +197,7 @@ proptest! {
                     }
                 }
                 Step::Poll { stale, link_lost } => {
-                    let action = player.poll(Observed { at_rest: level == 0, stale, link_lost });
+                    let action = player.poll(Observed { at_rest: level == 0, stale, link_lost, ..QUIET });
                     if let Some(action) = action {
                         prop_assert_eq!(level, 0, "{:?}", action);
                         texture_there = matches!(action, Action::Start(_));

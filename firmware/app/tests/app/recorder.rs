@@ -14,6 +14,11 @@ fn sample(tick: u64) -> RecordSample {
     }
 }
 
+/// Ticks whose conversions are not all of their own are one of seven.
+fn is_whole(tick: u64) -> bool {
+    tick % 7 != 3
+}
+
 fn check_block(block: &RecordBlock, start: u64) {
     assert_eq!(
         block.first_tick,
@@ -23,6 +28,12 @@ fn check_block(block: &RecordBlock, start: u64) {
         assert_eq!(
             RecordSample::from(packed),
             sample(block.first_tick + index as u64)
+        );
+        let tick = block.first_tick + index as u64;
+        assert_eq!(
+            block.is_whole(index),
+            is_whole(tick),
+            "the mark of tick {tick}"
         );
     }
 }
@@ -36,7 +47,7 @@ fn nothing_is_lost_when_blocks_are_fetched_in_time() {
         recorder.start().expect("none is under way");
         let mut sequence = 0;
         for tick in start..start + 10_000 {
-            tap.put(tick, sample(tick));
+            tap.put(tick, sample(tick), is_whole(tick));
             if tick % 101 == 0 {
                 while let Some(block) = recorder.next_block(tick) {
                     check_block(&block, start);
@@ -57,15 +68,15 @@ fn a_recording_holds_nothing_from_before_it_began() {
     let (producer, consumer) = queue.split();
     let (mut tap, mut recorder) = (Tap::new(producer), Recorder::new(consumer));
     for tick in 0..100 {
-        tap.put(tick, sample(tick));
+        tap.put(tick, sample(tick), is_whole(tick));
     }
     assert_eq!(recorder.next_block(100), None, "none is under way");
     for tick in 100..200 {
-        tap.put(tick, sample(tick));
+        tap.put(tick, sample(tick), is_whole(tick));
     }
     recorder.start().expect("none is under way");
     for tick in 200..300 {
-        tap.put(tick, sample(tick));
+        tap.put(tick, sample(tick), is_whole(tick));
     }
     let block = recorder
         .next_block(300)
@@ -100,7 +111,7 @@ proptest! {
         let mut lost_ticks = std::collections::BTreeSet::new();
         for pause in pauses {
             for _ in 0..pause {
-                tap.put(tick, sample(tick));
+                tap.put(tick, sample(tick), is_whole(tick));
                 if in_queue == QUEUE_SAMPLES as u64 - 1 {
                     lost_ticks.insert(tick);
                 } else {

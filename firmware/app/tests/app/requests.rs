@@ -3,14 +3,16 @@
 use std::ops::{Deref, DerefMut};
 
 use embassy_futures::block_on;
-use fake_stylus::device::SteppedStylus;
-use fake_stylus::flash::SimulatedFlash;
+use fake_stylus::device::{COIL, SteppedStylus};
+use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
+use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, texture};
 use model_format::limits::{MAX_ORDER, SLOT_BYTES};
 use model_format::link::{
     ActivateError, Activity, LINK_LOST_AFTER_MS, ListError, ListRequest, MotionSample,
-    MotionSource, MuteReason, PlayError, PlayRequest, RecordError, Selection, Setting,
-    SettingChange, Settings, SettingsError, SlotId, SlotState, StopError, UploadChunk, UploadState,
+    MotionSource, MuteReason, PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection,
+    Setting, SettingChange, SettingSet, Settings, SettingsError, SettingsState, SlotId, SlotState,
+    StopError, UploadChunk, UploadError, UploadState,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{Library, MillimetresPerSecond, Newton, encode, encode_with_scenes};
@@ -37,8 +39,15 @@ impl DerefMut for Stylus {
 }
 
 impl Stylus {
-    /// Boots on blank flash.
+    /// Boots on blank flash, and sets what nothing plays without.
     fn new() -> Self {
+        let mut stylus = Self::unset();
+        stylus.set_coil();
+        stylus
+    }
+
+    /// Boots on blank flash.
+    fn unset() -> Self {
         let stylus = Self(SteppedStylus::boot());
         assert_eq!(stylus.storage.slots().active, None);
         stylus
@@ -461,6 +470,135 @@ fn settings_change_at_rest_alone_and_reach_the_device() {
     assert_eq!(stylus.control.borrow().settings(), Settings::default());
 }
 
+/// A stylus that nobody has set, with a library.
+fn unset_with_library() -> Stylus {
+    let mut stylus = Stylus::unset();
+    let slot = stylus.upload(&library(1, 20, 1));
+    assert!(stylus.activate(slot).is_ok());
+    stylus
+}
+
+#[test]
+fn nothing_plays_until_each_setting_of_the_coil_was_set_by_someone() {
+    let mut stylus = unset_with_library();
+    let mut missing = SettingSet::REQUIRED;
+    for change in COIL {
+        let refused = stylus.play("texture 0");
+        assert_eq!(refused, Err(PlayError::SettingsNotSet { missing }));
+        assert!(
+            !stylus
+                .control
+                .borrow()
+                .status()
+                .settings
+                .set
+                .contains(change.setting)
+        );
+        // The value of the default counts as soon as somebody has set it.
+        let default = change.setting.spec().default;
+        stylus
+            .change_setting(SettingChange {
+                value: default,
+                ..change
+            })
+            .expect("in range");
+        missing = missing.with(change.setting, false);
+        stylus.run(50);
+        assert!(!stylus.sounds());
+    }
+    assert!(missing.is_empty());
+    stylus.play("texture 0").expect("all are set");
+    stylus.run(300);
+    assert!(stylus.sounds());
+}
+
+#[test]
+fn after_a_reset_nothing_plays_and_the_output_stays_at_rest() {
+    let mut stylus = Stylus::with_library(&library(1, 20, 1));
+    assert_eq!(stylus.reset_settings(), Ok(Settings::default()));
+    let refused = stylus.play("texture 0");
+    assert_eq!(
+        refused,
+        Err(PlayError::SettingsNotSet {
+            missing: SettingSet::REQUIRED
+        })
+    );
+    stylus.run(300);
+    assert!(!stylus.sounds());
+    assert_eq!(
+        stylus.control.borrow().status().settings,
+        SettingsState::default()
+    );
+}
+
+#[test]
+fn lost_settings_refuse_a_play_by_their_names_until_they_are_set_again_or_reset() {
+    for begins_anew in [true, false] {
+        let mut stylus = Stylus(SteppedStylus::boot_with(
+            SimulatedFlash::two_slots(),
+            SimulatedFlash::new(Memory::garbage(2 * SECTOR_BYTES)),
+        ));
+        let slot = stylus.upload(&library(1, 20, 1));
+        assert!(stylus.activate(slot).is_ok());
+        let lost = SettingSet::ALL;
+        assert_eq!(
+            stylus.play("texture 0"),
+            Err(PlayError::SettingsLost { lost })
+        );
+        assert_eq!(stylus.control.borrow().status().settings.lost, lost);
+        if begins_anew {
+            stylus.reset_settings().expect("the flash can be erased");
+            stylus.set_coil();
+        } else {
+            for setting in Setting::ALL {
+                assert!(matches!(
+                    stylus.play("texture 0"),
+                    Err(PlayError::SettingsLost { .. })
+                ));
+                let value = setting.spec().default;
+                stylus
+                    .change_setting(SettingChange { setting, value })
+                    .expect("in range");
+            }
+        }
+        stylus.play("texture 0").expect("everything is known again");
+        stylus.run(300);
+        assert!(stylus.sounds());
+    }
+}
+
+#[test]
+fn an_open_force_sensor_is_silence_with_its_name_and_a_host_plays_on() {
+    let stylus = Stylus::with_library(&library(1, 20, 1));
+    let by_sensors = PlayRequest {
+        motion: MotionSource::Sensors,
+        ..request("texture 0")
+    };
+    stylus
+        .control
+        .borrow_mut()
+        .play(by_sensors)
+        .expect("it is there");
+    stylus.run(300);
+    assert!(stylus.sounds());
+    stylus.control.borrow_mut().device().hand.is_open = true;
+    stylus.run(STALE_AFTER_MS + 50);
+    assert!(!stylus.sounds());
+    let mute = stylus.control.borrow().status().output.mute;
+    assert_eq!(
+        mute.iter().collect::<Vec<_>>(),
+        [MuteReason::Stale, MuteReason::ForceRail]
+    );
+    stylus.control.borrow_mut().device().hand.is_open = false;
+    stylus.run(300);
+    assert!(stylus.sounds());
+    // Motion of the host needs no sensor.
+    stylus.control.borrow_mut().device().hand.is_open = true;
+    stylus.play("texture 0").expect("it is there");
+    stylus.run(300);
+    assert!(stylus.sounds() && stylus.control.borrow().mute().is_empty());
+}
+
 #[test]
 fn nothing_begins_to_play_while_settings_are_stored_and_what_begins_after_has_its_gain() {
     let mut stylus = Stylus::with_library(&library(1, 20, 1));
@@ -565,4 +703,61 @@ fn recordings_are_started_and_stopped_once() {
     assert!(control.status().record.recording);
     assert_eq!(control.record_start(), Err(RecordError::Recording));
     assert!(control.record_stop().is_ok());
+}
+
+#[test]
+fn in_safe_mode_nothing_plays_the_reason_is_told_and_the_rest_is_served() {
+    let mut hardware = Hardware::new();
+    hardware.start.safe_mode = true;
+    hardware.start.quick_faults = 4;
+    let mut stylus = Stylus(SteppedStylus::boot_on(hardware));
+    let slot = stylus.upload(&library(1, 4, 1));
+    stylus.activate(slot).expect("it is valid");
+    let refused = stylus.play("texture 0");
+    assert_eq!(refused, Err(PlayError::SafeMode { quick_faults: 4 }));
+    let words = refused.expect_err("as above").to_string();
+    assert!(
+        words.contains("safe mode after 4 faults") && words.contains("power off"),
+        "{words}"
+    );
+    stylus.run(100);
+    let status = stylus.control.borrow().status();
+    assert!(status.output.mute.contains(MuteReason::SafeMode));
+    assert!(status.start.safe_mode && !stylus.sounds());
+    assert_eq!(stylus.control.borrow_mut().device().starts, 0);
+}
+
+#[test]
+fn while_the_supply_is_low_no_flash_is_written_and_what_was_begun_goes_on_after() {
+    let mut stylus = Stylus::new();
+    let bytes = library(1, 4, 1);
+    let begin = announcement(&bytes);
+    let low = |stylus: &mut Stylus, low| {
+        stylus.control.borrow_mut().device().start.supply_low = low;
+    };
+    low(&mut stylus, true);
+    let begun = stylus.request(async |storage, stage| storage.upload_begin(stage, begin).await);
+    assert_eq!(begun, Err(UploadError::SupplyLow));
+    let change = SettingChange {
+        setting: Setting::HardLimit,
+        value: 0.25,
+    };
+    assert_eq!(stylus.change_setting(change), Err(SettingsError::SupplyLow));
+    assert_eq!(stylus.reset_settings(), Err(SettingsError::SupplyLow));
+    low(&mut stylus, false);
+    let begun = stylus.request(async |storage, stage| storage.upload_begin(stage, begin).await);
+    assert!(begun.is_ok(), "{begun:?}");
+    low(&mut stylus, true);
+    let chunk = UploadChunk {
+        offset: 0,
+        data: &bytes[..512],
+    };
+    let written = stylus.request(async |storage, stage| storage.upload_chunk(stage, chunk).await);
+    assert_eq!(written, Err(UploadError::SupplyLow));
+    let sealed = stylus.request(async |storage, stage| storage.upload_commit(stage).await);
+    assert_eq!(sealed, Err(UploadError::SupplyLow));
+    low(&mut stylus, false);
+    let written = stylus.request(async |storage, stage| storage.upload_chunk(stage, chunk).await);
+    assert_eq!(written.map(|progress| progress.next_offset), Ok(512));
+    assert!(stylus.change_setting(change).is_ok());
 }

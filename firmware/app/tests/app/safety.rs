@@ -30,7 +30,7 @@ fn with(changes: &[(Setting, f32)]) -> Settings {
 /// Settings that pass a signal unchanged.
 fn transparent() -> Settings {
     with(&[
-        (Setting::HardLimit, 1.6),
+        (Setting::HardLimit, 1.45),
         (Setting::SlewLimit, 16.0),
         (Setting::PowerLimit, 100.0),
         (Setting::SoftStart, 1.0),

@@ -30,17 +30,17 @@ pub const DIRECT: StageCost = StageCost {
 pub const STICK_SLIP: StageCost = StageCost { base: 46, each: 0 };
 
 /// A tap transient.
-pub const TAP: StageCost = StageCost { base: 37, each: 0 };
+pub const TAP: StageCost = StageCost { base: 40, each: 0 };
 
 /// The equaliser, with `each` per section.
-pub const EQUALISER: StageCost = StageCost { base: 53, each: 81 };
+pub const EQUALISER: StageCost = StageCost { base: 56, each: 81 };
 
 /// The fade while scenes are exchanged.
 pub const FADE_OUT: StageCost = StageCost { base: 25, each: 0 };
 
-/// Instructions per tick that a scene may take. At the device's 400 MHz a period of 200 µs is 80 000 cycles, or 40
-/// 000 instructions at two cycles per instruction, which is pessimistic. Half of them are for safety, inputs,
-/// interrupts and margin.
+/// Instructions per tick that a scene may take. At the device's 400 MHz a period of 200 µs is 80 000 cycles, or 40 000
+/// instructions at two cycles per instruction, which is pessimistic. Half of them are for safety, inputs, interrupts
+/// and margin. The codes of a tick are due 137.5 µs after its trigger, or 27 500 such instructions.
 pub const BUDGET: u32 = 20_000;
 
 /// Instructions of a stage per sample.

@@ -1,28 +1,11 @@
 //! `stylus activate`
 
 use host_tools::support::error::{Error, Result};
-use model_format::link::SlotId;
 use serde::Serialize;
 
 use super::connection::Link;
+use super::slot::Slot;
 use crate::cli::output::{print, print_json};
-
-/// A slot on the command line.
-#[derive(Clone, Copy, clap::ValueEnum)]
-#[value(rename_all = "UPPER")]
-enum Slot {
-    A,
-    B,
-}
-
-impl From<Slot> for SlotId {
-    fn from(slot: Slot) -> Self {
-        match slot {
-            Slot::A => Self::A,
-            Slot::B => Self::B,
-        }
-    }
-}
 
 #[derive(clap::Args)]
 pub struct Arguments {

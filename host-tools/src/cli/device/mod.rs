@@ -1,6 +1,7 @@
 //! Commands that talk to a stylus, each over one connection that its `--link` names.
 
 pub mod activate;
+pub mod calibrate;
 mod connection;
 mod histogram;
 mod interrupt;
@@ -10,8 +11,10 @@ pub mod monitor;
 pub mod play;
 pub mod record;
 pub mod record_strokes;
+pub mod selftest;
 mod sensing;
 pub mod settings;
+mod slot;
 pub mod status;
 pub mod stop;
 pub mod upload;
@@ -39,8 +42,12 @@ pub enum Command {
     Status(status::Arguments),
     /// Show the stylus's state and sensors continuously
     Monitor(monitor::Arguments),
+    /// Test the board, the wiring and the link, and keep a record; the amplifier must be off
+    Selftest(selftest::Arguments),
     /// Show or change the stylus's settings
     Settings(settings::Arguments),
+    /// Set the coil's measured values and the sensors' zeros, with checks; nothing plays before
+    Calibrate(calibrate::Arguments),
 }
 
 /// Runs a command.
@@ -55,6 +62,8 @@ pub fn run(command: &Command) -> Result<()> {
         Command::Stop(arguments) => stop::run(arguments),
         Command::Status(arguments) => status::run(arguments),
         Command::Monitor(arguments) => monitor::run(arguments),
+        Command::Selftest(arguments) => selftest::run(arguments),
         Command::Settings(arguments) => settings::run(arguments),
+        Command::Calibrate(arguments) => calibrate::run(arguments),
     }
 }

@@ -2,10 +2,11 @@
 
 use clap::Subcommand;
 use host_tools::support::error::{Error, Result};
-use model_format::link::{Setting, SettingChange, Settings};
+use model_format::link::{Setting, SettingChange, SettingSet, Settings, SettingsState};
 use serde::Serialize;
 
 use super::connection::Link;
+use super::status::settings as remarks;
 use crate::cli::output::{print, print_json};
 use crate::cli::table::table;
 
@@ -27,60 +28,136 @@ enum Action {
         /// Name of the setting
         name: Option<String>,
     },
-    /// Change a setting and read it back
+    /// Change settings and read them back
     Set {
-        /// Name of the setting
-        name: String,
-        /// Value, in the setting's unit
-        #[arg(allow_negative_numbers = true)]
-        value: f32,
+        /// Names of settings, each followed by its value in the setting's unit
+        #[arg(value_name = "NAME VALUE", num_args = 2.., required = true, allow_negative_numbers = true)]
+        pairs: Vec<String>,
     },
-    /// Reset every setting to its default
+    /// Erase all settings: each has its default, none is set, and nothing plays
     Reset,
+}
+
+/// Origin of a setting's value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Origin {
+    Set,
+    Default,
+    NotSet,
+    Lost,
 }
 
 /// A setting with its value.
 #[derive(Serialize)]
 struct Row {
     name: &'static str,
-    value: f32,
+    /// None if nobody has set it and it has no default, or if it was lost.
+    value: Option<f32>,
+    state: Origin,
     unit: &'static str,
     lowest: f32,
     highest: f32,
-    default: f32,
+    /// None for a setting without which nothing plays.
+    default: Option<f32>,
 }
 
-impl From<SettingChange> for Row {
-    fn from(SettingChange { setting, value }: SettingChange) -> Self {
+impl Row {
+    fn new(SettingChange { setting, value }: SettingChange, state: &SettingsState) -> Self {
         let spec = setting.spec();
+        let is_required = SettingSet::REQUIRED.contains(setting);
+        let origin = if state.lost.contains(setting) {
+            Origin::Lost
+        } else if state.set.contains(setting) {
+            Origin::Set
+        } else if is_required {
+            Origin::NotSet
+        } else {
+            Origin::Default
+        };
         Self {
             name: spec.name,
-            value,
+            value: matches!(origin, Origin::Set | Origin::Default).then_some(value),
+            state: origin,
             unit: spec.unit,
             lowest: spec.lowest,
             highest: spec.highest,
-            default: spec.default,
+            default: (!is_required).then_some(spec.default),
         }
+    }
+
+    fn cells(&self) -> Vec<String> {
+        let value = match (self.state, self.value) {
+            (_, Some(value)) => value.to_string(),
+            (Origin::Lost, None) => "lost".to_owned(),
+            (_, None) => "not set".to_owned(),
+        };
+        vec![
+            self.name.to_owned(),
+            value,
+            self.unit.to_owned(),
+            format!("{} to {}", self.lowest, self.highest),
+            self.default
+                .map_or_else(|| "none".to_owned(), |default| default.to_string()),
+        ]
     }
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    // The name is checked before the device is connected.
-    let setting = match &arguments.action {
-        Some(Action::Get { name: Some(name) } | Action::Set { name, .. }) => Some(named(name)?),
-        _ => None,
-    };
-    let device = arguments.link.connect()?;
-    let settings = match &arguments.action {
-        None | Some(Action::Get { .. }) => device.settings()?,
-        Some(Action::Set { value, .. }) => {
-            let setting = setting.expect("it was looked up above");
-            let value = *value;
-            device.set(SettingChange { setting, value })?
+    // Names and values are checked before the device is connected.
+    let mut changes = Vec::new();
+    let mut wanted = SettingSet::ALL;
+    match &arguments.action {
+        Some(Action::Get { name: Some(name) }) => {
+            wanted = SettingSet::NONE.with(named(name)?, true);
         }
+        Some(Action::Set { pairs }) => {
+            changes = parse(pairs)?;
+            let set = SettingSet::NONE;
+            wanted = changes
+                .iter()
+                .fold(set, |set, change| set.with(change.setting, true));
+        }
+        _ => {}
+    }
+    let device = arguments.link.connect()?;
+    for &change in &changes {
+        // The device judges the value, because it may have another range.
+        device.set(change)?;
+    }
+    let settings = match &arguments.action {
         Some(Action::Reset) => device.reset_settings()?,
+        _ => device.settings()?,
     };
-    show(&settings, setting, arguments.json)
+    let state = device.status()?.settings;
+    if let Some(unknown) = changes
+        .iter()
+        .find(|change| !state.set.contains(change.setting))
+    {
+        let problem = "was written, but the device does not count it as set: set it again";
+        return Err(Error::Request(format!("{} {problem}", unknown.setting)));
+    }
+    show(&settings, &state, wanted, arguments.json)
+}
+
+/// The changes of `pairs`: a name, its value, and so on.
+fn parse(pairs: &[String]) -> Result<Vec<SettingChange>> {
+    let (pairs, rest) = pairs.as_chunks::<2>();
+    if let [name] = rest {
+        return Err(Error::Request(format!(
+            "{name} has no value: give each setting's name and its value in turn"
+        )));
+    }
+    pairs
+        .iter()
+        .map(|[name, value]| {
+            let setting = named(name)?;
+            let value = value.parse().map_err(|_| {
+                Error::Request(format!("{name} of '{value}': its value must be a number"))
+            })?;
+            Ok(SettingChange { setting, value })
+        })
+        .collect()
 }
 
 fn named(name: &str) -> Result<Setting> {
@@ -93,28 +170,22 @@ fn named(name: &str) -> Result<Setting> {
     })
 }
 
-fn show(settings: &Settings, only: Option<Setting>, json: bool) -> Result<()> {
-    let wanted = settings
+fn show(settings: &Settings, state: &SettingsState, wanted: SettingSet, json: bool) -> Result<()> {
+    let rows: Vec<Row> = settings
         .iter()
-        .filter(|change| only.is_none_or(|only| only == change.setting));
-    let rows: Vec<Row> = wanted.map(Row::from).collect();
+        .filter(|change| wanted.contains(change.setting))
+        .map(|change| Row::new(change, state))
+        .collect();
     if json {
         return print_json(&rows);
     }
-    let cells: Vec<Vec<String>> = rows
-        .iter()
-        .map(|row| {
-            vec![
-                row.name.to_owned(),
-                row.value.to_string(),
-                row.unit.to_owned(),
-                format!("{} to {}", row.lowest, row.highest),
-                row.default.to_string(),
-            ]
-        })
-        .collect();
+    let cells: Vec<Vec<String>> = rows.iter().map(Row::cells).collect();
     print(&table(
         &["setting", "value", "unit", "range", "default"],
         &cells,
-    ))
+    ))?;
+    for line in remarks(state) {
+        print(&line)?;
+    }
+    Ok(())
 }

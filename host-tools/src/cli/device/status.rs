@@ -2,7 +2,8 @@
 
 use host_tools::support::error::Result;
 use model_format::link::{
-    Activity, DeviceInfo, LinkCounters, MotionSource, MuteReason, OutputStatus, Status, UploadState,
+    Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, Levels, LinkCounters, Marks,
+    MotionSource, MuteReason, OutputStatus, SettingsState, StartReport, Status, UploadState,
 };
 use serde::Serialize;
 
@@ -57,22 +58,20 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         format!("up       {}", uptime(status)),
     ];
     if let Some(fault) = &status.fault {
-        lines.push(format!(
-            "FAULT    {:?} at {:#010x}, detail {:#x} {}",
-            fault.kind, fault.program_counter, fault.detail, fault.text
-        ));
+        lines.push(self::fault(fault));
     }
-    if status.settings_faulty {
-        lines.push(
-            "SETTINGS could not be read, so the defaults are in use; set them again".to_owned(),
-        );
-    }
+    lines.extend(settings(&status.settings).map(|line| format!("SETTINGS {line}")));
+    lines.extend(start(status.start));
     let library = match status.active {
         Some(slot) => format!("slot {slot}, checksum {:08x}", status.library_crc32),
         None => "none active".to_owned(),
     };
     lines.push(format!("library  {library}{}", upload(&status.upload)));
-    lines.push(format!("output   {}", output(&status.output)));
+    let amplifier = if status.output.amplifier { "on" } else { "off" };
+    lines.push(format!(
+        "output   {}; amplifier {amplifier}",
+        output(&status.output)
+    ));
     lines.push(format!("muted    {}", mutes(&status.output)));
     lines.push(format!(
         "limits   saturated {}, hard limit {}, slew {}, thermal {} samples; coil at {:.1} % of its limit, gain {:.1} %",
@@ -96,18 +95,125 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
     lines.push(format!("USB      {}", link(&status.usb)));
     lines.push(format!("serial   {}", link(&status.serial)));
     lines.push(format!(
-        "tick     {} ticks, {} missed, {} late frames, {} late conversions",
+        "tick     {} ticks, {} missed, {} late frames, {} late conversions, {} late outputs",
         status.tick.ticks,
         status.tick.missed,
         status.tick.late_frames,
-        status.tick.late_conversions
+        status.tick.late_conversions,
+        status.tick.late_outputs
     ));
+    lines.push(format!(
+        "marks    {}",
+        marks(&status.marks, status.tick_histogram.core_hz)
+    ));
+    lines.push(format!("sensors  {}", levels(&status.levels)));
     let histogram = histogram::draw(&status.tick_histogram);
     lines.push(format!(
         "tick time {}",
         histogram.replace('\n', "\n         ")
     ));
     lines.join("\n")
+}
+
+/// The start: clock, silicon and supply, and a line for each thing to see to.
+fn start(start: StartReport) -> Vec<String> {
+    let mut lines = vec![format!(
+        "start    {} clock, silicon revision {}, brown-out level {}, {} quick faults",
+        start.clock, start.revision, start.brown_out_level, start.quick_faults
+    )];
+    if start.safe_mode {
+        lines.push(
+            "SAFE     the device plays nothing; switch the power off and on, or press the reset button, to leave"
+                .to_owned(),
+        );
+    }
+    match start.clock {
+        ClockSource::External => {}
+        ClockSource::Internal => lines.push(
+            "CLOCK    the external clock is missing or failed: pitch and times are within 1 %"
+                .to_owned(),
+        ),
+        ClockSource::InternalUnmultiplied => lines
+            .push("CLOCK    no clock could be multiplied: nothing is sampled or played".to_owned()),
+    }
+    if let Some(stage) = start.hung_stage {
+        lines.push(format!(
+            "HUNG     a start did not get past the stage: {stage}"
+        ));
+    }
+    if start.supply_low {
+        lines.push(format!(
+            "SUPPLY   below {FLASH_SUPPLY_MV} mV: no upload and no change of settings until it rises"
+        ));
+    }
+    if start.brown_out_level == 0 {
+        lines.push(
+            "BROWNOUT the brown-out reset is off in the option bytes: set BOR_LEV to 3 with the probe".to_owned(),
+        );
+    }
+    lines
+}
+
+fn fault(fault: &Fault) -> String {
+    let address = fault.address.map_or(String::new(), |address| {
+        format!(", access to {address:#010x}")
+    });
+    format!(
+        "FAULT    {:?} at {:#010x}{address}, detail {:#x} {}",
+        fault.kind, fault.program_counter, fault.detail, fault.text
+    )
+}
+
+/// Worst cases since the start, for a processor with a clock of `core_hz`.
+fn marks(marks: &Marks, core_hz: u32) -> String {
+    let micros = |cycles: u32| f64::from(cycles) * 1e6 / f64::from(core_hz.max(1));
+    format!(
+        "stack {} of {} bytes; at most {:.2} µs from trigger to tick, {:.2} µs of masked interrupts, {:.1} ms between \
+         feeds of the watchdog",
+        marks.stack_used_bytes,
+        marks.stack_bytes,
+        micros(marks.longest_tick_delay_cycles),
+        micros(marks.longest_critical_section_cycles),
+        f64::from(marks.longest_watchdog_gap_us) / 1e3
+    )
+}
+
+fn levels(levels: &Levels) -> String {
+    if levels.samples == 0 {
+        return "no levels yet".to_owned();
+    }
+    // Levels are in decibel re a millionth of the unit.
+    let unit = |decibel: f32| 10f64.powf(f64::from(decibel) / 20.0 - 6.0);
+    format!(
+        "vibration {:.1} dB re 1 µm/s² ({:.3} m/s² RMS); force {:.3} N, noise {:.1} dB re 1 µN \
+         ({:.4} N RMS)",
+        levels.vibration_decibel,
+        unit(levels.vibration_decibel),
+        levels.force_newton,
+        levels.force_noise_decibel,
+        unit(levels.force_noise_decibel)
+    )
+}
+
+/// Everything about the settings that someone should know, one line each.
+pub fn settings(state: &SettingsState) -> impl Iterator<Item = String> + use<> {
+    let refusal = state.check_playable().err();
+    let differing = (!state.differing.is_empty()).then(|| {
+        format!(
+            "{}: the copies in flash differed, so the tighter value holds; check it, then set it again",
+            state.differing
+        )
+    });
+    let mended = (state.mended && state.lost.is_empty()).then(|| {
+        "one of the two copies in flash was damaged or its writing interrupted; it was written anew".to_owned()
+    });
+    let unwritable = state.unwritable.then(|| {
+        "the flash did not take the last change; try again, then `stylus settings reset`".to_owned()
+    });
+    let refusal = refusal.map(|refusal| format!("nothing plays: {refusal}"));
+    [refusal, differing, mended, unwritable]
+        .into_iter()
+        .flatten()
 }
 
 fn uptime(status: &Status) -> String {

@@ -1,5 +1,6 @@
 //! Captures of a given length without a hole.
 
+use model_format::AdcCode;
 use model_format::link::{BLOCK_SAMPLES, RecordSample};
 
 use super::loss::Loss;
@@ -23,7 +24,12 @@ pub struct Capture {
     pub loss: Loss,
     /// Number of holes, each of which made the capture begin anew.
     pub holes: u32,
+    /// Number of samples of this stretch that were torn. Their codes are interpolated between their whole neighbours.
+    pub interpolated: u32,
 }
+
+/// Share of torn samples above which a stretch is no recording.
+const MOST_TORN: f64 = 0.01;
 
 /// Records `seconds` without a hole, after `settle_s` that are left out. Returns `None` as soon as `goes_on` returns
 /// false.
@@ -45,6 +51,7 @@ pub fn capture(
     let (settle, wanted) = (in_samples(settle_s), in_samples(seconds).max(1));
     let most_ticks = (settle + wanted + BLOCK_SAMPLES) as u64 * MAX_LENGTHS;
     let mut samples: Vec<RecordSample> = Vec::with_capacity(settle + wanted + BLOCK_SAMPLES);
+    let mut whole: Vec<bool> = Vec::with_capacity(samples.capacity());
     let (mut begin, mut first_tick, mut holes) = (None, 0, 0);
     while samples.len() < settle + wanted {
         if !goes_on() {
@@ -54,12 +61,14 @@ pub fn capture(
         if !arrival.is_continuous {
             holes += 1;
             samples.clear();
+            whole.clear();
         }
         if samples.is_empty() {
             first_tick = arrival.first_tick;
         }
         let start = *begin.get_or_insert(arrival.first_tick);
         samples.extend(arrival.samples);
+        whole.extend(arrival.whole);
         heard(&samples, settle + wanted, rate_hz);
         if holes > 0 && arrival.first_tick.saturating_sub(start) > most_ticks {
             let loss = stream.stop()?;
@@ -76,11 +85,99 @@ pub fn capture(
     let loss = stream.stop()?;
     samples.truncate(settle + wanted);
     samples.drain(..settle);
+    whole.truncate(settle + wanted);
+    whole.drain(..settle);
+    let interpolated = whole.iter().filter(|&&whole| !whole).count() as u32;
+    if f64::from(interpolated) > MOST_TORN * wanted as f64 {
+        return Err(LinkError::Lossy {
+            link: device.address().to_string(),
+            what: format!(
+                "{interpolated} of {wanted} samples are torn, because the device read its converter late: look at \
+                 `stylus status`, restart the device, then record again"
+            ),
+        });
+    }
+    interpolate(&mut samples, &whole);
     Ok(Some(Capture {
+        interpolated,
         samples,
         rate_hz,
         first_tick: first_tick + settle as u64,
         loss,
         holes,
     }))
+}
+
+/// Replaces the codes of samples that are not `whole` by those on the line between their whole neighbours, or by the
+/// nearest whole sample's at an end. The encoder's steps stay.
+fn interpolate(samples: &mut [RecordSample], whole: &[bool]) {
+    let mut before: Option<usize> = None;
+    let mut at = 0;
+    while at < samples.len() {
+        if whole[at] {
+            before = Some(at);
+            at += 1;
+            continue;
+        }
+        let after = (at..samples.len()).find(|&n| whole[n]);
+        let (Some(first), Some(last)) = (before.or(after), after.or(before)) else {
+            return;
+        };
+        let end = after.unwrap_or(samples.len());
+        let (from, to) = (samples[first], samples[last]);
+        for (n, sample) in (at..end).zip(&mut samples[at..end]) {
+            let share = if last > first {
+                (n - first) as f64 / (last - first) as f64
+            } else {
+                0.0
+            };
+            let between = |from: AdcCode, to: AdcCode| {
+                let (from, to) = (f64::from(from.0), f64::from(to.0));
+                AdcCode((from + (to - from) * share).round() as u16)
+            };
+            for axis in 0..3 {
+                sample.acceleration[axis] = between(from.acceleration[axis], to.acceleration[axis]);
+            }
+            sample.force = between(from.force, to.force);
+        }
+        at = end;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn torn_samples_lie_between_their_whole_neighbours_and_keep_their_steps() {
+        let line = |n: usize| RecordSample {
+            acceleration: [100, 200, 300].map(|slope| AdcCode((n * slope) as u16)),
+            force: AdcCode(5_000 + 10 * n as u16),
+            encoder_delta: n as i16,
+        };
+        let expected: Vec<RecordSample> = (0..40).map(line).collect();
+        let whole: Vec<bool> = (0..40).map(|n| ![3, 11, 12, 13].contains(&n)).collect();
+        let mut samples = expected.clone();
+        for (sample, _) in samples.iter_mut().zip(&whole).filter(|(_, whole)| !**whole) {
+            sample.acceleration = [AdcCode(60_000); 3];
+            sample.force = AdcCode(0);
+        }
+        interpolate(&mut samples, &whole);
+        assert_eq!(samples, expected);
+    }
+
+    #[test]
+    fn torn_samples_at_an_end_repeat_the_nearest_whole_one() {
+        let sample = |code: u16| RecordSample {
+            acceleration: [AdcCode(code); 3],
+            force: AdcCode(code),
+            encoder_delta: 1,
+        };
+        let mut samples = [1, 7, 9, 2].map(sample);
+        interpolate(&mut samples, &[false, true, true, false]);
+        assert_eq!(samples, [7, 7, 9, 9].map(sample));
+        let mut none = [1, 2].map(sample);
+        interpolate(&mut none, &[false, false]);
+        assert_eq!(none, [1, 2].map(sample));
+    }
 }

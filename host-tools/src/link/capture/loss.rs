@@ -11,12 +11,14 @@ pub struct Loss {
     pub on_link: u32,
     /// Frames that arrived and could not be decoded.
     pub broken_frames: u64,
+    /// Samples that arrived with conversions of more than one tick, because the device read them late.
+    pub torn_samples: u32,
 }
 
 impl Loss {
-    /// Returns true if nothing was lost.
+    /// Returns true if nothing was lost or torn.
     pub fn is_none(&self) -> bool {
-        (self.in_device, self.on_link, self.broken_frames) == (0, 0, 0)
+        (self.in_device, self.on_link, self.broken_frames) == (0, 0, 0) && self.torn_samples == 0
     }
 }
 
@@ -29,6 +31,10 @@ impl std::fmt::Display for Loss {
             f,
             "{} blocks arrived, {} lost in the device, {} on the link",
             self.received, self.in_device, self.on_link
-        )
+        )?;
+        if self.torn_samples > 0 {
+            write!(f, "; {} torn samples are no data", self.torn_samples)?;
+        }
+        Ok(())
     }
 }

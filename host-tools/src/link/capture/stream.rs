@@ -17,6 +17,7 @@ pub struct Stream<'a> {
     blocks: Blocks,
     rate_hz: u32,
     received: u32,
+    torn: u32,
     broken_before: u64,
     /// Sequence number and first tick of the next block if none is lost.
     due: Option<(u32, u64)>,
@@ -28,6 +29,8 @@ pub struct Stream<'a> {
 pub struct Arrival {
     /// Samples of successive ticks.
     pub samples: [RecordSample; BLOCK_SAMPLES],
+    /// False for each sample whose conversions are of more than one tick: only its encoder step is data.
+    pub whole: [bool; BLOCK_SAMPLES],
     /// Tick of the first sample.
     pub first_tick: u64,
     /// True if the samples follow those of the block before without a hole.
@@ -47,6 +50,7 @@ impl<'a> Stream<'a> {
             blocks,
             rate_hz: started.sample_rate_hz,
             received: 0,
+            torn: 0,
             broken_before,
             due: None,
             is_running: true,
@@ -85,7 +89,9 @@ impl<'a> Stream<'a> {
             .is_none_or(|due| due == (block.sequence, block.first_tick));
         let next_tick = block.first_tick + BLOCK_SAMPLES as u64;
         self.due = Some((block.sequence.wrapping_add(1), next_tick));
+        self.torn += block.torn.count_ones();
         Arrival {
+            whole: std::array::from_fn(|index| block.is_whole(index)),
             samples: block.samples.map(RecordSample::from),
             first_tick: block.first_tick,
             is_continuous,
@@ -133,6 +139,7 @@ impl<'a> Stream<'a> {
             in_device: stopped.lost_blocks,
             on_link: sent.saturating_sub(self.received),
             broken_frames: self.device.broken_frames() - self.broken_before,
+            torn_samples: self.torn,
         }
     }
 }

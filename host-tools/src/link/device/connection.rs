@@ -5,8 +5,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use model_format::link::{DeviceInfo, InfoEndpoint, Status};
-use postcard_rpc::Endpoint;
 use postcard_rpc::standard_icd::WireError;
+use postcard_rpc::{Endpoint, Topic};
 use postcard_schema::Schema;
 use serde::{Serialize, de::DeserializeOwned};
 use tokio::runtime::{Handle, Runtime};
@@ -136,6 +136,19 @@ impl Device {
     {
         self.runtime()
             .block_on(self.requester.request::<E>(name, timeout, request))
+    }
+
+    /// Sends a message that is not answered, such as one that only the tests' image knows.
+    ///
+    /// # Errors
+    /// A lost link, or one that accepts no more frames.
+    pub fn publish<T>(&self, message: &T::Message) -> Result<()>
+    where
+        T: Topic,
+        T::Message: Serialize,
+    {
+        self.runtime()
+            .block_on(self.requester.publish::<T>(message))
     }
 
     /// Makes a request that does not touch the flash. `name` stands for it in errors.

@@ -8,6 +8,7 @@ mod library;
 mod playback;
 mod recording;
 mod requester;
+mod self_test;
 mod settings;
 mod timeouts;
 mod upload;

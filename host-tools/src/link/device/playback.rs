@@ -4,8 +4,8 @@ use std::thread;
 use std::time::Instant;
 
 use model_format::link::{
-    Activity, KeepAliveTopic, MotionSample, MotionTopic, OutputStatus, PlayEndpoint, PlayRequest,
-    Playing, StopEndpoint, StopError,
+    Activity, CycleReport, CyclesEndpoint, KeepAliveTopic, MotionSample, MotionTopic, OutputStatus,
+    PlayEndpoint, PlayRequest, Playing, StopEndpoint, StopError,
 };
 
 use super::connection::{Device, POLL_INTERVAL};
@@ -53,6 +53,14 @@ impl Device {
             }
             thread::sleep(POLL_INTERVAL);
         }
+    }
+
+    /// Reads the durations of tick and update since the call before, and begins them anew.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
+    pub fn take_cycles(&self) -> Result<CycleReport> {
+        self.request::<CyclesEndpoint>("cycles", &())
     }
 
     /// Sends a motion without waiting for an acknowledgement.

@@ -63,6 +63,7 @@ pub(super) mod tests {
             encoder_delta: 0,
         });
         Capture {
+            interpolated: 0,
             samples: samples.collect(),
             rate_hz: 5000,
             first_tick: 0,

@@ -99,7 +99,7 @@ pub fn write_wav(
     Ok(WavSummary { samples, clipped })
 }
 
-/// Writes voltages as a mono WAV file of 32-bit floating point, in volts, and returns their number.
+/// Writes voltages as a mono WAV file of 32-bit floats in volts, whole or not at all, and returns their number.
 ///
 /// # Errors
 /// More samples than the file's length fields can count, or a file that cannot be written.

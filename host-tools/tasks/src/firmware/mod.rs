@@ -23,6 +23,8 @@ pub enum Image {
     Product,
     /// The same with faults on request, for the tests of its reaction to them.
     FaultInjection,
+    /// The same with a watchdog that waits while a debugger halts the core.
+    DebugHalt,
 }
 
 impl Image {
@@ -31,6 +33,7 @@ impl Image {
         match self {
             Self::Product => "image",
             Self::FaultInjection => "fault-injection",
+            Self::DebugHalt => "debug-halt",
         }
     }
 
@@ -38,6 +41,7 @@ impl Image {
         match self {
             Self::Product => "stylus-firmware.elf",
             Self::FaultInjection => "stylus-firmware-faults.elf",
+            Self::DebugHalt => "stylus-firmware-debug-halt.elf",
         }
     }
 }
@@ -106,6 +110,31 @@ fn read(file: &Path) -> Result<Vec<u8>> {
     std::fs::read(file).map_err(|_| Error::NoImage(file.to_owned()))
 }
 
+/// Arguments of probe-rs. By default it halts the core at a HardFault and at a reset, before the image's handlers can
+/// put the output to mid-scale, so both catches are off.
+const PROBE_RS: [&str; 5] = [
+    "run",
+    "--no-catch-hardfault",
+    "--no-catch-reset",
+    "--chip",
+    CHIP,
+];
+
+/// Flashes the image in `file` to the board on the probe and starts it, without staying attached.
+///
+/// # Errors
+/// probe-rs is missing or fails.
+pub fn download(file: &Path) -> Result<()> {
+    let program = process::find("probe-rs").ok_or(Error::NoProbeRs)?;
+    let probe = |subcommand: &str| {
+        let mut command = std::process::Command::new(&program);
+        command.args([subcommand, "--chip", CHIP]);
+        command
+    };
+    process::run(probe("download").arg(file))?;
+    process::run(&mut probe("reset"))
+}
+
 /// Flashes the image in `file` to the board on the probe, and shows its log until Ctrl-C.
 ///
 /// # Errors
@@ -113,6 +142,26 @@ fn read(file: &Path) -> Result<Vec<u8>> {
 pub fn flash(file: &Path) -> Result<()> {
     let program = process::find("probe-rs").ok_or(Error::NoProbeRs)?;
     let mut command = std::process::Command::new(program);
-    command.args(["run", "--chip", CHIP]).arg(file);
+    command.args(PROBE_RS).arg(file);
     process::run(&mut command)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cargo_run_flashes_as_the_task_does() {
+        let path = workspace::root().join(".cargo/config.toml");
+        let config = std::fs::read_to_string(path).expect("it is there");
+        let runner = format!("runner = \"probe-rs {}\"", PROBE_RS.join(" "));
+        assert!(config.contains(&runner), "{runner}");
+    }
+
+    #[test]
+    fn a_fault_under_the_probe_reaches_the_images_handlers() {
+        for catch in ["--no-catch-hardfault", "--no-catch-reset"] {
+            assert!(PROBE_RS.contains(&catch), "{catch}");
+        }
+    }
 }

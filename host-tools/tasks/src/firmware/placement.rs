@@ -1,7 +1,8 @@
-//! The check that nothing reachable from the tick and the update is in flash.
+//! The check that nothing reachable from the tick, the update and the waits for bank 1 is in flash.
 //!
 //! The image keeps its relocations (`--emit-relocs`): every address in the code that the linker filled in. From the two
-//! handlers on, each one is followed. A call must lead to ITCM, and data must be in DTCM. There are two exceptions:
+//! handlers on, and from the two routines that wait for the bank with the code while it is busy, each one is followed.
+//! A call must lead to ITCM, and data must be in DTCM. There are two exceptions:
 //!
 //! - a panic, because it ends in mid-scale and a reset: calls of it, with the addresses of its message and place;
 //! - constants that the update alone reads, such as a table of core's square root. The update computes while something
@@ -22,6 +23,9 @@ const TICK: &str = "TIM6_DAC";
 
 /// The handler that the update begins with.
 const UPDATE: &str = "SWPMI1";
+
+/// The routines that erase and program the bank with the code, whose fetches stall meanwhile.
+const OF_CODE_BANK: [&str; 2] = ["erase_without_code", "program_without_code"];
 
 /// Calls that never return, as parts of names, because the compiler has two manglings.
 const PANICS: [&str; 5] = [
@@ -47,6 +51,7 @@ struct Reference {
 }
 
 /// A function in ITCM.
+#[derive(Clone, Debug)]
 struct Function {
     name: String,
     end: u64,
@@ -55,14 +60,19 @@ struct Function {
 /// Checks the image with these bytes.
 ///
 /// # Errors
-/// The bytes are no image, the handlers or the relocations are missing, or the tick reaches flash.
+/// The bytes are no image, a root or the relocations are missing, or a root reaches flash.
 pub fn check(image: &[u8]) -> Result<()> {
     let file =
         ElfFile32::<Endianness>::parse(image).map_err(|error| Error::Elf(error.to_string()))?;
-    let functions = functions(&file);
-    let references = references(&file)?;
-    check_from(TICK, &functions, &references, |_| false)?;
-    check_from(UPDATE, &functions, &references, |reference| {
+    check_roots(&functions(&file), &references(&file)?)
+}
+
+/// Checks everything that the roots reach.
+fn check_roots(functions: &BTreeMap<u64, Function>, references: &[Reference]) -> Result<()> {
+    for root in [TICK].into_iter().chain(OF_CODE_BANK) {
+        check_from(root, functions, references, |_| false)?;
+    }
+    check_from(UPDATE, functions, references, |reference| {
         !reference.is_call
     })
 }
@@ -254,6 +264,29 @@ mod tests {
         assert!(program(vec![panic.clone(), message(1090)]).is_ok());
         assert!(program(vec![panic.clone(), message(1050)]).is_err());
         assert!(program(vec![panic, message(1104)]).is_err());
+    }
+
+    #[test]
+    fn each_root_has_to_be_in_itcm_and_may_not_lead_to_flash() {
+        let roots = [TICK, UPDATE, OF_CODE_BANK[0], OF_CODE_BANK[1]];
+        let functions: BTreeMap<u64, Function> = (1..)
+            .zip(roots)
+            .map(|(number, name)| {
+                let end = number * 1000 + 100;
+                let name = name.to_owned();
+                (number * 1000, Function { name, end })
+            })
+            .collect();
+        assert!(check_roots(&functions, &[]).is_ok());
+        for (&start, function) in &functions {
+            let leads = [reference(start + 10, true, "somewhere", FLASH)];
+            let error = check_roots(&functions, &leads).expect_err("it is in flash");
+            assert!(error.to_string().contains(&function.name), "{error}");
+            let mut others = functions.clone();
+            others.remove(&start);
+            let error = check_roots(&others, &[]).expect_err("it is not in ITCM");
+            assert!(error.to_string().contains(&function.name), "{error}");
+        }
     }
 
     #[test]

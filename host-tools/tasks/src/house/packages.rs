@@ -15,7 +15,7 @@ struct Package {
 }
 
 /// All packages: first the product from the ground up, then its tests and tasks.
-const PACKAGES: [Package; 14] = [
+const PACKAGES: [Package; 15] = [
     package("model-format", &[], &[]),
     package("stylus-kernel", &["model-format"], &[]),
     package(
@@ -43,6 +43,16 @@ const PACKAGES: [Package; 14] = [
         "fake-stylus",
         &["model-format", "stylus-app", "stylus-kernel"],
         &[],
+    ),
+    package(
+        "hil",
+        &[
+            "host-tools",
+            "kernel-vectors",
+            "model-format",
+            "stylus-costs",
+        ],
+        &["fake-stylus"],
     ),
     package("kernel-vectors", &["model-format", "stylus-kernel"], &[]),
     package(

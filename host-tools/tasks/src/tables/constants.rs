@@ -1,7 +1,7 @@
 //! Tables of declared constants: settings, limits, terms of a scene's cost.
 
 use model_format::limits;
-use model_format::link::Setting;
+use model_format::link::{Setting, SettingSet};
 use model_format::scene::limits as scene_limits;
 use stylus_kernel::arithmetic::TURN_TAPS;
 use stylus_kernel::scene::cost::{self, StageCost};
@@ -13,12 +13,17 @@ pub fn settings() -> String {
     let row = |setting: Setting| {
         let spec = setting.spec();
         let whole = if spec.whole { ", whole" } else { "" };
+        let default = if SettingSet::REQUIRED.contains(setting) {
+            "none".to_owned()
+        } else {
+            spec.default.to_string()
+        };
         [
             format!("`{}`", spec.name),
             format!("{}{whole}", spec.unit),
             spec.lowest.to_string(),
             spec.highest.to_string(),
-            spec.default.to_string(),
+            default,
         ]
     };
     let header = ["setting", "unit", "lowest", "highest", "default"];

@@ -3,7 +3,7 @@
 //!
 //! | table | made from | checked by |
 //! |---|---|---|
-//! | those of `INSTANT` | constants, `host-tools/costs/costs.json` | `cargo tasks tables --check`, within a second |
+//! | those of `INSTANT` | constants, `costs.json`, a board's `cycles.json` | `cargo tasks tables --check`, at once |
 //! | [`emulated`] | a run of the vectors on QEMU | the test of `qemu-tests` that plays them |
 //! | [`memory`] | the sections of the image | `cargo tasks test-virtual-stylus` |
 //! | [`TICKS`] | the image's ticks on the virtual stylus | its tests, which include [`page`] by its path |
@@ -12,6 +12,7 @@
 
 mod constants;
 mod counted;
+mod cycles;
 pub mod emulated;
 mod markdown;
 pub mod memory;
@@ -33,42 +34,47 @@ pub const TICKS: &str = "ticks";
 /// A table that is made within a second.
 struct Instant {
     name: &'static str,
-    make: fn(&Costs) -> String,
+    make: fn(&Costs) -> Result<String>,
 }
 
 /// All tables that are made within a second.
-const INSTANT: [Instant; 6] = [
+const INSTANT: [Instant; 7] = [
     Instant {
         name: "settings",
-        make: |_| constants::settings(),
+        make: |_| Ok(constants::settings()),
     },
     Instant {
         name: "scene-stages",
-        make: |_| constants::scene_stages(),
+        make: |_| Ok(constants::scene_stages()),
     },
     Instant {
         name: "scene-limits",
-        make: |_| constants::scene_limits(),
+        make: |_| Ok(constants::scene_limits()),
     },
     Instant {
         name: "library-limits",
-        make: |_| constants::library_limits(),
+        make: |_| Ok(constants::library_limits()),
     },
     Instant {
         name: "filters",
-        make: counted::filters,
+        make: |costs| Ok(counted::filters(costs)),
     },
     Instant {
         name: "samples-by-order",
-        make: counted::samples_by_order,
+        make: |costs| Ok(counted::samples_by_order(costs)),
+    },
+    Instant {
+        name: cycles::NAME,
+        make: |_| cycles::of_a_board(&workspace::root().join(cycles::FILE)),
     },
 ];
 
 /// The page of each table, as a path from the workspace's folder.
-const PAGES: [(&str, &str); 9] = [
+const PAGES: [(&str, &str); 10] = [
     ("settings", "firmware/README.md"),
     (TICKS, "firmware/README.md"),
     (memory::NAME, "firmware/README.md"),
+    (cycles::NAME, "firmware/README.md"),
     ("scene-stages", "host-tools/SCENES.md"),
     ("scene-limits", "host-tools/SCENES.md"),
     ("library-limits", "host-tools/FORMATS.md"),
@@ -109,7 +115,7 @@ fn counted() -> Result<Costs> {
 pub fn check_instant() -> Result<()> {
     let counted = counted()?;
     for table in &INSTANT {
-        page(table.name)?.check(table.name, &(table.make)(&counted))?;
+        page(table.name)?.check(table.name, &(table.make)(&counted)?)?;
     }
     for name in names() {
         page(name)?.block(name)?;
@@ -157,7 +163,7 @@ pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
 /// Makes table `name` again.
 fn made(name: &str, counted: &Costs) -> Result<String> {
     if let Some(table) = INSTANT.iter().find(|table| table.name == name) {
-        return Ok((table.make)(counted));
+        return (table.make)(counted);
     }
     let toolchain = Toolchain::find()?;
     let compiler = costs::compiler(&toolchain)?;

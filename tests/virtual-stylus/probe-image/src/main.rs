@@ -1,6 +1,6 @@
 //! An image that uses the modelled peripherals as the stylus does, and obeys commands over USART3.
 //!
-//! TIM6 runs at 5 kHz; its trigger latches DAC1 and starts ADC1's injected sequence of channels 15, 10, 11 and 5. The
+//! TIM6 runs at 5 kHz; its trigger latches DAC1 and starts ADC1's injected sequence of channels 15, 10, 6 and 5. The
 //! tick writes a number that rises by one to the DAC. All clocks stay at the 64 MHz after reset.
 //!
 //! | byte | does | answers |
@@ -8,6 +8,8 @@
 //! | `e` | erases the first sector of bank 2 | `e` |
 //! | `p` | programs the next word of bank 2 with its own number | `p` |
 //! | `P` | programs the first word of bank 2 again | `P` |
+//! | `b` | begins to program the next word of bank 2, and reads it at once | 4 bytes |
+//! | `E` | begins to erase a sector of bank 1, where the code is | `E` |
 //! | `r` | reads the first words of bank 2, four bytes each | 4 x 4 bytes |
 //! | `j` | | the four conversions that the last tick read, the DAC code it wrote, 2 bytes each |
 //! | `c` | | the encoder's count, 2 bytes |
@@ -35,9 +37,11 @@ const TICK_CYCLES: u16 = 12_800;
 const BAUD_CYCLES: u16 = 69;
 const TIM6_TRIGGER_OF_DAC: u8 = 5;
 const TIM6_TRIGGER_OF_ADC: u8 = 14;
-const CHANNELS: [u8; 4] = [15, 10, 11, 5];
+const CHANNELS: [u8; 4] = [15, 10, 6, 5];
 const BANK_2: usize = 0x0810_0000;
 const WORDS_OF_A_FLASH_WORD: usize = 8;
+/// A sector of bank 1 behind the code.
+const SECTOR_WITHOUT_CODE: u8 = 7;
 const WORDS_READ: usize = 4;
 const WATCHDOG_RELOAD: u16 = 1023;
 const KEPT: u32 = 0x5AFE_C0DE;
@@ -94,10 +98,10 @@ fn serial() {
 }
 
 fn converters() {
-    // Mid-scale before the output is on.
+    // Mid-scale before the output is on, and the trigger, which may not be selected afterwards.
     DAC1.dhr12r(0).write(|w| w.set_dhr(2048));
-    DAC1.cr().modify(|w| w.set_en(0, true));
     DAC1.cr().modify(|w| w.set_tsel(0, TIM6_TRIGGER_OF_DAC));
+    DAC1.cr().modify(|w| w.set_en(0, true));
     DAC1.cr().modify(|w| w.set_ten(0, true));
 
     ADC12_COMMON
@@ -199,6 +203,14 @@ fn obey(command: u8) {
         b'e' => erase(),
         b'p' => program(PROGRAMMED.fetch_add(1, Ordering::Relaxed)),
         b'P' => program(0),
+        b'b' => {
+            let number = PROGRAMMED.fetch_add(1, Ordering::Relaxed);
+            begin_program(number);
+            let word = read(number as usize);
+            end_program();
+            return send(&word.to_le_bytes());
+        }
+        b'E' => begin_erase_beside_code(),
         b'r' => return (0..WORDS_READ).for_each(|word| send(&read(word).to_le_bytes())),
         b'j' => {
             let code = WRITTEN.load(Ordering::Relaxed);
@@ -262,12 +274,27 @@ fn erase() {
     PROGRAMMED.store(0, Ordering::Relaxed);
 }
 
+fn begin_erase_beside_code() {
+    FLASH.bank(0).keyr().write_value(0x4567_0123);
+    FLASH.bank(0).keyr().write_value(0xCDEF_89AB);
+    FLASH.bank(0).cr().modify(|w| {
+        w.set_ser(true);
+        w.set_snb(SECTOR_WITHOUT_CODE);
+    });
+    FLASH.bank(0).cr().modify(|w| w.set_start(true));
+}
+
 fn place(flash_word: usize) -> usize {
     BANK_2 + flash_word * WORDS_OF_A_FLASH_WORD * size_of::<u32>()
 }
 
-#[expect(unsafe_code, reason = "programming flash is a store into it")]
 fn program(number: u32) {
+    begin_program(number);
+    end_program();
+}
+
+#[expect(unsafe_code, reason = "programming flash is a store into it")]
+fn begin_program(number: u32) {
     unlock();
     FLASH.bank(1).cr().modify(|w| w.set_pg(true));
     let start = place(number as usize) as *mut u32;
@@ -275,6 +302,9 @@ fn program(number: u32) {
         // SAFETY: bank 2 holds no code, and a store there goes to the flash's write buffer.
         unsafe { start.add(word).write_volatile(number + 1) };
     }
+}
+
+fn end_program() {
     wait_for_flash();
     FLASH.bank(1).cr().modify(|w| w.set_pg(false));
 }

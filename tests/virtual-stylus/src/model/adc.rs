@@ -52,6 +52,12 @@ const OTHER_MODE: &str =
 const OVERSAMPLING: &str = "RM0433 25.4.31: JOVSE is not modelled, so a word is one conversion's";
 const OFFSETS: &str = "RM0433 25.4.27: OFRy is not modelled, so a word is not reduced";
 
+/// Inputs of ADC1 on pins that the board's Ethernet transceiver is on: PC1 (MDC), PA1 (REF_CLK), PA2 (MDIO), PA7
+/// (CRS_DV), PC4 and PC5 (RXD0, RXD1). UM2407 gives these pins to the transceiver, with its solder bridges closed.
+///
+/// No sensor on such a pin is heard. The model has the line at its low level; the real one moves besides.
+const OF_TRANSCEIVER: [u64; 6] = [11, 17, 14, 7, 4, 8];
+
 /// Signals on the pins of the converter.
 pub trait Pins: Send + Debug {
     /// The code of `channel` at `at_ns` of virtual time: 16 bits, a fraction of the reference voltage.
@@ -202,7 +208,12 @@ impl Injected {
         let channel = channel_at(done.rank, registers);
         let (sampling, whole) = Self::durations(channel, registers);
         let sampled = self.instant(done.began, done.half_cycles + sampling);
-        let word = self.pins.code(channel as u8, sampled.0) >> (16 - resolution(registers));
+        let code = if OF_TRANSCEIVER.contains(&channel) {
+            0
+        } else {
+            self.pins.code(channel as u8, sampled.0)
+        };
+        let word = code >> (16 - resolution(registers));
         registers.set(RESULTS[done.rank], u64::from(word));
         if let Some(samples) = &mut self.samples {
             samples.push(Sample {
@@ -319,7 +330,9 @@ impl Around<Adc> for Injected {
         context: &mut DeviceContext<'_>,
     ) -> bool {
         match self.sequence.take_if(|sequence| sequence.event == event) {
-            Some(done) => self.converted(&done, registers, context),
+            Some(done) if self.hz != 0 => self.converted(&done, registers, context),
+            // The clock has stopped: the conversion does not end.
+            Some(_) => {}
             None => return false,
         }
         // There is one event per instance and instant, so the emulator's model may have scheduled this one too.

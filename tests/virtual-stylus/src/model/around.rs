@@ -56,10 +56,13 @@ pub trait Around<D: Device>: Debug + Send {
         false
     }
 
+    /// Called for a change of a request of any instance, before the model.
+    fn request(&mut self, _change: RequestChange, _context: &mut DeviceContext<'_>) {}
+
     /// Called when the clock's rate, in hertz, has changed.
     fn clock(&mut self, _hz: u64) {}
 
-    /// Called after any call but a peek and a reset.
+    /// Called after any call but a peek, a reset, and a change of a request: there are hundreds per code at the output.
     fn after(
         &mut self,
         _inner: &mut D,
@@ -154,8 +157,8 @@ where
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
+        self.around.request(request, context);
         self.inner.on_request(request, registers, context);
-        self.around.after(&mut self.inner, registers, context);
     }
 
     fn on_interrupt(

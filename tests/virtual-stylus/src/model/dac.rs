@@ -3,31 +3,50 @@
 //! | What | Section |
 //! |---|---|
 //! | `CR`: `ENx`, `TENx`, `TSELx` of four bits, for both channels | 26.4.5, 26.7.1 |
+//! | `TSELx` does not change while `ENx` is set | 26.4.7, note |
 //! | `DHR12Rx`, `DHR12Lx`, `DHR8Rx` and the dual registers load the holding registers | 26.4.4, 26.7.3 to 26.7.11 |
 //! | `TENx` clear: a holding register goes to `DORx` as it is written, and as the channel is enabled | 26.4.6 |
-//! | `TENx` set: it goes at the trigger of `TSELx`: TIM6's output (5), or `SWTRGR` (0) | 26.4.7, table 217, 26.7.2 |
+//! | `TENx` set: it goes at the trigger of `TSELx`: TIM6 (5), TIM7 (6), `SWTRGR` (0) | 26.4.7, table 217, 26.7.2 |
+//! | `DMAENx`: a timer's trigger, not `SWTRGR`, raises the channel's request; its acknowledge lowers it | 26.4.8 |
+//! | A trigger before the acknowledge sets `DMAUDRx`: no request until a written one clears it | 26.4.8, 26.7.14 |
+//! | `DMAUDRIEx`: the interrupt, which shares TIM6's line | 26.6, 26.7.1 |
 //! | `DORx`, read only | 26.7.12, 26.7.13 |
 //! | `MCR`: a mode without the pin drives no pin; `CCR` and the sample-and-hold registers keep their bits | 26.7.16 |
+//! | The registers are accessed by words; the report tells another access | 26.7 |
 //! | A reset clears all of it, and nothing drives the pin | 8.4.4 |
 //!
+//! The emulator's description does not pass the acknowledges of the request multiplexer to this instance. The wrapper
+//! of TIM7, to which it does, hears them for it (`trigger.rs`).
+//!
 //! Left out: the two or three cycles of the bus clock between a trigger or write and `DORx` (constant, 30 ns at most at
-//! 100 MHz), settling and the buffer, the other triggers, waves (`WAVEx`), DMA and its underrun, so `SR` is always
-//! zero, calibration (`CENx`), and the timing of sample and hold. If the image asks for one of these, the run's report
-//! says so (`told`).
+//! 100 MHz), settling and the buffer, the other triggers, waves (`WAVEx`), calibration (`CENx`), and the timing of
+//! sample and hold. If the image asks for one of these, the run's report says so (`told`).
 
-use rigless::device::{Device, DeviceContext, RegisterFile};
+use rigless::device::{Device, DeviceContext, Level, RegisterFile};
+use rigless::soc::Width;
 use rigless::soc::stm32h743::generated::dac::Register;
 use rigless::time::VirtualNanos;
 
 /// Table 217: the selection of TIM6's trigger output.
-const TIM6_TRIGGER: u64 = 5;
+pub const TIM6_TRIGGER: u64 = 5;
+/// Table 217: the selection of TIM7's trigger output.
+pub const TIM7_TRIGGER: u64 = 6;
 /// Table 217: the selection of the bits of `SWTRGR`.
 const SOFTWARE_TRIGGER: u64 = 0;
 const CHANNELS: usize = 2;
 const CODE: u64 = 0xFFF;
+/// The bits of channel 1 in `CR` and `SR`; those of channel 2 are 16 higher.
+const ENABLE: u64 = 1;
+const SELECTION: u64 = 0xF << 2;
+const DMA_ENABLE: u64 = 1 << 12;
+const UNDERRUN_INTERRUPT: u64 = 1 << 13;
+const UNDERRUN: u64 = 1 << 13;
+/// The underrun among the interrupts of the instance.
+const INTERRUPT: usize = 0;
 
 const WAVES: &str = "RM0433 26.4.10: WAVEx is not modelled, so DHRx goes to DORx as it is";
-const DMA: &str = "RM0433 26.4.8: DMAENx is not modelled, so nothing asks for data";
+const LOCKED: &str = "RM0433 26.4.7: TSELx cannot be changed while ENx is set, so it stays";
+const NARROW: &str = "RM0433 26.7: the registers have to be accessed by words";
 const CALIBRATION: &str = "RM0433 26.4.13: CENx is not modelled, so nothing is calibrated";
 
 /// Cause of a change or of a new latch of the output.
@@ -68,7 +87,13 @@ pub struct Dac {
     mode: u64,
     holding: [u16; CHANNELS],
     output: [u16; CHANNELS],
+    /// The request of each channel, until its acknowledge.
+    requested: [bool; CHANNELS],
+    /// `DMAUDRx`.
+    underruns: u64,
+    raised: bool,
     driven: bool,
+    latest: Option<Output>,
     record: Vec<Output>,
     sink: Option<Sink>,
 }
@@ -100,20 +125,36 @@ impl Dac {
         self.sink = Some(sink);
     }
 
+    /// The latest output of channel 1.
+    pub fn latest(&self) -> Option<Output> {
+        self.latest
+    }
+
     /// The present output of channel 1.
     pub fn pin(&self) -> Option<u16> {
         self.driven.then_some(self.output[0])
     }
 
-    /// Handles the timer's trigger at `at`.
-    pub fn trigger(&mut self, at: VirtualNanos, registers: &mut RegisterFile) {
-        self.latch_all(
-            at,
-            TIM6_TRIGGER,
-            [true; CHANNELS],
-            Cause::Trigger,
-            registers,
-        );
+    /// Handles the trigger with this `selection`, of a timer.
+    pub fn trigger(
+        &mut self,
+        selection: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        for channel in 0..CHANNELS {
+            if self.hears(channel, selection) {
+                self.latch(context.now(), channel, Cause::Trigger, registers);
+                self.request(channel, context);
+            }
+        }
+    }
+
+    /// Handles the acknowledge of `channel`'s request.
+    pub fn acknowledge(&mut self, channel: usize, context: &mut DeviceContext<'_>) {
+        if std::mem::take(&mut self.requested[channel]) {
+            context.request(channel, Level::Low);
+        }
     }
 
     /// Handles a reset of the part at `at`.
@@ -123,6 +164,9 @@ impl Dac {
         self.mode = 0;
         self.holding = [0; CHANNELS];
         self.output = [0; CHANNELS];
+        self.requested = [false; CHANNELS];
+        self.underruns = 0;
+        self.raised = false;
         self.driven = false;
         if was_driven {
             self.keep(at, Cause::Reset);
@@ -146,22 +190,35 @@ impl Dac {
         self.enabled(0) && !matches!(self.mode & 0b111, 0b011 | 0b111)
     }
 
-    fn latch_all(
-        &mut self,
-        at: VirtualNanos,
-        selection: u64,
-        asked: [bool; CHANNELS],
-        cause: Cause,
-        registers: &mut RegisterFile,
-    ) {
-        for (channel, asked) in asked.into_iter().enumerate() {
-            if asked
-                && self.enabled(channel)
-                && self.triggered(channel)
-                && self.selection(channel) == selection
-            {
-                self.latch(at, channel, cause, registers);
-            }
+    /// True if the trigger with this `selection` moves the channel's code.
+    fn hears(&self, channel: usize, selection: u64) -> bool {
+        self.enabled(channel) && self.triggered(channel) && self.selection(channel) == selection
+    }
+
+    fn has(&self, channel: usize, bit: u64) -> bool {
+        self.control >> (16 * channel) & bit != 0
+    }
+
+    fn request(&mut self, channel: usize, context: &mut DeviceContext<'_>) {
+        let underrun = UNDERRUN << (16 * channel);
+        if !self.has(channel, DMA_ENABLE) || self.underruns & underrun != 0 {
+            return;
+        }
+        if self.requested[channel] {
+            self.underruns |= underrun;
+            self.refresh_interrupt(context);
+        } else {
+            self.requested[channel] = true;
+            context.request(channel, Level::High);
+        }
+    }
+
+    fn refresh_interrupt(&mut self, context: &mut DeviceContext<'_>) {
+        let enables = self.control & (UNDERRUN_INTERRUPT | UNDERRUN_INTERRUPT << 16);
+        let wanted = self.underruns & enables != 0;
+        if wanted != self.raised {
+            self.raised = wanted;
+            context.interrupt(INTERRUPT, Level::from(wanted));
         }
     }
 
@@ -186,6 +243,7 @@ impl Dac {
             code: self.pin(),
             cause,
         };
+        self.latest = Some(output);
         match &mut self.sink {
             Some(sink) => sink(output),
             None => self.record.push(output),
@@ -232,16 +290,26 @@ impl Dac {
     }
 
     fn write_control(&mut self, value: u64, context: &mut DeviceContext<'_>) {
-        for (bits, reason) in [
-            (0x00C0_00C0, WAVES),
-            (0x1000_1000, DMA),
-            (0x4000_4000, CALIBRATION),
-        ] {
+        for (bits, reason) in [(0x00C0_00C0, WAVES), (0x4000_4000, CALIBRATION)] {
             if value & bits != 0 {
                 context.tell("CR", reason);
             }
         }
-        self.control = value;
+        let mut landed = value;
+        for channel in 0..CHANNELS {
+            let kept = SELECTION << (16 * channel);
+            if self.has(channel, ENABLE) && (value ^ self.control) & kept != 0 {
+                context.tell("CR", LOCKED);
+                landed = landed & !kept | self.control & kept;
+            }
+        }
+        self.control = landed;
+        for channel in 0..CHANNELS {
+            if !self.has(channel, DMA_ENABLE) {
+                self.acknowledge(channel, context);
+            }
+        }
+        self.refresh_interrupt(context);
         self.connect(context.now());
     }
 }
@@ -258,7 +326,7 @@ impl Device for Dac {
         // The vendor's file gives `TSELx` three bits where the part has four.
         Some(match register {
             Register::Cr => self.control,
-            Register::Sr => 0,
+            Register::Sr => self.underruns,
             other => registers.get(other),
         })
     }
@@ -271,6 +339,9 @@ impl Device for Dac {
         context: &mut DeviceContext<'_>,
     ) {
         let at = context.now();
+        if context.access_width() != Some(Width::W32) {
+            context.tell("CR", NARROW);
+        }
         let (low, high) = (value & 0xFFFF, value >> 16 & 0xFFFF);
         match register {
             Register::Cr => self.write_control(value, context),
@@ -279,14 +350,11 @@ impl Device for Dac {
                 self.connect(at);
             }
             Register::Swtrgr => {
-                let asked = [value & 1 != 0, value & 2 != 0];
-                self.latch_all(
-                    at,
-                    SOFTWARE_TRIGGER,
-                    asked,
-                    Cause::SoftwareTrigger,
-                    registers,
-                );
+                for channel in 0..CHANNELS {
+                    if value >> channel & 1 != 0 && self.hears(channel, SOFTWARE_TRIGGER) {
+                        self.latch(at, channel, Cause::SoftwareTrigger, registers);
+                    }
+                }
             }
             Register::Dhr12r1 => self.hold(at, [Some(value), None], registers),
             Register::Dhr12l1 => self.hold(at, [Some(low >> 4), None], registers),
@@ -303,9 +371,12 @@ impl Device for Dac {
                     registers,
                 );
             }
+            Register::Sr => {
+                self.underruns &= !value;
+                self.refresh_interrupt(context);
+            }
             Register::Dor1
             | Register::Dor2
-            | Register::Sr
             | Register::Ccr
             | Register::Shsr1
             | Register::Shsr2

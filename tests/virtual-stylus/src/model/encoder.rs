@@ -1,8 +1,14 @@
 //! The two tracks of the quadrature encoder on TIM3's channels 1 and 2 (sections 39.3.19 and 39.4.3): each edge is
 //! driven at its own instant, and the emulator's timer counts it.
 //!
+//! The timer's input filters (`TIMx_CCMR1`, `IC1F` and `IC2F`) are the emulator's. Interference reaches both tracks one
+//! after the other, as it does on two wires of a cable: in encoder mode 3 such a pair of pulses counts four, where a
+//! pulse on one track alone would count one up and one down.
+//!
 //! The first track leads when the tool moves forward, so encoder mode 3 without inversion counts up. The tracks are at
 //! the timer's inputs; their pins, and the setting of these pins to TIM3, are not modelled.
+
+use std::collections::VecDeque;
 
 use rigless::device::{DeviceContext, Level, RegisterFile};
 use rigless::soc::stm32h743::peripherals::tim::{Channel, General, Tim};
@@ -29,6 +35,11 @@ pub struct Quadrature {
     offset: f64,
     count: i64,
     next: Option<(Edge, EventId)>,
+    /// Instants at which interference turns a track, in order, with the number of the track.
+    disturbances: VecDeque<(u64, usize)>,
+    next_disturbance: Option<EventId>,
+    /// True for each track that interference holds at the other level.
+    disturbed: [bool; 2],
     settled: bool,
 }
 
@@ -39,6 +50,9 @@ impl Default for Quadrature {
             offset: 0.0,
             count: 0,
             next: None,
+            disturbances: VecDeque::new(),
+            next_disturbance: None,
+            disturbed: [false; 2],
             settled: false,
         }
     }
@@ -53,6 +67,21 @@ impl Quadrature {
         self.settled = false;
     }
 
+    /// Adds interference: at each of `instants`, which rise, a pulse of `width_ns` on the first track, and half a pulse
+    /// later one on the second. The pulses do not overlap the next instant's.
+    pub fn disturb(&mut self, instants: impl IntoIterator<Item = u64>, width_ns: u64) {
+        for at in instants {
+            let half = width_ns / 2;
+            self.disturbances.extend([
+                (at, 0),
+                (at + half, 1),
+                (at + width_ns, 0),
+                (at + half + width_ns, 1),
+            ]);
+        }
+        self.settled = false;
+    }
+
     /// Number of edges since the run began, up less down.
     pub fn count(&self) -> i64 {
         self.count
@@ -63,7 +92,25 @@ impl Quadrature {
             .motion
             .next_edge(context.now().0, self.count, self.offset)
             .map(|edge| (edge, context.schedule(VirtualNanos(edge.at_ns))));
+        self.next_disturbance = self
+            .disturbances
+            .front()
+            .map(|&(at_ns, _)| context.schedule(VirtualNanos(at_ns)));
         self.settled = true;
+    }
+
+    /// Drives both tracks.
+    fn drive(
+        &self,
+        inner: &mut Tim<General>,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let tracks = TRACKS[self.count.rem_euclid(4) as usize];
+        for (track, channel) in [CHANNEL_1, CHANNEL_2].into_iter().enumerate() {
+            let is_high = (tracks[track] == Level::High) ^ self.disturbed[track];
+            inner.drive_input(channel, Level::from(is_high), registers, context);
+        }
     }
 }
 
@@ -75,11 +122,19 @@ impl Around<Tim<General>> for Quadrature {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) -> bool {
-        if let Some((edge, _)) = self.next.take_if(|(_, asked)| *asked == event) {
+        let is_edge = self.next.take_if(|(_, asked)| *asked == event);
+        let is_disturbance = self.next_disturbance.take_if(|asked| *asked == event);
+        if let Some((edge, _)) = is_edge {
             self.count = edge.count;
-            let [first, second] = TRACKS[edge.count.rem_euclid(4) as usize];
-            inner.drive_input(CHANNEL_1, first, registers, context);
-            inner.drive_input(CHANNEL_2, second, registers, context);
+        }
+        if is_disturbance.is_some() {
+            let now = context.now().0;
+            while let Some((_, track)) = self.disturbances.pop_front_if(|&mut (at, _)| at <= now) {
+                self.disturbed[track] = !self.disturbed[track];
+            }
+        }
+        if is_edge.is_some() || is_disturbance.is_some() {
+            self.drive(inner, registers, context);
             self.schedule(context);
         }
         // There is one event per instance and instant, so the timer may have scheduled this one too.
@@ -99,6 +154,7 @@ impl Around<Tim<General>> for Quadrature {
 
     fn reset(&mut self) {
         self.next = None;
+        self.next_disturbance = None;
         self.settled = false;
     }
 }

@@ -12,17 +12,23 @@
 //! A torn word always faults here. On the part it may also read as a word with one corrected error, or by chance as a
 //! whole one. An erase that was cut leaves each word as it was, erased, or torn, at random from a seed.
 //!
-//! Left out: the stall of a core that reads a bank while it is programmed or erased (4.3.7, 4.3.11), corrected single
-//! errors (`SNECCERRx`), fetches of instructions from torn words, and mass erase by `OPTCR`.
+//! | A read or fetch from a bank that is busy waits until it is idle; the other bank goes on | 4.3.7, 4.3.11 |
+//!
+//! The core makes the wait (`src/core.rs`), because [`Busy`] tells it which bank is busy. There are no caches here, so
+//! every fetch from a busy bank waits, where the part's instruction cache may hide one.
+//!
+//! Left out: the stall of a write to a bank whose queue is full, corrected single errors (`SNECCERRx`), fetches of
+//! instructions from torn words, and mass erase by `OPTCR`.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::ops::Range;
 use std::path::Path;
+use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rigless::device::{DeviceContext, RegisterFile};
 use rigless::soc::Width;
-use rigless::soc::stm32h743::generated::flash::{Register, cr1, sr1};
+use rigless::soc::stm32h743::generated::flash::{Register, cr1, optsr_cur, sr1};
 use rigless::soc::stm32h743::peripherals::flash::Flash;
 
 use super::around::Around;
@@ -211,11 +217,11 @@ impl Contents {
     }
 }
 
-/// Random numbers for the outcome of a cut (SplitMix64).
-struct Chance(u64);
+/// Random numbers (SplitMix64).
+pub(crate) struct Chance(pub(crate) u64);
 
 impl Chance {
-    fn next(&mut self) -> u64 {
+    pub(crate) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -301,6 +307,74 @@ impl Unreadable {
     }
 }
 
+/// The bank around `address`, if it is in the flash.
+pub fn bank_of(address: u64) -> Option<usize> {
+    let offset = address.checked_sub(u64::from(BASE))?;
+    let bank = usize::try_from(offset / u64::from(BANK_BYTES)).ok()?;
+    (bank < 2).then_some(bank)
+}
+
+/// Accesses that waited for a busy bank.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stalls {
+    /// Fetches of instructions.
+    pub fetches: u64,
+    /// Loads.
+    pub reads: u64,
+}
+
+/// The banks that are programmed or erased now, shared by the flash's registers and the core, and the accesses that
+/// waited for them.
+#[derive(Clone, Debug, Default)]
+pub struct Busy(Arc<BusyState>);
+
+#[derive(Debug, Default)]
+struct BusyState {
+    /// A bit per bank.
+    banks: AtomicU8,
+    fetches: AtomicU64,
+    reads: AtomicU64,
+}
+
+impl Busy {
+    fn set(&self, bank: usize, busy: bool) {
+        let bit = 1 << bank;
+        if busy {
+            self.0.banks.fetch_or(bit, Ordering::Relaxed);
+        } else {
+            self.0.banks.fetch_and(!bit, Ordering::Relaxed);
+        }
+    }
+
+    /// The busy banks, a bit per bank.
+    pub fn banks(&self) -> u8 {
+        self.0.banks.load(Ordering::Relaxed)
+    }
+
+    /// True while `address` is in a bank that is busy.
+    pub fn holds(&self, address: u64) -> bool {
+        bank_of(address).is_some_and(|bank| self.banks() & 1 << bank != 0)
+    }
+
+    /// Counts a fetch that waits.
+    pub fn count_fetch(&self) {
+        self.0.fetches.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Counts a load that waits.
+    pub fn count_read(&self) {
+        self.0.reads.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Number of accesses that waited in this run.
+    pub fn stalls(&self) -> Stalls {
+        Stalls {
+            fetches: self.0.fetches.load(Ordering::Relaxed),
+            reads: self.0.reads.load(Ordering::Relaxed),
+        }
+    }
+}
+
 /// The word that the image is writing to a bank.
 #[derive(Debug, Default)]
 struct Buffer {
@@ -352,19 +426,25 @@ enum Asked {
 pub struct Journal {
     /// The unreadable words.
     pub unreadable: Unreadable,
+    busy: Busy,
     buffers: [Buffer; 2],
     asked: Option<Asked>,
     started: u64,
     running: [Vec<Range<u32>>; 2],
+    /// BOR_LEV of the option bytes.
+    brown_out_level: u8,
     log: Vec<Operation>,
     unseen: VecDeque<Operation>,
 }
 
 impl Journal {
-    /// A log, with the words that are unreadable from the start.
-    pub fn new(unreadable: Unreadable) -> Self {
+    /// A log, with the words that are unreadable from the start and `brown_out_level` in the option bytes, which tells
+    /// `busy` of busy banks.
+    pub fn new(unreadable: Unreadable, busy: Busy, brown_out_level: u8) -> Self {
         Self {
             unreadable,
+            busy,
+            brown_out_level,
             ..Self::default()
         }
     }
@@ -486,6 +566,10 @@ impl Around<Flash> for Journal {
         answered: Option<u64>,
         registers: &RegisterFile,
     ) -> Option<u64> {
+        if matches!(register, Register::OptsrCur | Register::OptsrCur_) {
+            let value = answered.unwrap_or_else(|| registers.get(register));
+            return Some(optsr_cur::BOR_LEV.set(value, u64::from(self.brown_out_level)));
+        }
         // The register file shows a failed read from the next call on; this call is answered here.
         let failed = self.unreadable.marks();
         let bank = match register {
@@ -514,6 +598,7 @@ impl Around<Flash> for Journal {
         }
         for bank in 0..2 {
             let pending = registers.get(status(bank)) & (sr1::QW1.mask() | sr1::BSY1.mask()) != 0;
+            self.busy.set(bank, pending);
             if !pending {
                 for range in std::mem::take(&mut self.running[bank]) {
                     self.unreadable.mend(&range);
@@ -529,5 +614,8 @@ impl Around<Flash> for Journal {
         // A reset during an operation ends it somewhere in the middle; the emulator's model leaves the cells as they
         // were.
         self.running = Default::default();
+        for bank in 0..2 {
+            self.busy.set(bank, false);
+        }
     }
 }

@@ -15,7 +15,9 @@ use super::options::Options;
 use crate::board::StylusBoard;
 use crate::core::Auditor;
 use crate::error::{Error, Result};
-use crate::model::flash::{BASE, BYTES, Contents, Kind, Moment, Operation, Unreadable, WORD_BYTES};
+use crate::model::flash::{
+    BASE, BYTES, Busy, Contents, Kind, Moment, Operation, Unreadable, WORD_BYTES,
+};
 use crate::tick::TickWatch;
 
 /// The name of the tick's handler in the image.
@@ -60,6 +62,7 @@ pub(super) struct Hands {
     pub(super) to_capture: Vec<(u64, Moment)>,
     pub(super) captured: Vec<PowerCut>,
     pub(super) unreadable: Unreadable,
+    pub(super) busy: Busy,
     resets: usize,
 }
 
@@ -188,12 +191,18 @@ pub(super) fn start(image: &Path, options: Options) -> Result<Ends> {
     unreadable.replace(contents.unreadable);
     let auditor = Auditor::default();
     let ticks = TickWatch::new(handler, auditor.clone());
-    let board = StylusBoard::new(
+    let busy = Busy::default();
+    let mut board = StylusBoard::new(
         options.pins,
+        options.electrical,
         options.instructions_per_second,
         unreadable.clone(),
+        busy.clone(),
         auditor,
     )?;
+    if let Some(seed) = options.ram_noise {
+        board.fill_ram(seed);
+    }
     let (commands, receiver) = channel();
     let (sender, stops) = channel();
     let hands = Hands {
@@ -205,6 +214,7 @@ pub(super) fn start(image: &Path, options: Options) -> Result<Ends> {
         to_capture: Vec::new(),
         captured: Vec::new(),
         unreadable,
+        busy,
         resets: 0,
     };
     let bytes = contents.bytes;

@@ -2,6 +2,7 @@
 
 use std::num::NonZeroU64;
 
+use crate::electrical::Electrical;
 use crate::model::adc::Pins;
 use crate::model::flash::{Contents, Moment};
 use crate::pins::ConstantPins;
@@ -22,6 +23,10 @@ pub struct Options {
     pub pins: Box<dyn Pins>,
     /// Cuts the power at the flash operation with this number, counted from 1, at this moment of it.
     pub power_cut: Option<(u64, Moment)>,
+    /// Fills all RAM with noise from this seed before the start; without, RAM holds zeros.
+    pub ram_noise: Option<u64>,
+    /// Silicon, clocks and supply.
+    pub electrical: Electrical,
     /// Follows the ticks.
     pub watch_ticks: bool,
 }
@@ -34,6 +39,8 @@ impl Default for Options {
             instructions_per_second: PESSIMISTIC_INSTRUCTIONS_PER_SECOND,
             pins: Box::new(ConstantPins::default()),
             power_cut: None,
+            ram_noise: None,
+            electrical: Electrical::default(),
             watch_ticks: true,
         }
     }

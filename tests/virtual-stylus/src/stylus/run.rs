@@ -18,7 +18,8 @@ use crate::core::Audit;
 use crate::error::{Error, Result};
 use crate::model::adc::{Pins, Sample};
 use crate::model::dac::Output;
-use crate::model::flash::{Contents, Moment, Operation};
+use crate::model::flash::{Contents, Moment, Operation, Stalls};
+use crate::model::pin::Driven;
 use crate::model::usb::host::Host as UsbHost;
 use crate::motion::Motion;
 use crate::serial::Sent;
@@ -117,6 +118,14 @@ impl VirtualStylus {
         self.board(|board| board.part.dac.take_record())
     }
 
+    /// Takes the changes of the amplifier's enable since the last call, or since power-on. At power-on it floats.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn take_amplifier_record(&mut self) -> Result<Vec<Driven>> {
+        self.board(|board| board.part.amplifier.around.take_record())
+    }
+
     /// Puts `bytes` on the serial line; the image receives them as the run goes on.
     ///
     /// # Errors
@@ -172,6 +181,14 @@ impl VirtualStylus {
     pub fn set_motion(&mut self, motion: Motion) -> Result<()> {
         let now_ns = self.now_ns;
         self.board(move |board| board.part.encoder.around.set_motion(motion, now_ns))
+    }
+
+    /// Disturbs both tracks of the encoder at each of `instants` by pulses of `width_ns`, see `Quadrature::disturb`.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn disturb_encoder(&mut self, instants: Vec<u64>, width_ns: u64) -> Result<()> {
+        self.board(move |board| board.part.encoder.around.disturb(instants, width_ns))
     }
 
     /// Keeps every sample of the converter's injected sequence from now on.
@@ -263,12 +280,37 @@ impl VirtualStylus {
         self.ask(|_, hands, _| hands.unreadable.failures())
     }
 
+    /// Accesses that waited for a busy bank of the flash.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn flash_stalls(&mut self) -> Result<Stalls> {
+        self.ask(|_, hands, _| hands.busy.stalls())
+    }
+
     /// The resets of the part, the first power-on left out.
     ///
     /// # Errors
     /// The run is over.
     pub fn resets(&mut self) -> Result<Vec<Reset>> {
         self.ask(|session, _, _| resets(session))
+    }
+
+    /// Stops the external clock.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn fail_external_clock(&mut self) -> Result<()> {
+        let now = VirtualNanos(self.now_ns);
+        self.board(move |board| board.part.fail_external_clock(now))
+    }
+
+    /// Sets the supply, in millivolts.
+    ///
+    /// # Errors
+    /// The run is over.
+    pub fn set_supply(&mut self, millivolts: u32) -> Result<()> {
+        self.board(move |board| board.part.rest.set_supply(millivolts))
     }
 
     /// Resets the part by its pin.

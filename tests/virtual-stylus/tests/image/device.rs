@@ -7,15 +7,16 @@ use model_format::link::{
     ActivateEndpoint, Activated, InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, LIBRARY_CRC,
     ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionSource, MuteReasons,
     PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection,
-    SlotId, Slots, SlotsEndpoint, Status, StatusEndpoint, TextureInfo, UploadBegin,
-    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted,
-    UploadProgress,
+    SettingChange, SettingSet, Settings, SettingsGetEndpoint, SettingsSetEndpoint, SlotId, Slots,
+    SlotsEndpoint, Status, StatusEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint,
+    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::{Endpoint, Key, Topic};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use virtual_stylus::model::dac::Output;
+use virtual_stylus::model::pin::Driven;
 use virtual_stylus::model::usb::host::TransferError;
 use virtual_stylus::usb_host::{BulkFrames, Descriptors, UsbHost};
 use virtual_stylus::{Options, VirtualStylus};
@@ -26,6 +27,10 @@ pub const SECOND: u64 = 1_000 * MS;
 pub const MID_SCALE: u16 = 2048;
 /// Time between two samples.
 pub const PERIOD_NS: u64 = 200_000;
+/// Codes per sample.
+pub const CODES: usize = stylus_app::safety::OVERSAMPLING;
+/// Time between two codes at the output.
+pub const CODE_NS: u64 = PERIOD_NS / CODES as u64;
 
 /// Virtual time between two looks at the line.
 const STEP_NS: u64 = MS / 2;
@@ -86,6 +91,7 @@ pub struct Device {
     keeps_alive: bool,
     next_keep_alive_ns: u64,
     dac: Vec<Output>,
+    amplifier: Vec<Driven>,
 }
 
 impl Device {
@@ -103,6 +109,7 @@ impl Device {
             keeps_alive: false,
             next_keep_alive_ns: 0,
             dac: Vec::new(),
+            amplifier: Vec::new(),
         }
     }
 
@@ -246,17 +253,7 @@ impl Device {
     /// Sends any message under any key.
     pub fn send_frame(&mut self, key: Key, message: &impl Serialize) -> u32 {
         self.sequence += 1;
-        let header = VarHeader {
-            key: VarKey::Key8(key),
-            seq_no: VarSeq::Seq4(self.sequence),
-        };
-        let mut buffer = [0; 64];
-        let (used, _) = header
-            .write_to_slice(&mut buffer)
-            .expect("a header fits 64 bytes");
-        let mut frame = used.to_vec();
-        frame.extend(postcard::to_allocvec(message).expect("messages are plain data"));
-        self.send_raw(&frame);
+        self.send_raw(&frame(key, self.sequence, message));
         self.sequence
     }
 
@@ -381,6 +378,21 @@ impl Device {
         &self.dac
     }
 
+    /// Changes of the amplifier's enable since power-on.
+    pub fn amplifier(&mut self) -> Vec<Driven> {
+        let new = self
+            .stylus
+            .take_amplifier_record()
+            .expect("the run goes on");
+        self.amplifier.extend(new);
+        self.amplifier.clone()
+    }
+
+    pub fn settings(&mut self) -> Settings {
+        self.request::<SettingsGetEndpoint>(&())
+            .expect("settings are read")
+    }
+
     /// Drops the frames that were not requested.
     pub fn forget_frames(&mut self) {
         self.frames.clear();
@@ -432,6 +444,15 @@ impl Device {
             .expect("a valid slot")
     }
 
+    /// Sets what nothing plays without, as the owner of the coil does; the values are those of `Settings::default`.
+    pub fn set_coil(&mut self) {
+        for setting in SettingSet::REQUIRED.iter() {
+            let value = setting.spec().default;
+            self.request::<SettingsSetEndpoint>(&SettingChange { setting, value })
+                .expect("in range, and nothing is played");
+        }
+    }
+
     /// Plays with keep-alives, and waits until nothing mutes the output.
     pub fn play(&mut self, texture: &str, motion: MotionSource, seed: u64) {
         self.keep_alive(true);
@@ -471,6 +492,21 @@ impl Device {
         }
         panic!("still muted: {:?}", self.status().output);
     }
+}
+
+/// A frame with a message, without COBS.
+pub fn frame(key: Key, sequence: u32, message: &impl Serialize) -> Vec<u8> {
+    let header = VarHeader {
+        key: VarKey::Key8(key),
+        seq_no: VarSeq::Seq4(sequence),
+    };
+    let mut buffer = [0; 64];
+    let (used, _) = header
+        .write_to_slice(&mut buffer)
+        .expect("a header fits 64 bytes");
+    let mut frame = used.to_vec();
+    frame.extend(postcard::to_allocvec(message).expect("messages are plain data"));
+    frame
 }
 
 /// The announcement of an upload of `library`.

@@ -1,11 +1,13 @@
 //! The output that the image must give, from the product's own kernel and safety stages on this computer.
 
-use model_format::Texture;
 use model_format::link::{RecordBlock, RecordSample, Settings};
+use model_format::{DacCode, Texture};
 use stylus_app::inputs::{Follower, InputConfig, Sensors};
 use stylus_app::safety;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::{Plan, ScenePlayer};
+
+use crate::device::{CODES, MID_SCALE};
 
 /// Codes of the sensors at successive ticks.
 pub struct Recorded {
@@ -105,13 +107,18 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
     samples
 }
 
-/// Finds the tick at which the output `codes` (of tick 1 on) begins to equal that of `heard`, and for how many ticks it
-/// stays equal: for all recorded ones if the image is right. Of several beginnings it takes the one with the most equal
-/// ticks.
-pub fn explain(heard: &Heard<'_>, recorded: &Recorded, codes: &[u16], from: u64) -> (Began, u64) {
+/// Finds the tick at which the output `codes` (of the ticks from tick 1 on) begins to equal that of `heard`, and for
+/// how many ticks it stays equal: for all recorded ones if the image is right. Of several beginnings it takes the one
+/// with the most equal ticks.
+pub fn explain(
+    heard: &Heard<'_>,
+    recorded: &Recorded,
+    codes: &[[u16; CODES]],
+    from: u64,
+) -> (Began, u64) {
     let first_heard = (1u64..)
         .zip(codes)
-        .find(|&(tick, &code)| tick >= from && code != 2048);
+        .find(|&(tick, codes)| tick >= from && *codes != [MID_SCALE; CODES]);
     let (first_heard, _) = first_heard.expect("something is heard");
     let config = safety::Config::new(&Settings::default(), 1.0);
     // The state of the stages after the silence.
@@ -135,8 +142,8 @@ pub fn explain(heard: &Heard<'_>, recorded: &Recorded, codes: &[u16], from: u64)
             while tick < end {
                 let sample = tick.checked_sub(play).and_then(|n| played.get(n as usize));
                 let sample = sample.copied().unwrap_or_default();
-                let [.., code] = state.process(&config, sample, tick < unmuted);
-                if codes.get(tick as usize - 1) != Some(&code.get()) {
+                let processed = state.process(&config, sample, tick < unmuted);
+                if codes.get(tick as usize - 1) != Some(&processed.map(DacCode::get)) {
                     break;
                 }
                 tick += 1;

@@ -1,26 +1,17 @@
 //! Faults on request, and the end of each.
 
-use model_format::link::{FaultKind, MotionSource, ResetReason};
-use postcard_rpc::Key;
+use std::ops::Range;
+
+use model_format::link::{Fault, FaultKind, MotionSource, ResetReason};
 use virtual_stylus::ResetCause;
+use virtual_stylus::model::dac::Cause;
+use virtual_stylus::model::pin::Drive;
 use virtual_stylus::motion::Motion;
 
 use crate::device::{Device, MID_SCALE, MS, with_faults};
+use crate::injected::{Injected, inject};
 use crate::library;
-
-/// Faults, numbered as by the firmware's fault injection.
-#[derive(Clone, Copy, Debug)]
-enum Injected {
-    LongTick = 1,
-    EndlessTick,
-    EndlessTask,
-    Panic,
-    BadJump,
-    UnexpectedInterrupt,
-    Nmi,
-    NoTick,
-    PanicInTick,
-}
+use crate::output::amplifier_follows_the_output;
 
 /// A device that plays a texture.
 fn playing() -> Device {
@@ -35,14 +26,9 @@ fn playing() -> Device {
     device
 }
 
-fn inject(device: &mut Device, fault: Injected) {
-    let key = Key::for_path::<u8>("stylus/fault-injection");
-    device.send_frame(key, &(fault as u8));
-}
-
 /// Injects `fault`; it must end in one reset for `cause`, with `kind` in the status, and the output at mid-scale no
-/// later than `silent_ns` after the fault, up to and after the reset.
-fn ends(fault: Injected, cause: ResetCause, kind: FaultKind, silent_ns: u64) {
+/// later than `silent_ns` after the fault, up to and after the reset. Returns the fault as the status has it.
+fn ends(fault: Injected, cause: ResetCause, kind: FaultKind, silent_ns: u64) -> Fault {
     let mut device = playing();
     let injected = device.stylus.now_ns();
     inject(&mut device, fault);
@@ -59,9 +45,10 @@ fn ends(fault: Injected, cause: ResetCause, kind: FaultKind, silent_ns: u64) {
     };
     assert_eq!(status.reset, reason, "{fault:?}");
     assert_eq!(
-        status.fault.map(|fault| fault.kind),
+        status.fault.as_ref().map(|fault| fault.kind),
         Some(kind),
-        "{fault:?}"
+        "{fault:?}: {:x?}",
+        status.fault
     );
     let late: Vec<_> = (device.dac().iter())
         .filter(|output| output.at_ns > injected + silent_ns)
@@ -78,10 +65,55 @@ fn ends(fault: Injected, cause: ResetCause, kind: FaultKind, silent_ns: u64) {
         .iter()
         .filter(|output| output.code.is_some_and(|code| code != MID_SCALE));
     assert!(heard.count() > 100, "it was heard before");
+    // The amplifier goes off before the output is moved, or at the reset at the latest, and comes back only after it.
+    let amplifier = device.amplifier();
+    let outputs = device.dac();
+    assert_eq!(
+        amplifier_follows_the_output(outputs, &amplifier).len(),
+        2,
+        "{fault:?}"
+    );
+    let moved = (outputs.iter())
+        .find(|output| output.at_ns > injected && output.cause != Cause::Trigger)
+        .expect("the reset moves it");
+    let off = amplifier
+        .iter()
+        .find(|change| change.at_ns > injected && change.drive != Drive::High);
+    assert!(off.expect("it goes off").at_ns <= moved.at_ns, "{fault:?}");
+    status.fault.expect("it has a kind")
 }
 
-/// Time for the request on the line and for the handler.
-const CAUGHT_NS: u64 = 2 * MS;
+/// Injects `fault`, which the memory protection must refuse, at an address within `at`.
+fn is_refused(fault: Injected, at: Range<u32>) {
+    let kind = FaultKind::MemoryProtection;
+    let told = ends(fault, ResetCause::Software, kind, CAUGHT_NS);
+    let address = told.address.expect("it is known");
+    assert!(at.contains(&address), "{told:x?}");
+    assert!(told.program_counter != 0, "{told:x?}");
+}
+
+/// Injects `fault`, which must end as an overflow of the stack, with callers in the trace.
+fn overflows(fault: Injected, silent_ns: u64) {
+    let told = ends(
+        fault,
+        ResetCause::Software,
+        FaultKind::StackOverflow,
+        silent_ns,
+    );
+    let address = told.address.expect("it is known");
+    assert!(
+        (STACK_START - 1024..STACK_START).contains(&address),
+        "{told:x?}"
+    );
+    assert!(told.text.len() > 8, "callers are known: {told:x?}");
+}
+
+/// Time for the request on the line, and for the handler, or for the output to run out of codes.
+const CAUGHT_NS: u64 = 3 * MS;
+/// The same, with a stack to be filled and an update to come.
+const OVERFLOW_NS: u64 = 5 * MS;
+/// Lowest address of the stack.
+const STACK_START: u32 = 0x2000_0000;
 /// Period of the watchdog, with the tolerance of its clock.
 const WATCHDOG_NS: u64 = 400 * MS;
 
@@ -153,7 +185,7 @@ fn a_tick_that_hangs_ends_in_the_watchdogs_reset_with_its_reason() {
         Injected::EndlessTick,
         ResetCause::Watchdog,
         FaultKind::TickStopped,
-        WATCHDOG_NS,
+        CAUGHT_NS,
     );
 }
 
@@ -163,7 +195,7 @@ fn a_timer_that_stops_ends_in_the_watchdogs_reset_with_its_reason() {
         Injected::NoTick,
         ResetCause::Watchdog,
         FaultKind::TickStopped,
-        WATCHDOG_NS,
+        CAUGHT_NS,
     );
 }
 
@@ -175,4 +207,36 @@ fn a_task_that_hangs_ends_in_the_watchdogs_reset_with_its_reason() {
         FaultKind::ExecutorStopped,
         WATCHDOG_NS,
     );
+}
+
+#[test]
+fn a_stack_that_a_task_overflows_ends_at_mid_scale_in_a_reset_with_its_reason() {
+    overflows(Injected::OverflowInTask, OVERFLOW_NS);
+}
+
+#[test]
+fn a_stack_that_the_update_overflows_ends_at_mid_scale_in_a_reset_with_its_reason() {
+    overflows(Injected::OverflowInUpdate, OVERFLOW_NS);
+}
+
+#[test]
+fn null_can_be_neither_written_nor_read() {
+    is_refused(Injected::WriteToNull, 0..1);
+    is_refused(Injected::ReadNull, 0..1);
+}
+
+#[test]
+fn code_can_not_be_written_in_itcm_and_in_flash() {
+    is_refused(Injected::WriteToItcm, 0x400..0x401);
+    is_refused(Injected::WriteToFlash, 0x0800_0400..0x0800_0401);
+}
+
+#[test]
+fn data_can_not_be_executed() {
+    is_refused(Injected::ExecuteData, 0x2000_0000..0x2002_0000);
+}
+
+#[test]
+fn external_memory_can_not_be_read() {
+    is_refused(Injected::ReadExternal, 0x6000_0000..0x6000_0001);
 }

@@ -70,9 +70,10 @@ pub fn flash_with_small() -> Contents {
     FLASH.get_or_init(|| flash_with(small())).clone()
 }
 
-/// Flash with `library` in a slot, after an upload.
+/// Flash with `library` in a slot, after an upload, and with the settings of the coil.
 pub fn flash_with(library: &[u8]) -> Contents {
     let mut device = Device::started(Options::default());
+    device.set_coil();
     device.upload(library);
     device.stylus.flash().expect("the run goes on")
 }

@@ -8,8 +8,12 @@ mod device;
 mod expected;
 mod faults;
 mod frames;
+mod injected;
+mod inputs;
 mod library;
 mod link;
+mod marks;
+mod output;
 /// Blocks of a page; the file is that of the tasks.
 #[path = "../../../../host-tools/tasks/src/tables/page.rs"]
 mod page;
@@ -17,6 +21,9 @@ mod play;
 mod power;
 mod record;
 mod scenes;
+mod self_test;
+mod settings;
+mod start;
 mod ticks;
 mod upload;
 mod usb;

@@ -2,17 +2,18 @@
 
 use model_format::Library;
 use model_format::link::{MotionSource, RecordStartEndpoint, RecordStopEndpoint, StopEndpoint};
+use virtual_stylus::Options;
 use virtual_stylus::model::dac::Cause;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::pins::FunctionPins;
 
-use crate::device::{Device, MID_SCALE, MS, PERIOD_NS};
+use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS};
 use crate::expected::{Heard, Recorded, explain};
 use crate::library;
 
-/// Code of the ADC for a force, by default at 2 N/V.
+/// Code of the ADC for a force, by default at 2 N/V above a zero at a sixteenth of the range.
 pub fn force_code(newton: f64) -> u16 {
-    (newton / 2.0 / 3.3 * 65_536.0) as u16
+    4_096 + (newton / 2.0 / 3.3 * 65_536.0) as u16
 }
 
 /// Pins with a force that goes up and down over the grid, and an accelerometer whose axes differ.
@@ -26,24 +27,32 @@ fn pins() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
     })
 }
 
-/// The codes that were put out at the triggers, from the first trigger on, after a check of their instants.
-pub fn latched(device: &mut Device) -> Vec<u16> {
+/// Codes at the output before those of the first tick: the timer of the codes runs for 17 of them before the tick's own
+/// timer starts and that tick's first code is due.
+pub const BEFORE_FIRST_TICK: usize = 17;
+
+/// The codes of each tick that were put out at the triggers, from the first tick on, after a check of their instants.
+pub fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
     let outputs: Vec<_> = (device.dac().iter())
         .filter(|output| output.cause == Cause::Trigger)
         .copied()
         .collect();
     let uneven = outputs
         .windows(2)
-        .find(|pair| pair[1].at_ns - pair[0].at_ns != PERIOD_NS);
-    assert_eq!(uneven, None, "instants that are not 200 µs apart");
-    outputs
-        .iter()
+        .find(|pair| pair[1].at_ns - pair[0].at_ns != CODE_NS);
+    assert_eq!(uneven, None, "instants that are not 25 µs apart");
+    let codes: Vec<u16> = (outputs[BEFORE_FIRST_TICK..].iter())
         .map(|output| output.code.expect("driven"))
-        .collect()
+        .collect();
+    codes.as_chunks().0.to_vec()
 }
 
 fn plays_as_the_host_does(texture: &str) {
-    let mut device = Device::started(library::options());
+    // RAM holds what power-on leaves in it.
+    let mut device = Device::started(Options {
+        ram_noise: Some(2),
+        ..library::options()
+    });
     device.stylus.set_pins(pins()).expect("the run goes on");
     let start = device.stylus.now_ns();
     let knots = [
@@ -79,21 +88,21 @@ fn plays_as_the_host_does(texture: &str) {
     );
 
     let recorded = Recorded::of(&device.blocks);
-    // The sample of tick n is put out by the next trigger.
-    let codes = &latched(&mut device)[1..];
+    let codes = latched(&mut device);
     let library = Library::decode(library::small()).expect("a valid library");
     let texture = library.texture(texture).expect("it is in the library");
     let heard = Heard::of_texture(texture, 77);
-    let (began, same_until) = explain(&heard, &recorded, codes, asked);
+    let (began, same_until) = explain(&heard, &recorded, &codes, asked);
     let end = recorded.first_tick + recorded.samples.len() as u64;
     assert_eq!(
         same_until, end,
         "codes differ from tick {same_until} on, with {began:?}"
     );
     let heard = codes[began.unmuted as usize..end as usize]
+        .as_flattened()
         .iter()
         .filter(|&&code| code != MID_SCALE);
-    assert!(heard.count() > 4_000, "the motion is heard");
+    assert!(heard.count() > CODES * 4_000, "the motion is heard");
 }
 
 #[test]
@@ -121,7 +130,8 @@ fn a_stop_ends_at_mid_scale_and_stays_there() {
     let silent_from = device.stylus.now_ns();
     device.run_for(300 * MS);
     let codes = latched(&mut device);
-    assert!(codes.iter().any(|&code| code != MID_SCALE), "it was heard");
+    let mut codes = codes.as_flattened().iter();
+    assert!(codes.any(|&code| code != MID_SCALE), "it was heard");
     let late = device
         .dac()
         .iter()

@@ -22,7 +22,7 @@ use virtual_stylus::motion::Motion;
 use virtual_stylus::pins::FunctionPins;
 use virtual_stylus::tick::Tick;
 
-use crate::device::{Device, MID_SCALE, MS, PERIOD_NS, play_request};
+use crate::device::{CODES, Device, MID_SCALE, MS, PERIOD_NS, play_request};
 use crate::expected::{Heard, Recorded, explain};
 use crate::library;
 use crate::play::{force_code, latched};
@@ -175,7 +175,8 @@ fn scenes() -> Vec<Scene> {
     ]
 }
 
-fn bytes() -> &'static [u8] {
+/// A library with all scenes.
+pub fn bytes() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
     BYTES.get_or_init(|| {
         use Structure::{DirectForm16, NormalisedLattice};
@@ -204,7 +205,7 @@ fn plan<'a>(library: &Library<'a>, scene: &str) -> Plan<'a> {
 }
 
 /// A force that presses and lifts, so that the tool taps repeatedly.
-fn tapping() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
+pub fn tapping() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
     FunctionPins(|channel, at_ns| {
         let phase = at_ns as f64 / 1e9 * std::f64::consts::TAU * 3.1;
         match channel {
@@ -278,10 +279,10 @@ fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_comp
     }
 
     let recorded = Recorded::of(&device.blocks);
-    let codes = &latched(&mut device)[1..];
+    let codes = latched(&mut device);
     let library = Library::decode(bytes()).expect("a valid library");
     let mut heard = Heard::of_scene(plan(&library, "everything"), 5);
-    let (began, same_until) = explain(&heard, &recorded, codes, asked);
+    let (began, same_until) = explain(&heard, &recorded, &codes, asked);
     assert!(
         (earliest..=latest + 20).contains(&same_until),
         "codes differ from tick {same_until} on, with {began:?}; the switch was at {earliest} to {latest}"
@@ -290,16 +291,17 @@ fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_comp
     let explained = (earliest - 10..=latest).step_by(10).any(|known| {
         let next = Heard::of_scene(plan(&library, "sticky transition"), 0);
         heard.switch = Some((known, next.plan, next.follower));
-        explain(&heard, &recorded, codes, asked).1 == end
+        explain(&heard, &recorded, &codes, asked).1 == end
     });
     assert!(
         explained,
         "no switch between {earliest} and {latest} explains the codes"
     );
     let sounding = codes[began.unmuted as usize..end as usize]
+        .as_flattened()
         .iter()
         .filter(|&&code| code != MID_SCALE);
-    assert!(sounding.count() > 4_000, "the scenes are heard");
+    assert!(sounding.count() > CODES * 4_000, "the scenes are heard");
 }
 
 #[test]

@@ -6,9 +6,10 @@ use model_format::link::{
 };
 use virtual_stylus::Options;
 use virtual_stylus::model::dac::Cause;
+use virtual_stylus::model::flash::Stalls;
 use virtual_stylus::motion::Motion;
 
-use crate::device::{Device, MS, PERIOD_NS, announced};
+use crate::device::{CODE_NS, Device, MS, announced};
 use crate::library;
 use crate::power::state_of;
 
@@ -40,15 +41,13 @@ fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwa
     );
     assert_eq!(after.output.mute_counts, before.output.mute_counts);
     assert_eq!(stopped.lost_blocks, 0);
+    let stalls = device.stylus.flash_stalls().expect("the run goes on");
+    assert_eq!(stalls, Stalls::default(), "nothing waits for a bank");
     let instants: Vec<u64> = (device.dac().iter())
         .filter(|output| output.cause == Cause::Trigger)
         .map(|output| output.at_ns)
         .collect();
-    assert!(
-        instants
-            .windows(2)
-            .all(|pair| pair[1] - pair[0] == PERIOD_NS)
-    );
+    assert!(instants.windows(2).all(|pair| pair[1] - pair[0] == CODE_NS));
 
     let activated = device.activate(committed.slot);
     assert_eq!(activated.library.crc32, announced(&large).crc32);

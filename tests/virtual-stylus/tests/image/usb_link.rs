@@ -11,7 +11,8 @@ use virtual_stylus::model::usb::host::Host;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::usb_host::{Request, Timing};
 
-use crate::device::{BULK_IN, BULK_OUT, Device, MS, PERIOD_NS, SECOND, announced};
+use crate::boot::is_rtc_selection;
+use crate::device::{BULK_IN, BULK_OUT, CODE_NS, Device, MS, SECOND, announced};
 use crate::library;
 
 /// Length of the recording, s; a minute if `STYLUS_LONG` is set.
@@ -29,8 +30,8 @@ fn assert_even(device: &mut Device) {
     let instants: Vec<u64> = (outputs.filter(|output| output.cause == Cause::Trigger))
         .map(|output| output.at_ns)
         .collect();
-    let uneven = (instants.windows(2)).find(|pair| pair[1] - pair[0] != PERIOD_NS);
-    assert_eq!(uneven, None, "instants that are not 200 us apart");
+    let uneven = (instants.windows(2)).find(|pair| pair[1] - pair[0] != CODE_NS);
+    assert_eq!(uneven, None, "instants that are not 25 us apart");
 }
 
 /// Checks that blocks are in order and complete.
@@ -357,7 +358,7 @@ fn a_setting_or_configuration_that_is_chosen_again_begins_anew() {
     device.status();
     let report = device.stylus.report().expect("the run goes on");
     let told: Vec<_> = (report.told.iter())
-        .filter(|told| !told.starts_with("RCC."))
+        .filter(|told| !is_rtc_selection(told))
         .collect();
     assert!(told.is_empty(), "{told:?}");
 }

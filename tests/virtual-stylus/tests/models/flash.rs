@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use virtual_stylus::model::flash::{
-    BASE, Contents, Kind, Moment, Operation, SECTOR_BYTES, WORD_BYTES,
+    BASE, Contents, Kind, Moment, Operation, SECTOR_BYTES, Stalls, WORD_BYTES,
 };
 use virtual_stylus::{Error, Options, ResetCause};
 
-use crate::probe::{ask, ready, try_ask, words};
+use crate::probe::{MILLISECOND_NS, TICK_NS, ask, ready, try_ask, words};
 
 const BANK_2: u32 = 0x0810_0000;
 const ERASED: u32 = u32::MAX;
@@ -48,6 +48,45 @@ fn what_was_programmed_outlives_the_run_and_its_file() {
     assert_eq!(words(&ask(&mut stylus, b'r', 16)), [1, 2, ERASED, ERASED]);
     ask(&mut stylus, b'e', 1);
     assert_eq!(words(&ask(&mut stylus, b'r', 16)), [ERASED; 4]);
+}
+
+#[test]
+fn a_read_of_a_bank_that_is_busy_waits_and_then_has_what_was_programmed() {
+    let mut stylus = ready(Options::default());
+    ask(&mut stylus, b'e', 1);
+    ask(&mut stylus, b'p', 1);
+    // What waits for the bank before it reads waits for nothing.
+    assert_eq!(stylus.flash_stalls().unwrap(), Stalls::default());
+    assert_eq!(words(&ask(&mut stylus, b'b', 4)), [2]);
+    assert_eq!(words(&ask(&mut stylus, b'b', 4)), [3]);
+    let stalls = stylus.flash_stalls().unwrap();
+    assert_eq!((stalls.fetches, stalls.reads), (0, 2));
+    assert_eq!(words(&ask(&mut stylus, b'r', 16)), [1, 2, 3, ERASED]);
+}
+
+#[test]
+fn code_in_a_bank_that_is_busy_stands_still_and_so_do_its_interrupts() {
+    /// Shorter than an erasure takes by the datasheet.
+    const ERASING_NS: u64 = 500 * MILLISECOND_NS;
+    let mut stylus = ready(Options::default());
+    ask(&mut stylus, b'c', 2);
+    stylus.take_ticks().unwrap();
+    let begun = stylus.now_ns();
+    ask(&mut stylus, b'E', 1);
+    let nanos = stylus.now_ns() - begun;
+    assert!(nanos > ERASING_NS, "{nanos} ns");
+    let stalls = stylus.flash_stalls().unwrap();
+    assert!(stalls.fetches >= 1 && stalls.reads == 0, "{stalls:?}");
+    let ticks = stylus.take_ticks().unwrap();
+    assert!(
+        (ticks.len() as u64) < nanos / TICK_NS / 10,
+        "{} ticks",
+        ticks.len()
+    );
+    // Time has gone on, and so does the code.
+    ask(&mut stylus, b'c', 2);
+    stylus.run_for(100 * TICK_NS).unwrap();
+    assert!(stylus.take_ticks().unwrap().len() >= 99);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The board's models against the manual, as an image sees them.
 
+mod codes;
 mod converters;
 mod flash;
 mod motion;

@@ -1,35 +1,44 @@
 //! Registers that the probe image does not use, written one by one without a core.
 
+use rigless::device::Level;
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
+use virtual_stylus::electrical::{Defects, Electrical};
 use virtual_stylus::model::dac::Cause;
-use virtual_stylus::model::flash::Unreadable;
+use virtual_stylus::model::flash::{Busy, Unreadable};
 use virtual_stylus::part::Part;
 use virtual_stylus::pins::ConstantPins;
 
 use crate::no_memory::NoMemory;
 
-const RCC: u64 = 0x5802_4400;
-const AHB1ENR: u64 = RCC + 0xD8;
-const APB1LENR: u64 = RCC + 0xE8;
+pub const RCC: u64 = 0x5802_4400;
+pub const AHB1ENR: u64 = RCC + 0xD8;
+pub const APB1LENR: u64 = RCC + 0xE8;
 const D3CCIPR: u64 = RCC + 0x58;
-const DAC: u64 = 0x4000_7400;
+pub const DAC: u64 = 0x4000_7400;
 const ADC1: u64 = 0x4002_2000;
 const IWDG1: u64 = 0x5800_4800;
 
 /// The part with the clocks of the converters on, at an instant.
-struct Bench {
-    part: Part,
+pub struct Bench {
+    pub part: Part,
     now: VirtualNanos,
 }
 
 impl Bench {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let mut codes = [0; 20];
         codes[3] = 0xABCD;
         let pins = Box::new(ConstantPins(codes));
-        let part = Part::new(pins, Unreadable::default()).unwrap();
+        let part = Part::new(
+            pins,
+            Electrical::default(),
+            Unreadable::default(),
+            Busy::default(),
+            Defects::default(),
+        )
+        .unwrap();
         let now = VirtualNanos(0);
         let mut bench = Self { part, now };
         bench.part.rest.set_supply(3300);
@@ -40,18 +49,27 @@ impl Bench {
         bench
     }
 
-    fn write(&mut self, address: u64, value: u64) {
+    pub fn write(&mut self, address: u64, value: u64) {
         self.part
             .write(self.now, address, Width::W32, value)
             .unwrap();
         self.part.settle(&mut NoMemory).unwrap();
     }
 
-    fn read(&mut self, address: u64) -> u64 {
+    pub fn read(&mut self, address: u64) -> u64 {
         self.part.read(self.now, address, Width::W32).unwrap()
     }
 
-    fn wait(&mut self, nanos: u64) {
+    /// Lines of the core's controller that were raised since the last call.
+    pub fn interrupts(&mut self) -> Vec<u16> {
+        let changes = self.part.drain_interrupts().into_iter();
+        changes
+            .filter(|change| change.level == Level::High)
+            .map(|change| change.interrupt)
+            .collect()
+    }
+
+    pub fn wait(&mut self, nanos: u64) {
         let until = VirtualNanos(self.now.0 + nanos);
         while let Some(next) = self.part.next_event().filter(|next| *next <= until) {
             self.part.advance_to(next);

@@ -3,7 +3,8 @@
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
-use virtual_stylus::model::flash::Unreadable;
+use virtual_stylus::electrical::{Defects, Electrical};
+use virtual_stylus::model::flash::{Busy, Unreadable};
 use virtual_stylus::model::usb::WINDOW_BASE;
 use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
 use virtual_stylus::model::usb::host::{Host, Transfer, TransferError};
@@ -321,20 +322,50 @@ struct Bench {
 const AHB1ENR: u64 = 0x5802_4400 + 0xD8;
 const AHB1RSTR: u64 = 0x5802_4400 + 0x80;
 const USB2OTG: u64 = 1 << 27;
+const RCC_CR: u64 = 0x5802_4400;
+const HSI48_ON: u64 = 1 << 12;
+const D2CCIP2R: u64 = 0x5802_4400 + 0x54;
+const USB_FROM_HSI48: u64 = 3 << 20;
+const APB1HENR: u64 = 0x5802_4400 + 0xEC;
+const CRS_CLOCK: u64 = 1 << 1;
+const CRS_CR: u64 = 0x4000_8400;
+const CRS_CFGR: u64 = CRS_CR + 4;
+const TRIMS: u64 = 1 << 6 | 1 << 5;
 const MS: u64 = 1_000_000;
 
 impl Bench {
     fn new() -> Self {
-        let part = Part::new(Box::new(ConstantPins([0; 20])), Unreadable::default()).unwrap();
+        Self::with_hsi48_off_by(0)
+    }
+
+    /// A part whose USB runs on HSI48.
+    fn with_hsi48_off_by(ppm: i64) -> Self {
+        let mut electrical = Electrical::default();
+        electrical.clocks.hsi48_ppm = ppm;
+        let part = Part::new(
+            Box::new(ConstantPins([0; 20])),
+            electrical,
+            Unreadable::default(),
+            Busy::default(),
+            Defects::default(),
+        )
+        .unwrap();
         let mut bench = Self { part, now: 0 };
         bench.part.rest.set_supply(3300);
         bench.write(AHB1ENR, USB2OTG);
+        bench.write(RCC_CR, HSI48_ON | 1);
+        bench.write(D2CCIP2R, USB_FROM_HSI48);
+        bench.wait(MS / 100);
         bench
     }
 
     /// A part whose line is pulled up, with a valid session.
     fn connected() -> Self {
-        let mut bench = Self::new();
+        Self::new().connect()
+    }
+
+    fn connect(self) -> Self {
+        let mut bench = self;
         bench.write(WINDOW_BASE + GCCFG, 1 << 16);
         bench.write(WINDOW_BASE + GOTGCTL, 0b11 << 6);
         bench.write(WINDOW_BASE + DCTL, 0);
@@ -503,4 +534,38 @@ fn a_device_that_does_not_answer_is_tried_three_times() {
     assert_eq!(ended[0].result, Err(TransferError::NotAnswered));
     let traffic = bench.part.drive_usb(at, |host, _| host.traffic());
     assert_eq!((traffic.transactions, traffic.broken), (3, 3));
+}
+
+/// Outcome of a packet to the part's address, with HSI48 off by `ppm`, trimmed by the frames that `source` selects.
+fn answered(ppm: i64, source: Option<u64>) -> bool {
+    let mut bench = Bench::with_hsi48_off_by(ppm).connect();
+    if let Some(source) = source {
+        bench.write(APB1HENR, CRS_CLOCK);
+        bench.write(CRS_CFGR, source << 28);
+        bench.write(CRS_CR, TRIMS);
+    }
+    let at = bench.at();
+    bench.part.drive_usb(at, Host::plug);
+    bench
+        .part
+        .drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
+    bench.wait(10 * MS);
+    let at = bench.at();
+    bench.part.drive_usb(at, |host, _| {
+        host.submit(Transfer::Control {
+            setup: [0x80, 6, 0, 1, 0, 0, 18, 0],
+            data: Vec::new(),
+        });
+    });
+    bench.wait(MS);
+    bench.read(GINTSTS) & RXFLVL != 0
+}
+
+#[test]
+fn a_device_is_heard_while_its_clock_is_within_a_quarter_of_a_percent() {
+    assert!(answered(2_400, None) && answered(-2_400, None));
+    assert!(!answered(2_600, None) && !answered(-2_600, None));
+    // Frames of the other core trim nothing.
+    assert!(!answered(5_000, Some(2)));
+    assert!(answered(5_000, Some(3)));
 }

@@ -24,6 +24,8 @@ pub struct Row {
     loss: Loss,
     /// Number of holes, each of which restarted the capture.
     holes: u32,
+    /// Number of torn samples of this trial, whose codes are interpolated.
+    interpolated: u32,
 }
 
 impl Row {
@@ -43,6 +45,7 @@ impl Row {
             level,
             loss: capture.loss,
             holes: capture.holes,
+            interpolated: capture.interpolated,
         }
     }
 
@@ -53,8 +56,13 @@ impl Row {
         } else {
             format!(" (restarted {} time(s))", self.holes)
         };
+        let torn = if self.interpolated == 0 {
+            String::new()
+        } else {
+            format!(" ({} torn samples interpolated)", self.interpolated)
+        };
         format!(
-            "{}: {:.3} m/s² RMS, {:.1} mm/s, {:.2} N; {}{holes}",
+            "{}: {:.3} m/s² RMS, {:.1} mm/s, {:.2} N; {}{holes}{torn}",
             self.verdict_text(),
             self.level.rms_m_s2,
             self.level.speed_mm_s,

@@ -15,6 +15,7 @@
 //! | A packet whose toggle is not due is acknowledged and dropped | USB 2.0, 8.6 |
 //! | A reset of the bus takes endpoints but 0 out of use and changes nothing else of them | 57.14, 57.15 |
 //! | Suspend after 3 ms of silence, with or without a cable, as the pull-up is the device's own; resume | 57.14 |
+//! | Nothing is understood while the 48 MHz are off by more than 0.25 % | USB 2.0, 7.1.11 |
 //! | A reset of the part or by `RCC_AHB1RSTR` clears all of it | 8.7.29 |
 //!
 //! On points that the manual leaves open, the model is the harder alternative for the firmware: an IN endpoint that is
@@ -23,8 +24,8 @@
 //! only, not to `EPENA` and the packet count, because embassy's driver does not change those for endpoint 0.
 //!
 //! Left out: host mode, OTG and its change of roles, DMA, high speed and the ULPI, isochronous endpoints and the end of
-//! a periodic frame, remote wakeup, LPM, battery charging, the sensing of VBUS, the clock and its 48 MHz, and the
-//! clocks that a reset or a flush takes. If the firmware asks for one of these and would notice, the run's report says
+//! a periodic frame, remote wakeup, LPM, battery charging, the sensing of VBUS, and the clocks that a reset or a
+//! flush takes. If the firmware asks for one of these and would notice, the run's report says
 //! so (`told`).
 //!
 //! The emulator has no windows for the FIFOs, so the core's registers and FIFOs are one window at [`WINDOW_BASE`], to

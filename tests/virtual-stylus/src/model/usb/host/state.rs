@@ -97,6 +97,8 @@ pub struct Host {
     pub(super) next_id: u64,
     pub(super) completions: Vec<Completion>,
     pub(super) traffic: Traffic,
+    /// The device's clock is off by more than a host puts up with.
+    pub(super) clock_is_off: bool,
 }
 
 impl Default for Host {
@@ -123,6 +125,7 @@ impl Default for Host {
             next_id: 0,
             completions: Vec::new(),
             traffic: Traffic::default(),
+            clock_is_off: true,
         }
     }
 }

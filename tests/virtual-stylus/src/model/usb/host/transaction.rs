@@ -9,10 +9,18 @@ use super::transfer::{Completion, TransferError};
 use crate::model::usb::core::Core;
 use crate::model::usb::packets::{Handshake, InAnswer, Pid};
 
+/// Tolerance of a full-speed device's clock (USB 2.0, section 7.1.11).
+const CLOCK_TOLERANCE_PPM: i64 = 2_500;
 /// Tries of a transaction that fails.
 const TRIES: u32 = 3;
 
 impl Host {
+    /// Sets the deviation of the device's clock, parts per million. Beyond the tolerance neither side understands the
+    /// other.
+    pub fn set_clock_deviation(&mut self, ppm: i64) {
+        self.clock_is_off = ppm.abs() > CLOCK_TOLERANCE_PPM;
+    }
+
     /// Begins the next transaction of `pipe`.
     pub(super) fn begin(
         &mut self,
@@ -27,7 +35,7 @@ impl Host {
             (_, Stage::Status) => Pid::Data1,
             _ => self.toggles.get(&pipe).copied().unwrap_or(Pid::Data0),
         };
-        let arrives = is_there && !self.chance.breaks();
+        let arrives = is_there && !self.clock_is_off && !self.chance.breaks();
         let (sent, took_ns) = match &packets {
             Packets::In { endpoint } => {
                 let answer = if arrives {

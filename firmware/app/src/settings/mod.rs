@@ -1,0 +1,289 @@
+//! Settings in flash: two copies, each a log of records of all settings, so that a change is appended, and a sector is
+//! erased only once in a thousand changes.
+//!
+//! A change is written to the first copy, read back, then to the second one; it counts when both hold it. So one copy
+//! always holds the last change that was acknowledged, whatever the power does and whichever word of a copy is lost.
+//! A record holds all settings under one checksum, because a map of single values would answer a damaged value with an
+//! older one, which may be a weaker limit.
+//!
+//! At the start:
+//!
+//! | found | in force |
+//! |---|---|
+//! | both copies end with the same record | that record |
+//! | one ends with a record, and the other one is damaged there | the record |
+//! | both end with records, and these differ | the newer one, with the tighter value of each limit |
+//! | both are damaged behind their last record | nothing plays: every limit is lost |
+//! | nothing that can be read, and yet not blank | nothing plays: everything is lost |
+//!
+//! Except in the last case both copies are then written anew. What is lost stays lost, over restarts, until it is set
+//! again or all settings are reset. A store of a firmware that kept a map of single values counts as the last case,
+//! because nothing in it tells a value from the one before it.
+
+mod copy;
+mod record;
+
+use core::ops::Range;
+
+use embedded_storage_async::nor_flash::NorFlash;
+use model_format::link::{
+    FlashOperation, SettingChange, SettingSet, Settings, SettingsError, SettingsState,
+};
+
+use copy::{Content, Copy};
+use record::{Record, Snapshot};
+
+/// Range of the settings, bytes from the start of bank 1: its last two sectors of 128 KB, one per copy. The code ends
+/// before them.
+///
+/// While one of them is erased or written, code of the same bank stalls; the tick runs from ITCM and does not.
+pub const SETTINGS_RANGE: Range<u32> = 0x000c_0000..0x0010_0000;
+
+/// Damaged places at the beginning of the first copy that cuts during the very first change may leave.
+const MOST_FIRST_CUTS: usize = 8;
+
+/// Settings in flash and in memory.
+pub struct SettingsStore<F: NorFlash> {
+    flash: F,
+    copies: [Copy; 2],
+    /// True for each copy that ends with the present record.
+    holds: [bool; 2],
+    record: Record,
+    differing: SettingSet,
+    mended: bool,
+    unwritable: bool,
+}
+
+impl<F: NorFlash> SettingsStore<F> {
+    /// Reads the settings in `range` of `flash`, which is an even number of whole sectors, and mends the copies.
+    pub async fn open(flash: F, range: Range<u32>) -> Self {
+        let middle = range.start.midpoint(range.end);
+        let mut store = Self {
+            flash,
+            copies: [Copy::new(range.start..middle), Copy::new(middle..range.end)],
+            holds: [false; 2],
+            record: NEVER_SET,
+            differing: SettingSet::NONE,
+            mended: false,
+            unwritable: false,
+        };
+        let [first, second] = &mut store.copies;
+        let contents = [
+            first.read(&mut store.flash).await,
+            second.read(&mut store.flash).await,
+        ];
+        store.settle(&contents).await;
+        store
+    }
+
+    /// The settings in force.
+    pub fn settings(&self) -> Settings {
+        self.record.snapshot.settings
+    }
+
+    /// State of the settings.
+    pub fn state(&self) -> SettingsState {
+        SettingsState {
+            set: self.record.snapshot.set,
+            lost: self.record.snapshot.lost,
+            differing: self.differing,
+            mended: self.mended,
+            unwritable: self.unwritable,
+        }
+    }
+
+    /// Changes one setting, in flash first.
+    ///
+    /// # Errors
+    /// The value is out of the setting's range, or the flash fails. The settings in force stay.
+    pub async fn set(&mut self, change: SettingChange) -> Result<Settings, SettingsError> {
+        change.setting.check(change.value)?;
+        // A copy that holds what is in force goes on holding it until the other one does.
+        let first = usize::from(self.holds == [true, false]);
+        self.write(self.record.snapshot.with(change), first).await?;
+        self.differing = self.differing.with(change.setting, false);
+        Ok(self.settings())
+    }
+
+    /// Erases both copies and begins anew: every setting has its default and none is set.
+    ///
+    /// # Errors
+    /// The flash fails. Every setting then has its default, and none is set, until a restart.
+    pub async fn reset(&mut self) -> Result<Settings, SettingsError> {
+        self.record = self.next(Snapshot::NEVER_SET);
+        self.differing = SettingSet::NONE;
+        self.mended = false;
+        self.unwritable = false;
+        for index in 0..self.copies.len() {
+            self.holds[index] = self.erase(index).await && self.append(index, self.record).await;
+            self.unwritable |= !self.holds[index];
+        }
+        if self.unwritable {
+            return Err(NOT_WRITTEN);
+        }
+        Ok(self.settings())
+    }
+
+    /// Decides which settings are in force, and mends the copies.
+    async fn settle(&mut self, contents: &[Content; 2]) {
+        match judge(contents) {
+            Found::NeverSet => {}
+            Found::Lost => self.record.snapshot = Snapshot::lost(),
+            Found::Same(record) => {
+                self.record = record;
+                self.holds = [true; 2];
+            }
+            Found::Mendable {
+                record,
+                differing,
+                newest,
+            } => {
+                self.record = record;
+                self.holds = contents.map(|content| content.ends_with(&record));
+                self.differing = differing;
+                self.mended = true;
+                // A copy that is whole stays so until the other one is. If both are, the newer one is doubtful: a cut
+                // may have left a word of it that reads right now and wrongly at the next start.
+                let first = if contents[1 - newest].is_clean() {
+                    newest
+                } else {
+                    1 - newest
+                };
+                // If this fails, the next change reports it.
+                let _ = self.write(record.snapshot, first).await;
+            }
+        }
+    }
+
+    /// Writes `snapshot` to both copies, beginning with the one at `first`; it is in force then.
+    async fn write(&mut self, snapshot: Snapshot, first: usize) -> Result<(), SettingsError> {
+        for index in 0..self.copies.len() {
+            self.make_room(index).await;
+        }
+        let (before, next) = (self.record.snapshot, self.next(snapshot));
+        for index in [first, 1 - first] {
+            self.holds[index] = false;
+            if self.append(index, next).await {
+                self.record = next;
+                self.holds = [index == 0, index == 1];
+            } else {
+                self.unwritable = true;
+                self.go_back(before, first).await;
+                return Err(NOT_WRITTEN);
+            }
+        }
+        self.holds = [true; 2];
+        self.unwritable = false;
+        Ok(())
+    }
+
+    /// Writes `before` again to the copy at `first`, if that one has a later snapshot, so that a restart finds what is
+    /// in force.
+    async fn go_back(&mut self, before: Snapshot, first: usize) {
+        if self.record.snapshot != before {
+            self.record = self.next(before);
+            self.holds = [false; 2];
+            self.holds[first] = self.append(first, self.record).await;
+        }
+    }
+
+    /// Makes room for a record in the copy at `index`; what is in force is in the other copy meanwhile, and then in
+    /// this one again.
+    async fn make_room(&mut self, index: usize) {
+        if self.copies[index].has_room() {
+            return;
+        }
+        let other = 1 - index;
+        if !self.holds[other] && self.copies[other].has_room() {
+            self.holds[other] = self.append(other, self.record).await;
+        }
+        self.holds[index] = self.erase(index).await && self.append(index, self.record).await;
+    }
+
+    async fn erase(&mut self, index: usize) -> bool {
+        self.copies[index].erase(&mut self.flash).await
+    }
+
+    async fn append(&mut self, index: usize, record: Record) -> bool {
+        self.copies[index].append(&mut self.flash, &record).await
+    }
+
+    fn next(&self, snapshot: Snapshot) -> Record {
+        Record {
+            sequence: self.record.sequence.wrapping_add(1),
+            snapshot,
+        }
+    }
+}
+
+/// State of a store that was never written.
+const NEVER_SET: Record = Record {
+    sequence: 0,
+    snapshot: Snapshot::NEVER_SET,
+};
+
+const NOT_WRITTEN: SettingsError = SettingsError::Flash {
+    operation: FlashOperation::Write,
+};
+
+/// Settings that both copies together show.
+enum Found {
+    /// Nothing was ever written.
+    NeverSet,
+    /// Both copies agree.
+    Same(Record),
+    /// The copies are to be written anew with this record.
+    Mendable {
+        record: Record,
+        /// Settings of it that differed.
+        differing: SettingSet,
+        /// The copy whose last record is the newer one.
+        newest: usize,
+    },
+    /// Nothing can be read.
+    Lost,
+}
+
+fn judge(contents: &[Content; 2]) -> Found {
+    let [first, second] = contents;
+    let mendable = |record, differing, newest| Found::Mendable {
+        record,
+        differing,
+        newest,
+    };
+    let (newest, record) = match (first.newest, second.newest) {
+        (None, None) if first.is_blank() && second.is_blank() => return Found::NeverSet,
+        // The first copy is written first, so cuts during the first change leave the second one blank.
+        (None, None) if second.is_blank() && first.damaged <= MOST_FIRST_CUTS => {
+            return mendable(NEVER_SET, SettingSet::NONE, 0);
+        }
+        (None, None) => return Found::Lost,
+        (Some(record), None) => (0, record),
+        (None, Some(record)) => (1, record),
+        (Some(one), Some(other)) => {
+            // The number may wrap.
+            let ahead = one.sequence.wrapping_sub(other.sequence) as i32;
+            if ahead > 0 || (ahead == 0 && first.is_clean()) {
+                (0, one)
+            } else {
+                (1, other)
+            }
+        }
+    };
+    let is_clean = contents[newest].is_clean();
+    let older = &contents[1 - newest];
+    match older.newest.filter(|_| older.is_clean()) {
+        Some(other) if is_clean && other == record => Found::Same(record),
+        // The copy that ends with the older record shows that no change counted after it.
+        Some(other) => {
+            let (snapshot, differing) = record.snapshot.tightened(&other.snapshot);
+            mendable(Record { snapshot, ..record }, differing, newest)
+        }
+        None if is_clean => mendable(record, SettingSet::NONE, newest),
+        // Both copies may have held a later change.
+        None => {
+            let snapshot = record.snapshot.without_limits();
+            mendable(Record { snapshot, ..record }, SettingSet::NONE, newest)
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! Record of all settings in flash: four flash words with a checksum over all of them.
+
+use crc::{CRC_32_ISO_HDLC, Crc};
+use model_format::link::{Setting, SettingChange, SettingSet, Settings, Tighter};
+
+use crate::flash::WORD_BYTES;
+
+/// Length of a record, in whole flash words.
+pub const RECORD_BYTES: usize = 4 * WORD_BYTES;
+
+const MAGIC: [u8; 4] = *b"HTXC";
+static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
+/// Offset of the values: behind magic, sequence, set, lost and the number of settings, each of four bytes.
+const VALUES: usize = 20;
+/// Offset of the checksum, at the record's end.
+const CHECKSUM: usize = RECORD_BYTES - 4;
+/// Most settings that a record has room for.
+const ROOM: usize = (CHECKSUM - VALUES) / 4;
+
+const _: () = assert!(Setting::ALL.len() <= ROOM);
+
+/// All settings, with those that were set and those that were lost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Snapshot {
+    pub settings: Settings,
+    pub set: SettingSet,
+    pub lost: SettingSet,
+}
+
+/// A snapshot and its number: each change has the number after that of the one before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Record {
+    pub sequence: u32,
+    pub snapshot: Snapshot,
+}
+
+/// Content of the place of a record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    Blank,
+    Record(Record),
+    Damaged,
+}
+
+impl Snapshot {
+    /// Defaults, of which none is set.
+    pub const NEVER_SET: Self = Self {
+        settings: Settings::DEFAULT,
+        set: SettingSet::NONE,
+        lost: SettingSet::NONE,
+    };
+
+    /// Settings of which nothing is known any more.
+    pub fn lost() -> Self {
+        Self {
+            lost: SettingSet::ALL,
+            ..Self::NEVER_SET
+        }
+    }
+
+    /// This snapshot with one setting changed, which is then set and no longer lost. The value is in its range.
+    pub fn with(self, change: SettingChange) -> Self {
+        Self {
+            settings: self.settings.with(change).unwrap_or(self.settings),
+            set: self.set.with(change.setting, true),
+            lost: self.lost.with(change.setting, false),
+        }
+    }
+
+    /// This snapshot, of which a later one with other limits was lost: every limit is lost.
+    pub fn without_limits(self) -> Self {
+        let limits = limits();
+        Self {
+            set: self.set.without(limits),
+            lost: self.lost.or(limits),
+            ..self
+        }
+    }
+
+    /// This snapshot with the tighter one of each limit that `older` has otherwise, and the settings that differed.
+    ///
+    /// A setting that only one of the two has set counts as not set.
+    pub fn tightened(self, older: &Self) -> (Self, SettingSet) {
+        let mut result = self;
+        let mut differing = SettingSet::NONE;
+        for (setting, tighter) in setting_limits() {
+            let values = [self, *older].map(|snapshot| snapshot.settings.get(setting));
+            let sets = [self, *older].map(|snapshot| snapshot.set.contains(setting));
+            if values[0] == values[1] && sets[0] == sets[1] {
+                continue;
+            }
+            let value = tighter.of(values[0], values[1]);
+            let change = SettingChange { setting, value };
+            result.settings = result.settings.with(change).unwrap_or(result.settings);
+            result.set = result.set.with(setting, sets[0] && sets[1]);
+            differing = differing.with(setting, true);
+        }
+        result.lost = self.lost.or(older.lost.and(limits()));
+        (result, differing)
+    }
+}
+
+/// Settings that protect, each with its tighter side.
+fn setting_limits() -> impl Iterator<Item = (Setting, Tighter)> {
+    Setting::ALL
+        .into_iter()
+        .filter_map(|setting| setting.tighter().map(|tighter| (setting, tighter)))
+}
+
+fn limits() -> SettingSet {
+    setting_limits().fold(SettingSet::NONE, |set, (setting, _)| {
+        set.with(setting, true)
+    })
+}
+
+impl Record {
+    /// The record's bytes.
+    pub fn bytes(&self) -> [u8; RECORD_BYTES] {
+        let Snapshot {
+            settings,
+            set,
+            lost,
+        } = &self.snapshot;
+        let count = Setting::ALL.len() as u32;
+        let mut bytes = [0; RECORD_BYTES];
+        bytes[..4].copy_from_slice(&MAGIC);
+        for (word, value) in
+            bytes[4..]
+                .chunks_exact_mut(4)
+                .zip([self.sequence, set.bits(), lost.bits(), count])
+        {
+            word.copy_from_slice(&value.to_le_bytes());
+        }
+        for (word, change) in bytes[VALUES..].chunks_exact_mut(4).zip(settings.iter()) {
+            word.copy_from_slice(&change.value.to_le_bytes());
+        }
+        let crc = CRC.checksum(&bytes[..CHECKSUM]);
+        bytes[CHECKSUM..].copy_from_slice(&crc.to_le_bytes());
+        bytes
+    }
+}
+
+impl Place {
+    /// The content of `bytes`.
+    ///
+    /// A setting that the firmware of the record did not have has its default. A value out of its range, as of a
+    /// firmware with other ranges, is lost.
+    pub fn read(bytes: &[u8; RECORD_BYTES]) -> Self {
+        if bytes.iter().all(|&byte| byte == 0xff) {
+            return Self::Blank;
+        }
+        let word = |at: usize| {
+            let word = bytes[at..at + 4].first_chunk();
+            word.copied().unwrap_or_default()
+        };
+        let number = |at: usize| u32::from_le_bytes(word(at));
+        if bytes[..4] != MAGIC || number(CHECKSUM) != CRC.checksum(&bytes[..CHECKSUM]) {
+            return Self::Damaged;
+        }
+        let mut snapshot = Snapshot {
+            settings: Settings::default(),
+            set: SettingSet::from_bits(number(8)),
+            lost: SettingSet::from_bits(number(12)),
+        };
+        let count = number(16) as usize;
+        for (index, setting) in Setting::ALL.into_iter().enumerate().take(count) {
+            let value = f32::from_le_bytes(word(VALUES + 4 * index));
+            if let Ok(settings) = snapshot.settings.with(SettingChange { setting, value }) {
+                snapshot.settings = settings;
+            } else {
+                snapshot.set = snapshot.set.with(setting, false);
+                snapshot.lost = snapshot.lost.with(setting, true);
+            }
+        }
+        Self::Record(Record {
+            sequence: number(4),
+            snapshot,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn record(sequence: u32, set: u32, lost: u32, share: f32) -> Record {
+        let mut settings = Settings::default();
+        for setting in Setting::ALL {
+            let spec = setting.spec();
+            let value = spec.lowest + (spec.highest - spec.lowest) * share;
+            let value = if spec.whole { value.trunc() } else { value };
+            let change = SettingChange { setting, value };
+            settings = settings.with(change).expect("it is in range");
+        }
+        let snapshot = Snapshot {
+            settings,
+            set: SettingSet::from_bits(set),
+            lost: SettingSet::from_bits(lost),
+        };
+        Record { sequence, snapshot }
+    }
+
+    proptest! {
+        #[test]
+        fn a_record_comes_back_and_a_changed_bit_is_seen(
+            sequence: u32, set: u32, lost: u32, share in 0.0..1.0f32, bit in 0..RECORD_BYTES * 8,
+        ) {
+            let record = record(sequence, set, lost, share);
+            let mut bytes = record.bytes();
+            prop_assert_eq!(Place::read(&bytes), Place::Record(record));
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            prop_assert_eq!(Place::read(&bytes), Place::Damaged);
+        }
+
+        #[test]
+        fn of_two_snapshots_each_limit_is_the_tighter_one(
+            sets: [u32; 2], shares in [0.0..1.0f32, 0.0..1.0f32],
+        ) {
+            let [newer, older] = [0, 1].map(|n| record(1, sets[n], 0, shares[n]).snapshot);
+            let (tight, differing) = newer.tightened(&older);
+            for setting in Setting::ALL {
+                let [a, b, t] = [newer, older, tight].map(|snapshot| snapshot.settings.get(setting));
+                let both = newer.set.contains(setting) && older.set.contains(setting);
+                match setting.tighter() {
+                    Some(Tighter::Lower) => prop_assert_eq!(t, a.min(b)),
+                    Some(Tighter::Higher) => prop_assert_eq!(t, a.max(b)),
+                    None => prop_assert_eq!(t, a),
+                }
+                if setting.tighter().is_some() {
+                    prop_assert_eq!(tight.set.contains(setting), both);
+                    let differs = a != b || newer.set.contains(setting) != older.set.contains(setting);
+                    prop_assert_eq!(differing.contains(setting), differs);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_value_out_of_range_is_lost_and_one_of_an_older_firmware_is_not_there() {
+        let record = record(7, u32::MAX, 0, 0.5);
+        let mut bytes = record.bytes();
+        let at = VALUES + 4 * Setting::HardLimit as usize;
+        bytes[at..at + 4].copy_from_slice(&1e9f32.to_le_bytes());
+        let count = Setting::ALL.len() - 1;
+        bytes[16..20].copy_from_slice(&(count as u32).to_le_bytes());
+        let crc = CRC.checksum(&bytes[..CHECKSUM]);
+        bytes[CHECKSUM..].copy_from_slice(&crc.to_le_bytes());
+        let Place::Record(Record { snapshot, .. }) = Place::read(&bytes) else {
+            panic!("its checksum is right");
+        };
+        assert_eq!(
+            snapshot.lost,
+            SettingSet::NONE.with(Setting::HardLimit, true)
+        );
+        assert!(!snapshot.set.contains(Setting::HardLimit));
+        let newest = Setting::ALL[count];
+        assert_eq!(snapshot.settings.get(newest), newest.spec().default);
+    }
+}

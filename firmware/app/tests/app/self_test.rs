@@ -1,0 +1,157 @@
+//! Measurements of the self test on a device in memory: what is refused, and what is left behind.
+
+use fake_stylus::device::SteppedStylus;
+use fake_stylus::library::{announcement, library};
+use fake_stylus::self_test::BoardOf;
+use model_format::link::{
+    FLASH_TEST_BYTES, MotionSource, PlayError, PlayRequest, Selection, SelfTestError,
+    SelfTestRequest, SelfTestValues, SlotId, SlotState, UploadChunk,
+};
+
+fn measure(
+    stylus: &mut SteppedStylus,
+    request: SelfTestRequest,
+) -> Result<SelfTestValues, SelfTestError> {
+    stylus.request(async |storage, stage| {
+        let mut board = BoardOf::new(stage.clone());
+        storage.self_test(stage, &mut board, request).await
+    })
+}
+
+/// Uploads `bytes` and returns its slot.
+fn upload(stylus: &mut SteppedStylus, bytes: &[u8]) -> SlotId {
+    stylus.request(async |storage, stage| {
+        let begun = storage.upload_begin(stage, announcement(bytes)).await;
+        let slot = begun.expect("a slot is free").slot;
+        for (index, data) in bytes.chunks(512).enumerate() {
+            let offset = index as u32 * 512;
+            let chunk = UploadChunk { offset, data };
+            storage.upload_chunk(stage, chunk).await.expect("it is due");
+        }
+        storage.upload_commit(stage).await.expect("it is valid");
+        slot
+    })
+}
+
+fn slots(stylus: &mut SteppedStylus) -> [SlotState; 2] {
+    stylus.request(async |storage, _| storage.slots().slots)
+}
+
+fn flash(slot: SlotId, erases_library: bool) -> SelfTestRequest {
+    SelfTestRequest::Flash {
+        slot,
+        erases_library,
+    }
+}
+
+fn play() -> PlayRequest {
+    PlayRequest {
+        selection: Selection::Texture("texture 0".try_into().expect("it is short")),
+        gain: 1.0,
+        motion: MotionSource::Host,
+        seed: 1,
+    }
+}
+
+#[test]
+fn a_playing_device_refuses_every_measurement_and_plays_on() {
+    let mut stylus = SteppedStylus::boot();
+    let slot = upload(&mut stylus, &library(1, 20, 1));
+    stylus.request(async |storage, stage| {
+        storage.activate(stage, slot).await.expect("it is valid");
+    });
+    let played = stylus.control.borrow_mut().play(play());
+    assert!(played.is_ok());
+    stylus.run(200);
+    assert!(stylus.sounds());
+    for request in [
+        SelfTestRequest::Chip,
+        SelfTestRequest::OptionBytes,
+        SelfTestRequest::Clocks,
+        SelfTestRequest::ErrorCorrection,
+        SelfTestRequest::Output,
+        SelfTestRequest::Encoder,
+        flash(slot.other(), true),
+    ] {
+        let refused = measure(&mut stylus, request);
+        assert_eq!(refused, Err(SelfTestError::Playing), "{request:?}");
+    }
+    stylus.run(10);
+    assert!(stylus.sounds());
+}
+
+#[test]
+fn nothing_can_be_played_until_a_measurement_has_ended() {
+    let mut stylus = SteppedStylus::boot();
+    let slot = upload(&mut stylus, &library(1, 20, 1));
+    stylus.request(async |storage, stage| {
+        storage.activate(stage, slot).await.expect("it is valid");
+    });
+    let mut refusals = 0;
+    let measured = stylus.request_meanwhile(
+        async |storage, stage| {
+            let mut board = BoardOf::new(stage.clone());
+            let request = flash(slot.other(), false);
+            storage.self_test(stage, &mut board, request).await
+        },
+        |control| {
+            let answer = control.borrow_mut().play(play());
+            refusals += usize::from(answer == Err(PlayError::Busy));
+            control.millisecond_with_motion();
+        },
+    );
+    assert!(measured.is_ok(), "{measured:?}");
+    assert!(refusals > 100, "{refusals}");
+    assert!(stylus.control.borrow_mut().play(play()).is_ok());
+}
+
+#[test]
+fn an_empty_slot_is_empty_again_after_its_flash_was_measured() {
+    let mut stylus = SteppedStylus::boot();
+    let measured = measure(&mut stylus, flash(SlotId::B, false));
+    let Ok(SelfTestValues::Flash(values)) = measured else {
+        panic!("{measured:?}");
+    };
+    assert_eq!((values.not_erased, values.wrong), (0, 0));
+    assert_eq!(values.words, FLASH_TEST_BYTES / 32);
+    assert_eq!(slots(&mut stylus), [SlotState::Empty, SlotState::Empty]);
+    // An upload finds it as before.
+    upload(&mut stylus, &library(1, 20, 1));
+}
+
+#[test]
+fn a_library_is_erased_only_on_request_and_never_the_active_one() {
+    let mut stylus = SteppedStylus::boot();
+    let first = upload(&mut stylus, &library(1, 20, 1));
+    stylus.request(async |storage, stage| {
+        storage.activate(stage, first).await.expect("it is valid");
+    });
+    let second = upload(&mut stylus, &library(1, 21, 2));
+    let before = slots(&mut stylus);
+    let refused = measure(&mut stylus, flash(second, false));
+    assert_eq!(refused, Err(SelfTestError::NotEmpty { slot: second }));
+    let refused = measure(&mut stylus, flash(first, true));
+    assert_eq!(refused, Err(SelfTestError::ActiveSlot { slot: first }));
+    assert_eq!(slots(&mut stylus), before);
+    assert!(measure(&mut stylus, flash(second, true)).is_ok());
+    let after = slots(&mut stylus);
+    assert_eq!(after[first.index()], before[first.index()]);
+    assert!(
+        matches!(after[second.index()], SlotState::Faulty(_)),
+        "{after:?}"
+    );
+}
+
+#[test]
+fn an_upload_under_way_keeps_its_slot() {
+    let mut stylus = SteppedStylus::boot();
+    let bytes = library(1, 20, 1);
+    stylus.request(async |storage, stage| {
+        let begun = storage.upload_begin(stage, announcement(&bytes)).await;
+        begun.expect("a slot is free");
+    });
+    for slot in SlotId::ALL {
+        let refused = measure(&mut stylus, flash(slot, true));
+        assert_eq!(refused, Err(SelfTestError::Uploading));
+    }
+}

@@ -1,0 +1,173 @@
+//! Memory protection: the regions of the processor's MPU (ARM DDI 0403E, B3.5).
+//!
+//! Without it everything that is memory can be executed, address 0 can be written, and a stack that overflows is
+//! noticed by the bus alone: late and without its place, because a store's bus fault is asynchronous (PM0253 section
+//! 2.5.3). A refusal by the MPU is always precise.
+//!
+//! | region | access | memory | reason |
+//! |---|---|---|---|
+//! | all addresses | none | strongly ordered | 1 |
+//! | ITCM | read, execute | normal | code of the tick, copied before |
+//! | null: the first KB | none | strongly ordered | left free in `tick.x`, so that a null pointer faults |
+//! | flash, bank 1 | read, execute | write-back | code; 2 |
+//! | settings in bank 1 | read, write | not cached | 3 |
+//! | flash, bank 2 | read, write | not cached | slots of libraries; 3 |
+//! | identity | read | not cached | serial number and factory calibration (RM0433 chapter 61) |
+//! | DTCM | read, write | normal | stack, data, vectors; 4 |
+//! | AXI SRAM | read, write | write-back | the library that is played |
+//! | SRAM 1 | read, write | not cached, shareable | memory for DMA, which does not see the cache |
+//! | SRAM 4 | read, write | write-back | large values of tasks |
+//! | peripherals | read, write | device | |
+//!
+//! 1. The processor fetches and reads ahead in normal memory, and external memory is normal by default though no
+//!    controller is there (AN4838). A region with an attribute that forbids this is safer than no region. The
+//!    background map is off.
+//! 2. No region is write-through, as bank 1 is by default: a Cortex-M7 can corrupt data in a sequence of stores and
+//!    loads there (ES0392, on the data cache in write-through). Nothing is stored to bank 1, so write-back is never
+//!    dirty.
+//! 3. Stores must reach the bank as they are, and reads must see what was programmed. With the data cache on, erases
+//!    were found unreliable (NuttX issue 7397). The memory is normal, not device, because slices of bytes are read
+//!    unaligned, which device memory refuses (ARM DDI 0403E, A3.2.1). The bank's lock, which is off only while a word
+//!    is programmed, refuses stray stores.
+//! 4. Below it is no region, so the first store of a stack that overflows is refused. TCMs are never cached.
+//!
+//! SRAM 2 and 3, the backup SRAM and the rest of the system memory have no use, so they have no region. The processor's
+//! own registers, from 0xE0000000 on, are not subject to the MPU.
+//!
+//! Handlers of HardFault and NMI run without the MPU (HFNMIENA = 0), so that nothing stops them. MemManage is not
+//! enabled: it arrives as HardFault, with its status.
+
+#[cfg(target_arch = "arm")]
+use cortex_m::peripheral::MPU;
+
+/// Permissions of a region, in the numbers of RASR.AP. Nothing runs unprivileged, so both levels have the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// None.
+    Nothing = 0b000,
+    /// Reads and writes.
+    ReadWrite = 0b011,
+    /// Reads.
+    Read = 0b110,
+}
+
+/// Type of memory (ARM DDI 0403E, table B3-13).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Memory {
+    /// Strongly ordered.
+    StronglyOrdered,
+    /// Device, shareable.
+    Device,
+    /// Normal, not cached.
+    NotCached,
+    /// Normal, not cached, shareable.
+    NotCachedShareable,
+    /// Normal, cached with write-back and allocation at reads and writes.
+    WriteBack,
+}
+
+impl Memory {
+    /// TEX, S, C and B at their places in RASR.
+    const fn bits(self) -> u32 {
+        const B: u32 = 1 << 16;
+        const C: u32 = 1 << 17;
+        const S: u32 = 1 << 18;
+        const TEX_1: u32 = 1 << 19;
+        match self {
+            Self::StronglyOrdered => 0,
+            Self::Device => S | B,
+            Self::NotCached => TEX_1,
+            Self::NotCachedShareable => TEX_1 | S,
+            Self::WriteBack => TEX_1 | C | B,
+        }
+    }
+}
+
+/// A region. Of several around an address, the one that comes last in [`REGIONS`] holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Region {
+    /// First address, a multiple of the length.
+    pub start: u32,
+    /// Binary logarithm of the length in bytes.
+    pub length_log2: u32,
+    /// Permissions.
+    pub access: Access,
+    /// True if instructions may be fetched.
+    pub executable: bool,
+    /// Type of memory.
+    pub memory: Memory,
+}
+
+impl Region {
+    const fn new(start: u32, length_log2: u32, access: Access, memory: Memory) -> Self {
+        Self {
+            start,
+            length_log2,
+            access,
+            executable: false,
+            memory,
+        }
+    }
+
+    const fn of_code(start: u32, length_log2: u32, memory: Memory) -> Self {
+        Self {
+            executable: true,
+            ..Self::new(start, length_log2, Access::Read, memory)
+        }
+    }
+
+    /// Value of the register RASR.
+    pub const fn attributes(&self) -> u32 {
+        const ENABLE: u32 = 1;
+        const XN: u32 = 1 << 28;
+        let never = if self.executable { 0 } else { XN };
+        never
+            | (self.access as u32) << 24
+            | self.memory.bits()
+            | (self.length_log2 - 1) << 1
+            | ENABLE
+    }
+}
+
+/// The regions, see the table above. The part has room for 16 (DS12110 section 3.2).
+pub const REGIONS: [Region; 12] = [
+    Region::new(0, 32, Access::Nothing, Memory::StronglyOrdered),
+    Region::of_code(0x0000_0000, 16, Memory::NotCached),
+    Region::new(0x0000_0000, 10, Access::Nothing, Memory::StronglyOrdered),
+    Region::of_code(0x0800_0000, 20, Memory::WriteBack),
+    Region::new(0x080C_0000, 18, Access::ReadWrite, Memory::NotCached),
+    Region::new(0x0810_0000, 20, Access::ReadWrite, Memory::NotCached),
+    Region::new(0x1FF1_E800, 11, Access::Read, Memory::NotCached),
+    Region::new(0x2000_0000, 17, Access::ReadWrite, Memory::NotCached),
+    Region::new(0x2400_0000, 19, Access::ReadWrite, Memory::WriteBack),
+    Region::new(
+        0x3000_0000,
+        17,
+        Access::ReadWrite,
+        Memory::NotCachedShareable,
+    ),
+    Region::new(0x3800_0000, 16, Access::ReadWrite, Memory::WriteBack),
+    Region::new(0x4000_0000, 29, Access::ReadWrite, Memory::Device),
+];
+
+/// Turns the MPU on. Code has been copied to ITCM before, and the caches are turned on after, so that no line of memory
+/// that is not to be cached is in them.
+#[cfg(target_arch = "arm")]
+#[expect(unsafe_code, reason = "the processor's own registers")]
+pub fn enable(mpu: &mut MPU) {
+    /// Field VALID of RBAR: the write selects the region in its lowest bits (ARM DDI 0403E, B3.5.8).
+    const VALID: u32 = 1 << 4;
+    const ENABLE: u32 = 1;
+    cortex_m::asm::dmb();
+    for (number, region) in (0..).zip(&REGIONS) {
+        // SAFETY: the MPU is off until all regions are set.
+        unsafe {
+            mpu.rbar.write(region.start | VALID | number);
+            mpu.rasr.write(region.attributes());
+        }
+    }
+    // SAFETY: all that the program uses has a region that allows it.
+    unsafe { mpu.ctrl.write(ENABLE) };
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+}

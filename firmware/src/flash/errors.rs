@@ -1,0 +1,59 @@
+//! Errors that the flash's code has corrected or found (RM0433 section 4.3.12).
+//!
+//! The flags in FLASH_SR show that there was one. They are counted here before anything clears them, so several errors
+//! between two looks are one.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use embassy_stm32::pac::FLASH;
+
+/// Counters of one bank.
+struct Counters {
+    corrected: AtomicU32,
+    failed: AtomicU32,
+}
+
+static COUNTERS: [Counters; 2] = [const {
+    Counters {
+        corrected: AtomicU32::new(0),
+        failed: AtomicU32::new(0),
+    }
+}; 2];
+
+/// Number of errors of one bank since the start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Errors {
+    /// Corrected errors.
+    pub corrected: u32,
+    /// Errors that could not be corrected.
+    pub failed: u32,
+}
+
+/// Counts the errors of `bank`, 0 or 1, that its flags show, and clears these flags.
+pub fn take(bank: usize) {
+    let status = FLASH.bank(bank).sr().read();
+    let (corrected, failed) = (status.sneccerr1(), status.dbeccerr());
+    if corrected || failed {
+        FLASH.bank(bank).ccr().write(|w| {
+            w.set_clr_sneccerr(corrected);
+            w.set_clr_dbeccerr(failed);
+        });
+    }
+    let counters = &COUNTERS[bank];
+    for (counter, seen) in [(&counters.corrected, corrected), (&counters.failed, failed)] {
+        // Tasks alone count, so load and store need not be one access.
+        let count = counter.load(Ordering::Relaxed);
+        counter.store(count.saturating_add(u32::from(seen)), Ordering::Relaxed);
+    }
+}
+
+/// Errors of both banks since the start.
+pub fn counts() -> [Errors; 2] {
+    [0, 1].map(|bank| {
+        take(bank);
+        Errors {
+            corrected: COUNTERS[bank].corrected.load(Ordering::Relaxed),
+            failed: COUNTERS[bank].failed.load(Ordering::Relaxed),
+        }
+    })
+}

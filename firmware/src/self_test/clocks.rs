@@ -1,0 +1,127 @@
+//! Clocks, counted against each other: LSI by TIM16, ticks and USB frames by the core's cycle counter.
+
+use cortex_m::peripheral::DWT;
+use embassy_futures::yield_now;
+use embassy_stm32::pac::TIM16;
+use embassy_stm32::pac::timer::vals::CcmrInputCcs;
+use embassy_stm32::{peripherals, rcc};
+use embassy_time::{Duration, Instant};
+use model_format::link::{ClockCount, ClockValues};
+
+use crate::boot::clock::{CORE_HZ, TIMER_HZ};
+use crate::self_test::frames;
+use crate::tick;
+
+/// `TIM16_TISEL`: LSI in place of the pin (RM0433, TIM16 timer input selection register).
+const LOW_SPEED_INPUT: u8 = 1;
+
+/// Periods per capture: an eighth of the edges, about 250 µs apart.
+const PERIODS_PER_CAPTURE: u32 = 8;
+
+/// `IC1PSC` of 11: a capture every eight edges.
+const CAPTURE_PRESCALER: u8 = 3;
+
+/// Captures to count, about a quarter of a second.
+const CAPTURES: u32 = 1_000;
+
+/// Time within which they come, with those that were overwritten.
+const LOW_SPEED_LIMIT: Duration = Duration::from_millis(600);
+
+/// Ticks to count: one second.
+const TICKS: u32 = 5_000;
+
+/// Time within which they come.
+const TICKS_LIMIT: Duration = Duration::from_secs(2);
+
+/// Longest busy wait for an edge of a tick, cycles: two periods.
+const EDGE_CYCLES: u32 = CORE_HZ / 2_500;
+
+/// Counts all clocks.
+pub async fn count() -> ClockValues {
+    let low_speed = low_speed().await;
+    let begin = tick_edge();
+    let usb_frames = frames::count().await;
+    // The cycle counter wraps after ten seconds, so the frames' second may pass meanwhile.
+    let began = Instant::now();
+    let ticks = loop {
+        let (tick, cycle) = tick_edge();
+        let periods = tick.wrapping_sub(begin.0) as u32;
+        // In safe mode there are none.
+        if periods >= TICKS || began.elapsed() > TICKS_LIMIT {
+            break ClockCount {
+                periods,
+                cycles: cycle.wrapping_sub(begin.1).into(),
+            };
+        }
+        // Each look waits for an edge, so the tasks get their turn in between.
+        for _ in 0..16 {
+            yield_now().await;
+        }
+    };
+    ClockValues {
+        core_hz: CORE_HZ,
+        timer_hz: TIMER_HZ,
+        low_speed,
+        usb_frames,
+        ticks,
+    }
+}
+
+/// Waits for the end of a tick; returns its number and the core's cycle.
+fn tick_edge() -> (u64, u32) {
+    let before = tick::now();
+    let begin = DWT::cycle_count();
+    loop {
+        let now = tick::now();
+        let cycle = DWT::cycle_count();
+        if now != before || cycle.wrapping_sub(begin) > EDGE_CYCLES {
+            return (now, cycle);
+        }
+    }
+}
+
+/// Periods of LSI in cycles of TIM16; none if no capture came. TIM16 is off afterwards.
+async fn low_speed() -> Option<ClockCount> {
+    rcc::enable_and_reset::<peripherals::TIM16>();
+    TIM16.arr().write(|w| w.set_arr(u16::MAX));
+    TIM16.tisel().write(|w| w.set_tisel(0, LOW_SPEED_INPUT));
+    TIM16.ccmr_input(0).modify(|w| {
+        // The name is that of channel 4; for channel 1 the code means TI1.
+        w.set_ccs(0, CcmrInputCcs::TI4);
+        w.set_icpsc(0, CAPTURE_PRESCALER);
+    });
+    TIM16.ccer().modify(|w| w.set_cce(0, true));
+    TIM16.cr1().modify(|w| w.set_cen(true));
+    let counted = captures().await;
+    rcc::disable::<peripherals::TIM16>();
+    (counted.periods > 0).then_some(counted)
+}
+
+/// Sums the distances of successive captures. A distance in which a capture was overwritten is left out.
+async fn captures() -> ClockCount {
+    let begin = Instant::now();
+    let mut counted = ClockCount {
+        periods: 0,
+        cycles: 0,
+    };
+    let mut before: Option<u16> = None;
+    while counted.periods < CAPTURES * PERIODS_PER_CAPTURE && begin.elapsed() < LOW_SPEED_LIMIT {
+        let status = TIM16.sr().read();
+        if !status.ccif(0) {
+            yield_now().await;
+            continue;
+        }
+        // Reading the capture clears its flag; a zero clears that of an overwritten one (RM0433, TIM16_SR).
+        let capture = TIM16.ccr(0).read().ccr();
+        let overwritten = TIM16.sr().read().ccof(0);
+        TIM16.sr().modify(|w| w.set_ccof(0, false));
+        if let Some(before) = before
+            && !overwritten
+        {
+            counted.periods += PERIODS_PER_CAPTURE;
+            counted.cycles += u64::from(capture.wrapping_sub(before));
+        }
+        before = (!overwritten).then_some(capture);
+    }
+    counted
+}

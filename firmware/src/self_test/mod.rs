@@ -1,0 +1,61 @@
+//! Measurements of the self test, as `stylus_app::self_test` asks for them.
+//!
+//! All of it runs in the storage's task, a few microseconds between two yields at most. Nothing here stops the tick or
+//! touches its converter. What a measurement changes it puts back before it ends, whatever the host does meanwhile.
+
+mod chip;
+mod clocks;
+mod frames;
+pub mod memory;
+mod output;
+mod read_back;
+
+use embassy_stm32::pac::{GPIOA, GPIOC};
+use embassy_time::Instant;
+use model_format::link::{
+    ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, OptionByteValues, OutputValues,
+    SelfTestError,
+};
+use stylus_app::self_test::Bench;
+
+use crate::tick::inputs;
+
+/// The hardware that is measured.
+pub struct Measured;
+
+impl Bench for Measured {
+    fn chip(&self) -> ChipValues {
+        chip::identity()
+    }
+
+    fn option_bytes(&self) -> OptionByteValues {
+        chip::option_bytes()
+    }
+
+    fn error_correction(&self) -> ErrorCorrectionValues {
+        memory::errors()
+    }
+
+    /// The lines are PA6 and PC7; an input register shows a pin's level whatever its function (RM0433 section 11.3.1).
+    fn encoder(&self) -> EncoderValues {
+        EncoderValues {
+            count: inputs::encoder_count(),
+            levels: [
+                GPIOA.idr().read().0 >> 6 & 1 != 0,
+                GPIOC.idr().read().0 >> 7 & 1 != 0,
+            ],
+        }
+    }
+
+    async fn clocks(&mut self) -> ClockValues {
+        clocks::count().await
+    }
+
+    async fn output(&mut self) -> Result<OutputValues, SelfTestError> {
+        output::measure().await
+    }
+
+    fn now_us(&self) -> u32 {
+        Instant::now().as_micros() as u32
+    }
+}

@@ -1,0 +1,137 @@
+//! ADC2, which reads the output's own pin: PA4 is DAC1_OUT1 and INP18 of both ADC1 and ADC2 (DS12110, pin definitions).
+//!
+//! ADC1 converts for the tick, so it is left alone. ADC2 shares its clock, which is on, and the reset of both, which is
+//! therefore not used. The converter is in deep power-down before and after.
+
+use cortex_m::asm;
+use cortex_m::peripheral::DWT;
+use embassy_futures::yield_now;
+use embassy_stm32::pac::ADC2;
+use embassy_stm32::pac::adc::vals::{Adcaldif, Boost, Difsel, Exten, Ovrmod, Pcsel, SampleTime};
+use embassy_time::{Duration, Instant};
+use model_format::link::SelfTestError;
+
+use crate::boot::clock::CORE_HZ;
+
+/// Channel of PA4.
+const CHANNEL: usize = 18;
+
+/// Bound of the waits for the converter, of which the longest, a calibration, takes 165 010 of its cycles, 13 ms.
+const LIMIT: Duration = Duration::from_millis(100);
+
+/// Bound of a conversion, cycles of the core: many times the 73 cycles of the converter.
+const CONVERSION_CYCLES: u32 = CORE_HZ / 10_000;
+
+/// The converter, calibrated and enabled; dropped, it is in deep power-down again.
+pub struct ReadBack(());
+
+/// A failure of the converter.
+fn fault(what: &'static str) -> SelfTestError {
+    SelfTestError::Hardware {
+        // Fits.
+        what: what.try_into().unwrap_or_default(),
+    }
+}
+
+async fn becomes(is_there: impl Fn() -> bool, what: &'static str) -> Result<(), SelfTestError> {
+    let begin = Instant::now();
+    while !is_there() {
+        if begin.elapsed() > LIMIT {
+            return Err(fault(what));
+        }
+        yield_now().await;
+    }
+    Ok(())
+}
+
+impl ReadBack {
+    /// Wakes, calibrates and enables the converter (RM0433 sections 25.4.6 to 25.4.9).
+    ///
+    /// # Errors
+    /// It does not answer in time.
+    pub async fn start() -> Result<Self, SelfTestError> {
+        // From here on a failure puts it back to sleep.
+        let read_back = Self(());
+        ADC2.cr().modify(|w| {
+            w.set_deeppwd(false);
+            // That of 12.5 to 25 MHz, on whose border its clock lies.
+            w.set_boost(Boost::LT25);
+        });
+        ADC2.cr().modify(|w| w.set_advregen(true));
+        becomes(
+            || ADC2.isr().read().ldordy(),
+            "ADC2's regulator does not become ready",
+        )
+        .await?;
+        ADC2.difsel()
+            .modify(|w| w.set_difsel(CHANNEL, Difsel::SINGLE_ENDED));
+        ADC2.cr().modify(|w| {
+            w.set_adcaldif(Adcaldif::SINGLE_ENDED);
+            w.set_adcallin(true);
+        });
+        ADC2.cr().modify(|w| w.set_adcal(true));
+        becomes(
+            || !ADC2.cr().read().adcal(),
+            "ADC2's calibration does not end",
+        )
+        .await?;
+        ADC2.isr().write(|w| w.set_adrdy(true));
+        ADC2.cr().modify(|w| w.set_aden(true));
+        becomes(|| ADC2.isr().read().adrdy(), "ADC2 does not become ready").await?;
+        ADC2.cfgr().modify(|w| {
+            w.set_cont(false);
+            w.set_exten(Exten::DISABLED);
+            w.set_ovrmod(Ovrmod::OVERWRITE);
+        });
+        ADC2.pcsel()
+            .write(|w| w.set_pcsel(CHANNEL, Pcsel::PRESELECTED));
+        ADC2.sqr1().write(|w| w.set_sq(0, CHANNEL as u8));
+        read_back.sample_for(SampleTime::CYCLES64_5);
+        Ok(read_back)
+    }
+
+    /// Sets the sampling time.
+    pub fn sample_for(&self, time: SampleTime) {
+        ADC2.smpr(1).modify(|w| w.set_smp(CHANNEL - 10, time));
+    }
+
+    /// Orders a conversion.
+    #[inline(always)]
+    pub fn order(&self) {
+        ADC2.cr().modify(|w| w.set_adstart(true));
+    }
+
+    /// Waits for the word of the conversion that was ordered.
+    ///
+    /// # Errors
+    /// It does not come.
+    pub fn word(&self) -> Result<u16, SelfTestError> {
+        let begin = DWT::cycle_count();
+        while !ADC2.isr().read().eoc() {
+            if DWT::cycle_count().wrapping_sub(begin) > CONVERSION_CYCLES {
+                return Err(fault("ADC2 does not convert"));
+            }
+        }
+        // Reading clears the flag (RM0433 section 25.6.1).
+        Ok(ADC2.dr().read().rdata())
+    }
+}
+
+impl Drop for ReadBack {
+    /// Disables the converter, which is idle within a conversion's time, and puts it to sleep.
+    fn drop(&mut self) {
+        let begin = DWT::cycle_count();
+        let waited = || DWT::cycle_count().wrapping_sub(begin) > CONVERSION_CYCLES;
+        while ADC2.cr().read().adstart() && !waited() {
+            asm::nop();
+        }
+        if ADC2.cr().read().aden() {
+            ADC2.cr().modify(|w| w.set_addis(true));
+            while ADC2.cr().read().aden() && !waited() {
+                asm::nop();
+            }
+        }
+        ADC2.cr().modify(|w| w.set_advregen(false));
+        ADC2.cr().modify(|w| w.set_deeppwd(true));
+    }
+}

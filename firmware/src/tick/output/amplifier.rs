@@ -1,0 +1,67 @@
+//! The amplifier's enable: PE9, active high.
+//!
+//! In every reset the pin floats, so a pull-down on the board must hold it low. `boot/startup.rs` drives it low before
+//! anything else runs. It is raised last, after mid-scale has been put out for a while (`tick/raising.rs`), and dropped
+//! first at every end.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+
+use embassy_stm32::pac::{GPIOE, RCC};
+
+/// The pin's number in port E.
+const PIN: usize = 9;
+
+/// True while the amplifier is to be on.
+static WANTED: AtomicBool = AtomicBool::new(false);
+
+/// True while the amplifier is on.
+static ON: AtomicBool = AtomicBool::new(false);
+
+/// Lets the amplifier be on: it is raised as soon as mid-scale has been put out long enough. Until then the output is
+/// mute.
+pub fn enable() {
+    WANTED.store(true, Ordering::Relaxed);
+}
+
+/// Sets the amplifier off at once, until [`enable`].
+pub fn disable() {
+    WANTED.store(false, Ordering::Relaxed);
+    off_now();
+}
+
+/// Returns true while the amplifier is to be on, from [`enable`] to [`disable`].
+pub fn is_wanted() -> bool {
+    WANTED.load(Ordering::Relaxed)
+}
+
+/// Returns true while the amplifier is on.
+#[inline(always)]
+pub fn is_on() -> bool {
+    ON.load(Ordering::Relaxed)
+}
+
+/// Returns true while the amplifier is to be on and is not yet.
+#[inline(always)]
+pub fn is_to_be_raised() -> bool {
+    WANTED.load(Ordering::Relaxed) && !ON.load(Ordering::Relaxed)
+}
+
+/// Sets the amplifier on if it is still to be on. The output must be driven at mid-scale.
+pub fn raise() {
+    critical_section::with(|_| {
+        if WANTED.load(Ordering::Relaxed) {
+            ON.store(true, Ordering::Relaxed);
+            GPIOE.bsrr().write(|w| w.set_bs(PIN, true));
+        }
+    });
+}
+
+/// Sets the amplifier off, whatever state the program is in.
+#[inline(always)]
+pub fn off_now() {
+    // A fault may come before the clock is on.
+    RCC.ahb4enr().modify(|w| w.set_gpioeen(true));
+    let _ = RCC.ahb4enr().read();
+    GPIOE.bsrr().write(|w| w.set_br(PIN, true));
+    ON.store(false, Ordering::Relaxed);
+}

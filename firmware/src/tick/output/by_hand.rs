@@ -1,0 +1,83 @@
+//! The output, moved by hand for the self test, with the amplifier disabled.
+//!
+//! The codes go the way of all codes: the tick writes them into the ring, so they end by themselves when ticks end. The
+//! tick takes them only while the amplifier is off. A new code begins in the middle of a tick's codes, when no handler
+//! runs that would delay a look at it.
+
+use core::sync::atomic::{AtomicI32, Ordering};
+
+use model_format::DacCode;
+use stylus_app::safety::OVERSAMPLING;
+
+use crate::tick::output::{amplifier, is_out};
+
+/// Value of [`CODE`] while nobody moves the output.
+const NOBODY: i32 = i32::MIN;
+
+/// The code, steps from mid-scale, or [`NOBODY`].
+static CODE: AtomicI32 = AtomicI32::new(NOBODY);
+
+/// The code of the tick before, steps from mid-scale. The tick alone uses it.
+static BEFORE: AtomicI32 = AtomicI32::new(0);
+
+/// Returns true while the output is moved by hand.
+#[inline(always)]
+pub fn is_held() -> bool {
+    CODE.load(Ordering::Relaxed) != NOBODY
+}
+
+/// The codes to put out in place of `codes`, which have passed the safety stages.
+#[inline(always)]
+pub fn instead_of(codes: [DacCode; OVERSAMPLING]) -> [DacCode; OVERSAMPLING] {
+    let code = CODE.load(Ordering::Relaxed);
+    if code == NOBODY || amplifier::is_on() {
+        BEFORE.store(0, Ordering::Relaxed);
+        return codes;
+    }
+    let before = BEFORE.load(Ordering::Relaxed);
+    BEFORE.store(code, Ordering::Relaxed);
+    let [before, code] = [before, code].map(DacCode::from_mid_scale);
+    core::array::from_fn(|place| {
+        if place < OVERSAMPLING / 2 {
+            before
+        } else {
+            code
+        }
+    })
+}
+
+/// The right to move the output. Dropped, the tick has the output again, and the amplifier is enabled if it was.
+pub struct ByHand {
+    was_wanted: bool,
+}
+
+impl ByHand {
+    /// Disables the amplifier and takes the output, which is at rest.
+    pub fn take() -> Self {
+        let was_wanted = amplifier::is_wanted();
+        amplifier::disable();
+        CODE.store(0, Ordering::Relaxed);
+        Self { was_wanted }
+    }
+
+    /// Sets the code, which is on the pin within three ticks.
+    pub fn set(&self, code: DacCode) {
+        let middle = i32::from(DacCode::MID_SCALE.get());
+        CODE.store(i32::from(code.get()) - middle, Ordering::Relaxed);
+    }
+
+    /// Returns true if `code` is on the pin.
+    #[inline(always)]
+    pub fn is_out(&self, code: DacCode) -> bool {
+        is_out(code)
+    }
+}
+
+impl Drop for ByHand {
+    fn drop(&mut self) {
+        CODE.store(NOBODY, Ordering::Relaxed);
+        if self.was_wanted {
+            amplifier::enable();
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! `stylus selftest`
+
+use std::path::PathBuf;
+
+use host_tools::link::self_test::record::Record;
+use host_tools::link::self_test::{self, Options, Step, Verdict};
+use host_tools::link::{Device, LinkAddress, LinkError, Timeouts};
+use host_tools::support::error::{Error, Result};
+use model_format::link::SlotId;
+
+use super::connection::Link;
+use super::live_line::live_line;
+use super::slot::Slot;
+use crate::cli::input::positive;
+use crate::cli::output::{print, print_json};
+use crate::cli::table::table;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Duration of the traffic on the link, in seconds
+    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 30.0)]
+    seconds: f64,
+    /// Leave the sensors out, because none are connected
+    #[arg(long)]
+    bare: bool,
+    /// Test the encoder too, while you move the tool in one direction when asked
+    #[arg(long = "move", conflicts_with = "bare")]
+    moves: bool,
+    /// Slot whose library may be erased to test the flash, where no slot is empty
+    #[arg(long, value_name = "SLOT", value_enum, ignore_case = true)]
+    use_slot: Option<Slot>,
+    /// Address of a second link to the same stylus, to test its traffic too
+    #[arg(long, value_name = "LINK")]
+    also: Option<LinkAddress>,
+    /// File of the record, or folder for a file named by serial number and date
+    #[arg(long, value_name = "PATH", default_value = ".")]
+    record: PathBuf,
+    /// Print the record as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let device = arguments.link.connect()?;
+    let also = (arguments.also.as_ref())
+        .map(|address| other(address, device.info().serial.as_str()))
+        .transpose()?;
+    let options = Options {
+        traffic_s: arguments.seconds,
+        sensors: !arguments.bare,
+        moves: arguments.moves,
+        erasable: arguments.use_slot.map(SlotId::from),
+    };
+    eprintln!("the amplifier must be off; the output is moved while its pin is read back");
+    let line = live_line("self test");
+    let mut lines = self_test::run(&device, &options, |step| {
+        let words = words(step, arguments.seconds);
+        line.set_message(words.clone());
+        if matches!(step, Step::Move) {
+            line.suspend(|| eprintln!("{words}"));
+        }
+    })?;
+    if let Some(also) = &also {
+        lines.extend(self_test::other_link(also, arguments.seconds)?);
+    }
+    line.finish_and_clear();
+    let record = Record::new(device.info(), lines);
+    let path = record.write(&arguments.record)?;
+    if arguments.json {
+        print_json(&record)?;
+    } else {
+        print(&text(&record))?;
+        print(&format!("record: {}", path.display()))?;
+    }
+    match record.failed {
+        0 => Ok(()),
+        failed => Err(Error::Request(format!(
+            "{failed} of {} lines fail: see what to do beside each",
+            record.lines.len()
+        ))),
+    }
+}
+
+/// Opens a second link to the device with this serial number.
+fn other(address: &LinkAddress, serial: &str) -> Result<Device> {
+    let device = Device::connect(address, Timeouts::default())?;
+    if device.info().serial.as_str() != serial {
+        return Err(LinkError::NotVerified {
+            link: address.to_string(),
+            what: format!(
+                "this is device {}, not {serial}: name a second link to the same device",
+                device.info().serial
+            ),
+        }
+        .into());
+    }
+    Ok(device)
+}
+
+fn words(step: Step, seconds: f64) -> String {
+    match step {
+        Step::Measuring(what) => format!("measuring: {what}"),
+        Step::Rest => "leave the tool alone".to_owned(),
+        Step::Move => "move the tool in one direction now, for five seconds".to_owned(),
+        Step::Traffic => format!("traffic on the link for {seconds:.0} s"),
+    }
+}
+
+/// The lines as a table, each remedy below its line.
+fn text(record: &Record) -> String {
+    let cells: Vec<Vec<String>> = (record.lines.iter())
+        .map(|line| {
+            vec![
+                line.name.clone(),
+                line.value.clone(),
+                line.limits.clone(),
+                line.verdict.to_string(),
+                line.remedy.clone(),
+            ]
+        })
+        .collect();
+    let mut text = table(
+        &["what", "value", "limits", "verdict", "what to do"],
+        &cells,
+    );
+    let bad: Vec<&str> = (record.lines.iter())
+        .filter(|line| line.verdict == Verdict::Fail)
+        .map(|line| line.name.as_str())
+        .collect();
+    text.push_str(&format!(
+        "\n{} {}: {} pass, {} fail, {} not measured",
+        record.device.product,
+        record.device.serial,
+        record.passed,
+        record.failed,
+        record.not_measured
+    ));
+    if !bad.is_empty() {
+        text.push_str(&format!("\nfails: {}", bad.join(", ")));
+    }
+    text
+}

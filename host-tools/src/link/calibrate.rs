@@ -1,0 +1,366 @@
+//! Calibration of a stylus: the coil's measured values, checked against each other, and the zero codes of its sensors,
+//! measured at rest.
+//!
+//! The device cannot measure its coil, because it has no current sense. So resistance, amplifier gain and power limit
+//! are measured by a person, and [`Coil`] says what follows from them. The sensors' codes without force and
+//! acceleration are measured by the device itself, with their noise, and measured again after they were set.
+
+use model_format::link::{Activity, RAIL_CODES, RecordSample, Setting, SettingChange, Settings};
+
+use super::capture::{Calibration, Capture, capture};
+use super::device::Device;
+use super::error::Result;
+
+/// Standard gravity, m/s².
+const GRAVITY: f64 = 9.806_65;
+/// Largest share by which the gravity that an accelerometer measures may be off, because of its scales.
+const GRAVITY_TOLERANCE: f64 = 0.1;
+/// Largest standard deviation of a sensor at rest, codes: 10 mV of 3.3 V.
+const MOST_NOISE: f64 = 200.0;
+/// Largest change of a sensor's mean during a measurement, codes: 5 mV.
+const MOST_DRIFT: f64 = 100.0;
+/// Largest change of the encoder's count at rest.
+const MOST_COUNTS: i64 = 2;
+
+/// Values of a coil and its amplifier, as a person has measured them.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Coil {
+    /// Resistance of the coil, Ω.
+    pub resistance: f32,
+    /// Voltage at the coil per voltage at the DAC, V/V.
+    pub amplifier_gain: f32,
+    /// Power that the coil bears continuously, W.
+    pub power_limit: f32,
+    /// Largest voltage at the DAC to either side of mid-scale, V.
+    pub hard_limit: f32,
+}
+
+impl Coil {
+    /// The settings of the coil.
+    pub fn changes(&self) -> [SettingChange; 4] {
+        [
+            (Setting::CoilResistance, self.resistance),
+            (Setting::AmplifierGain, self.amplifier_gain),
+            (Setting::PowerLimit, self.power_limit),
+            (Setting::HardLimit, self.hard_limit),
+        ]
+        .map(|(setting, value)| SettingChange { setting, value })
+    }
+
+    /// Voltage at the coil at the hard limit, V.
+    pub fn peak_volts(&self) -> f64 {
+        f64::from(self.hard_limit) * f64::from(self.amplifier_gain)
+    }
+
+    /// Current in the coil at the hard limit, A.
+    pub fn peak_amperes(&self) -> f64 {
+        self.peak_volts() / f64::from(self.resistance)
+    }
+
+    /// Power in the coil at the hard limit, W.
+    pub fn peak_watts(&self) -> f64 {
+        self.peak_volts() * self.peak_amperes()
+    }
+
+    /// Hard limit at which a constant output has the power limit, V.
+    pub fn hard_limit_of_power(&self) -> f64 {
+        (f64::from(self.power_limit) * f64::from(self.resistance)).sqrt()
+            / f64::from(self.amplifier_gain)
+    }
+
+    /// Consequences of the values, one line each.
+    pub fn summary(&self) -> Vec<String> {
+        let mut lines = vec![format!(
+            "at the hard limit: {:.2} V, {:.0} mA, {:.3} W in {} Ω",
+            self.peak_volts(),
+            1e3 * self.peak_amperes(),
+            self.peak_watts(),
+            self.resistance
+        )];
+        lines.push(if self.peak_watts() > f64::from(self.power_limit) {
+            format!(
+                "that is {:.1} x the power limit of {} W: the thermal limiter has to hold it back; a hard limit of \
+                 {:.3} V cannot exceed it",
+                self.peak_watts() / f64::from(self.power_limit),
+                self.power_limit,
+                self.hard_limit_of_power()
+            )
+        } else {
+            format!("the power limit of {} W is never reached", self.power_limit)
+        });
+        lines
+    }
+}
+
+/// Sensors at rest, in codes: axes X, Y, Z of the accelerometer, and force.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct AtRest {
+    /// Mean codes.
+    pub mean: [f64; 4],
+    /// Standard deviations.
+    pub deviation: [f64; 4],
+    /// Mean of the second half less that of the first.
+    pub drift: [f64; 4],
+    /// Change of the encoder's count.
+    pub counts: i64,
+}
+
+/// Names of the sensors, in the order of [`AtRest`].
+const SENSORS: [&str; 4] = [
+    "acceleration X",
+    "acceleration Y",
+    "acceleration Z",
+    "force",
+];
+
+impl AtRest {
+    /// Measures a stylus at rest for `seconds`; none if `goes_on` returned false before.
+    ///
+    /// # Errors
+    /// A lost link, something that is played, or a recording with holes.
+    pub fn measure(
+        device: &Device,
+        seconds: f64,
+        goes_on: impl FnMut() -> bool,
+    ) -> Result<Option<Self>> {
+        if device.status()?.output.activity != Activity::Idle {
+            let what =
+                "something is played, and a calibration is for a stylus at rest: stop it first";
+            return Err(device.not_verified(what.to_owned()));
+        }
+        let captured = capture(device, seconds, 0.1, goes_on, |_, _, _| ())?;
+        Ok(captured.map(|Capture { samples, .. }| Self::of(&samples)))
+    }
+
+    /// The means of `samples`, which are two or more.
+    pub fn of(samples: &[RecordSample]) -> Self {
+        let mut at_rest = Self {
+            counts: samples.iter().map(|s| i64::from(s.encoder_delta)).sum(),
+            ..Self::default()
+        };
+        for sensor in 0..SENSORS.len() {
+            let codes: Vec<f64> = samples
+                .iter()
+                .map(|sample| {
+                    let code = sample.acceleration.get(sensor).unwrap_or(&sample.force);
+                    f64::from(code.0)
+                })
+                .collect();
+            let mean = |codes: &[f64]| codes.iter().sum::<f64>() / codes.len().max(1) as f64;
+            let whole = mean(&codes);
+            let squares: Vec<f64> = codes.iter().map(|code| (code - whole).powi(2)).collect();
+            let (first, second) = codes.split_at(codes.len() / 2);
+            at_rest.mean[sensor] = whole;
+            at_rest.deviation[sensor] = mean(&squares).sqrt();
+            at_rest.drift[sensor] = mean(second) - mean(first);
+        }
+        at_rest
+    }
+
+    /// Reasons for which this is no measurement of the force, or of all sensors, with their remedies.
+    pub fn faults(&self, is_force_alone: bool) -> Vec<String> {
+        let mut faults = Vec::new();
+        if self.counts.abs() > MOST_COUNTS {
+            faults.push(format!(
+                "the encoder moved by {} counts: hold the stylus still",
+                self.counts
+            ));
+        }
+        let rail = f64::from(RAIL_CODES);
+        for (sensor, name) in SENSORS.into_iter().enumerate() {
+            if is_force_alone && sensor != 3 {
+                continue;
+            }
+            let (mean, deviation, drift) = (
+                self.mean[sensor],
+                self.deviation[sensor],
+                self.drift[sensor],
+            );
+            if mean < rail || mean > f64::from(u16::MAX) - rail {
+                faults.push(format!(
+                    "{name} is at a rail of the converter, code {mean:.0}: check its wiring, its supply and its zero"
+                ));
+            } else if deviation > MOST_NOISE {
+                faults.push(format!(
+                    "{name} has a noise of {deviation:.0} codes, more than {MOST_NOISE}: hold the stylus still, and \
+                     check its wiring"
+                ));
+            } else if drift.abs() > MOST_DRIFT {
+                faults.push(format!(
+                    "{name} drifted by {drift:.0} codes: wait until it is steady, and hold the stylus still"
+                ));
+            }
+        }
+        faults
+    }
+
+    /// The setting of the force's zero by this measurement.
+    pub fn force_zero(&self) -> SettingChange {
+        zero(Setting::ForceZero, self.mean[3])
+    }
+}
+
+/// The settings of the accelerometer's zeros by measurements in a pose and in the opposite one, so that gravity
+/// cancels.
+///
+/// # Errors
+/// Half the difference of the two is not gravity, so that the poses are not opposite or the scales are wrong; in words.
+pub fn acceleration_zeros(
+    pose: &AtRest,
+    opposite: &AtRest,
+    settings: &Settings,
+) -> std::result::Result<[SettingChange; 3], String> {
+    let scale = Calibration::new(settings, None).m_s2_per_code;
+    let along = |axis: usize| 0.5 * (pose.mean[axis] - opposite.mean[axis]) * scale[axis];
+    let gravity = (0..3).map(|axis| along(axis).powi(2)).sum::<f64>().sqrt();
+    if (gravity / GRAVITY - 1.0).abs() > GRAVITY_TOLERANCE {
+        return Err(format!(
+            "the two poses differ by a gravity of {gravity:.2} m/s² instead of {GRAVITY:.2}: turn the stylus exactly \
+             upside down, and check acceleration-per-volt-x, -y and -z"
+        ));
+    }
+    let settings = [
+        Setting::AccelerationZeroX,
+        Setting::AccelerationZeroY,
+        Setting::AccelerationZeroZ,
+    ];
+    let mean = |axis: usize| f64::midpoint(pose.mean[axis], opposite.mean[axis]);
+    Ok([0, 1, 2].map(|axis| zero(settings[axis], mean(axis))))
+}
+
+fn zero(setting: Setting, mean: f64) -> SettingChange {
+    SettingChange {
+        setting,
+        value: mean.round() as f32,
+    }
+}
+
+/// Sets `changes`, and verifies by the device's status that each counts as set.
+///
+/// # Errors
+/// A refusal, another value read back, or a setting that the device does not count as set.
+pub fn store(device: &Device, changes: &[SettingChange]) -> Result<Settings> {
+    for &change in changes {
+        device.set(change)?;
+    }
+    let (settings, state) = (device.settings()?, device.status()?.settings);
+    for change in changes {
+        let found = settings.get(change.setting);
+        if found != change.value || !state.set.contains(change.setting) {
+            return Err(device.not_verified(format!(
+                "{} was set to {}, but the device has {found}, {}: calibrate again",
+                change.setting,
+                change.value,
+                if state.set.contains(change.setting) {
+                    "set"
+                } else {
+                    "not set"
+                }
+            )));
+        }
+    }
+    Ok(settings)
+}
+
+/// Measures the force again, and verifies that it is zero.
+///
+/// # Errors
+/// A lost link, or a force whose mean is further from the zero than its noise and the drift of a measurement allow.
+pub fn verify(device: &Device, seconds: f64) -> Result<AtRest> {
+    let settings = device.settings()?;
+    let Some(again) = AtRest::measure(device, seconds, || true)? else {
+        return Err(device.not_verified("nothing was measured: calibrate again".to_owned()));
+    };
+    let off = again.mean[3] - f64::from(settings.force_zero().0);
+    if off.abs() > again.deviation[3] + MOST_DRIFT {
+        return Err(device.not_verified(format!(
+            "the force is {off:.0} codes from the zero that was just set: hold the stylus still in the air, then \
+             calibrate again"
+        )));
+    }
+    Ok(again)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_format::AdcCode;
+
+    fn samples(codes: [u16; 4], noise: u16, step: i16) -> Vec<RecordSample> {
+        (0..1000u16)
+            .map(|n| {
+                let [x, y, z, force] = codes.map(|code| AdcCode(code + n % (noise + 1)));
+                RecordSample {
+                    acceleration: [x, y, z],
+                    force,
+                    encoder_delta: step,
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_stylus_at_rest_has_no_fault_and_each_disturbance_is_named() {
+        let quiet = AtRest::of(&samples([32_768, 32_000, 33_000, 4_096], 9, 0));
+        assert_eq!(quiet.faults(false), Vec::<String>::new());
+        assert!((quiet.mean[3] - 4_100.5).abs() < 1e-9 && quiet.deviation[3] < 3.0);
+        for (codes, noise, step, words) in [
+            ([32_768, 32_000, 33_000, 3], 9, 0, "force is at a rail"),
+            (
+                [32_768, 65_520, 33_000, 4_096],
+                9,
+                0,
+                "acceleration Y is at a rail",
+            ),
+            ([32_768, 32_000, 33_000, 4_096], 900, 0, "noise of"),
+            ([32_768, 32_000, 33_000, 4_096], 9, 1, "encoder moved"),
+        ] {
+            let faults = AtRest::of(&samples(codes, noise, step)).faults(false);
+            assert!(
+                faults.iter().any(|fault| fault.contains(words)),
+                "{faults:?}"
+            );
+        }
+        let mut drifting = samples([32_768, 32_000, 33_000, 4_096], 9, 0);
+        for (n, sample) in drifting.iter_mut().enumerate() {
+            sample.force = AdcCode(4_096 + n as u16 / 2);
+        }
+        let faults = AtRest::of(&drifting).faults(true);
+        assert!(faults[0].contains("force drifted"), "{faults:?}");
+    }
+
+    #[test]
+    fn gravity_cancels_in_opposite_poses_and_other_poses_are_refused() {
+        let settings = Settings::default();
+        let scale = Calibration::new(&settings, None).m_s2_per_code;
+        let at = |gravity: [f64; 3]| AtRest {
+            mean: [0, 1, 2, 3].map(|sensor| match sensor {
+                3 => 4_000.0,
+                axis => 32_000.0 + 100.0 * axis as f64 + gravity[axis] / scale[axis],
+            }),
+            ..AtRest::default()
+        };
+        let (pose, opposite) = (at([3.0, -9.0, 2.5]), at([-3.0, 9.0, -2.5]));
+        let zeros = acceleration_zeros(&pose, &opposite, &settings).expect("they are opposite");
+        assert_eq!(
+            zeros.map(|change| change.value),
+            [32_000.0, 32_100.0, 32_200.0]
+        );
+        let refused = acceleration_zeros(&pose, &pose, &settings);
+        assert!(refused.is_err_and(|words| words.contains("gravity of 0.00")));
+    }
+
+    #[test]
+    fn the_figures_of_a_coil_are_those_of_ohms_law() {
+        let coil = Coil {
+            resistance: 8.0,
+            amplifier_gain: 10.0,
+            power_limit: 0.5,
+            hard_limit: 0.5,
+        };
+        assert!((coil.peak_amperes() - 0.625).abs() < 1e-6);
+        assert!((coil.peak_watts() - 3.125).abs() < 1e-6);
+        assert!((coil.hard_limit_of_power() - 0.2).abs() < 1e-6);
+        assert!(coil.summary()[1].contains("6.2 x") || coil.summary()[1].contains("6.3 x"));
+    }
+}

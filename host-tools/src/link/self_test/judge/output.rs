@@ -1,0 +1,170 @@
+//! The output's pin, read back by a converter.
+
+use model_format::link::{
+    CONVERSIONS_PER_CODE, OUTPUT_CODE_STEP, OUTPUT_CODES, OutputValues, STEP_CODES,
+    STEP_INSTANT_CYCLES, STEP_INSTANTS, output_code,
+};
+
+use crate::link::self_test::line::Line;
+
+/// Words of the converter's 16 bits per code of the output's 12.
+const WORDS_PER_CODE: f64 = 16.0;
+
+/// Gain of output and converter together: 1 % of the DAC (DS12110, gain error) and as much again.
+const GAIN: (f64, f64) = (0.98, 1.02);
+
+/// Offset at mid-scale, codes of 12 bits: 12 LSB of the DAC (DS12110, offset error at middle code) and as much again.
+const OFFSET_CODES: f64 = 24.0;
+
+/// Largest distance from the line, codes: 4 LSB of the DAC (DS12110, integral linearity) and as much again.
+const BEND_CODES: f64 = 8.0;
+
+/// Smallest and largest step between two neighbouring codes of the sweep.
+const STEP_OF_CODES: (f64, f64) = (OUTPUT_CODE_STEP as f64 - 8.0, OUTPUT_CODE_STEP as f64 + 8.0);
+
+/// Noise at mid-scale, codes RMS.
+const NOISE_CODES: f64 = 2.0;
+
+/// Delay from the trigger to half of the step, µs: the buffered DAC settles within 3 µs (DS12110, settling time).
+const DELAY_US: f64 = 3.0;
+
+/// Distance from its end at which a step counts as settled, codes.
+const SETTLED_CODES: f64 = 16.0;
+
+/// Time within which it has settled, µs.
+const SETTLED_US: f64 = 8.0;
+
+const AMPLIFIER: &str = "take the amplifier's input off PA4 and test again: what loads the pin bends it; if it stays, \
+     the chip's output is damaged";
+
+/// Mean word per code of the sweep, in codes.
+fn means(values: &OutputValues) -> [f64; OUTPUT_CODES] {
+    values
+        .sums
+        .map(|sum| f64::from(sum) / f64::from(CONVERSIONS_PER_CODE) / WORDS_PER_CODE)
+}
+
+/// Slope and value at mid-scale of the straight line through `means`, by least squares.
+fn line_through(means: &[f64; OUTPUT_CODES]) -> (f64, f64) {
+    let codes: Vec<f64> = (0..OUTPUT_CODES)
+        .map(|n| f64::from(output_code(n)))
+        .collect();
+    let count = OUTPUT_CODES as f64;
+    let (code, mean) = (
+        codes.iter().sum::<f64>() / count,
+        means.iter().sum::<f64>() / count,
+    );
+    let spread: f64 = codes.iter().map(|x| (x - code).powi(2)).sum();
+    let product = codes
+        .iter()
+        .zip(means)
+        .map(|(x, y)| (x - code) * (y - mean));
+    let slope = product.sum::<f64>() / spread;
+    (slope, mean + slope * (2048.0 - code))
+}
+
+/// Delay until half of the step, and until it has settled, µs; none if that does not come.
+fn delays(values: &OutputValues, core_hz: u32, (slope, middle): (f64, f64)) -> [Option<f64>; 2] {
+    let ends = STEP_CODES.map(|code| middle + slope * (f64::from(code) - 2048.0));
+    let words = values
+        .step_words
+        .map(|word| f64::from(word) / WORDS_PER_CODE);
+    let instant_us = |index: usize| {
+        let cycles = index as u32 * STEP_INSTANT_CYCLES + values.sample_cycles;
+        f64::from(cycles) * 1e6 / f64::from(core_hz)
+    };
+    let half = f64::midpoint(ends[0], ends[1]);
+    let first = |has: &dyn Fn(f64) -> bool| {
+        // All later words too, so that one disturbed word is not taken for the end.
+        let away = words.iter().rposition(|&word| !has(word));
+        let index = away.map_or(0, |last| last + 1);
+        (index < STEP_INSTANTS).then(|| instant_us(index))
+    };
+    [
+        first(&|word| word > half),
+        first(&|word| (word - ends[1]).abs() <= SETTLED_CODES),
+    ]
+}
+
+/// A delay, or its absence.
+fn delay_line(name: &str, delay: Option<f64>, limit_us: f64) -> Line {
+    match delay {
+        Some(delay) => Line::number(
+            name,
+            delay,
+            (f64::NEG_INFINITY, limit_us),
+            ("µs", 1),
+            AMPLIFIER,
+        ),
+        None => Line::exact(
+            name,
+            "never",
+            format!("at most {limit_us:.1} µs"),
+            false,
+            AMPLIFIER,
+        ),
+    }
+}
+
+/// Judges the output of a device whose core runs at `core_hz`.
+pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {
+    let means = means(values);
+    let (slope, middle) = line_through(&means);
+    if slope.abs() < 0.1 {
+        return vec![Line::exact(
+            "output at PA4",
+            "does not follow its code",
+            "follows",
+            false,
+            "PA4 is shorted or the chip's output is dead: take everything off PA4 and test again",
+        )];
+    }
+    let bend = (0..OUTPUT_CODES)
+        .map(|n| (means[n] - middle - slope * (f64::from(output_code(n)) - 2048.0)).abs())
+        .fold(0.0, f64::max);
+    let steps = means.windows(2).map(|pair| pair[1] - pair[0]);
+    let smallest = steps.clone().fold(f64::INFINITY, f64::min);
+    let largest = steps.fold(f64::NEG_INFINITY, f64::max);
+    let [half, settled] = delays(values, core_hz, (slope, middle));
+    vec![
+        Line::exact("output at PA4", "follows its code", "follows", true, ""),
+        Line::number("output gain", slope, GAIN, ("", 4), AMPLIFIER),
+        Line::number(
+            "output offset",
+            middle - 2048.0,
+            (-OFFSET_CODES, OFFSET_CODES),
+            ("codes", 1),
+            AMPLIFIER,
+        ),
+        Line::number(
+            "output bend",
+            bend,
+            (f64::NEG_INFINITY, BEND_CODES),
+            ("codes", 1),
+            AMPLIFIER,
+        ),
+        Line::number(
+            "output smallest step",
+            smallest,
+            STEP_OF_CODES,
+            ("codes", 1),
+            "the output is not even: a bit of the DAC is stuck; replace the board",
+        ),
+        Line::number(
+            "output largest step",
+            largest,
+            STEP_OF_CODES,
+            ("codes", 1),
+            "the output is not even: a bit of the DAC is stuck; replace the board",
+        ),
+        Line::number(
+            "output noise",
+            f64::from(values.noise) / WORDS_PER_CODE,
+            (f64::NEG_INFINITY, NOISE_CODES),
+            ("codes RMS", 2),
+            "the reference or the ground is disturbed: keep the probe's cable away from supplies, and test again",
+        ),
+        delay_line("output delay", half, DELAY_US),
+        delay_line("output settled", settled, SETTLED_US),
+    ]
+}

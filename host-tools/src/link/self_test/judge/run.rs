@@ -1,0 +1,221 @@
+//! The device's own counters, and the link under load.
+
+use std::time::Duration;
+
+use model_format::SAMPLE_RATE_HZ;
+use model_format::link::{BLOCK_SAMPLES, ClockSource, LinkCounters, Marks, StartReport, Status};
+
+use crate::link::capture::Loss;
+use crate::link::self_test::line::Line;
+
+/// Longest tick, per cent of its period.
+const TICK_PERCENT: f64 = 80.0;
+
+/// Share of the stack that was ever used, per cent.
+const STACK_PERCENT: f64 = 75.0;
+
+/// Longest delay from the timer's trigger to the tick, µs: the tick has 29 µs to read its row, less its own reading.
+const TICK_DELAY_US: f64 = 20.0;
+
+/// Longest critical section, µs: it delays a tick as long.
+const MASKED_US: f64 = 15.0;
+
+/// Longest time between two feeds of the watchdog, ms, of the 250 after which it bites.
+const WATCHDOG_GAP_MS: f64 = 125.0;
+
+/// Longest round trip of a request while a recording streams, ms, and the median of all.
+const ROUND_TRIP_MS: [f64; 2] = [500.0, 100.0];
+
+/// Blocks received of those that were due between the two statuses, per cent. The recording begins after the first and
+/// ends before the second.
+const RECEIVED_PERCENT: f64 = 50.0;
+
+/// Traffic of the link for some time.
+#[derive(Clone, Debug)]
+pub struct Traffic {
+    /// Status before.
+    pub before: Status,
+    /// Status after.
+    pub after: Status,
+    /// Losses of the recording.
+    pub loss: Loss,
+    /// Duration of each request with its answer.
+    pub round_trips: Vec<Duration>,
+}
+
+fn faults(counters: &LinkCounters) -> u32 {
+    counters
+        .malformed
+        .saturating_add(counters.oversized)
+        .saturating_add(counters.line_errors)
+        .saturating_add(counters.unsent)
+}
+
+/// Judges what `status` counted since the start.
+pub fn state(status: &Status) -> Vec<Line> {
+    let histogram = &status.tick_histogram;
+    let period = f64::from(histogram.core_hz / SAMPLE_RATE_HZ);
+    let fault = match &status.fault {
+        Some(fault) => format!("{:?} at {:#010x}", fault.kind, fault.program_counter),
+        None => "none".to_owned(),
+    };
+    let mut lines = started(status.start);
+    lines.extend(worst(&status.marks, histogram.core_hz));
+    lines.extend([
+        Line::exact(
+            "fault since power-on",
+            fault,
+            "none",
+            status.fault.is_none(),
+            "report it with the fault's line of `status`; switch the power off and on to forget it",
+        ),
+        Line::none(
+            "ticks missed since the start",
+            status.tick.missed,
+            "restart and test again; if it stays, report the device's build with the record of this test",
+        ),
+        Line::none(
+            "frames late since the start",
+            status.tick.late_frames,
+            "play a simpler scene; if a texture alone is late, report the build with the record of this test",
+        ),
+        Line::none(
+            "conversions late since the start",
+            status.tick.late_conversions,
+            "restart and test again; if it stays, report the device's build with the record of this test",
+        ),
+        Line::number(
+            "longest tick",
+            100.0 * f64::from(histogram.longest) / period,
+            (0.0, TICK_PERCENT),
+            ("% of its period", 1),
+            "play a simpler scene; if a texture alone is too long, report the build with the record of this test",
+        ),
+    ]);
+    lines
+}
+
+/// Judges the start.
+fn started(start: StartReport) -> Vec<Line> {
+    vec![
+        Line::exact(
+            "clock",
+            start.clock.to_string(),
+            ClockSource::External.to_string(),
+            start.clock == ClockSource::External,
+            "the probe's 8 MHz did not come: power the board through the probe's USB (CN1), and restart",
+        ),
+        Line::exact(
+            "safe mode",
+            if start.safe_mode { "yes" } else { "no" },
+            "no",
+            !start.safe_mode,
+            "three starts ended in a fault: read it in `status`, mend it, then switch the power off and on",
+        ),
+        Line::exact(
+            "supply",
+            if start.supply_low { "low" } else { "good" },
+            "good",
+            !start.supply_low,
+            "flash is not written below 2.76 V: use a better cable or supply",
+        ),
+    ]
+}
+
+/// Judges the worst cases since the start.
+fn worst(marks: &Marks, core_hz: u32) -> Vec<Line> {
+    const REPORT: &str = "report the device's build with the record of this test";
+    let micros = |cycles: u32| f64::from(cycles) * 1e6 / f64::from(core_hz);
+    let stack = 100.0 * f64::from(marks.stack_used_bytes) / f64::from(marks.stack_bytes.max(1));
+    let delay = micros(marks.longest_tick_delay_cycles);
+    let masked = micros(marks.longest_critical_section_cycles);
+    let gap = f64::from(marks.longest_watchdog_gap_us) / 1e3;
+    vec![
+        Line::number("stack used", stack, (0.0, STACK_PERCENT), ("%", 1), REPORT),
+        Line::number(
+            "trigger to tick",
+            delay,
+            (0.0, TICK_DELAY_US),
+            ("µs", 2),
+            REPORT,
+        ),
+        Line::number(
+            "masked interrupts",
+            masked,
+            (0.0, MASKED_US),
+            ("µs", 2),
+            REPORT,
+        ),
+        Line::number(
+            "watchdog gap",
+            gap,
+            (0.0, WATCHDOG_GAP_MS),
+            ("ms", 1),
+            REPORT,
+        ),
+    ]
+}
+
+/// Judges the traffic of `link`.
+pub fn traffic(link: &str, values: &Traffic) -> Vec<Line> {
+    const CABLE: &str =
+        "close other programs that use the link, use another cable, without a hub, and test again";
+    let Traffic { before, after, .. } = values;
+    let name = |what: &str| format!("{link}: {what}");
+    let during = |count: fn(&Status) -> u32| count(after).wrapping_sub(count(before));
+    let mut trips: Vec<f64> = (values.round_trips.iter())
+        .map(|trip| trip.as_secs_f64() * 1e3)
+        .collect();
+    trips.sort_by(f64::total_cmp);
+    let median = trips.get(trips.len() / 2).copied().unwrap_or(f64::NAN);
+    let longest = trips.last().copied().unwrap_or(f64::NAN);
+    let loss = &values.loss;
+    let ticks = after.tick.ticks.saturating_sub(before.tick.ticks);
+    let due = (ticks as f64 / BLOCK_SAMPLES as f64).max(1.0);
+    vec![
+        Line::number(
+            name("blocks received"),
+            100.0 * f64::from(loss.received) / due,
+            (RECEIVED_PERCENT, 100.0),
+            ("% of those due", 1),
+            CABLE,
+        ),
+        Line::none(name("blocks lost in the device"), loss.in_device, CABLE),
+        Line::none(name("blocks lost on the link"), loss.on_link, CABLE),
+        Line::none(name("frames broken"), loss.broken_frames, CABLE),
+        Line::none(
+            name("faults of the link"),
+            during(|status| faults(&status.usb).saturating_add(faults(&status.serial))),
+            CABLE,
+        ),
+        Line::number(
+            name("round trip, longest"),
+            longest,
+            (0.0, ROUND_TRIP_MS[0]),
+            ("ms", 1),
+            CABLE,
+        ),
+        Line::number(
+            name("round trip, median"),
+            median,
+            (0.0, ROUND_TRIP_MS[1]),
+            ("ms", 1),
+            CABLE,
+        ),
+        Line::none(
+            name("ticks missed"),
+            during(|status| status.tick.missed),
+            "report the device's build with the record of this test",
+        ),
+        Line::none(
+            name("frames late"),
+            during(|status| status.tick.late_frames),
+            "report the device's build with the record of this test",
+        ),
+        Line::none(
+            name("conversions late"),
+            during(|status| status.tick.late_conversions),
+            "report the device's build with the record of this test",
+        ),
+    ]
+}

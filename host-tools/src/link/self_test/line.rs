@@ -1,0 +1,114 @@
+//! One line of a self test: a value, its limits, the verdict, and what to do.
+
+use serde::Serialize;
+
+/// Verdict on one line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Within the limits.
+    Pass,
+    /// Outside the limits.
+    Fail,
+    /// Not measured, for the reason in the line.
+    NotMeasured,
+}
+
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Pass => "pass",
+            Self::Fail => "FAIL",
+            Self::NotMeasured => "not measured",
+        })
+    }
+}
+
+/// One line.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Line {
+    /// The subject, which a program may look for.
+    pub name: String,
+    /// The value as a number, where it is one.
+    pub number: Option<f64>,
+    /// The value in words, with its unit.
+    pub value: String,
+    /// The limits in words.
+    pub limits: String,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Remedy; empty where the verdict is good.
+    pub remedy: String,
+}
+
+impl Line {
+    /// A number that must lie from `lowest` to `highest`, in `unit`, shown with `decimals`.
+    pub fn number(
+        name: impl Into<String>,
+        value: f64,
+        (lowest, highest): (f64, f64),
+        (unit, decimals): (&str, usize),
+        remedy: &str,
+    ) -> Self {
+        // A comparison with NaN is false.
+        let good = value >= lowest && value <= highest;
+        let text = |value: f64| format!("{value:.decimals$}");
+        let limits = match (lowest.is_finite(), highest.is_finite()) {
+            (true, true) if lowest == highest => text(highest),
+            (true, true) => format!("{} to {}", text(lowest), text(highest)),
+            (false, _) => format!("at most {}", text(highest)),
+            (true, false) => format!("at least {}", text(lowest)),
+        };
+        Self {
+            name: name.into(),
+            number: Some(value),
+            value: format!("{} {unit}", text(value)).trim_end().to_owned(),
+            limits: format!("{limits} {unit}").trim_end().to_owned(),
+            verdict: if good { Verdict::Pass } else { Verdict::Fail },
+            remedy: if good {
+                String::new()
+            } else {
+                remedy.to_owned()
+            },
+        }
+    }
+
+    /// A count that must be zero.
+    pub fn none(name: impl Into<String>, count: impl Into<u64>, remedy: &str) -> Self {
+        Self::number(name, count.into() as f64, (0.0, 0.0), ("", 0), remedy)
+    }
+
+    /// A value that must be the one in `limits`, which the caller has compared.
+    pub fn exact(
+        name: impl Into<String>,
+        value: impl Into<String>,
+        limits: impl Into<String>,
+        good: bool,
+        remedy: &str,
+    ) -> Self {
+        Self {
+            name: name.into(),
+            number: None,
+            value: value.into(),
+            limits: limits.into(),
+            verdict: if good { Verdict::Pass } else { Verdict::Fail },
+            remedy: if good {
+                String::new()
+            } else {
+                remedy.to_owned()
+            },
+        }
+    }
+
+    /// A subject that was not measured, and the way to have it measured.
+    pub fn not_measured(name: impl Into<String>, why: &str) -> Self {
+        Self {
+            name: name.into(),
+            number: None,
+            value: "-".to_owned(),
+            limits: "-".to_owned(),
+            verdict: Verdict::NotMeasured,
+            remedy: why.to_owned(),
+        }
+    }
+}

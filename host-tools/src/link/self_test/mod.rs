@@ -1,0 +1,232 @@
+//! The self test: measurements of the device, compared with limits.
+//!
+//! The device measures and knows no limit; [`judge`] compares, without a device. [`run`] does one after the other. The
+//! amplifier is to be off. A library is erased only on request.
+
+pub mod judge;
+mod line;
+mod load;
+pub mod record;
+
+use std::thread;
+use std::time::{Duration, Instant};
+
+use model_format::link::{
+    EncoderValues, SelfTestError, SelfTestRequest, SelfTestValues, SlotId, SlotState, Status,
+};
+
+use self::judge::Traffic;
+use super::capture::{Calibration, Capture, Stream, capture};
+use super::device::Device;
+use super::error::{LinkError, Result};
+
+pub use self::line::{Line, Verdict};
+
+/// Duration of the recording at rest, s.
+const REST_S: f64 = 4.0;
+
+/// Duration of the recording of a movement, s.
+const MOVE_S: f64 = 5.0;
+
+/// Least number of blocks, of 6.4 ms each, between two looks at the encoder's lines.
+const LOOK_BLOCKS: u32 = 8;
+
+/// Interval between two requests while a recording streams.
+const PING_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Parts of the self test that the user chooses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Duration of the traffic, s.
+    pub traffic_s: f64,
+    /// True if sensors are connected.
+    pub sensors: bool,
+    /// True if the user moves the tool when asked.
+    pub moves: bool,
+    /// A slot whose library may be erased for the test of the flash.
+    pub erasable: Option<SlotId>,
+}
+
+/// A step of the self test, for the person who waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// A measurement of the device.
+    Measuring(&'static str),
+    /// The tool is to be left alone.
+    Rest,
+    /// The tool is to be moved in one direction.
+    Move,
+    /// Traffic on the link.
+    Traffic,
+}
+
+/// Runs the whole self test. `told` hears of each step before it begins.
+///
+/// # Errors
+/// A lost link, something that is played or recorded, or a device that does not answer.
+pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Result<Vec<Line>> {
+    let mut lines = Vec::new();
+    for (name, request) in [
+        ("chip", SelfTestRequest::Chip),
+        ("option bytes", SelfTestRequest::OptionBytes),
+        ("clocks", SelfTestRequest::Clocks),
+        ("memories", SelfTestRequest::ErrorCorrection),
+        ("output", SelfTestRequest::Output),
+    ] {
+        told(Step::Measuring(name));
+        lines.extend(measured(device, name, request)?);
+    }
+    told(Step::Measuring("flash"));
+    lines.extend(flash(device, options.erasable)?);
+    if options.sensors {
+        let calibration = Calibration::new(&device.settings()?, None);
+        told(Step::Rest);
+        if let Some(rest) = capture(device, REST_S, 0.0, || true, |_, _, _| ())? {
+            lines.extend(judge::at_rest(&rest, &calibration));
+        }
+    } else {
+        lines.push(Line::not_measured(
+            "sensors",
+            "connect them and leave --bare out to measure them",
+        ));
+    }
+    if options.sensors && options.moves {
+        told(Step::Move);
+        let (moved, seen) = movement(device)?;
+        lines.extend(judge::moved(&moved, seen));
+    } else {
+        lines.push(Line::not_measured(
+            "encoder moved",
+            "pass --move and move the tool when asked to measure it",
+        ));
+    }
+    told(Step::Traffic);
+    lines.extend(traffic(device, options.traffic_s)?);
+    lines.extend(judge::state(&device.status()?));
+    Ok(lines)
+}
+
+/// Traffic on another link to the same device, for the lines of [`run`].
+///
+/// # Errors
+/// As [`run`].
+pub fn other_link(device: &Device, seconds: f64) -> Result<Vec<Line>> {
+    traffic(device, seconds)
+}
+
+/// Lines of one measurement. A part that does not answer is a line, because the rest can be measured.
+fn measured(device: &Device, name: &str, request: SelfTestRequest) -> Result<Vec<Line>> {
+    Ok(match device.self_test(request) {
+        Ok(SelfTestValues::Chip(values)) => judge::chip(&values, device.info()),
+        Ok(SelfTestValues::OptionBytes(values)) => judge::option_bytes(&values),
+        Ok(SelfTestValues::Clocks(values)) => judge::clocks(&values),
+        Ok(SelfTestValues::ErrorCorrection(values)) => judge::memory(&values),
+        Ok(SelfTestValues::Output(values)) => {
+            judge::output(&values, device.status()?.tick_histogram.core_hz)
+        }
+        Ok(SelfTestValues::Encoder(_)) => Vec::new(),
+        Ok(SelfTestValues::Flash(values)) => judge::flash(&values),
+        Err(LinkError::SelfTest(refusal)) => match *refusal {
+            SelfTestError::Hardware { what } => vec![Line::exact(
+                name,
+                what.as_str(),
+                "an answer",
+                false,
+                "restart the device and test again; if it stays, the chip is damaged",
+            )],
+            refusal => return Err(refusal.into()),
+        },
+        Err(failure) => return Err(failure),
+    })
+}
+
+/// Lines of the flash, measured in a slot that is empty or that the user has named.
+fn flash(device: &Device, erasable: Option<SlotId>) -> Result<Vec<Line>> {
+    let slots = device.slots()?;
+    let empty = (SlotId::ALL.into_iter())
+        .find(|slot| slots.slots[slot.index()] == SlotState::Empty && slots.active != Some(*slot));
+    let Some(slot) = erasable.or(empty) else {
+        return Ok(vec![Line::not_measured(
+            "flash",
+            "no slot is empty: pass --use-slot with the one whose library may be erased",
+        )]);
+    };
+    let request = SelfTestRequest::Flash {
+        slot,
+        erases_library: erasable == Some(slot),
+    };
+    measured(device, "flash", request)
+}
+
+/// Records while the user moves the tool, and notes the levels that each line of the encoder was seen at: low, high.
+fn movement(device: &Device) -> Result<(Capture, [[bool; 2]; 2])> {
+    let mut seen = [[false; 2]; 2];
+    let mut failure = None;
+    let mut blocks = 0u32;
+    let mut next_look = LOOK_BLOCKS;
+    let moved = capture(
+        device,
+        MOVE_S,
+        0.0,
+        || true,
+        |_, _, _| {
+            blocks += 1;
+            if blocks >= next_look && failure.is_none() {
+                // At uneven intervals, because a steady motion could be in step with even ones.
+                next_look = blocks + LOOK_BLOCKS + blocks * 7 % 5;
+                match device.self_test(SelfTestRequest::Encoder) {
+                    Ok(SelfTestValues::Encoder(EncoderValues { levels, .. })) => {
+                        for (line, level) in seen.iter_mut().zip(levels) {
+                            line[usize::from(level)] = true;
+                        }
+                    }
+                    Ok(_) => {}
+                    Err(found) => failure = Some(found),
+                }
+            }
+        },
+    )?;
+    match (failure, moved) {
+        (Some(failure), _) => Err(failure),
+        (None, Some(moved)) => Ok((moved, seen)),
+        (None, None) => unreachable!("it goes on to its end"),
+    }
+}
+
+/// Lines of the traffic on a device's link, while a texture is played silently if there is one.
+fn traffic(device: &Device, seconds: f64) -> Result<Vec<Line>> {
+    let link = device.address().to_string();
+    let load = load::begin(device)?;
+    let measured = stream(device, seconds);
+    // Also after a failure, so that everything is as before.
+    load::end(device, &load)?;
+    let mut lines = vec![load.line(&link)];
+    lines.extend(judge::traffic(&link, &measured?));
+    Ok(lines)
+}
+
+fn stream(device: &Device, seconds: f64) -> Result<Traffic> {
+    let before: Status = device.status()?;
+    let mut stream = Stream::start(device)?;
+    let begin = Instant::now();
+    let mut next_ping = begin;
+    let mut round_trips = Vec::new();
+    while begin.elapsed().as_secs_f64() < seconds {
+        let now = Instant::now();
+        if now >= next_ping {
+            round_trips.push(device.round_trip()?);
+            next_ping = now + PING_INTERVAL;
+        }
+        device.keep_alive()?;
+        stream.next(Duration::from_millis(5))?;
+    }
+    let loss = stream.stop()?;
+    // The last block's ticks end before the status is read.
+    thread::sleep(Duration::from_millis(10));
+    Ok(Traffic {
+        before,
+        after: device.status()?,
+        loss,
+        round_trips,
+    })
+}

@@ -1,0 +1,93 @@
+//! The image's tests on a real board, or on the virtual stylus: the package `hil` in `tests/hil`, with what it needs of
+//! images, probe and emulator.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use crate::error::{Error, Result};
+use crate::firmware::{self, Image};
+use crate::toolchain::Toolchain;
+use crate::{process, virtual_stylus};
+
+/// Length of upload, stream and play together on the virtual stylus, minutes of its own time.
+const VIRTUAL_MINUTES: f64 = 0.02;
+
+/// Length of upload, stream and play together on a board, minutes.
+const BOARD_MINUTES: f64 = 10.0;
+
+/// Options of `cargo tasks hil`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The stylus: usb[:SERIAL], serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT
+    #[arg(long, env = "STYLUS_LINK", required_unless_present = "virtual_stylus")]
+    link: Option<String>,
+    /// Flash the product's image by the probe first, and the one with faults on request for the tests of faults
+    #[arg(long, conflicts_with = "virtual_stylus")]
+    flash: bool,
+    /// Start a virtual stylus in place of a board, and test a few of each kind
+    #[arg(long)]
+    virtual_stylus: bool,
+    /// With the virtual stylus: over its USB instead of its serial port
+    #[arg(long, requires = "virtual_stylus")]
+    usb: bool,
+    /// Length of upload, stream and play together, in minutes [default: 10; 0.02 with the virtual stylus]
+    #[arg(long)]
+    minutes: Option<f64>,
+    /// Write the report to this file, as JSON
+    #[arg(long)]
+    json: Option<PathBuf>,
+    /// Write the measured cycles to this file; `firmware/cycles.json` is the one that the pages cite
+    #[arg(long)]
+    cycles: Option<PathBuf>,
+    /// Upload and activate this library at the end, because the tests overwrite both slots
+    #[arg(long)]
+    library: Option<PathBuf>,
+    /// Overwrite the libraries without a question
+    #[arg(long)]
+    yes: bool,
+}
+
+/// Runs the suite.
+///
+/// # Errors
+/// A build fails, probe-rs is missing where it is needed, or a test fails.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let mut suite = Command::new("cargo");
+    suite.args(["run", "--quiet", "--locked", "--package", "hil", "--"]);
+    if arguments.virtual_stylus || arguments.flash {
+        let toolchain = Toolchain::find()?;
+        let product = firmware::build(&toolchain, Image::Product)?;
+        let faults = firmware::build(&toolchain, Image::FaultInjection)?;
+        if arguments.virtual_stylus {
+            suite.arg("--virtual-stylus").arg(virtual_stylus::build()?);
+            suite.arg("--brief");
+        } else {
+            let program = process::find("probe-rs").ok_or(Error::NoProbeRs)?;
+            firmware::download(&product)?;
+            suite.arg("--probe-rs").arg(program);
+        }
+        suite.arg("--product-image").arg(product);
+        suite.arg("--fault-image").arg(faults);
+    }
+    let minutes = arguments.minutes.unwrap_or(if arguments.virtual_stylus {
+        VIRTUAL_MINUTES
+    } else {
+        BOARD_MINUTES
+    });
+    suite.args(["--minutes", &minutes.to_string()]);
+    let link = arguments.link.iter().filter(|_| !arguments.virtual_stylus);
+    suite.args(link.flat_map(|link| ["--link", link]));
+    let files = [
+        ("--json", &arguments.json),
+        ("--cycles", &arguments.cycles),
+        ("--library", &arguments.library),
+    ];
+    for (option, file) in files {
+        if let Some(file) = file {
+            suite.arg(option).arg(file);
+        }
+    }
+    let flags = [("--virtual-usb", arguments.usb), ("--yes", arguments.yes)];
+    suite.args(flags.iter().filter(|(_, set)| *set).map(|(flag, _)| flag));
+    process::run(&mut suite)
+}

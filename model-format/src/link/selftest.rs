@@ -1,0 +1,223 @@
+//! Measurements of the device's self test. The device measures; the host compares with limits.
+//!
+//! A request is one measurement. It is refused while anything is played, and nothing can be played until its answer. It
+//! ends by itself, whether or not the host is still there.
+
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+use super::{Reason, SlotId};
+
+/// Number of codes of [`OutputValues::sums`].
+pub const OUTPUT_CODES: usize = 32;
+
+/// Lowest of these codes, which the output's buffer still reaches: 0.2 V of 3.3 V (DS12110, DAC characteristics).
+pub const LOWEST_OUTPUT_CODE: u16 = 256;
+
+/// Distance of two successive codes. The highest is 3821, a little more than 0.2 V below the reference.
+pub const OUTPUT_CODE_STEP: u16 = 115;
+
+/// Number of conversions per sum of [`OutputValues::sums`].
+pub const CONVERSIONS_PER_CODE: u32 = 64;
+
+/// Number of instants of [`OutputValues::step_words`].
+pub const STEP_INSTANTS: usize = 16;
+
+/// Distance of these instants, cycles of the core.
+pub const STEP_INSTANT_CYCLES: u32 = 400;
+
+/// Codes of the output before and after its step.
+pub const STEP_CODES: [u16; 2] = [1024, 3072];
+
+/// Number of RAMECC monitors (RM0433 chapter 3).
+pub const RAM_MONITORS: usize = 12;
+
+/// Bytes that are written to flash and read back.
+pub const FLASH_TEST_BYTES: u32 = 4096;
+
+/// The code of the sweep with this index.
+pub const fn output_code(index: usize) -> u16 {
+    LOWEST_OUTPUT_CODE + index as u16 * OUTPUT_CODE_STEP
+}
+
+/// One measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum SelfTestRequest {
+    /// Identity of the silicon.
+    Chip,
+    /// Option bytes of the flash.
+    OptionBytes,
+    /// Clocks, counted against each other. Takes about a second.
+    Clocks,
+    /// Errors that memories have corrected or found since the start.
+    ErrorCorrection,
+    /// The output's pin, moved and read back, with the amplifier disabled. Takes about a second.
+    Output,
+    /// Levels of the encoder's lines.
+    Encoder,
+    /// Erasing and writing one sector of a slot, which is erased again at the end. Takes some seconds.
+    Flash {
+        /// The slot.
+        slot: SlotId,
+        /// True if a library in the slot may be erased. The active library is never erased.
+        erases_library: bool,
+    },
+}
+
+/// The values of a measurement.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub enum SelfTestValues {
+    /// Of [`SelfTestRequest::Chip`].
+    Chip(ChipValues),
+    /// Of [`SelfTestRequest::OptionBytes`].
+    OptionBytes(OptionByteValues),
+    /// Of [`SelfTestRequest::Clocks`].
+    Clocks(ClockValues),
+    /// Of [`SelfTestRequest::ErrorCorrection`].
+    ErrorCorrection(ErrorCorrectionValues),
+    /// Of [`SelfTestRequest::Output`].
+    Output(OutputValues),
+    /// Of [`SelfTestRequest::Encoder`].
+    Encoder(EncoderValues),
+    /// Of [`SelfTestRequest::Flash`].
+    Flash(FlashValues),
+}
+
+/// Identity of the silicon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct ChipValues {
+    /// `DEV_ID` of `DBGMCU_IDC` (RM0433 section 60.5.8).
+    pub device: u16,
+    /// `REV_ID` of the same register.
+    pub revision: u16,
+    /// The unique id (RM0433 section 61.1).
+    pub unique_id: [u32; 3],
+    /// Size of the flash, KB (RM0433 section 61.2).
+    pub flash_kb: u16,
+    /// `PKG` of `SYSCFG_PKGR` (RM0433 section 12.3.11).
+    pub package: u8,
+}
+
+/// Option bytes in use, as the flash's registers hold them (RM0433 section 4.9).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct OptionByteValues {
+    /// `FLASH_OPTSR_CUR`: protection level, brown-out level, watchdog.
+    pub status: u32,
+    /// `SWAP_BANK` of `FLASH_OPTCR`.
+    pub banks_swapped: bool,
+    /// `WRPSn` of both banks: a zero protects a sector.
+    pub writable_sectors: [u8; 2],
+    /// `FLASH_PRAR_CUR` of both banks: an area whose start lies above its end is none.
+    pub read_protected: [u32; 2],
+    /// `FLASH_SCAR_CUR` of both banks, in the same form.
+    pub secure: [u32; 2],
+    /// `FLASH_BOOT_CUR`: the upper halves of both boot addresses.
+    pub boot: u32,
+}
+
+/// A number of periods of a clock, and the time that they took by another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct ClockCount {
+    /// Number of periods.
+    pub periods: u32,
+    /// Cycles of the core, or of the timers, in these periods.
+    pub cycles: u64,
+}
+
+/// Clocks, counted against each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct ClockValues {
+    /// Rate of the core's clock by design, Hz.
+    pub core_hz: u32,
+    /// Rate of the timers' clock by design, Hz.
+    pub timer_hz: u32,
+    /// Periods of LSI in cycles of the timers; none if no edge came.
+    pub low_speed: Option<ClockCount>,
+    /// Frames of USB in cycles of the core; none if no host is connected.
+    pub usb_frames: Option<ClockCount>,
+    /// Ticks of TIM6 in cycles of the core.
+    pub ticks: ClockCount,
+}
+
+/// Errors that memories have corrected or found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct ErrorCorrectionValues {
+    /// Status of each RAMECC monitor since the start: bit 0 a corrected error, bit 1 one that could not be corrected,
+    /// bit 2 one of these in a write of part of a word.
+    pub ram: [u8; RAM_MONITORS],
+    /// Reads of each bank of the flash with a corrected error, since the start.
+    pub flash_corrected: [u32; 2],
+    /// Reads of each bank of the flash with an error that could not be corrected, since the start.
+    pub flash_failed: [u32; 2],
+}
+
+/// The output's pin, read back by a converter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct OutputValues {
+    /// Sum of [`CONVERSIONS_PER_CODE`] words of 16 bits per code of [`output_code`].
+    pub sums: [u32; OUTPUT_CODES],
+    /// Noise at mid-scale, words RMS.
+    pub noise: f32,
+    /// Word at each instant after a step of [`STEP_CODES`], which are [`STEP_INSTANT_CYCLES`] apart; the first is that
+    /// of the trigger.
+    pub step_words: [u16; STEP_INSTANTS],
+    /// Cycles of the core from the order of a conversion to its sample.
+    pub sample_cycles: u32,
+}
+
+/// Levels of the encoder's lines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct EncoderValues {
+    /// The counter, which wraps.
+    pub count: u16,
+    /// Levels of the first and the second line.
+    pub levels: [bool; 2],
+}
+
+/// Erasing and writing one sector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct FlashValues {
+    /// The slot.
+    pub slot: SlotId,
+    /// Duration of the erasure, µs.
+    pub erase_us: u32,
+    /// Number of bytes that were not blank after it.
+    pub not_erased: u32,
+    /// Number of words of 32 bytes that were written.
+    pub words: u32,
+    /// Duration of writing them, µs.
+    pub write_us: u32,
+    /// Longest duration of writing one of them, µs.
+    pub longest_write_us: u32,
+    /// Number of bytes that read back wrong.
+    pub wrong: u32,
+}
+
+/// Reason for which a measurement is not made.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
+pub enum SelfTestError {
+    /// Something is played, or a library is being taken over.
+    #[error("something is being played or a library is being activated: stop it first")]
+    Playing,
+    /// An upload is under way.
+    #[error("an upload is under way: end or abort it first")]
+    Uploading,
+    /// The slot of the active library.
+    #[error("slot {slot} holds the active library, which is never erased: test the other slot")]
+    ActiveSlot {
+        /// The slot.
+        slot: SlotId,
+    },
+    /// A slot that is not empty.
+    #[error("slot {slot} is not empty: upload its library again later, and allow to erase it")]
+    NotEmpty {
+        /// The slot.
+        slot: SlotId,
+    },
+    /// A part that did not answer.
+    #[error("{what}: restart the device; if it stays, the part is damaged")]
+    Hardware {
+        /// The part, and what it did not do.
+        what: Reason,
+    },
+}

@@ -1,0 +1,127 @@
+//! Report of the start: clock, silicon, supply, and faults that came soon after a start.
+
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Time after a start within which a fault counts as a quick one, ms. A run that lasts longer is a healthy one.
+pub const QUICK_FAULT_MS: u32 = 10_000;
+
+/// Number of quick faults in succession after which a start is in safe mode.
+pub const QUICK_FAULTS: u8 = 3;
+
+/// Supply below which flash is neither erased nor programmed, mV: the falling threshold of level 6 of the voltage
+/// detector (DS12110, embedded reset and power control block, typical).
+pub const FLASH_SUPPLY_MV: u16 = 2_760;
+
+/// Source of the processor's clock.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum ClockSource {
+    /// The 8 MHz that the board's probe gives, multiplied.
+    #[default]
+    External,
+    /// The internal oscillator of 64 MHz, multiplied. All times have its tolerance, about 1 %.
+    Internal,
+    /// The internal oscillator as it is. No sample is taken or put out.
+    InternalUnmultiplied,
+}
+
+impl core::fmt::Display for ClockSource {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::External => "external",
+            Self::Internal => "internal",
+            Self::InternalUnmultiplied => "internal, not multiplied",
+        })
+    }
+}
+
+/// Stage of the start, in the order of the stages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum StartStage {
+    /// Supply and clocks, from the external oscillator.
+    ExternalClock,
+    /// Supply and clocks, from the internal oscillator.
+    InternalClock,
+    /// Supply and clocks, without a multiplied clock.
+    UnmultipliedClock,
+    /// Converter, encoder and tick.
+    Inputs,
+    /// Settings and slots in flash.
+    Storage,
+    /// Serial port and USB.
+    Links,
+}
+
+impl StartStage {
+    /// All stages, in order.
+    pub const ALL: [Self; 6] = [
+        Self::ExternalClock,
+        Self::InternalClock,
+        Self::UnmultipliedClock,
+        Self::Inputs,
+        Self::Storage,
+        Self::Links,
+    ];
+}
+
+impl core::fmt::Display for StartStage {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::ExternalClock => "external clock",
+            Self::InternalClock => "internal clock",
+            Self::UnmultipliedClock => "clock without multiplication",
+            Self::Inputs => "inputs",
+            Self::Storage => "flash",
+            Self::Links => "links",
+        })
+    }
+}
+
+/// Revision of the silicon: REV_ID of DBGMCU_IDC (RM0433 section 60.5.8).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct SiliconRevision(pub u16);
+
+impl SiliconRevision {
+    /// Returns true for the revisions whose reads of the AXI SRAM go wrong without a remedy (ES0392 section 2.2.9).
+    pub const fn misreads_axi_sram(self) -> bool {
+        self.0 < 0x2000
+    }
+
+    const fn letter(self) -> Option<char> {
+        match self.0 {
+            0x1001 => Some('Z'),
+            0x1003 => Some('Y'),
+            0x2001 => Some('X'),
+            0x2003 => Some('V'),
+            _ => None,
+        }
+    }
+}
+
+impl core::fmt::Display for SiliconRevision {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self.letter() {
+            Some(letter) => write!(f, "{letter} ({:#06x})", self.0),
+            None => write!(f, "unknown ({:#06x})", self.0),
+        }
+    }
+}
+
+/// Report of the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct StartReport {
+    /// Source of the clock.
+    pub clock: ClockSource,
+    /// Revision of the silicon.
+    pub revision: SiliconRevision,
+    /// Brown-out level in the option bytes, 0 to 3; 0 is off.
+    pub brown_out_level: u8,
+    /// True while the supply is below [`FLASH_SUPPLY_MV`].
+    pub supply_low: bool,
+    /// Quick faults in succession.
+    pub quick_faults: u8,
+    /// True if nothing is played until the power comes anew or the reset button is pressed.
+    pub safe_mode: bool,
+    /// Stage in which a start hung, until the watchdog ended it; the last one since power-on.
+    pub hung_stage: Option<StartStage>,
+}

@@ -1,0 +1,306 @@
+//! The device under test: its clock, its counters, and what keeps it playing meanwhile.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use host_tools::link::play::{Drive, Driven, drive};
+use host_tools::link::{Device, LinkAddress};
+use host_tools::playing::motion::MotionPath;
+use model_format::link::{Activity, MotionSample, MotionSource, PlayRequest, Selection, Status};
+use model_format::{MillimetresPerSecond, Newton};
+
+use crate::board::Board;
+use crate::error::{Error, Result};
+use crate::interrupt::Interrupt;
+use crate::report::{Line, Report, Verdict};
+
+/// Time between two readings of the status, of this computer's clock.
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
+
+/// Rate of motions, Hz of this computer's clock.
+const MOTION_RATE_HZ: u32 = 200;
+
+/// Speed of the host's motion, mm/s: a node of no grid that the suite plays, so that all four neighbours are mixed.
+const SPEED_MM_S: f32 = 100.0;
+
+/// Force of the host's motion, N.
+const FORCE_N: f32 = 1.2;
+
+/// The serial number of the virtual stylus begins so: "VIRTUAL" in hexadecimal.
+const VIRTUAL_SERIAL: &str = "5649525455414C";
+
+/// Lengths of the tests.
+#[derive(Clone, Copy, Debug)]
+pub struct Lengths {
+    /// Length of one play, ms of the device.
+    pub play_ms: u64,
+    /// Length of the recording, ms of the device.
+    pub record_ms: u64,
+    /// Length of upload, stream and play together, ms of the device.
+    pub endurance_ms: u64,
+    /// Least time from one upload to the next in it, because sectors of flash bear 10 000 erases, ms of the device.
+    pub between_uploads_ms: u64,
+}
+
+/// The device under test.
+pub struct Bench {
+    /// The link to it.
+    pub device: Device,
+    /// Its reset and its flashing.
+    pub board: Board,
+    /// The run's lengths.
+    pub lengths: Lengths,
+    /// The end of the run.
+    pub interrupt: Interrupt,
+    /// The report so far.
+    pub report: Report,
+    subject: &'static str,
+    tell: fn(&Line),
+}
+
+impl Bench {
+    /// A bench whose lines go to `tell` as they come.
+    pub fn new(
+        device: Device,
+        board: Board,
+        lengths: Lengths,
+        interrupt: Interrupt,
+        tell: fn(&Line),
+    ) -> Self {
+        Self {
+            device,
+            board,
+            lengths,
+            interrupt,
+            report: Report::default(),
+            subject: "",
+            tell,
+        }
+    }
+
+    /// Names the subject of the lines to come.
+    pub fn begin(&mut self, subject: &'static str) {
+        self.subject = subject;
+    }
+
+    /// Returns true if no hardware is at the other end, as far as link and serial number tell.
+    pub fn is_emulated(&self) -> bool {
+        let by_link = matches!(
+            self.device.address(),
+            LinkAddress::Tcp { .. } | LinkAddress::UsbVirtual { .. }
+        );
+        let serial = self.device.info().serial.to_uppercase();
+        self.board.is_emulated() || by_link || serial.starts_with(VIRTUAL_SERIAL)
+    }
+
+    /// Adds a line.
+    fn line(&mut self, name: &str, value: String, limits: &str, verdict: Verdict) {
+        let line = Line {
+            subject: self.subject,
+            name: name.to_owned(),
+            value,
+            limits: limits.to_owned(),
+            verdict,
+        };
+        (self.tell)(&line);
+        self.report.lines.push(line);
+    }
+
+    /// Adds a test whose `value` is within its `limits` or not.
+    pub fn judge(&mut self, name: &str, value: impl ToString, limits: &str, holds: bool) {
+        let verdict = if holds {
+            Verdict::Passed
+        } else {
+            Verdict::Failed
+        };
+        self.line(name, value.to_string(), limits, verdict);
+    }
+
+    /// Adds a test that cannot run, with the reason.
+    pub fn leave_out(&mut self, name: &str, reason: impl ToString) {
+        self.line(name, reason.to_string(), "", Verdict::LeftOut);
+    }
+
+    /// Reads the status.
+    ///
+    /// # Errors
+    /// A lost link, a missing answer, or an interrupt.
+    pub fn status(&self) -> Result<Status> {
+        if self.interrupt.is_raised() {
+            return Err(Error::Interrupted);
+        }
+        Ok(self.device.status()?)
+    }
+
+    /// Reads the status until `reached` is true for it.
+    ///
+    /// # Errors
+    /// As [`Bench::status`]; or `ms` of the device's clock have passed.
+    pub fn wait_until(
+        &self,
+        what: &str,
+        ms: u64,
+        mut reached: impl FnMut(&Status) -> bool,
+    ) -> Result<Status> {
+        let begin = self.status()?;
+        let mut status = begin.clone();
+        loop {
+            if reached(&status) {
+                return Ok(status);
+            }
+            if status.uptime_ms.saturating_sub(begin.uptime_ms) >= ms {
+                return Err(Error::NotReached {
+                    what: what.to_owned(),
+                    ms,
+                });
+            }
+            thread::sleep(POLL_INTERVAL);
+            status = self.status()?;
+        }
+    }
+
+    /// Waits for `ms` of the device's clock.
+    ///
+    /// # Errors
+    /// As [`Bench::status`].
+    pub fn wait(&self, ms: u64) -> Result<Status> {
+        let end = self.status()?.uptime_ms + ms;
+        self.wait_until("the device's clock did not go on", ms + 1_000, |status| {
+            status.uptime_ms >= end
+        })
+    }
+
+    /// Waits until the device answers after a reset, as its clock that has begun anew shows.
+    ///
+    /// # Errors
+    /// It does not come back, or its clock goes on.
+    pub fn wait_for_restart(&mut self, before: &Status) -> Result<Status> {
+        /// Attempts; each takes as long as the link takes to come back.
+        const ATTEMPTS: u32 = 5;
+        /// Time in which a reset that was requested comes, ms of the device; the watchdog needs 400.
+        const WITHIN_MS: u64 = 2_000;
+        let mut attempts = 0;
+        loop {
+            match self.status() {
+                Ok(status) if is_restarted(before, &status) => return Ok(status),
+                Ok(status) if status.uptime_ms > before.uptime_ms + WITHIN_MS => {
+                    return Err(Error::NotReached {
+                        what: "the device did not start anew".to_owned(),
+                        ms: WITHIN_MS,
+                    });
+                }
+                Ok(_) => thread::sleep(POLL_INTERVAL),
+                Err(Error::Link(_)) if attempts < ATTEMPTS => {
+                    attempts += 1;
+                    self.device.reconnect()?;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// Plays `selection` along the host's motion while `work` is done, and stops it at its end.
+    ///
+    /// # Errors
+    /// The device refuses to play, `work` fails, the link fails, or the output does not come to rest.
+    pub fn while_playing<T>(
+        &self,
+        selection: &Selection,
+        source: MotionSource,
+        work: impl FnOnce(&Self) -> Result<T>,
+    ) -> Result<(T, Driven)> {
+        let request = request(selection, source);
+        self.device.play(&request)?;
+        let goes_on = AtomicBool::new(true);
+        let plan = Drive {
+            motion: match source {
+                MotionSource::Host => Some(motion()),
+                MotionSource::Sensors => None,
+            },
+            rate_hz: MOTION_RATE_HZ,
+            duration: None,
+        };
+        let (done, driven) = thread::scope(|scope| {
+            let driving = scope.spawn(|| {
+                let keep = || goes_on.load(Ordering::Relaxed) && !self.interrupt.is_raised();
+                drive(&self.device, &plan, keep, |_, _| ())
+            });
+            let done = work(self);
+            goes_on.store(false, Ordering::Relaxed);
+            (done, driving.join())
+        });
+        let stopped = self.device.stop();
+        let done = done?;
+        let driven = driven.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        stopped?;
+        Ok((done, driven))
+    }
+
+    /// Waits until something is heard: playing, and not muted.
+    ///
+    /// # Errors
+    /// It stays muted.
+    pub fn wait_until_heard(&self) -> Result<Status> {
+        self.wait_until("the output was not unmuted", 2_000, |status| {
+            is_playing(status) && status.output.mute.is_empty()
+        })
+    }
+
+    /// Sends motions until what was asked for is heard, and leaves it playing with nobody that keeps it. Returns the
+    /// last status, whose request was the last frame.
+    ///
+    /// # Errors
+    /// It stays muted.
+    pub fn heard_with_motions(&self) -> Result<Status> {
+        /// Motions that the output may need.
+        const MOTIONS: u32 = 2_000;
+        for _ in 0..MOTIONS {
+            self.device.publish_motion(motion_sample())?;
+            let status = self.status()?;
+            if status.output.mute.is_empty() && !status.output.at_rest && is_playing(&status) {
+                return Ok(status);
+            }
+        }
+        Err(Error::NotReached {
+            what: "the output was not unmuted".to_owned(),
+            ms: MOTIONS.into(),
+        })
+    }
+}
+
+/// Returns true if the device's clock has begun anew.
+fn is_restarted(before: &Status, now: &Status) -> bool {
+    now.resets != before.resets || now.uptime_ms < before.uptime_ms
+}
+
+/// Returns true while something is played, muted or not.
+pub fn is_playing(status: &Status) -> bool {
+    matches!(status.output.activity, Activity::Playing { .. })
+}
+
+/// The request to play `selection` as recorded.
+pub fn request(selection: &Selection, motion: MotionSource) -> PlayRequest {
+    PlayRequest {
+        selection: selection.clone(),
+        gain: 1.0,
+        motion,
+        seed: 1,
+    }
+}
+
+/// The host's motion: constant, on the grids of all that is played.
+fn motion() -> MotionPath {
+    MotionPath::constant(MillimetresPerSecond(SPEED_MM_S), Newton(FORCE_N))
+        .expect("both are finite")
+}
+
+/// The same motion as one message.
+pub fn motion_sample() -> MotionSample {
+    MotionSample {
+        speed: MillimetresPerSecond(SPEED_MM_S),
+        force: Newton(FORCE_N),
+        position_mm: None,
+        contact: None,
+    }
+}

@@ -1,0 +1,256 @@
+//! The board's reset and its flashing: by a probe, by the process of a virtual stylus, or by nobody.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::PathBuf;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::time::Duration;
+
+use crate::error::{Error, Result};
+
+/// A variant of the firmware.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Image {
+    /// The image that is handed out.
+    Product,
+    /// The same with faults on request.
+    FaultInjection,
+}
+
+/// The images' ELF files.
+#[derive(Clone, Debug)]
+pub struct Images {
+    /// The image that is handed out.
+    pub product: PathBuf,
+    /// The same with faults on request.
+    pub faults: PathBuf,
+}
+
+impl Images {
+    fn file(&self, image: Image) -> &PathBuf {
+        match image {
+            Image::Product => &self.product,
+            Image::FaultInjection => &self.faults,
+        }
+    }
+}
+
+/// Time that a virtual stylus takes to start anew, on an idle computer.
+const VIRTUAL_START: Duration = Duration::from_millis(700);
+
+/// Control of the board besides its link.
+#[derive(Debug)]
+pub enum Board {
+    /// None: resets and images are the user's.
+    ByHand,
+    /// A probe with probe-rs.
+    Probe(Probe),
+    /// A virtual stylus in a process of its own.
+    Virtual(VirtualBoard),
+}
+
+impl Board {
+    /// The reason for which [`Board::reset`] and [`Board::flash`] cannot be used; `None` if they can.
+    pub fn lacks(&self) -> Option<&'static str> {
+        match self {
+            Self::ByHand => {
+                Some("it needs the probe: run with --flash where probe-rs is installed")
+            }
+            Self::Probe(_) | Self::Virtual(_) => None,
+        }
+    }
+
+    /// Returns true if there is no hardware at the other end.
+    pub fn is_emulated(&self) -> bool {
+        matches!(self, Self::Virtual(_))
+    }
+
+    /// Resets the processor by its reset pin.
+    ///
+    /// # Errors
+    /// There is no control of the board, or it fails.
+    pub fn reset(&mut self) -> Result<()> {
+        match self {
+            Self::ByHand => Err(by_hand()),
+            Self::Probe(probe) => probe.run(&["reset"], None),
+            Self::Virtual(board) => {
+                board.tell("reset")?;
+                // A request that is on its way would be lost, and waited for.
+                std::thread::sleep(VIRTUAL_START);
+                Ok(())
+            }
+        }
+    }
+
+    /// Writes `image` into the flash and starts it. The libraries and settings in flash stay.
+    ///
+    /// # Errors
+    /// There is no control of the board, or it fails.
+    pub fn flash(&mut self, image: Image) -> Result<()> {
+        match self {
+            Self::ByHand => Err(by_hand()),
+            Self::Probe(probe) => {
+                let file = probe.images.file(image).clone();
+                probe.run(&["download"], Some(file))?;
+                probe.run(&["reset"], None)
+            }
+            Self::Virtual(board) => board.restart(image),
+        }
+    }
+}
+
+fn by_hand() -> Error {
+    Error::Program {
+        program: "probe-rs".to_owned(),
+        problem: "not in use: run with --flash".to_owned(),
+    }
+}
+
+/// A probe with probe-rs. No call of it stays attached, so nothing halts the core and freezes its watchdog.
+#[derive(Debug)]
+pub struct Probe {
+    /// The program.
+    pub program: PathBuf,
+    /// The part's name for it.
+    pub chip: String,
+    /// The images.
+    pub images: Images,
+}
+
+impl Probe {
+    fn run(&self, subcommand: &[&str], file: Option<PathBuf>) -> Result<()> {
+        let mut command = Command::new(&self.program);
+        command.args(subcommand).args(["--chip", &self.chip]);
+        command.args(file);
+        let failed = |problem: String| Error::Program {
+            program: format!("{} {}", self.program.display(), subcommand.join(" ")),
+            problem,
+        };
+        let status = command
+            .status()
+            .map_err(|error| failed(error.to_string()))?;
+        if status.success() {
+            Ok(())
+        } else {
+            Err(failed(format!("{status}; see above")))
+        }
+    }
+}
+
+/// A virtual stylus that is told to reset and to end by its standard input.
+#[derive(Debug)]
+pub struct VirtualBoard {
+    program: PathBuf,
+    images: Images,
+    flash: PathBuf,
+    motion: PathBuf,
+    port: u16,
+    usb: bool,
+    running: Option<(Child, ChildStdin)>,
+    _folder: tempfile::TempDir,
+}
+
+/// The tool's motion: at rest for a moment, then a stroke that outlasts every run, mm/s and N.
+const MOTION: &str = "time_s,speed_mm_s,force_n\n0,0,0\n1,120,1\n100000,120,1\n";
+
+impl VirtualBoard {
+    /// Starts `program` with the product's image on blank flash, its link on its USB if `usb`, else on its serial port.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn start(program: PathBuf, images: Images, usb: bool) -> Result<Self> {
+        let folder = tempfile::tempdir()?;
+        let motion = folder.path().join("motion.csv");
+        std::fs::write(&motion, MOTION)?;
+        let mut board = Self {
+            program,
+            images,
+            flash: folder.path().join("flash"),
+            motion,
+            port: 0,
+            usb,
+            running: None,
+            _folder: folder,
+        };
+        board.restart(Image::Product)?;
+        Ok(board)
+    }
+
+    /// The address of its link.
+    pub fn link(&self) -> String {
+        let kind = if self.usb { "usb-virtual" } else { "tcp" };
+        format!("{kind}:127.0.0.1:{}", self.port)
+    }
+
+    fn failed(&self, problem: impl ToString) -> Error {
+        Error::Program {
+            program: self.program.display().to_string(),
+            problem: problem.to_string(),
+        }
+    }
+
+    fn tell(&mut self, what: &str) -> Result<()> {
+        let Some((_, stdin)) = &mut self.running else {
+            return Err(self.failed("it has ended"));
+        };
+        let told = writeln!(stdin, "{what}").and_then(|()| stdin.flush());
+        told.map_err(|error| self.failed(error))
+    }
+
+    /// Ends the run, which writes the flash to its file.
+    fn end(&mut self) -> Result<()> {
+        if let Some((mut child, stdin)) = self.running.take() {
+            // The end of its input ends it.
+            drop(stdin);
+            let status = child.wait().map_err(|error| self.failed(error))?;
+            if !status.success() {
+                return Err(self.failed(status));
+            }
+        }
+        Ok(())
+    }
+
+    fn restart(&mut self, image: Image) -> Result<()> {
+        self.end()?;
+        let port = if self.usb { "--usb-port" } else { "--port" };
+        let mut child = Command::new(&self.program)
+            .arg("--image")
+            .arg(self.images.file(image))
+            .arg("--flash")
+            .arg(&self.flash)
+            .arg("--motion")
+            .arg(&self.motion)
+            .args([port, &self.port.to_string(), "--commands"])
+            // The zero of a force sensor that nobody has set: at a rail it would count as broken.
+            .args(["--force-zero-volts", "0.20625"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .map_err(|error| self.failed(error))?;
+        let (Some(stdin), Some(stdout)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(self.failed("it has no input or output"));
+        };
+        self.running = Some((child, stdin));
+        let mut lines = BufReader::new(stdout).lines();
+        let port = loop {
+            let Some(line) = lines.next() else {
+                return Err(self.failed("it ended before it listened"));
+            };
+            let line = line.map_err(|error| self.failed(error))?;
+            if let Some(port) = line.rsplit_once("127.0.0.1:").map(|(_, port)| port.trim()) {
+                break port.parse().map_err(|_| self.failed(&line))?;
+            }
+        };
+        self.port = port;
+        // A pipe that nobody reads would block it.
+        std::thread::spawn(move || lines.for_each(drop));
+        std::thread::sleep(VIRTUAL_START);
+        Ok(())
+    }
+}
+
+impl Drop for VirtualBoard {
+    fn drop(&mut self) {
+        // Nobody is left to be told of a failure.
+        let _ = self.end();
+    }
+}

@@ -1,0 +1,12 @@
+//! The tests, a module per subject. Each takes the bench and adds its lines to the report; a failure of the link or of
+//! the device ends the subject, not the run.
+
+pub mod cycles;
+pub mod endurance;
+pub mod faults;
+pub mod identity;
+pub mod output;
+pub mod playing;
+pub mod record;
+pub mod settings;
+pub mod upload;

@@ -1,0 +1,213 @@
+//! Playing from both sources of motion, the stop, and the mutes.
+
+use std::thread;
+use std::time::Duration;
+
+use host_tools::link::LinkError;
+use model_format::link::{
+    Activity, MotionSource, MuteReason, Selection, Setting, SettingChange, SettingsError, Status,
+};
+
+use crate::bench::{Bench, is_playing, request};
+use crate::error::{Error, Result};
+use crate::library;
+
+/// Longest time from the cause of a mute until the output is at mid-scale, ms.
+const SILENT_WITHIN_MS: u64 = 100;
+
+/// Checks what a person feels, and that it ends.
+///
+/// # Errors
+/// The link fails, or the device refuses to play.
+pub fn check(bench: &mut Bench, scene: &Selection) -> Result<()> {
+    from_the_host(bench, scene)?;
+    stop(bench)?;
+    from_the_sensors(bench)?;
+    stale(bench)?;
+    lost_link(bench)
+}
+
+fn from_the_host(bench: &mut Bench, scene: &Selection) -> Result<()> {
+    let length = bench.lengths.play_ms;
+    let before = bench.status()?;
+    let played = bench.while_playing(&library::dearest(), MotionSource::Host, |bench| {
+        let heard = bench.wait_until_heard()?;
+        let setting = Setting::SoftStart;
+        let value = setting.spec().default;
+        let refusal = bench.device.set(SettingChange { setting, value });
+        bench.wait(length)?;
+        bench.device.play(&request(scene, MotionSource::Host))?;
+        let taken = bench.wait_until("the scene did not take over", 2_000, |status| {
+            plays(status, scene) && status.output.mute.is_empty()
+        })?;
+        Ok((heard, refusal, taken))
+    })?;
+    let ((heard, refusal, after), driven) = played;
+    bench.judge(
+        "plays along the host's motion",
+        format!(
+            "{} motions, {} acknowledged",
+            driven.motions, driven.acknowledged
+        ),
+        "playing from the host, not muted",
+        matches!(
+            heard.output.activity,
+            Activity::Playing {
+                motion: MotionSource::Host,
+                ..
+            }
+        ),
+    );
+    let refused = matches!(&refusal, Err(LinkError::Settings(SettingsError::Playing)));
+    let refusal = refusal.map_or_else(|error| error.to_string(), |_| "taken".to_owned());
+    bench.judge(
+        "settings are refused while it plays",
+        refusal,
+        "refused",
+        refused,
+    );
+    bench.judge(
+        "a scene takes over from a texture",
+        format!("{:?}", after.output.activity),
+        "the scene, not muted",
+        plays(&after, scene),
+    );
+    on_time(bench, &before, &after);
+    Ok(())
+}
+
+/// Returns true if `selection` is played, muted or not.
+fn plays(status: &Status, selection: &Selection) -> bool {
+    matches!(&status.output.activity, Activity::Playing { selection: played, .. } if played == selection)
+}
+
+/// Adds the lines of the tick's counters from `before` to `after`.
+pub fn on_time(bench: &mut Bench, before: &Status, after: &Status) {
+    let counts = |status: &Status| {
+        let tick = status.tick;
+        [tick.missed, tick.late_frames, tick.late_conversions]
+    };
+    let (before, after) = (counts(before), counts(after));
+    let names = ["missed ticks", "late blocks", "late conversions"];
+    for ((name, before), after) in names.into_iter().zip(before).zip(after) {
+        let count = after.saturating_sub(before);
+        bench.judge(name, count, "0", count == 0);
+    }
+}
+
+fn stop(bench: &mut Bench) -> Result<()> {
+    let play = library::cheap();
+    let ((before, after), _) = bench.while_playing(&play, MotionSource::Host, |bench| {
+        bench.wait_until_heard()?;
+        let before = bench.status()?;
+        // Waits until the output is idle.
+        bench.device.stop()?;
+        Ok((before, bench.status()?))
+    })?;
+    let took = after.uptime_ms.saturating_sub(before.uptime_ms);
+    bench.judge(
+        "stop ends at mid-scale",
+        format!("within {took} ms, the link's time included"),
+        "idle, at mid-scale, 100 ms",
+        after.output.activity == Activity::Idle && after.output.at_rest && took <= SILENT_WITHIN_MS,
+    );
+    Ok(())
+}
+
+fn from_the_sensors(bench: &mut Bench) -> Result<()> {
+    let name = "plays along the sensors";
+    let play = library::cheap();
+    let length = bench.lengths.play_ms;
+    let (status, _) = bench.while_playing(&play, MotionSource::Sensors, |bench| {
+        // Until the player has seen the sensors, and longer under an emulator whose host was late.
+        let status = bench.wait(length)?;
+        match bench.wait_until_heard() {
+            Ok(heard) => Ok(heard),
+            Err(Error::NotReached { .. }) => Ok(status),
+            Err(error) => Err(error),
+        }
+    })?;
+    let mute = status.output.mute;
+    if mute.contains(MuteReason::Stale) || mute.contains(MuteReason::ForceRail) {
+        let reason = "the sensors are not connected or at a rail: connect encoder and force sensor";
+        bench.leave_out(name, reason);
+        return Ok(());
+    }
+    bench.judge(
+        name,
+        format!(
+            "{:?}, muted: [{}]",
+            status.output.activity, status.output.mute
+        ),
+        "playing, not muted",
+        is_playing(&status) && status.output.mute.is_empty(),
+    );
+    Ok(())
+}
+
+/// Keeps the link alive without a motion: the output must fade, because the motion is old.
+fn stale(bench: &mut Bench) -> Result<()> {
+    let play = library::cheap();
+    bench.while_playing(&play, MotionSource::Host, Bench::wait_until_heard)?;
+    bench.device.play(&request(&play, MotionSource::Host))?;
+    let status = bench.wait_until("an old motion did not mute", 2_000, |status| {
+        status.output.mute.contains(MuteReason::Stale) && status.output.at_rest
+    });
+    bench.device.stop()?;
+    let status = status?;
+    bench.judge(
+        "an old motion mutes",
+        format!("muted: {}", status.output.mute),
+        "at mid-scale, speed or force out of date",
+        is_playing(&status),
+    );
+    Ok(())
+}
+
+/// Sends nothing for less than 100 ms, and reads at once whether the output is at mid-scale.
+///
+/// The question itself shows the device that the host is there again, so each attempt asks once. The gap is that of the
+/// device's own clock, which decides on an emulator too.
+fn lost_link(bench: &mut Bench) -> Result<()> {
+    /// Attempts to hit the gap, because this computer's clock is not the device's.
+    const ATTEMPTS: u32 = 40;
+    let play = library::cheap();
+    let name = "a lost link is silent within 100 ms";
+    let limits = "at mid-scale after at most 100 ms without a frame, link lost counted";
+    let mut pause = Duration::from_millis(SILENT_WITHIN_MS - 10);
+    let mut loudest_ms = 0;
+    for _ in 0..ATTEMPTS {
+        bench.device.play(&request(&play, MotionSource::Host))?;
+        let heard = bench.heard_with_motions()?;
+        thread::sleep(pause);
+        let after = bench.status()?;
+        bench.device.stop()?;
+        let gap = after.uptime_ms.saturating_sub(heard.uptime_ms);
+        let lost = count(&after, MuteReason::LinkLost) > count(&heard, MuteReason::LinkLost);
+        if after.output.at_rest && lost && gap <= SILENT_WITHIN_MS {
+            bench.judge(name, format!("at mid-scale after {gap} ms"), limits, true);
+            return Ok(());
+        }
+        if !after.output.at_rest && gap >= SILENT_WITHIN_MS {
+            bench.judge(name, format!("not at rest after {gap} ms"), limits, false);
+            return Ok(());
+        }
+        if !after.output.at_rest {
+            loudest_ms = loudest_ms.max(gap);
+        }
+        // Towards the middle of what is between the mute's earliest end and the limit.
+        let wanted = SILENT_WITHIN_MS - 10;
+        let ratio = wanted as f64 / gap.max(1) as f64;
+        pause = pause
+            .mul_f64(ratio.clamp(0.2, 5.0))
+            .min(Duration::from_secs(10));
+    }
+    let value = format!("not decided in {ATTEMPTS} attempts; loud after {loudest_ms} ms");
+    bench.judge(name, value, limits, false);
+    Ok(())
+}
+
+fn count(status: &Status, reason: MuteReason) -> u32 {
+    let index = MuteReason::ALL.iter().position(|&one| one == reason);
+    index.map_or(0, |index| status.output.mute_counts[index])
+}

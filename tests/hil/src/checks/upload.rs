@@ -1,0 +1,118 @@
+//! Uploads: a damaged one refused, a whole one listed and activated.
+
+use host_tools::link::LinkError;
+use host_tools::link::upload::upload;
+use model_format::link::{
+    LIBRARY_CRC, MAX_CHUNK_BYTES, SlotState, UploadBegin, UploadChunk, UploadCommitted, UploadError,
+};
+
+use crate::bench::Bench;
+use crate::error::{Error, Result};
+
+/// Uploads `library`, damaged and whole, and activates it.
+///
+/// # Errors
+/// The link fails, or the device refuses what it should take.
+pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
+    let active = bench.status()?.library_crc32;
+    damaged(bench, library)?;
+    let crc32 = LIBRARY_CRC.checksum(library);
+    let begin = bench.status()?;
+    let uploaded = upload(&mut bench.device, library, |_| ())?;
+    let end = bench.status()?;
+    bench.judge(
+        "a library is uploaded and read back",
+        format!(
+            "{} bytes and {} textures in slot {}, {} ms",
+            uploaded.library.length,
+            uploaded.textures.len(),
+            uploaded.slot,
+            end.uptime_ms.saturating_sub(begin.uptime_ms)
+        ),
+        "same length and checksum, every texture listed",
+        (uploaded.library.length as usize, uploaded.library.crc32) == (library.len(), crc32),
+    );
+    bench.judge(
+        "an upload leaves the active library alone",
+        format!("{:08x}", end.library_crc32),
+        &format!("{active:08x}"),
+        end.library_crc32 == active,
+    );
+    let scenes = bench.device.scenes(uploaded.slot)?.len();
+    bench.judge(
+        "every scene is listed",
+        scenes,
+        &uploaded.library.scenes.to_string(),
+        scenes == usize::from(uploaded.library.scenes),
+    );
+    let activated = bench.device.activate(uploaded.slot)?;
+    let status = bench.status()?;
+    bench.judge(
+        "the library is activated",
+        format!("slot {}, {:08x}", activated.slot, status.library_crc32),
+        &format!("slot {}, {crc32:08x}", uploaded.slot),
+        activated.slot == uploaded.slot && status.library_crc32 == crc32,
+    );
+    Ok(())
+}
+
+/// Sends the library with one bit of its last chunk flipped: the commit must refuse it.
+fn damaged(bench: &mut Bench, library: &[u8]) -> Result<()> {
+    let mut bytes = library.to_vec();
+    if let Some(last) = bytes.last_mut() {
+        *last ^= 1;
+    }
+    let announced = UploadBegin {
+        length: library.len() as u32,
+        crc32: LIBRARY_CRC.checksum(library),
+    };
+    let (text, is_refused) = match send(bench, &bytes, announced) {
+        Err(Error::Link(LinkError::Upload(refusal))) => (
+            refusal.to_string(),
+            matches!(
+                *refusal,
+                UploadError::Checksum { .. } | UploadError::Invalid { .. }
+            ),
+        ),
+        Err(error) => return Err(error),
+        Ok(_) => ("accepted".to_owned(), false),
+    };
+    bench.judge(
+        "a damaged chunk is refused",
+        text,
+        "refused for its checksum",
+        is_refused,
+    );
+    let slots = bench.device.slots()?;
+    let is_valid = slots
+        .slots
+        .iter()
+        .any(|slot| matches!(slot, SlotState::Valid(info) if info.crc32 == announced.crc32));
+    bench.judge(
+        "no slot holds the damaged library",
+        if is_valid { "one does" } else { "none does" },
+        "none does",
+        !is_valid,
+    );
+    Ok(())
+}
+
+/// Uploads `bytes` once, chunk by chunk, announced as `announced`.
+///
+/// # Errors
+/// The link fails or the device refuses.
+pub fn send(bench: &Bench, bytes: &[u8], announced: UploadBegin) -> Result<UploadCommitted> {
+    let mut at = bench.device.upload_begin(announced)?.next_offset as usize;
+    while at < bytes.len() {
+        if bench.interrupt.is_raised() {
+            return Err(Error::Interrupted);
+        }
+        let end = bytes.len().min(at + MAX_CHUNK_BYTES);
+        let chunk = UploadChunk {
+            offset: at as u32,
+            data: &bytes[at..end],
+        };
+        at = bench.device.upload_chunk(&chunk)?.next_offset as usize;
+    }
+    Ok(bench.device.upload_commit()?)
+}

@@ -1,0 +1,46 @@
+//! Failures that end a subject of the suite.
+
+use std::path::PathBuf;
+
+use host_tools::link::LinkError;
+
+/// A failure of the bench, as opposed to a value outside its limits.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The link failed, or the device refused a request.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The device did not reach a state in its own time.
+    #[error("{what} within {ms} ms of the device's clock")]
+    NotReached {
+        /// The state, as a sentence without its end.
+        what: String,
+        /// The time that it had, ms.
+        ms: u64,
+    },
+    /// A program cannot be run, or failed.
+    #[error("{program}: {problem}")]
+    Program {
+        /// The program.
+        program: String,
+        /// The problem and the remedy.
+        problem: String,
+    },
+    /// A file cannot be read or written.
+    #[error("{path}: {source}", path = path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The system refuses what the suite needs.
+    #[error("{0}")]
+    System(#[from] std::io::Error),
+    /// Somebody ended the run.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// Result of a step of the suite.
+pub type Result<T> = std::result::Result<T, Error>;

@@ -1,0 +1,249 @@
+//! `cargo tasks hil` runs this program.
+
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Parser;
+use hil::bench::{Bench, Lengths};
+use hil::board::{Board, Images, Probe, VirtualBoard};
+use hil::error::{Error, Result};
+use hil::interrupt::Interrupt;
+use hil::keep;
+use hil::report::{Line, Report};
+use hil::suite::{Plan, run};
+use host_tools::link::{Device, LinkAddress, Timeouts};
+use serde::Serialize;
+
+/// The part's name for probe-rs.
+const CHIP: &str = "STM32H743ZITx";
+
+/// Longest wait for an answer of an emulated device: it may share its processor with a build. A request that a reset
+/// swallows costs as much.
+const EMULATED_ANSWER: Duration = Duration::from_secs(6);
+
+/// Runs the image's tests against a real board, or the virtual stylus, over its link
+#[derive(Parser)]
+#[command(name = "cargo tasks hil", bin_name = "cargo tasks hil")]
+struct Arguments {
+    /// The stylus: usb[:SERIAL], serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT
+    #[arg(long, required_unless_present = "virtual_stylus")]
+    link: Option<LinkAddress>,
+    /// Length of upload, stream and play together, in minutes
+    #[arg(long, default_value_t = 10.0)]
+    minutes: f64,
+    /// Write the report to this file, as JSON
+    #[arg(long)]
+    json: Option<PathBuf>,
+    /// Write the measured cycles to this file; `firmware/cycles.json` is the one that the pages cite
+    #[arg(long)]
+    cycles: Option<PathBuf>,
+    /// Upload and activate this library at the end, because the tests overwrite both slots
+    #[arg(long)]
+    library: Option<PathBuf>,
+    /// Overwrite the libraries without a question
+    #[arg(long)]
+    yes: bool,
+    /// A few of each kind and short plays, as suits an emulator
+    #[arg(long)]
+    brief: bool,
+    /// The program probe-rs, which resets the board and exchanges its image
+    #[arg(long, hide = true, requires_all = ["product_image", "fault_image"])]
+    probe_rs: Option<PathBuf>,
+    /// The virtual stylus's program, which is started and takes the place of a board
+    #[arg(long, hide = true, conflicts_with = "link", requires_all = ["product_image", "fault_image"])]
+    virtual_stylus: Option<PathBuf>,
+    /// With the virtual stylus: over its USB instead of its serial port
+    #[arg(long, hide = true, requires = "virtual_stylus")]
+    virtual_usb: bool,
+    /// The ELF file of the product's image
+    #[arg(long, hide = true)]
+    product_image: Option<PathBuf>,
+    /// The ELF file of the image with faults on request
+    #[arg(long, hide = true)]
+    fault_image: Option<PathBuf>,
+}
+
+fn main() -> ExitCode {
+    match tested(&Arguments::parse()) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Returns true if the report holds.
+fn tested(arguments: &Arguments) -> Result<bool> {
+    let interrupt = Interrupt::default();
+    interrupt.listen()?;
+    let (board, address) = board(arguments)?;
+    let is_slow = board.is_emulated()
+        || matches!(
+            address,
+            LinkAddress::Tcp { .. } | LinkAddress::UsbVirtual { .. }
+        );
+    let timeouts = if is_slow {
+        Timeouts::scaled_to(EMULATED_ANSWER)
+    } else {
+        Timeouts::default()
+    };
+    let device = connect(&address, timeouts)?;
+    let mut bench = Bench::new(
+        device,
+        board,
+        lengths(arguments),
+        interrupt,
+        |line: &Line| {
+            println!("{line}");
+        },
+    );
+    println!(
+        "{} {} over {address}{}",
+        bench.device.info().product,
+        bench.device.info().serial,
+        if bench.is_emulated() {
+            ", emulated: no figure below is a board's"
+        } else {
+            ""
+        }
+    );
+    if !may_overwrite(&bench, arguments)? {
+        eprintln!("nothing was changed");
+        return Ok(false);
+    }
+    let plan = Plan {
+        is_brief: arguments.brief,
+        cycles: arguments.cycles.clone(),
+        library: arguments.library.clone(),
+    };
+    let restored = run(&mut bench, &plan);
+    println!("{}", bench.report.summary());
+    if let Some(path) = &arguments.json {
+        write_json(&bench, path)?;
+    }
+    restored?;
+    Ok(bench.report.holds())
+}
+
+fn board(arguments: &Arguments) -> Result<(Board, LinkAddress)> {
+    let images = || Images {
+        product: arguments.product_image.clone().unwrap_or_default(),
+        faults: arguments.fault_image.clone().unwrap_or_default(),
+    };
+    if let Some(program) = &arguments.virtual_stylus {
+        let board = VirtualBoard::start(program.clone(), images(), arguments.virtual_usb)?;
+        let link = board.link().parse().expect("it is an address");
+        return Ok((Board::Virtual(board), link));
+    }
+    let board = match &arguments.probe_rs {
+        Some(program) => Board::Probe(Probe {
+            program: program.clone(),
+            chip: CHIP.to_owned(),
+            images: images(),
+        }),
+        None => Board::ByHand,
+    };
+    let link = arguments
+        .link
+        .clone()
+        .expect("required without the virtual stylus");
+    Ok((board, link))
+}
+
+/// Opens the link. A board that was just flashed or a virtual stylus that was just started may need a moment.
+fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
+    const ATTEMPTS: u32 = 10;
+    let mut attempt = 1;
+    loop {
+        match Device::connect(address, timeouts) {
+            Ok(device) => return Ok(device),
+            Err(error) if attempt == ATTEMPTS || !error.is_passing() => return Err(error.into()),
+            Err(_) => std::thread::sleep(Duration::from_millis(500)),
+        }
+        attempt += 1;
+    }
+}
+
+fn lengths(arguments: &Arguments) -> Lengths {
+    let endurance_ms = (arguments.minutes * 60e3).max(0.0) as u64;
+    if arguments.brief {
+        Lengths {
+            play_ms: 40,
+            record_ms: 500,
+            endurance_ms,
+            between_uploads_ms: 0,
+        }
+    } else {
+        Lengths {
+            play_ms: 1_000,
+            record_ms: 60_000.min(endurance_ms),
+            endurance_ms,
+            between_uploads_ms: 6_000,
+        }
+    }
+}
+
+/// Says what the run overwrites, and asks.
+fn may_overwrite(bench: &Bench, arguments: &Arguments) -> Result<bool> {
+    let overwrites = keep::overwrites(bench)?;
+    if overwrites.is_empty() {
+        return Ok(true);
+    }
+    println!("this overwrites, and cannot read back before:");
+    for one in overwrites {
+        println!("  {one}");
+    }
+    if let Some(path) = &arguments.library {
+        println!("at the end {} is uploaded and activated", path.display());
+    }
+    if arguments.yes {
+        return Ok(true);
+    }
+    if !std::io::stdin().is_terminal() {
+        return Err(Error::Program {
+            program: "cargo tasks hil".to_owned(),
+            problem: "nobody is there to be asked: give --yes".to_owned(),
+        });
+    }
+    print!("go on? [y/N] ");
+    std::io::stdout().flush()?;
+    let mut answer = String::new();
+    std::io::stdin().read_line(&mut answer)?;
+    Ok(answer.trim().eq_ignore_ascii_case("y"))
+}
+
+#[derive(Serialize)]
+struct Written<'a> {
+    link: String,
+    serial: &'a str,
+    firmware_version: &'a str,
+    build: &'a str,
+    emulated: bool,
+    holds: bool,
+    summary: String,
+    #[serde(flatten)]
+    report: &'a Report,
+}
+
+fn write_json(bench: &Bench, path: &PathBuf) -> Result<()> {
+    let info = bench.device.info();
+    let written = Written {
+        link: bench.device.address().to_string(),
+        serial: &info.serial,
+        firmware_version: &info.firmware_version,
+        build: &info.build,
+        emulated: bench.is_emulated(),
+        holds: bench.report.holds(),
+        summary: bench.report.summary(),
+        report: &bench.report,
+    };
+    let text = serde_json::to_string_pretty(&written).expect("plain data") + "\n";
+    std::fs::write(path, text).map_err(|source| Error::File {
+        path: path.clone(),
+        source,
+    })
+}

@@ -1,0 +1,242 @@
+//! The suite on a fake device: it finds nothing on a healthy one, and each injected defect on one that has it.
+
+use std::time::Duration;
+
+use fake_stylus::{FakeStylus, Faults, Hand};
+use hil::bench::{Bench, Lengths};
+use hil::board::Board;
+use hil::checks::{cycles, endurance, identity, playing, record, settings, upload};
+use hil::interrupt::Interrupt;
+use hil::keep::Kept;
+use hil::library::{Played, played};
+use hil::report::Verdict;
+use hil::suite::{Plan, run};
+use host_tools::link::{Device, Timeouts};
+use model_format::link::{Activity, Setting, SettingChange};
+
+const LENGTHS: Lengths = Lengths {
+    play_ms: 40,
+    record_ms: 300,
+    endurance_ms: 500,
+    between_uploads_ms: 0,
+};
+
+fn connected(stylus: &FakeStylus) -> Device {
+    let address = stylus.link().parse().expect("it is an address");
+    Device::connect(&address, Timeouts::default()).expect("it listens")
+}
+
+/// Waits until `count` requests for `path` have arrived.
+fn wait_for(stylus: &FakeStylus, path: &str, count: usize) {
+    while stylus.count(path) < count {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn of(device: Device) -> Bench {
+    let (board, interrupt) = (Board::ByHand, Interrupt::default());
+    Bench::new(device, board, LENGTHS, interrupt, |line| {
+        println!("{line}");
+    })
+}
+
+fn bench(stylus: &FakeStylus) -> Bench {
+    stylus.set_hand(Hand {
+        speed_mm_s: 120.0,
+        force_n: 1.0,
+        ..Hand::default()
+    });
+    of(connected(stylus))
+}
+
+/// A bench with the suite's library in the device.
+fn bench_with_library(stylus: &FakeStylus) -> (Bench, Played) {
+    let mut bench = bench(stylus);
+    let kept = Kept::save(&bench, None).expect("the device answers");
+    kept.make_playable(&bench).expect("the device takes them");
+    let played = played();
+    upload::check(&mut bench, &played.bytes).expect("the device takes it");
+    assert_eq!(bench.report.count(Verdict::Failed), 0);
+    (bench, played)
+}
+
+/// The names of the tests that failed.
+fn failed(bench: &Bench) -> Vec<&str> {
+    let lines = bench.report.lines.iter();
+    lines
+        .filter(|line| line.verdict == Verdict::Failed)
+        .map(|line| line.name.as_str())
+        .collect()
+}
+
+#[test]
+fn a_healthy_device_passes_and_is_left_silent_with_its_own_settings() {
+    let stylus = FakeStylus::start();
+    let device = connected(&stylus);
+    let own = SettingChange {
+        setting: Setting::SoftStart,
+        value: 123.0,
+    };
+    let before = device.set(own).expect("it is in range");
+    drop(device);
+    let mut bench = bench(&stylus);
+    let plan = Plan {
+        is_brief: true,
+        ..Plan::default()
+    };
+    run(&mut bench, &plan).expect("the device is as it was");
+    assert_eq!(failed(&bench), Vec::<&str>::new());
+    assert!(bench.report.holds());
+    assert!(bench.report.count(Verdict::Passed) > 30);
+    assert_eq!(bench.device.settings().expect("it answers"), before);
+    let status = bench.device.status().expect("it answers");
+    assert_eq!(status.output.activity, Activity::Idle);
+    assert!(status.output.at_rest && !status.record.recording);
+}
+
+#[test]
+fn without_a_probe_resets_and_faults_are_left_out_with_the_reason() {
+    let stylus = FakeStylus::start();
+    let mut bench = bench(&stylus);
+    settings::check(&mut bench).expect("the device answers");
+    let left_out = bench
+        .report
+        .lines
+        .iter()
+        .filter(|line| line.verdict == Verdict::LeftOut);
+    let left_out: Vec<_> = left_out.collect();
+    assert_eq!(left_out.len(), 1);
+    assert_eq!(left_out[0].name, "settings survive a reset");
+    assert!(left_out[0].value.contains("--flash"), "{}", left_out[0]);
+}
+
+#[test]
+fn lost_blocks_of_a_recording_are_found() {
+    let stylus = FakeStylus::start();
+    let mut bench = bench(&stylus);
+    stylus.fail(Faults {
+        lose_block_every: Some(7),
+        ..Faults::default()
+    });
+    record::check(&mut bench).expect("blocks arrive");
+    assert_eq!(failed(&bench), ["a recording loses nothing"]);
+}
+
+#[test]
+fn samples_that_the_device_loses_are_found() {
+    let stylus = FakeStylus::start();
+    let mut bench = bench(&stylus);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            wait_for(&stylus, "stylus/record/start", 1);
+            std::thread::sleep(Duration::from_millis(50));
+            stylus.lose_samples(3);
+        });
+        record::check(&mut bench).expect("blocks arrive");
+    });
+    assert_eq!(failed(&bench), ["a recording loses nothing"]);
+}
+
+#[test]
+fn another_firmware_and_a_strange_serial_number_are_found() {
+    let stylus = FakeStylus::start();
+    stylus.fail(Faults {
+        disguise: Some(|info| {
+            info.firmware_version = "0.0.1".try_into().expect("short");
+            info.serial = "FFFFFFFFFFFFFFFFFFFFFFFF".try_into().expect("short");
+        }),
+        ..Faults::default()
+    });
+    let mut bench = bench(&stylus);
+    identity::check(&mut bench).expect("the device answers");
+    assert_eq!(failed(&bench), ["serial number", "firmware version"]);
+}
+
+#[test]
+fn an_output_that_goes_on_after_a_lost_link_is_found() {
+    let stylus = FakeStylus::start();
+    let (mut bench, played) = bench_with_library(&stylus);
+    stylus.fail(Faults {
+        ignores_lost_link: true,
+        ..Faults::default()
+    });
+    let (_, scene) = played.selections.last().expect("there are some");
+    playing::check(&mut bench, scene).expect("the device answers");
+    // A motion that grows old mutes too, but not for this reason.
+    assert_eq!(failed(&bench), ["a lost link is silent within 100 ms"]);
+}
+
+#[test]
+fn missed_ticks_are_found() {
+    let stylus = FakeStylus::start();
+    let (mut bench, played) = bench_with_library(&stylus);
+    stylus.fail(Faults {
+        misses_ticks: true,
+        ..Faults::default()
+    });
+    endurance::check(&mut bench, &played.bytes).expect("the device answers");
+    assert_eq!(failed(&bench), ["missed ticks"]);
+}
+
+#[test]
+fn a_tick_that_takes_longer_than_its_period_is_found() {
+    let stylus = FakeStylus::start();
+    let (mut bench, _) = bench_with_library(&stylus);
+    stylus.fail(Faults {
+        slower_by: 80_000,
+        ..Faults::default()
+    });
+    cycles::check(&mut bench, &[]).expect("the device answers");
+    // What came before is in the first range, which is not shown.
+    assert_eq!(failed(&bench), ["idle"]);
+}
+
+#[test]
+fn a_device_that_refuses_is_a_failure_of_each_subject_and_not_the_end_of_the_run() {
+    let stylus = FakeStylus::start();
+    let address = stylus.link().parse().expect("it is an address");
+    let timeouts = Timeouts::scaled_to(Duration::from_millis(100));
+    let device = Device::connect(&address, timeouts).expect("it listens");
+    let mut bench = of(device);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            wait_for(&stylus, "stylus/upload/begin", 1);
+            stylus.fail(Faults {
+                busy: true,
+                ..Faults::default()
+            });
+        });
+        assert!(run(&mut bench, &Plan::default()).is_err());
+    });
+    assert!(!bench.report.holds());
+    let lines = bench.report.lines.iter();
+    let subjects: Vec<_> = lines
+        .filter(|line| line.verdict == Verdict::Failed)
+        .map(|line| line.subject)
+        .collect();
+    for subject in ["upload", "play", "endurance", "cycles", "end"] {
+        assert!(subjects.contains(&subject), "{subjects:?}");
+    }
+}
+
+#[test]
+fn an_interrupt_ends_the_run_in_silence_and_with_the_settings_restored() {
+    let stylus = FakeStylus::start();
+    let mut bench = bench(&stylus);
+    let before = bench.device.settings().expect("it answers");
+    let interrupt = bench.interrupt.clone();
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // After the first settings, and before the last test.
+            wait_for(&stylus, "stylus/play", 1);
+            interrupt.raise();
+        });
+        let plan = Plan::default();
+        run(&mut bench, &plan).expect("the device is as it was");
+    });
+    assert!(bench.report.interrupted && !bench.report.holds());
+    assert_eq!(bench.device.settings().expect("it answers"), before);
+    let status = bench.device.status().expect("it answers");
+    assert_eq!(status.output.activity, Activity::Idle);
+    assert!(status.output.at_rest && !status.record.recording);
+}

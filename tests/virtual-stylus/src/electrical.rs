@@ -1,0 +1,79 @@
+//! Silicon, clocks and supply of a run, and the defects that the core notices.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::model::oscillators::Clocks;
+
+/// REV_ID of revision V (section 60.5.8).
+const REVISION_V: u16 = 0x2003;
+/// Supply of the NUCLEO-H743ZI2, mV.
+const RAIL_MILLIVOLTS: u32 = 3300;
+
+/// Silicon, clocks and supply of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Electrical {
+    /// The clocks.
+    pub clocks: Clocks,
+    /// REV_ID of the silicon (section 60.5.8).
+    pub revision: u16,
+    /// BOR_LEV of the option bytes, 0 to 3; new parts have 0 (section 4.9.8).
+    pub brown_out_level: u8,
+    /// Supply, mV.
+    pub supply_millivolts: u32,
+}
+
+impl Default for Electrical {
+    fn default() -> Self {
+        Self {
+            clocks: Clocks::default(),
+            revision: REVISION_V,
+            brown_out_level: 0,
+            supply_millivolts: RAIL_MILLIVOLTS,
+        }
+    }
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    /// A non-maskable interrupt that the core has not taken yet.
+    interrupt: AtomicBool,
+    /// Reads of the AXI SRAM are corrupted unless they are issued one at a time (ES0392 section 2.2.9).
+    old_silicon: AtomicBool,
+    one_read_at_a_time: AtomicBool,
+}
+
+/// Signals of the part to the core besides the bus; handles of one state.
+#[derive(Clone, Debug, Default)]
+pub struct Defects(Arc<Shared>);
+
+impl Defects {
+    /// The defects of silicon of `revision`.
+    pub fn of(revision: u16) -> Self {
+        let defects = Self::default();
+        let old = revision < 0x2000;
+        defects.0.old_silicon.store(old, Ordering::Relaxed);
+        defects
+    }
+
+    /// Requests the non-maskable interrupt.
+    pub fn interrupt(&self) {
+        self.0.interrupt.store(true, Ordering::Relaxed);
+    }
+
+    /// Takes the request, if there is one.
+    pub fn take_interrupt(&self) -> bool {
+        self.0.interrupt.swap(false, Ordering::Relaxed)
+    }
+
+    /// Sets whether reads of the AXI SRAM are issued one at a time.
+    pub fn issue_one_read(&self, one: bool) {
+        self.0.one_read_at_a_time.store(one, Ordering::Relaxed);
+    }
+
+    /// True while reads of the AXI SRAM are corrupted.
+    pub fn misreads(&self) -> bool {
+        self.0.old_silicon.load(Ordering::Relaxed)
+            && !self.0.one_read_at_a_time.load(Ordering::Relaxed)
+    }
+}

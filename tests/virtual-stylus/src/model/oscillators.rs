@@ -1,0 +1,215 @@
+//! Oscillators that do not come and PLLs that do not lock, which the emulator's clock controller lacks (chapter 8).
+//!
+//! | What | Section |
+//! |---|---|
+//! | HSE without a clock at its pin never becomes ready | 8.5.1 |
+//! | A PLL locks only with a reference of 1 to 16 MHz within the range of `PLLxRGE` | 8.5.5, 8.7.12 |
+//! | and a VCO within 192 to 960 MHz (wide) or 150 to 420 MHz (medium, reference of 1 to 2 MHz) | 8.5.5, 8.7.13 |
+//! | A failure of HSE under the clock security system is a non-maskable interrupt | 8.5.3 |
+//!
+//! A source that does not come is withheld from the emulator's model: its enable is shown as written and is clear for
+//! the model, so nothing runs on it. On the part a PLL outside its range may lock, or lock now and then; here it never
+//! does.
+//!
+//! Left out: a failing HSE without the clock security system, under which the part's PLL runs away.
+
+use rigless::device::{DeviceContext, RegisterFile};
+use rigless::soc::FieldSpec;
+use rigless::soc::stm32h743::generated::rcc::{
+    Register, cr, pll1divr, pll2divr, pll3divr, pllcfgr, pllckselr,
+};
+use rigless::soc::stm32h743::peripherals::rcc::Rcc;
+
+use super::around::Around;
+
+/// Reference of the medium range, Hz: from the first to the second.
+const MEDIUM_REFERENCE_HZ: [u64; 2] = [1_000_000, 2_000_000];
+/// VCO of the wide range and of the medium one, Hz.
+const WIDE_VCO_HZ: [u64; 2] = [192_000_000, 960_000_000];
+const MEDIUM_VCO_HZ: [u64; 2] = [150_000_000, 420_000_000];
+/// References that the codes of `PLLxRGE` name, Hz.
+const REFERENCES_HZ: [[u64; 2]; 4] = [
+    [1_000_000, 2_000_000],
+    [2_000_000, 4_000_000],
+    [4_000_000, 8_000_000],
+    [8_000_000, 16_000_000],
+];
+const HSI_HZ: u64 = 64_000_000;
+const CSI_HZ: u64 = 4_000_000;
+/// `PLLSRC` of HSE.
+const SOURCE_HSE: u64 = 2;
+
+/// Clocks of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Clocks {
+    /// Clock at HSE's pin, Hz; none if there is none.
+    pub external_hz: Option<u64>,
+    /// PLLs that never lock on the external clock, PLL1 first.
+    pub unlocked_external: [bool; 3],
+    /// PLLs that never lock on an internal clock.
+    pub unlocked_internal: [bool; 3],
+    /// Deviation of HSI from 64 MHz, parts per million, as far as USB notices it.
+    pub hsi_ppm: i64,
+    /// Deviation of HSI48 from 48 MHz while it is not trimmed, parts per million. The part's may be 40 000 over its
+    /// range of temperatures (DS12110, HSI48 oscillator characteristics).
+    pub hsi48_ppm: i64,
+}
+
+impl Default for Clocks {
+    fn default() -> Self {
+        Self {
+            external_hz: Some(8_000_000),
+            unlocked_external: [false; 3],
+            unlocked_internal: [false; 3],
+            hsi_ppm: 5_000,
+            hsi48_ppm: 5_000,
+        }
+    }
+}
+
+struct Fields {
+    on: &'static FieldSpec,
+    divm: &'static FieldSpec,
+    range: &'static FieldSpec,
+    medium: &'static FieldSpec,
+    divn: &'static FieldSpec,
+    dividers: Register,
+}
+
+const PLLS: [Fields; 3] = [
+    Fields {
+        on: cr::PLL1ON,
+        divm: pllckselr::DIVM1,
+        range: pllcfgr::PLL1RGE,
+        medium: pllcfgr::PLL1VCOSEL,
+        divn: pll1divr::DIVN1,
+        dividers: Register::Pll1divr,
+    },
+    Fields {
+        on: cr::PLL2ON,
+        divm: pllckselr::DIVM2,
+        range: pllcfgr::PLL2RGE,
+        medium: pllcfgr::PLL2VCOSEL,
+        divn: pll2divr::DIVN2,
+        dividers: Register::Pll2divr,
+    },
+    Fields {
+        on: cr::PLL3ON,
+        divm: pllckselr::DIVM3,
+        range: pllcfgr::PLL3RGE,
+        medium: pllcfgr::PLL3VCOSEL,
+        divn: pll3divr::DIVN3,
+        dividers: Register::Pll3divr,
+    },
+];
+
+/// The wrapper of the clock controller.
+#[derive(Debug)]
+pub struct Oscillators {
+    /// Clocks of the run.
+    pub clocks: Clocks,
+    /// Enables of `CR` that are set for the image and clear for the model.
+    withheld: u64,
+    changed: bool,
+}
+
+impl Oscillators {
+    /// A wrapper with these clocks.
+    pub fn new(clocks: Clocks) -> Self {
+        Self {
+            clocks,
+            withheld: 0,
+            changed: true,
+        }
+    }
+
+    /// Returns whether a clock may have changed since the last call.
+    pub fn take_changed(&mut self) -> bool {
+        std::mem::take(&mut self.changed)
+    }
+
+    fn locks(&self, pll: usize, registers: &RegisterFile) -> bool {
+        let selection = registers.get(Register::Pllckselr);
+        let source = pllckselr::PLLSRC.get(selection);
+        let (source_hz, refused) = match source {
+            0 => (Some(HSI_HZ), self.clocks.unlocked_internal),
+            1 => (Some(CSI_HZ), self.clocks.unlocked_internal),
+            SOURCE_HSE => (self.clocks.external_hz, self.clocks.unlocked_external),
+            _ => (None, [true; 3]),
+        };
+        let Fields {
+            divm,
+            range,
+            medium,
+            divn,
+            dividers,
+            ..
+        } = &PLLS[pll];
+        let (Some(source_hz), divided, false) = (source_hz, divm.get(selection), refused[pll])
+        else {
+            return false;
+        };
+        if divided == 0 {
+            return false;
+        }
+        let reference_hz = source_hz / divided;
+        let vco_hz = reference_hz * (divn.get(registers.get(*dividers)) + 1);
+        let configuration = registers.get(Register::Pllcfgr);
+        let within = |[low, high]: [u64; 2], hz: u64| (low..=high).contains(&hz);
+        let vco = if medium.is_set(configuration) {
+            within(MEDIUM_REFERENCE_HZ, reference_hz) && within(MEDIUM_VCO_HZ, vco_hz)
+        } else {
+            reference_hz > MEDIUM_REFERENCE_HZ[1] && within(WIDE_VCO_HZ, vco_hz)
+        };
+        within(
+            REFERENCES_HZ[range.get(configuration) as usize],
+            reference_hz,
+        ) && vco
+    }
+}
+
+impl Around<Rcc> for Oscillators {
+    fn before_write(&mut self, register: Register, _value: u64, registers: &mut RegisterFile) {
+        if register != Register::Cr {
+            return;
+        }
+        let written = registers.get(Register::Cr);
+        self.withheld = 0;
+        if cr::HSEON.is_set(written) && self.clocks.external_hz.is_none() {
+            self.withheld |= cr::HSEON.mask();
+        }
+        for (pll, fields) in PLLS.iter().enumerate() {
+            if fields.on.is_set(written) && !self.locks(pll, registers) {
+                self.withheld |= fields.on.mask();
+            }
+        }
+        registers.set(Register::Cr, written & !self.withheld);
+    }
+
+    fn answer(
+        &mut self,
+        register: Register,
+        answered: Option<u64>,
+        registers: &RegisterFile,
+    ) -> Option<u64> {
+        if register != Register::Cr || self.withheld == 0 {
+            return answered;
+        }
+        let value = answered.unwrap_or_else(|| registers.get(register));
+        Some(value | self.withheld)
+    }
+
+    fn after(
+        &mut self,
+        _inner: &mut Rcc,
+        _registers: &mut RegisterFile,
+        _context: &mut DeviceContext<'_>,
+    ) {
+        self.changed = true;
+    }
+
+    fn reset(&mut self) {
+        self.withheld = 0;
+        self.changed = true;
+    }
+}

@@ -1,0 +1,92 @@
+//! Level of a pin of a port, as the board sees it (chapter 11), around the emulator's model of the port.
+//!
+//! A pin floats until the image makes it an output: in every reset all pins of the ports C to K are analogue (section
+//! 11.4.1). What the board holds the pin at meanwhile is not the part's.
+
+use rigless::device::{DeviceContext, RegisterFile};
+use rigless::soc::stm32h743::generated::gpioa::Register;
+use rigless::soc::stm32h743::peripherals::gpio::Gpio;
+use rigless::time::VirtualNanos;
+
+use super::around::Around;
+
+/// The part's own effect on a pin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Drive {
+    /// Nothing: an input, analogue, an alternate function, or an open drain that is off.
+    #[default]
+    Floating,
+    /// It drives low.
+    Low,
+    /// It drives high.
+    High,
+}
+
+/// The drive of a pin from an instant on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Driven {
+    /// The instant, in nanoseconds of virtual time.
+    pub at_ns: u64,
+    /// The drive.
+    pub drive: Drive,
+}
+
+/// Every change of the drive of one pin.
+#[derive(Debug)]
+pub struct PinRecord {
+    pin: u32,
+    drive: Drive,
+    record: Vec<Driven>,
+}
+
+impl PinRecord {
+    /// The record of the pin with this number in its port, which floats.
+    pub fn new(pin: u32) -> Self {
+        Self {
+            pin,
+            drive: Drive::Floating,
+            record: Vec::new(),
+        }
+    }
+
+    /// Takes the changes since the run began, or since the last call.
+    pub fn take_record(&mut self) -> Vec<Driven> {
+        std::mem::take(&mut self.record)
+    }
+
+    /// Handles a reset of the part at `at`, which lets the pin float.
+    pub fn part_reset(&mut self, at: VirtualNanos) {
+        self.keep(at, Drive::Floating);
+    }
+
+    fn keep(&mut self, at: VirtualNanos, drive: Drive) {
+        if drive != self.drive {
+            self.drive = drive;
+            self.record.push(Driven { at_ns: at.0, drive });
+        }
+    }
+
+    fn of_registers(&self, registers: &RegisterFile) -> Drive {
+        /// `MODER` of a general purpose output.
+        const OUTPUT: u64 = 0b01;
+        let bit = |register| registers.get(register) >> self.pin & 1 != 0;
+        let mode = registers.get(Register::Moder) >> (2 * self.pin) & 0b11;
+        match (mode, bit(Register::Odr), bit(Register::Otyper)) {
+            (OUTPUT, false, _) => Drive::Low,
+            (OUTPUT, true, false) => Drive::High,
+            _ => Drive::Floating,
+        }
+    }
+}
+
+impl Around<Gpio> for PinRecord {
+    fn after(
+        &mut self,
+        _inner: &mut Gpio,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let drive = self.of_registers(registers);
+        self.keep(context.now(), drive);
+    }
+}

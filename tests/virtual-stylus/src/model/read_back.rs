@@ -1,0 +1,161 @@
+//! The output's pin at ADC2: PA4 is DAC1's first output and INP18 of ADC1 and ADC2 (DS12110, pin definitions). ADC2
+//! itself is the emulator's model; this one gives it the voltage that its sampling sees, and the pin's faults.
+//!
+//! | What | Section |
+//! |---|---|
+//! | The pin is sampled as the sampling time ends: half a cycle and half a cycle per bit before the word | 25.4.17 |
+//! | The buffered output approaches a new code exponentially; within 3 µs it is there but for half a code | 26.4.3 |
+//! | A pin that nothing drives floats | |
+//!
+//! Left out: channels other than 18, which read zero, and the load of the sampling capacitor.
+
+use std::collections::VecDeque;
+
+use rigless::device::{DeviceContext, RegisterFile};
+use rigless::soc::stm32h743::generated::adc3::{Register, sqr1};
+use rigless::soc::stm32h743::peripherals::adc::Adc;
+use rigless::time::{EventId, NANOS_PER_SECOND};
+
+use super::around::Around;
+use super::dac::Output;
+
+/// Channel of PA4.
+const CHANNEL: u64 = 18;
+/// Outputs that are remembered, many times what a conversion takes.
+const REMEMBERED: usize = 32;
+/// Words of 16 bits per code of 12.
+const WORDS_PER_CODE: f64 = 16.0;
+/// Half cycles from the end of sampling to the word, at 16 bits.
+const SUCCESSIVE_HALF_CYCLES: u64 = 17;
+/// Level of a pin that nothing drives, words.
+const FLOATING: f64 = 21_000.0;
+
+/// Properties of the pin and of what is on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OutputPin {
+    /// Factor of the voltage.
+    pub gain: f64,
+    /// Offset, codes of 12 bits.
+    pub offset: f64,
+    /// Bits of the code that the DAC takes as zero.
+    pub stuck_low: u16,
+    /// Noise, words RMS.
+    pub noise: f64,
+    /// Time constant of a step, ns.
+    pub settling_ns: f64,
+    /// True if the DAC does not reach the pin.
+    pub disconnected: bool,
+}
+
+impl Default for OutputPin {
+    /// A healthy one: a little less than unity, a little offset.
+    fn default() -> Self {
+        Self {
+            gain: 0.998,
+            offset: 2.0,
+            stuck_low: 0,
+            noise: 8.0,
+            settling_ns: 400.0,
+            disconnected: false,
+        }
+    }
+}
+
+/// The pin, as ADC2 sees it.
+#[derive(Debug, Default)]
+pub struct ReadBack {
+    /// The pin.
+    pub pin: OutputPin,
+    outputs: VecDeque<Output>,
+    hz: u64,
+    word: u16,
+    chance: u64,
+}
+
+impl ReadBack {
+    /// Notes the latest output of the DAC.
+    pub fn follow(&mut self, latest: Option<Output>) {
+        if latest == self.outputs.back().copied() {
+            return;
+        }
+        self.outputs.extend(latest);
+        while self.outputs.len() > REMEMBERED {
+            self.outputs.pop_front();
+        }
+    }
+
+    /// Word of the level that the DAC aims at with `code`.
+    fn level(&self, code: Option<u16>) -> f64 {
+        match code {
+            Some(code) if !self.pin.disconnected => {
+                let taken = f64::from(code & !self.pin.stuck_low);
+                (taken * self.pin.gain + self.pin.offset) * WORDS_PER_CODE
+            }
+            _ => FLOATING,
+        }
+    }
+
+    /// Level at `at_ns`, words.
+    fn level_at(&self, at_ns: u64) -> f64 {
+        let mut level = self.level(None);
+        let mut since = 0;
+        let mut aim = level;
+        for output in self.outputs.iter().filter(|output| output.at_ns <= at_ns) {
+            level = self.approached(level, aim, output.at_ns - since);
+            (aim, since) = (self.level(output.code), output.at_ns);
+        }
+        self.approached(level, aim, at_ns - since)
+    }
+
+    fn approached(&self, from: f64, to: f64, nanos: u64) -> f64 {
+        to + (from - to) * (-(nanos as f64) / self.pin.settling_ns).exp()
+    }
+
+    /// Noise of unit variance: the sum of twelve uniform numbers (SplitMix64).
+    fn noise(&mut self) -> f64 {
+        let uniform = (0..12).map(|_| {
+            self.chance = self.chance.wrapping_add(0x9E37_79B9_7F4A_7C15);
+            let mixed = (self.chance ^ self.chance >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            (mixed >> 11) as f64 / (1u64 << 53) as f64
+        });
+        uniform.sum::<f64>() - 6.0
+    }
+}
+
+impl Around<Adc> for ReadBack {
+    fn event(
+        &mut self,
+        _inner: &mut Adc,
+        _event: EventId,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> bool {
+        if self.hz != 0 && sqr1::SQ1.get(registers.get(Register::Sqr1)) == CHANNEL {
+            let since = SUCCESSIVE_HALF_CYCLES * NANOS_PER_SECOND / (2 * self.hz);
+            let level = self.level_at(context.now().0.saturating_sub(since));
+            let noise = self.noise() * self.pin.noise;
+            self.word = (level + noise).round().clamp(0.0, 65_535.0) as u16;
+        }
+        // The event is the emulator's.
+        false
+    }
+
+    fn answer(
+        &mut self,
+        register: Register,
+        answered: Option<u64>,
+        registers: &RegisterFile,
+    ) -> Option<u64> {
+        let reads =
+            register == Register::Dr && sqr1::SQ1.get(registers.get(Register::Sqr1)) == CHANNEL;
+        if reads {
+            Some(self.word.into())
+        } else {
+            answered
+        }
+    }
+
+    fn clock(&mut self, hz: u64) {
+        self.hz = hz;
+    }
+}

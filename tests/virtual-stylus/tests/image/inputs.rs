@@ -1,0 +1,183 @@
+//! Inputs under what a board does to them: late ticks, interference on the encoder's wires, an open force sensor.
+
+use model_format::link::{
+    BLOCK_SAMPLES, MotionSource, MuteReason, RecordSample, RecordStartEndpoint, RecordStopEndpoint,
+    STALE_AFTER_MS,
+};
+use postcard_rpc::Key;
+use virtual_stylus::Options;
+use virtual_stylus::motion::Motion;
+use virtual_stylus::pins::FunctionPins;
+
+use crate::device::{Device, MID_SCALE, MS, with_faults};
+use crate::library;
+use crate::play::force_code;
+
+/// A critical section from before a trigger until 25 µs after it, as numbered by the firmware's fault injection.
+const SHORT_SECTION: u8 = 30;
+/// The same until 45 µs after it.
+const LONG_SECTION: u8 = 31;
+
+/// A code by which triggers and channels can be told apart.
+fn code(channel: u8, at_ns: u64) -> u16 {
+    let tick = at_ns / 200_000;
+    (tick
+        .wrapping_mul(40_503)
+        .wrapping_add(u64::from(channel) * 9_973)
+        >> 3) as u16
+}
+
+/// Records while ticks are late by `section`, 20 times. Returns for each sample the row of the converter that it is, if
+/// it is one row, and its mark, with the number of late conversions in the status.
+fn recorded_with(section: u8) -> (Vec<(Option<usize>, bool)>, u32) {
+    let mut device = Device::new(&with_faults(), Options::default());
+    device.wait_for_start();
+    device
+        .stylus
+        .set_pins(FunctionPins(code))
+        .expect("the run goes on");
+    device.run_for(5 * MS);
+    device.stylus.record_samples().expect("the run goes on");
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    let late_before = device.status().tick.late_conversions;
+    for _ in 0..20 {
+        device.send_frame(Key::for_path::<u8>("stylus/fault-injection"), &section);
+        device.run_for(7 * MS);
+    }
+    device.run_for(20 * MS);
+    let late = device.status().tick.late_conversions - late_before;
+    device
+        .request::<RecordStopEndpoint>(&())
+        .expect("it is recorded");
+    device.run_for(20 * MS);
+    let converted = device.stylus.take_samples().expect("the run goes on");
+    let first = converted.iter().position(|sample| sample.rank == 0);
+    let rows: Vec<[u16; 4]> = (converted[first.expect("a row")..].as_chunks::<4>().0.iter())
+        .map(|row| row.map(|sample| sample.word))
+        .collect();
+    let samples = device.blocks.iter().flat_map(|block| {
+        (0..BLOCK_SAMPLES).map(|index| {
+            let sample = RecordSample::from(block.samples[index]);
+            let [x, y, z] = sample.acceleration.map(|code| code.0);
+            let words = [x, y, z, sample.force.0];
+            (
+                rows.iter().position(|row| *row == words),
+                block.is_whole(index),
+            )
+        })
+    });
+    (samples.collect(), late)
+}
+
+#[test]
+fn a_tick_that_is_25_microseconds_late_reads_the_row_of_its_trigger() {
+    let (samples, late) = recorded_with(SHORT_SECTION);
+    assert_eq!(late, 0);
+    for (pair, (row, is_whole)) in samples.windows(2).zip(&samples[1..]) {
+        assert!(*is_whole);
+        let before = pair[0].0.expect("a row");
+        assert_eq!(
+            *row,
+            Some(before + 1),
+            "each sample is the row after the one before"
+        );
+    }
+}
+
+#[test]
+fn a_row_that_a_later_tick_reads_is_marked_and_every_other_one_is_whole() {
+    let (samples, late) = recorded_with(LONG_SECTION);
+    let marked = samples.iter().filter(|(_, is_whole)| !is_whole).count();
+    assert!((15..=20).contains(&marked), "{marked}");
+    assert!(late as usize >= marked, "{late} {marked}");
+    for (row, is_whole) in &samples {
+        assert!(row.is_some() || !is_whole, "a torn row is recorded as data");
+    }
+    let torn = samples.iter().filter(|(row, _)| row.is_none()).count();
+    assert!(torn > 0, "the section is long enough to tear rows");
+}
+
+#[test]
+fn interference_on_both_wires_of_the_encoder_moves_nothing_and_strokes_are_counted() {
+    let mut device = Device::started(Options::default());
+    let start = device.stylus.now_ns();
+    // Pulses of 0.8 µs are the longest that the filter of 1.28 µs keeps out with margin.
+    let instants: Vec<u64> = (1..400).map(|n| start + n * MS + n * 377).collect();
+    device
+        .stylus
+        .disturb_encoder(instants, 800)
+        .expect("the run goes on");
+    let counts = |device: &mut Device, ms: u64| -> i64 {
+        let seen = device.blocks.len();
+        device
+            .request::<RecordStartEndpoint>(&())
+            .expect("nothing is recorded");
+        device.run_for(ms * MS);
+        device
+            .request::<RecordStopEndpoint>(&())
+            .expect("it is recorded");
+        device.run_for(20 * MS);
+        device.blocks[seen..]
+            .iter()
+            .flat_map(|block| block.samples.map(RecordSample::from))
+            .map(|sample| i64::from(sample.encoder_delta))
+            .sum()
+    };
+    assert_eq!(counts(&mut device, 200), 0, "the tool was at rest");
+    // The fastest stroke at the finest encoder: 2 m/s at 5 µm per count.
+    device
+        .stylus
+        .set_motion(Motion::steady(2_000.0, 0.005))
+        .expect("the run goes on");
+    device.run_for(5 * MS);
+    let seen = device.blocks.len();
+    let counted = counts(&mut device, 100);
+    let samples = ((device.blocks.len() - seen) * BLOCK_SAMPLES) as i64;
+    // 400 000 counts per second are 80 per tick.
+    assert!(
+        (counted.abs() - 80 * samples).abs() <= 2,
+        "{counted} of {}",
+        80 * samples
+    );
+}
+
+#[test]
+fn an_open_or_railed_force_sensor_is_silence_and_is_named() {
+    for rail in [0, 20, 0xfff0, 0xffff] {
+        let mut device = Device::started(library::options());
+        let start = device.stylus.now_ns();
+        // It is disconnected, or overloaded, for 300 ms.
+        let (from, to) = (start + 900 * MS, start + 1_200 * MS);
+        let pins = move |channel: u8, at_ns: u64| match channel {
+            5 if (from..to).contains(&at_ns) => rail,
+            5 => force_code(0.8),
+            _ => 0x8000,
+        };
+        device
+            .stylus
+            .set_pins(FunctionPins(pins))
+            .expect("the run goes on");
+        device
+            .stylus
+            .set_motion(Motion::steady(120.0, 0.01))
+            .expect("the run goes on");
+        device.play_until_heard("lattice", MotionSource::Sensors, 1);
+        let now = device.stylus.now_ns();
+        assert!(now < from, "it was heard before");
+        device.run_for(from - now + 200 * MS);
+        let mute = device.status().output.mute;
+        assert!(
+            mute.contains(MuteReason::ForceRail),
+            "code {rail}: {mute:?}"
+        );
+        let silent_from = from + (u64::from(STALE_AFTER_MS) + 50) * MS;
+        let loud = device.dac().iter().any(|output| {
+            (silent_from..to).contains(&output.at_ns) && output.code != Some(MID_SCALE)
+        });
+        assert!(!loud, "code {rail}");
+        device.run_for(to - device.stylus.now_ns());
+        device.wait_until_heard();
+    }
+}

@@ -1,0 +1,187 @@
+//! Marks of the worst cases, under the most that the device does at once, and levels of the sensors.
+
+use model_format::link::{
+    Marks, MotionSource, RecordStartEndpoint, Setting, SettingChange, SettingsResetEndpoint,
+    SettingsSetEndpoint, StatusEndpoint, UploadProgress,
+};
+use postcard_rpc::Endpoint;
+use virtual_stylus::Options;
+use virtual_stylus::model::dac::Cause;
+use virtual_stylus::model::flash::Stalls;
+use virtual_stylus::motion::Motion;
+use virtual_stylus::pins::FunctionPins;
+
+use crate::device::{Device, MS, PERIOD_NS, frame};
+use crate::{library, scenes};
+
+/// Cycles of the processor per microsecond.
+const CYCLES_PER_US: u32 = 400;
+
+/// Most of the stack that may be used, bytes: two thirds of it.
+const MOST_STACK_BYTES: u32 = 32 << 10;
+/// Longest delay of the tick.
+const MOST_TICK_DELAY_CYCLES: u32 = 5 * CYCLES_PER_US;
+/// Longest critical section.
+const MOST_MASKED_CYCLES: u32 = 5 * CYCLES_PER_US;
+/// Longest time between two feeds of the watchdog, whose period is 250 ms.
+const MOST_GAP_US: u32 = 60_000;
+
+/// Checks the bounds, and that each mark was made.
+fn check(marks: Marks) {
+    println!("{marks:?}");
+    assert_eq!(marks.stack_bytes, 48 << 10);
+    assert!(
+        (1024..=MOST_STACK_BYTES).contains(&marks.stack_used_bytes),
+        "{marks:?}"
+    );
+    assert!(
+        (1..=MOST_TICK_DELAY_CYCLES).contains(&marks.longest_tick_delay_cycles),
+        "{marks:?}"
+    );
+    assert!(
+        (1..=MOST_MASKED_CYCLES).contains(&marks.longest_critical_section_cycles),
+        "{marks:?}"
+    );
+    assert!(
+        (20_000..=MOST_GAP_US).contains(&marks.longest_watchdog_gap_us),
+        "{marks:?}"
+    );
+}
+
+/// Checks that the triggers were 200 µs apart, and no tick was missed.
+fn assert_undisturbed(device: &mut Device) {
+    let status = device.status();
+    assert_eq!((status.tick.missed, status.tick.late_conversions), (0, 0));
+    let outputs = device.dac().iter();
+    let instants: Vec<u64> = (outputs.filter(|output| output.cause == Cause::Trigger))
+        .map(|output| output.at_ns)
+        .collect();
+    let uneven = (instants.windows(2)).find(|pair| pair[1] - pair[0] != PERIOD_NS);
+    assert_eq!(uneven, None, "instants that are not 200 us apart");
+}
+
+#[test]
+fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_and_both_links_are_busy()
+ {
+    /// Bytes that are uploaded: enough for every task to meet every other.
+    const UPLOADED: usize = 100_000;
+    const PIECE: usize = 2_000;
+    let mut device = Device::on_usb(Options {
+        flash: library::flash_with(scenes::bytes()),
+        ..Options::default()
+    });
+    device
+        .stylus
+        .set_pins(scenes::tapping())
+        .expect("the run goes on");
+    // To and fro over the boundary, where two surfaces sound.
+    let start = device.stylus.now_ns();
+    let turns = (0..40).map(|turn| {
+        (
+            start + turn * 200 * MS,
+            if turn % 2 == 0 { 240.0 } else { -200.0 },
+        )
+    });
+    let motion = Motion::linear(&turns.collect::<Vec<_>>(), 0.01).expect("instants that rise");
+    device.stylus.set_motion(motion).expect("the run goes on");
+    device
+        .play_scene("everything", MotionSource::Sensors, 3)
+        .expect("it is in the library");
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    let large = library::large();
+    let mut progress = device.begin_upload(&large);
+    let mut asked = 0;
+    let mut answered = 0;
+    for end in (PIECE..=UPLOADED).step_by(PIECE) {
+        // The other link asks for the status, which is its longest answer.
+        asked += 1;
+        let mut bytes = cobs::encode_vec(&frame(StatusEndpoint::REQ_KEY, asked, &()));
+        bytes.push(0);
+        device.send_bytes(&bytes);
+        device.send_chunks(&large, progress, end);
+        progress = UploadProgress {
+            next_offset: end.next_multiple_of(model_format::link::MAX_CHUNK_BYTES) as u32,
+            ..progress
+        };
+        let sent = device.stylus.receive().expect("the run goes on");
+        answered += sent.iter().filter(|sent| sent.byte == 0).count();
+    }
+    assert!(
+        answered as u32 > asked / 2,
+        "{answered} of {asked} answered"
+    );
+    device.run_for(1_000 * MS);
+    assert_undisturbed(&mut device);
+    check(device.status().marks);
+    let stalls = device.stylus.flash_stalls().expect("the run goes on");
+    assert_eq!(stalls, Stalls::default(), "nothing waits for a bank");
+}
+
+#[test]
+fn settings_are_written_and_erased_while_ticks_go_on_and_nothing_waits_for_the_bank() {
+    let mut device = Device::started(library::options());
+    let change = |value| SettingChange {
+        setting: Setting::SoftStart,
+        value,
+    };
+    for value in [100.0, 150.0] {
+        device
+            .request::<SettingsSetEndpoint>(&change(value))
+            .expect("within its range");
+    }
+    device
+        .request::<SettingsResetEndpoint>(&())
+        .expect("they are erased");
+    let operations = device.stylus.flash_operations().expect("the run goes on");
+    assert!(operations.len() > 3, "{operations:?}");
+    let stalls = device.stylus.flash_stalls().expect("the run goes on");
+    assert_eq!(stalls, Stalls::default(), "nothing waits for a bank");
+    assert_undisturbed(&mut device);
+    let marks = device.status().marks;
+    assert!(marks.longest_watchdog_gap_us <= MOST_GAP_US, "{marks:?}");
+}
+
+#[test]
+fn levels_are_those_of_the_signals_on_the_pins() {
+    /// Codes to either side of the mean.
+    const ACCELERATION: u16 = 1_000;
+    const FORCE: u16 = 20;
+    const FORCE_MEAN: u16 = 20_000;
+    const VOLT_PER_CODE: f64 = 3.3 / 65_536.0;
+    let mut device = Device::started(library::options());
+    let pins = FunctionPins(|channel, at_ns: u64| {
+        let up = at_ns / PERIOD_NS % 2 == 0;
+        let around = |mean: u16, codes| if up { mean + codes } else { mean - codes };
+        match channel {
+            5 => around(FORCE_MEAN, FORCE),
+            15 => around(0x8000, ACCELERATION),
+            _ => 0x8000,
+        }
+    });
+    device.stylus.set_pins(pins).expect("the run goes on");
+    device.run_for(2_100 * MS);
+    let levels = device.status().levels;
+    assert_eq!(levels.samples, 5_000);
+    // By default 29.72 m/s²/V and 2 N/V.
+    let decibel = |codes: u16, per_volt: f64| {
+        20.0 * (f64::from(codes) * VOLT_PER_CODE * per_volt * 1e6).log10()
+    };
+    let vibration = decibel(ACCELERATION, 29.72);
+    assert!(
+        (f64::from(levels.vibration_decibel) - vibration).abs() < 0.02,
+        "{levels:?}, {vibration}"
+    );
+    let noise = decibel(FORCE, 2.0);
+    assert!(
+        (f64::from(levels.force_noise_decibel) - noise).abs() < 0.02,
+        "{levels:?}, {noise}"
+    );
+    let zero = Settings::default().get(Setting::ForceZero);
+    let force = (f64::from(FORCE_MEAN) - f64::from(zero)) * VOLT_PER_CODE * 2.0;
+    assert!(
+        (f64::from(levels.force_newton) - force).abs() < 1e-3,
+        "{levels:?}, {force}"
+    );
+}

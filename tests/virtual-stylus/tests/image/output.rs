@@ -1,0 +1,302 @@
+//! The output from the tick to the pin: its latency, late ticks, a core that stops, and the amplifier's enable.
+
+use model_format::link::{
+    FaultKind, MotionSource, MuteReasons, ResetReason, Setting, SettingChange, SettingsSetEndpoint,
+};
+use stylus_app::safety;
+use virtual_stylus::ResetCause;
+use virtual_stylus::model::dac::{Cause, Output};
+use virtual_stylus::model::pin::{Drive, Driven};
+use virtual_stylus::motion::Motion;
+
+use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, product, with_faults};
+use crate::injected::{Injected, inject};
+use crate::library;
+use crate::play::BEFORE_FIRST_TICK;
+
+/// Time from the trigger of a tick to its first code on the pin, and to the end of what it wrote ahead.
+const LATENCY_NS: u64 = 212_500;
+const ENDED_NS: u64 = LATENCY_NS + 4 * PERIOD_NS;
+/// Tolerance of the phase between the timers, which software starts one after the other.
+const PHASE_NS: u64 = 1_000;
+/// Time for which mid-scale must be put out before the amplifier is on.
+const SETTLED_NS: u64 = 9 * MS;
+
+/// A slew limit, V/ms, that a step from the loud texture to mid-scale would exceed many times over.
+const SLEW_LIMIT: f32 = 2.0;
+
+/// A device that plays a texture with hundreds of steps to either side of mid-scale, and the most steps that a code may
+/// change by.
+fn playing_loudly() -> (Device, u16) {
+    let mut device = Device::new(&with_faults(), library::options());
+    device.wait_for_start();
+    for (setting, value) in [
+        (Setting::SlewLimit, SLEW_LIMIT),
+        (Setting::OutputGain, 0.2),
+        (Setting::PowerLimit, 10.0),
+    ] {
+        device
+            .request::<SettingsSetEndpoint>(&SettingChange { setting, value })
+            .expect("it is within its range");
+    }
+    let settings = device.settings();
+    let config = safety::Config::new(&settings, 1.0);
+    device
+        .stylus
+        .set_motion(Motion::steady(120.0, 0.01))
+        .expect("the run goes on");
+    device.play_until_heard("lattice", MotionSource::Sensors, 9);
+    device.run_for(300 * MS);
+    (device, config.slew_steps() as u16)
+}
+
+fn offset(output: &Output) -> u16 {
+    output.code.unwrap_or(MID_SCALE).abs_diff(MID_SCALE)
+}
+
+/// The largest offset from mid-scale in the last milliseconds.
+fn loudness(device: &mut Device) -> u16 {
+    let now = device.stylus.now_ns();
+    let recent = device.dac().iter().rev();
+    recent
+        .take_while(|output| output.at_ns + 5 * MS > now)
+        .map(offset)
+        .max()
+        .expect("there is an output")
+}
+
+#[test]
+fn the_first_code_of_a_tick_is_on_the_pin_212_microseconds_after_its_trigger() {
+    let mut device = Device::new(&product(), library::options());
+    device.run_for(50 * MS);
+    let first = device.stylus.take_ticks().expect("the run goes on")[0].at_ns;
+    let outputs: Vec<_> = (device.dac().iter())
+        .filter(|output| output.cause == Cause::Trigger)
+        .collect();
+    let latency = outputs[BEFORE_FIRST_TICK].at_ns - first;
+    assert!(latency.abs_diff(LATENCY_NS) <= PHASE_NS, "{latency} ns");
+    assert_eq!(outputs[1].at_ns - outputs[0].at_ns, CODE_NS);
+}
+
+#[test]
+fn a_core_that_stops_while_a_texture_plays_leaves_mid_scale_at_the_pin_within_a_millisecond() {
+    let (mut device, slew) = playing_loudly();
+    assert!(loudness(&mut device) > 4 * slew, "it is loud");
+    device.stylus.take_ticks().expect("the run goes on");
+    inject(&mut device, Injected::Halt);
+    device.keep_alive(false);
+    device.run_for(150 * MS);
+    assert!(device.stylus.resets().expect("the run goes on").is_empty());
+    let ticks = device.stylus.take_ticks().expect("the run goes on");
+    let last = ticks.last().expect("it played").at_ns;
+    let now = device.stylus.now_ns();
+    assert!(now - last > 100 * MS, "the core stands");
+    let outputs = device.dac();
+    let (mut before, after): (Vec<&Output>, Vec<&Output>) = outputs
+        .iter()
+        .partition(|output| output.at_ns < last + ENDED_NS + PHASE_NS);
+    assert!(after.len() > 3_000, "the converter goes on");
+    let left = after.iter().find(|output| output.code != Some(MID_SCALE));
+    assert_eq!(left, None, "after {last}");
+    // It got there without a click.
+    let faded = before.split_off(before.len() - 6 * CODES);
+    let steps = faded
+        .windows(2)
+        .map(|pair| offset(pair[0]).abs_diff(offset(pair[1])));
+    assert!(steps.max() <= Some(slew), "{faded:?}");
+}
+
+/// Injects `fault` into a loud texture; no code may then differ from the one before it by more than the slew limit.
+/// Returns the outputs since, and the number of late outputs that were counted.
+fn late(fault: Injected) -> (Vec<Output>, u32) {
+    let (mut device, slew) = playing_loudly();
+    assert!(loudness(&mut device) > 4 * slew, "it is loud");
+    let before = device.status();
+    assert_eq!(before.tick.late_outputs, 0);
+    let from = device.stylus.now_ns();
+    inject(&mut device, fault);
+    device.run_for(50 * MS);
+    let after = device.status();
+    assert!(device.stylus.resets().expect("the run goes on").is_empty());
+    assert_eq!(after.output.mute, MuteReasons::NONE, "it plays on");
+    let outputs: Vec<_> = (device.dac().iter())
+        .filter(|output| output.at_ns > from)
+        .copied()
+        .collect();
+    let code = |output: &Output| output.code.expect("driven");
+    for pair in outputs.windows(2) {
+        assert_eq!(pair[1].at_ns - pair[0].at_ns, CODE_NS);
+        let step = code(&pair[1]).abs_diff(code(&pair[0]));
+        assert!(step <= slew, "{fault:?}: {pair:?}");
+    }
+    // The instants and the latency are what they were: no later tick is late.
+    device.run_for(50 * MS);
+    let later = device.status();
+    assert_eq!(later.tick.late_outputs, after.tick.late_outputs);
+    (outputs, after.tick.late_outputs)
+}
+
+/// The longest run of one code.
+fn longest_hold(outputs: &[Output]) -> usize {
+    outputs
+        .chunk_by(|one, next| one.code == next.code)
+        .map(<[Output]>::len)
+        .max()
+        .expect("there are outputs")
+}
+
+#[test]
+fn a_sample_that_comes_150_microseconds_late_is_heard_as_a_held_code() {
+    let (outputs, counted) = late(Injected::LateTick);
+    assert_eq!(counted, 1);
+    // The period without a sample, and the code before it.
+    assert!(longest_hold(&outputs) > CODES);
+}
+
+#[test]
+fn a_tick_that_takes_two_periods_is_heard_as_a_held_code() {
+    let (outputs, counted) = late(Injected::LongTick);
+    assert_eq!(counted, 0, "the next one goes on from it");
+    assert!(longest_hold(&outputs) > CODES);
+}
+
+#[test]
+fn a_tick_that_takes_six_periods_is_heard_as_a_fade_to_mid_scale() {
+    let (outputs, counted) = late(Injected::VeryLongTick);
+    assert_eq!(counted, 1);
+    let silent = outputs
+        .chunk_by(|one, next| one.code == next.code)
+        .filter(|run| run[0].code == Some(MID_SCALE))
+        .map(<[Output]>::len);
+    assert!(silent.max() > Some(CODES));
+}
+
+/// Injects `fault`, a failure of the hardware that moves the codes: the tick must find it.
+fn is_found(fault: Injected) {
+    let (mut device, _) = playing_loudly();
+    let from = device.stylus.now_ns();
+    inject(&mut device, fault);
+    device.keep_alive(false);
+    device.run_for(100 * MS);
+    let resets = device.stylus.resets().expect("the run goes on");
+    assert_eq!(resets.len(), 1, "{resets:?}");
+    assert_eq!(resets[0].cause, ResetCause::Software);
+    device.wait_for_start();
+    let status = device.status();
+    assert_eq!(status.reset, ResetReason::Fault);
+    let fault = status.fault.expect("it was caught");
+    assert_eq!(fault.kind, FaultKind::Panic);
+    assert!(fault.text.contains("output"), "{}", fault.text);
+    let late = (device.dac().iter())
+        .filter(|output| output.at_ns > from + 4 * MS)
+        .find(|output| output.code.is_some_and(|code| code != MID_SCALE));
+    assert_eq!(late, None);
+}
+
+#[test]
+fn a_stream_that_feeds_the_converter_no_more_ends_at_mid_scale_in_a_reset() {
+    is_found(Injected::NoTransfers);
+}
+
+#[test]
+fn a_stream_that_erases_no_more_ends_at_mid_scale_in_a_reset() {
+    is_found(Injected::NoEraser);
+}
+
+/// Checks that the amplifier is raised only after mid-scale has been put out for [`SETTLED_NS`], and is on only while
+/// the converter drives its pin. Returns the instants at which it was raised.
+pub fn amplifier_follows_the_output(outputs: &[Output], amplifier: &[Driven]) -> Vec<u64> {
+    assert_eq!(amplifier[0].drive, Drive::Low, "{amplifier:?}");
+    let driven = |output: &&Output| output.code.is_some();
+    assert!(
+        amplifier[0].at_ns <= outputs.iter().find(driven).expect("driven").at_ns,
+        "it is held off before anything else"
+    );
+    let mut raised = Vec::new();
+    for (index, change) in amplifier.iter().enumerate() {
+        if change.drive != Drive::High {
+            continue;
+        }
+        raised.push(change.at_ns);
+        let until = amplifier.get(index + 1).map_or(u64::MAX, |next| next.at_ns);
+        let settled = (outputs.iter().rev())
+            .skip_while(|output| output.at_ns > change.at_ns)
+            .take_while(|output| output.at_ns + SETTLED_NS > change.at_ns);
+        assert!(settled.clone().count() as u64 >= SETTLED_NS / CODE_NS - 1);
+        for output in settled {
+            assert_eq!(output.code, Some(MID_SCALE), "before {change:?}");
+        }
+        let on = outputs
+            .iter()
+            .filter(|output| (change.at_ns..until).contains(&output.at_ns));
+        for output in on {
+            assert!(output.code.is_some(), "{output:?} while it is on");
+        }
+    }
+    raised
+}
+
+#[test]
+fn the_amplifier_is_off_from_power_on_until_mid_scale_has_settled() {
+    let mut device = Device::new(&product(), library::options());
+    device.wait_for_start();
+    device.run_for(300 * MS);
+    assert!(device.status().output.amplifier);
+    let amplifier = device.amplifier();
+    let raised = amplifier_follows_the_output(device.dac(), &amplifier);
+    assert_eq!(raised.len(), 1, "{amplifier:?}");
+    assert_eq!(amplifier.len(), 2, "{amplifier:?}");
+}
+
+#[test]
+fn an_amplifier_that_is_switched_off_and_on_while_a_texture_plays_returns_at_mid_scale() {
+    let (mut device, slew) = playing_loudly();
+    inject(&mut device, Injected::AmplifierOff);
+    device.run_for(50 * MS);
+    assert!(!device.status().output.amplifier);
+    assert!(loudness(&mut device) > 4 * slew, "the texture goes on");
+    inject(&mut device, Injected::AmplifierOn);
+    device.run_for(400 * MS);
+    assert!(device.status().output.amplifier);
+    assert!(loudness(&mut device) > 4 * slew, "it is heard again");
+    let amplifier = device.amplifier();
+    let raised = amplifier_follows_the_output(device.dac(), &amplifier);
+    assert_eq!(raised.len(), 2, "{amplifier:?}");
+}
+
+#[test]
+fn a_debugger_that_halts_the_core_stops_neither_the_watchdog_nor_the_output() {
+    const APB1LFZ1: u64 = 0x3C;
+    const APB4FZ1: u64 = 0x54;
+    const TIM6_AND_TIM7: u32 = 0b11 << 4;
+    const IWDG1: u32 = 1 << 18;
+    let mut device = Device::started(library::options());
+    let mut frozen = |register| {
+        (device.stylus.read_register("DBGMCU", register))
+            .expect("the run goes on")
+            .expect("there is such a register")
+    };
+    assert_eq!(frozen(APB1LFZ1) & TIM6_AND_TIM7, 0);
+    assert_eq!(frozen(APB4FZ1) & IWDG1, 0);
+}
+
+#[test]
+fn the_clocks_of_the_output_run_and_go_on_while_the_core_sleeps() {
+    const SRAM1: u32 = 1 << 29;
+    const DMA1: u32 = 1;
+    const TIM7_AND_DAC: u32 = 1 << 29 | 1 << 5;
+    // AHB2, AHB1 and APB1L: the registers of the running core, and those of the sleeping one.
+    let clocks = [
+        ([0xDC, 0x104], SRAM1),
+        ([0xD8, 0x100], DMA1),
+        ([0xE8, 0x110], TIM7_AND_DAC),
+    ];
+    let mut device = Device::started(library::options());
+    for (registers, bits) in clocks {
+        for register in registers {
+            let enabled = device.stylus.read_register("RCC", register);
+            let enabled = enabled.expect("the run goes on").expect("it is there");
+            assert_eq!(enabled & bits, bits, "{register:#x}");
+        }
+    }
+}

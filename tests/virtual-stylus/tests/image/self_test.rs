@@ -1,0 +1,444 @@
+//! The self test: a healthy board passes, each fault is found by the line that names it, and nothing is left changed.
+
+use host_tools::link::capture::{Calibration, Capture, Loss};
+use host_tools::link::self_test::{Line, Verdict, judge};
+use model_format::link::{
+    InfoEndpoint, MotionSource, PlayEndpoint, RecordSample, RecordStartEndpoint,
+    RecordStopEndpoint, SelfTestEndpoint, SelfTestError, SelfTestRequest, SelfTestValues,
+    SettingsGetEndpoint, SlotId, SlotState, StopEndpoint,
+};
+use postcard_rpc::Key;
+use virtual_stylus::Options;
+use virtual_stylus::board::StylusBoard;
+use virtual_stylus::model::pin::Drive;
+use virtual_stylus::model::read_back::OutputPin;
+use virtual_stylus::motion::Motion;
+use virtual_stylus::pins::FunctionPins;
+
+use crate::device::{CODE_NS, Device, MID_SCALE, MS, SECOND, play_request, product, with_faults};
+use crate::library;
+
+/// A device on a board that `change` has changed before the power came on.
+fn on_board(change: impl FnOnce(&mut StylusBoard) + Send + 'static) -> Device {
+    let mut device = Device::new(&product(), Options::default());
+    device.stylus.board(change).expect("nothing has run yet");
+    device.wait_for_start();
+    device
+}
+
+fn ask(device: &mut Device, request: SelfTestRequest) -> Result<SelfTestValues, SelfTestError> {
+    device.request::<SelfTestEndpoint>(&request)
+}
+
+/// Lines of one measurement.
+fn lines(device: &mut Device, request: SelfTestRequest) -> Vec<Line> {
+    match ask(device, request).expect("nothing is played") {
+        SelfTestValues::Chip(values) => judge::chip(&values, &device.request::<InfoEndpoint>(&())),
+        SelfTestValues::OptionBytes(values) => judge::option_bytes(&values),
+        SelfTestValues::Clocks(values) => judge::clocks(&values),
+        SelfTestValues::ErrorCorrection(values) => judge::memory(&values),
+        SelfTestValues::Output(values) => {
+            judge::output(&values, device.status().tick_histogram.core_hz)
+        }
+        SelfTestValues::Encoder(_) => Vec::new(),
+        SelfTestValues::Flash(values) => judge::flash(&values),
+    }
+}
+
+/// Names of the lines that fail.
+fn failing(lines: &[Line]) -> Vec<&str> {
+    show(lines);
+    (lines.iter())
+        .filter(|line| line.verdict == Verdict::Fail)
+        .map(|line| line.name.as_str())
+        .collect()
+}
+
+/// Prints lines, for `--nocapture`.
+fn show(lines: &[Line]) {
+    for line in lines {
+        println!(
+            "{:36} {:24} {:28} {:12} {}",
+            line.name, line.value, line.limits, line.verdict, line.remedy
+        );
+    }
+}
+
+/// A healthy pin: mid-scale with the noise of a converter, and force within its range.
+pub fn quiet(channel: u8, at_ns: u64) -> u16 {
+    let mixed = (at_ns / 1_000)
+        .wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        .wrapping_add(u64::from(channel) << 7);
+    0x8000 + (mixed >> 60) as u16
+}
+
+/// A recording of `seconds`.
+fn recording(device: &mut Device, seconds: u64) -> (Capture, Calibration) {
+    device.keep_alive(true);
+    device.blocks.clear();
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    device.run_for(seconds * SECOND);
+    device
+        .request::<RecordStopEndpoint>(&())
+        .expect("it is recorded");
+    let settings = device
+        .request::<SettingsGetEndpoint>(&())
+        .expect("settings are read");
+    let samples: Vec<RecordSample> = (device.blocks.iter())
+        .flat_map(|block| block.samples.map(Into::into))
+        .collect();
+    let capture = Capture {
+        interpolated: 0,
+        samples,
+        rate_hz: 5_000,
+        first_tick: device.blocks[0].first_tick,
+        loss: Loss::default(),
+        holes: 0,
+    };
+    (capture, Calibration::new(&settings, None))
+}
+
+#[test]
+fn a_healthy_board_passes_every_measurement() {
+    let mut device = Device::on_usb(Options::default());
+    for request in [
+        SelfTestRequest::Chip,
+        SelfTestRequest::OptionBytes,
+        SelfTestRequest::Clocks,
+        SelfTestRequest::ErrorCorrection,
+        SelfTestRequest::Output,
+        SelfTestRequest::Flash {
+            slot: SlotId::B,
+            erases_library: false,
+        },
+    ] {
+        let lines = lines(&mut device, request);
+        assert!(!lines.is_empty());
+        assert_eq!(failing(&lines), [""; 0], "{request:?}");
+        let all_measured = (lines.iter()).all(|line| line.verdict == Verdict::Pass);
+        assert!(all_measured, "{request:?}: {lines:?}");
+    }
+    assert_eq!(device.slots().slots, [SlotState::Empty, SlotState::Empty]);
+    let status = device.status();
+    assert_eq!(failing(&judge::state(&status)), [""; 0]);
+}
+
+#[test]
+fn silicon_and_option_bytes_that_are_wrong_are_named() {
+    let mut device = on_board(|board| board.part.set_revision(0x1003));
+    let found = lines(&mut device, SelfTestRequest::Chip);
+    assert_eq!(failing(&found), ["silicon revision"]);
+    let mut device = on_board(|board| {
+        board.part.set_option_bytes(|options| {
+            // Level 1, and sector 6 of bank 1 protected.
+            options.optsr = options.optsr & !0xFF00 | 0x5500;
+            options.wpsn[0] = 0xBF;
+            // Pins for low voltage.
+            options.optsr |= 1 << 29;
+        });
+    });
+    let found = lines(&mut device, SelfTestRequest::OptionBytes);
+    assert_eq!(
+        failing(&found),
+        [
+            "read protection",
+            "writable sectors",
+            "pins for low voltage"
+        ]
+    );
+}
+
+#[test]
+fn a_crystal_that_is_off_and_a_low_speed_oscillator_that_is_off_are_found() {
+    let mut device = Device::new(&product(), Options::default());
+    device
+        .stylus
+        .board(|board| board.part.low_speed.around.set_hz(Some(36_000)))
+        .expect("nothing has run yet");
+    device.wait_for_start();
+    let found = lines(&mut device, SelfTestRequest::Clocks);
+    assert_eq!(failing(&found), ["LSI"]);
+    device
+        .stylus
+        .board(|board| board.part.low_speed.around.set_hz(None))
+        .expect("the run goes on");
+    let found = lines(&mut device, SelfTestRequest::Clocks);
+    assert_eq!(failing(&found), ["LSI"]);
+}
+
+#[test]
+fn a_core_that_runs_too_fast_is_found_by_the_frames_of_usb() {
+    let mut options = Options::default();
+    options.electrical.clocks.external_hz = Some(8_010_000);
+    let mut device = Device::on_usb(options);
+    let found = lines(&mut device, SelfTestRequest::Clocks);
+    assert_eq!(failing(&found), ["core against USB"]);
+}
+
+#[test]
+fn a_start_on_the_internal_clock_is_named() {
+    let mut options = Options::default();
+    options.electrical.clocks.external_hz = None;
+    let mut device = Device::started(options);
+    let status = device.status();
+    assert_eq!(failing(&judge::state(&status)), ["clock"]);
+}
+
+#[test]
+fn marks_beyond_their_bounds_and_counters_are_named() {
+    let mut device = Device::started(Options::default());
+    let healthy = device.status();
+    assert_eq!(failing(&judge::state(&healthy)), [""; 0]);
+    let mut status = healthy.clone();
+    status.marks.stack_used_bytes = status.marks.stack_bytes;
+    status.marks.longest_tick_delay_cycles = status.tick_histogram.core_hz / 20_000;
+    status.marks.longest_critical_section_cycles = status.tick_histogram.core_hz / 20_000;
+    status.marks.longest_watchdog_gap_us = 200_000;
+    let named = [
+        "stack used",
+        "trigger to tick",
+        "masked interrupts",
+        "watchdog gap",
+    ];
+    assert_eq!(failing(&judge::state(&status)), named);
+    let mut status = healthy;
+    status.start.safe_mode = true;
+    status.start.supply_low = true;
+    status.tick.late_frames = 1;
+    status.tick.late_conversions = 1;
+    status.tick_histogram.longest = status.tick_histogram.core_hz / 5_000;
+    let named = [
+        "safe mode",
+        "supply",
+        "frames late since the start",
+        "conversions late since the start",
+        "longest tick",
+    ];
+    assert_eq!(failing(&judge::state(&status)), named);
+}
+
+#[test]
+fn ticks_that_were_missed_are_named() {
+    let mut device = Device::new(&with_faults(), Options::default());
+    device.wait_for_start();
+    // A tick that takes longer than its period.
+    const LONG_TICK: u8 = 1;
+    device.send_frame(Key::for_path::<u8>("stylus/fault-injection"), &LONG_TICK);
+    device.run_for(50 * MS);
+    let found = judge::state(&device.status());
+    let found = failing(&found);
+    assert!(found.contains(&"ticks missed since the start"), "{found:?}");
+    assert!(found.contains(&"longest tick"), "{found:?}");
+}
+
+#[test]
+fn errors_of_memories_are_counted_until_the_next_start() {
+    let mut device = Device::started(Options::default());
+    device
+        .stylus
+        .board(|board| {
+            board.part.find_ram_error(0b11).expect("the part has it");
+            board.part.correct_flash_error();
+        })
+        .expect("the run goes on");
+    for _ in 0..2 {
+        let found = lines(&mut device, SelfTestRequest::ErrorCorrection);
+        let named = [
+            "RAM errors corrected",
+            "RAM errors not corrected",
+            "flash bank 1 errors corrected",
+        ];
+        assert_eq!(failing(&found), named);
+    }
+}
+
+/// Lines that fail with `pin`.
+fn with_pin(pin: OutputPin) -> Vec<String> {
+    let mut device = on_board(move |board| board.part.read_back.around.pin = pin);
+    let found = lines(&mut device, SelfTestRequest::Output);
+    failing(&found).into_iter().map(str::to_owned).collect()
+}
+
+#[test]
+fn faults_of_the_output_are_named() {
+    let healthy = OutputPin::default();
+    let scaled = OutputPin {
+        gain: 0.95,
+        ..healthy
+    };
+    assert_eq!(with_pin(scaled), ["output gain", "output offset"]);
+    let shifted = OutputPin {
+        offset: 40.0,
+        ..healthy
+    };
+    assert_eq!(with_pin(shifted), ["output offset"]);
+    let noisy = OutputPin {
+        noise: 60.0,
+        ..healthy
+    };
+    assert_eq!(with_pin(noisy), ["output noise"]);
+    let slow = OutputPin {
+        settling_ns: 6_000.0,
+        ..healthy
+    };
+    assert!(with_pin(slow).contains(&"output delay".to_owned()));
+    let stuck = OutputPin {
+        stuck_low: 1 << 6,
+        ..healthy
+    };
+    assert!(with_pin(stuck).contains(&"output smallest step".to_owned()));
+    let disconnected = OutputPin {
+        disconnected: true,
+        ..healthy
+    };
+    assert_eq!(with_pin(disconnected), ["output at PA4"]);
+}
+
+#[test]
+fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
+    let mut device = Device::started(library::options());
+    // The host asks, and is not there for the answer.
+    let asked_ns = device.stylus.now_ns();
+    device.send_frame(
+        <SelfTestEndpoint as postcard_rpc::Endpoint>::REQ_KEY,
+        &SelfTestRequest::Output,
+    );
+    device.run_for(2 * SECOND);
+    let (now, outputs) = (device.stylus.now_ns(), device.dac().to_vec());
+    let away = outputs
+        .iter()
+        .filter(|output| output.code != Some(MID_SCALE));
+    let away: Vec<u64> = away.map(|output| output.at_ns).collect();
+    assert!(away.len() > 1_000, "the output was moved");
+    // Of a device that has started, the amplifier is on before and after, and off in between.
+    let amplifier = device.stylus.take_amplifier_record();
+    let amplifier = amplifier.expect("the run goes on");
+    let on_at = |at_ns: u64| {
+        let before = amplifier.iter().rev().find(|driven| driven.at_ns <= at_ns);
+        before.is_some_and(|driven| driven.drive == Drive::High)
+    };
+    assert!(on_at(asked_ns) && on_at(now));
+    assert!(!away.iter().any(|&at_ns| on_at(at_ns)));
+    let last: Vec<_> = (outputs.iter())
+        .filter(|output| output.at_ns > now - 500 * MS)
+        .collect();
+    assert!(last.len() > 19_000, "codes go on");
+    let at_rest = last.iter().all(|output| output.code == Some(MID_SCALE));
+    assert!(at_rest, "it is at rest");
+    let triggered: Vec<u64> = (outputs.iter())
+        .filter(|output| output.at_ns > asked_ns)
+        .map(|output| output.at_ns)
+        .collect();
+    let uneven = triggered
+        .windows(2)
+        .find(|pair| pair[1] - pair[0] != CODE_NS);
+    assert_eq!(uneven, None);
+    let status = device.status();
+    assert_eq!((status.tick.missed, status.tick.late_conversions), (0, 0));
+    device.play_until_heard("lattice", MotionSource::Sensors, 2);
+}
+
+#[test]
+fn nothing_is_measured_while_something_is_played_and_nothing_is_played_meanwhile() {
+    let mut device = Device::started(library::options());
+    device.play("lattice", MotionSource::Sensors, 2);
+    let refused = ask(&mut device, SelfTestRequest::Output);
+    assert_eq!(refused, Err(SelfTestError::Playing));
+    device.request::<StopEndpoint>(&()).expect("it is played");
+    device.run_for(300 * MS);
+    device.send_frame(
+        <SelfTestEndpoint as postcard_rpc::Endpoint>::REQ_KEY,
+        &SelfTestRequest::Output,
+    );
+    device.run_for(20 * MS);
+    let request = play_request("lattice", MotionSource::Sensors, 2);
+    let refused = device.request::<PlayEndpoint>(&request);
+    assert!(refused.is_err(), "{refused:?}");
+    device.run_for(2 * SECOND);
+    let played = device.request::<PlayEndpoint>(&request);
+    assert!(played.is_ok(), "{played:?}");
+}
+
+#[test]
+fn a_library_is_erased_only_on_request_and_never_the_active_one() {
+    let mut device = Device::started(library::options());
+    let slots = device.slots();
+    let active = slots.active.expect("the library of the options");
+    let flash = |slot, erases_library| SelfTestRequest::Flash {
+        slot,
+        erases_library,
+    };
+    let refused = ask(&mut device, flash(active, true));
+    assert_eq!(refused, Err(SelfTestError::ActiveSlot { slot: active }));
+    let bytes = library::other();
+    let other = device.upload(&bytes).slot;
+    assert_ne!(other, active);
+    let refused = ask(&mut device, flash(other, false));
+    assert_eq!(refused, Err(SelfTestError::NotEmpty { slot: other }));
+    let found = lines(&mut device, flash(other, true));
+    assert_eq!(failing(&found), [""; 0]);
+    let after = device.slots();
+    assert!(!matches!(after.slots[other.index()], SlotState::Valid(_)));
+    assert_eq!(after.slots[active.index()], slots.slots[active.index()]);
+}
+
+#[test]
+fn sensors_at_rest_pass_and_a_rail_a_hum_and_noise_are_named() {
+    let mut device = Device::started(Options::default());
+    device
+        .stylus
+        .set_pins(FunctionPins(quiet))
+        .expect("the run goes on");
+    let (rest, calibration) = recording(&mut device, 1);
+    assert_eq!(failing(&judge::at_rest(&rest, &calibration)), [""; 0]);
+
+    let disturbed = |channel: u8, at_ns: u64| match channel {
+        // Acceleration X hums with 50 Hz, Y is at its rail; force is noisy.
+        15 => {
+            let phase = std::f64::consts::TAU * 50.0 * at_ns as f64 / 1e9;
+            (f64::from(quiet(channel, at_ns)) + 3_000.0 * phase.sin()) as u16
+        }
+        10 => 12,
+        5 => 0x8000 + (quiet(channel, at_ns) - 0x8000) * 600,
+        _ => quiet(channel, at_ns),
+    };
+    device
+        .stylus
+        .set_pins(FunctionPins(disturbed))
+        .expect("the run goes on");
+    device.run_for(10 * MS);
+    let (rest, calibration) = recording(&mut device, 1);
+    let found = judge::at_rest(&rest, &calibration);
+    let found = failing(&found);
+    for name in [
+        "acceleration X hum of 50 Hz",
+        "acceleration Y from the rails",
+        "acceleration Y converts",
+        "force noise",
+    ] {
+        assert!(found.contains(&name), "{name}: {found:?}");
+    }
+    assert!(
+        !found.iter().any(|name| name.contains("60 Hz")),
+        "{found:?}"
+    );
+    assert!(!found.iter().any(|name| name.contains("Z")), "{found:?}");
+}
+
+#[test]
+fn an_encoder_that_moves_at_rest_is_found() {
+    let mut device = Device::started(Options::default());
+    device
+        .stylus
+        .set_pins(FunctionPins(quiet))
+        .expect("the run goes on");
+    device
+        .stylus
+        .set_motion(Motion::steady(5.0, 0.01))
+        .expect("the run goes on");
+    let (rest, calibration) = recording(&mut device, 1);
+    let found = judge::at_rest(&rest, &calibration);
+    assert_eq!(failing(&found), ["encoder counts at rest"]);
+}

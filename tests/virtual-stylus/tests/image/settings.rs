@@ -1,0 +1,157 @@
+//! Settings on the image: nothing plays with guessed ones, and none is lost with a word of the flash or by a power cut.
+
+use model_format::link::{
+    MotionSource, PlayEndpoint, PlayError, Setting, SettingChange, SettingSet, Settings,
+    SettingsGetEndpoint, SettingsResetEndpoint, SettingsSetEndpoint,
+};
+use virtual_stylus::Options;
+use virtual_stylus::model::flash::{Contents, Moment};
+use virtual_stylus::motion::Motion;
+
+use crate::device::{Device, MID_SCALE, MS, play_request};
+use crate::library;
+
+/// The last two sectors of bank 1, one per copy.
+const COPIES: [u32; 2] = [0x080c_0000, 0x080e_0000];
+const SECTOR_BYTES: u32 = 128 * 1024;
+const WORD_BYTES: usize = 32;
+
+fn options(flash: Contents) -> Options {
+    Options {
+        flash,
+        watch_ticks: false,
+        ..Options::default()
+    }
+}
+
+fn play(device: &mut Device) -> Result<(), Box<PlayError>> {
+    device.keep_alive(true);
+    let request = play_request("lattice", MotionSource::Sensors, 1);
+    let played = device.request::<PlayEndpoint>(&request);
+    // While the settings' bank is erased, the serial line would lose what is sent.
+    device.keep_alive(played.is_ok());
+    played.map(|_| ()).map_err(Box::new)
+}
+
+fn set(device: &mut Device, setting: Setting, value: f32) -> Settings {
+    let change = SettingChange { setting, value };
+    let set = device.request::<SettingsSetEndpoint>(&change);
+    set.expect("in range, and nothing is played")
+}
+
+fn settings(device: &mut Device) -> Settings {
+    device
+        .request::<SettingsGetEndpoint>(&())
+        .expect("they are read")
+}
+
+/// Addresses of the last word that is programmed in each copy.
+fn last_words(flash: &Contents) -> [u32; 2] {
+    COPIES.map(|start| {
+        let offset = (start - 0x0800_0000) as usize;
+        let sector = &flash.bytes[offset..offset + SECTOR_BYTES as usize];
+        let (words, _) = sector.as_chunks::<WORD_BYTES>();
+        let last = words.iter().rposition(|word| *word != [0xff; WORD_BYTES]);
+        start + (last.expect("something was written") * WORD_BYTES) as u32
+    })
+}
+
+#[test]
+fn a_new_device_stays_at_mid_scale_until_its_coil_was_set() {
+    let mut device = Device::started(options(Contents::default()));
+    let committed = device.upload(library::small());
+    device.activate(committed.slot);
+    device
+        .stylus
+        .set_motion(Motion::steady(120.0, 0.01))
+        .expect("the run goes on");
+    let mut missing = SettingSet::REQUIRED;
+    for setting in SettingSet::REQUIRED.iter() {
+        let refused = play(&mut device);
+        assert_eq!(
+            refused,
+            Err(Box::new(PlayError::SettingsNotSet { missing }))
+        );
+        device.run_for(50 * MS);
+        set(&mut device, setting, setting.spec().default);
+        missing = missing.with(setting, false);
+    }
+    let codes = device.dac().iter().filter_map(|output| output.code);
+    assert!(codes.into_iter().all(|code| code == MID_SCALE));
+    assert_eq!(play(&mut device), Ok(()));
+    device.wait_until_heard();
+    device
+        .request::<SettingsResetEndpoint>(&())
+        .expect_err("it plays");
+}
+
+#[test]
+fn an_unreadable_word_of_a_copy_loses_no_setting_and_of_both_copies_silences() {
+    let mut device = Device::started(library::options());
+    set(&mut device, Setting::HardLimit, 0.05);
+    let expected = set(&mut device, Setting::AmplifierGain, 10.0);
+    let flash = device.stylus.flash().expect("the run goes on");
+    let words = last_words(&flash);
+    for word in words {
+        let mut damaged = flash.clone();
+        damaged.unreadable.insert(word);
+        let mut device = Device::started(options(damaged));
+        assert_eq!(settings(&mut device), expected);
+        let state = device.status().settings;
+        assert!(state.mended && state.check_playable().is_ok(), "{state:?}");
+        // Both copies are whole again.
+        let mended = device.stylus.flash().expect("the run goes on");
+        let state = Device::started(options(mended)).status().settings;
+        assert!(!state.mended && state.check_playable().is_ok(), "{state:?}");
+    }
+    let mut damaged = flash;
+    damaged.unreadable.extend(words);
+    let mut device = Device::started(options(damaged));
+    let refused = play(&mut device).expect_err("the limits are lost");
+    assert!(
+        matches!(*refused, PlayError::SettingsLost { lost } if lost.contains(Setting::HardLimit))
+    );
+    device
+        .request::<SettingsResetEndpoint>(&())
+        .expect("the flash can be erased");
+    device.set_coil();
+    assert_eq!(play(&mut device), Ok(()));
+}
+
+#[test]
+fn a_power_cut_at_any_operation_of_a_change_leaves_the_setting_before_or_the_new() {
+    let mut device = Device::started(library::options());
+    let before = set(&mut device, Setting::HardLimit, 0.25);
+    let flash = device.stylus.flash().expect("the run goes on");
+    // A record is four words, in two copies.
+    let wanted = (1..=8).flat_map(|number| {
+        [
+            Moment::Before,
+            Moment::During { seed: number },
+            Moment::After,
+        ]
+        .map(|moment| (number, moment))
+    });
+    let mut device = Device::started(options(flash));
+    device
+        .stylus
+        .capture_power_cuts(wanted.collect())
+        .expect("the run goes on");
+    let after = set(&mut device, Setting::HardLimit, 0.05);
+    let cuts = device.stylus.take_power_cuts().expect("the run goes on");
+    assert_eq!(cuts.len(), 24);
+    let mut found = [0; 2];
+    for cut in cuts {
+        let mut device = Device::started(Options {
+            keep_flash: true,
+            ..options(cut.contents.clone())
+        });
+        let now = settings(&mut device);
+        assert!(now == before || now == after, "{now:?}");
+        found[usize::from(now == after)] += 1;
+        assert_eq!(device.status().settings.check_playable(), Ok(()));
+        let next = set(&mut device, Setting::HardLimit, 0.125);
+        assert_eq!(next.hard_limit().0, 0.125);
+    }
+    assert!(found.iter().all(|&count| count > 4), "{found:?}");
+}

@@ -1,0 +1,314 @@
+//! Starts on clocks that do not come, hang or fail, on old silicon, with a low supply, and after quick faults.
+
+use model_format::link::{
+    ClockSource, FaultKind, MotionSource, MuteReason, PlayEndpoint, PlayError, QUICK_FAULT_MS,
+    QUICK_FAULTS, ResetReason, Setting, SettingChange, SettingsError, SettingsSetEndpoint,
+    SiliconRevision, StartReport, StartStage, UploadBeginEndpoint, UploadError,
+};
+use postcard_rpc::Key;
+use virtual_stylus::motion::Motion;
+use virtual_stylus::{Electrical, Options, ResetCause};
+
+use crate::boot::is_rtc_selection;
+use crate::device::{Device, MID_SCALE, MS, announced, play_request, product, with_faults};
+use crate::library;
+
+const REVISION_Y: u16 = 0x1003;
+/// RCC_CR, and its bits HSEON and HSECSSON (section 8.7.2).
+const RCC_CR: u64 = 0;
+const HSEON: u32 = 1 << 16;
+const HSECSSON: u32 = 1 << 19;
+/// DBGMCU_CR, and its bit DBGSLEEP_D1 (section 60.5.8).
+const DBGMCU_CR: u64 = 4;
+const DBGSLEEP_D1: u32 = 1;
+/// A panic, as numbered by the firmware's fault injection.
+const PANIC: u8 = 4;
+/// ODR of a port, and the pins of LD1 and LD3 on port B.
+const ODR: u64 = 0x14;
+const LD1: u32 = 1;
+const LD3: u32 = 1 << 14;
+
+/// Options with a library, and with a change of silicon, clocks or supply.
+fn with(change: impl FnOnce(&mut Electrical)) -> Options {
+    let mut options = library::options();
+    change(&mut options.electrical);
+    options
+}
+
+fn start(device: &mut Device) -> StartReport {
+    device.status().start
+}
+
+fn resets(device: &mut Device) -> Vec<ResetCause> {
+    let resets = device.stylus.resets().expect("the run goes on");
+    resets.iter().map(|reset| reset.cause).collect()
+}
+
+fn register(device: &mut Device, instance: &'static str, offset: u64) -> u32 {
+    let value = device.stylus.read_register(instance, offset);
+    value.expect("the run goes on").expect("it exists")
+}
+
+/// Plays until it is heard, and a while longer.
+fn plays(device: &mut Device) {
+    let motion = Motion::steady(120.0, 0.01);
+    device.stylus.set_motion(motion).expect("the run goes on");
+    device.play_until_heard("lattice", MotionSource::Sensors, 9);
+    device.run_for(50 * MS);
+    device.keep_alive(false);
+}
+
+/// Codes other than mid-scale that were put out at `from_ns` or later.
+fn sounds_from(device: &mut Device, from_ns: u64) -> usize {
+    let outputs = device.dac().iter();
+    outputs
+        .filter(|output| output.at_ns >= from_ns)
+        .filter(|output| output.code.is_some_and(|code| code != MID_SCALE))
+        .count()
+}
+
+#[test]
+fn the_watchdog_counts_before_a_clock_is_touched() {
+    let mut device = Device::new(&product(), Options::default());
+    device.stylus.run_until(20_000).expect("the run goes on");
+    let started = device.stylus.board(|board| board.part.watchdog.started());
+    assert!(started.expect("the run goes on"));
+    assert_eq!(register(&mut device, "RCC", RCC_CR) & HSEON, 0);
+    device.wait_for_start();
+    let timeout = (device.stylus).board(|board| board.part.watchdog.timeout_ns());
+    assert_eq!(timeout.expect("the run goes on"), Some(250 * MS));
+}
+
+#[test]
+fn a_healthy_start_reports_itself_and_never_comes_near_the_watchdogs_end() {
+    // The largest libraries in both slots: the scan takes longest.
+    let large = library::flash_with(&library::large());
+    let mut full = Device::started(Options {
+        flash: large,
+        ..Options::default()
+    });
+    full.upload(&library::large());
+    let options = Options {
+        flash: full.stylus.flash().expect("the run goes on"),
+        ..Options::default()
+    };
+    let mut device = Device::started(options);
+    assert_eq!(resets(&mut device), []);
+    let healthy = StartReport {
+        revision: SiliconRevision(0x2003),
+        ..StartReport::default()
+    };
+    assert_eq!(start(&mut device), healthy);
+    assert_ne!(register(&mut device, "RCC", RCC_CR) & HSECSSON, 0);
+    assert_ne!(register(&mut device, "DBGMCU", DBGMCU_CR) & DBGSLEEP_D1, 0);
+}
+
+#[test]
+fn without_an_external_clock_the_device_plays_on_the_internal_one() {
+    let mut device = Device::started(with(|electrical| electrical.clocks.external_hz = None));
+    assert_eq!(resets(&mut device), []);
+    let report = start(&mut device);
+    assert_eq!(
+        (report.clock, report.quick_faults),
+        (ClockSource::Internal, 0)
+    );
+    assert_eq!(register(&mut device, "RCC", RCC_CR) & HSEON, 0);
+    plays(&mut device);
+    let status = device.status();
+    assert_eq!((status.tick.missed, status.tick.late_conversions), (0, 0));
+    let mut told = device.stylus.report().expect("the run goes on").told;
+    told.retain(|told| !is_rtc_selection(told));
+    assert!(told.is_empty(), "{told:?}");
+}
+
+#[test]
+fn usb_works_on_the_internal_clock_because_the_hosts_frames_trim_it() {
+    let mut device = Device::on_usb(with(|electrical| electrical.clocks.external_hz = None));
+    assert_eq!(start(&mut device).clock, ClockSource::Internal);
+}
+
+#[test]
+fn a_pll_that_does_not_lock_on_the_external_clock_costs_one_start() {
+    for pll in 0..3 {
+        let mut device = Device::started(with(|electrical| {
+            electrical.clocks.unlocked_external[pll] = true;
+        }));
+        assert_eq!(
+            resets(&mut device),
+            [ResetCause::Watchdog],
+            "PLL{}",
+            pll + 1
+        );
+        let status = device.status();
+        assert_eq!(status.reset, ResetReason::Watchdog);
+        let kind = status.fault.map(|fault| fault.kind);
+        assert_eq!(kind, Some(FaultKind::StartHung));
+        assert_eq!(status.start.hung_stage, Some(StartStage::ExternalClock));
+        assert_eq!(status.start.clock, ClockSource::Internal);
+        assert_eq!(status.start.quick_faults, 1);
+        plays(&mut device);
+    }
+}
+
+#[test]
+fn when_no_pll_locks_at_all_the_device_speaks_and_does_not_play() {
+    let mut device = Device::started(with(|electrical| {
+        electrical.clocks.unlocked_external = [true; 3];
+        electrical.clocks.unlocked_internal = [true; 3];
+    }));
+    assert_eq!(resets(&mut device), [ResetCause::Watchdog; 2]);
+    let report = start(&mut device);
+    assert_eq!(report.clock, ClockSource::InternalUnmultiplied);
+    assert_eq!(report.hung_stage, Some(StartStage::InternalClock));
+    assert!(report.safe_mode);
+    // It stays up, and no reset follows.
+    device.run_for(1_000 * MS);
+    assert_eq!(resets(&mut device).len(), 2);
+    assert_eq!(sounds_from(&mut device, 0), 0);
+}
+
+#[test]
+fn an_external_clock_that_fails_in_mid_play_ends_at_mid_scale_and_is_not_used_again() {
+    let mut device = Device::started(library::options());
+    plays(&mut device);
+    device.play_until_heard("lattice", MotionSource::Sensors, 9);
+    let failed_ns = device.stylus.now_ns();
+    device.keep_alive(false);
+    device
+        .stylus
+        .fail_external_clock()
+        .expect("the run goes on");
+    device.run_for(400 * MS);
+    assert_eq!(sounds_from(&mut device, failed_ns + MS), 0);
+    assert!(sounds_from(&mut device, 0) > 100, "it was heard before");
+    assert_eq!(resets(&mut device), [ResetCause::Software]);
+    device.wait_for_start();
+    let status = device.status();
+    let kind = status.fault.map(|fault| fault.kind);
+    assert_eq!(kind, Some(FaultKind::ClockFailed));
+    assert_eq!(status.start.clock, ClockSource::Internal);
+    plays(&mut device);
+    // A reset by hand tries the external clock again, within a bound, and it is not there.
+    device.stylus.reset_by_pin().expect("the run goes on");
+    device.wait_for_start();
+    assert_eq!(start(&mut device).clock, ClockSource::Internal);
+}
+
+/// Injects a panic, and waits until the device has started again.
+fn panics(device: &mut Device) {
+    let before = resets(device).len();
+    device.send_frame(Key::for_path::<u8>("stylus/fault-injection"), &PANIC);
+    device.run_for(50 * MS);
+    assert_eq!(resets(device).len(), before + 1);
+    device.forget_frames();
+    device.wait_for_start();
+}
+
+#[test]
+fn after_three_quick_faults_the_device_speaks_and_does_not_play_until_a_person_resets_it() {
+    let mut device = Device::new(&with_faults(), library::options());
+    device.wait_for_start();
+    for count in 1..=QUICK_FAULTS {
+        assert!(!start(&mut device).safe_mode, "after {} faults", count - 1);
+        panics(&mut device);
+        assert_eq!(start(&mut device).quick_faults, count);
+    }
+    let safe_ns = device.stylus.now_ns();
+    let status = device.status();
+    assert!(status.start.safe_mode && status.output.mute.contains(MuteReason::SafeMode));
+    device.upload(library::small());
+    let refused = device.request::<PlayEndpoint>(&play_request("lattice", MotionSource::Host, 1));
+    let quick_faults = QUICK_FAULTS;
+    assert_eq!(refused, Err(PlayError::SafeMode { quick_faults }));
+    // Both LEDs blink in turn.
+    let mut seen = [0; 2];
+    for _ in 0..20 {
+        device.run_for(63 * MS);
+        let lit = register(&mut device, "GPIOB", ODR) & (LD1 | LD3);
+        seen[0] += u32::from(lit == LD1);
+        seen[1] += u32::from(lit == LD3);
+    }
+    assert!(seen[0] >= 5 && seen[1] >= 5, "{seen:?}");
+    assert!(device.status().uptime_ms > 1_000);
+    assert_eq!(sounds_from(&mut device, safe_ns), 0);
+    // One more fault changes nothing. A person does.
+    panics(&mut device);
+    assert!(start(&mut device).safe_mode);
+    device.stylus.reset_by_pin().expect("the run goes on");
+    device.forget_frames();
+    device.wait_for_start();
+    let report = start(&mut device);
+    assert_eq!((report.safe_mode, report.quick_faults), (false, 0));
+    plays(&mut device);
+}
+
+#[test]
+fn a_healthy_run_between_faults_keeps_the_device_out_of_safe_mode() {
+    let options = Options {
+        watch_ticks: false,
+        ..Options::default()
+    };
+    let mut device = Device::new(&with_faults(), options);
+    device.wait_for_start();
+    panics(&mut device);
+    panics(&mut device);
+    assert_eq!(start(&mut device).quick_faults, 2);
+    device.run_for(u64::from(QUICK_FAULT_MS) * MS);
+    panics(&mut device);
+    let report = start(&mut device);
+    assert_eq!((report.safe_mode, report.quick_faults), (false, 0));
+}
+
+#[test]
+fn silicon_of_revision_y_reads_its_library_whole() {
+    let mut device = Device::started(with(|electrical| electrical.revision = REVISION_Y));
+    assert_eq!(start(&mut device).revision, SiliconRevision(REVISION_Y));
+    let status = device.status();
+    assert_eq!(status.library_crc32, announced(library::small()).crc32);
+    plays(&mut device);
+    assert!(sounds_from(&mut device, 0) > 100);
+}
+
+#[test]
+fn while_the_supply_is_low_no_flash_is_written() {
+    let mut device = Device::started(with(|electrical| electrical.brown_out_level = 3));
+    assert_eq!(start(&mut device).brown_out_level, 3);
+    let before = device
+        .stylus
+        .flash_operations()
+        .expect("the run goes on")
+        .len();
+    let change = SettingChange {
+        setting: Setting::HardLimit,
+        value: 0.25,
+    };
+    device.stylus.set_supply(2_700).expect("the run goes on");
+    assert!(start(&mut device).supply_low);
+    let begun = device.request::<UploadBeginEndpoint>(&announced(&library::other()));
+    assert_eq!(begun, Err(UploadError::SupplyLow));
+    let set = device.request::<SettingsSetEndpoint>(&change);
+    assert_eq!(set, Err(SettingsError::SupplyLow));
+    let after = device
+        .stylus
+        .flash_operations()
+        .expect("the run goes on")
+        .len();
+    assert_eq!(before, after);
+    device.stylus.set_supply(3_300).expect("the run goes on");
+    assert!(!start(&mut device).supply_low);
+    assert!(device.request::<SettingsSetEndpoint>(&change).is_ok());
+    device.upload(&library::other());
+}
+
+#[test]
+fn a_start_with_a_low_supply_writes_no_flash_either() {
+    // Without settings in flash, a start makes room for them.
+    let mut options = Options::default();
+    options.electrical.supply_millivolts = 2_700;
+    let mut device = Device::started(options);
+    assert!(start(&mut device).supply_low);
+    assert_eq!(
+        device.stylus.flash_operations().expect("the run goes on"),
+        []
+    );
+}
