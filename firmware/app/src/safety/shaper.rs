@@ -1,30 +1,32 @@
 //! Rounding to whole converter steps whose error lies where the coil and the skin have no sense for it.
 //!
-//! Error feedback of the second order: the error of each code is fed back to the next two, so that the error's spectrum
-//! is that of white noise through 1 - (2 - 2^-6) z^-1 + z^-2, with a zero at 796 Hz. From 20 to 1000 Hz it keeps
-//! 0.0007 steps RMS. Its price lies above: an output is at most two steps, and 0.71 steps RMS, from its input.
+//! Error feedback of the third order: the error of each code is fed back to the next three, so its spectrum is that of
+//! white noise through (1 - z^-1) (1 - (2 - 2^-6) z^-1 + z^-2), with zeros at 0 and 796 Hz. From 20 to 1000 Hz it
+//! keeps less than 0.0001 steps RMS. Its price lies above: an output is at most four steps, and 1.3 steps RMS, from its
+//! input. The second order keeps 0.0007 steps, which lifts a third octave 50 dB below a texture's level of 0.02 m/s² by
+//! 2 dB.
 //!
 //! The error is that of rounding alone. What the limits cut from a code is not fed back, so nothing winds up.
 
 use super::fixed::{CODE_BITS, round_to_step};
 
-/// Distance of the zeros from 0 Hz: the feedback of the last error is two minus 2^-`ZERO_BITS`.
+/// Distance of the zeros from 0 Hz: the feedback of the last two errors is three minus 2^-`ZERO_BITS`.
 const ZERO_BITS: u32 = 6;
 
 /// Largest difference of an output from its input, converter steps: half a step times the sum of the magnitudes of the
 /// filter's coefficients.
-pub const LARGEST_DEVIATION: i32 = 2;
+pub const LARGEST_DEVIATION: i32 = 4;
 
-/// The errors of the last two codes.
+/// The errors of the last three codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shaper {
-    /// The last error and the one before, converter steps of 2^-15, at most half a step.
-    errors: [i32; 2],
+    /// Errors from the last one back, converter steps of 2^-15, at most half a step.
+    errors: [i32; 3],
 }
 
 impl Shaper {
     pub const fn new() -> Self {
-        Self { errors: [0; 2] }
+        Self { errors: [0; 3] }
     }
 
     /// Forgets the errors if `silent`, so that an input of zero gives exactly zero from then on.
@@ -37,10 +39,11 @@ impl Shaper {
     /// The next output, whole converter steps, for an `input` of at most 2^30 steps of 2^-15.
     #[inline(always)]
     pub fn next(&mut self, input: i32) -> i32 {
-        let [last, before] = self.errors;
-        let wanted = input + (2 * last - (last >> ZERO_BITS)) - before;
+        let [last, second, third] = self.errors;
+        let change = last - second;
+        let wanted = input + (3 * change - (change >> ZERO_BITS)) + third;
         let output = round_to_step(wanted);
-        self.errors = [wanted - (output << CODE_BITS), last];
+        self.errors = [wanted - (output << CODE_BITS), last, second];
         output
     }
 }
@@ -89,14 +92,14 @@ mod tests {
             let total = errors.iter().map(|error| error * error).sum::<f64>() / SECOND as f64;
             let (felt, below) = (rms(&errors, 20, 1000), rms(&errors, 0, 2000));
             let above = (total - below * below).sqrt();
-            assert!(felt < 0.001, "{felt} steps from 20 to 1000 Hz");
-            assert!((0.6..0.8).contains(&above), "{above} steps above 2 kHz");
+            assert!(felt < 0.000_1, "{felt} steps from 20 to 1000 Hz");
+            assert!((1.2..1.4).contains(&above), "{above} steps above 2 kHz");
         }
     }
 
     proptest! {
         #[test]
-        fn an_output_is_at_most_two_steps_from_its_input(
+        fn an_output_is_at_most_four_steps_from_its_input(
             inputs in prop::collection::vec(prop_oneof![-1i32 << 30..=1 << 30, -200_000i32..200_000], 1..500),
         ) {
             let mut shaper = Shaper::new();
