@@ -244,6 +244,14 @@ impl Device for Hardware {
         tick::configure(safety::Config::new(settings, 1.0));
     }
 
+    fn set_amplifier(&mut self, on: bool) {
+        if on {
+            amplifier::enable();
+        } else {
+            amplifier::disable();
+        }
+    }
+
     fn start_recording(&mut self) -> Result<RecordStarted, RecordError> {
         self.recorder.start()
     }

@@ -54,7 +54,6 @@ use crate::flash::word;
 use crate::link::wire::{self, Wire};
 use crate::link::{counters, recording, requests, serial, storage, usb};
 use crate::play::update;
-use crate::tick::output::amplifier;
 use crate::tick::{inputs, output, raising};
 
 #[embassy_executor::main]
@@ -160,7 +159,6 @@ async fn main(spawner: Spawner) {
     serve(spawner, hardware, links, leds).await;
     // Last: everything that ends the program at mid-scale is in place.
     spawner.spawn(raising::raise_amplifier().unwrap());
-    amplifier::enable();
 }
 
 /// Peripherals of the links.

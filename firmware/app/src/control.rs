@@ -97,6 +97,9 @@ pub trait Device {
     /// At rest: applies settings to the inputs and the safety stages.
     fn set_settings(&mut self, settings: &Settings);
 
+    /// Lets the amplifier be on once the output is at mid-scale, or sets it off at once.
+    fn set_amplifier(&mut self, on: bool);
+
     /// Begins a recording.
     ///
     /// # Errors
@@ -170,7 +173,7 @@ impl<D: Device> Control<D> {
         if device.start_report().safe_mode {
             player.safe_mode();
         }
-        Self {
+        let mut control = Self {
             device,
             player,
             settings,
@@ -178,7 +181,16 @@ impl<D: Device> Control<D> {
             active: None,
             upload: UploadState::Idle,
             heard_at: None,
-        }
+        };
+        control.follow_settings();
+        control
+    }
+
+    /// Keeps the amplifier off while nothing may be played: in safe mode, and until the coil's settings are known.
+    fn follow_settings(&mut self) {
+        let known = self.settings_state.check_playable().is_ok();
+        let safe_mode = self.player.mute().contains(MuteReason::SafeMode);
+        self.device.set_amplifier(known && !safe_mode);
     }
 
     /// Notes that the host is there. Called for every frame that was decoded, of either link.
@@ -381,6 +393,7 @@ impl<D: Device> Control<D> {
         self.settings = settings;
         self.settings_state = state;
         self.device.set_settings(&settings);
+        self.follow_settings();
         self.player.end_configuration();
     }
 

@@ -83,6 +83,8 @@ pub struct Hardware {
     updates: CycleRange,
     /// Counters of the one link, which is a serial one.
     pub link: LinkCounters,
+    /// True while the amplifier is on.
+    amplifier: bool,
     /// The board, as the self test measures it.
     pub board: Board,
     /// The encoder's counter.
@@ -149,6 +151,7 @@ impl Hardware {
             counted: 0,
             updates: CycleRange::NONE,
             link: LinkCounters::default(),
+            amplifier: false,
             board: Board::default(),
             encoder: 0,
             hand: Hand::default(),
@@ -273,7 +276,7 @@ impl Device for Hardware {
             safety: self.safety.counters(),
             thermal_load_permille: self.safety.thermal_load_permille(),
             thermal_gain_permille: self.safety.thermal_gain_permille(),
-            amplifier: true,
+            amplifier: self.amplifier,
         }
     }
 
@@ -393,6 +396,10 @@ impl Device for Hardware {
         self.settings = *settings;
         self.inputs = InputConfig::new(settings);
         self.config = Config::new(settings, 1.0);
+    }
+
+    fn set_amplifier(&mut self, on: bool) {
+        self.amplifier = on;
     }
 
     fn start_recording(&mut self) -> Result<RecordStarted, RecordError> {

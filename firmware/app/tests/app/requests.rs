@@ -485,6 +485,7 @@ fn nothing_plays_until_each_setting_of_the_coil_was_set_by_someone() {
     for change in COIL {
         let refused = stylus.play("texture 0");
         assert_eq!(refused, Err(PlayError::SettingsNotSet { missing }));
+        assert!(!stylus.control.borrow().status().output.amplifier);
         assert!(
             !stylus
                 .control
@@ -507,6 +508,7 @@ fn nothing_plays_until_each_setting_of_the_coil_was_set_by_someone() {
         assert!(!stylus.sounds());
     }
     assert!(missing.is_empty());
+    assert!(stylus.control.borrow().status().output.amplifier);
     stylus.play("texture 0").expect("all are set");
     stylus.run(300);
     assert!(stylus.sounds());

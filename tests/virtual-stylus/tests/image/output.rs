@@ -237,10 +237,13 @@ pub fn amplifier_follows_the_output(outputs: &[Output], amplifier: &[Driven]) ->
 }
 
 #[test]
-fn the_amplifier_is_off_from_power_on_until_mid_scale_has_settled() {
+fn the_amplifier_is_off_until_the_coil_is_known_and_mid_scale_has_settled() {
     let mut device = Device::new(&product(), library::options());
     device.wait_for_start();
     device.run_for(300 * MS);
+    assert!(!device.status().output.amplifier);
+    device.set_coil();
+    device.run_for(50 * MS);
     assert!(device.status().output.amplifier);
     let amplifier = device.amplifier();
     let raised = amplifier_follows_the_output(device.dac(), &amplifier);
