@@ -266,7 +266,7 @@ fn third_octaves_at_the_pin_are_those_of_the_kernel_down_to_a_fiftieth() {
 #[test]
 fn images_of_a_sine_are_60_decibels_down_up_to_20_kilohertz() {
     let open = [
-        ("hard-limit", 1.6),
+        ("hard-limit", 1.45),
         ("slew-limit", 16.0),
         ("output-gain", 0.1),
         ("power-limit", 100.0),

@@ -184,7 +184,7 @@ mod tests {
             pin.limited()
         };
         assert_eq!(
-            limited([("output-gain", 0.01), ("hard-limit", 1.6)]),
+            limited([("output-gain", 0.01), ("hard-limit", 1.45)]),
             Limited::default()
         );
         assert!(limited([("output-gain", 0.2), ("hard-limit", 0.1)]).hard > 100);
