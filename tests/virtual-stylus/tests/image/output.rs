@@ -4,10 +4,10 @@ use model_format::link::{
     FaultKind, MotionSource, MuteReasons, ResetReason, Setting, SettingChange, SettingsSetEndpoint,
 };
 use stylus_app::safety;
-use virtual_stylus::ResetCause;
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::pin::{Drive, Driven};
 use virtual_stylus::motion::Motion;
+use virtual_stylus::{Options, ResetCause};
 
 use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, product, with_faults};
 use crate::injected::{Injected, inject};
@@ -238,7 +238,8 @@ pub fn amplifier_follows_the_output(outputs: &[Output], amplifier: &[Driven]) ->
 
 #[test]
 fn the_amplifier_is_off_until_the_coil_is_known_and_mid_scale_has_settled() {
-    let mut device = Device::new(&product(), library::options());
+    // Of a blank flash, in which nobody has set anything.
+    let mut device = Device::new(&product(), Options::default());
     device.wait_for_start();
     device.run_for(300 * MS);
     assert!(!device.status().output.amplifier);
