@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn a_window_that_is_not_whole_has_no_levels_and_still_sensors_have_level_0() {
-        let still = [[30_000u16; CHANNELS]; WINDOW_SAMPLES as usize];
+        let still = std::vec![[30_000u16; CHANNELS]; WINDOW_SAMPLES as usize];
         let settings = Settings::default();
         assert_eq!(sums_of(&still[1..]).levels(&settings), Levels::default());
         let levels = sums_of(&still).levels(&settings);

@@ -42,12 +42,12 @@ pub async fn count() -> ClockValues {
     let begin = tick_edge();
     let usb_frames = frames::count().await;
     // The cycle counter wraps after ten seconds, so the frames' second may pass meanwhile.
-    let began = Instant::now();
+    let started = Instant::now();
     let ticks = loop {
         let (tick, cycle) = tick_edge();
         let periods = tick.wrapping_sub(begin.0) as u32;
         // In safe mode there are none.
-        if periods >= TICKS || began.elapsed() > TICKS_LIMIT {
+        if periods >= TICKS || started.elapsed() > TICKS_LIMIT {
             break ClockCount {
                 periods,
                 cycles: cycle.wrapping_sub(begin.1).into(),

@@ -91,11 +91,13 @@ impl ReadBack {
     }
 
     /// Sets the sampling time.
+    #[expect(clippy::unused_self, reason = "the value is the right to do it")]
     pub fn sample_for(&self, time: SampleTime) {
         ADC2.smpr(1).modify(|w| w.set_smp(CHANNEL - 10, time));
     }
 
     /// Orders a conversion.
+    #[expect(clippy::unused_self, reason = "the value is the right to do it")]
     #[inline(always)]
     pub fn order(&self) {
         ADC2.cr().modify(|w| w.set_adstart(true));
@@ -105,6 +107,11 @@ impl ReadBack {
     ///
     /// # Errors
     /// It does not come.
+    #[expect(clippy::unused_self, reason = "the value is the right to do it")]
+    #[expect(
+        clippy::result_large_err,
+        reason = "without allocation the error is as large as its longest text"
+    )]
     pub fn word(&self) -> Result<u16, SelfTestError> {
         let begin = DWT::cycle_count();
         while !ADC2.isr().read().eoc() {

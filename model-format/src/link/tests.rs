@@ -325,6 +325,7 @@ fn outputs() -> Vec<OutputStatus> {
     activities.map(output).into()
 }
 
+#[expect(clippy::too_many_lines, reason = "one value per field of the status")]
 fn statuses() -> Vec<Status> {
     let link = LinkCounters {
         frames: u32::MAX,

@@ -6,6 +6,10 @@ use model_format::link::DeviceInfo;
 
 /// Faults that hold from the moment when they are set.
 #[derive(Clone, Debug, Default)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a fault of its own, and any may come together"
+)]
 pub struct Faults {
     /// Change of what the device says about itself.
     pub disguise: Option<fn(&mut DeviceInfo)>,

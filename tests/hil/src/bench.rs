@@ -108,6 +108,10 @@ impl Bench {
     }
 
     /// Adds a test whose `value` is within its `limits` or not.
+    #[expect(
+        clippy::needless_pass_by_value,
+        reason = "callers have a text, a number or a value to show"
+    )]
     pub fn judge(&mut self, name: &str, value: impl ToString, limits: &str, holds: bool) {
         let verdict = if holds {
             Verdict::Passed
@@ -118,6 +122,10 @@ impl Bench {
     }
 
     /// Adds a test that cannot run, with the reason.
+    #[expect(
+        clippy::needless_pass_by_value,
+        reason = "callers have a text, a number or a value to show"
+    )]
     pub fn leave_out(&mut self, name: &str, reason: impl ToString) {
         self.line(name, reason.to_string(), "", Verdict::LeftOut);
     }

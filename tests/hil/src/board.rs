@@ -181,6 +181,10 @@ impl VirtualBoard {
         format!("{kind}:127.0.0.1:{}", self.port)
     }
 
+    #[expect(
+        clippy::needless_pass_by_value,
+        reason = "callers have a text, a number or a value to show"
+    )]
     fn failed(&self, problem: impl ToString) -> Error {
         Error::Program {
             program: self.program.display().to_string(),

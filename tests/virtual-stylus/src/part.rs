@@ -264,6 +264,9 @@ impl Part {
 
     /// Has AXI SRAM's monitor find an error: bit 0 of `flags` one that was corrected, bit 1 one that was not (section
     /// 3.4, RAMECC_M1SR).
+    ///
+    /// # Errors
+    /// The emulator's part has no such monitor.
     pub fn find_ram_error(&mut self, flags: u64) -> Result<(), Error> {
         let slot = self.rest.bus().slot("RAMECC1")?;
         let registers = self.rest.bus_mut().slot_mut(slot).registers_mut();

@@ -498,7 +498,7 @@ impl Life {
                 );
             }
             Step::CutStart { at, how } => {
-                cut(&mut self.memory, at, Cut::WITH_UNSTABLE[how], async |_| ())
+                cut(&mut self.memory, at, Cut::WITH_UNSTABLE[how], async |_| ());
             }
             Step::Damage { copy, word, how } => {
                 let sector = copy * SECTOR_BYTES..(copy + 1) * SECTOR_BYTES;

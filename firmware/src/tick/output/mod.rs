@@ -117,12 +117,11 @@ impl Output {
         };
         self.remaining = remaining;
         let slot = Slot::ahead_of(remaining);
-        if self.standing >= MOST_STANDING {
-            panic!("output: DMA takes no codes");
-        }
-        if ring::first(slot.erased()) != ring::MID_SCALE {
-            panic!("output: DMA does not erase");
-        }
+        assert!(self.standing < MOST_STANDING, "output: DMA takes no codes");
+        assert!(
+            ring::first(slot.erased()) == ring::MID_SCALE,
+            "output: DMA does not erase"
+        );
         let before = ring::last(slot.before()) as i32 - ring::MID_SCALE as i32;
         Next {
             slot,

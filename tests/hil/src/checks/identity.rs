@@ -1,7 +1,7 @@
 //! Identity, versions, clock, and the state before anything was asked for.
 
 use model_format::FORMAT_VERSION;
-use model_format::link::{ClockSource, MuteReason, PROTOCOL_VERSION, SCHEMA_HASH};
+use model_format::link::{ClockSource, MuteReason, PROTOCOL_VERSION, SCHEMA_HASH, Status};
 
 use crate::bench::Bench;
 use crate::error::Result;
@@ -51,6 +51,22 @@ pub fn check(bench: &mut Bench) -> Result<()> {
         &FORMAT_VERSION.to_string(),
         info.library_format_version == FORMAT_VERSION,
     );
+    start(bench, &status);
+    at_rest(bench, &status);
+    let later = bench.wait(bench.lengths.play_ms)?;
+    let ticks = later.tick.ticks - status.tick.ticks;
+    let missed = later.tick.missed - status.tick.missed;
+    bench.judge(
+        "ticks go on",
+        format!("{ticks}, {missed} missed"),
+        "some, 0 missed",
+        ticks > 0 && missed == 0,
+    );
+    Ok(())
+}
+
+/// Checks clocks, silicon and supply.
+fn start(bench: &mut Bench, status: &Status) {
     let core_hz = status.tick_histogram.core_hz;
     bench.judge(
         "processor's clock",
@@ -92,6 +108,10 @@ pub fn check(bench: &mut Bench) -> Result<()> {
         !start.supply_low,
     );
     bench.judge("safe mode", start.safe_mode, "false", !start.safe_mode);
+}
+
+/// Checks the output before anything is played.
+fn at_rest(bench: &mut Bench, status: &Status) {
     let fault = status.output.mute.contains(MuteReason::Fault);
     bench.judge(
         "no fault mutes the output",
@@ -109,14 +129,4 @@ pub fn check(bench: &mut Bench) -> Result<()> {
         "at mid-scale",
         status.output.at_rest,
     );
-    let later = bench.wait(bench.lengths.play_ms)?;
-    let ticks = later.tick.ticks - status.tick.ticks;
-    let missed = later.tick.missed - status.tick.missed;
-    bench.judge(
-        "ticks go on",
-        format!("{ticks}, {missed} missed"),
-        "some, 0 missed",
-        ticks > 0 && missed == 0,
-    );
-    Ok(())
 }

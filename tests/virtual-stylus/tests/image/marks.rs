@@ -153,7 +153,7 @@ fn levels_are_those_of_the_signals_on_the_pins() {
     const VOLT_PER_CODE: f64 = 3.3 / 65_536.0;
     let mut device = Device::started(library::options());
     let pins = FunctionPins(|channel, at_ns: u64| {
-        let up = at_ns / PERIOD_NS % 2 == 0;
+        let up = (at_ns / PERIOD_NS).is_multiple_of(2);
         let around = |mean: u16, codes| if up { mean + codes } else { mean - codes };
         match channel {
             5 => around(FORCE_MEAN, FORCE),

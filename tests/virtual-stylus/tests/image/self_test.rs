@@ -7,7 +7,6 @@ use model_format::link::{
     RecordStopEndpoint, SelfTestEndpoint, SelfTestError, SelfTestRequest, SelfTestValues,
     SettingsGetEndpoint, SlotId, SlotState, StopEndpoint,
 };
-use postcard_rpc::Key;
 use virtual_stylus::Options;
 use virtual_stylus::board::StylusBoard;
 use virtual_stylus::model::pin::Drive;
@@ -16,6 +15,7 @@ use virtual_stylus::motion::Motion;
 use virtual_stylus::pins::FunctionPins;
 
 use crate::device::{CODE_NS, Device, MID_SCALE, MS, SECOND, play_request, product, with_faults};
+use crate::injected::{Injected, inject};
 use crate::library;
 
 /// A device on a board that `change` has changed before the power came on.
@@ -26,6 +26,10 @@ fn on_board(change: impl FnOnce(&mut StylusBoard) + Send + 'static) -> Device {
     device
 }
 
+#[expect(
+    clippy::result_large_err,
+    reason = "the error is as large as its longest text"
+)]
 fn ask(device: &mut Device, request: SelfTestRequest) -> Result<SelfTestValues, SelfTestError> {
     device.request::<SelfTestEndpoint>(&request)
 }
@@ -223,9 +227,7 @@ fn marks_beyond_their_bounds_and_counters_are_named() {
 fn ticks_that_were_missed_are_named() {
     let mut device = Device::new(&with_faults(), Options::default());
     device.wait_for_start();
-    // A tick that takes longer than its period.
-    const LONG_TICK: u8 = 1;
-    device.send_frame(Key::for_path::<u8>("stylus/fault-injection"), &LONG_TICK);
+    inject(&mut device, Injected::LongTick);
     device.run_for(50 * MS);
     let found = judge::state(&device.status());
     let found = failing(&found);
@@ -424,7 +426,7 @@ fn sensors_at_rest_pass_and_a_rail_a_hum_and_noise_are_named() {
         !found.iter().any(|name| name.contains("60 Hz")),
         "{found:?}"
     );
-    assert!(!found.iter().any(|name| name.contains("Z")), "{found:?}");
+    assert!(!found.iter().any(|name| name.contains('Z')), "{found:?}");
 }
 
 #[test]

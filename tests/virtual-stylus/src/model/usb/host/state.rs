@@ -76,6 +76,10 @@ pub(super) enum Sent {
 
 /// The host.
 #[derive(Debug)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a fact of its own, and any may come together"
+)]
 pub struct Host {
     pub(super) bus: Bus,
     /// Beginning of the silence on the bus; `quiet_told` is set once the silence has suspended the device.
