@@ -37,7 +37,7 @@ impl Kept {
     }
 
     /// Sets the coil's settings, so that the device plays even if nobody has set them: as they are, with a power of at
-    /// most [`MOST_POWER_W`]. [`Kept::restore`] takes that back.
+    /// most `MOST_POWER_W`. [`Kept::restore`] takes that back.
     ///
     /// # Errors
     /// The link fails, or the device refuses a value.
