@@ -119,14 +119,25 @@ fn force_pins(lines: Vec<MotionLine>, arguments: &Arguments) -> Box<dyn Pins> {
         arguments.newtons_per_volt,
     );
     Box::new(FunctionPins(move |asked: u8, at_ns: u64| {
-        if asked != channel {
-            return MID_SCALE;
-        }
-        let volts = zero + force_at(&lines, at_ns as f64 / NANOS_PER_SECOND) / scale;
-        (volts / REFERENCE_VOLTS * FULL_SCALE)
-            .round()
-            .clamp(0.0, FULL_SCALE) as u16
+        let code = if asked == channel {
+            let volts = zero + force_at(&lines, at_ns as f64 / NANOS_PER_SECOND) / scale;
+            volts / REFERENCE_VOLTS * FULL_SCALE
+        } else {
+            f64::from(MID_SCALE)
+        };
+        let code = code + noise(asked, at_ns);
+        code.round().clamp(0.0, FULL_SCALE) as u16
     }))
+}
+
+/// Noise of a pin, codes: without any, a converter could not be told from one that is stuck. The same in every run.
+fn noise(channel: u8, at_ns: u64) -> f64 {
+    /// Largest magnitude.
+    const CODES: f64 = 4.0;
+    // A product with an odd number, as in splitmix64; its upper bits are as good as random.
+    let mixed = (at_ns ^ u64::from(channel) << 56).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let mixed = (mixed ^ mixed >> 32).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    ((mixed >> 40) as f64 / f64::from(1 << 24) * 2.0 - 1.0) * CODES
 }
 
 /// The force at an instant: linear between lines, constant beyond them, zero without any.
