@@ -10,6 +10,7 @@ use model_format::link::{ClockCount, ClockValues};
 
 use crate::boot::clock::{CORE_HZ, TIMER_HZ};
 use crate::self_test::frames;
+use crate::self_test::time::since;
 use crate::tick;
 
 /// `TIM16_TISEL`: LSI in place of the pin (RM0433, TIM16 timer input selection register).
@@ -47,7 +48,7 @@ pub async fn count() -> ClockValues {
         let (tick, cycle) = tick_edge();
         let periods = tick.wrapping_sub(begin.0) as u32;
         // In safe mode there are none.
-        if periods >= TICKS || started.elapsed() > TICKS_LIMIT {
+        if periods >= TICKS || since(started) > TICKS_LIMIT {
             break ClockCount {
                 periods,
                 cycles: cycle.wrapping_sub(begin.1).into(),
@@ -105,7 +106,7 @@ async fn captures() -> ClockCount {
         cycles: 0,
     };
     let mut before: Option<u16> = None;
-    while counted.periods < CAPTURES * PERIODS_PER_CAPTURE && begin.elapsed() < LOW_SPEED_LIMIT {
+    while counted.periods < CAPTURES * PERIODS_PER_CAPTURE && since(begin) < LOW_SPEED_LIMIT {
         let status = TIM16.sr().read();
         if !status.ccif(0) {
             yield_now().await;

@@ -7,6 +7,7 @@ use embassy_time::{Duration, Instant};
 use model_format::link::ClockCount;
 
 use crate::boot::clock::CORE_HZ;
+use crate::self_test::time::since;
 
 /// Frames to count: one second.
 const FRAMES: u32 = 1_000;
@@ -28,7 +29,7 @@ fn number() -> u16 {
 async fn edge() -> Option<(u16, u32)> {
     let begin = Instant::now();
     let mut before = (number(), DWT::cycle_count());
-    while begin.elapsed() < EDGE_LIMIT {
+    while since(begin) < EDGE_LIMIT {
         yield_now().await;
         let now = (number(), DWT::cycle_count());
         if now.0 != before.0 && now.1.wrapping_sub(before.1) <= EDGE_CYCLES {

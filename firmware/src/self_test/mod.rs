@@ -9,6 +9,7 @@ mod frames;
 pub mod memory;
 mod output;
 mod read_back;
+mod time;
 
 use embassy_stm32::pac::{GPIOA, GPIOC};
 use embassy_time::Instant;

@@ -13,6 +13,7 @@ use model_format::link::{
 
 use crate::boot::clock::CORE_HZ;
 use crate::self_test::read_back::ReadBack;
+use crate::self_test::time::since;
 use crate::tick::output::by_hand::ByHand;
 
 /// Time in which a new code settles, cycles: 20 µs, many times what the output's buffer takes.
@@ -65,7 +66,7 @@ async fn set(by_hand: &ByHand, code: DacCode) -> Result<(), SelfTestError> {
     by_hand.set(code);
     let begin = Instant::now();
     while !by_hand.is_out(code) {
-        if begin.elapsed() > LIMIT {
+        if since(begin) > LIMIT {
             return Err(fault("the output does not take a code"));
         }
         yield_now().await;

@@ -12,6 +12,7 @@ use embassy_time::{Duration, Instant};
 use model_format::link::SelfTestError;
 
 use crate::boot::clock::CORE_HZ;
+use crate::self_test::time::since;
 
 /// Channel of PA4.
 const CHANNEL: usize = 18;
@@ -36,7 +37,7 @@ fn fault(what: &'static str) -> SelfTestError {
 async fn becomes(is_there: impl Fn() -> bool, what: &'static str) -> Result<(), SelfTestError> {
     let begin = Instant::now();
     while !is_there() {
-        if begin.elapsed() > LIMIT {
+        if since(begin) > LIMIT {
             return Err(fault(what));
         }
         yield_now().await;
