@@ -323,3 +323,15 @@ fn a_second_link_that_cannot_be_opened_is_an_error_before_anything_is_measured()
     assert_eq!(stylus.count("stylus/selftest"), 0);
     assert_eq!(bench.names(), [""; 0]);
 }
+
+#[test]
+fn a_record_without_a_folder_is_an_error_before_anything_is_measured() {
+    let (stylus, bench) = on(Board::default());
+    let output = bench.run(&format!(
+        "selftest --record nowhere/record.json --link {}",
+        stylus.link()
+    ));
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("nowhere/record.json: there is no such folder"));
+    assert_eq!(stylus.count("stylus/selftest"), 0);
+}

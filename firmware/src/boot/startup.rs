@@ -156,9 +156,8 @@ pub fn prepare_memory(scb: &mut SCB, cpuid: &mut CPUID) {
 
 /// Starts the processor's cycle counter, with or without a debugger.
 ///
-/// It goes on in WFE because embassy keeps the clocks of sleep modes on for debuggers (DBGMCU_CR.DBGSLEEP_D1, RM0433
-/// section 60.5.8): the option `enable_debug_during_sleep` of its configuration, set by default. The tick's instants do
-/// not depend on it, its durations, the marks and the waits for bank 1 do.
+/// It goes on in WFE because `clock.rs` has embassy keep the clocks of sleep modes on (DBGMCU_CR.DBGSLEEP_D1, RM0433
+/// section 60.5.8). The tick's instants do not depend on it; its durations, the marks and the waits for bank 1 do.
 pub fn start_cycle_counter(dcb: &mut DCB, dwt: &mut DWT) {
     dcb.enable_trace();
     DWT::unlock();

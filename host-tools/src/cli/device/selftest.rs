@@ -43,6 +43,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    Record::check_place(&arguments.record)?;
     let device = arguments.link.connect()?;
     let also = (arguments.also.as_ref())
         .map(|address| other(address, device.info().serial.as_str()))
@@ -67,11 +68,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     line.finish_and_clear();
     let record = Record::new(device.info(), lines);
-    let path = record.write(&arguments.record)?;
+    // Shown before it is written, so that a file that cannot be written loses nothing.
     if arguments.json {
         print_json(&record)?;
     } else {
         print(&text(&record))?;
+    }
+    let path = record.write(&arguments.record)?;
+    if !arguments.json {
         print(&format!("record: {}", path.display()))?;
     }
     match record.failed {
