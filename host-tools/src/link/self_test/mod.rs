@@ -31,6 +31,10 @@ const MOVE_S: f64 = 5.0;
 /// Least number of blocks, of 6.4 ms each, between two looks at the encoder's lines.
 const LOOK_BLOCKS: u32 = 8;
 
+/// Waits before successive looks, ms, in turn: without them a motion of so many steps per block that each block ends at
+/// the same levels would show one level of a line that works.
+const LOOK_WAITS_MS: [u64; 7] = [0, 3, 1, 5, 2, 6, 4];
+
 /// Interval between two requests while a recording streams.
 const PING_INTERVAL: Duration = Duration::from_millis(100);
 
@@ -164,6 +168,7 @@ fn movement(device: &Device) -> Result<(Capture, [[bool; 2]; 2])> {
     let mut failure = None;
     let mut blocks = 0u32;
     let mut next_look = LOOK_BLOCKS;
+    let mut waits_ms = LOOK_WAITS_MS.into_iter().cycle();
     let moved = capture(
         device,
         MOVE_S,
@@ -172,8 +177,8 @@ fn movement(device: &Device) -> Result<(Capture, [[bool; 2]; 2])> {
         |_, _, _| {
             blocks += 1;
             if blocks >= next_look && failure.is_none() {
-                // At uneven intervals, because a steady motion could be in step with even ones.
-                next_look = blocks + LOOK_BLOCKS + blocks * 7 % 5;
+                next_look = blocks + LOOK_BLOCKS;
+                thread::sleep(Duration::from_millis(waits_ms.next().unwrap_or_default()));
                 match device.self_test(SelfTestRequest::Encoder) {
                     Ok(SelfTestValues::Encoder(EncoderValues { levels, .. })) => {
                         for (line, level) in seen.iter_mut().zip(levels) {
