@@ -146,6 +146,9 @@ pub enum Error {
     /// Code or data that the tick reaches is in flash.
     #[error("{0}: all that the tick reaches must be in ITCM or DTCM; name it in firmware/tick.x")]
     Placement(String),
+    /// The image depends on where it is built.
+    #[error("{0}: see --remap-path-prefix in host-tools/tasks/src/firmware/mod.rs")]
+    Reproducible(String),
     /// A file is none of measured cycles.
     #[error("{path}: {problem}; `cargo tasks hil --cycles` writes such a file", path = path.display())]
     Cycles {

@@ -40,6 +40,8 @@ enum Task {
         #[arg(long)]
         fault_injection: bool,
     },
+    /// Build the image here and in another folder, and compare the bytes (some minutes)
+    Reproducible,
     /// Build the image, flash it with probe-rs, and show its log
     Flash {
         /// An image whose watchdog waits while a debugger halts the core; never with a coil
@@ -91,6 +93,9 @@ fn main() -> ExitCode {
         Task::Firmware {
             fault_injection: true,
         } => build_firmware(Image::FaultInjection).map(drop),
+        Task::Reproducible => Toolchain::find()
+            .and_then(|toolchain| firmware::check_reproducible(&toolchain))
+            .map(|bytes| println!("the same {bytes} bytes from two folders")),
         Task::Flash { debug_halt } => {
             let image = if debug_halt {
                 Image::DebugHalt

@@ -2,6 +2,7 @@
 
 mod memory;
 mod placement;
+mod reproducible;
 
 use std::path::{Path, PathBuf};
 
@@ -12,6 +13,7 @@ use crate::{process, workspace};
 
 pub use memory::{Memory, Use};
 pub use placement::check as check_placement;
+pub use reproducible::check as check_reproducible;
 
 /// The part's name for probe-rs.
 const CHIP: &str = "STM32H743ZITx";
@@ -46,24 +48,46 @@ impl Image {
     }
 }
 
-/// Flags for the compiler, separated as `CARGO_ENCODED_RUSTFLAGS` wants them.
-///
-/// Folders of the building machine are renamed, because their names are in messages of panics: the image would hold
-/// them, and its size would depend on them. Of several names that match, the compiler takes the last.
-fn compiler_flags(target_folder: &Path) -> String {
-    let cargo_home = std::env::var_os("CARGO_HOME").map_or_else(
-        || std::env::home_dir().unwrap_or_default().join(".cargo"),
-        PathBuf::from,
-    );
-    let mut flags = vec!["-C".to_owned(), "target-cpu=cortex-m7".to_owned()];
-    for (folder, name) in [
-        (workspace::root(), "stylus"),
-        (cargo_home.as_path(), "cargo"),
-        (target_folder, "target"),
-    ] {
-        flags.push(format!("--remap-path-prefix={}={name}", folder.display()));
+/// The folders that an image is built from and in.
+struct Folders {
+    /// The workspace's.
+    sources: PathBuf,
+    /// Cargo's own, with the sources of dependencies.
+    cargo_home: PathBuf,
+    /// The outputs'.
+    target: PathBuf,
+}
+
+impl Folders {
+    /// Those of this workspace and its user.
+    fn here() -> Self {
+        let home = || std::env::home_dir().unwrap_or_default().join(".cargo");
+        Self {
+            sources: workspace::root().to_owned(),
+            cargo_home: std::env::var_os("CARGO_HOME").map_or_else(home, PathBuf::from),
+            target: workspace::target_folder("firmware"),
+        }
     }
-    flags.join("\x1f")
+
+    /// Flags for the compiler, separated as `CARGO_ENCODED_RUSTFLAGS` wants them.
+    ///
+    /// Folders of the building machine are renamed, because their names are in messages of panics: the image would
+    /// hold them, and its size would depend on them. Where a folder is reached by a link, the compiler is told some
+    /// files by the link's name and sees others by the folder's own. Of several names that match, it takes the last.
+    fn compiler_flags(&self) -> String {
+        let mut flags = vec!["-C".to_owned(), "target-cpu=cortex-m7".to_owned()];
+        for (folder, name) in [
+            (&self.sources, "stylus"),
+            (&self.cargo_home, "cargo"),
+            (&self.target, "target"),
+        ] {
+            let own = folder.canonicalize().ok();
+            for folder in own.iter().filter(|own| *own != folder).chain([folder]) {
+                flags.push(format!("--remap-path-prefix={}={name}", folder.display()));
+            }
+        }
+        flags.join("\x1f")
+    }
 }
 
 /// Builds `image`, checks that the tick's code reads no flash, and returns the file.
@@ -71,8 +95,13 @@ fn compiler_flags(target_folder: &Path) -> String {
 /// # Errors
 /// There is no toolchain, the build fails, or the tick leads to flash.
 pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
-    let target_folder = workspace::target_folder("firmware");
-    let mut cargo = toolchain.cargo("build", workspace::root(), &target_folder);
+    let kept = build_in(toolchain, image, &Folders::here())?;
+    check_placement(&read(&kept)?)?;
+    Ok(kept)
+}
+
+fn build_in(toolchain: &Toolchain, image: Image, folders: &Folders) -> Result<PathBuf> {
+    let mut cargo = toolchain.cargo("build", &folders.sources, &folders.target);
     cargo.args([
         "--quiet",
         "--locked",
@@ -82,19 +111,18 @@ pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
         "firmware",
     ]);
     cargo.args(["--features", image.features()]);
-    cargo.env("CARGO_ENCODED_RUSTFLAGS", compiler_flags(&target_folder));
+    cargo.env("CARGO_HOME", &folders.cargo_home);
+    cargo.env("CARGO_ENCODED_RUSTFLAGS", folders.compiler_flags());
     // Without this variable defmt leaves out all but errors.
     if std::env::var_os("DEFMT_LOG").is_none() {
         cargo.env("DEFMT_LOG", "info");
     }
     process::run(&mut cargo)?;
-    let built = target_folder
-        .join(Path::new(TARGET))
-        .join("firmware/stylus-firmware");
-    // Both variants are built under one name, so that each gets a copy under its own.
-    let kept = target_folder.join(image.file_name());
+    let target = folders.target.join(Path::new(TARGET));
+    let built = target.join("firmware/stylus-firmware");
+    // All variants are built under one name, so that each gets a copy under its own.
+    let kept = folders.target.join(image.file_name());
     std::fs::copy(&built, &kept).map_err(|_| Error::NoImage(built))?;
-    check_placement(&read(&kept)?)?;
     Ok(kept)
 }
 

@@ -14,7 +14,7 @@ mod packages;
 mod pages;
 mod paths;
 mod source;
-mod tree;
+pub(crate) mod tree;
 mod wings;
 
 use std::path::Path;
