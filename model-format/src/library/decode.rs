@@ -119,7 +119,9 @@ impl<'a> Decoder<'a> {
     pub fn step(&mut self) -> Result<Option<Library<'a>>, DecodeError> {
         match core::mem::replace(&mut self.stage, Stage::Prefix) {
             Stage::Prefix => {
-                *self = Self::demanding(self.bytes, self.demand);
+                (self.textures, self.scenes) = (0, 0);
+                self.texture_names.clear();
+                self.scene_names.clear();
                 self.stage = self.prefix()?;
             }
             Stage::Checksum { stored, at, digest } => {

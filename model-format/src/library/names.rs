@@ -20,6 +20,11 @@ impl<'a, const N: usize> Names<'a, N> {
         }
     }
 
+    /// Forgets all names.
+    pub const fn clear(&mut self) {
+        self.len = 0;
+    }
+
     /// Adds `name`, which gets the next index. There is room for `N`; more are left out.
     ///
     /// # Errors
