@@ -96,10 +96,21 @@ fn a_library_of_much_work_keeps_neither_the_watchdog_nor_a_stop_waiting() {
     let committed = device.take_answer(UploadCommitEndpoint::RESP_KEY, commit);
     assert!(committed.is_none(), "the stop came after the commit");
     device.run_for(MUTE_NS + 200 * MS);
-    assert!(device.dac().iter().any(|output| output.code != Some(MID_SCALE)));
-    let late = device.dac().iter().filter(|output| output.at_ns > asked_ns + MUTE_NS);
+    assert!(
+        device
+            .dac()
+            .iter()
+            .any(|output| output.code != Some(MID_SCALE))
+    );
+    let late = device
+        .dac()
+        .iter()
+        .filter(|output| output.at_ns > asked_ns + MUTE_NS);
     assert!(late.clone().count() > 1000, "the output goes on");
-    assert!(late.map(|output| output.code).all(|code| code == Some(MID_SCALE)));
+    assert!(
+        late.map(|output| output.code)
+            .all(|code| code == Some(MID_SCALE))
+    );
 
     device.run_for(500 * MS);
     let committed = device
