@@ -39,3 +39,26 @@ pub const MAX_COEFFICIENT_SUM: u64 = 1024;
 
 /// Largest binary exponent of a direct-form node: coefficients of up to 2¹⁰ in magnitude.
 pub const MAX_EXPONENT: u8 = 10;
+
+/// Bound that every Σ|code| of a direct form's 32-bit codes stays below, in a node and in every mean of nodes.
+pub const CODE_SUM_LIMIT: u64 = 1 << 32;
+
+/// Most bytes of a checksum, or of nodes with their coefficients, that one step of [`crate::Decoder`] takes up. A step
+/// ends with the node that reaches it.
+pub const STEP_BYTES: usize = 2048;
+
+/// Most instructions of decoding on a Cortex-M: this many, and the following.
+pub const DECODE_INSTRUCTIONS: u64 = 5_000;
+
+/// Most instructions of decoding per byte of the library; see [`DECODE_INSTRUCTIONS`].
+pub const DECODE_INSTRUCTIONS_PER_BYTE: u64 = 40;
+
+/// Most instructions of decoding per scene; see [`DECODE_INSTRUCTIONS`].
+pub const DECODE_INSTRUCTIONS_PER_SCENE: u64 = 40_000;
+
+/// Most instructions of one step of [`crate::Decoder`] on a Cortex-M.
+pub const STEP_INSTRUCTIONS: u64 = 60_000;
+
+/// Most instructions of a plan on a Cortex-M, from the name of a texture or scene to the check of its cost, whatever
+/// the library.
+pub const PLAN_INSTRUCTIONS: u64 = 300_000;
