@@ -133,8 +133,8 @@ impl Device for Hardware {
             histogram: tick.histogram.with_range(self.taken).report(CORE_HZ),
             saturations: voice::saturations(),
             safety: tick.safety.counters(),
-            thermal_load_permille: tick.safety.thermal_load_permille(),
-            thermal_gain_permille: tick.safety.thermal_gain_permille(),
+            thermal_load_permille: tick.safety.thermal_load_permille(&tick.config),
+            thermal_gain_permille: tick.safety.thermal_gain_permille(&tick.config),
             amplifier: amplifier::is_on(),
         }
     }

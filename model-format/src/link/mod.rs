@@ -9,6 +9,7 @@
 //!
 //! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]. Every other one is answered at once.
 
+mod cap;
 mod cycles;
 mod info;
 mod levels;
@@ -32,6 +33,10 @@ mod upload;
 
 use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
 
+pub use cap::{
+    BUILT_FOR_GAIN, BUILT_FOR_OHM, MAX_COIL_POWER_WATT, MAX_PIN_MEAN_SQUARE,
+    MAX_THERMAL_TIME_CONSTANT_S, OutputLimits,
+};
 pub use cycles::{CycleRange, CycleReport};
 pub use info::{DeviceInfo, ProductName, Serial, VersionText};
 pub use levels::Levels;

@@ -3,7 +3,7 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{FLASH_SUPPLY_MV, FlashOperation};
+use super::{FLASH_SUPPLY_MV, FlashOperation, MAX_COIL_POWER_WATT, MAX_THERMAL_TIME_CONSTANT_S};
 use crate::{AdcCode, Volt};
 
 /// One setting. The numbers are those under which values are kept in flash: never reused, never reordered.
@@ -133,8 +133,13 @@ impl Setting {
             Self::HardLimit => number("hard-limit", "V", [0.0, 1.45], 0.5),
             Self::SlewLimit => number("slew-limit", "V/ms", [0.1, 16.0], 4.0),
             Self::CoilResistance => number("coil-resistance", "Ω", [0.1, 1000.0], 8.0),
-            Self::ThermalTimeConstant => number("thermal-time-constant", "s", [1.0, 1000.0], 10.0),
-            Self::PowerLimit => number("power-limit", "W", [0.001, 100.0], 0.1),
+            Self::ThermalTimeConstant => number(
+                "thermal-time-constant",
+                "s",
+                [1.0, MAX_THERMAL_TIME_CONSTANT_S],
+                10.0,
+            ),
+            Self::PowerLimit => number("power-limit", "W", [0.001, MAX_COIL_POWER_WATT], 0.1),
             Self::SoftStart => number("soft-start", "ms", [1.0, 5000.0], 200.0),
             // LINK_LOST_AFTER_MS, a few ms until the mute begins and at most 16 ms of slew add up to silence within
             // 100 ms.

@@ -125,6 +125,7 @@ impl Hardware {
     /// Hardware after power-on: it plays nothing, records nothing and has no library.
     pub fn new() -> Self {
         let settings = Settings::default();
+        let config = Config::new(&settings, 1.0);
         // One queue per fake device is never freed, because both of its ends outlive every borrow that could own it.
         let queue: &'static mut SampleQueue = Box::leak(Box::new(SampleQueue::new()));
         let (producer, consumer) = queue.split();
@@ -133,8 +134,8 @@ impl Hardware {
             now: 0,
             muted: true,
             muted_since: 0,
-            safety: State::new(),
-            config: Config::new(&settings, 1.0),
+            safety: State::new(&config),
+            config,
             playing: None,
             prepared: None,
             source: MotionSource::Sensors,
@@ -274,8 +275,8 @@ impl Device for Hardware {
             histogram: self.histogram.with_range(self.taken).report(CORE_HZ),
             saturations: 0,
             safety: self.safety.counters(),
-            thermal_load_permille: self.safety.thermal_load_permille(),
-            thermal_gain_permille: self.safety.thermal_gain_permille(),
+            thermal_load_permille: self.safety.thermal_load_permille(&self.config),
+            thermal_gain_permille: self.safety.thermal_gain_permille(&self.config),
             amplifier: self.amplifier,
         }
     }

@@ -33,7 +33,7 @@ fn playing_loudly() -> (Device, u16) {
     for (setting, value) in [
         (Setting::SlewLimit, SLEW_LIMIT),
         (Setting::OutputGain, 0.2),
-        (Setting::PowerLimit, 10.0),
+        (Setting::PowerLimit, 1.0),
     ] {
         device
             .request::<SettingsSetEndpoint>(&SettingChange { setting, value })
