@@ -5,7 +5,7 @@
 
 use model_format::Library;
 use model_format::link::{
-    ActivateError, CycleReport, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, Marks,
+    ActivateError, CycleReport, DeviceInfo, LinkCounters, LinkId, MAX_PLAY_GAIN, Marks,
     MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
     RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings,
     SettingsError, SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters,
@@ -14,6 +14,7 @@ use model_format::link::{
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
 use crate::inputs::Timed;
+use crate::lease::{HeldBy, Lease};
 use crate::levels::Sums;
 use crate::player::{Action, Begin, Busy, Observed, Player};
 use crate::safety::{Config, Counters};
@@ -150,9 +151,6 @@ pub struct ResetReport {
     pub fault: Option<Fault>,
 }
 
-/// Ticks without a frame after which the link counts as lost.
-const LINK_LOST_TICKS: u64 = (LINK_LOST_AFTER_MS * TICKS_PER_MS) as u64;
-
 /// The device as requests see it.
 pub struct Control<D> {
     device: D,
@@ -161,7 +159,7 @@ pub struct Control<D> {
     settings_state: SettingsState,
     active: Option<(SlotId, SlotInfo)>,
     upload: UploadState,
-    heard_at: Option<u64>,
+    lease: Lease,
 }
 
 impl<D: Device> Control<D> {
@@ -180,7 +178,7 @@ impl<D: Device> Control<D> {
             settings_state,
             active: None,
             upload: UploadState::Idle,
-            heard_at: None,
+            lease: Lease::new(),
         };
         control.follow_settings();
         control
@@ -193,9 +191,9 @@ impl<D: Device> Control<D> {
         self.device.set_amplifier(known && !safe_mode);
     }
 
-    /// Notes that the host is there. Called for every frame that was decoded, of either link.
-    pub fn heard(&mut self) {
-        self.heard_at = Some(self.device.now());
+    /// Serves `KeepAliveTopic`: renews the lease of `from`, if it plays.
+    pub fn keep_alive(&mut self, from: LinkId) {
+        self.lease.renew(from, self.device.now());
     }
 
     /// Follows the state of tick and links, and moves the player on. Called every millisecond.
@@ -204,7 +202,7 @@ impl<D: Device> Control<D> {
             at_rest: self.device.is_at_rest(),
             stale: self.device.is_motion_stale(),
             railed: self.device.is_force_railed(),
-            link_lost: self.is_link_lost(),
+            link_lost: !self.lease.is_alive(self.device.now()),
         };
         let action = self.player.poll(observed);
         match action {
@@ -218,12 +216,6 @@ impl<D: Device> Control<D> {
             None => {}
         }
         self.tell_mute();
-    }
-
-    fn is_link_lost(&self) -> bool {
-        let now = self.device.now();
-        self.heard_at
-            .is_none_or(|at| now.saturating_sub(at) > LINK_LOST_TICKS)
     }
 
     fn tell_mute(&mut self) {
@@ -263,6 +255,8 @@ impl<D: Device> Control<D> {
             fault,
             settings: self.settings_state,
             start: self.device.start_report(),
+            lease: self.lease.status(self.device.now()),
+            limits: Config::new(&self.settings, 1.0).output_limits(&self.settings),
         }
     }
 
@@ -292,14 +286,19 @@ impl<D: Device> Control<D> {
         self.device.take_cycles()
     }
 
-    /// Serves `PlayEndpoint`.
+    /// Serves `PlayEndpoint`, and gives the lease to `from`.
     ///
     /// # Errors
     /// The texture or scene cannot be played, for the reason in the error. Playing goes on as before.
-    pub fn play(&mut self, request: PlayRequest) -> Result<Playing, PlayError> {
+    pub fn play(&mut self, from: LinkId, request: PlayRequest) -> Result<Playing, PlayError> {
+        let now = self.device.now();
+        self.lease
+            .check_play(from, now)
+            .map_err(|HeldBy(by)| PlayError::Held { by })?;
         let plan = self.plan(&request)?;
         let begin = self.player.play(request.clone());
         let begin = begin.map_err(|_| PlayError::Busy)?;
+        self.lease.give(from, now);
         self.device.set_motion_source(request.motion);
         match begin {
             Begin::Switch => self.device.switch(&request, plan),
@@ -333,22 +332,33 @@ impl<D: Device> Control<D> {
         self.device.plan(&request.selection)
     }
 
-    /// Serves `StopEndpoint`.
+    /// Serves `StopEndpoint`, of any link, and ends the lease.
     ///
     /// # Errors
     /// Nothing is played.
     pub fn stop(&mut self) -> Result<OutputStatus, StopError> {
         self.player.stop()?;
+        self.lease.end();
         self.tell_mute();
         Ok(self.output(&self.device.tick_report()))
     }
 
-    /// Serves `MotionEndpoint` and `MotionTopic`; returns the source of the motion that is followed.
+    /// Serves `MotionEndpoint` and `MotionTopic`, and renews the lease of `from`, if it plays; returns the source of
+    /// the motion that is followed.
     ///
     /// # Errors
-    /// The motion is not finite. The one before holds.
-    pub fn motion(&mut self, sample: MotionSample) -> Result<MotionSource, MotionRefused> {
-        let motion = Timed::from_host(sample, self.device.now())?;
+    /// The motion is not finite, or the other link plays. The motion before holds.
+    pub fn motion(
+        &mut self,
+        from: LinkId,
+        sample: MotionSample,
+    ) -> Result<MotionSource, MotionRefused> {
+        let now = self.device.now();
+        self.lease
+            .check_motion(from)
+            .map_err(|HeldBy(by)| MotionRefused::Held { by })?;
+        self.lease.renew(from, now);
+        let motion = Timed::from_host(sample, now)?;
         self.device.set_host_motion(motion);
         Ok(self.player.motion_source())
     }
@@ -421,6 +431,7 @@ impl<D: Device> Control<D> {
     /// Another activation is under way.
     pub fn begin_activation(&mut self) -> Result<(), ActivateError> {
         self.player.begin_activation()?;
+        self.lease.end();
         self.tell_mute();
         Ok(())
     }

@@ -25,6 +25,7 @@ extern crate std;
 pub mod control;
 pub mod flash;
 pub mod inputs;
+pub mod lease;
 pub mod levels;
 pub mod player;
 pub mod recorder;

@@ -37,7 +37,7 @@ pub struct Observed {
     pub stale: bool,
     /// The reason for that is a force sensor at a rail of its converter.
     pub railed: bool,
-    /// The host has sent nothing for too long.
+    /// The lease of whoever plays has lapsed.
     pub link_lost: bool,
 }
 

@@ -12,6 +12,7 @@
 mod cap;
 mod cycles;
 mod info;
+mod lease;
 mod levels;
 mod library;
 mod marks;
@@ -39,6 +40,7 @@ pub use cap::{
 };
 pub use cycles::{CycleRange, CycleReport};
 pub use info::{DeviceInfo, ProductName, Serial, VersionText};
+pub use lease::{LeaseStatus, LinkId};
 pub use levels::Levels;
 pub use library::{ActivateError, Activated, ListError, ListRequest, SceneInfo, TextureInfo};
 pub use marks::Marks;
@@ -97,7 +99,8 @@ pub const USB_PRODUCT_ID: u16 = 0x0001;
 /// Age beyond which a speed or force is stale and the output fades, ms.
 pub const STALE_AFTER_MS: u32 = 50;
 
-/// Time without a well-formed frame from the host after which the link counts as lost and the output fades, ms.
+/// Time without a play, motion or keep-alive from the link that plays, after which it counts as lost and the output
+/// fades, ms.
 ///
 /// With the longest mute ramp that settings allow, the output is silent within 100 ms.
 pub const LINK_LOST_AFTER_MS: u32 = 50;

@@ -191,6 +191,7 @@ fn play_errors() -> Vec<PlayError> {
             gain: f32::INFINITY
         },
         PlayError::Busy,
+        PlayError::Held { by: LinkId::Serial },
         PlayError::Fault,
         PlayError::SettingsNotSet {
             missing: SettingSet::ALL
@@ -399,6 +400,17 @@ fn statuses() -> Vec<Status> {
             safe_mode: true,
             hung_stage: Some(StartStage::Links),
         },
+        lease: LeaseStatus {
+            holder: Some(LinkId::Serial),
+            is_alive: true,
+            refused: u32::MAX,
+        },
+        limits: OutputLimits {
+            peak_volt: f32::MAX,
+            mean_square: f32::MAX,
+            coil_watt: f32::MAX,
+            is_capped: true,
+        },
     };
     let resets = [
         ResetReason::PowerOn,
@@ -559,6 +571,7 @@ fn every_answer_comes_back_and_fits_a_frame() {
         Err(MotionRefused::Speed),
         Err(MotionRefused::Force),
         Err(MotionRefused::Position),
+        Err(MotionRefused::Held { by: LinkId::Usb }),
     ]);
     let started = RecordStarted {
         sample_rate_hz: u32::MAX,

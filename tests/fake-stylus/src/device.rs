@@ -9,8 +9,8 @@ use std::task::{Context, Poll, Waker};
 
 use embassy_futures::yield_now;
 use model_format::link::{
-    ActivateError, MotionSample, RecordBlock, Setting, SettingChange, Settings, SettingsError,
-    SettingsState, SlotId, SlotInfo, UploadState,
+    ActivateError, LinkId, MotionSample, RecordBlock, Setting, SettingChange, Settings,
+    SettingsError, SettingsState, SlotId, SlotInfo, UploadState,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::TICKS_PER_MS;
@@ -82,8 +82,9 @@ impl SharedControl {
             contact: None,
         };
         let mut control = self.borrow_mut();
-        control.heard();
-        control.motion(sample).expect("it is finite");
+        control.keep_alive(LinkId::Serial);
+        // While the other link plays, this one moves nothing.
+        let _ = control.motion(LinkId::Serial, sample);
         drop(control);
         self.millisecond();
     }

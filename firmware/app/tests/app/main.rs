@@ -2,6 +2,7 @@
 #![expect(clippy::result_large_err, reason = "errors carry their reason as text")]
 
 mod inputs;
+mod lease;
 mod player;
 mod power_cut;
 mod recorder;
