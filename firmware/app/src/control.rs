@@ -7,9 +7,9 @@ use model_format::Library;
 use model_format::link::{
     ActivateError, CycleReport, DeviceInfo, LinkCounters, LinkId, MAX_PLAY_GAIN, Marks,
     MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
-    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings,
-    SettingsError, SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters,
-    TickHistogram, UploadState,
+    ProposalToken, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
+    Selection, Settings, SettingsChange, SettingsError, SettingsProposal, SettingsState, SlotId,
+    SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
@@ -17,7 +17,8 @@ use crate::inputs::Timed;
 use crate::lease::{HeldBy, Lease};
 use crate::levels::Sums;
 use crate::player::{Action, Begin, Busy, Observed, Player};
-use crate::safety::{Config, Counters};
+use crate::proposals::Proposals;
+use crate::safety::{Config, Counters, Heat};
 use crate::words::in_words;
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 use stylus_kernel::scene::Plan;
@@ -98,6 +99,15 @@ pub trait Device {
     /// At rest: applies settings to the inputs and the safety stages.
     fn set_settings(&mut self, settings: &Settings);
 
+    /// Heat of the coil that was kept over the last reset; none after power-on, or if it cannot be believed.
+    fn kept_heat(&self) -> Option<Heat>;
+
+    /// While the amplifier has not been on: sets the heat of the coil.
+    fn set_heat(&mut self, heat: Heat);
+
+    /// A number that differs from device to device and from moment to moment.
+    fn token_seed(&self) -> u64;
+
     /// Lets the amplifier be on once the output is at mid-scale, or sets it off at once.
     fn set_amplifier(&mut self, on: bool);
 
@@ -160,6 +170,9 @@ pub struct Control<D> {
     active: Option<(SlotId, SlotInfo)>,
     upload: UploadState,
     lease: Lease,
+    proposals: Proposals,
+    /// True once the coil's heat is more than an assumption, because the amplifier has been on.
+    is_heat_known: bool,
 }
 
 impl<D: Device> Control<D> {
@@ -179,16 +192,26 @@ impl<D: Device> Control<D> {
             active: None,
             upload: UploadState::Idle,
             lease: Lease::new(),
+            proposals: Proposals::new(),
+            is_heat_known: false,
         };
         control.follow_settings();
         control
     }
 
-    /// Keeps the amplifier off while nothing may be played: in safe mode, and until the coil's settings are known.
+    /// Begins with the coil's heat of before the start, and keeps the amplifier off while nothing may be played: in safe mode, and until the coil's settings are known.
     fn follow_settings(&mut self) {
         let known = self.settings_state.check_playable().is_ok();
         let safe_mode = self.player.mute().contains(MuteReason::SafeMode);
-        self.device.set_amplifier(known && !safe_mode);
+        if !self.is_heat_known {
+            // Relative to the limit in force, which may be another one until somebody sets the coil's.
+            let assumed = Config::new(&self.settings, 1.0).assumed_heat();
+            let heat = self.device.kept_heat().unwrap_or(assumed);
+            self.device.set_heat(heat);
+        }
+        let on = known && !safe_mode;
+        self.is_heat_known |= on;
+        self.device.set_amplifier(on);
     }
 
     /// Serves `KeepAliveTopic`: renews the lease of `from`, if it plays.
@@ -255,6 +278,7 @@ impl<D: Device> Control<D> {
             fault,
             settings: self.settings_state,
             start: self.device.start_report(),
+            proposal: self.proposals.waiting(self.device.now()),
             lease: self.lease.status(self.device.now()),
             limits: Config::new(&self.settings, 1.0).output_limits(&self.settings),
         }
@@ -299,6 +323,7 @@ impl<D: Device> Control<D> {
         let begin = self.player.play(request.clone());
         let begin = begin.map_err(|_| PlayError::Busy)?;
         self.lease.give(from, now);
+        self.proposals.end();
         self.device.set_motion_source(request.motion);
         match begin {
             Begin::Switch => self.device.switch(&request, plan),
@@ -389,6 +414,36 @@ impl<D: Device> Control<D> {
         self.upload
     }
 
+    /// Serves `SettingsProposeEndpoint`: keeps `change` in place of one that was proposed before, until it is applied.
+    ///
+    /// # Errors
+    /// A value out of its range, a setting that occurs twice, or something is played.
+    pub fn propose(
+        &mut self,
+        from: LinkId,
+        change: SettingsChange,
+    ) -> Result<SettingsProposal, SettingsError> {
+        change.check()?;
+        if !self.player.is_idle() {
+            return Err(SettingsError::Playing);
+        }
+        let loosens = change.loosens(&self.settings, &self.settings_state);
+        let (now, seed) = (self.device.now(), self.device.token_seed());
+        Ok(self.proposals.propose(from, change, loosens, now, seed))
+    }
+
+    /// Takes the change that `from` has proposed and was given `token` for.
+    ///
+    /// # Errors
+    /// No proposal of this link has this token.
+    pub fn take_proposal(
+        &mut self,
+        from: LinkId,
+        token: ProposalToken,
+    ) -> Result<SettingsChange, SettingsError> {
+        self.proposals.take(from, token, self.device.now())
+    }
+
     /// Keeps everything from being played until [`Control::end_configuration`], while settings are stored.
     ///
     /// # Errors
@@ -404,6 +459,7 @@ impl<D: Device> Control<D> {
         self.settings_state = state;
         self.device.set_settings(&settings);
         self.follow_settings();
+        self.proposals.end();
         self.player.end_configuration();
     }
 

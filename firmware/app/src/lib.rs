@@ -28,6 +28,7 @@ pub mod inputs;
 pub mod lease;
 pub mod levels;
 pub mod player;
+pub mod proposals;
 pub mod recorder;
 pub mod ring;
 pub mod safety;

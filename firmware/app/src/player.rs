@@ -246,6 +246,11 @@ impl Player {
         self.counts
     }
 
+    /// Returns true if nothing is played, activated or stored.
+    pub fn is_idle(&self) -> bool {
+        self.phase == Phase::Idle
+    }
+
     /// Returns true if something is played, about to be, or fading out.
     pub fn is_playing(&self) -> bool {
         matches!(self.phase, Phase::Playing(_) | Phase::FadingOut(_))

@@ -7,8 +7,8 @@ use embassy_time::Timer;
 use model_format::link::{
     ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, LinkId, ListEndpoint,
     ListSceneEndpoint, MotionEndpoint, MotionTopic, PlayEndpoint, PlayError, PlayRequest, Playing,
-    RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SettingsGetEndpoint,
-    SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
+    RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SettingsApplyEndpoint,
+    SettingsGetEndpoint, SettingsProposeEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
     UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
     UploadCommitEndpoint, UploadProgressEndpoint,
 };
@@ -217,13 +217,17 @@ impl Dispatcher {
                 request.hand_over(|list| Some(Job::ListScene(list))).await
             }
             ActivateEndpoint::REQ_KEY => request.hand_over(|slot| Some(Job::Activate(slot))).await,
-            SettingsSetEndpoint::REQ_KEY => {
+            SettingsProposeEndpoint::REQ_KEY => {
                 request
-                    .hand_over(|change| Some(Job::SettingsSet(change)))
+                    .answer::<SettingsProposeEndpoint>(|change| {
+                        with_control(|control| control.propose(request.wire.id(), change))
+                    })
                     .await
             }
-            SettingsResetEndpoint::REQ_KEY => {
-                request.hand_over(|()| Some(Job::SettingsReset)).await
+            SettingsApplyEndpoint::REQ_KEY => {
+                request
+                    .hand_over(|token| Some(Job::SettingsApply(request.wire.id(), token)))
+                    .await
             }
             SelfTestEndpoint::REQ_KEY => {
                 request

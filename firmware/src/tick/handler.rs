@@ -181,6 +181,20 @@ pub fn configure(config: safety::Config) {
     });
 }
 
+/// Heat of the coil; none before the start.
+pub fn heat() -> Option<safety::Heat> {
+    TICK.with(|_, tick| tick.as_ref().map(|tick| tick.safety.heat()))
+}
+
+/// Sets the heat of the coil, at the start.
+pub fn set_heat(heat: safety::Heat) {
+    TICK.with(|_, tick| {
+        if let Some(tick) = tick {
+            tick.safety.set_heat(heat);
+        }
+    });
+}
+
 /// Lets the tick play the voices of [`voice`] from the next block on.
 pub fn play() {
     TICK.with(|_, tick| {

@@ -19,6 +19,7 @@ mod marks;
 mod motion;
 mod mute;
 mod play;
+mod proposal;
 mod record;
 mod selftest;
 mod settings;
@@ -49,6 +50,7 @@ pub use mute::{MUTE_REASON_COUNT, MuteReason, MuteReasons};
 pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
 };
+pub use proposal::{LOCKED, PROPOSAL_VALID_MS, ProposalToken, SettingsChange, SettingsProposal};
 pub use record::{
     BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
@@ -131,6 +133,7 @@ type StopResult = Result<OutputStatus, StopError>;
 type MotionResult = Result<MotionSource, MotionRefused>;
 type RecordStartResult = Result<RecordStarted, RecordError>;
 type RecordStopResult = Result<RecordStopped, RecordError>;
+type ProposalResult = Result<SettingsProposal, SettingsError>;
 type SettingsResult = Result<Settings, SettingsError>;
 type SelfTestResult = Result<SelfTestValues, SelfTestError>;
 
@@ -156,8 +159,8 @@ endpoints! {
     | RecordStartEndpoint    | ()              | RecordStartResult | "stylus/record/start"     |
     | RecordStopEndpoint     | ()              | RecordStopResult  | "stylus/record/stop"      |
     | SettingsGetEndpoint    | ()              | SettingsResult    | "stylus/settings/get"     |
-    | SettingsSetEndpoint    | SettingChange   | SettingsResult    | "stylus/settings/set"     |
-    | SettingsResetEndpoint  | ()              | SettingsResult    | "stylus/settings/reset"   |
+    | SettingsProposeEndpoint | SettingsChange | ProposalResult    | "stylus/settings/propose" |
+    | SettingsApplyEndpoint  | ProposalToken   | SettingsResult    | "stylus/settings/apply"   |
     | SelfTestEndpoint       | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
 }
 

@@ -3,7 +3,10 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{FLASH_SUPPLY_MV, FlashOperation, MAX_COIL_POWER_WATT, MAX_THERMAL_TIME_CONSTANT_S};
+use super::{
+    FLASH_SUPPLY_MV, FlashOperation, LinkId, MAX_COIL_POWER_WATT, MAX_THERMAL_TIME_CONSTANT_S,
+    PROPOSAL_VALID_MS,
+};
 use crate::{AdcCode, Volt};
 
 /// One setting. The numbers are those under which values are kept in flash: never reused, never reordered.
@@ -356,6 +359,28 @@ pub enum SettingsError {
     Flash {
         /// The operation that failed.
         operation: FlashOperation,
+    },
+    /// A setting that has two values in one change.
+    #[error("{setting} is given twice: give each setting one value")]
+    Repeated {
+        /// The setting.
+        setting: Setting,
+    },
+    /// A change without a value.
+    #[error("nothing is to be changed: give a setting and its value")]
+    Nothing,
+    /// A token of no proposal that waits.
+    #[error(
+        "no change with this token waits: it was applied, another one was proposed, something was played, or {} s have \
+         passed; propose it again",
+        PROPOSAL_VALID_MS / 1_000
+    )]
+    NoProposal,
+    /// A proposal of the other link.
+    #[error("{from} has proposed this change, and it alone applies it: propose it on this link")]
+    OtherLink {
+        /// The link that proposed it.
+        from: LinkId,
     },
     /// A supply too low to write flash.
     #[error(

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     LeaseStatus, Levels, MUTE_REASON_COUNT, Marks, MotionSource, MuteReasons, OutputLimits,
-    Selection, SettingsState, SlotId, StartReport, UploadState,
+    Selection, SettingsProposal, SettingsState, SlotId, StartReport, UploadState,
 };
 
 /// Width of one bin of the histogram, cycles.
@@ -235,4 +235,6 @@ pub struct Status {
     pub lease: LeaseStatus,
     /// Limits of the output that are in force.
     pub limits: OutputLimits,
+    /// The change of settings that was proposed and not yet applied.
+    pub proposal: Option<SettingsProposal>,
 }

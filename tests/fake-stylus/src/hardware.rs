@@ -19,7 +19,7 @@ use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of}
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
 use stylus_app::levels::Sums;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
-use stylus_app::safety::{Config, State};
+use stylus_app::safety::{Config, Heat, State};
 use stylus_app::status::Histogram;
 use stylus_app::storage::LoadFault;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
@@ -105,6 +105,8 @@ pub struct Hardware {
     pub budget: u32,
     /// Damage of each library on its way to RAM.
     pub loads_badly: bool,
+    /// Heat of the coil that was kept over the reset before this start.
+    pub kept_heat: Option<Heat>,
     /// The start, and the present supply.
     pub start: StartReport,
     /// Number of exchanges of the library in RAM.
@@ -163,6 +165,7 @@ impl Hardware {
             slower_by: 0,
             budget: BUDGET,
             loads_badly: false,
+            kept_heat: None,
             start: HEALTHY_START,
             exchanges: 0,
             starts: 0,
@@ -229,6 +232,11 @@ impl Hardware {
     /// True while the output is not at rest.
     pub fn sounds(&self) -> bool {
         !self.safety.is_at_rest()
+    }
+
+    /// Heat of the coil, as it is kept for the next start.
+    pub fn heat(&self) -> Heat {
+        self.safety.heat()
     }
 
     /// The encoder's counter, which wraps.
@@ -397,6 +405,19 @@ impl Device for Hardware {
         self.settings = *settings;
         self.inputs = InputConfig::new(settings);
         self.config = Config::new(settings, 1.0);
+    }
+
+    fn kept_heat(&self) -> Option<Heat> {
+        self.kept_heat
+    }
+
+    fn set_heat(&mut self, heat: Heat) {
+        assert!(!self.amplifier, "the coil's heat is forgotten");
+        self.safety.set_heat(heat);
+    }
+
+    fn token_seed(&self) -> u64 {
+        self.now ^ 0x5eed_0123_4567_89ab
     }
 
     fn set_amplifier(&mut self, on: bool) {

@@ -13,8 +13,8 @@ use model_format::link::{
     ActivateEndpoint, CyclesEndpoint, ENDPOINTS, InfoEndpoint, KeepAliveTopic, LinkId,
     ListEndpoint, ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_HOST_FRAME_BYTES, MotionEndpoint,
     MotionTopic, PlayEndpoint, RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint,
-    SettingsGetEndpoint, SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint,
-    StopEndpoint, TOPICS_IN, UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk,
+    SettingsApplyEndpoint, SettingsGetEndpoint, SettingsProposeEndpoint, SlotsEndpoint,
+    StatusEndpoint, StopEndpoint, TOPICS_IN, UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk,
     UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
@@ -262,6 +262,7 @@ impl<'a> Asked<'a> {
         now!(MotionEndpoint, sample => control.borrow_mut().motion(self.link, sample));
         now!(RecordStartEndpoint, () => control.borrow_mut().record_start());
         now!(RecordStopEndpoint, () => control.borrow_mut().record_stop());
+        now!(SettingsProposeEndpoint, change => control.borrow_mut().propose(self.link, change));
         now!(SettingsGetEndpoint, () => Ok(control.borrow().settings()));
         later!(UploadBeginEndpoint, |storage, stage, begin| storage
             .upload_begin(stage, begin)
@@ -281,11 +282,9 @@ impl<'a> Asked<'a> {
         later!(ActivateEndpoint, |storage, stage, slot| storage
             .activate(stage, slot)
             .await);
-        later!(SettingsSetEndpoint, |storage, stage, change| storage
-            .settings_set(stage, change)
-            .await);
-        later!(SettingsResetEndpoint, |storage, stage, _nothing| storage
-            .settings_reset(stage)
+        let link = self.link;
+        later!(SettingsApplyEndpoint, |storage, stage, token| storage
+            .settings_apply(stage, link, token)
             .await);
         later!(SelfTestEndpoint, |storage, stage, request| {
             let mut board = BoardOf::new(stage.clone());

@@ -5,6 +5,7 @@ mod inputs;
 mod lease;
 mod player;
 mod power_cut;
+mod proposals;
 mod recorder;
 mod requests;
 mod rest;

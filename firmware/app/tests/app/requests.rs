@@ -11,8 +11,8 @@ use model_format::limits::{MAX_ORDER, SLOT_BYTES};
 use model_format::link::{
     ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, ListError, ListRequest, MotionSample,
     MotionSource, MuteReason, PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection,
-    Setting, SettingChange, SettingSet, Settings, SettingsError, SettingsState, SlotId, SlotState,
-    StopError, UploadChunk, UploadError, UploadState,
+    Setting, SettingChange, SettingSet, Settings, SettingsChange, SettingsError, SettingsState,
+    SlotId, SlotState, StopError, UploadChunk, UploadError, UploadState,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{Library, MillimetresPerSecond, Newton, encode, encode_with_scenes};
@@ -99,11 +99,7 @@ impl Stylus {
     }
 
     fn change_setting(&mut self, change: SettingChange) -> Result<Settings, SettingsError> {
-        self.request(async |storage, stage| storage.settings_set(stage, change).await)
-    }
-
-    fn reset_settings(&mut self) -> Result<Settings, SettingsError> {
-        self.request(async |storage, stage| storage.settings_reset(stage).await)
+        self.change_settings(&[change])
     }
 }
 
@@ -633,8 +629,11 @@ fn nothing_begins_to_play_while_settings_are_stored_and_what_begins_after_has_it
         ..request("texture 0")
     };
     let mut asked = Vec::new();
+    let (link, proposed) = (LinkId::Serial, SettingsChange::of(&[change]));
+    let proposed = proposed.and_then(|change| stylus.control.borrow_mut().propose(link, change));
+    let token = proposed.expect("nothing is played").token;
     let set = stylus.request_meanwhile(
-        async |storage, stage| storage.settings_set(stage, change).await,
+        async |storage, stage| storage.settings_apply(stage, link, token).await,
         |control| {
             asked.push(control.borrow_mut().play(LinkId::Serial, quiet.clone()));
             control.millisecond_with_motion();

@@ -1,7 +1,7 @@
 //! The output from the tick to the pin: its latency, late ticks, a core that stops, and the amplifier's enable.
 
 use model_format::link::{
-    FaultKind, MotionSource, MuteReasons, ResetReason, Setting, SettingChange, SettingsSetEndpoint,
+    FaultKind, MotionSource, MuteReasons, ResetReason, Setting, SettingChange,
 };
 use stylus_app::safety;
 use virtual_stylus::model::dac::{Cause, Output};
@@ -36,7 +36,7 @@ fn playing_loudly() -> (Device, u16) {
         (Setting::PowerLimit, 1.0),
     ] {
         device
-            .request::<SettingsSetEndpoint>(&SettingChange { setting, value })
+            .change_settings(&[SettingChange { setting, value }])
             .expect("it is within its range");
     }
     let settings = device.settings();
