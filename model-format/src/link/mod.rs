@@ -139,29 +139,29 @@ type SelfTestResult = Result<SelfTestValues, SelfTestError>;
 
 endpoints! {
     list = ENDPOINTS;
-    | EndpointTy             | RequestTy       | ResponseTy        | Path                      |
-    | ----------             | ---------       | ----------        | ----                      |
-    | InfoEndpoint           | ()              | InfoResult        | "stylus/info"             |
-    | StatusEndpoint         | ()              | StatusResult      | "stylus/status"           |
-    | CyclesEndpoint         | ()              | CyclesResult      | "stylus/cycles"           |
-    | UploadBeginEndpoint    | UploadBegin     | UploadResult      | "stylus/upload/begin"     |
-    | UploadChunkEndpoint    | UploadChunk<'a> | UploadResult      | "stylus/upload/chunk"     |
-    | UploadCommitEndpoint   | ()              | CommitResult      | "stylus/upload/commit"    |
-    | UploadAbortEndpoint    | ()              | AbortResult       | "stylus/upload/abort"     |
-    | UploadProgressEndpoint | ()              | UploadState       | "stylus/upload/progress"  |
-    | SlotsEndpoint          | ()              | SlotsResult       | "stylus/slots"            |
-    | ListEndpoint           | ListRequest     | ListResult        | "stylus/list"             |
-    | ListSceneEndpoint      | ListRequest     | ListSceneResult   | "stylus/list/scene"       |
-    | ActivateEndpoint       | SlotId          | ActivateResult    | "stylus/activate"         |
-    | PlayEndpoint           | PlayRequest     | PlayResult        | "stylus/play"             |
-    | StopEndpoint           | ()              | StopResult        | "stylus/stop"             |
-    | MotionEndpoint         | MotionSample    | MotionResult      | "stylus/motion"           |
-    | RecordStartEndpoint    | ()              | RecordStartResult | "stylus/record/start"     |
-    | RecordStopEndpoint     | ()              | RecordStopResult  | "stylus/record/stop"      |
-    | SettingsGetEndpoint    | ()              | SettingsResult    | "stylus/settings/get"     |
-    | SettingsProposeEndpoint | SettingsChange | ProposalResult    | "stylus/settings/propose" |
-    | SettingsApplyEndpoint  | ProposalToken   | SettingsResult    | "stylus/settings/apply"   |
-    | SelfTestEndpoint       | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
+    | EndpointTy              | RequestTy       | ResponseTy        | Path                      |
+    | ----------              | ---------       | ----------        | ----                      |
+    | InfoEndpoint            | ()              | InfoResult        | "stylus/info"             |
+    | StatusEndpoint          | ()              | StatusResult      | "stylus/status"           |
+    | CyclesEndpoint          | ()              | CyclesResult      | "stylus/cycles"           |
+    | UploadBeginEndpoint     | UploadBegin     | UploadResult      | "stylus/upload/begin"     |
+    | UploadChunkEndpoint     | UploadChunk<'a> | UploadResult      | "stylus/upload/chunk"     |
+    | UploadCommitEndpoint    | ()              | CommitResult      | "stylus/upload/commit"    |
+    | UploadAbortEndpoint     | ()              | AbortResult       | "stylus/upload/abort"     |
+    | UploadProgressEndpoint  | ()              | UploadState       | "stylus/upload/progress"  |
+    | SlotsEndpoint           | ()              | SlotsResult       | "stylus/slots"            |
+    | ListEndpoint            | ListRequest     | ListResult        | "stylus/list"             |
+    | ListSceneEndpoint       | ListRequest     | ListSceneResult   | "stylus/list/scene"       |
+    | ActivateEndpoint        | SlotId          | ActivateResult    | "stylus/activate"         |
+    | PlayEndpoint            | PlayRequest     | PlayResult        | "stylus/play"             |
+    | StopEndpoint            | ()              | StopResult        | "stylus/stop"             |
+    | MotionEndpoint          | MotionSample    | MotionResult      | "stylus/motion"           |
+    | RecordStartEndpoint     | ()              | RecordStartResult | "stylus/record/start"     |
+    | RecordStopEndpoint      | ()              | RecordStopResult  | "stylus/record/stop"      |
+    | SettingsGetEndpoint     | ()              | SettingsResult    | "stylus/settings/get"     |
+    | SettingsProposeEndpoint | SettingsChange  | ProposalResult    | "stylus/settings/propose" |
+    | SettingsApplyEndpoint   | ProposalToken   | SettingsResult    | "stylus/settings/apply"   |
+    | SelfTestEndpoint        | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
 }
 
 topics! {

@@ -27,10 +27,6 @@ impl core::fmt::Display for ProposalToken {
 
 /// Change of settings, of which all is done or nothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "without allocation there is room for every setting"
-)]
 pub enum SettingsChange {
     /// New values of some settings.
     Set(Vec<SettingChange, SETTING_COUNT>),

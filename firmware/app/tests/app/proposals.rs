@@ -1,6 +1,7 @@
 //! Changes of settings in two steps: what one frame, another host, a late one or a play may not do.
 
 use fake_stylus::device::SteppedStylus;
+use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library};
 use model_format::link::{
     LOCKED, LinkId, MotionSource, PROPOSAL_VALID_MS, PlayRequest, ProposalToken, Selection,
@@ -8,6 +9,7 @@ use model_format::link::{
     UploadChunk,
 };
 use proptest::prelude::*;
+use stylus_app::safety::Config;
 
 const LINKS: [LinkId; 2] = [LinkId::Usb, LinkId::Serial];
 
@@ -279,9 +281,6 @@ fn tokens_do_not_repeat() {
 
 #[test]
 fn a_start_begins_with_the_kept_heat_and_a_later_change_of_settings_never_forgets_it() {
-    use fake_stylus::hardware::Hardware;
-    use stylus_app::safety::Config;
-
     let mut first = stylus();
     let hot = Config::new(&settings(&first), 1.0).assumed_heat();
     // Nothing was kept: as warm as may be without attenuation, of the coil that was then set.

@@ -440,10 +440,10 @@ fn all_protection_told_away() -> Settings {
 
 #[test]
 fn no_settings_drive_the_pin_beyond_the_mean_square_that_this_image_is_built_for() {
+    const SECONDS: u32 = 120;
     let settings = all_protection_told_away();
     let config = Config::new(&settings, 4.0);
     let mut state = State::new(&config);
-    const SECONDS: u32 = 120;
     let (mut square, mut peak) = (0.0, 0.0f64);
     for n in 0..SECONDS * SAMPLE_RATE_HZ {
         let sample = sine(1e3, 100.0, n);

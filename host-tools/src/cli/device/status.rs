@@ -84,7 +84,7 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         f64::from(status.output.thermal_gain_permille) / 10.0
     ));
     lines.push(format!("in force {}", limits(&status.limits)));
-    lines.push(format!("lease    {}", lease(&status.lease)));
+    lines.push(format!("lease    {}", lease(status.lease)));
     if let Some(proposal) = &status.proposal {
         lines.push(format!(
             "PROPOSED a change of settings on {} by token {}, for {} s more: {}",
@@ -206,7 +206,7 @@ fn limits(limits: &OutputLimits) -> String {
 }
 
 /// The lease of whoever plays.
-fn lease(lease: &LeaseStatus) -> String {
+fn lease(lease: LeaseStatus) -> String {
     let holder = match lease.holder {
         None => "nobody plays".to_owned(),
         Some(link) if lease.is_alive => format!("{link} plays"),
