@@ -6,6 +6,7 @@
 
 use core::fmt::Write;
 
+use cortex_m::peripheral::DWT;
 use embassy_stm32::uid;
 use embassy_time::Instant;
 use heapless::String;
@@ -20,7 +21,7 @@ use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of}
 use stylus_app::inputs::{Follower, InputConfig, Timed};
 use stylus_app::levels::Sums;
 use stylus_app::recorder::Recorder;
-use stylus_app::safety;
+use stylus_app::safety::{self, Heat};
 use stylus_app::status::Histogram;
 use stylus_app::storage::LoadFault;
 use stylus_kernel::scene::cost::BUDGET;
@@ -43,6 +44,7 @@ pub struct Hardware {
     link_counters: fn() -> [LinkCounters; 2],
     guard_marks: fn() -> Marks,
     settings: Settings,
+    kept_heat: Option<Heat>,
     /// Durations of the ticks that requests for cycles have taken, and their number.
     taken: CycleRange,
     counted: u32,
@@ -58,6 +60,7 @@ impl Hardware {
         recorder: Recorder<'static>,
         reset: ResetReport,
         start: StartReport,
+        kept_heat: Option<Heat>,
         link_counters: fn() -> [LinkCounters; 2],
         guard_marks: fn() -> Marks,
     ) -> Self {
@@ -71,6 +74,7 @@ impl Hardware {
             link_counters,
             guard_marks,
             settings: Settings::default(),
+            kept_heat,
             taken: CycleRange::NONE,
             counted: 0,
             muted: true,
@@ -139,8 +143,8 @@ impl Device for Hardware {
             histogram: tick.histogram.with_range(self.taken).report(CORE_HZ),
             saturations: voice::saturations(),
             safety: tick.safety.counters(),
-            thermal_load_permille: tick.safety.thermal_load_permille(),
-            thermal_gain_permille: tick.safety.thermal_gain_permille(),
+            thermal_load_permille: tick.safety.thermal_load_permille(&tick.config),
+            thermal_gain_permille: tick.safety.thermal_gain_permille(&tick.config),
             amplifier: amplifier::is_on(),
         }
     }
@@ -248,6 +252,23 @@ impl Device for Hardware {
         let config = InputConfig::new(settings);
         update::change(|update| update.config = config);
         tick::configure(safety::Config::new(settings, 1.0));
+    }
+
+    fn kept_heat(&self) -> Option<Heat> {
+        self.kept_heat
+    }
+
+    fn set_heat(&mut self, heat: Heat) {
+        tick::set_heat(heat);
+    }
+
+    fn token_seed(&self) -> u64 {
+        // A counter of cycles at the instant of a request, and the chip's own number.
+        let (words, _) = uid::uid().as_chunks::<4>();
+        let chip = words.iter().fold(0u64, |sum, word| {
+            sum.rotate_left(24) ^ u64::from(u32::from_le_bytes(*word))
+        });
+        chip ^ u64::from(DWT::cycle_count())
     }
 
     fn set_amplifier(&mut self, on: bool) {

@@ -49,7 +49,7 @@ use stylus_app::safety;
 use crate::boot::reset::ResetFlags;
 use crate::boot::{clock, critical, priority, protection, silicon, startup, supply};
 use crate::device::Hardware;
-use crate::fault::{record, report, stack, watchdog};
+use crate::fault::{heat, record, report, stack, watchdog};
 use crate::flash::word;
 use crate::link::wire::{self, Wire};
 use crate::link::{counters, recording, requests, serial, storage, usb};
@@ -95,6 +95,7 @@ async fn main(spawner: Spawner) {
         Recorder::new(consumer),
         report::reset_report(flags, before),
         start,
+        heat::take(flags),
         counters::all,
         guard_marks,
     );

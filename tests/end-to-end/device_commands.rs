@@ -232,7 +232,10 @@ fn settings_are_shown_changed_read_back_and_reset() {
         all.contains("acceleration-per-volt-z") && all.contains("m/s²/V"),
         "{all}"
     );
-    bench.succeed(&format!("settings reset --link {link}"));
+    let refused = bench.refuse(&format!("settings reset --link {link}"));
+    assert!(refused.contains("give --yes"), "{refused}");
+    assert_eq!(value("get force-per-volt"), -3.5);
+    bench.succeed(&format!("settings reset --yes --link {link}"));
     assert_eq!(value("get force-per-volt"), 2.0);
 }
 
@@ -264,7 +267,13 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
     );
 
     let all = "settings set coil-resistance 8 amplifier-gain 2 power-limit 0.2";
-    let set = json(&bench.succeed(&format!("{all} --json --link {link}")));
+    let refused = bench.refuse(&format!("{all} --link {link}"));
+    for words in ["not set -> 8 Ω", "W held at 8 Ω", "give --yes"] {
+        assert!(refused.contains(words), "{words}: {refused}");
+    }
+    let shown = bench.succeed(&format!("settings --link {link}"));
+    assert_eq!(shown.matches(" not set ").count(), 3, "{shown}");
+    let set = json(&bench.succeed(&format!("{all} --yes --json --link {link}")));
     let set = set.as_array().unwrap();
     assert!(
         set.len() == 3 && set.iter().all(|row| row["state"] == "set"),
@@ -289,6 +298,30 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
         row[0]["value"].as_f64().map(|value| value as f32),
         Some(0.2)
     );
+}
+
+#[test]
+fn what_protects_less_is_shown_and_confirmed_and_what_protects_more_is_not_asked_for() {
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let link = stylus.link();
+    let value = |name: &str| {
+        let shown = bench.succeed(&format!("settings get {name} --json --link {link}"));
+        json(&shown)[0]["value"].as_f64().unwrap() as f32
+    };
+    bench.succeed(&format!("settings set hard-limit 0.25 --link {link}"));
+    let looser = "settings set soft-start 300 hard-limit 0.75 force-zero 5000";
+    let refused = bench.refuse(&format!("{looser} --link {link}"));
+    for words in ["hard-limit: 0.25 -> 0.75 V", "0.750 V peak", "give --yes"] {
+        assert!(refused.contains(words), "{words}: {refused}");
+    }
+    assert!(!refused.contains("soft-start"), "{refused}");
+    // All or nothing: neither is changed.
+    assert_eq!((value("soft-start"), value("force-zero")), (200.0, 4096.0));
+    bench.succeed(&format!("{looser} --yes --link {link}"));
+    assert_eq!((value("soft-start"), value("hard-limit")), (300.0, 0.75));
+    let twice = format!("settings set soft-start 300 soft-start 400 --link {link}");
+    let refused = bench.refuse(&twice);
+    assert!(refused.contains("soft-start is given twice"), "{refused}");
 }
 
 #[test]

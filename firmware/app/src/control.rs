@@ -5,18 +5,20 @@
 
 use model_format::Library;
 use model_format::link::{
-    ActivateError, CycleReport, DeviceInfo, LINK_LOST_AFTER_MS, LinkCounters, MAX_PLAY_GAIN, Marks,
+    ActivateError, CycleReport, DeviceInfo, LinkCounters, LinkId, MAX_PLAY_GAIN, Marks,
     MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
-    RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Selection, Settings,
-    SettingsError, SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters,
-    TickHistogram, UploadState,
+    ProposalToken, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
+    Selection, Settings, SettingsChange, SettingsError, SettingsProposal, SettingsState, SlotId,
+    SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 
 use crate::inputs::Timed;
+use crate::lease::{HeldBy, Lease};
 use crate::levels::Sums;
 use crate::player::{Action, Begin, Busy, Observed, Player};
-use crate::safety::{Config, Counters};
+use crate::proposals::Proposals;
+use crate::safety::{Config, Counters, Heat};
 use crate::words::in_words;
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 use stylus_kernel::scene::Plan;
@@ -97,6 +99,15 @@ pub trait Device {
     /// At rest: applies settings to the inputs and the safety stages.
     fn set_settings(&mut self, settings: &Settings);
 
+    /// Heat of the coil that was kept over the last reset; none after power-on, or if it cannot be believed.
+    fn kept_heat(&self) -> Option<Heat>;
+
+    /// While the amplifier has not been on: sets the heat of the coil.
+    fn set_heat(&mut self, heat: Heat);
+
+    /// A number that differs from device to device and from moment to moment.
+    fn token_seed(&self) -> u64;
+
     /// Lets the amplifier be on once the output is at mid-scale, or sets it off at once.
     fn set_amplifier(&mut self, on: bool);
 
@@ -150,9 +161,6 @@ pub struct ResetReport {
     pub fault: Option<Fault>,
 }
 
-/// Ticks without a frame after which the link counts as lost.
-const LINK_LOST_TICKS: u64 = (LINK_LOST_AFTER_MS * TICKS_PER_MS) as u64;
-
 /// The device as requests see it.
 pub struct Control<D> {
     device: D,
@@ -161,7 +169,10 @@ pub struct Control<D> {
     settings_state: SettingsState,
     active: Option<(SlotId, SlotInfo)>,
     upload: UploadState,
-    heard_at: Option<u64>,
+    lease: Lease,
+    proposals: Proposals,
+    /// True once the coil's heat is more than an assumption, because the amplifier has been on.
+    is_heat_known: bool,
 }
 
 impl<D: Device> Control<D> {
@@ -180,22 +191,32 @@ impl<D: Device> Control<D> {
             settings_state,
             active: None,
             upload: UploadState::Idle,
-            heard_at: None,
+            lease: Lease::new(),
+            proposals: Proposals::new(),
+            is_heat_known: false,
         };
         control.follow_settings();
         control
     }
 
-    /// Keeps the amplifier off while nothing may be played: in safe mode, and until the coil's settings are known.
+    /// Begins with the coil's heat of before the start, and keeps the amplifier off while nothing may be played: in safe mode, and until the coil's settings are known.
     fn follow_settings(&mut self) {
         let known = self.settings_state.check_playable().is_ok();
         let safe_mode = self.player.mute().contains(MuteReason::SafeMode);
-        self.device.set_amplifier(known && !safe_mode);
+        if !self.is_heat_known {
+            // Relative to the limit in force, which may be another one until somebody sets the coil's.
+            let assumed = Config::new(&self.settings, 1.0).assumed_heat();
+            let heat = self.device.kept_heat().unwrap_or(assumed);
+            self.device.set_heat(heat);
+        }
+        let on = known && !safe_mode;
+        self.is_heat_known |= on;
+        self.device.set_amplifier(on);
     }
 
-    /// Notes that the host is there. Called for every frame that was decoded, of either link.
-    pub fn heard(&mut self) {
-        self.heard_at = Some(self.device.now());
+    /// Serves `KeepAliveTopic`: renews the lease of `from`, if it plays.
+    pub fn keep_alive(&mut self, from: LinkId) {
+        self.lease.renew(from, self.device.now());
     }
 
     /// Follows the state of tick and links, and moves the player on. Called every millisecond.
@@ -204,7 +225,7 @@ impl<D: Device> Control<D> {
             at_rest: self.device.is_at_rest(),
             stale: self.device.is_motion_stale(),
             railed: self.device.is_force_railed(),
-            link_lost: self.is_link_lost(),
+            link_lost: !self.lease.is_alive(self.device.now()),
         };
         let action = self.player.poll(observed);
         match action {
@@ -218,12 +239,6 @@ impl<D: Device> Control<D> {
             None => {}
         }
         self.tell_mute();
-    }
-
-    fn is_link_lost(&self) -> bool {
-        let now = self.device.now();
-        self.heard_at
-            .is_none_or(|at| now.saturating_sub(at) > LINK_LOST_TICKS)
     }
 
     fn tell_mute(&mut self) {
@@ -263,6 +278,9 @@ impl<D: Device> Control<D> {
             fault,
             settings: self.settings_state,
             start: self.device.start_report(),
+            proposal: self.proposals.waiting(self.device.now()),
+            lease: self.lease.status(self.device.now()),
+            limits: Config::new(&self.settings, 1.0).output_limits(&self.settings),
         }
     }
 
@@ -292,14 +310,20 @@ impl<D: Device> Control<D> {
         self.device.take_cycles()
     }
 
-    /// Serves `PlayEndpoint`.
+    /// Serves `PlayEndpoint`, and gives the lease to `from`.
     ///
     /// # Errors
     /// The texture or scene cannot be played, for the reason in the error. Playing goes on as before.
-    pub fn play(&mut self, request: PlayRequest) -> Result<Playing, PlayError> {
+    pub fn play(&mut self, from: LinkId, request: PlayRequest) -> Result<Playing, PlayError> {
+        let now = self.device.now();
+        self.lease
+            .check_play(from, now)
+            .map_err(|HeldBy(by)| PlayError::Held { by })?;
         let plan = self.plan(&request)?;
         let begin = self.player.play(request.clone());
         let begin = begin.map_err(|_| PlayError::Busy)?;
+        self.lease.give(from, now);
+        self.proposals.end();
         self.device.set_motion_source(request.motion);
         match begin {
             Begin::Switch => self.device.switch(&request, plan),
@@ -337,22 +361,33 @@ impl<D: Device> Control<D> {
         self.device.plan(&request.selection)
     }
 
-    /// Serves `StopEndpoint`.
+    /// Serves `StopEndpoint`, of any link, and ends the lease.
     ///
     /// # Errors
     /// Nothing is played.
     pub fn stop(&mut self) -> Result<OutputStatus, StopError> {
         self.player.stop()?;
+        self.lease.end();
         self.tell_mute();
         Ok(self.output(&self.device.tick_report()))
     }
 
-    /// Serves `MotionEndpoint` and `MotionTopic`; returns the source of the motion that is followed.
+    /// Serves `MotionEndpoint` and `MotionTopic`, and renews the lease of `from`, if it plays; returns the source of
+    /// the motion that is followed.
     ///
     /// # Errors
-    /// The motion is not finite. The one before holds.
-    pub fn motion(&mut self, sample: MotionSample) -> Result<MotionSource, MotionRefused> {
-        let motion = Timed::from_host(sample, self.device.now())?;
+    /// The motion is not finite, or the other link plays. The motion before holds.
+    pub fn motion(
+        &mut self,
+        from: LinkId,
+        sample: MotionSample,
+    ) -> Result<MotionSource, MotionRefused> {
+        let now = self.device.now();
+        self.lease
+            .check_motion(from)
+            .map_err(|HeldBy(by)| MotionRefused::Held { by })?;
+        self.lease.renew(from, now);
+        let motion = Timed::from_host(sample, now)?;
         self.device.set_host_motion(motion);
         Ok(self.player.motion_source())
     }
@@ -383,6 +418,36 @@ impl<D: Device> Control<D> {
         self.upload
     }
 
+    /// Serves `SettingsProposeEndpoint`: keeps `change` in place of one that was proposed before, until it is applied.
+    ///
+    /// # Errors
+    /// A value out of its range, a setting that occurs twice, or something is played.
+    pub fn propose(
+        &mut self,
+        from: LinkId,
+        change: SettingsChange,
+    ) -> Result<SettingsProposal, SettingsError> {
+        change.check()?;
+        if !self.player.is_idle() {
+            return Err(SettingsError::Playing);
+        }
+        let loosens = change.loosens(&self.settings, &self.settings_state);
+        let (now, seed) = (self.device.now(), self.device.token_seed());
+        Ok(self.proposals.propose(from, change, loosens, now, seed))
+    }
+
+    /// Takes the change that `from` has proposed and was given `token` for.
+    ///
+    /// # Errors
+    /// No proposal of this link has this token.
+    pub fn take_proposal(
+        &mut self,
+        from: LinkId,
+        token: ProposalToken,
+    ) -> Result<SettingsChange, SettingsError> {
+        self.proposals.take(from, token, self.device.now())
+    }
+
     /// Keeps everything from being played until [`Control::end_configuration`], while settings are stored.
     ///
     /// # Errors
@@ -398,6 +463,7 @@ impl<D: Device> Control<D> {
         self.settings_state = state;
         self.device.set_settings(&settings);
         self.follow_settings();
+        self.proposals.end();
         self.player.end_configuration();
     }
 
@@ -425,6 +491,7 @@ impl<D: Device> Control<D> {
     /// Another activation is under way.
     pub fn begin_activation(&mut self) -> Result<(), ActivateError> {
         self.player.begin_activation()?;
+        self.lease.end();
         self.tell_mute();
         Ok(())
     }

@@ -37,7 +37,7 @@ pub struct Observed {
     pub stale: bool,
     /// The reason for that is a force sensor at a rail of its converter.
     pub railed: bool,
-    /// The host has sent nothing for too long.
+    /// The lease of whoever plays has lapsed.
     pub link_lost: bool,
 }
 
@@ -244,6 +244,11 @@ impl Player {
     /// Number of times that each reason has begun.
     pub fn mute_counts(&self) -> [u32; MUTE_REASON_COUNT] {
         self.counts
+    }
+
+    /// Returns true if nothing is played, activated or stored.
+    pub fn is_idle(&self) -> bool {
+        self.phase == Phase::Idle
     }
 
     /// Returns true if something is played, about to be, or fading out.

@@ -10,7 +10,7 @@
 
 use model_format::DacCode;
 
-use crate::safety::OVERSAMPLING;
+use crate::safety::{MOST_HELD_TICKS, OVERSAMPLING};
 
 /// Number of slots in the ring, a power of two.
 pub const SLOTS: usize = 8;
@@ -41,6 +41,7 @@ const FADED: usize = FADED_SLOTS * OVERSAMPLING;
 // What is erased and not yet written again is at least two slots.
 const _: () = assert!(SLOTS.is_power_of_two() && STRETCH + 1 + 2 < SLOTS);
 const _: () = assert!(OVERSAMPLING.is_power_of_two() && FADED.is_power_of_two());
+const _: () = assert!(STRETCH <= 1 + MOST_HELD_TICKS as usize);
 
 /// A slot of the ring: the place of a tick's codes.
 #[must_use]

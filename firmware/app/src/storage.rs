@@ -7,9 +7,9 @@
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    ActivateError, Activated, ListError, ListRequest, SceneInfo, SettingChange, Settings,
-    SettingsError, SettingsState, SlotId, SlotInfo, SlotState, Slots, TextureInfo, UploadBegin,
-    UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
+    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, SceneInfo, Settings,
+    SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, SlotState, Slots, TextureInfo,
+    UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 use crate::player::Busy;
@@ -40,6 +40,16 @@ pub trait Stage {
 
     /// As `Control::end_activation`.
     fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>);
+
+    /// As `Control::take_proposal`.
+    ///
+    /// # Errors
+    /// No proposal of this link has this token.
+    fn take_proposal(
+        &mut self,
+        from: LinkId,
+        token: ProposalToken,
+    ) -> Result<SettingsChange, SettingsError>;
 
     /// As `Control::begin_configuration`.
     ///
@@ -251,43 +261,25 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         Ok(self.uploader.state())
     }
 
-    /// Serves `SettingsSetEndpoint`.
+    /// Serves `SettingsApplyEndpoint`: applies what `from` has proposed and was given `token` for.
     ///
     /// # Errors
-    /// The value is out of the setting's range; something is played; the supply is too low; the flash fails.
-    pub async fn settings_set(
+    /// No such proposal waits; something is played; the supply is too low; the flash fails.
+    pub async fn settings_apply(
         &mut self,
         stage: &mut impl Stage,
-        change: SettingChange,
-    ) -> Result<Settings, SettingsError> {
-        change.setting.check(change.value)?;
-        self.settings_change(stage, Some(change)).await
-    }
-
-    /// Serves `SettingsResetEndpoint`.
-    ///
-    /// # Errors
-    /// Something is played; the supply is too low; the flash fails.
-    pub async fn settings_reset(
-        &mut self,
-        stage: &mut impl Stage,
-    ) -> Result<Settings, SettingsError> {
-        self.settings_change(stage, None).await
-    }
-
-    async fn settings_change(
-        &mut self,
-        stage: &mut impl Stage,
-        change: Option<SettingChange>,
+        from: LinkId,
+        token: ProposalToken,
     ) -> Result<Settings, SettingsError> {
         if stage.is_supply_low() {
             return Err(SettingsError::SupplyLow);
         }
+        let change = stage.take_proposal(from, token)?;
         // Before the first wait, because a play that came during the wait would be given settings without its gain.
         stage.begin_configuration()?;
         let result = match change {
-            Some(change) => self.settings.set(change).await,
-            None => self.settings.reset().await,
+            SettingsChange::Set(changes) => self.settings.set_all(&changes).await,
+            SettingsChange::Reset => self.settings.reset().await,
         };
         // Also after an error, because a reset that failed half way has changed some settings.
         stage.end_configuration(self.settings.settings(), self.settings.state());

@@ -4,6 +4,7 @@
 //! in.
 
 pub mod handlers;
+pub mod heat;
 pub mod record;
 pub mod report;
 pub mod stack;

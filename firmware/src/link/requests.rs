@@ -5,10 +5,10 @@
 
 use embassy_time::Timer;
 use model_format::link::{
-    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint,
+    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, LinkId, ListEndpoint,
     ListSceneEndpoint, MotionEndpoint, MotionTopic, PlayEndpoint, PlayError, PlayRequest, Playing,
-    RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SettingsGetEndpoint,
-    SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
+    RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SettingsApplyEndpoint,
+    SettingsGetEndpoint, SettingsProposeEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
     UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
     UploadCommitEndpoint, UploadProgressEndpoint,
 };
@@ -40,11 +40,10 @@ struct Request<'a> {
 }
 
 impl Request<'_> {
-    /// Decodes the body. A body of a known type shows that a host is there, so the link counts as alive.
+    /// Decodes the body. A body of a known type counts as a frame.
     fn read<'b, T: Deserialize<'b>>(&'b self) -> core::result::Result<T, WireError> {
         let read = postcard::from_bytes(self.body).map_err(|_| WireError::DeserFailed)?;
         self.wire.counters().count(|counters| &mut counters.frames);
-        with_control(Control::heard);
         Ok(read)
     }
 
@@ -106,8 +105,8 @@ impl Request<'_> {
     clippy::result_large_err,
     reason = "without allocation the answer is as large as its longest text"
 )]
-fn play(request: PlayRequest) -> core::result::Result<Playing, PlayError> {
-    with_control(|control| control.play(request))
+fn play(from: LinkId, request: PlayRequest) -> core::result::Result<Playing, PlayError> {
+    with_control(|control| control.play(from, request))
 }
 
 impl Dispatch for Dispatcher {
@@ -149,7 +148,11 @@ impl Dispatch for Dispatcher {
                     .answer::<UploadProgressEndpoint>(|()| with_control(|control| control.upload()))
                     .await
             }
-            PlayEndpoint::REQ_KEY => request.answer::<PlayEndpoint>(play).await,
+            PlayEndpoint::REQ_KEY => {
+                request
+                    .answer::<PlayEndpoint>(|body| play(request.wire.id(), body))
+                    .await
+            }
             StopEndpoint::REQ_KEY => {
                 request
                     .answer::<StopEndpoint>(|()| with_control(Control::stop))
@@ -158,7 +161,7 @@ impl Dispatch for Dispatcher {
             MotionEndpoint::REQ_KEY => {
                 request
                     .answer::<MotionEndpoint>(|motion| {
-                        with_control(|control| control.motion(motion))
+                        with_control(|control| control.motion(request.wire.id(), motion))
                     })
                     .await
             }
@@ -214,13 +217,17 @@ impl Dispatcher {
                 request.hand_over(|list| Some(Job::ListScene(list))).await
             }
             ActivateEndpoint::REQ_KEY => request.hand_over(|slot| Some(Job::Activate(slot))).await,
-            SettingsSetEndpoint::REQ_KEY => {
+            SettingsProposeEndpoint::REQ_KEY => {
                 request
-                    .hand_over(|change| Some(Job::SettingsSet(change)))
+                    .answer::<SettingsProposeEndpoint>(|change| {
+                        with_control(|control| control.propose(request.wire.id(), change))
+                    })
                     .await
             }
-            SettingsResetEndpoint::REQ_KEY => {
-                request.hand_over(|()| Some(Job::SettingsReset)).await
+            SettingsApplyEndpoint::REQ_KEY => {
+                request
+                    .hand_over(|token| Some(Job::SettingsApply(request.wire.id(), token)))
+                    .await
             }
             SelfTestEndpoint::REQ_KEY => {
                 request
@@ -230,12 +237,14 @@ impl Dispatcher {
             MotionTopic::TOPIC_KEY => {
                 // A motion that is not finite is dropped. The endpoint of the same name would report it.
                 request.take::<MotionTopic>(|motion| {
-                    let _ = with_control(|control| control.motion(motion));
+                    let _ = with_control(|control| control.motion(request.wire.id(), motion));
                 });
                 Ok(())
             }
             KeepAliveTopic::TOPIC_KEY => {
-                request.take::<KeepAliveTopic>(|()| ());
+                request.take::<KeepAliveTopic>(|()| {
+                    with_control(|control| control.keep_alive(request.wire.id()));
+                });
                 Ok(())
             }
             #[cfg(feature = "fault-injection")]

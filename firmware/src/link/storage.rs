@@ -14,11 +14,11 @@ use embassy_sync::channel::Channel;
 use embassy_time::{Duration, Ticker, Timer};
 use heapless::Vec;
 use model_format::link::{
-    ActivateEndpoint, ActivateError, ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES,
-    SelfTestEndpoint, SelfTestRequest, SettingChange, Settings, SettingsError,
-    SettingsResetEndpoint, SettingsSetEndpoint, SettingsState, SlotId, SlotInfo, SlotsEndpoint,
-    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
-    UploadCommitEndpoint, UploadState,
+    ActivateEndpoint, ActivateError, LinkId, ListEndpoint, ListRequest, ListSceneEndpoint,
+    MAX_CHUNK_BYTES, ProposalToken, SelfTestEndpoint, SelfTestRequest, Settings,
+    SettingsApplyEndpoint, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo,
+    SlotsEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
 };
 use postcard_rpc::header::VarSeq;
 use postcard_rpc::server::{Sender, WireTxErrorKind};
@@ -30,9 +30,11 @@ use stylus_app::slots::SlotStore;
 use stylus_app::storage::{LoadFault, Stage, Storage};
 
 use crate::device::Hardware;
+use crate::fault::heat;
 use crate::flash::banks::{Bank2, SettingsFlash};
 use crate::link::wire::Wire;
 use crate::self_test::Measured;
+use crate::tick;
 
 static CONTROL: Mutex<ThreadModeRawMutex, RefCell<Option<Control<Hardware>>>> =
     Mutex::new(RefCell::new(None));
@@ -70,10 +72,8 @@ pub enum Job {
     ListScene(ListRequest),
     /// `ActivateEndpoint`.
     Activate(SlotId),
-    /// `SettingsSetEndpoint`.
-    SettingsSet(SettingChange),
-    /// `SettingsResetEndpoint`.
-    SettingsReset,
+    /// `SettingsApplyEndpoint`: the link, and the token.
+    SettingsApply(LinkId, ProposalToken),
     /// `SelfTestEndpoint`.
     SelfTest(SelfTestRequest),
 }
@@ -125,12 +125,15 @@ pub async fn start(spawner: Spawner, hardware: Hardware) {
     spawner.spawn(serve(stores).unwrap());
 }
 
-/// Polls the control every millisecond.
+/// Polls the control, and keeps the coil's heat for the next start, every millisecond.
 #[embassy_executor::task]
 async fn poll() -> ! {
     let mut ticker = Ticker::every(Duration::from_millis(1));
     loop {
         with_control(Control::poll);
+        if let Some(heat) = tick::heat() {
+            heat::keep(heat);
+        }
         ticker.next().await;
     }
 }
@@ -190,13 +193,9 @@ async fn work(
             let answer = stores.activate(stage, slot).await;
             to.reply::<ActivateEndpoint>(sequence, &answer).await
         }
-        Job::SettingsSet(change) => {
-            let answer = stores.settings_set(stage, change).await;
-            to.reply::<SettingsSetEndpoint>(sequence, &answer).await
-        }
-        Job::SettingsReset => {
-            let answer = stores.settings_reset(stage).await;
-            to.reply::<SettingsResetEndpoint>(sequence, &answer).await
+        Job::SettingsApply(from, token) => {
+            let answer = stores.settings_apply(stage, from, token).await;
+            to.reply::<SettingsApplyEndpoint>(sequence, &answer).await
         }
         Job::SelfTest(request) => {
             let answer = stores.self_test(stage, &mut Measured, request).await;
@@ -227,6 +226,14 @@ impl Stage for ControlStage {
 
     fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
         with_control(|control| control.end_activation(active));
+    }
+
+    fn take_proposal(
+        &mut self,
+        from: LinkId,
+        token: ProposalToken,
+    ) -> Result<SettingsChange, SettingsError> {
+        with_control(|control| control.take_proposal(from, token))
     }
 
     fn begin_configuration(&mut self) -> Result<(), SettingsError> {

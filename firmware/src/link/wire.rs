@@ -3,6 +3,7 @@
 //! A frame that cannot be sent is counted as unsent by its [`Outlet`]. `main` opens both outlets; requests, storage and
 //! recording send through [`Wire`]. All of it runs in tasks.
 
+use model_format::link::LinkId;
 use postcard_rpc::header::{VarHeader, VarKeyKind};
 use postcard_rpc::server::{WireTx, WireTxErrorKind};
 use serde::Serialize;
@@ -47,6 +48,14 @@ impl Wire {
         match self {
             Self::Serial => &counters::SERIAL,
             Self::Usb => &counters::USB,
+        }
+    }
+
+    /// This wire in the protocol's words.
+    pub const fn id(self) -> LinkId {
+        match self {
+            Self::Serial => LinkId::Serial,
+            Self::Usb => LinkId::Usb,
         }
     }
 

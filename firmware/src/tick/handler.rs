@@ -81,6 +81,8 @@ pub struct Snapshot {
     pub histogram: Histogram,
     /// State of the safety stages.
     pub safety: safety::State,
+    /// Configuration of the safety stages.
+    pub config: safety::Config,
     /// Longest time from a trigger to the handler's entry, cycles of the processor.
     pub longest_delay_cycles: u32,
 }
@@ -98,7 +100,7 @@ pub fn start(
     rcc::enable_and_reset::<peripherals::TIM6>();
     TICK.with(|_, tick| {
         *tick = Some(Tick {
-            safety: safety::State::new(),
+            safety: safety::State::new(&config),
             config,
             output: Output::new(),
             counters: TickCounters::default(),
@@ -140,6 +142,7 @@ pub fn snapshot() -> Option<Snapshot> {
             counters: tick.counters,
             histogram: tick.histogram,
             safety: tick.safety,
+            config: tick.config,
             longest_delay_cycles: tick.longest_delay * (CORE_HZ / TIMER_HZ),
         })
     })
@@ -174,6 +177,20 @@ pub fn configure(config: safety::Config) {
     TICK.with(|_, tick| {
         if let Some(tick) = tick {
             tick.config = config;
+        }
+    });
+}
+
+/// Heat of the coil; none before the start.
+pub fn heat() -> Option<safety::Heat> {
+    TICK.with(|_, tick| tick.as_ref().map(|tick| tick.safety.heat()))
+}
+
+/// Sets the heat of the coil, at the start.
+pub fn set_heat(heat: safety::Heat) {
+    TICK.with(|_, tick| {
+        if let Some(tick) = tick {
+            tick.safety.set_heat(heat);
         }
     });
 }
@@ -295,6 +312,7 @@ impl Tick {
         self.trigger = trigger;
         self.counters.ticks += u64::from(periods);
         self.counters.missed = self.counters.missed.saturating_add(periods - 1);
+        self.safety.miss(periods - 1);
     }
 
     /// Begins the block that was decided during the last one, and requests the next one from the present motion.

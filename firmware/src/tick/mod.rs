@@ -9,4 +9,6 @@ pub mod inputs;
 pub mod output;
 pub mod raising;
 
-pub use handler::{configure, is_at_rest, now, play, set_muted, snapshot, start, stop, take_range};
+pub use handler::{
+    configure, heat, is_at_rest, now, play, set_heat, set_muted, snapshot, start, stop, take_range,
+};

@@ -240,9 +240,7 @@ fn zero(setting: Setting, mean: f64) -> SettingChange {
 /// # Errors
 /// A refusal, another value read back, or a setting that the device does not count as set.
 pub fn store(device: &Device, changes: &[SettingChange]) -> Result<Settings> {
-    for &change in changes {
-        device.set(change)?;
-    }
+    device.set_all(changes)?;
     let (settings, state) = (device.settings()?, device.status()?.settings);
     for change in changes {
         let found = settings.get(change.setting);

@@ -27,6 +27,7 @@ mod address;
 mod bulk;
 pub mod calibrate;
 pub mod capture;
+pub mod consequences;
 mod device;
 mod error;
 mod open;

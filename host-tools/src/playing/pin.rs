@@ -42,10 +42,11 @@ pub struct Pin<Samples> {
 impl<Samples: Iterator<Item = OutputSample>> Pin<Samples> {
     /// The pin of a stylus with `settings` that plays `samples`.
     pub fn new(samples: Samples, settings: &Settings) -> Self {
+        let config = Config::new(settings, 1.0);
         Self {
             samples,
-            config: Config::new(settings, 1.0),
-            state: State::new(),
+            config,
+            state: State::new(&config),
             codes: [DacCode::MID_SCALE; OVERSAMPLING],
             taken: OVERSAMPLING,
         }
@@ -158,7 +159,8 @@ mod tests {
         let settings = settings([("output-gain", 0.02), ("soft-start", 1.0)]).unwrap();
         let summary = render_pin_wav(&mut rendering(&library, &motion), &settings, &path).unwrap();
         assert_eq!((summary.codes, summary.saturations), (40_000, 0));
-        let (config, mut state) = (Config::new(&settings, 1.0), State::new());
+        let config = Config::new(&settings, 1.0);
+        let mut state = State::new(&config);
         let expected: Vec<f32> = rendering(&library, &motion)
             .flat_map(|sample| state.process(&config, sample, false))
             .map(|code| (f32::from(code.get()) - 2048.0) * 3.3 / 4096.0)

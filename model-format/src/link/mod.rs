@@ -9,14 +9,17 @@
 //!
 //! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]. Every other one is answered at once.
 
+mod cap;
 mod cycles;
 mod info;
+mod lease;
 mod levels;
 mod library;
 mod marks;
 mod motion;
 mod mute;
 mod play;
+mod proposal;
 mod record;
 mod selftest;
 mod settings;
@@ -32,8 +35,13 @@ mod upload;
 
 use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
 
+pub use cap::{
+    BUILT_FOR_GAIN, BUILT_FOR_OHM, MAX_COIL_POWER_WATT, MAX_PIN_MEAN_SQUARE,
+    MAX_THERMAL_TIME_CONSTANT_S, OutputLimits,
+};
 pub use cycles::{CycleRange, CycleReport};
 pub use info::{DeviceInfo, ProductName, Serial, VersionText};
+pub use lease::{LeaseStatus, LinkId};
 pub use levels::Levels;
 pub use library::{ActivateError, Activated, ListError, ListRequest, SceneInfo, TextureInfo};
 pub use marks::Marks;
@@ -42,6 +50,7 @@ pub use mute::{MUTE_REASON_COUNT, MuteReason, MuteReasons};
 pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
 };
+pub use proposal::{LOCKED, PROPOSAL_VALID_MS, ProposalToken, SettingsChange, SettingsProposal};
 pub use record::{
     BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
@@ -92,7 +101,8 @@ pub const USB_PRODUCT_ID: u16 = 0x0001;
 /// Age beyond which a speed or force is stale and the output fades, ms.
 pub const STALE_AFTER_MS: u32 = 50;
 
-/// Time without a well-formed frame from the host after which the link counts as lost and the output fades, ms.
+/// Time without a play, motion or keep-alive from the link that plays, after which it counts as lost and the output
+/// fades, ms.
 ///
 /// With the longest mute ramp that settings allow, the output is silent within 100 ms.
 pub const LINK_LOST_AFTER_MS: u32 = 50;
@@ -123,34 +133,35 @@ type StopResult = Result<OutputStatus, StopError>;
 type MotionResult = Result<MotionSource, MotionRefused>;
 type RecordStartResult = Result<RecordStarted, RecordError>;
 type RecordStopResult = Result<RecordStopped, RecordError>;
+type ProposalResult = Result<SettingsProposal, SettingsError>;
 type SettingsResult = Result<Settings, SettingsError>;
 type SelfTestResult = Result<SelfTestValues, SelfTestError>;
 
 endpoints! {
     list = ENDPOINTS;
-    | EndpointTy             | RequestTy       | ResponseTy        | Path                      |
-    | ----------             | ---------       | ----------        | ----                      |
-    | InfoEndpoint           | ()              | InfoResult        | "stylus/info"             |
-    | StatusEndpoint         | ()              | StatusResult      | "stylus/status"           |
-    | CyclesEndpoint         | ()              | CyclesResult      | "stylus/cycles"           |
-    | UploadBeginEndpoint    | UploadBegin     | UploadResult      | "stylus/upload/begin"     |
-    | UploadChunkEndpoint    | UploadChunk<'a> | UploadResult      | "stylus/upload/chunk"     |
-    | UploadCommitEndpoint   | ()              | CommitResult      | "stylus/upload/commit"    |
-    | UploadAbortEndpoint    | ()              | AbortResult       | "stylus/upload/abort"     |
-    | UploadProgressEndpoint | ()              | UploadState       | "stylus/upload/progress"  |
-    | SlotsEndpoint          | ()              | SlotsResult       | "stylus/slots"            |
-    | ListEndpoint           | ListRequest     | ListResult        | "stylus/list"             |
-    | ListSceneEndpoint      | ListRequest     | ListSceneResult   | "stylus/list/scene"       |
-    | ActivateEndpoint       | SlotId          | ActivateResult    | "stylus/activate"         |
-    | PlayEndpoint           | PlayRequest     | PlayResult        | "stylus/play"             |
-    | StopEndpoint           | ()              | StopResult        | "stylus/stop"             |
-    | MotionEndpoint         | MotionSample    | MotionResult      | "stylus/motion"           |
-    | RecordStartEndpoint    | ()              | RecordStartResult | "stylus/record/start"     |
-    | RecordStopEndpoint     | ()              | RecordStopResult  | "stylus/record/stop"      |
-    | SettingsGetEndpoint    | ()              | SettingsResult    | "stylus/settings/get"     |
-    | SettingsSetEndpoint    | SettingChange   | SettingsResult    | "stylus/settings/set"     |
-    | SettingsResetEndpoint  | ()              | SettingsResult    | "stylus/settings/reset"   |
-    | SelfTestEndpoint       | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
+    | EndpointTy              | RequestTy       | ResponseTy        | Path                      |
+    | ----------              | ---------       | ----------        | ----                      |
+    | InfoEndpoint            | ()              | InfoResult        | "stylus/info"             |
+    | StatusEndpoint          | ()              | StatusResult      | "stylus/status"           |
+    | CyclesEndpoint          | ()              | CyclesResult      | "stylus/cycles"           |
+    | UploadBeginEndpoint     | UploadBegin     | UploadResult      | "stylus/upload/begin"     |
+    | UploadChunkEndpoint     | UploadChunk<'a> | UploadResult      | "stylus/upload/chunk"     |
+    | UploadCommitEndpoint    | ()              | CommitResult      | "stylus/upload/commit"    |
+    | UploadAbortEndpoint     | ()              | AbortResult       | "stylus/upload/abort"     |
+    | UploadProgressEndpoint  | ()              | UploadState       | "stylus/upload/progress"  |
+    | SlotsEndpoint           | ()              | SlotsResult       | "stylus/slots"            |
+    | ListEndpoint            | ListRequest     | ListResult        | "stylus/list"             |
+    | ListSceneEndpoint       | ListRequest     | ListSceneResult   | "stylus/list/scene"       |
+    | ActivateEndpoint        | SlotId          | ActivateResult    | "stylus/activate"         |
+    | PlayEndpoint            | PlayRequest     | PlayResult        | "stylus/play"             |
+    | StopEndpoint            | ()              | StopResult        | "stylus/stop"             |
+    | MotionEndpoint          | MotionSample    | MotionResult      | "stylus/motion"           |
+    | RecordStartEndpoint     | ()              | RecordStartResult | "stylus/record/start"     |
+    | RecordStopEndpoint      | ()              | RecordStopResult  | "stylus/record/stop"      |
+    | SettingsGetEndpoint     | ()              | SettingsResult    | "stylus/settings/get"     |
+    | SettingsProposeEndpoint | SettingsChange  | ProposalResult    | "stylus/settings/propose" |
+    | SettingsApplyEndpoint   | ProposalToken   | SettingsResult    | "stylus/settings/apply"   |
+    | SelfTestEndpoint        | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
 }
 
 topics! {

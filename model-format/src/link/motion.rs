@@ -3,6 +3,7 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use super::LinkId;
 use crate::{MillimetresPerSecond, Newton};
 
 /// Motion of the tool at a moment, as the host knows it. It is sent at up to 1 kHz.
@@ -30,4 +31,10 @@ pub enum MotionRefused {
     /// The position is NaN or infinite.
     #[error("the position is not finite: send a number of mm, or none")]
     Position,
+    /// The other link plays, and it alone moves what it plays.
+    #[error("{by} plays, and it alone gives the motion: stop it first")]
+    Held {
+        /// The link that plays.
+        by: LinkId,
+    },
 }

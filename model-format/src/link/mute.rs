@@ -11,7 +11,7 @@ pub enum MuteReason {
     NotPlaying,
     /// The speed or the force is older than [`super::STALE_AFTER_MS`].
     Stale,
-    /// No well-formed frame has come from the host for [`super::LINK_LOST_AFTER_MS`].
+    /// The link that plays has sent no play, motion or keep-alive for [`super::LINK_LOST_AFTER_MS`].
     LinkLost,
     /// A library is being activated, or a texture changed for another.
     Changing,

@@ -4,7 +4,7 @@ use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{MuteReasons, QUICK_FAULT_MS, Reason, SettingSet, SettingsState, TextureName};
+use super::{LinkId, MuteReasons, QUICK_FAULT_MS, Reason, SettingSet, SettingsState, TextureName};
 use crate::scene::SceneName;
 
 /// Largest gain of a play request.
@@ -125,6 +125,12 @@ pub enum PlayError {
     /// A library is being activated, or settings are being stored.
     #[error("a library is being activated or settings are being stored: try again in a moment")]
     Busy,
+    /// The other link plays, and keeps it alive.
+    #[error("{by} plays: stop it first, by `stylus stop` on any link")]
+    Held {
+        /// The link that plays.
+        by: LinkId,
+    },
     /// The output is off after a fault.
     #[error("the output is off after a fault: read the status, then restart the device")]
     Fault,

@@ -3,7 +3,10 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{FLASH_SUPPLY_MV, FlashOperation};
+use super::{
+    FLASH_SUPPLY_MV, FlashOperation, LinkId, MAX_COIL_POWER_WATT, MAX_THERMAL_TIME_CONSTANT_S,
+    PROPOSAL_VALID_MS,
+};
 use crate::{AdcCode, Volt};
 
 /// One setting. The numbers are those under which values are kept in flash: never reused, never reordered.
@@ -133,8 +136,13 @@ impl Setting {
             Self::HardLimit => number("hard-limit", "V", [0.0, 1.45], 0.5),
             Self::SlewLimit => number("slew-limit", "V/ms", [0.1, 16.0], 4.0),
             Self::CoilResistance => number("coil-resistance", "Ω", [0.1, 1000.0], 8.0),
-            Self::ThermalTimeConstant => number("thermal-time-constant", "s", [1.0, 1000.0], 10.0),
-            Self::PowerLimit => number("power-limit", "W", [0.001, 100.0], 0.1),
+            Self::ThermalTimeConstant => number(
+                "thermal-time-constant",
+                "s",
+                [1.0, MAX_THERMAL_TIME_CONSTANT_S],
+                10.0,
+            ),
+            Self::PowerLimit => number("power-limit", "W", [0.001, MAX_COIL_POWER_WATT], 0.1),
             Self::SoftStart => number("soft-start", "ms", [1.0, 5000.0], 200.0),
             // LINK_LOST_AFTER_MS, a few ms until the mute begins and at most 16 ms of slew add up to silence within
             // 100 ms.
@@ -351,6 +359,28 @@ pub enum SettingsError {
     Flash {
         /// The operation that failed.
         operation: FlashOperation,
+    },
+    /// A setting that has two values in one change.
+    #[error("{setting} is given twice: give each setting one value")]
+    Repeated {
+        /// The setting.
+        setting: Setting,
+    },
+    /// A change without a value.
+    #[error("nothing is to be changed: give a setting and its value")]
+    Nothing,
+    /// A token of no proposal that waits.
+    #[error(
+        "no change with this token waits: it was applied, another one was proposed, something was played, or {} s have \
+         passed; propose it again",
+        PROPOSAL_VALID_MS / 1_000
+    )]
+    NoProposal,
+    /// A proposal of the other link.
+    #[error("{from} has proposed this change, and it alone applies it: propose it on this link")]
+    OtherLink {
+        /// The link that proposed it.
+        from: LinkId,
     },
     /// A supply too low to write flash.
     #[error(

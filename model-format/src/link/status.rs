@@ -5,8 +5,8 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Levels, MUTE_REASON_COUNT, Marks, MotionSource, MuteReasons, Selection, SettingsState, SlotId,
-    StartReport, UploadState,
+    LeaseStatus, Levels, MUTE_REASON_COUNT, Marks, MotionSource, MuteReasons, OutputLimits,
+    Selection, SettingsProposal, SettingsState, SlotId, StartReport, UploadState,
 };
 
 /// Width of one bin of the histogram, cycles.
@@ -231,4 +231,10 @@ pub struct Status {
     pub settings: SettingsState,
     /// The start: clock, silicon, supply, safe mode.
     pub start: StartReport,
+    /// The lease of whoever plays.
+    pub lease: LeaseStatus,
+    /// Limits of the output that are in force.
+    pub limits: OutputLimits,
+    /// The change of settings that was proposed and not yet applied.
+    pub proposal: Option<SettingsProposal>,
 }

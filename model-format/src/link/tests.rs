@@ -191,6 +191,7 @@ fn play_errors() -> Vec<PlayError> {
             gain: f32::INFINITY
         },
         PlayError::Busy,
+        PlayError::Held { by: LinkId::Serial },
         PlayError::Fault,
         PlayError::SettingsNotSet {
             missing: SettingSet::ALL
@@ -270,7 +271,16 @@ fn self_test_errors() -> Vec<SelfTestError> {
 }
 
 fn settings_errors() -> Vec<SettingsError> {
-    let mut errors = std::vec![SettingsError::Playing, SettingsError::SupplyLow];
+    let setting = Setting::HardLimit;
+    let from = LinkId::Serial;
+    let mut errors = std::vec![
+        SettingsError::Playing,
+        SettingsError::SupplyLow,
+        SettingsError::Repeated { setting },
+        SettingsError::Nothing,
+        SettingsError::NoProposal,
+        SettingsError::OtherLink { from },
+    ];
     for setting in Setting::ALL {
         errors.extend(setting.check(f32::INFINITY).err());
     }
@@ -323,6 +333,21 @@ fn outputs() -> Vec<OutputStatus> {
         amplifier: true,
     };
     activities.map(output).into()
+}
+
+/// The longest proposal.
+fn proposal() -> SettingsProposal {
+    let values = Setting::ALL.map(|setting| SettingChange {
+        setting,
+        value: f32::MAX,
+    });
+    SettingsProposal {
+        token: ProposalToken(u32::MAX),
+        change: SettingsChange::of(&values).expect("one each"),
+        loosens: SettingSet::ALL,
+        from: LinkId::Serial,
+        remaining_ms: u32::MAX,
+    }
 }
 
 #[expect(clippy::too_many_lines, reason = "one value per field of the status")]
@@ -398,6 +423,18 @@ fn statuses() -> Vec<Status> {
             quick_faults: u8::MAX,
             safe_mode: true,
             hung_stage: Some(StartStage::Links),
+        },
+        lease: LeaseStatus {
+            holder: Some(LinkId::Serial),
+            is_alive: true,
+            refused: u32::MAX,
+        },
+        proposal: Some(proposal()),
+        limits: OutputLimits {
+            peak_volt: f32::MAX,
+            mean_square: f32::MAX,
+            coil_watt: f32::MAX,
+            is_capped: true,
         },
     };
     let resets = [
@@ -559,6 +596,7 @@ fn every_answer_comes_back_and_fits_a_frame() {
         Err(MotionRefused::Speed),
         Err(MotionRefused::Force),
         Err(MotionRefused::Position),
+        Err(MotionRefused::Held { by: LinkId::Usb }),
     ]);
     let started = RecordStarted {
         sample_rate_hz: u32::MAX,
@@ -571,8 +609,9 @@ fn every_answer_comes_back_and_fits_a_frame() {
     };
     to_host::<Response<RecordStopEndpoint>>([Ok(stopped), Err(RecordError::NotRecording)]);
     to_host::<Response<SettingsGetEndpoint>>([Ok(Settings::default())]);
-    to_host::<Response<SettingsSetEndpoint>>(settings_errors().into_iter().map(Err));
-    to_host::<Response<SettingsResetEndpoint>>([Ok(Settings::default())]);
+    to_host::<Response<SettingsProposeEndpoint>>(settings_errors().into_iter().map(Err));
+    to_host::<Response<SettingsProposeEndpoint>>([Ok(proposal())]);
+    to_host::<Response<SettingsApplyEndpoint>>([Ok(Settings::default())]);
 }
 
 #[test]
@@ -610,10 +649,8 @@ fn every_request_comes_back_and_fits_a_frame() {
             contact: None,
         },
     ]);
-    to_device(Setting::ALL.map(|setting| SettingChange {
-        setting,
-        value: f32::MAX,
-    }));
+    to_device([proposal().change, SettingsChange::Reset]);
+    to_device([proposal().token]);
 
     let data = [0xa5; MAX_CHUNK_BYTES];
     let chunk = UploadChunk {

@@ -9,8 +9,8 @@ use std::task::{Context, Poll, Waker};
 
 use embassy_futures::yield_now;
 use model_format::link::{
-    ActivateError, MotionSample, RecordBlock, Setting, SettingChange, Settings, SettingsError,
-    SettingsState, SlotId, SlotInfo, UploadState,
+    ActivateError, LinkId, MotionSample, ProposalToken, RecordBlock, Setting, SettingChange,
+    Settings, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, UploadState,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::TICKS_PER_MS;
@@ -82,8 +82,9 @@ impl SharedControl {
             contact: None,
         };
         let mut control = self.borrow_mut();
-        control.heard();
-        control.motion(sample).expect("it is finite");
+        control.keep_alive(LinkId::Serial);
+        // While the other link plays, this one moves nothing.
+        let _ = control.motion(LinkId::Serial, sample);
         drop(control);
         self.millisecond();
     }
@@ -108,6 +109,14 @@ impl Stage for SharedControl {
 
     fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
         self.borrow_mut().end_activation(active);
+    }
+
+    fn take_proposal(
+        &mut self,
+        from: LinkId,
+        token: ProposalToken,
+    ) -> Result<SettingsChange, SettingsError> {
+        self.borrow_mut().take_proposal(from, token)
     }
 
     fn begin_configuration(&mut self) -> Result<(), SettingsError> {
@@ -210,11 +219,30 @@ impl SteppedStylus {
 
     /// Sets what nothing plays without, as the owner of the coil does: by requests.
     pub fn set_coil(&mut self) {
-        for change in COIL {
-            let set =
-                self.request(async |storage, stage| storage.settings_set(stage, change).await);
-            set.expect("it is in range, and nothing is played");
-        }
+        self.change_settings(&COIL)
+            .expect("they are in range, and nothing is played");
+    }
+
+    /// Proposes new values of settings, and applies them, as a host does.
+    ///
+    /// # Errors
+    /// A refusal of either step.
+    pub fn change_settings(&mut self, values: &[SettingChange]) -> Result<Settings, SettingsError> {
+        self.propose_and_apply(SettingsChange::of(values)?)
+    }
+
+    /// Proposes to reset the settings, and resets them, as a host does.
+    ///
+    /// # Errors
+    /// A refusal of either step.
+    pub fn reset_settings(&mut self) -> Result<Settings, SettingsError> {
+        self.propose_and_apply(SettingsChange::Reset)
+    }
+
+    fn propose_and_apply(&mut self, change: SettingsChange) -> Result<Settings, SettingsError> {
+        let link = LinkId::Serial;
+        let token = self.control.borrow_mut().propose(link, change)?.token;
+        self.request(async |storage, stage| storage.settings_apply(stage, link, token).await)
     }
 
     /// Runs the device for `ms` milliseconds, in each of which a host is heard and sends a motion.

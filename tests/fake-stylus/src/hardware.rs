@@ -19,7 +19,7 @@ use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of}
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
 use stylus_app::levels::Sums;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
-use stylus_app::safety::{Config, State};
+use stylus_app::safety::{Config, Heat, State};
 use stylus_app::status::Histogram;
 use stylus_app::storage::LoadFault;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
@@ -110,6 +110,8 @@ pub struct Hardware {
     pub budget: u32,
     /// Damage of each library on its way to RAM.
     pub loads_badly: bool,
+    /// Heat of the coil that was kept over the reset before this start.
+    pub kept_heat: Option<Heat>,
     /// The start, and the present supply.
     pub start: StartReport,
     /// Number of exchanges of the library in RAM.
@@ -130,6 +132,7 @@ impl Hardware {
     /// Hardware after power-on: it plays nothing, records nothing and has no library.
     pub fn new() -> Self {
         let settings = Settings::default();
+        let config = Config::new(&settings, 1.0);
         // One queue per fake device is never freed, because both of its ends outlive every borrow that could own it.
         let queue: &'static mut SampleQueue = Box::leak(Box::new(SampleQueue::new()));
         let (producer, consumer) = queue.split();
@@ -138,8 +141,8 @@ impl Hardware {
             now: 0,
             muted: true,
             muted_since: 0,
-            safety: State::new(),
-            config: Config::new(&settings, 1.0),
+            safety: State::new(&config),
+            config,
             playing: None,
             prepared: None,
             source: MotionSource::Sensors,
@@ -168,6 +171,7 @@ impl Hardware {
             budget: BUDGET,
             is_loaded: false,
             loads_badly: false,
+            kept_heat: None,
             start: HEALTHY_START,
             exchanges: 0,
             starts: 0,
@@ -252,6 +256,11 @@ impl Hardware {
         !self.safety.is_at_rest()
     }
 
+    /// Heat of the coil, as it is kept for the next start.
+    pub fn heat(&self) -> Heat {
+        self.safety.heat()
+    }
+
     /// The encoder's counter, which wraps.
     pub fn encoder_count(&self) -> u16 {
         self.encoder
@@ -296,8 +305,8 @@ impl Device for Hardware {
             histogram: self.histogram.with_range(self.taken).report(CORE_HZ),
             saturations: 0,
             safety: self.safety.counters(),
-            thermal_load_permille: self.safety.thermal_load_permille(),
-            thermal_gain_permille: self.safety.thermal_gain_permille(),
+            thermal_load_permille: self.safety.thermal_load_permille(&self.config),
+            thermal_gain_permille: self.safety.thermal_gain_permille(&self.config),
             amplifier: self.amplifier,
         }
     }
@@ -421,6 +430,19 @@ impl Device for Hardware {
         self.settings = *settings;
         self.inputs = InputConfig::new(settings);
         self.config = Config::new(settings, 1.0);
+    }
+
+    fn kept_heat(&self) -> Option<Heat> {
+        self.kept_heat
+    }
+
+    fn set_heat(&mut self, heat: Heat) {
+        assert!(!self.amplifier, "the coil's heat is forgotten");
+        self.safety.set_heat(heat);
+    }
+
+    fn token_seed(&self) -> u64 {
+        self.now ^ 0x5eed_0123_4567_89ab
     }
 
     fn set_amplifier(&mut self, on: bool) {

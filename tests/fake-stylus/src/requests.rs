@@ -10,16 +10,17 @@ use std::rc::Rc;
 
 use embassy_futures::yield_now;
 use model_format::link::{
-    ActivateEndpoint, CyclesEndpoint, ENDPOINTS, InfoEndpoint, KeepAliveTopic, ListEndpoint,
-    ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_HOST_FRAME_BYTES, MotionEndpoint, MotionTopic,
-    PlayEndpoint, RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SettingsGetEndpoint,
-    SettingsResetEndpoint, SettingsSetEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint,
-    TOPICS_IN, UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
-    UploadCommitEndpoint, UploadProgressEndpoint,
+    ActivateEndpoint, CyclesEndpoint, ENDPOINTS, InfoEndpoint, KeepAliveTopic, LinkId,
+    ListEndpoint, ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_HOST_FRAME_BYTES, MotionEndpoint,
+    MotionTopic, PlayEndpoint, RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint,
+    SettingsApplyEndpoint, SettingsGetEndpoint, SettingsProposeEndpoint, SlotsEndpoint,
+    StatusEndpoint, StopEndpoint, TOPICS_IN, UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
-use postcard_rpc::header::{VarHeader, VarKey};
+use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::standard_icd::{ERROR_KEY, PingEndpoint, WireError};
 use postcard_rpc::{Endpoint, Key, Topic};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::device::{SharedControl, Stores};
@@ -103,9 +104,9 @@ impl Requests {
         std::mem::take(&mut self.desk.borrow_mut().answers)
     }
 
-    /// Serves one frame; its answer, unless it has none or the storage will give it. If `refuses_jobs`, the storage
+    /// Serves one frame that came over `link`; its answer, unless it has none or the storage will give it. If `refuses_jobs`, the storage
     /// takes none.
-    pub fn serve(&self, bytes: &[u8], refuses_jobs: bool) -> Option<Vec<u8>> {
+    pub fn serve(&self, link: LinkId, bytes: &[u8], refuses_jobs: bool) -> Option<Vec<u8>> {
         if bytes.len() > MAX_HOST_FRAME_BYTES {
             self.control.borrow_mut().device().link.oversized += 1;
             return None;
@@ -119,11 +120,42 @@ impl Requests {
         };
         let asked = Asked {
             requests: self,
+            link,
             header,
             body,
             refuses_jobs,
         };
         asked.dispatch(key)
+    }
+
+    /// Asks over `link` what is answered at once; the answer.
+    pub fn ask<E>(&self, link: LinkId, body: &E::Request) -> E::Response
+    where
+        E: Endpoint,
+        E::Request: Serialize,
+        E::Response: DeserializeOwned,
+    {
+        let answer = self.send(link, E::REQ_KEY, body);
+        let answer = answer.expect("it is answered at once");
+        let (_, body) = VarHeader::take_from_slice(&answer).expect("a frame has a header");
+        postcard::from_bytes(body).expect("the answer is the endpoint's")
+    }
+
+    /// Sends a message over `link`, which is not answered.
+    pub fn publish<T>(&self, link: LinkId, message: &T::Message)
+    where
+        T: Topic,
+        T::Message: Serialize + Sized,
+    {
+        assert_eq!(self.send(link, T::TOPIC_KEY, message), None);
+    }
+
+    fn send(&self, link: LinkId, key: Key, body: &impl Serialize) -> Option<Vec<u8>> {
+        let header = VarHeader {
+            key: VarKey::Key8(key),
+            seq_no: VarSeq::Seq4(1),
+        };
+        self.serve(link, &frame(key, header, body), false)
     }
 
     fn count_malformed(&self) {
@@ -139,18 +171,18 @@ impl Requests {
 /// One request.
 struct Asked<'a> {
     requests: &'a Requests,
+    link: LinkId,
     header: VarHeader,
     body: &'a [u8],
     refuses_jobs: bool,
 }
 
 impl<'a> Asked<'a> {
-    /// The request's body; a host that says something in a known type is there, so the link is alive.
+    /// The request's body.
     fn read<T: Deserialize<'a>>(&self) -> Result<T, WireError> {
         let read = postcard::from_bytes(self.body).map_err(|_| WireError::DeserFailed)?;
         let mut control = self.requests.control.borrow_mut();
         control.device().link.frames += 1;
-        control.heard();
         Ok(read)
     }
 
@@ -225,11 +257,12 @@ impl<'a> Asked<'a> {
         now!(StatusEndpoint, () => control.borrow().status());
         now!(CyclesEndpoint, () => control.borrow_mut().take_cycles());
         now!(UploadProgressEndpoint, () => control.borrow().upload());
-        now!(PlayEndpoint, request => control.borrow_mut().play(request));
+        now!(PlayEndpoint, request => control.borrow_mut().play(self.link, request));
         now!(StopEndpoint, () => control.borrow_mut().stop());
-        now!(MotionEndpoint, sample => control.borrow_mut().motion(sample));
+        now!(MotionEndpoint, sample => control.borrow_mut().motion(self.link, sample));
         now!(RecordStartEndpoint, () => control.borrow_mut().record_start());
         now!(RecordStopEndpoint, () => control.borrow_mut().record_stop());
+        now!(SettingsProposeEndpoint, change => control.borrow_mut().propose(self.link, change));
         now!(SettingsGetEndpoint, () => Ok(control.borrow().settings()));
         later!(UploadBeginEndpoint, |storage, stage, begin| storage
             .upload_begin(stage, begin)
@@ -249,11 +282,9 @@ impl<'a> Asked<'a> {
         later!(ActivateEndpoint, |storage, stage, slot| storage
             .activate(stage, slot)
             .await);
-        later!(SettingsSetEndpoint, |storage, stage, change| storage
-            .settings_set(stage, change)
-            .await);
-        later!(SettingsResetEndpoint, |storage, stage, _nothing| storage
-            .settings_reset(stage)
+        let link = self.link;
+        later!(SettingsApplyEndpoint, |storage, stage, token| storage
+            .settings_apply(stage, link, token)
             .await);
         later!(SelfTestEndpoint, |storage, stage, request| {
             let mut board = BoardOf::new(stage.clone());
@@ -264,12 +295,12 @@ impl<'a> Asked<'a> {
             MotionTopic::TOPIC_KEY => {
                 // One that is not finite is dropped; the endpoint of the same name would tell.
                 self.take::<MotionTopic>(|sample| {
-                    let _ = control.borrow_mut().motion(sample);
+                    let _ = control.borrow_mut().motion(self.link, sample);
                 });
                 None
             }
             KeepAliveTopic::TOPIC_KEY => {
-                self.take::<KeepAliveTopic>(|()| ());
+                self.take::<KeepAliveTopic>(|()| control.borrow_mut().keep_alive(self.link));
                 None
             }
             _ => Some(self.requests.refuse(self.header, &WireError::UnknownKey)),

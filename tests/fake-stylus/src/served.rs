@@ -7,7 +7,7 @@ use std::task::{Context, Waker};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use model_format::link::{MotionSample, MotionTopic, RecordBlock, RecordBlockTopic};
+use model_format::link::{LinkId, MotionSample, MotionTopic, RecordBlock, RecordBlockTopic};
 use postcard_rpc::Topic;
 use postcard_rpc::header::{VarHeader, VarKey};
 use stylus_app::SAMPLE_RATE_HZ;
@@ -207,7 +207,7 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: fn(&mut Stepped
         send_blocks(open, &blocks, &faults);
         for bytes in frames {
             note(shared, &bytes);
-            let answer = requests.serve(&bytes, faults.busy);
+            let answer = requests.serve(LinkId::Serial, &bytes, faults.busy);
             let answers = step().into_iter().chain(answer);
             if !open.count_frame(&faults) {
                 break;
@@ -243,7 +243,7 @@ fn catch_up(control: &SharedControl, time: Duration, faults: &Faults) -> Vec<Rec
     while control.borrow_mut().device().now() < tick {
         let mut device = control.borrow_mut();
         if faults.ignores_lost_link {
-            device.heard();
+            device.keep_alive(LinkId::Serial);
         }
         let hardware = device.device();
         hardware.missed += u32::from(faults.misses_ticks);

@@ -72,6 +72,12 @@ impl Pin {
         Self { offset }
     }
 
+    /// Its offset from mid-scale, converter steps.
+    #[inline(always)]
+    pub fn offset(self) -> i32 {
+        self.offset
+    }
+
     /// The last code, within limits that may have changed since.
     #[inline(always)]
     pub fn under(self, limits: LimitConfig) -> Self {

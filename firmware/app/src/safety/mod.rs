@@ -27,7 +27,7 @@ mod rate;
 mod shaper;
 mod thermal;
 
-use model_format::link::{Setting, Settings};
+use model_format::link::{OutputLimits, Setting, Settings};
 use model_format::{DacCode, OutputSample};
 
 use dc_blocker::DcBlocker;
@@ -39,7 +39,7 @@ use shaper::Shaper;
 use thermal::{CoilConfig, CoilState};
 
 pub use rate::{OVERSAMPLING, PIN_RATE_HZ};
-pub use thermal::PEAK_POWER_RATIO;
+pub use thermal::{Heat, MOST_HELD_TICKS, PEAK_POWER_RATIO};
 
 /// Binary digits after the point of the gain.
 const GAIN_BITS: u32 = 20;
@@ -74,6 +74,20 @@ impl Config {
         }
     }
 
+    /// The limits of the output that are in force by `settings`, from which this configuration is.
+    pub fn output_limits(&self, settings: &Settings) -> OutputLimits {
+        thermal::limits(settings, self.limits.offset)
+    }
+
+    /// The heat of a coil of which nothing is known: the largest one that is not attenuated.
+    ///
+    /// After power-on nothing is known. A coil that was at its limit is a quarter of the limit warmer than that. So a
+    /// power cycle lets it take a quarter of its limit times its time constant, in J, more than the limit, once per
+    /// cycle. Any warmer assumption would keep a cold stylus silent at each start.
+    pub fn assumed_heat(&self) -> Heat {
+        self.coil.knee()
+    }
+
     /// Largest offset of the output from mid-scale, converter steps: the hard limit, or the limit by
     /// [`PEAK_POWER_RATIO`].
     pub fn limit_steps(&self) -> i32 {
@@ -104,6 +118,8 @@ pub struct State {
     interpolator: Interpolator,
     shaper: Shaper,
     pin: Pin,
+    /// Energy of the last ticks that were missed, which no code of this state is.
+    held: u32,
     counters: Counters,
 }
 
@@ -118,23 +134,22 @@ pub struct Counters {
     pub thermally_limited: u32,
 }
 
-impl Default for State {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl State {
-    /// State at mid-scale and muted. The coil counts as warm as it may be without attenuation, because its state is
-    /// unknown.
-    pub const fn new() -> Self {
+    /// State at mid-scale and muted, of a coil of which nothing is known: see [`Config::assumed_heat`].
+    pub fn new(config: &Config) -> Self {
+        Self::with_heat(config.assumed_heat())
+    }
+
+    /// State at mid-scale and muted, of a coil that is as warm as `heat`.
+    pub const fn with_heat(heat: Heat) -> Self {
         Self {
             dc_blocker: DcBlocker::new(),
             ramp: Ramp::new(),
-            coil: CoilState::new(),
+            coil: CoilState::new(heat),
             interpolator: Interpolator::new(),
             shaper: Shaper::new(),
             pin: Pin::at(0),
+            held: 0,
             counters: Counters {
                 hard_limited: 0,
                 slew_limited: 0,
@@ -158,11 +173,11 @@ impl State {
         let amplified = fixed::shift_toward_zero(product, GAIN_BITS).clamp(-FULL_SCALE, FULL_SCALE);
         let without_dc = self.dc_blocker.next(amplified);
         let ramped = self.ramp.next(config.ramp, without_dc, muted);
-        let (cooled, attenuated) = self.coil.attenuate(ramped);
+        let (cooled, attenuated) = self.coil.attenuate(config.coil, ramped);
         let wanted = self.interpolator.next(cooled as i32);
         self.shaper.forget_if(self.interpolator.is_empty());
         let mut pin = self.pin.under(config.limits);
-        let (mut energy, mut cut) = (0, Cut::default());
+        let (mut energy, mut cut) = (core::mem::take(&mut self.held), Cut::default());
         let codes = wanted.map(|wanted| {
             let requested = self.shaper.next(wanted);
             let offset = pin.next(config.limits, requested, &mut cut);
@@ -174,6 +189,12 @@ impl State {
         self.counters
             .count(cut.is_hard(), cut.is_slew(), attenuated);
         codes
+    }
+
+    /// Lets the coil warm by `ticks` that were missed: the output held its last code, and faded it.
+    #[inline(always)]
+    pub fn miss(&mut self, ticks: u32) {
+        self.held = thermal::held_energy(self.pin.offset(), ticks);
     }
 
     /// Makes the next codes continue from the one `offset` steps from mid-scale, which is put out just before them.
@@ -195,14 +216,24 @@ impl State {
         self.counters
     }
 
+    /// Heat of the coil.
+    pub fn heat(&self) -> Heat {
+        self.coil.heat()
+    }
+
+    /// Replaces the heat of the coil, at the start.
+    pub fn set_heat(&mut self, heat: Heat) {
+        self.coil = CoilState::new(heat);
+    }
+
     /// Modelled temperature rise of the coil, per mille of the steady rise at the power limit.
-    pub fn thermal_load_permille(&self) -> u16 {
-        self.coil.load_permille()
+    pub fn thermal_load_permille(&self, config: &Config) -> u16 {
+        self.coil.load_permille(config.coil)
     }
 
     /// Gain of the thermal limiter, per mille.
-    pub fn thermal_gain_permille(&self) -> u16 {
-        self.coil.gain_permille()
+    pub fn thermal_gain_permille(&self, config: &Config) -> u16 {
+        self.coil.gain_permille(config.coil)
     }
 }
 

@@ -4,53 +4,66 @@
 //! follows τ dT/dt = P / P_limit - T with P = (a V)² / R, where V is the voltage at the converter, from mid-scale, and
 //! a the amplifier's gain. The impedance is taken as R alone, which never underestimates the power.
 //!
-//! Below [`KNEE`] the gain is one; from there to T = 1 it falls linearly to zero. The voltage never exceeds the one
+//! **The state is the mean of V² alone**, over the time constant, because that is all that the device knows by itself.
+//! Resistance, gain and power limit only judge it: T is that mean over the mean square that the limit allows. So a
+//! change of settings neither cools the coil nor overflows anything; it changes the judgement, at once.
+//! That mean square is at most [`MAX_PIN_MEAN_SQUARE`], whatever the settings say of coil and amplifier.
+//!
+//! Below three quarters of the limit the gain is one; from there to T = 1 it falls linearly to zero. The voltage never exceeds the one
 //! that gives [`PEAK_POWER_RATIO`] times the power limit, so that T cannot run far past one while the slew limit lets
 //! the output fall: within the ranges of the settings it stays below 1.1.
 
 use model_format::DacCode;
-use model_format::link::{Setting, Settings};
+use model_format::link::{MAX_PIN_MEAN_SQUARE, OutputLimits, Setting, Settings};
 
 use super::fixed::shift_toward_zero;
-use super::rate::{OVERSAMPLING, PIN_RATE_HZ};
+use super::rate::OVERSAMPLING;
 use crate::SAMPLE_RATE_HZ;
 
 /// Largest instantaneous power, in units of the power limit: a Gaussian signal at the limit is cut at four times its
 /// RMS.
 pub const PEAK_POWER_RATIO: f32 = 16.0;
 
-/// Binary digits of the rise after the point.
-const RISE_BITS: u32 = 48;
-const ONE: i64 = 1 << RISE_BITS;
-/// Largest rise that the model can hold, far above what the limits let it reach.
-const HIGHEST: i64 = 32 * ONE;
-/// Rise at which attenuation begins.
-const KNEE: i64 = ONE / 4 * 3;
+/// Binary digits of the heat after the point.
+const HEAT_BITS: u32 = 30;
+/// Largest heat: that of full scale for ever.
+const MOST_HEAT: i64 = 1 << (22 + HEAT_BITS);
+
+/// Digits of heat and limit that the gain leaves out, so that 64 bits hold its product.
+const GAIN_COARSE_BITS: u32 = 8;
+/// Smallest limit, so that the gain's quotient exists.
+const LEAST_LIMIT: i64 = 1 << (2 * GAIN_COARSE_BITS);
 
 /// Binary digits of the gain after the point.
 const GAIN_BITS: u32 = 16;
 const FULL_GAIN: i64 = 1 << GAIN_BITS;
+/// Binary digits of [`CoilConfig::inverse`] beyond those of the gain, which is four times (1 - T).
+const INVERSE_BITS: u32 = 33;
 
-/// Binary digits of the leak per tick after the point.
-const LEAK_BITS: u32 = 40;
-/// Lower digits of the rise that the leak leaves out, so that 64 bits hold the product.
-const COARSE_BITS: u32 = 18;
+/// Binary digits of the share per tick after the point.
+const SHARE_BITS: u32 = 38;
+/// Lower digits of the heat that the leak leaves out, so that 64 bits hold the product.
+const COARSE_BITS: u32 = 16;
+/// Digits from an energy, the sum over [`OVERSAMPLING`] codes, times the share to heat.
+const WARMING_BITS: u32 = SHARE_BITS - HEAT_BITS + OVERSAMPLING.ilog2();
 
-/// Largest rise per code and square of a step. A coil that is warmed more than 2^-11 by a single step is never driven,
-/// because one step is more than its peak power.
-const MOST_WARMING: i64 = 1 << 37;
+/// Largest sum of the squares of the offsets of a tick's codes, and of those ticks before it that were missed.
+const MOST_ENERGY: i64 = (1 + MOST_HELD_TICKS as i64) * OVERSAMPLING as i64 * (1 << 22);
 
-/// Largest sum of the squares of the offsets of a tick's codes.
-const MOST_ENERGY: i64 = OVERSAMPLING as i64 * (1 << 22);
+/// Ticks for which the output may hold or fade a code when none follow: `ring` is at mid-scale after these.
+pub const MOST_HELD_TICKS: u32 = 3;
 
 /// Shortest time constant, s.
 const SHORTEST: i64 = Setting::ThermalTimeConstant.spec().lowest as i64;
 
 const _: () = {
-    let leak = (1 << LEAK_BITS) / (SHORTEST * SAMPLE_RATE_HZ as i64);
+    let share = (1 << SHARE_BITS) / (SHORTEST * SAMPLE_RATE_HZ as i64) + 1;
+    let warmest = MOST_HEAT + ((MOST_ENERGY * share) >> WARMING_BITS) + 1;
     assert!(
-        i64::MAX / (leak + 1) > HIGHEST >> COARSE_BITS
-            && i64::MAX - HIGHEST > MOST_WARMING * MOST_ENERGY,
+        OVERSAMPLING.is_power_of_two()
+            && MOST_ENERGY <= u32::MAX as i64
+            && i64::MAX / share > MOST_ENERGY + (1 << WARMING_BITS)
+            && i64::MAX / share > warmest >> COARSE_BITS,
         "whatever the configuration was before, no sum or product of `follow` overflows"
     );
 };
@@ -58,82 +71,136 @@ const _: () = {
 /// Thermal parameters of the coil.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CoilConfig {
-    /// Rise per code, in 2^-48, for a code one converter step from mid-scale; it is proportional to the square of that
-    /// offset. At most [`MOST_WARMING`].
-    warming: i64,
-    /// Share of the rise that is lost per tick, in 2^-40.
-    leak: i64,
+    /// Share by which the heat follows the power per tick, in 2^-38.
+    share: i64,
+    /// Heat at the power limit.
+    limit: i64,
+    /// Gain per room below the limit; see [`CoilState::gain`].
+    inverse: i64,
     /// Largest offset from mid-scale that stays below the peak power, converter steps.
     peak: i32,
 }
 
 impl CoilConfig {
     pub fn new(settings: &Settings) -> Self {
-        let seconds = settings.get(Setting::ThermalTimeConstant);
-        let per_code = 1.0 / (seconds * PIN_RATE_HZ as f32);
-        let per_tick = 1.0 / (seconds * SAMPLE_RATE_HZ as f32);
-        let volt = DacCode::STEP.0 * settings.get(Setting::AmplifierGain);
-        let limit = settings.get(Setting::CoilResistance) * settings.get(Setting::PowerLimit);
-        // Power of one step in units of the limit.
-        let power = volt * volt / limit;
-        // Conversions of floats saturate: if a single step is far too strong, the peak is 0, and nothing is put out.
-        let peak = ((PEAK_POWER_RATIO / power) as u64).isqrt().min(2048) as i32;
+        let per_tick = 1.0 / (settings.get(Setting::ThermalTimeConstant) * SAMPLE_RATE_HZ as f32);
+        let square = told_mean_square(settings).min(MAX_PIN_MEAN_SQUARE);
+        let steps = square / (DacCode::STEP.0 * DacCode::STEP.0);
+        let limit = ((steps * (1u64 << HEAT_BITS) as f32) as i64).max(LEAST_LIMIT);
         Self {
-            // Rounded up, so as never to underestimate.
-            warming: ((power * per_code * ONE as f32) as i64 + 1).min(MOST_WARMING),
-            leak: (per_tick * (1u64 << LEAK_BITS) as f32) as i64,
-            peak,
+            share: (per_tick * (1u64 << SHARE_BITS) as f32) as i64,
+            limit,
+            inverse: (1 << (GAIN_BITS + 2 + INVERSE_BITS)) / (limit >> GAIN_COARSE_BITS),
+            // Conversions of floats saturate: if a single step is too strong, the peak is 0, and nothing is put out.
+            peak: ((PEAK_POWER_RATIO * steps) as u64).isqrt().min(2048) as i32,
         }
     }
 
     pub fn peak_limit(self) -> i32 {
         self.peak
     }
+
+    /// The heat that is the largest without attenuation.
+    pub fn knee(self) -> Heat {
+        // By a thousandth below it, so that no round-off attenuates.
+        Heat(self.limit / 4 * 3 - self.limit / 1024)
+    }
 }
 
-/// Temperature rise of the coil.
+/// Mean square of the voltage at the pin at which a coil as in `settings` has its power limit, V².
+fn told_mean_square(settings: &Settings) -> f32 {
+    let gain = settings.get(Setting::AmplifierGain);
+    settings.get(Setting::CoilResistance) * settings.get(Setting::PowerLimit) / (gain * gain)
+}
+
+/// The limits by `settings` and by the caps; `offset` is the largest one, converter steps.
+pub fn limits(settings: &Settings, offset: i32) -> OutputLimits {
+    let told = told_mean_square(settings);
+    let mean_square = told.min(MAX_PIN_MEAN_SQUARE);
+    let gain = settings.get(Setting::AmplifierGain);
+    OutputLimits {
+        peak_volt: offset as f32 * DacCode::STEP.0,
+        mean_square,
+        coil_watt: mean_square * gain * gain / settings.get(Setting::CoilResistance),
+        is_capped: told > MAX_PIN_MEAN_SQUARE,
+    }
+}
+
+/// Mean square of the pin's offset from mid-scale over the coil's time constant: what warms the coil, whatever coil
+/// and amplifier are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Heat(i64);
+
+impl Heat {
+    /// The heat as bits, to be kept over a reset.
+    pub const fn to_bits(self) -> u64 {
+        self.0.cast_unsigned()
+    }
+
+    /// The heat of these [`Heat::to_bits`]; none if no heat has them.
+    pub const fn from_bits(bits: u64) -> Option<Self> {
+        if bits <= MOST_HEAT.cast_unsigned() {
+            Some(Self(bits.cast_signed()))
+        } else {
+            None
+        }
+    }
+}
+
+/// Warmth of the coil.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CoilState {
-    /// Rise, in 2^-48 of the steady rise at the power limit.
-    rise: i64,
+    /// Heat in squares of converter steps, in 2^-30.
+    heat: i64,
 }
 
 impl CoilState {
-    /// The largest rise without attenuation.
-    pub const fn new() -> Self {
-        Self { rise: KNEE }
+    pub const fn new(heat: Heat) -> Self {
+        Self { heat: heat.0 }
+    }
+
+    pub const fn heat(self) -> Heat {
+        Heat(self.heat)
     }
 
     #[inline(always)]
-    fn gain(self) -> i64 {
-        // (1 - T) / (1 - knee) is four times (1 - T).
-        ((ONE - self.rise) >> (RISE_BITS - GAIN_BITS - 2)).clamp(0, FULL_GAIN)
+    fn gain(self, config: CoilConfig) -> i64 {
+        // (1 - T) / (1 - knee) is four times (1 - T). The product is at most the numerator of the inverse.
+        let room = (config.limit - self.heat).max(0) >> GAIN_COARSE_BITS;
+        ((room * config.inverse) >> INVERSE_BITS).min(FULL_GAIN)
     }
 
     /// `input` times the gain, and true if the gain is below one.
     #[inline(always)]
-    pub fn attenuate(self, input: i64) -> (i64, bool) {
-        let gain = self.gain();
+    pub fn attenuate(self, config: CoilConfig, input: i64) -> (i64, bool) {
+        let gain = self.gain(config);
         (shift_toward_zero(input * gain, GAIN_BITS), gain < FULL_GAIN)
     }
 
-    /// Updates the rise by one tick, of whose codes `energy` is the sum of the squares of the offsets from mid-scale,
-    /// converter steps.
+    /// Updates the heat by one tick, of whose codes `energy` is the sum of the squares of the offsets from mid-scale,
+    /// converter steps. Rounded up, so as never to underestimate.
     #[inline(always)]
     pub fn follow(&mut self, config: CoilConfig, energy: u32) {
-        let warming = config.warming * i64::from(energy);
-        let leak = ((self.rise >> COARSE_BITS) * config.leak) >> (LEAK_BITS - COARSE_BITS);
-        self.rise = (self.rise - leak + warming).min(HIGHEST);
+        let warming =
+            (i64::from(energy) * config.share + ((1 << WARMING_BITS) - 1)) >> WARMING_BITS;
+        let leak = ((self.heat >> COARSE_BITS) * config.share) >> (SHARE_BITS - COARSE_BITS);
+        self.heat = (self.heat - leak + warming).min(MOST_HEAT);
     }
 
     /// The rise, per mille of the steady rise at the power limit.
-    pub fn load_permille(self) -> u16 {
-        (((self.rise >> COARSE_BITS) * 1000) >> (RISE_BITS - COARSE_BITS))
-            .clamp(0, i64::from(u16::MAX)) as u16
+    pub fn load_permille(self, config: CoilConfig) -> u16 {
+        let load = (self.heat >> GAIN_COARSE_BITS) * 1000 / (config.limit >> GAIN_COARSE_BITS);
+        load.clamp(0, i64::from(u16::MAX)) as u16
     }
 
     /// The gain, per mille.
-    pub fn gain_permille(self) -> u16 {
-        ((self.gain() * 1000) >> GAIN_BITS) as u16
+    pub fn gain_permille(self, config: CoilConfig) -> u16 {
+        ((self.gain(config) * 1000) >> GAIN_BITS) as u16
     }
+}
+
+/// Energy of `ticks` that were missed after a code of `offset`, which the output held and faded meanwhile.
+#[inline(always)]
+pub fn held_energy(offset: i32, ticks: u32) -> u32 {
+    offset.unsigned_abs().pow(2) * (OVERSAMPLING as u32 * ticks.min(MOST_HELD_TICKS))
 }

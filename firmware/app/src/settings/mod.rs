@@ -97,11 +97,27 @@ impl<F: NorFlash> SettingsStore<F> {
     /// # Errors
     /// The value is out of the setting's range, or the flash fails. The settings in force stay.
     pub async fn set(&mut self, change: SettingChange) -> Result<Settings, SettingsError> {
-        change.setting.check(change.value)?;
+        self.set_all(&[change]).await
+    }
+
+    /// Changes settings, in flash first, by one record: all of them or none.
+    ///
+    /// # Errors
+    /// A value is out of its setting's range, or the flash fails. The settings in force stay.
+    pub async fn set_all(&mut self, changes: &[SettingChange]) -> Result<Settings, SettingsError> {
+        for change in changes {
+            change.setting.check(change.value)?;
+        }
+        let before = self.record.snapshot;
+        let snapshot = changes
+            .iter()
+            .fold(before, |snapshot, &change| snapshot.with(change));
         // A copy that holds what is in force goes on holding it until the other one does.
         let first = usize::from(self.holds == [true, false]);
-        self.write(self.record.snapshot.with(change), first).await?;
-        self.differing = self.differing.with(change.setting, false);
+        self.write(snapshot, first).await?;
+        for change in changes {
+            self.differing = self.differing.with(change.setting, false);
+        }
         Ok(self.settings())
     }
 

@@ -2,8 +2,10 @@
 #![expect(clippy::result_large_err, reason = "errors carry their reason as text")]
 
 mod inputs;
+mod lease;
 mod player;
 mod power_cut;
+mod proposals;
 mod recorder;
 mod requests;
 mod rest;

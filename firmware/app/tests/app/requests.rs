@@ -9,10 +9,10 @@ use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, texture};
 use model_format::limits::{MAX_ORDER, SLOT_BYTES};
 use model_format::link::{
-    ActivateError, Activity, LINK_LOST_AFTER_MS, ListError, ListRequest, MotionSample,
+    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, ListError, ListRequest, MotionSample,
     MotionSource, MuteReason, PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection,
-    Setting, SettingChange, SettingSet, Settings, SettingsError, SettingsState, SlotId, SlotState,
-    StopError, UploadChunk, UploadError, UploadState,
+    Setting, SettingChange, SettingSet, Settings, SettingsChange, SettingsError, SettingsState,
+    SlotId, SlotState, StopError, UploadChunk, UploadError, UploadState,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{Library, MillimetresPerSecond, Newton, encode, encode_with_scenes};
@@ -92,15 +92,14 @@ impl Stylus {
     }
 
     fn play(&self, name: &str) -> Result<(), PlayError> {
-        self.control.borrow_mut().play(request(name)).map(|_| ())
+        self.control
+            .borrow_mut()
+            .play(LinkId::Serial, request(name))
+            .map(|_| ())
     }
 
     fn change_setting(&mut self, change: SettingChange) -> Result<Settings, SettingsError> {
-        self.request(async |storage, stage| storage.settings_set(stage, change).await)
-    }
-
-    fn reset_settings(&mut self) -> Result<Settings, SettingsError> {
-        self.request(async |storage, stage| storage.settings_reset(stage).await)
+        self.change_settings(&[change])
     }
 }
 
@@ -177,10 +176,13 @@ fn a_request_that_is_refused_leaves_what_was_played() {
         })
     );
     for gain in [f32::NAN, f32::INFINITY, -0.1, 4.1] {
-        let error = stylus.control.borrow_mut().play(PlayRequest {
-            gain,
-            ..request("right")
-        });
+        let error = stylus.control.borrow_mut().play(
+            LinkId::Serial,
+            PlayRequest {
+                gain,
+                ..request("right")
+            },
+        );
         assert!(matches!(error, Err(PlayError::Gain { .. })), "{error:?}");
     }
     assert_eq!(stylus.storage.slots().active, Some(SlotId::A));
@@ -214,7 +216,7 @@ fn library_with_scenes() -> Vec<u8> {
 #[test]
 fn a_scene_is_played_by_its_name_and_switched_without_a_mute_where_the_gain_stays() {
     let stylus = Stylus::with_library(&library_with_scenes());
-    let play = |request| stylus.control.borrow_mut().play(request);
+    let play = |request| stylus.control.borrow_mut().play(LinkId::Serial, request);
     let playing = play(scene_request("bench")).expect("it is there");
     assert_eq!(playing.request, scene_request("bench"));
     stylus.run(300);
@@ -251,7 +253,12 @@ fn a_scene_that_cannot_be_played_is_refused_with_the_reason_and_what_was_played_
     let stylus = Stylus::with_library(&library_with_scenes());
     stylus.play("right").expect("it is there");
     stylus.run(300);
-    let play = |name| stylus.control.borrow_mut().play(scene_request(name));
+    let play = |name| {
+        stylus
+            .control
+            .borrow_mut()
+            .play(LinkId::Serial, scene_request(name))
+    };
     let missing = PlayError::NoSuchScene {
         name: "right".try_into().expect("short"),
     };
@@ -286,7 +293,7 @@ fn a_scene_that_cannot_be_played_is_refused_with_the_reason_and_what_was_played_
     assert_eq!(bench.playing, Some(request("right")));
     assert_eq!((bench.starts, bench.switches), (1, 0));
     bench.budget = cost.instructions();
-    assert!(control.play(scene_request("bench")).is_ok());
+    assert!(control.play(LinkId::Serial, scene_request("bench")).is_ok());
 }
 
 #[test]
@@ -328,7 +335,10 @@ fn the_longest_arithmetic_fits_its_answer() {
     let bytes = encode_with_scenes(&textures, &[longest]).expect("valid");
     let stylus = Stylus::with_library(&bytes);
     stylus.control.borrow_mut().device().budget = 0;
-    let refused = stylus.control.borrow_mut().play(scene_request("longest"));
+    let refused = stylus
+        .control
+        .borrow_mut()
+        .play(LinkId::Serial, scene_request("longest"));
     match refused {
         Err(PlayError::OverBudget { arithmetic, .. }) => {
             assert!(arithmetic.ends_with(" instructions"), "{arithmetic}");
@@ -411,7 +421,7 @@ fn motion_that_stops_and_a_host_that_goes_are_silent_within_100_ms() {
         let mut silent_after = 0;
         while stylus.sounds() {
             if host_is_heard {
-                stylus.control.borrow_mut().heard();
+                stylus.control.borrow_mut().keep_alive(LinkId::Serial);
             }
             stylus.control.millisecond();
             silent_after += 1;
@@ -438,7 +448,13 @@ fn motion_that_is_not_finite_is_refused_and_the_one_before_holds() {
         position_mm: None,
         contact: None,
     };
-    assert!(stylus.control.borrow_mut().motion(bad).is_err());
+    assert!(
+        stylus
+            .control
+            .borrow_mut()
+            .motion(LinkId::Serial, bad)
+            .is_err()
+    );
     assert_eq!(stylus.control.borrow_mut().device().host, before);
 }
 
@@ -579,7 +595,7 @@ fn an_open_force_sensor_is_silence_with_its_name_and_a_host_plays_on() {
     stylus
         .control
         .borrow_mut()
-        .play(by_sensors)
+        .play(LinkId::Serial, by_sensors)
         .expect("it is there");
     stylus.run(300);
     assert!(stylus.sounds());
@@ -613,10 +629,13 @@ fn nothing_begins_to_play_while_settings_are_stored_and_what_begins_after_has_it
         ..request("texture 0")
     };
     let mut asked = Vec::new();
+    let (link, proposed) = (LinkId::Serial, SettingsChange::of(&[change]));
+    let proposed = proposed.and_then(|change| stylus.control.borrow_mut().propose(link, change));
+    let token = proposed.expect("nothing is played").token;
     let set = stylus.request_meanwhile(
-        async |storage, stage| storage.settings_set(stage, change).await,
+        async |storage, stage| storage.settings_apply(stage, link, token).await,
         |control| {
-            asked.push(control.borrow_mut().play(quiet.clone()));
+            asked.push(control.borrow_mut().play(LinkId::Serial, quiet.clone()));
             control.millisecond_with_motion();
         },
     );
@@ -628,7 +647,10 @@ fn nothing_begins_to_play_while_settings_are_stored_and_what_begins_after_has_it
     stylus.run(50);
     assert!(stylus.control.borrow_mut().device().playing.is_none());
 
-    let begun = stylus.control.borrow_mut().play(quiet.clone());
+    let begun = stylus
+        .control
+        .borrow_mut()
+        .play(LinkId::Serial, quiet.clone());
     assert!(begun.is_ok(), "{begun:?}");
     stylus.run(50);
     let settings = stylus.control.borrow().settings();

@@ -58,12 +58,13 @@ struct Stylus<'a> {
 
 impl<'a> Stylus<'a> {
     fn new(settings: &Settings, texture: Texture<'a>) -> Self {
+        let config = Config::new(settings, 1.0);
         Self {
             input: InputConfig::new(settings),
             sensors: Sensors::new(),
             follower: Follower::new(false),
             player: ScenePlayer::new(Plan::of_texture(texture), 3),
-            safety: (Config::new(settings, 1.0), State::new()),
+            safety: (config, State::new(&config)),
             tick: 0,
         }
     }

@@ -4,7 +4,7 @@ use fake_stylus::device::SteppedStylus;
 use fake_stylus::library::{announcement, library};
 use fake_stylus::self_test::BoardOf;
 use model_format::link::{
-    FLASH_TEST_BYTES, MotionSource, PlayError, PlayRequest, Selection, SelfTestError,
+    FLASH_TEST_BYTES, LinkId, MotionSource, PlayError, PlayRequest, Selection, SelfTestError,
     SelfTestRequest, SelfTestValues, SlotId, SlotState, UploadChunk,
 };
 
@@ -61,7 +61,7 @@ fn a_playing_device_refuses_every_measurement_and_plays_on() {
     stylus.request(async |storage, stage| {
         storage.activate(stage, slot).await.expect("it is valid");
     });
-    let played = stylus.control.borrow_mut().play(play());
+    let played = stylus.control.borrow_mut().play(LinkId::Serial, play());
     assert!(played.is_ok());
     stylus.run(200);
     assert!(stylus.sounds());
@@ -97,14 +97,20 @@ fn nothing_can_be_played_until_a_measurement_has_ended() {
             storage.self_test(stage, &mut board, request).await
         },
         |control| {
-            let answer = control.borrow_mut().play(play());
+            let answer = control.borrow_mut().play(LinkId::Serial, play());
             refusals += usize::from(answer == Err(PlayError::Busy));
             control.millisecond_with_motion();
         },
     );
     assert!(measured.is_ok(), "{measured:?}");
     assert!(refusals > 100, "{refusals}");
-    assert!(stylus.control.borrow_mut().play(play()).is_ok());
+    assert!(
+        stylus
+            .control
+            .borrow_mut()
+            .play(LinkId::Serial, play())
+            .is_ok()
+    );
 }
 
 #[test]

@@ -1,8 +1,14 @@
 //! `stylus settings`
 
+use std::io::{BufRead, IsTerminal, Write};
+
 use clap::Subcommand;
+use host_tools::link::Device;
+use host_tools::link::consequences::consequences;
 use host_tools::support::error::{Error, Result};
-use model_format::link::{Setting, SettingChange, SettingSet, Settings, SettingsState};
+use model_format::link::{
+    Setting, SettingChange, SettingSet, Settings, SettingsChange, SettingsError, SettingsState,
+};
 use serde::Serialize;
 
 use super::connection::Link;
@@ -33,9 +39,16 @@ enum Action {
         /// Names of settings, each followed by its value in the setting's unit
         #[arg(value_name = "NAME VALUE", num_args = 2.., required = true, allow_negative_numbers = true)]
         pairs: Vec<String>,
+        /// Do not ask before a change that protects coil and hand less than before
+        #[arg(long)]
+        yes: bool,
     },
     /// Erase all settings: each has its default, none is set, and nothing plays
-    Reset,
+    Reset {
+        /// Do not ask before
+        #[arg(long)]
+        yes: bool,
+    },
 }
 
 /// Origin of a setting's value.
@@ -111,7 +124,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(Action::Get { name: Some(name) }) => {
             wanted = SettingSet::NONE.with(named(name)?, true);
         }
-        Some(Action::Set { pairs }) => {
+        Some(Action::Set { pairs, .. }) => {
             changes = parse(pairs)?;
             let set = SettingSet::NONE;
             wanted = changes
@@ -121,12 +134,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         _ => {}
     }
     let device = arguments.link.connect()?;
-    for &change in &changes {
-        // The device judges the value, because it may have another range.
-        device.set(change)?;
-    }
     let settings = match &arguments.action {
-        Some(Action::Reset) => device.reset_settings()?,
+        // The device judges the values, because it may have other ranges.
+        Some(Action::Set { yes, .. }) => change(
+            &device,
+            &SettingsChange::of(&changes).map_err(refused)?,
+            *yes,
+        )?,
+        Some(Action::Reset { yes }) => change(&device, &SettingsChange::Reset, *yes)?,
         _ => device.settings()?,
     };
     let state = device.status()?.settings;
@@ -138,6 +153,49 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::Request(format!("{} {problem}", unknown.setting)));
     }
     show(&settings, &state, wanted, arguments.json)
+}
+
+fn refused(error: SettingsError) -> Error {
+    Error::Request(error.to_string())
+}
+
+/// Proposes a change, asks the user about what it loosens, and applies it.
+fn change(device: &Device, change: &SettingsChange, yes: bool) -> Result<Settings> {
+    let (before, state) = (device.settings()?, device.status()?.settings);
+    let proposal = device.propose(change)?;
+    if !proposal.loosens.is_empty() {
+        let after = change.applied_to(before).map_err(refused)?;
+        let unknown = state.lost.or(SettingSet::REQUIRED.without(state.set));
+        let lines = consequences(&before, &after, proposal.loosens, unknown);
+        consent(&lines, yes)?;
+    }
+    Ok(device.apply(&proposal)?)
+}
+
+/// Shows `lines`, and asks whether they are meant, unless `yes` has said so.
+fn consent(lines: &[String], yes: bool) -> Result<()> {
+    // A standard error that is closed must not keep a script from its change.
+    let mut shown = std::io::stderr().lock();
+    for line in lines {
+        let _ = writeln!(shown, "{line}");
+    }
+    if yes {
+        return Ok(());
+    }
+    let input = std::io::stdin();
+    if !input.is_terminal() {
+        return Err(Error::Request(
+            "nothing was changed: coil and hand would be protected less, or by first values; run it in a terminal, or \
+             give --yes"
+                .to_owned(),
+        ));
+    }
+    let _ = write!(shown, "apply this? [y/N] ");
+    let mut line = String::new();
+    match input.lock().read_line(&mut line) {
+        Ok(_) if line.trim() == "y" => Ok(()),
+        _ => Err(Error::Request("nothing was changed".to_owned())),
+    }
 }
 
 /// The changes of `pairs`: a name, its value, and so on.

@@ -2,8 +2,9 @@
 
 use host_tools::support::error::Result;
 use model_format::link::{
-    Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, Levels, LinkCounters, Marks,
-    MotionSource, MuteReason, OutputStatus, SettingsState, StartReport, Status, UploadState,
+    Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, LeaseStatus, Levels, LinkCounters,
+    Marks, MotionSource, MuteReason, OutputLimits, OutputStatus, SettingChange, SettingsChange,
+    SettingsState, StartReport, Status, UploadState,
 };
 use serde::Serialize;
 
@@ -82,6 +83,17 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         f64::from(status.output.thermal_load_permille) / 10.0,
         f64::from(status.output.thermal_gain_permille) / 10.0
     ));
+    lines.push(format!("in force {}", limits(&status.limits)));
+    lines.push(format!("lease    {}", lease(status.lease)));
+    if let Some(proposal) = &status.proposal {
+        lines.push(format!(
+            "PROPOSED a change of settings on {} by token {}, for {} s more: {}",
+            proposal.from,
+            proposal.token,
+            proposal.remaining_ms / 1_000,
+            change(&proposal.change)
+        ));
+    }
     lines.push(format!(
         "recorder {}, {} blocks, {} lost",
         if status.record.recording {
@@ -176,6 +188,43 @@ fn marks(marks: &Marks, core_hz: u32) -> String {
         micros(marks.longest_critical_section_cycles),
         f64::from(marks.longest_watchdog_gap_us) / 1e3
     )
+}
+
+/// The limits of the output.
+fn limits(limits: &OutputLimits) -> String {
+    format!(
+        "{:.3} V peak and {:.3} V RMS at the pin, {:.3} W held in the coil, by {}",
+        limits.peak_volt,
+        limits.mean_square.sqrt(),
+        limits.coil_watt,
+        if limits.is_capped {
+            "the cap of the image"
+        } else {
+            "the settings"
+        }
+    )
+}
+
+/// The lease of whoever plays.
+fn lease(lease: LeaseStatus) -> String {
+    let holder = match lease.holder {
+        None => "nobody plays".to_owned(),
+        Some(link) if lease.is_alive => format!("{link} plays"),
+        Some(link) => format!("{link} has played and went away"),
+    };
+    format!("{holder}; {} refused", lease.refused)
+}
+
+/// A change of settings in one line.
+fn change(change: &SettingsChange) -> String {
+    match change {
+        SettingsChange::Reset => "reset".to_owned(),
+        SettingsChange::Set(values) => {
+            let value = |value: &SettingChange| format!("{} {}", value.setting, value.value);
+            let words: Vec<String> = values.iter().map(value).collect();
+            words.join(", ")
+        }
+    }
 }
 
 fn levels(levels: &Levels) -> String {

@@ -7,9 +7,10 @@ use model_format::link::{
     ActivateEndpoint, Activated, InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, LIBRARY_CRC,
     ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionSource, MuteReasons,
     PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection,
-    SettingChange, SettingSet, Settings, SettingsGetEndpoint, SettingsSetEndpoint, SlotId, Slots,
-    SlotsEndpoint, Status, StatusEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint,
-    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
+    Setting, SettingChange, SettingSet, Settings, SettingsApplyEndpoint, SettingsChange,
+    SettingsError, SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, Slots, SlotsEndpoint,
+    Status, StatusEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::{Endpoint, Key, Topic};
@@ -447,11 +448,28 @@ impl Device {
 
     /// Sets what nothing plays without, as the owner of the coil does; the values are those of `Settings::default`.
     pub fn set_coil(&mut self) {
-        for setting in SettingSet::REQUIRED.iter() {
-            let value = setting.spec().default;
-            self.request::<SettingsSetEndpoint>(&SettingChange { setting, value })
-                .expect("in range, and nothing is played");
-        }
+        let default = |setting: Setting| SettingChange {
+            setting,
+            value: setting.spec().default,
+        };
+        let values: Vec<SettingChange> = SettingSet::REQUIRED.iter().map(default).collect();
+        self.change_settings(&values)
+            .expect("in range, and nothing is played");
+    }
+
+    /// Proposes new values of settings, and applies them.
+    pub fn change_settings(&mut self, values: &[SettingChange]) -> Result<Settings, SettingsError> {
+        self.propose_and_apply(&SettingsChange::of(values)?)
+    }
+
+    /// Proposes to reset the settings, and resets them.
+    pub fn reset_settings(&mut self) -> Result<Settings, SettingsError> {
+        self.propose_and_apply(&SettingsChange::Reset)
+    }
+
+    fn propose_and_apply(&mut self, change: &SettingsChange) -> Result<Settings, SettingsError> {
+        let proposal = self.request::<SettingsProposeEndpoint>(change)?;
+        self.request::<SettingsApplyEndpoint>(&proposal.token)
     }
 
     /// Plays with keep-alives, and waits until nothing mutes the output.

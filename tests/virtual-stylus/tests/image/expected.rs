@@ -122,7 +122,7 @@ pub fn explain(
     let (first_heard, _) = first_heard.expect("something is heard");
     let config = safety::Config::new(&Settings::default(), 1.0);
     // The state of the stages after the silence.
-    let mut rested = safety::State::new();
+    let mut rested = safety::State::new(&config);
     for _ in 1..from {
         rested.process(&config, model_format::OutputSample::SILENCE, true);
     }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use model_format::link::{Fault, FaultKind, MotionSource, ResetReason};
+use model_format::link::{Fault, FaultKind, MotionSource, ResetReason, Setting, SettingChange};
 use virtual_stylus::ResetCause;
 use virtual_stylus::model::dac::Cause;
 use virtual_stylus::model::pin::Drive;
@@ -239,4 +239,34 @@ fn data_can_not_be_executed() {
 #[test]
 fn external_memory_can_not_be_read() {
     is_refused(Injected::ReadExternal, 0x6000_0000..0x6000_0001);
+}
+
+#[test]
+fn the_coil_is_as_warm_after_a_reset_as_before_and_nothing_is_known_after_power_on() {
+    let mut device = Device::new(&with_faults(), library::options());
+    device.wait_for_start();
+    let load = |device: &mut Device| device.status().output.thermal_load_permille;
+    let first = load(&mut device);
+    assert!((700..=750).contains(&first), "{first} after power-on");
+    let shortest = SettingChange {
+        setting: Setting::ThermalTimeConstant,
+        value: 1.0,
+    };
+    device
+        .change_settings(&[shortest])
+        .expect("within its range");
+    device.run_for(1_200 * MS);
+    let before = load(&mut device);
+    assert!((1..300).contains(&before), "{before} before the reset");
+    inject(&mut device, Injected::Panic);
+    device.run_for(300 * MS);
+    device.wait_for_start();
+    let status = device.status();
+    assert_eq!(status.reset, ResetReason::Fault);
+    // It has cooled a little since, and by no more than the time for it allows.
+    let after = status.output.thermal_load_permille;
+    assert!(
+        after <= before && after > before / 2,
+        "{before} before and {after} after"
+    );
 }

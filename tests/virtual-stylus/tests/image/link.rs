@@ -2,8 +2,8 @@
 
 use model_format::link::{
     KEEP_ALIVE_MS, KeepAliveTopic, MotionSample, MotionSource, MotionTopic, MuteReason,
-    PlayEndpoint, PlayError, Setting, SettingChange, SettingsError, SettingsGetEndpoint,
-    SettingsSetEndpoint,
+    PlayEndpoint, PlayError, Setting, SettingChange, SettingsChange, SettingsError,
+    SettingsGetEndpoint, SettingsProposeEndpoint,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use virtual_stylus::motion::Motion;
@@ -88,6 +88,7 @@ fn a_motion_of_the_hosts_that_is_not_renewed_is_silence_within_100_ms() {
 fn what_is_asked_wrongly_is_refused_in_words_and_changes_nothing() {
     let mut device = Device::started(library::options());
     let unknown = play_request("no such texture", MotionSource::Sensors, 0);
+    let proposed = SettingsChange::of(&[change]).expect("there is room for one");
     let refused = device.request::<PlayEndpoint>(&unknown);
     assert!(
         matches!(refused, Err(PlayError::NoSuchTexture { .. })),
@@ -107,7 +108,8 @@ fn what_is_asked_wrongly_is_refused_in_words_and_changes_nothing() {
         setting: Setting::HardLimit,
         value: 100.0,
     };
-    let refused = device.request::<SettingsSetEndpoint>(&change);
+    let proposed = SettingsChange::of(&[change]).expect("there is room for one");
+    let refused = device.request::<SettingsProposeEndpoint>(&proposed);
     assert!(
         matches!(refused, Err(SettingsError::OutOfRange { .. })),
         "{refused:?}"
@@ -127,9 +129,7 @@ fn a_setting_is_there_after_a_restart() {
         setting: Setting::SoftStart,
         value: 321.0,
     };
-    let set = device
-        .request::<SettingsSetEndpoint>(&change)
-        .expect("within its range");
+    let set = device.change_settings(&[change]).expect("within its range");
     assert!((set.get(Setting::SoftStart) - 321.0).abs() < f32::EPSILON);
     let options = virtual_stylus::Options {
         flash: device.stylus.flash().expect("the run goes on"),

@@ -1,8 +1,8 @@
 //! Marks of the worst cases, under the most that the device does at once, and levels of the sensors.
 
 use model_format::link::{
-    Marks, MotionSource, RecordStartEndpoint, Setting, SettingChange, Settings,
-    SettingsResetEndpoint, SettingsSetEndpoint, StatusEndpoint, UploadProgress,
+    Marks, MotionSource, RecordStartEndpoint, Setting, SettingChange, Settings, StatusEndpoint,
+    UploadProgress,
 };
 use postcard_rpc::Endpoint;
 use virtual_stylus::Options;
@@ -129,12 +129,10 @@ fn settings_are_written_and_erased_while_ticks_go_on_and_nothing_waits_for_the_b
     };
     for value in [100.0, 150.0] {
         device
-            .request::<SettingsSetEndpoint>(&change(value))
+            .change_settings(&[change(value)])
             .expect("within its range");
     }
-    device
-        .request::<SettingsResetEndpoint>(&())
-        .expect("they are erased");
+    device.reset_settings().expect("they are erased");
     let operations = device.stylus.flash_operations().expect("the run goes on");
     assert!(operations.len() > 3, "{operations:?}");
     let stalls = device.stylus.flash_stalls().expect("the run goes on");

@@ -1,7 +1,7 @@
 //! The output from the tick to the pin: its latency, late ticks, a core that stops, and the amplifier's enable.
 
 use model_format::link::{
-    FaultKind, MotionSource, MuteReasons, ResetReason, Setting, SettingChange, SettingsSetEndpoint,
+    FaultKind, MotionSource, MuteReasons, ResetReason, Setting, SettingChange,
 };
 use stylus_app::safety;
 use virtual_stylus::model::dac::{Cause, Output};
@@ -33,10 +33,10 @@ fn playing_loudly() -> (Device, u16) {
     for (setting, value) in [
         (Setting::SlewLimit, SLEW_LIMIT),
         (Setting::OutputGain, 0.2),
-        (Setting::PowerLimit, 10.0),
+        (Setting::PowerLimit, 1.0),
     ] {
         device
-            .request::<SettingsSetEndpoint>(&SettingChange { setting, value })
+            .change_settings(&[SettingChange { setting, value }])
             .expect("it is within its range");
     }
     let settings = device.settings();

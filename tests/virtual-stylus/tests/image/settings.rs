@@ -2,7 +2,7 @@
 
 use model_format::link::{
     MotionSource, PlayEndpoint, PlayError, Setting, SettingChange, SettingSet, Settings,
-    SettingsGetEndpoint, SettingsResetEndpoint, SettingsSetEndpoint,
+    SettingsGetEndpoint,
 };
 use virtual_stylus::Options;
 use virtual_stylus::model::flash::{Contents, Moment};
@@ -34,8 +34,7 @@ fn play(device: &mut Device) -> Result<(), Box<PlayError>> {
 }
 
 fn set(device: &mut Device, setting: Setting, value: f32) -> Settings {
-    let change = SettingChange { setting, value };
-    let set = device.request::<SettingsSetEndpoint>(&change);
+    let set = device.change_settings(&[SettingChange { setting, value }]);
     set.expect("in range, and nothing is played")
 }
 
@@ -80,9 +79,7 @@ fn a_new_device_stays_at_mid_scale_until_its_coil_was_set() {
     assert!(codes.into_iter().all(|code| code == MID_SCALE));
     assert_eq!(play(&mut device), Ok(()));
     device.wait_until_heard();
-    device
-        .request::<SettingsResetEndpoint>(&())
-        .expect_err("it plays");
+    device.reset_settings().expect_err("it plays");
 }
 
 #[test]
@@ -111,9 +108,7 @@ fn an_unreadable_word_of_a_copy_loses_no_setting_and_of_both_copies_silences() {
     assert!(
         matches!(*refused, PlayError::SettingsLost { lost } if lost.contains(Setting::HardLimit))
     );
-    device
-        .request::<SettingsResetEndpoint>(&())
-        .expect("the flash can be erased");
+    device.reset_settings().expect("the flash can be erased");
     device.set_coil();
     assert_eq!(play(&mut device), Ok(()));
 }

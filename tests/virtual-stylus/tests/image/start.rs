@@ -2,8 +2,8 @@
 
 use model_format::link::{
     ClockSource, FaultKind, MotionSource, MuteReason, PlayEndpoint, PlayError, QUICK_FAULT_MS,
-    QUICK_FAULTS, ResetReason, Setting, SettingChange, SettingsError, SettingsSetEndpoint,
-    SiliconRevision, StartReport, StartStage, UploadBeginEndpoint, UploadError,
+    QUICK_FAULTS, ResetReason, Setting, SettingChange, SettingsError, SiliconRevision, StartReport,
+    StartStage, UploadBeginEndpoint, UploadError,
 };
 use postcard_rpc::Key;
 use virtual_stylus::motion::Motion;
@@ -286,7 +286,7 @@ fn while_the_supply_is_low_no_flash_is_written() {
     assert!(start(&mut device).supply_low);
     let begun = device.request::<UploadBeginEndpoint>(&announced(&library::other()));
     assert_eq!(begun, Err(UploadError::SupplyLow));
-    let set = device.request::<SettingsSetEndpoint>(&change);
+    let set = device.change_settings(&[change]);
     assert_eq!(set, Err(SettingsError::SupplyLow));
     let after = device
         .stylus
@@ -296,7 +296,7 @@ fn while_the_supply_is_low_no_flash_is_written() {
     assert_eq!(before, after);
     device.stylus.set_supply(3_300).expect("the run goes on");
     assert!(!start(&mut device).supply_low);
-    assert!(device.request::<SettingsSetEndpoint>(&change).is_ok());
+    assert!(device.change_settings(&[change]).is_ok());
     device.upload(&library::other());
 }
 

@@ -1,0 +1,57 @@
+//! The coil's heat, which outlives a reset: a coil is as hot after it as before, however the program ended.
+//!
+//! Two copies are written in turn, so that a reset in the middle of one leaves the other, at most two milliseconds old.
+//! Each has a checksum. The time of a reset is not known, so nothing is taken off. After power-on the memory holds
+//! noise, whose error-correcting code is wrong besides, so it is not even read.
+#![expect(unsafe_code, reason = "a place in memory that outlives a reset")]
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use stylus_app::safety::Heat;
+
+use crate::boot::reset::ResetFlags;
+
+/// Whole words, so that none waits in the memory's buffer for its error-correcting code when the reset comes (AN5342,
+/// section 2).
+type Copy = [AtomicU32; 3];
+
+#[unsafe(link_section = ".uninit.heat")]
+static KEPT: [Copy; 2] = [const { [const { AtomicU32::new(0) }; 3] }; 2];
+
+/// The copy that is written next.
+static NEXT: AtomicU32 = AtomicU32::new(0);
+
+/// Checksum of two words, which depends on every bit of both.
+fn sum(low: u32, high: u32) -> u32 {
+    [low, high].into_iter().fold(0x4845_4154, |sum: u32, word| {
+        (sum ^ word).rotate_left(5).wrapping_mul(0x85EB_CA6B)
+    })
+}
+
+fn load(copy: &Copy) -> Option<Heat> {
+    let [low, high, kept] = copy.each_ref().map(|word| word.load(Ordering::Relaxed));
+    let heat = Heat::from_bits(u64::from(high) << 32 | u64::from(low));
+    heat.filter(|_| kept == sum(low, high))
+}
+
+/// Returns the heat of before the reset, the higher one of the two copies; none after power-on, or if neither can be
+/// believed.
+pub fn take(flags: ResetFlags) -> Option<Heat> {
+    if flags == ResetFlags::PowerOn {
+        return None;
+    }
+    KEPT.iter().filter_map(load).max()
+}
+
+/// Keeps `heat`. Called every millisecond, by one task.
+pub fn keep(heat: Heat) {
+    let next = NEXT.load(Ordering::Relaxed);
+    NEXT.store(next ^ 1, Ordering::Relaxed);
+    let bits = heat.to_bits();
+    let (low, high) = (bits as u32, (bits >> 32) as u32);
+    let words = [low, high, sum(low, high)];
+    for (kept, word) in KEPT[next as usize & 1].iter().zip(words) {
+        kept.store(word, Ordering::Relaxed);
+    }
+    cortex_m::asm::dsb();
+}

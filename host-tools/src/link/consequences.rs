@@ -1,0 +1,98 @@
+//! Consequences of a change of settings, in volts and watts, for the person who has to answer for it.
+
+use model_format::link::{Setting, SettingSet, Settings};
+use stylus_app::safety::Config;
+
+/// Returns a line for each of the `settings` with its value `before` and `after`, then what follows at pin and coil.
+/// `unknown` are those that have no value before.
+pub fn consequences(
+    before: &Settings,
+    after: &Settings,
+    settings: SettingSet,
+    unknown: SettingSet,
+) -> Vec<String> {
+    let mut lines: Vec<String> = settings
+        .iter()
+        .map(|setting| {
+            let old = if unknown.contains(setting) {
+                "not set".to_owned()
+            } else {
+                before.get(setting).to_string()
+            };
+            format!(
+                "  {setting}: {old} -> {} {}",
+                after.get(setting),
+                setting.spec().unit
+            )
+        })
+        .collect();
+    if !unknown.contains(Setting::AmplifierGain) && !unknown.contains(Setting::CoilResistance) {
+        lines.push(format!("  before: {}", in_force(before)));
+    }
+    lines.push(format!("  after:  {}", in_force(after)));
+    lines
+}
+
+/// Limits that `settings` put in force, at the pin and at the coil that they describe.
+fn in_force(settings: &Settings) -> String {
+    let limits = Config::new(settings, 1.0).output_limits(settings);
+    let (gain, ohm) = (
+        settings.get(Setting::AmplifierGain),
+        settings.get(Setting::CoilResistance),
+    );
+    let peak_volt = limits.peak_volt * gain;
+    format!(
+        "{:.3} V peak and {:.3} V RMS at the pin; {:.2} V and {:.3} W peak, {:.3} W held at {ohm} Ω{}",
+        limits.peak_volt,
+        limits.mean_square.sqrt(),
+        peak_volt,
+        peak_volt * peak_volt / ohm,
+        limits.coil_watt,
+        if limits.is_capped {
+            ", by the cap of the image"
+        } else {
+            ""
+        }
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_format::link::SettingChange;
+
+    #[test]
+    fn a_change_is_told_in_old_and_new_values_and_in_volts_and_watts() {
+        let with = |pairs: &[(Setting, f32)]| {
+            pairs
+                .iter()
+                .fold(Settings::default(), |settings, &(setting, value)| {
+                    settings.with(SettingChange { setting, value }).unwrap()
+                })
+        };
+        let coil = [
+            (Setting::CoilResistance, 8.0),
+            (Setting::AmplifierGain, 10.0),
+            (Setting::PowerLimit, 0.5),
+        ];
+        let before = with(&coil);
+        let after = with(&[&coil[..], &[(Setting::HardLimit, 0.8)]].concat());
+        let changed = SettingSet::NONE.with(Setting::HardLimit, true);
+        let lines = consequences(&before, &after, changed, SettingSet::NONE);
+        assert_eq!(lines[0], "  hard-limit: 0.5 -> 0.8 V");
+        // 0.2 V RMS at a gain of 10 are 2 V, 0.5 W in 8 Ω; 0.5 V are 5 V, 3.1 W.
+        assert!(
+            lines[1].contains("0.500 V peak and 0.200 V RMS"),
+            "{lines:?}"
+        );
+        assert!(lines[1].contains("3.12") && lines[1].contains("0.500 W held at 8 Ω"));
+        let unknown = SettingSet::REQUIRED;
+        let lines = consequences(&Settings::default(), &before, unknown, unknown);
+        assert!(lines[0].contains("not set -> "), "{lines:?}");
+        assert!(!lines.iter().any(|line| line.contains("before")));
+        // Whatever is told of the hardware, the image has a cap.
+        let told_away = with(&[(Setting::AmplifierGain, 0.01)]);
+        let lines = consequences(&before, &told_away, changed, SettingSet::NONE);
+        assert!(lines[2].contains("by the cap of the image"), "{lines:?}");
+    }
+}
