@@ -193,10 +193,9 @@ impl SteppedStylus {
         let range = 0..2 * SECTOR_BYTES as u32;
         let settings = embassy_futures::block_on(SettingsStore::open(flash, range));
         let control = Control::new(hardware, settings.settings(), settings.state());
-        let slots = embassy_futures::block_on(SlotStore::open(slots));
         let mut stylus = Self {
             control: SharedControl(Rc::new(RefCell::new(control))),
-            storage: Storage::new(slots, settings),
+            storage: Storage::new(SlotStore::unread(slots), settings),
         };
         if !safe_mode {
             stylus.request(async |storage, stage| storage.activate_newest(stage).await);

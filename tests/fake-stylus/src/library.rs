@@ -46,6 +46,7 @@ pub fn announcement(bytes: &[u8]) -> UploadBegin {
     UploadBegin {
         length: bytes.len() as u32,
         crc32: LIBRARY_CRC.checksum(bytes),
+        replaces_last: false,
     }
 }
 

@@ -239,7 +239,9 @@ impl<'a> Asked<'a> {
             .await);
         later!(UploadAbortEndpoint, |storage, stage, _nothing| storage
             .upload_abort(stage));
-        later!(SlotsEndpoint, |storage, _stage, _nothing| storage.slots());
+        later!(SlotsEndpoint, |storage, _stage, _nothing| storage
+            .read_slots()
+            .await);
         later!(ListEndpoint, |storage, _stage, request| storage
             .list(request)
             .await);
