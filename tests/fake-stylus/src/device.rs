@@ -183,6 +183,12 @@ impl SteppedStylus {
         Self::boot_as(SimulatedFlash::two_slots(), flash, hardware)
     }
 
+    /// Boots on `slots` and on `hardware`, with settings that were never written.
+    pub fn boot_from_on(slots: Flash, hardware: Hardware) -> Self {
+        let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
+        Self::boot_as(slots, flash, hardware)
+    }
+
     /// Boots on `slots` and on settings in `flash`, which has two sectors, in the order of the image.
     pub fn boot_with(slots: Flash, flash: Flash) -> Self {
         Self::boot_as(slots, flash, Hardware::new())

@@ -103,8 +103,8 @@ pub struct Hardware {
     pub slower_by: u32,
     /// Instructions per sample that a scene may take.
     pub budget: u32,
-    /// Damage of each library on its way to RAM.
-    pub loads_badly: bool,
+    /// Number of libraries to come that are damaged on their way to RAM.
+    pub bad_loads: u32,
     /// The start, and the present supply.
     pub start: StartReport,
     /// Number of exchanges of the library in RAM.
@@ -161,7 +161,7 @@ impl Hardware {
             missed: 0,
             slower_by: 0,
             budget: BUDGET,
-            loads_badly: false,
+            bad_loads: 0,
             start: HEALTHY_START,
             exchanges: 0,
             starts: 0,
@@ -217,12 +217,24 @@ impl Hardware {
         self.clear();
         self.exchanges += 1;
         self.ram.clear();
-        if self.loads_badly || library.len() > MAX_LIBRARY_BYTES {
+        let is_bad = self.bad_loads > 0;
+        self.bad_loads = self.bad_loads.saturating_sub(1);
+        if is_bad || library.len() > MAX_LIBRARY_BYTES {
             return Err(LoadFault);
         }
         Library::decode(library).map_err(|_| LoadFault)?;
         self.ram.extend_from_slice(library);
         Ok(())
+    }
+
+    /// The library in RAM; empty if there is none.
+    pub fn library(&self) -> &[u8] {
+        &self.ram
+    }
+
+    /// True if the tick was told to be mute.
+    pub fn is_muted(&self) -> bool {
+        self.muted
     }
 
     /// True while the output is not at rest.

@@ -17,7 +17,7 @@ pub mod flash;
 mod hand;
 pub mod hardware;
 pub mod library;
-mod requests;
+pub mod requests;
 pub mod self_test;
 mod served;
 
