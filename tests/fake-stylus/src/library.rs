@@ -56,14 +56,24 @@ pub fn announcement(bytes: &[u8]) -> UploadBegin {
 
 /// A library of one texture with one node, a few flash words long.
 pub fn small(name: &str) -> Vec<u8> {
-    let whole = texture(name, 1, 1, 5_000);
-    let texture = TextureSpec {
-        speed_axis_mm_s: vec![100.0],
-        force_axis_n: vec![1.0],
-        nodes: whole.nodes[..1].to_vec(),
-        ..whole
-    };
-    encode(&[texture]).expect("the library is valid")
+    small_of(&[name], 1)
+}
+
+/// A library of textures with one node each, whose coefficient depends on `seed`.
+pub fn small_of(names: &[&str], seed: i16) -> Vec<u8> {
+    let textures: Vec<_> = names
+        .iter()
+        .map(|name| {
+            let whole = texture(name, 1, seed, 5_000);
+            TextureSpec {
+                speed_axis_mm_s: vec![100.0],
+                force_axis_n: vec![1.0],
+                nodes: whole.nodes[..1].to_vec(),
+                ..whole
+            }
+        })
+        .collect();
+    encode(&textures).expect("the library is valid")
 }
 
 /// Puts `bytes` into the erased `slot`, as an upload with this number leaves them.
