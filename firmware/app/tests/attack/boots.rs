@@ -56,7 +56,7 @@ enum Action {
 }
 
 /// Place of a word in a slot.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     Header,
     First,
@@ -127,6 +127,8 @@ struct Life {
     newest: Option<Commit>,
     /// True if a commit after the newest was cut: it may have been done.
     may_be_newer: bool,
+    /// Words with a flipped bit, which a second flip would put right.
+    flipped: Vec<(SlotId, Place)>,
     libraries: [Vec<u8>; 3],
 }
 
@@ -140,6 +142,7 @@ impl Life {
             sound: [false; 2],
             newest: None,
             may_be_newer: false,
+            flipped: Vec::new(),
             libraries: libraries(),
         };
         life.boot(memory)?;
@@ -302,7 +305,7 @@ impl Life {
             Action::Restart => {
                 let memory = self.power_off();
                 let left = sound(&memory);
-                // A bit that was flipped twice is right again, so there may be more.
+                // Damage of what was erased meanwhile is gone, so there may be more.
                 if SlotId::ALL
                     .iter()
                     .any(|slot| self.sound[slot.index()] && !left[slot.index()])
@@ -312,6 +315,12 @@ impl Life {
                 return self.boot(memory);
             }
             Action::Damage(slot, place, damage) => {
+                if damage == Damage::Flipped {
+                    if self.flipped.contains(&(slot, place)) {
+                        return Ok(());
+                    }
+                    self.flipped.push((slot, place));
+                }
                 self.fate.damage(place.offset(slot), damage);
                 self.sound[slot.index()] = false;
                 // The next read or operation applies it.
@@ -365,6 +374,7 @@ impl Life {
             Some(Ok(Some(committed))) => {
                 self.note_lost(replaces_last)?;
                 self.sound[committed.slot.index()] = true;
+                self.flipped.retain(|&(slot, _)| slot != committed.slot);
                 self.newest = Some(Commit {
                     slot: committed.slot,
                     crc32: begin.crc32,
