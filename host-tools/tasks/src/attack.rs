@@ -136,9 +136,9 @@ mod tests {
 
     #[test]
     fn a_time_has_a_number_and_a_unit() {
-        assert_eq!(duration("10m"), Ok(Duration::from_secs(600)));
+        assert_eq!(duration("10m"), Ok(Duration::from_mins(10)));
         assert_eq!(duration("90s"), Ok(Duration::from_secs(90)));
-        assert_eq!(duration("2h"), Ok(Duration::from_secs(7200)));
+        assert_eq!(duration("2h"), Ok(Duration::from_hours(2)));
         for wrong in ["", "m", "10", "1d", "-1s", "10µ", "99999999999999999999h"] {
             assert!(duration(wrong).is_err(), "{wrong}");
         }

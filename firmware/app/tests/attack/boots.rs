@@ -172,7 +172,8 @@ impl Life {
         {
             let status = self.stylus().control.borrow().status();
             let is_newest = (active, status.library_crc32) == (Some(slot), crc32);
-            if !is_newest && !(self.may_be_newer && active == Some(slot.other())) {
+            let is_later = self.may_be_newer && active == Some(slot.other());
+            if !is_newest && !is_later {
                 return Err(format!(
                     "slot {slot} was committed last and {active:?} is active"
                 ));

@@ -17,10 +17,9 @@ pub fn cases(cases: u32) -> u32 {
 
 fn number<T: FromStr>(name: &str) -> Option<T> {
     let text = env::var(name).ok()?;
-    match text.parse() {
-        Ok(number) => Some(number),
-        Err(_) => panic!("{name}={text} is not a whole number"),
-    }
+    let number = text.parse().ok();
+    assert!(number.is_some(), "{name}={text} is not a whole number");
+    number
 }
 
 /// A runner of so many cases, all of which follow from the seed.
