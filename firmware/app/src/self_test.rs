@@ -12,6 +12,7 @@ use model_format::link::{
 };
 
 use crate::flash::WORD_BYTES;
+use crate::slots::claim::{Claim, LastLibrary};
 use crate::slots::{MappedFlash, SlotStore};
 use crate::storage::{Stage, Storage};
 
@@ -51,7 +52,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `SelfTestEndpoint`.
     ///
     /// # Errors
-    /// Something is played or received; the slot holds what may not be erased; the hardware does not answer.
+    /// Something is played or received; the slot holds what may not be erased, or the last library; the hardware does not answer.
     pub async fn self_test(
         &mut self,
         stage: &mut impl Stage,
@@ -92,29 +93,33 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             return Err(SelfTestError::Uploading);
         }
         let slots = self.slot_store();
+        slots.scan_once().await;
         if slots.active() == Some(slot) {
             return Err(SelfTestError::ActiveSlot { slot });
         }
         if !erases_library && *slots.state(slot) != SlotState::Empty {
             return Err(SelfTestError::NotEmpty { slot });
         }
-        let values = measure(slots, bench, slot).await;
+        let claim = slots.claim(slot, false).await;
+        let claim = claim.map_err(|LastLibrary { slot }| SelfTestError::LastLibrary { slot })?;
+        let values = measure(slots, bench, claim).await;
         slots.rescan(slot).await;
         Ok(values)
     }
 }
 
-/// Erases the last sector of `slot`, which holds its header, writes and reads the pattern, and erases it again.
+/// Erases the last sector of the claimed slot, which holds its header, writes and reads the pattern, and erases it again.
 ///
 /// The header's own word is never written. So a power loss at any time leaves a slot without a library.
 async fn measure<F: MappedFlash>(
     slots: &mut SlotStore<F>,
     bench: &impl Bench,
-    slot: SlotId,
+    claim: Claim,
 ) -> FlashValues {
+    let slot = claim.slot();
     let sector = SlotStore::<F>::header_sector();
     let begin = bench.now_us();
-    let mut failed = slots.erase_sector(slot, sector).await.is_err();
+    let mut failed = slots.erase_sector(claim, sector).await.is_err();
     let mut values = FlashValues {
         slot,
         erase_us: bench.now_us().wrapping_sub(begin),
@@ -132,7 +137,7 @@ async fn measure<F: MappedFlash>(
     for offset in words.clone() {
         let word: [u8; WORD_BYTES] = core::array::from_fn(|byte| pattern(offset + byte as u32));
         let begin = bench.now_us();
-        failed |= slots.program(slot, sector + offset, &word).await.is_err();
+        failed |= slots.program(claim, sector + offset, &word).await.is_err();
         let took = bench.now_us().wrapping_sub(begin);
         values.words += 1;
         values.write_us = values.write_us.saturating_add(took);
@@ -142,7 +147,7 @@ async fn measure<F: MappedFlash>(
         let read = slots.word(slot, sector + offset).await;
         values.wrong += differing(read, |byte| pattern(offset + byte));
     }
-    failed |= slots.erase_sector(slot, sector).await.is_err();
+    failed |= slots.erase_sector(claim, sector).await.is_err();
     if failed {
         // An operation that the flash refused left at least one byte that was not tested.
         values.wrong = values.wrong.max(1);

@@ -106,6 +106,11 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         }
     }
 
+    /// Gives both flashes back: that of the slots, and that of the settings.
+    pub fn into_flash(self) -> (F, S) {
+        (self.slots.into_flash(), self.settings.into_flash())
+    }
+
     /// The slots.
     pub(crate) fn slot_store(&mut self) -> &mut SlotStore<F> {
         &mut self.slots
@@ -116,20 +121,26 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         self.uploader.state()
     }
 
-    /// At boot: activates the newest library that is valid and readable. A boot without one is no fault.
+    /// At boot: activates the newest library that is valid and readable, or the other one if that fails for whatever
+    /// reason. A boot without one is no fault.
     pub async fn activate_newest(&mut self, stage: &mut impl Stage) -> Option<Activated> {
-        // A slot that proves faulty is no longer the newest, so this ends.
-        while let Some(slot) = self.slots.newest() {
-            match self.activate(stage, slot).await {
-                Ok(activated) => return Some(activated),
-                Err(ActivateError::Faulty { .. }) => {}
-                Err(_) => return None,
+        self.slots.scan_once().await;
+        let newest = self.slots.newest()?;
+        for slot in [newest, newest.other()] {
+            if let Ok(activated) = self.activate(stage, slot).await {
+                return Some(activated);
             }
         }
         None
     }
 
     /// Serves `SlotsEndpoint`.
+    pub async fn read_slots(&mut self) -> Slots {
+        self.slots.scan_once().await;
+        self.slots.slots()
+    }
+
+    /// The slots as they were read last.
     pub fn slots(&self) -> Slots {
         self.slots.slots()
     }
@@ -139,6 +150,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// # Errors
     /// The slot has no library, or has a fault, or the library has fewer textures.
     pub async fn list(&mut self, request: ListRequest) -> Result<TextureInfo, ListError> {
+        self.slots.scan_once().await;
         self.slots.texture(request.slot, request.index).await
     }
 
@@ -147,6 +159,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// # Errors
     /// The slot has no library, or has a fault, or the library has fewer scenes.
     pub async fn list_scene(&mut self, request: ListRequest) -> Result<SceneInfo, ListError> {
+        self.slots.scan_once().await;
         self.slots.scene(request.slot, request.index).await
     }
 
@@ -160,6 +173,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         stage: &mut impl Stage,
         slot: SlotId,
     ) -> Result<Activated, ActivateError> {
+        self.slots.scan_once().await;
         let library = self.playable(slot)?;
         stage.begin_activation()?;
         let result = self.exchange(stage, slot, library).await;
@@ -217,6 +231,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         begin: UploadBegin,
     ) -> Result<UploadProgress, UploadError> {
         supplied(stage)?;
+        self.slots.scan_once().await;
         let result = self.uploader.begin(&mut self.slots, begin).await;
         stage.set_upload(self.uploader.state());
         result

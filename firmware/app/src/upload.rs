@@ -2,7 +2,8 @@
 //!
 //! Each call erases at most one sector: `begin` that of the header, a chunk the sector that it is the first to reach. A
 //! call that fails in the flash, or is dropped half way, ends the upload, because a word cannot be written twice. A
-//! call that is refused leaves the upload as it was. An upload never touches the active slot.
+//! call that is refused leaves the upload as it was. An upload never touches the active slot, and never the last library
+//! that can be read unless it asks for that.
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
@@ -11,6 +12,7 @@ use model_format::link::{
 };
 
 use crate::flash::WORD_BYTES;
+use crate::slots::claim::{Claim, LastLibrary};
 use crate::slots::{MappedFlash, SealFault, SlotStore, WriteFault};
 
 const _: () =
@@ -26,7 +28,7 @@ pub struct Uploader {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Upload {
     begin: UploadBegin,
-    slot: SlotId,
+    claim: Claim,
     next_offset: u32,
 }
 
@@ -34,7 +36,7 @@ impl Upload {
     fn progress(self) -> UploadProgress {
         UploadProgress {
             upload: self.begin,
-            slot: self.slot,
+            slot: self.claim.slot(),
             next_offset: self.next_offset,
         }
     }
@@ -56,7 +58,8 @@ impl Uploader {
     /// Begins an upload, or continues the one of the same length and checksum. Any other upload under way ends.
     ///
     /// # Errors
-    /// No library has this length; the flash fails.
+    /// No library has this length; the slot holds the last library that can be read, and `begin` does not ask for its
+    /// end; the flash fails.
     pub async fn begin<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,
@@ -67,23 +70,22 @@ impl Uploader {
                 length: begin.length,
             });
         }
-        let slot = store.spare();
         if let Some(upload) = self.upload
-            && upload.begin == begin
-            && upload.slot == slot
+            && (upload.begin.length, upload.begin.crc32) == (begin.length, begin.crc32)
         {
             return Ok(upload.progress());
         }
+        let claim = store.claim_spare(begin.replaces_last).await;
+        let claim = claim.map_err(|LastLibrary { slot }| UploadError::LastLibrary { slot })?;
         self.abort(store);
-        store.set_unfinished(slot);
         store
-            .erase_sector(slot, SlotStore::<F>::header_sector())
+            .erase_sector(claim, SlotStore::<F>::header_sector())
             .await
             .map_err(UploadFault::from)?;
-        store.set_receiving(slot);
+        store.set_receiving(claim.slot());
         let upload = Upload {
             begin,
-            slot,
+            claim,
             next_offset: 0,
         };
         self.upload = Some(upload);
@@ -107,7 +109,7 @@ impl Uploader {
         write_chunk(store, upload, chunk)
             .await
             .map_err(UploadFault::from)?;
-        store.set_receiving(upload.slot);
+        store.set_receiving(upload.claim.slot());
         let upload = Upload {
             next_offset,
             ..upload
@@ -127,10 +129,11 @@ impl Uploader {
     ) -> Result<UploadCommitted, UploadError> {
         let Upload {
             begin,
-            slot,
+            claim,
             next_offset,
         } = self.upload.ok_or(UploadError::NotBegun)?;
-        let UploadBegin { length, crc32 } = begin;
+        let UploadBegin { length, crc32, .. } = begin;
+        let slot = claim.slot();
         if next_offset != length {
             return Err(UploadError::Incomplete {
                 next_offset,
@@ -138,7 +141,7 @@ impl Uploader {
             });
         }
         self.end(store);
-        let sealed = store.seal(slot, length, crc32).await;
+        let sealed = store.seal(claim, length, crc32).await;
         let library = sealed.map_err(|fault| match fault {
             SealFault::Bytes(fault) => bytes_error(slot, fault),
             SealFault::Write(fault) => UploadFault::from(fault).0,
@@ -159,7 +162,7 @@ impl Uploader {
 
     fn end<F: MappedFlash>(&mut self, store: &mut SlotStore<F>) {
         if let Some(upload) = self.upload.take() {
-            store.set_unfinished(upload.slot);
+            store.set_unfinished(upload.claim.slot());
         }
     }
 }
@@ -202,9 +205,9 @@ async fn write_chunk<F: MappedFlash>(
     let border = chunk.offset.next_multiple_of(sector);
     // `begin` erased the header's sector. Sectors are longer than chunks, so a chunk reaches at most one border.
     if border < end && border != SlotStore::<F>::header_sector() {
-        store.erase_sector(upload.slot, border).await?;
+        store.erase_sector(upload.claim, border).await?;
     }
-    store.write(upload.slot, chunk.offset, chunk.data).await
+    store.write(upload.claim, chunk.offset, chunk.data).await
 }
 
 /// A fault of the flash, as the host sees it.

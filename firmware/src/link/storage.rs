@@ -117,7 +117,9 @@ pub async fn start(spawner: Spawner, hardware: Hardware) {
     let control = Control::new(hardware, settings.settings(), settings.state());
     CONTROL.lock(|cell| *cell.borrow_mut() = Some(control));
     spawner.spawn(poll().unwrap());
-    let stores = STORES.init(Storage::new(SlotStore::open(slots).await, settings));
+    // What faulted may have been a slot. In safe mode the slots are read when a request needs them, so that the device
+    // answers first, and a fault there ends one request and not every start.
+    let stores = STORES.init(Storage::new(SlotStore::unread(slots), settings));
     if !safe_mode {
         let active = stores.activate_newest(&mut ControlStage).await;
         defmt::info!("library active: {}", active.is_some());
@@ -180,7 +182,10 @@ async fn work(
             to.reply::<UploadAbortEndpoint>(sequence, &stores.upload_abort(stage))
                 .await
         }
-        Job::Slots => to.reply::<SlotsEndpoint>(sequence, &stores.slots()).await,
+        Job::Slots => {
+            let answer = stores.read_slots().await;
+            to.reply::<SlotsEndpoint>(sequence, &answer).await
+        }
         Job::List(request) => {
             let answer = stores.list(request).await;
             to.reply::<ListEndpoint>(sequence, &answer).await

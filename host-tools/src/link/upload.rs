@@ -33,7 +33,7 @@ pub struct Uploaded {
 /// device.
 ///
 /// Resumes an interrupted upload of the same bytes, also one of another program. The active library stays active and
-/// goes on playing.
+/// goes on playing. The last library that can be read is never erased for it.
 ///
 /// # Errors
 /// A refusal of the device, a lost link that does not come back, five failures in a row without progress, or a device
@@ -41,11 +41,26 @@ pub struct Uploaded {
 pub fn upload(
     device: &mut Device,
     library: &[u8],
+    progress: impl FnMut(usize),
+) -> Result<Uploaded> {
+    upload_over(device, library, false, progress)
+}
+
+/// Uploads as [`upload`] does. If `replaces_last`, the upload may erase the last library that can be read; until it is
+/// done, the device would have none after a restart.
+///
+/// # Errors
+/// As [`upload`].
+pub fn upload_over(
+    device: &mut Device,
+    library: &[u8],
+    replaces_last: bool,
     mut progress: impl FnMut(usize),
 ) -> Result<Uploaded> {
     let begin = UploadBegin {
         length: u32::try_from(library.len()).unwrap_or(u32::MAX),
         crc32: LIBRARY_CRC.checksum(library),
+        replaces_last,
     };
     let mut run = Run {
         library,

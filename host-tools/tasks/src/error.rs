@@ -112,6 +112,16 @@ pub enum Error {
         "the house is not as drawn, in {0} places above; the rules are in host-tools/tasks/src/house"
     )]
     House(usize),
+    /// An attack found something.
+    #[error("{failure}\nto see it again: cargo tasks attack {target} --seed {seed}")]
+    Attack {
+        /// The attack.
+        target: &'static str,
+        /// Its seed.
+        seed: u64,
+        /// The failure of the program that ran it.
+        failure: Box<Error>,
+    },
     /// A file cannot be written.
     #[error("{path}: {source}", path = path.display())]
     Write {

@@ -4,6 +4,7 @@
 //!
 //! The tests in `tests/qemu` use this library; the command `cargo tasks` is a thin layer over it.
 
+pub mod attack;
 pub mod compare;
 pub mod costs;
 pub mod error;

@@ -10,7 +10,9 @@ use tasks::error::{Error, Result};
 use tasks::firmware::Image;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::{Toolchain, check_clippy};
-use tasks::{compare, costs, firmware, hil, house, lint, qemu, tables, virtual_stylus, workspace};
+use tasks::{
+    attack, compare, costs, firmware, hil, house, lint, qemu, tables, virtual_stylus, workspace,
+};
 
 /// Tasks around the microcontroller's core.
 #[derive(Parser)]
@@ -75,6 +77,8 @@ enum Task {
         #[arg(long, conflicts_with = "names")]
         check: bool,
     },
+    /// Fuzz, and model-check starts and interleaved requests, with fresh seeds as long as asked
+    Attack(attack::Arguments),
     /// Lint all code for the target; every warning fails
     CheckTarget,
     /// Lint the virtual stylus; every warning fails
@@ -110,6 +114,7 @@ fn main() -> ExitCode {
         Task::TestVirtualStylus { long, arguments } => Toolchain::find()
             .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
         Task::Hil(arguments) => hil::run(&arguments),
+        Task::Attack(arguments) => attack::run(&arguments),
         Task::House => check_house(),
         Task::Tables { check: true, .. } => tables::check_instant(),
         Task::Tables { names, .. } => write_tables(names),

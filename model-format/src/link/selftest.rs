@@ -214,6 +214,14 @@ pub enum SelfTestError {
         /// The slot.
         slot: SlotId,
     },
+    /// A slot with the last library that can be read.
+    #[error(
+        "slot {slot} holds the only library that can be read, which no test erases: upload one to the other slot first"
+    )]
+    LastLibrary {
+        /// The slot.
+        slot: SlotId,
+    },
     /// A part that did not answer.
     #[error("{what}: restart the device; if it stays, the part is damaged")]
     Hardware {

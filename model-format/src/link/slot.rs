@@ -89,7 +89,7 @@ pub enum SlotFault {
 /// A valid library in a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct SlotInfo {
-    /// Number of the upload. The valid slot with the higher number is taken at boot.
+    /// Number of the upload, which wraps. The valid slot with the later number is taken at boot.
     pub sequence: u32,
     /// Length of the library, bytes.
     pub length: u32,

@@ -86,6 +86,7 @@ fn upload_progress() -> UploadProgress {
         upload: UploadBegin {
             length: u32::MAX,
             crc32: u32::MAX,
+            replaces_last: true,
         },
         slot: SlotId::B,
         next_offset: u32::MAX,
@@ -116,6 +117,7 @@ fn upload_errors() -> Vec<UploadError> {
         },
         UploadError::Invalid { reason: text() },
         UploadError::ReadBack { slot, offset },
+        UploadError::LastLibrary { slot },
         UploadError::Busy,
         UploadError::SupplyLow,
     ];
@@ -266,6 +268,7 @@ fn self_test_errors() -> Vec<SelfTestError> {
         SelfTestError::Uploading,
         SelfTestError::ActiveSlot { slot: SlotId::B },
         SelfTestError::NotEmpty { slot: SlotId::B },
+        SelfTestError::LastLibrary { slot: SlotId::B },
         SelfTestError::Hardware { what: text() },
     ]
 }
@@ -620,6 +623,7 @@ fn every_request_comes_back_and_fits_a_frame() {
         UploadBegin {
             length: 0,
             crc32: 0,
+            replaces_last: false,
         },
         upload_progress().upload,
     ]);

@@ -21,6 +21,8 @@ pub struct UploadBegin {
     pub length: u32,
     /// CRC-32 (ISO-HDLC) of all its bytes.
     pub crc32: u32,
+    /// True if the upload may erase the last library that can be read. Until its commit the device has none then.
+    pub replaces_last: bool,
 }
 
 /// A chunk of a library.
@@ -167,6 +169,15 @@ pub enum UploadError {
         operation: FlashOperation,
         /// Byte of the slot.
         offset: u32,
+    },
+    /// A slot with the last library that can be read.
+    #[error(
+        "slot {slot} holds the only library that can be read, and an upload would erase it: activate slot {slot}, which \
+         leaves the other one to the upload, or upload with --replace-last"
+    )]
+    LastLibrary {
+        /// The slot.
+        slot: SlotId,
     },
     /// The other slot's library is being activated.
     #[error("a library is being activated: try again in a moment")]

@@ -1,7 +1,7 @@
 //! The application on fake hardware, in virtual time: [`Control`] behind a lock that is never held across a wait, and
 //! [`Storage`] beside it, as `firmware/src/storage.rs` puts them together.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::ops::Deref;
 use std::pin::pin;
 use std::rc::Rc;
@@ -50,17 +50,58 @@ const JOB_LIMIT_MS: u32 = 3_600_000;
 
 /// The application's [`Control`], shared by all that serve the device in one thread.
 #[derive(Clone)]
-pub struct SharedControl(Rc<RefCell<Control<Hardware>>>);
+pub struct SharedControl {
+    control: Rc<RefCell<Control<Hardware>>>,
+    omission: Omission,
+    /// Tick at which the storage goes on, while it waits for time to pass.
+    wakes_at: Rc<Cell<Option<u64>>>,
+}
+
+/// A step of the application that is left out, so that a check of the application can show that it would notice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Omission {
+    /// None: the device as it is.
+    None,
+    /// While a setting is stored, playing is not locked. It is only looked at before.
+    LockOfConfiguration,
+    /// After a failed or finished activation, playing stays locked.
+    EndOfActivation,
+    /// After settings were stored, playing stays locked.
+    EndOfConfiguration,
+}
 
 impl Deref for SharedControl {
     type Target = RefCell<Control<Hardware>>;
 
     fn deref(&self) -> &Self::Target {
-        &self.0
+        &self.control
     }
 }
 
 impl SharedControl {
+    fn new(control: Control<Hardware>) -> Self {
+        Self {
+            control: Rc::new(RefCell::new(control)),
+            omission: Omission::None,
+            wakes_at: Rc::default(),
+        }
+    }
+
+    /// The same device, in which the storage leaves this out.
+    #[must_use]
+    pub fn without(&self, omission: Omission) -> Self {
+        Self {
+            omission,
+            ..self.clone()
+        }
+    }
+
+    /// Returns true while the storage waits for time to pass, as for a timer.
+    pub fn is_storage_waiting(&self) -> bool {
+        let wakes_at = self.wakes_at.get();
+        wakes_at.is_some_and(|at| self.borrow_mut().device().now() < at)
+    }
+
     /// Runs the device for one millisecond, and the poll that follows. Gives the blocks that were recorded, which are
     /// taken from the queue even when nobody records, because it would fill otherwise.
     pub fn millisecond(&self) -> Vec<RecordBlock> {
@@ -108,7 +149,9 @@ impl Stage for SharedControl {
     }
 
     fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
-        self.borrow_mut().end_activation(active);
+        if self.omission != Omission::EndOfActivation {
+            self.borrow_mut().end_activation(active);
+        }
     }
 
     fn take_proposal(
@@ -120,11 +163,17 @@ impl Stage for SharedControl {
     }
 
     fn begin_configuration(&mut self) -> Result<(), SettingsError> {
-        self.borrow_mut().begin_configuration()
+        self.borrow_mut().begin_configuration()?;
+        if self.omission == Omission::LockOfConfiguration {
+            self.borrow_mut().end_self_test();
+        }
+        Ok(())
     }
 
     fn end_configuration(&mut self, settings: Settings, state: SettingsState) {
-        self.borrow_mut().end_configuration(settings, state);
+        if self.omission != Omission::EndOfConfiguration {
+            self.borrow_mut().end_configuration(settings, state);
+        }
     }
 
     fn is_supply_low(&self) -> bool {
@@ -147,9 +196,11 @@ impl Stage for SharedControl {
     async fn pause(&mut self) {
         let now = || self.borrow_mut().device().now();
         let end = now() + u64::from(TICKS_PER_MS);
+        self.wakes_at.set(Some(end));
         while now() < end {
             yield_now().await;
         }
+        self.wakes_at.set(None);
     }
 }
 
@@ -196,6 +247,12 @@ impl SteppedStylus {
         Self::boot_as(SimulatedFlash::two_slots(), flash, hardware)
     }
 
+    /// Boots on `slots` and on `hardware`, with settings that were never written.
+    pub fn boot_from_on(slots: Flash, hardware: Hardware) -> Self {
+        let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
+        Self::boot_as(slots, flash, hardware)
+    }
+
     /// Boots on `slots` and on settings in `flash`, which has two sectors, in the order of the image.
     pub fn boot_with(slots: Flash, flash: Flash) -> Self {
         Self::boot_as(slots, flash, Hardware::new())
@@ -206,10 +263,9 @@ impl SteppedStylus {
         let range = 0..2 * SECTOR_BYTES as u32;
         let settings = embassy_futures::block_on(SettingsStore::open(flash, range));
         let control = Control::new(hardware, settings.settings(), settings.state());
-        let slots = embassy_futures::block_on(SlotStore::open(slots));
         let mut stylus = Self {
-            control: SharedControl(Rc::new(RefCell::new(control))),
-            storage: Storage::new(slots, settings),
+            control: SharedControl::new(control),
+            storage: Storage::new(SlotStore::unread(slots), settings),
         };
         if !safe_mode {
             stylus.request(async |storage, stage| storage.activate_newest(stage).await);

@@ -4,8 +4,11 @@
 //! Every erase of a sector and every write of a word yields once before it is done, because the image's driver waits
 //! there too: whatever else the device serves runs in between. Durations are not simulated.
 
+use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
+use std::future::pending;
 use std::ops::Range;
+use std::rc::Rc;
 
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::{
@@ -184,6 +187,21 @@ impl Memory {
         }
     }
 
+    /// Damages the word at `offset`.
+    pub fn damage(&mut self, offset: usize, damage: Damage) {
+        match damage {
+            Damage::Faulting => self.set_faulty(offset),
+            Damage::Flipped => self.flip_bit(offset),
+            Damage::Unstable => self.set_unstable(offset),
+        }
+    }
+
+    /// Returns true if a word of `range` faults, or reads differently from read to read.
+    pub fn is_damaged(&self, range: Range<usize>) -> bool {
+        let words = range.start / WORD_BYTES..range.end.div_ceil(WORD_BYTES);
+        self.faulty[words.clone()].contains(&true) || self.unstable.range(words).next().is_some()
+    }
+
     /// Number of the last word that is not as erased; none if all are.
     pub fn last_programmed(&self, range: Range<usize>) -> Option<usize> {
         let words = range.start / WORD_BYTES..range.end / WORD_BYTES;
@@ -193,6 +211,81 @@ impl Memory {
     /// Flips a bit of the byte at `offset`.
     pub fn flip_bit(&mut self, offset: usize) {
         self.bytes[offset] ^= 1;
+    }
+}
+
+/// Damage of a word after it was written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Damage {
+    /// Each read faults.
+    Faulting,
+    /// A bit is wrong, which the code of the flash does not find.
+    Flipped,
+    /// Each read gives the content, something else, or a fault.
+    Unstable,
+}
+
+impl Damage {
+    /// All.
+    pub const ALL: [Self; 3] = [Self::Faulting, Self::Flipped, Self::Unstable];
+}
+
+/// End of an operation that a test has asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mishap {
+    /// Power is lost; nothing happens after it.
+    Cut(Cut),
+    /// The operation fails half way and reports it.
+    Refuse,
+}
+
+#[derive(Default)]
+struct ToCome {
+    /// Number of operations before it.
+    mishap: Cell<Option<(usize, Mishap)>>,
+    damage: RefCell<Vec<(usize, Damage)>>,
+    is_off: Cell<bool>,
+}
+
+/// Handle by which a test strikes a flash that a device owns.
+#[derive(Clone, Default)]
+pub struct Fate(Rc<ToCome>);
+
+impl Fate {
+    /// Lets `mishap` happen to the operation that `operations` others precede.
+    pub fn strike(&self, operations: usize, mishap: Mishap) {
+        self.0.mishap.set(Some((operations, mishap)));
+    }
+
+    /// Calls off what [`Fate::strike`] asked for and has not happened.
+    pub fn spare(&self) {
+        self.0.mishap.set(None);
+    }
+
+    /// Damages the word at `offset` before the next read or operation.
+    pub fn damage(&self, offset: usize, damage: Damage) {
+        self.0.damage.borrow_mut().push((offset, damage));
+    }
+
+    /// Returns true once power was lost. The device does nothing any more.
+    pub fn is_off(&self) -> bool {
+        self.0.is_off.get()
+    }
+
+    fn next(&self) -> Option<Mishap> {
+        let (before, mishap) = self.0.mishap.get()?;
+        let Some(fewer) = before.checked_sub(1) else {
+            self.0.mishap.set(None);
+            return Some(mishap);
+        };
+        self.0.mishap.set(Some((fewer, mishap)));
+        None
+    }
+
+    fn age(&self, memory: &mut Memory) {
+        for (offset, damage) in self.0.damage.take() {
+            memory.damage(offset, damage);
+        }
     }
 }
 
@@ -222,6 +315,12 @@ pub struct SimulatedFlash<'a> {
     pub operations: usize,
     /// Offset of a word, and the number of reads after which it faults.
     pub wears_out: Option<(usize, usize)>,
+    /// Offset of a word, and the number of its next reads that fault; it is right from then on.
+    pub recovers: Option<(usize, usize)>,
+    /// Number of reads so far.
+    pub reads: usize,
+    /// Mishaps to come.
+    pub fate: Fate,
     observer: Option<Observer<'a>>,
 }
 
@@ -233,6 +332,9 @@ impl<'a> SimulatedFlash<'a> {
             fault: Fault::None,
             operations: 0,
             wears_out: None,
+            recovers: None,
+            reads: 0,
+            fate: Fate::default(),
             observer: None,
         }
     }
@@ -254,6 +356,19 @@ impl<'a> SimulatedFlash<'a> {
         yield_now().await;
         if let Some(observer) = &mut self.observer {
             observer(&self.memory, operation);
+        }
+        self.fate.age(&mut self.memory);
+        match self.fate.next() {
+            Some(Mishap::Cut(cut)) => {
+                self.memory.perform(operation, cut);
+                self.fate.0.is_off.set(true);
+                return pending().await;
+            }
+            Some(Mishap::Refuse) => {
+                self.memory.perform(operation, Cut::Faulting);
+                return Err(SimulatedError::Refused);
+            }
+            None => {}
         }
         let number = self.operations;
         self.operations += 1;
@@ -309,6 +424,8 @@ impl ReadNorFlash for SimulatedFlash<'_> {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), SimulatedError> {
+        self.reads += 1;
+        self.fate.age(&mut self.memory);
         let from = offset as usize;
         let to = from + bytes.len();
         if to > self.memory.bytes.len() {
@@ -320,6 +437,13 @@ impl ReadNorFlash for SimulatedFlash<'_> {
             let part = from.max(first)..to.min(first + WORD_BYTES);
             bytes[part.start - from..part.end - from]
                 .copy_from_slice(&content[part.start - first..part.end - first]);
+        }
+        if let Some((offset, left)) = self.recovers
+            && (from..to).contains(&offset)
+            && let Some(fewer) = left.checked_sub(1)
+        {
+            self.recovers = Some((offset, fewer));
+            return Err(SimulatedError::Ecc);
         }
         if let Some((offset, left)) = self.wears_out
             && (from..to).contains(&offset)

@@ -108,8 +108,8 @@ pub struct Hardware {
     pub slower_by: u32,
     /// Instructions per sample that a scene may take.
     pub budget: u32,
-    /// Damage of each library on its way to RAM.
-    pub loads_badly: bool,
+    /// Number of libraries to come that are damaged on their way to RAM.
+    pub bad_loads: u32,
     /// Heat of the coil that was kept over the reset before this start.
     pub kept_heat: Option<Heat>,
     /// The start, and the present supply.
@@ -170,7 +170,7 @@ impl Hardware {
             slower_by: 0,
             budget: BUDGET,
             is_loaded: false,
-            loads_badly: false,
+            bad_loads: 0,
             kept_heat: None,
             start: HEALTHY_START,
             exchanges: 0,
@@ -237,7 +237,9 @@ impl Hardware {
             !self.is_loaded && self.safety.is_at_rest() && self.playing.is_none(),
             "a library is loaded that nobody has begun to, or under a texture"
         );
-        if self.loads_badly || library.len() > MAX_LIBRARY_BYTES {
+        let is_bad = self.bad_loads > 0;
+        self.bad_loads = self.bad_loads.saturating_sub(1);
+        if is_bad || library.len() > MAX_LIBRARY_BYTES {
             return Err(LoadFault);
         }
         let at = self.ram.len();
@@ -249,6 +251,16 @@ impl Hardware {
         Library::decode(&self.ram).map_err(|_| LoadFault)?;
         self.is_loaded = true;
         Ok(true)
+    }
+
+    /// The library in RAM; empty if there is none.
+    pub fn library(&self) -> &[u8] {
+        &self.ram
+    }
+
+    /// True if the tick was told to be mute.
+    pub fn is_muted(&self) -> bool {
+        self.muted
     }
 
     /// True while the output is not at rest.

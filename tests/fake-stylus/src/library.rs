@@ -1,14 +1,18 @@
 //! Small libraries, and their upload from inside the device.
 
+use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
-    CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, UploadBegin, UploadChunk, UploadCommitted,
+    CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, SlotId, UploadBegin, UploadChunk, UploadCommitted,
     UploadError,
 };
 use model_format::{
     CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode,
 };
-use stylus_app::slots::{MappedFlash, SlotStore};
+use stylus_app::flash::WORD_BYTES;
+use stylus_app::slots::{HEADER_VERSION, MappedFlash, SlotStore};
 use stylus_app::upload::Uploader;
+
+use crate::flash::{Cut, Memory, Operation};
 
 /// A library of `textures` textures as [`texture`] makes them, named "texture 0", "texture 1", ..., for 5000 Hz.
 pub fn library(textures: usize, order: usize, seed: i16) -> Vec<u8> {
@@ -46,7 +50,52 @@ pub fn announcement(bytes: &[u8]) -> UploadBegin {
     UploadBegin {
         length: bytes.len() as u32,
         crc32: LIBRARY_CRC.checksum(bytes),
+        replaces_last: false,
     }
+}
+
+/// A library of one texture with one node, a few flash words long.
+pub fn small(name: &str) -> Vec<u8> {
+    small_of(&[name], 1)
+}
+
+/// A library of textures with one node each, whose coefficient depends on `seed`.
+pub fn small_of(names: &[&str], seed: i16) -> Vec<u8> {
+    let textures: Vec<_> = names
+        .iter()
+        .map(|name| {
+            let whole = texture(name, 1, seed, 5_000);
+            TextureSpec {
+                speed_axis_mm_s: vec![100.0],
+                force_axis_n: vec![1.0],
+                nodes: whole.nodes[..1].to_vec(),
+                ..whole
+            }
+        })
+        .collect();
+    encode(&textures).expect("the library is valid")
+}
+
+/// Puts `bytes` into the erased `slot`, as an upload with this number leaves them.
+pub fn put(memory: &mut Memory, slot: SlotId, bytes: &[u8], sequence: u32) {
+    let mut header = b"HTXS".to_vec();
+    header.extend(HEADER_VERSION.to_le_bytes());
+    header.extend([0; 2]);
+    for field in [sequence, bytes.len() as u32, LIBRARY_CRC.checksum(bytes)] {
+        header.extend(field.to_le_bytes());
+    }
+    header.extend(LIBRARY_CRC.checksum(&header).to_le_bytes());
+    header.resize(WORD_BYTES, 0);
+    let mut program = |offset: usize, bytes: &[u8]| {
+        for (index, piece) in bytes.chunks(WORD_BYTES).enumerate() {
+            let mut data = [0xff; WORD_BYTES];
+            data[..piece.len()].copy_from_slice(piece);
+            let word = (slot.index() * SLOT_BYTES + offset) / WORD_BYTES + index;
+            memory.perform(Operation::Write { word, data }, Cut::After);
+        }
+    };
+    program(0, bytes);
+    program(MAX_LIBRARY_BYTES, &header);
 }
 
 /// Uploads `bytes` straight into `store`, in chunks of `chunk` bytes.

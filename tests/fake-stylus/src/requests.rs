@@ -1,4 +1,4 @@
-//! Frames and their answers: the protocol of `firmware/src/link.rs`, over the application on fake hardware.
+//! Frames and their answers: the protocol of `firmware/src/link`, over the application on fake hardware.
 //!
 //! As there, requests for flash are handed to a task of their own, one after the other, and everything else is answered
 //! at once; so a request that comes while a job waits for the flash is served in the middle of that job.
@@ -87,6 +87,8 @@ impl Requests {
                 Some(job) => {
                     let answer = job(storage, &mut stage).await;
                     self.desk.borrow_mut().answers.push(answer);
+                    // The image's task waits here until the answer is sent.
+                    yield_now().await;
                 }
                 None => yield_now().await,
             }
@@ -272,7 +274,9 @@ impl<'a> Asked<'a> {
             .await);
         later!(UploadAbortEndpoint, |storage, stage, _nothing| storage
             .upload_abort(stage));
-        later!(SlotsEndpoint, |storage, _stage, _nothing| storage.slots());
+        later!(SlotsEndpoint, |storage, _stage, _nothing| storage
+            .read_slots()
+            .await);
         later!(ListEndpoint, |storage, _stage, request| storage
             .list(request)
             .await);

@@ -76,6 +76,11 @@ impl<F: NorFlash> SettingsStore<F> {
         store
     }
 
+    /// Gives the flash back.
+    pub fn into_flash(self) -> F {
+        self.flash
+    }
+
     /// The settings in force.
     pub fn settings(&self) -> Settings {
         self.record.snapshot.settings

@@ -7,7 +7,11 @@
 //! The boot takes the newest valid slot. A flash word that was being programmed when power was lost may fault when it
 //! is read (RM0433 section 4.3.16, double ECC error); such a slot counts as faulty. Each word is therefore read by
 //! [`ReadNorFlash::read`], which reports a fault, before the bytes are read in place.
+//!
+//! Nothing is erased without a claim on its slot, which is refused for the last library that can be read: see
+//! [`claim`].
 
+pub(crate) mod claim;
 mod header;
 
 use core::ops::Range;
@@ -25,6 +29,8 @@ use model_format::{Decoder, Library, NodeFlags, Outline, Texture, Workspace};
 use crate::words::in_words;
 
 pub use crate::flash::WORD_BYTES;
+use claim::Claim;
+pub use claim::STEADY_READS;
 pub use header::HEADER_VERSION;
 use header::{Header, HeaderWord};
 
@@ -64,6 +70,14 @@ pub struct SlotStore<F> {
     active: Option<SlotId>,
     /// For decoding, which waits between its steps. It is kept here because a task's state is in faster memory.
     workspace: Workspace,
+    /// Highest number of a header that was seen, also of a library that could not be read.
+    highest: Option<u32>,
+    is_scanned: bool,
+}
+
+/// Returns true if an upload with number `one` came after that with number `other`. Numbers wrap.
+const fn newer(one: u32, other: u32) -> bool {
+    one.wrapping_sub(other) as i32 > 0
 }
 
 /// A fault of the flash, with its position.
@@ -113,18 +127,39 @@ impl<F: MappedFlash> SlotStore<F> {
 
     /// Reads and validates both slots of `flash`; none is active yet.
     pub async fn open(flash: F) -> Self {
+        let mut store = Self::unread(flash);
+        store.scan_once().await;
+        store
+    }
+
+    /// The slots of `flash`, of which nothing is read before [`SlotStore::scan_once`]; none is active.
+    pub const fn unread(flash: F) -> Self {
         const { Self::FITS };
-        let mut store = Self {
+        Self {
             flash,
             states: [SlotState::Empty, SlotState::Empty],
             outlines: [None; 2],
             active: None,
             workspace: Workspace::new(),
-        };
-        for slot in SlotId::ALL {
-            store.scan(slot).await;
+            highest: None,
+            is_scanned: false,
         }
-        store
+    }
+
+    /// Reads and validates both slots, unless that was done before.
+    pub async fn scan_once(&mut self) {
+        if self.is_scanned {
+            return;
+        }
+        for slot in SlotId::ALL {
+            self.scan(slot).await;
+        }
+        self.is_scanned = true;
+    }
+
+    /// Gives the flash back.
+    pub fn into_flash(self) -> F {
+        self.flash
     }
 
     /// Contents of both slots, and the active one.
@@ -150,11 +185,14 @@ impl<F: MappedFlash> SlotStore<F> {
 
     /// The slot with the library that was uploaded last.
     pub fn newest(&self) -> Option<SlotId> {
-        let sequence = |slot: SlotId| self.library(slot).map(|library| library.sequence);
-        let valid = SlotId::ALL
-            .into_iter()
-            .filter(|&slot| sequence(slot).is_some());
-        valid.max_by_key(|&slot| sequence(slot))
+        match SlotId::ALL.map(|slot| self.library(slot)) {
+            [Some(first), Some(second)] if newer(first.sequence, second.sequence) => {
+                Some(SlotId::A)
+            }
+            [_, Some(_)] => Some(SlotId::B),
+            [Some(_), None] => Some(SlotId::A),
+            [None, None] => None,
+        }
     }
 
     /// The active slot: the one whose library is in RAM.
@@ -167,12 +205,9 @@ impl<F: MappedFlash> SlotStore<F> {
         self.active = slot;
     }
 
-    /// The slot that an upload may overwrite.
+    /// The slot that an upload asks for: the one that is not active; while none is, the one that is worth less.
     pub fn spare(&self) -> SlotId {
-        match self.active.or(self.newest()) {
-            Some(kept) => kept.other(),
-            None => SlotId::A,
-        }
+        self.active.map_or_else(|| self.lesser(), SlotId::other)
     }
 
     /// Texture `index` of `slot`, after reading each word of the library again.
@@ -269,12 +304,13 @@ impl<F: MappedFlash> SlotStore<F> {
         info
     }
 
-    /// Erases the sector of `slot` that holds `offset`.
+    /// Erases the sector of the claimed slot that holds `offset`.
     pub(crate) async fn erase_sector(
         &mut self,
-        slot: SlotId,
+        claim: Claim,
         offset: u32,
     ) -> Result<(), WriteFault> {
+        let slot = claim.slot();
         let length = F::ERASE_SIZE as u32;
         let from = offset / length * length;
         let at = address(slot, from);
@@ -294,13 +330,14 @@ impl<F: MappedFlash> SlotStore<F> {
         F::ERASE_SIZE as u32
     }
 
-    /// Programs one word at `offset` of `slot`, without reading it back.
+    /// Programs one word at `offset` of the claimed slot, without reading it back.
     pub(crate) async fn program(
         &mut self,
-        slot: SlotId,
+        claim: Claim,
         offset: u32,
         word: &[u8; WORD_BYTES],
     ) -> Result<(), WriteFault> {
+        let slot = claim.slot();
         let written = self.flash.write(address(slot, offset), word).await;
         written.map_err(|_| flash_fault(slot, FlashOperation::Write, offset))
     }
@@ -315,13 +352,15 @@ impl<F: MappedFlash> SlotStore<F> {
         self.scan(slot).await;
     }
 
-    /// Programs `bytes` at `offset` of `slot` word by word, the last word padded with ones, and reads each word back.
+    /// Programs `bytes` at `offset` of the claimed slot word by word, the last word padded with ones, and reads each
+    /// word back.
     pub(crate) async fn write(
         &mut self,
-        slot: SlotId,
+        claim: Claim,
         offset: u32,
         bytes: &[u8],
     ) -> Result<(), WriteFault> {
+        let slot = claim.slot();
         for (index, piece) in bytes.chunks(WORD_BYTES).enumerate() {
             let mut word = [0xff; WORD_BYTES];
             word[..piece.len()].copy_from_slice(piece);
@@ -340,29 +379,30 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(())
     }
 
-    /// Validates `length` bytes in `slot`, each read once, and makes them a library by writing its header.
+    /// Validates `length` bytes in the claimed slot, each read once, and makes them a library by writing its header.
     pub(crate) async fn seal(
         &mut self,
-        slot: SlotId,
+        claim: Claim,
         length: u32,
         crc32: u32,
     ) -> Result<SlotInfo, SealFault> {
+        let slot = claim.slot();
         self.check_bytes(slot, length, crc32)
             .await
             .map_err(SealFault::Bytes)?;
         let content = self.check_library(slot, length).await;
         let content = content.map_err(SealFault::Bytes)?;
-        let newest = self.newest().and_then(|slot| self.library(slot));
         let header = Header {
-            sequence: newest
-                .map_or(0, |library| library.sequence)
-                .saturating_add(1),
+            sequence: self.highest.unwrap_or(0).wrapping_add(1),
             length,
             crc32,
         };
-        self.write(slot, HEADER_OFFSET, &header.word())
-            .await
-            .map_err(SealFault::Write)?;
+        if let Err(fault) = self.write(claim, HEADER_OFFSET, &header.word()).await {
+            // A header that reads wrongly now must not read right at a later start: nobody was told of its library.
+            let _ = self.erase_sector(claim, Self::header_sector()).await;
+            return Err(SealFault::Write(fault));
+        }
+        self.note_header(header);
         Ok(self.set_valid(slot, header, content))
     }
 
@@ -370,10 +410,14 @@ impl<F: MappedFlash> SlotStore<F> {
     async fn scan(&mut self, slot: SlotId) {
         match self.read_slot(slot).await {
             Ok(Some((header, content))) => {
+                self.note_header(header);
                 self.set_valid(slot, header, content);
             }
             Ok(None) => self.set_state(slot, SlotState::Empty),
-            Err(fault) => self.set_state(slot, SlotState::Faulty(fault)),
+            Err(fault) => {
+                self.note_sequence(slot).await;
+                self.set_state(slot, SlotState::Faulty(fault));
+            }
         }
     }
 
@@ -414,15 +458,27 @@ impl<F: MappedFlash> SlotStore<F> {
         length: u32,
         expected: u32,
     ) -> Result<(), SlotFault> {
+        self.compare_bytes(slot, length, expected, 1).await
+    }
+
+    /// Reads every word of the first `length` bytes of `slot` so many times, which must give the same each time, and
+    /// compares their checksum.
+    async fn compare_bytes(
+        &mut self,
+        slot: SlotId,
+        length: u32,
+        expected: u32,
+        reads: usize,
+    ) -> Result<(), SlotFault> {
         let mut digest = LIBRARY_CRC.digest();
         for offset in (0..length).step_by(WORD_BYTES) {
             let word = self
-                .read_word(slot, offset)
+                .repeated_word(slot, offset, reads)
                 .await
                 .ok_or(SlotFault::Unreadable { offset })?;
             let left = (length - offset) as usize;
             digest.update(&word[..left.min(WORD_BYTES)]);
-            if (offset as usize).is_multiple_of(STRIDE_BYTES) {
+            if (offset as usize).is_multiple_of(STRIDE_BYTES / reads.next_power_of_two()) {
                 yield_now().await;
             }
         }
@@ -457,6 +513,22 @@ impl<F: MappedFlash> SlotStore<F> {
 
     fn mapped(&self, slot: SlotId, length: u32) -> Result<&[u8], SlotFault> {
         mapped(&self.flash, slot, length)
+    }
+
+    /// The word at `offset` of `slot`; none unless all of so many reads find it the same.
+    async fn repeated_word(
+        &mut self,
+        slot: SlotId,
+        offset: u32,
+        reads: usize,
+    ) -> Option<[u8; WORD_BYTES]> {
+        let word = self.read_word(slot, offset).await?;
+        for _ in 1..reads {
+            if self.read_word(slot, offset).await? != word {
+                return None;
+            }
+        }
+        Some(word)
     }
 
     async fn read_word(&mut self, slot: SlotId, offset: u32) -> Option<[u8; WORD_BYTES]> {

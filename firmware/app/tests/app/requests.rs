@@ -398,7 +398,7 @@ fn another_library_takes_over_in_silence_and_one_that_is_not_there_does_not() {
 #[test]
 fn a_copy_that_fails_leaves_no_library_active_and_the_next_activation_works() {
     let mut stylus = Stylus::with_library(&library(1, 20, 1));
-    stylus.control.borrow_mut().device().loads_badly = true;
+    stylus.control.borrow_mut().device().bad_loads = 1;
     let slot = SlotId::A;
     assert_eq!(
         stylus.activate(slot),
@@ -406,7 +406,7 @@ fn a_copy_that_fails_leaves_no_library_active_and_the_next_activation_works() {
     );
     assert_eq!(stylus.play("texture 0"), Err(PlayError::NoLibrary));
     assert_eq!(stylus.storage.slots().active, None);
-    stylus.control.borrow_mut().device().loads_badly = false;
+    stylus.control.borrow_mut().device().bad_loads = 0;
     assert_eq!(stylus.activate(slot), Ok(slot));
     assert_eq!(stylus.play("texture 0"), Ok(()));
 }

@@ -63,6 +63,7 @@ fn a_library_as_large_as_a_slot_and_one_byte_more() {
     let begin = |length: usize| UploadBegin {
         length: length as u32,
         crc32: 0,
+        replaces_last: false,
     };
     assert!(block_on(uploader.begin(&mut store, begin(MAX_LIBRARY_BYTES))).is_ok());
     uploader.abort(&mut store);
@@ -145,6 +146,7 @@ fn a_chunk_past_the_end_is_refused() {
         let begin = UploadBegin {
             length: 40,
             crc32: 0,
+            replaces_last: false,
         };
         uploader
             .begin(&mut store, begin)

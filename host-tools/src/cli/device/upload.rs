@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use host_tools::link::upload::upload;
+use host_tools::link::upload::upload_over;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
 use serde::Serialize;
@@ -18,6 +18,9 @@ pub struct Arguments {
     /// Activate the library
     #[arg(long)]
     activate: bool,
+    /// Allow the upload to erase the last library that the device can read
+    #[arg(long)]
+    replace_last: bool,
     /// Skip the check on this computer; the device still checks the library
     #[arg(long)]
     unchecked: bool,
@@ -50,8 +53,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if !arguments.unchecked {
         device.check_library_format()?;
     }
+    if arguments.replace_last {
+        eprintln!(
+            "warning: with --replace-last the last library that the device can read may be erased: until the upload is \
+             done, a restart would leave it without one"
+        );
+    }
     let bar = progress::bar(bytes.len() as u64, "uploading");
-    let uploaded = upload(&mut device, &bytes, |there| bar.set_position(there as u64))?;
+    let uploaded = upload_over(&mut device, &bytes, arguments.replace_last, |there| {
+        bar.set_position(there as u64);
+    })?;
     bar.finish_and_clear();
     if arguments.activate {
         device.activate(uploaded.slot)?;

@@ -94,6 +94,7 @@ fn uploads(bench: &Bench, bytes: &[u8], end_ms: u64) -> Result<u32> {
     let announced = UploadBegin {
         length: bytes.len() as u32,
         crc32: LIBRARY_CRC.checksum(bytes),
+        replaces_last: false,
     };
     let mut uploads = 0;
     loop {

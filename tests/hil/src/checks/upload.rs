@@ -65,6 +65,7 @@ fn damaged(bench: &mut Bench, library: &[u8]) -> Result<()> {
     let announced = UploadBegin {
         length: library.len() as u32,
         crc32: LIBRARY_CRC.checksum(library),
+        replaces_last: false,
     };
     let (text, is_refused) = match send(bench, &bytes, announced) {
         Err(Error::Link(LinkError::Upload(refusal))) => (

@@ -533,6 +533,7 @@ pub fn announced(library: &[u8]) -> UploadBegin {
     UploadBegin {
         length: library.len() as u32,
         crc32: LIBRARY_CRC.checksum(library),
+        replaces_last: false,
     }
 }
 

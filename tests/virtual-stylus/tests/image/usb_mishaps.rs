@@ -83,6 +83,7 @@ fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
     let begin = UploadBegin {
         length: library.len() as u32,
         crc32: LIBRARY_CRC.checksum(library),
+        replaces_last: false,
     };
     let begun = device.try_ask::<UploadBeginEndpoint, _>(&begin)?;
     let mut offset = begun.expect("the library fits a slot").next_offset as usize;

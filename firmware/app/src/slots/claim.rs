@@ -1,0 +1,154 @@
+//! The one gate of all erasures: a [`Claim`], without which no sector of a slot is erased and no word of it written.
+//!
+//! A slot that holds a library is given away only while the other slot holds one too, which is read anew for that: each
+//! word [`STEADY_READS`] times, because a word that was being programmed when power was lost may read right now and
+//! wrongly at the next start. A slot that could not be read is read again first, because it may be readable now.
+
+use model_format::link::{SlotFault, SlotId, SlotInfo, SlotState};
+
+use super::header::{Header, HeaderWord};
+use super::{HEADER_OFFSET, MappedFlash, SlotStore, newer};
+
+/// Number of times that each word of the library that stays must read the same. A word that is as often right as not
+/// passes once in a million times. For a full slot this takes about a tenth of a second, as estimated from the number
+/// of loads.
+pub const STEADY_READS: usize = 20;
+
+/// Number of times that a slot which could not be read is read again before it is given away.
+const SECOND_CHANCES: usize = 4;
+
+/// Permission to erase and write a slot. [`SlotStore::claim`] alone gives it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Claim {
+    slot: SlotId,
+}
+
+impl Claim {
+    /// The slot.
+    pub(crate) const fn slot(self) -> SlotId {
+        self.slot
+    }
+}
+
+/// Refusal of a claim, because the slot holds the last library that can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct LastLibrary {
+    pub(crate) slot: SlotId,
+}
+
+impl<F: MappedFlash> SlotStore<F> {
+    /// Gives `slot` away to be erased; it holds no library from then on.
+    ///
+    /// # Errors
+    /// The slot holds a library, the other slot does not, and `replaces_last` is false. Nothing has changed then.
+    pub(crate) async fn claim(
+        &mut self,
+        slot: SlotId,
+        replaces_last: bool,
+    ) -> Result<Claim, LastLibrary> {
+        self.give_second_chances(slot).await;
+        if self.library(slot).is_some() && !replaces_last {
+            self.give_second_chances(slot.other()).await;
+            if !self.is_steady(slot.other()).await {
+                return Err(LastLibrary { slot });
+            }
+        }
+        self.set_unfinished(slot);
+        Ok(Claim { slot })
+    }
+
+    /// Gives the slot away that an upload goes to: the one that is not active. While none is active, it is the one that
+    /// is worth less.
+    ///
+    /// # Errors
+    /// As [`SlotStore::claim`].
+    pub(crate) async fn claim_spare(&mut self, replaces_last: bool) -> Result<Claim, LastLibrary> {
+        for slot in SlotId::ALL {
+            self.give_second_chances(slot).await;
+        }
+        let spare = self.spare();
+        if self.active().is_some() {
+            return self.claim(spare, replaces_last).await;
+        }
+        match self.claim(spare, false).await {
+            Ok(claim) => Ok(claim),
+            // The other slot cannot be relied on, so it is the one to go.
+            Err(LastLibrary { slot }) => self.claim(slot.other(), replaces_last).await,
+        }
+    }
+
+    /// Reads a slot that could not be read, until it can be or has failed [`SECOND_CHANCES`] times.
+    async fn give_second_chances(&mut self, slot: SlotId) {
+        for _ in 0..SECOND_CHANCES {
+            if !matches!(self.state(slot), SlotState::Faulty(_)) {
+                return;
+            }
+            self.rescan(slot).await;
+        }
+    }
+
+    /// The slot that is worth less: one that is not valid, otherwise the older one.
+    pub(super) fn lesser(&self) -> SlotId {
+        let worth = |slot: SlotId| match self.state(slot) {
+            SlotState::Empty | SlotState::Receiving => 0,
+            // What has failed to be read may be readable another time.
+            SlotState::Faulty(SlotFault::Unreadable { .. } | SlotFault::Checksum { .. }) => 2,
+            SlotState::Faulty(_) => 1,
+            SlotState::Valid(_) => 3,
+        };
+        let [first, second] = SlotId::ALL;
+        match self.newest() {
+            Some(newest) if worth(first) == worth(second) => newest.other(),
+            _ if worth(second) < worth(first) => second,
+            _ => first,
+        }
+    }
+
+    /// Returns true if `slot` holds a library each word of which reads the same every time. A slot that does not counts
+    /// as faulty from then on.
+    async fn is_steady(&mut self, slot: SlotId) -> bool {
+        let Some(info) = self.library(slot) else {
+            return false;
+        };
+        match self.read_steadily(slot, info).await {
+            Ok(()) => true,
+            Err(fault) => {
+                self.set_state(slot, SlotState::Faulty(fault));
+                false
+            }
+        }
+    }
+
+    async fn read_steadily(&mut self, slot: SlotId, info: SlotInfo) -> Result<(), SlotFault> {
+        let word = self.repeated_word(slot, HEADER_OFFSET, STEADY_READS).await;
+        let header = word.map(|word| Header::read(&word));
+        if !matches!(header, Some(HeaderWord::Header(header)) if header.crc32 == info.crc32) {
+            let offset = HEADER_OFFSET;
+            return Err(SlotFault::Unreadable { offset });
+        }
+        self.compare_bytes(slot, info.length, info.crc32, STEADY_READS)
+            .await
+    }
+
+    /// Notes the number of the header in `slot`, if one of several reads finds it. An upload must be numbered above a
+    /// library that cannot be read now, because it may be readable at the next start.
+    pub(super) async fn note_sequence(&mut self, slot: SlotId) {
+        for _ in 0..STEADY_READS {
+            if let Some(word) = self.word(slot, HEADER_OFFSET).await
+                && let HeaderWord::Header(header) = Header::read(&word)
+            {
+                return self.note_header(header);
+            }
+        }
+    }
+
+    /// Notes a header that was read or written.
+    pub(super) fn note_header(&mut self, header: Header) {
+        let is_higher = self
+            .highest
+            .is_none_or(|highest| newer(header.sequence, highest));
+        if is_higher {
+            self.highest = Some(header.sequence);
+        }
+    }
+}

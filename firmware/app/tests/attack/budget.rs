@@ -1,0 +1,58 @@
+//! Seed and number of cases of an attack.
+
+use std::env;
+use std::str::FromStr;
+
+use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+
+/// Seed of a run; the one without a variable is that of `tests/run`.
+pub fn seed() -> u64 {
+    number("STYLUS_ATTACK_SEED").unwrap_or(1)
+}
+
+/// `cases` times the factor that was asked for.
+pub fn cases(cases: u32) -> u32 {
+    cases * number::<u32>("STYLUS_ATTACK_FACTOR").unwrap_or(1)
+}
+
+fn number<T: FromStr>(name: &str) -> Option<T> {
+    let text = env::var(name).ok()?;
+    let number = text.parse().ok();
+    assert!(number.is_some(), "{name}={text} is not a whole number");
+    number
+}
+
+/// A runner of so many cases, all of which follow from the seed.
+pub fn runner(count: u32) -> TestRunner {
+    let config = Config {
+        cases: cases(count),
+        failure_persistence: None,
+        ..Config::default()
+    };
+    let mut bytes = [0; 32];
+    bytes[..8].copy_from_slice(&seed().to_le_bytes());
+    TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes))
+}
+
+/// Chance by a generator of 64 bits (xorshift of Marsaglia).
+pub struct Chance(u64);
+
+impl Chance {
+    /// Chance number `stream` of `seed`.
+    pub fn new(seed: u64, stream: u64) -> Self {
+        let mixed = (seed ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15)).wrapping_mul(0xD129_0DE5);
+        let mut chance = Self(mixed | 1);
+        for _ in 0..8 {
+            chance.below(2);
+        }
+        chance
+    }
+
+    /// A number below `bound`.
+    pub fn below(&mut self, bound: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        ((self.0 >> 11) % bound as u64) as usize
+    }
+}

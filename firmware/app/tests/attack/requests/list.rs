@@ -1,0 +1,200 @@
+//! The list of requests, and the libraries that they are about.
+
+use std::sync::LazyLock;
+
+use fake_stylus::library::{announcement, small_of};
+use fake_stylus::requests::frame;
+use model_format::link::{
+    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListRequest,
+    ListSceneEndpoint, MotionEndpoint, MotionSample, MotionSource, MotionTopic, PlayEndpoint,
+    PlayRequest, RecordStartEndpoint, RecordStopEndpoint, Selection, SelfTestEndpoint,
+    SelfTestRequest, Setting, SettingChange, SettingsGetEndpoint, SettingsResetEndpoint,
+    SettingsSetEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint, UploadAbortEndpoint,
+    UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
+    UploadProgressEndpoint,
+};
+use model_format::{MillimetresPerSecond, Newton};
+use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
+use postcard_rpc::standard_icd::PingEndpoint;
+use postcard_rpc::{Endpoint, Key, Topic};
+use serde::Serialize;
+
+/// Frame of a request with the given sequence number.
+pub type Made = fn(u32) -> Vec<u8>;
+
+/// A request: its name, and its frame.
+#[derive(Clone, Copy)]
+pub struct Request {
+    pub name: &'static str,
+    pub make: Made,
+    /// True if it is answered.
+    pub answered: bool,
+}
+
+pub const fn asked(name: &'static str, make: Made) -> Request {
+    Request {
+        name,
+        make,
+        answered: true,
+    }
+}
+
+const fn told(name: &'static str, make: Made) -> Request {
+    Request {
+        name,
+        make,
+        answered: false,
+    }
+}
+
+/// All requests. Those that come first change what is played or stored, and are paired with each other exhaustively.
+pub const REQUESTS: &[Request] = &[
+    asked("play", |n| ask::<PlayEndpoint>(n, &play("texture 0", 1.0))),
+    asked("play another texture", |n| {
+        ask::<PlayEndpoint>(n, &play("texture 1", 1.0))
+    }),
+    asked("play with another gain", |n| {
+        ask::<PlayEndpoint>(n, &play("texture 0", 0.25))
+    }),
+    asked("stop", |n| ask::<StopEndpoint>(n, &())),
+    asked("set a limit", |n| {
+        ask::<SettingsSetEndpoint>(n, &set(Setting::HardLimit, 0.25))
+    }),
+    asked("set what the coil needs", |n| {
+        ask::<SettingsSetEndpoint>(n, &set(Setting::AmplifierGain, 2.0))
+    }),
+    asked("reset the settings", |n| {
+        ask::<SettingsResetEndpoint>(n, &())
+    }),
+    asked("activate A", |n| ask::<ActivateEndpoint>(n, &SlotId::A)),
+    asked("activate B", |n| ask::<ActivateEndpoint>(n, &SlotId::B)),
+    asked("begin an upload", |n| {
+        ask::<UploadBeginEndpoint>(n, &announcement(&LIBRARIES[2]))
+    }),
+    asked("self test of a slot", |n| {
+        let request = SelfTestRequest::Flash {
+            slot: SlotId::B,
+            erases_library: true,
+        };
+        ask::<SelfTestEndpoint>(n, &request)
+    }),
+    asked("self test of the output", |n| {
+        ask::<SelfTestEndpoint>(n, &SelfTestRequest::Output)
+    }),
+    // From here on: in random lists alone.
+    asked("begin another upload", |n| {
+        let begin = UploadBegin {
+            replaces_last: true,
+            ..announcement(&LIBRARIES[1])
+        };
+        ask::<UploadBeginEndpoint>(n, &begin)
+    }),
+    asked("the only chunk", |n| chunk(n, 0, usize::MAX)),
+    asked("first chunk", |n| chunk(n, 0, HALF)),
+    asked("second chunk", |n| chunk(n, HALF, usize::MAX)),
+    asked("commit", |n| ask::<UploadCommitEndpoint>(n, &())),
+    asked("abort", |n| ask::<UploadAbortEndpoint>(n, &())),
+    asked("progress", |n| ask::<UploadProgressEndpoint>(n, &())),
+    asked("slots", |n| ask::<SlotsEndpoint>(n, &())),
+    asked("list", |n| ask::<ListEndpoint>(n, &first_of(SlotId::A))),
+    asked("list scenes", |n| {
+        ask::<ListSceneEndpoint>(n, &first_of(SlotId::B))
+    }),
+    asked("set a value out of range", |n| {
+        ask::<SettingsSetEndpoint>(n, &set(Setting::HardLimit, 99.0))
+    }),
+    asked("settings", |n| ask::<SettingsGetEndpoint>(n, &())),
+    asked("play by the sensors", |n| {
+        let request = PlayRequest {
+            motion: MotionSource::Sensors,
+            ..play("texture 0", 1.0)
+        };
+        ask::<PlayEndpoint>(n, &request)
+    }),
+    asked("play what is not there", |n| {
+        ask::<PlayEndpoint>(n, &play("nothing", 1.0))
+    }),
+    asked("motion", |n| ask::<MotionEndpoint>(n, &motion())),
+    told("live motion", |n| tell::<MotionTopic>(n, &motion())),
+    told("keep alive", |n| tell::<KeepAliveTopic>(n, &())),
+    asked("record", |n| ask::<RecordStartEndpoint>(n, &())),
+    asked("end of the recording", |n| {
+        ask::<RecordStopEndpoint>(n, &())
+    }),
+    asked("self test of the chip", |n| {
+        ask::<SelfTestEndpoint>(n, &SelfTestRequest::Chip)
+    }),
+    asked("status", |n| ask::<StatusEndpoint>(n, &())),
+    asked("cycles", |n| ask::<CyclesEndpoint>(n, &())),
+    asked("info", |n| ask::<InfoEndpoint>(n, &())),
+    asked("ping", |n| ask::<PingEndpoint>(n, &7)),
+    asked("a request without its body", |n| {
+        frame(PlayEndpoint::REQ_KEY, header(n), &())
+    }),
+    asked("an unknown request", |n| {
+        frame(Key::for_path::<()>("nowhere"), header(n), &())
+    }),
+];
+
+/// Bytes of the first chunk of an upload in two.
+const HALF: usize = 64;
+
+/// Number of the requests that are paired exhaustively.
+pub const PAIRED: usize = 12;
+
+/// The libraries in slots A and B, and one to upload. The names of their textures are the same.
+pub static LIBRARIES: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
+    [1, 2, 3].map(|seed| {
+        let bytes = small_of(&["texture 0", "texture 1"], seed);
+        assert!(HALF < bytes.len() && bytes.len() < 512);
+        bytes
+    })
+});
+
+fn header(number: u32) -> VarHeader {
+    VarHeader {
+        key: VarKey::Key8(PingEndpoint::REQ_KEY),
+        seq_no: VarSeq::Seq4(number),
+    }
+}
+
+pub fn ask<E: Endpoint>(number: u32, request: &impl Serialize) -> Vec<u8> {
+    frame(E::REQ_KEY, header(number), request)
+}
+
+fn tell<T: Topic>(number: u32, message: &impl Serialize) -> Vec<u8> {
+    frame(T::TOPIC_KEY, header(number), message)
+}
+
+fn play(texture: &str, gain: f32) -> PlayRequest {
+    PlayRequest {
+        selection: Selection::Texture(texture.try_into().expect("it is short")),
+        gain,
+        motion: MotionSource::Host,
+        seed: 1,
+    }
+}
+
+pub fn set(setting: Setting, value: f32) -> SettingChange {
+    SettingChange { setting, value }
+}
+
+fn first_of(slot: SlotId) -> ListRequest {
+    ListRequest { slot, index: 0 }
+}
+
+pub fn motion() -> MotionSample {
+    MotionSample {
+        speed: MillimetresPerSecond(100.0),
+        force: Newton(1.0),
+        position_mm: None,
+        contact: None,
+    }
+}
+
+fn chunk(number: u32, offset: usize, end: usize) -> Vec<u8> {
+    let bytes = &LIBRARIES[2];
+    let data = &bytes[offset..bytes.len().min(end)];
+    let offset = offset as u32;
+    ask::<UploadChunkEndpoint>(number, &UploadChunk { offset, data })
+}

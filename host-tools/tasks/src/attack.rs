@@ -1,0 +1,153 @@
+//! Attacks that go on as long as asked: the fuzzers of `tests/fuzz`, and the model checks of `firmware/app/tests/attack`.
+//!
+//! Each round has a seed, from which all of it follows, so that a failure is seen again by its seed alone.
+
+use std::hash::{BuildHasher, RandomState};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use crate::error::{Error, Result};
+use crate::{process, workspace};
+
+/// Cases of a round, as a multiple of those of `tests/run`.
+const FACTOR: u32 = 4;
+
+/// Runs of each fuzzer per round.
+const FUZZ_RUNS: u64 = 1_000_000;
+
+/// Longest round of a fuzzer whose seed was given, s.
+const FUZZ_LIMIT_S: u64 = 24 * 3600;
+
+/// A target of an attack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Target {
+    /// Decoder and lattice under random input
+    Fuzz,
+    /// Starts after power cuts and damage of the flash
+    Boots,
+    /// Interleavings of two hosts' requests
+    Requests,
+}
+
+impl Target {
+    const ALL: [Self; 3] = [Self::Fuzz, Self::Boots, Self::Requests];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Fuzz => "fuzz",
+            Self::Boots => "boots",
+            Self::Requests => "requests",
+        }
+    }
+
+    /// One round, which ends within `limit` if the target can.
+    fn round(self, seed: u64, limit: Option<Duration>) -> Command {
+        match self {
+            Self::Fuzz => {
+                let mut smoke = Command::new(workspace::root().join("tests/fuzz/smoke"));
+                let seconds = limit.map_or(FUZZ_LIMIT_S, |limit| limit.as_secs().max(1));
+                // libFuzzer takes a seed of 32 bits, and 0 for none.
+                let seed = (seed as u32).max(1);
+                smoke.args([FUZZ_RUNS, seconds, seed.into()].map(|number| number.to_string()));
+                smoke
+            }
+            Self::Boots | Self::Requests => {
+                let mut test = Command::new("cargo");
+                test.current_dir(workspace::root());
+                test.args(["test", "--quiet", "--locked", "--package", "stylus-app"]);
+                test.args(["--test", "attack", "--"]);
+                test.arg(format!("{}::", self.name()));
+                test.env("STYLUS_ATTACK_SEED", seed.to_string());
+                test.env("STYLUS_ATTACK_FACTOR", FACTOR.to_string());
+                test
+            }
+        }
+    }
+
+    fn attack(self, seed: u64, limit: Option<Duration>) -> Result<()> {
+        println!("attack {}, seed {seed}", self.name());
+        process::run(&mut self.round(seed, limit)).map_err(|failure| Error::Attack {
+            target: self.name(),
+            seed,
+            failure: Box::new(failure),
+        })
+    }
+}
+
+/// Options of `cargo tasks attack`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The targets [default: all, in turn]
+    targets: Vec<Target>,
+    /// Time after which no round begins: a number with s, m or h
+    #[arg(long = "for", value_name = "TIME", value_parser = duration, default_value = "10m")]
+    time: Duration,
+    /// One round with this seed, which a failure has named
+    #[arg(long, conflicts_with = "time")]
+    seed: Option<u64>,
+}
+
+/// A number with its unit: s, m or h.
+fn duration(text: &str) -> std::result::Result<Duration, String> {
+    let wrong = || format!("'{text}' is no time; give a number with s, m or h, such as 10m");
+    let unit = text.chars().last().ok_or_else(wrong)?;
+    let seconds = match unit {
+        's' => 1,
+        'm' => 60,
+        'h' => 3600,
+        _ => return Err(wrong()),
+    };
+    let number: u64 = text[..text.len() - 1].parse().map_err(|_| wrong())?;
+    number
+        .checked_mul(seconds)
+        .map(Duration::from_secs)
+        .ok_or_else(wrong)
+}
+
+/// Attacks the targets in turn until the time is over, or once with the given seed.
+///
+/// # Errors
+/// The first failure, with its seed.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let targets = if arguments.targets.is_empty() {
+        &Target::ALL
+    } else {
+        arguments.targets.as_slice()
+    };
+    if let Some(seed) = arguments.seed {
+        return targets
+            .iter()
+            .try_for_each(|target| target.attack(seed, None));
+    }
+    let begin = Instant::now();
+    let mut rounds = 0;
+    while let Some(left) = arguments.time.checked_sub(begin.elapsed()) {
+        let target = targets[rounds % targets.len()];
+        target.attack(RandomState::new().hash_one(rounds), Some(left))?;
+        rounds += 1;
+    }
+    println!("{rounds} rounds found nothing");
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_has_a_number_and_a_unit() {
+        assert_eq!(duration("10m"), Ok(Duration::from_mins(10)));
+        assert_eq!(duration("90s"), Ok(Duration::from_secs(90)));
+        assert_eq!(duration("2h"), Ok(Duration::from_hours(2)));
+        for wrong in ["", "m", "10", "1d", "-1s", "10µ", "99999999999999999999h"] {
+            assert!(duration(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_round_of_a_fuzzer_ends_with_the_time_that_is_left_and_begins_with_its_seed() {
+        let round = Target::Fuzz.round(7, Some(Duration::from_secs(30)));
+        let arguments: Vec<_> = round.get_args().collect();
+        assert_eq!(arguments, ["1000000", "30", "7"]);
+    }
+}
