@@ -7,11 +7,11 @@ use fake_stylus::requests::frame;
 use model_format::link::{
     ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListRequest,
     ListSceneEndpoint, MotionEndpoint, MotionSample, MotionSource, MotionTopic, PlayEndpoint,
-    PlayRequest, RecordStartEndpoint, RecordStopEndpoint, Selection, SelfTestEndpoint,
-    SelfTestRequest, Setting, SettingChange, SettingsGetEndpoint, SettingsResetEndpoint,
-    SettingsSetEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint, UploadAbortEndpoint,
-    UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
-    UploadProgressEndpoint,
+    PlayRequest, ProposalToken, RecordStartEndpoint, RecordStopEndpoint, Selection,
+    SelfTestEndpoint, SelfTestRequest, Setting, SettingChange, SettingsApplyEndpoint,
+    SettingsChange, SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, SlotsEndpoint,
+    StatusEndpoint, StopEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint,
+    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
@@ -29,13 +29,36 @@ pub struct Request {
     pub make: Made,
     /// True if it is answered.
     pub answered: bool,
+    /// True if it renews the lease of a host that plays.
+    pub renews: bool,
+    /// True if a second frame of its host follows, which applies the change of settings that this one proposes.
+    pub then_applies: bool,
 }
 
-pub const fn asked(name: &'static str, make: Made) -> Request {
+impl Request {
+    const fn renewing(self) -> Self {
+        Self {
+            renews: true,
+            ..self
+        }
+    }
+}
+
+const fn asked(name: &'static str, make: Made) -> Request {
     Request {
         name,
         make,
         answered: true,
+        renews: false,
+        then_applies: false,
+    }
+}
+
+/// A change of settings in two steps.
+pub const fn changed(name: &'static str, make: Made) -> Request {
+    Request {
+        then_applies: true,
+        ..asked(name, make)
     }
 }
 
@@ -44,27 +67,31 @@ const fn told(name: &'static str, make: Made) -> Request {
         name,
         make,
         answered: false,
+        renews: true,
+        then_applies: false,
     }
 }
 
 /// All requests. Those that come first change what is played or stored, and are paired with each other exhaustively.
 pub const REQUESTS: &[Request] = &[
-    asked("play", |n| ask::<PlayEndpoint>(n, &play("texture 0", 1.0))),
+    asked("play", |n| ask::<PlayEndpoint>(n, &play("texture 0", 1.0))).renewing(),
     asked("play another texture", |n| {
         ask::<PlayEndpoint>(n, &play("texture 1", 1.0))
-    }),
+    })
+    .renewing(),
     asked("play with another gain", |n| {
         ask::<PlayEndpoint>(n, &play("texture 0", 0.25))
-    }),
+    })
+    .renewing(),
     asked("stop", |n| ask::<StopEndpoint>(n, &())),
-    asked("set a limit", |n| {
-        ask::<SettingsSetEndpoint>(n, &set(Setting::HardLimit, 0.25))
+    changed("set a limit", |n| {
+        propose(n, &[set(Setting::HardLimit, 0.25)])
     }),
-    asked("set what the coil needs", |n| {
-        ask::<SettingsSetEndpoint>(n, &set(Setting::AmplifierGain, 2.0))
+    changed("set what the coil needs", |n| {
+        propose(n, &[set(Setting::AmplifierGain, 2.0)])
     }),
-    asked("reset the settings", |n| {
-        ask::<SettingsResetEndpoint>(n, &())
+    changed("reset the settings", |n| {
+        ask::<SettingsProposeEndpoint>(n, &SettingsChange::Reset)
     }),
     asked("activate A", |n| ask::<ActivateEndpoint>(n, &SlotId::A)),
     asked("activate B", |n| ask::<ActivateEndpoint>(n, &SlotId::B)),
@@ -101,8 +128,12 @@ pub const REQUESTS: &[Request] = &[
         ask::<ListSceneEndpoint>(n, &first_of(SlotId::B))
     }),
     asked("set a value out of range", |n| {
-        ask::<SettingsSetEndpoint>(n, &set(Setting::HardLimit, 99.0))
+        propose(n, &[set(Setting::HardLimit, 99.0)])
     }),
+    asked("propose and forget", |n| {
+        propose(n, &[set(Setting::OutputGain, 0.5)])
+    }),
+    asked("apply by a token of nobody", |n| apply(n, ProposalToken(0))),
     asked("settings", |n| ask::<SettingsGetEndpoint>(n, &())),
     asked("play by the sensors", |n| {
         let request = PlayRequest {
@@ -110,11 +141,12 @@ pub const REQUESTS: &[Request] = &[
             ..play("texture 0", 1.0)
         };
         ask::<PlayEndpoint>(n, &request)
-    }),
+    })
+    .renewing(),
     asked("play what is not there", |n| {
         ask::<PlayEndpoint>(n, &play("nothing", 1.0))
     }),
-    asked("motion", |n| ask::<MotionEndpoint>(n, &motion())),
+    asked("motion", |n| ask::<MotionEndpoint>(n, &motion())).renewing(),
     told("live motion", |n| tell::<MotionTopic>(n, &motion())),
     told("keep alive", |n| tell::<KeepAliveTopic>(n, &())),
     asked("record", |n| ask::<RecordStartEndpoint>(n, &())),
@@ -158,12 +190,23 @@ fn header(number: u32) -> VarHeader {
     }
 }
 
-pub fn ask<E: Endpoint>(number: u32, request: &impl Serialize) -> Vec<u8> {
+fn ask<E: Endpoint>(number: u32, request: &impl Serialize) -> Vec<u8> {
     frame(E::REQ_KEY, header(number), request)
 }
 
 fn tell<T: Topic>(number: u32, message: &impl Serialize) -> Vec<u8> {
     frame(T::TOPIC_KEY, header(number), message)
+}
+
+/// A proposal to change settings to `values`.
+pub fn propose(number: u32, values: &[SettingChange]) -> Vec<u8> {
+    let change = SettingsChange::of(values).expect("there is room for them");
+    ask::<SettingsProposeEndpoint>(number, &change)
+}
+
+/// The application of the proposal that was answered with `token`.
+pub fn apply(number: u32, token: ProposalToken) -> Vec<u8> {
+    ask::<SettingsApplyEndpoint>(number, &token)
 }
 
 fn play(texture: &str, gain: f32) -> PlayRequest {

@@ -21,7 +21,7 @@ use stylus_app::TICKS_PER_MS;
 use stylus_app::control::Device;
 
 use crate::budget::{self, Chance};
-use list::{PAIRED, REQUESTS, Request, motion};
+use list::{PAIRED, REQUESTS, Request};
 use world::{Beginning, Checked, Choice, LATEST_POLL_TICKS, World};
 
 /// Times that time passes, in an exhaustive exploration, while a task could go on.
@@ -131,10 +131,7 @@ fn wander(world: &mut World, chance: &mut Chance) -> Checked {
         }
         let choice = choices[chance.below(choices.len())];
         if chance.below(60) == 0 {
-            world.note_heard();
-            world.control.borrow_mut().heard();
-            let moved = world.control.borrow_mut().motion(motion());
-            moved.expect("it is finite");
+            world.moves();
         }
         world.go_on(choice)?;
     }

@@ -11,14 +11,14 @@ use fake_stylus::hardware::Hardware;
 use fake_stylus::library::put;
 use fake_stylus::requests::Requests;
 use model_format::limits::SLOT_BYTES;
-use model_format::link::{Activity, Setting, Settings, SettingsSetEndpoint, SlotId};
+use model_format::link::{Activity, LinkId, ProposalToken, Setting, Settings, SlotId};
 use postcard_rpc::header::{VarHeader, VarSeq};
 use stylus_app::TICKS_PER_MS;
 use stylus_app::control::Device;
 use stylus_app::safety::Config;
 use stylus_app::settings::SettingsStore;
 
-use super::list::{LIBRARIES, Made, REQUESTS, Request, ask, asked, set};
+use super::list::{LIBRARIES, REQUESTS, Request, apply, changed, motion, propose, set};
 
 /// Time within which the output is silent after a mute begins, ticks: 100 ms, and the lateness of the poll.
 const SILENT_WITHIN_TICKS: u64 = (100 * TICKS_PER_MS) as u64 + LATEST_POLL_TICKS;
@@ -143,10 +143,15 @@ impl Watch {
     }
 }
 
+/// The links of the two hosts.
+const LINKS: [LinkId; 2] = [LinkId::Usb, LinkId::Serial];
+
 /// A host: its frames that were not sent yet.
 struct Host {
     requests: Vec<Request>,
     sent: usize,
+    /// True between the two frames of a change of settings.
+    has_proposed: bool,
 }
 
 /// A device, its tasks, and two hosts.
@@ -163,7 +168,8 @@ pub struct World {
     pub watch: Watch,
     /// Waits while a task could have gone on.
     pub waits: u32,
-    heard_at: u64,
+    /// The tick at which each host last renewed its lease, if it has one.
+    renewed_at: [u64; 2],
     pub schedule: Vec<Choice>,
 }
 
@@ -196,15 +202,16 @@ impl World {
             hosts: lists.map(|list| Host {
                 requests: list.to_vec(),
                 sent: 0,
+                has_proposed: false,
             }),
             answers: Vec::new(),
             expected: Vec::new(),
             waits: 0,
-            heard_at: 0,
+            renewed_at: [0; 2],
             schedule: Vec::new(),
         };
         if plays {
-            world.serve(REQUESTS[0]);
+            world.serve(0, REQUESTS[0]);
             for _ in 0..8 {
                 world.millisecond().expect("it plays alone");
             }
@@ -212,16 +219,39 @@ impl World {
         world
     }
 
-    /// Serves a request of either host.
-    fn serve(&mut self, request: Request) {
+    /// Serves a request of a host.
+    fn serve(&mut self, host: usize, request: Request) {
         let number = self.expected.len() as u32;
-        self.note_heard();
+        if request.renews {
+            self.note_renewed(host);
+        }
         self.expected.push(request.answered);
         self.answers.push(0);
-        let frame = (request.make)(number);
-        if let Some(answer) = self.requests.serve(&frame, false) {
+        let frame = if self.hosts[host].has_proposed {
+            let control = self.control.borrow();
+            let proposal = control.status().proposal;
+            apply(number, proposal.map_or(ProposalToken(0), |it| it.token))
+        } else {
+            (request.make)(number)
+        };
+        if let Some(answer) = self.requests.serve(LINKS[host], &frame, false) {
             self.count(&answer);
         }
+    }
+
+    /// Number of the host that plays, or else the first.
+    fn holder(&self) -> usize {
+        let holder = self.control.borrow().status().lease.holder;
+        let number = LINKS.iter().position(|&link| Some(link) == holder);
+        number.unwrap_or(0)
+    }
+
+    /// The host that plays moves the tool.
+    pub fn moves(&mut self) {
+        let holder = self.holder();
+        self.note_renewed(holder);
+        let moved = self.control.borrow_mut().motion(LINKS[holder], motion());
+        moved.expect("it is finite, and this host plays");
     }
 
     fn count(&mut self, answer: &[u8]) {
@@ -256,10 +286,12 @@ impl World {
         self.schedule.push(choice);
         match choice {
             Choice::Host(index) => {
-                let host = &mut self.hosts[index];
+                let host = &self.hosts[index];
                 let request = host.requests[host.sent];
-                host.sent += 1;
-                self.serve(request);
+                self.serve(index, request);
+                let host = &mut self.hosts[index];
+                host.has_proposed = request.then_applies && !host.has_proposed;
+                host.sent += usize::from(!host.has_proposed);
             }
             Choice::Storage => self.storage_goes_on(),
             Choice::Millisecond => self.millisecond()?,
@@ -284,10 +316,11 @@ impl World {
             }
         }
         self.watch.look(&self.control)?;
+        let renewed_at = self.renewed_at[self.holder()];
         let mut control = self.control.borrow_mut();
         let now = control.device().now();
-        if now - self.heard_at > SILENT_WITHIN_TICKS && control.device().sounds() {
-            return Err("it sounds although no host was heard".to_owned());
+        if now - renewed_at > SILENT_WITHIN_TICKS && control.device().sounds() {
+            return Err("it sounds although the host that plays was not heard".to_owned());
         }
         Ok(())
     }
@@ -305,16 +338,16 @@ impl World {
         }
     }
 
-    /// A millisecond in which a host sends a motion.
+    /// A millisecond in which the host that plays sends a motion.
     fn millisecond(&mut self) -> Checked {
-        self.note_heard();
-        self.control.millisecond_with_motion();
-        self.watch.polled_at = self.heard_at + u64::from(TICKS_PER_MS);
+        self.moves();
+        self.control.millisecond();
+        self.watch.polled_at = self.control.borrow_mut().device().now();
         self.watch.look(&self.control)
     }
 
-    pub fn note_heard(&mut self) {
-        self.heard_at = self.control.borrow_mut().device().now();
+    fn note_renewed(&mut self, host: usize) {
+        self.renewed_at[host] = self.control.borrow_mut().device().now();
     }
 
     /// All of the state by which later steps can differ. Of time it keeps what the application does.
@@ -326,7 +359,9 @@ impl World {
         let output = status.output;
         let _ = write!(
             print,
-            "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {} {:?} {} {}",
+            "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {} {:?} {} {}",
+            status.lease,
+            status.proposal.map(|it| (it.from, it.change, it.loosens)),
             output.activity,
             output.mute,
             output.at_rest,
@@ -338,7 +373,9 @@ impl World {
             hardware.config,
             hardware.sounds(),
             hardware.is_muted(),
-            self.hosts.each_ref().map(|host| host.sent),
+            self.hosts
+                .each_ref()
+                .map(|host| (host.sent, host.has_proposed)),
             self.storage_steps,
             self.expected.len(),
         );
@@ -403,13 +440,7 @@ impl World {
             .check_playable()
             .is_err()
         {
-            for make in [
-                (|n| ask::<SettingsSetEndpoint>(n, &COIL[0])) as Made,
-                |n| ask::<SettingsSetEndpoint>(n, &COIL[1]),
-                |n| ask::<SettingsSetEndpoint>(n, &COIL[2]),
-            ] {
-                self.do_alone(asked("a setting of the coil", make))?;
-            }
+            self.do_alone(changed("the coil's settings", |n| propose(n, &COIL)))?;
         }
         if self.control.borrow().active().is_none() {
             self.do_alone(named("activate A"))?;
