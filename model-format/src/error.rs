@@ -142,6 +142,9 @@ pub enum Problem {
         /// The texture's structure.
         texture: Structure,
     },
+    /// A number in more bytes than it needs.
+    #[error("a number takes more bytes than it needs: write the library again with `stylus`")]
+    Padded,
     /// A texture's header that does not parse.
     #[error("the header does not parse")]
     Malformed,

@@ -1,5 +1,6 @@
 //! From bytes to a [`Library`], or to the first fault and its place.
 
+use super::canonical;
 use super::check::{Demand, check_texture};
 use super::texture::Texture;
 use super::view::{Library, take_scene};
@@ -58,6 +59,7 @@ impl<'a> Library<'a> {
         }
         let (count, textures) =
             postcard::take_from_bytes::<u32>(body).map_err(|_| at(Problem::TooShort { found }))?;
+        canonical::check(body, textures, canonical::of_number(count)).map_err(at)?;
         let len = count as usize;
         if len == 0 || len > limits::MAX_TEXTURES {
             return Err(at(Problem::TextureCount(len)));
@@ -101,7 +103,7 @@ impl<'a> Library<'a> {
         let mut rest = self.scenes;
         for index in 0..self.scene_count {
             let here = |problem: Problem| problem.at(Place::Scene(index));
-            let (scene, after) = take_scene(rest).ok_or(here(Problem::MalformedScene))?;
+            let (scene, after) = take_scene(rest).map_err(here)?;
             scene.validate(self).map_err(|error| here(error.into()))?;
             let mut earlier = self.scenes().take(index);
             if let Some(other) = earlier.position(|other| other.name == scene.name) {

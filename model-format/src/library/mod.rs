@@ -6,11 +6,13 @@
 //! | `texture`, `axis`, `node`, `certificate` | the parts of a texture |
 //! | `part` | what a texture may say beside its models, a kind each |
 //! | `decode` | from bytes to [`Library`]: prefix, textures, scenes |
+//! | `canonical` | the one form of its bytes |
 //! | `check` | all that a texture must hold |
 //!
 //! Views allocate nothing. They parse again what validation has parsed before, so that this cannot fail.
 
 mod axis;
+mod canonical;
 mod certificate;
 mod check;
 mod decode;

@@ -1,6 +1,7 @@
 //! A texture of a library.
 
 use super::axis::Axis;
+use super::canonical;
 use super::certificate::Certificate;
 use super::node::{Coefficients, Node, NodeFlags};
 use super::part::fine_theta::FineTheta;
@@ -33,6 +34,7 @@ impl<'a> Texture<'a> {
         let here = |problem: Problem| problem.at(Place::Texture(index));
         let (record, rest) = postcard::take_from_bytes::<TextureRecord<'a>>(bytes)
             .map_err(|_| here(Problem::Malformed))?;
+        canonical::check(bytes, rest, canonical::of_texture(&record)).map_err(here)?;
         let (parts, rest) = Parts::take(rest).map_err(here)?;
         let texture = Self {
             name: record.name,

@@ -1,6 +1,8 @@
 //! A validated library.
 
+use super::canonical;
 use super::texture::Texture;
+use crate::error::Problem;
 use crate::scene::Scene;
 
 /// A validated texture library, borrowed from its bytes.
@@ -86,7 +88,7 @@ impl<'a> Library<'a> {
         let mut rest = self.scenes;
         // Validation has parsed them, so that parsing them again does not fail.
         (0..self.scene_count).map_while(move |_| {
-            let (scene, after) = take_scene(rest)?;
+            let (scene, after) = take_scene(rest).ok()?;
             rest = after;
             Some(scene)
         })
@@ -98,10 +100,19 @@ impl<'a> Library<'a> {
     }
 }
 
-/// Parses the scene that `bytes` begin with: the scene, and the bytes after it. None if its record is not exactly a
-/// scene.
-pub(super) fn take_scene(bytes: &[u8]) -> Option<(Scene, &[u8])> {
-    let (record, after) = postcard::take_from_bytes::<&[u8]>(bytes).ok()?;
-    let (scene, rest) = postcard::take_from_bytes::<Scene>(record).ok()?;
-    rest.is_empty().then_some((scene, after))
+/// Parses the scene that `bytes` begin with: the scene, and the bytes after it.
+///
+/// # Errors
+/// A record that is not exactly a scene, or not in its one form.
+pub(super) fn take_scene(bytes: &[u8]) -> Result<(Scene, &[u8]), Problem> {
+    let malformed = Problem::MalformedScene;
+    let (record, after) = postcard::take_from_bytes::<&[u8]>(bytes).map_err(|_| malformed)?;
+    canonical::check(bytes, after, canonical::of_string(record))?;
+    let (scene, rest) = postcard::take_from_bytes::<Scene>(record).map_err(|_| malformed)?;
+    if !rest.is_empty() {
+        return Err(malformed);
+    }
+    let length = canonical::of_scene(&scene).ok_or(malformed)?;
+    canonical::check(record, rest, length)?;
+    Ok((scene, after))
 }

@@ -17,6 +17,7 @@ pub(crate) mod fine_theta;
 pub(crate) mod levels;
 mod subject;
 
+use super::canonical;
 use crate::error::{DecodeError, Problem};
 
 use fine_theta::FineTheta;
@@ -58,11 +59,14 @@ impl<'a> Parts<'a> {
     pub fn take(bytes: &'a [u8]) -> Result<(Self, &'a [u8]), Problem> {
         let malformed = |_| Problem::MalformedParts;
         let (count, mut rest) = postcard::take_from_bytes::<u32>(bytes).map_err(malformed)?;
+        canonical::check(bytes, rest, canonical::of_number(count))?;
         let mut parts = Self::default();
         let mut last = 0;
         for _ in 0..count {
             let ((kind, content), after) =
                 postcard::take_from_bytes::<(u32, &'a [u8])>(rest).map_err(malformed)?;
+            let length = canonical::of_number(kind) + canonical::of_string(content);
+            canonical::check(rest, after, length)?;
             match kind {
                 levels::KIND => parts.levels = Some(LevelsPart(content)),
                 fine_theta::KIND => parts.fine_theta = Some(FineTheta(content)),
