@@ -8,7 +8,7 @@ use host_tools::support::error::{Error, Result};
 
 use super::input::positive;
 use super::table::table;
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{print, print_json, warn};
 
 /// Rate of force that is assumed if none is known, N/s.
 const ASSUMED_FORCE_RATE_N_S: f64 = 100.0;
@@ -53,8 +53,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     print(&text(&fit))?;
     if fit.gain_m_s2_per_n_s.is_none() {
-        eprintln!(
-            "warning: no rate of force is known, so the gain is a guess; record the force, or give --force-rates"
+        warn(
+            "no rate of force is known, so the gain is a guess; record the force, or give --force-rates",
         );
     }
     Ok(())

@@ -10,7 +10,7 @@ use host_tools::support::error::Result;
 use host_tools::support::progress;
 
 use super::table::table;
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{note, print, print_json, warn};
 
 /// Error of a node that is worth a warning, dB.
 const WARN_DB: f64 = 1.0;
@@ -58,17 +58,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let plan = plan(&sources, &options)?;
     for source in &sources {
         for warning in &source.toolkit.warnings {
-            eprintln!("warning: {}: {warning}", source.path.display());
+            warn(&format!("{}: {warning}", source.path.display()));
         }
     }
-    eprintln!("{}", plan.in_words(sources.len()));
+    note(&plan.in_words(sources.len()));
     let bar = progress::bar(sources.len() as u64, "converting");
     let (converted, bytes) = import(&sources, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
     atomic_file::write(&arguments.out, &bytes)?;
     for (source, converted) in sources.iter().zip(&converted) {
         if let Some(warning) = far_nodes(&converted.nodes) {
-            eprintln!("warning: {}: {warning}", source.path.display());
+            warn(&format!("{}: {warning}", source.path.display()));
         }
     }
     if arguments.json {

@@ -2,12 +2,19 @@
 
 use std::path::Path;
 
+use host_tools::support::bounded_file::{Limit, MIB};
 use host_tools::support::error::{Error, Result};
 use model_format::Library;
 
+/// A library. A slot holds half a mebibyte; the decoder names the lengths of what is a little larger.
+const LIBRARY: Limit = Limit {
+    of: "a library",
+    bytes: 16 * MIB,
+};
+
 /// Reads a library's bytes.
 pub fn read_library(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(Error::io("read", path))
+    LIBRARY.read(path)
 }
 
 /// Decodes a library; `path` is only named in errors.

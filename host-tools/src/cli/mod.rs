@@ -39,6 +39,9 @@ use host_tools::support::error::Error;
 /// Exit code of a failure that the user can mend: a file, a value or a request that cannot be used.
 const EXIT_UNUSABLE: u8 = 2;
 
+/// Exit code of a command whose reader closed the output before the end.
+const EXIT_CLOSED: u8 = 1;
+
 /// The last line of the help of a build that leaves commands out.
 #[cfg(not(all(feature = "device", feature = "hatt", feature = "spectrograms")))]
 const COMMANDS_LEFT_OUT: &str = "This build leaves commands out: those for a stylus need the feature `device`, \
@@ -96,7 +99,11 @@ enum Command {
 
 /// Runs the command on the process's command line.
 pub fn run() -> ExitCode {
-    let outcome = match Arguments::parse().command {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(answer) => return answer_without_a_command(&answer),
+    };
+    let outcome = match arguments.command {
         Command::SimulateRig(arguments) => simulate_rig::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
@@ -118,13 +125,26 @@ pub fn run() -> ExitCode {
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
-        // The reader of the output has closed it, as `head` does after its last line.
+        // The reader of the output has closed it, as `head` does after its last line, and wants no more words.
         Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::BrokenPipe => {
-            ExitCode::SUCCESS
+            ExitCode::from(EXIT_CLOSED)
         }
         Err(failure) => {
-            eprintln!("stylus: {failure}");
+            output::failed(&failure);
             ExitCode::from(EXIT_UNUSABLE)
         }
+    }
+}
+
+/// Prints the help, the version, or the fault of a command line that names no command to run.
+fn answer_without_a_command(answer: &clap::Error) -> ExitCode {
+    let text = answer.render().to_string();
+    if answer.use_stderr() {
+        output::note(text.trim_end());
+        return ExitCode::from(EXIT_UNUSABLE);
+    }
+    match output::print(text.trim_end()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(_) => ExitCode::from(EXIT_CLOSED),
     }
 }

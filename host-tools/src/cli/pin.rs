@@ -4,7 +4,7 @@ use host_tools::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, settings};
 use host_tools::playing::render::Rendering;
 use host_tools::support::error::Result;
 
-use super::output::print;
+use super::output::{print, warn};
 use super::wav_file::WavFile;
 
 /// The choice of the pin, and the settings of its stylus.
@@ -50,7 +50,7 @@ fn report(wav: &WavFile, source: &str, summary: PinSummary) -> Result<()> {
         ("the thermal limiter attenuated the output", limited.thermal),
     ] {
         if samples > 0 {
-            eprintln!("warning: {what} in {samples} samples of the kernel");
+            warn(&format!("{what} in {samples} samples of the kernel"));
         }
     }
     Ok(())

@@ -7,7 +7,7 @@ use host_tools::recording::freehand::{Freehand, GridAxis, Options, Segmentation,
 use host_tools::support::error::{Error, Result};
 
 use super::input::positive;
-use crate::cli::output::print;
+use crate::cli::output::{note, print, warn};
 
 /// Number of pieces off the grid that are shown one by one.
 const SHOWN: usize = 10;
@@ -54,20 +54,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .collect::<Result<Vec<_>>>()?;
     for (path, recording) in arguments.files.iter().zip(&recordings) {
         for outlier in &recording.outliers {
-            eprintln!(
-                "warning: {}, line {}: {} is {}, which is out of range; cut out",
+            warn(&format!(
+                "{}, line {}: {} is {}, which is out of range; cut out",
                 path.display(),
                 outlier.line,
                 outlier.column,
                 outlier.value
-            );
+            ));
         }
         let more = recording.is_outlier.iter().filter(|bad| **bad).count();
         if more > recording.outliers.len() {
-            eprintln!(
-                "warning: {}: {more} samples in total are out of range",
+            warn(&format!(
+                "{}: {more} samples in total are out of range",
                 path.display()
-            );
+            ));
         }
     }
     let (speeds, forces) = grid(arguments, &recordings)?;
@@ -130,51 +130,53 @@ fn grid(arguments: &Arguments, recordings: &[Freehand]) -> Result<(GridAxis, Gri
         arguments.speeds.unwrap_or(speeds),
         arguments.forces.unwrap_or(forces),
     );
-    eprintln!("grid: --speeds {speeds} --forces {forces}");
+    note(&format!("grid: --speeds {speeds} --forces {forces}"));
     Ok((speeds, forces))
 }
 
 fn show_what_is_left_out(cut: &Segmentation) {
     if cut.reversals > 0 {
-        eprintln!(
-            "warning: the speed changes its sign {} times; pieces end there, and both directions count alike",
+        warn(&format!(
+            "the speed changes its sign {} times; pieces end there, and both directions count alike",
             cut.reversals
-        );
+        ));
     }
     if let Some((recording, time_s)) = cut.jumps.first() {
-        eprintln!(
-            "warning: the speed jumps in {} block(s) of 20 ms, first at {time_s:.2} s of recording {}; cut out (check \
+        warn(&format!(
+            "the speed jumps in {} block(s) of 20 ms, first at {time_s:.2} s of recording {}; cut out (check \
              the encoder)",
             cut.jumps.len(),
             recording + 1
-        );
+        ));
     }
     for uneven in cut.uneven.iter().take(SHOWN) {
-        eprintln!(
-            "warning: a piece at {:.1} mm/s, {:.2} N changes its level by {:+.0} dB in steady motion (a lift-off or a \
+        warn(&format!(
+            "a piece at {:.1} mm/s, {:.2} N changes its level by {:+.0} dB in steady motion (a lift-off or a \
              tap?); left out",
             uneven.segment.median_speed_mm_s, uneven.segment.median_force_n, uneven.change_db
-        );
+        ));
     }
     if cut.uneven.len() > SHOWN {
-        eprintln!(
-            "warning: {} pieces in total change their level",
+        warn(&format!(
+            "{} pieces in total change their level",
             cut.uneven.len()
-        );
+        ));
     }
     for (speed, force, seconds) in &cut.too_little {
-        eprintln!("warning: {speed} mm/s, {force} N: only {seconds:.2} s of data; left out");
+        warn(&format!(
+            "{speed} mm/s, {force} N: only {seconds:.2} s of data; left out"
+        ));
     }
     for segment in cut.off_grid.iter().take(SHOWN) {
-        eprintln!(
-            "warning: a steady piece at {:.1} mm/s, {:.2} N is off the grid; left out",
+        warn(&format!(
+            "a steady piece at {:.1} mm/s, {:.2} N is off the grid; left out",
             segment.median_speed_mm_s, segment.median_force_n
-        );
+        ));
     }
     if cut.off_grid.len() > SHOWN {
-        eprintln!(
-            "warning: {} pieces in total are off the grid",
+        warn(&format!(
+            "{} pieces in total are off the grid",
             cut.off_grid.len()
-        );
+        ));
     }
 }

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use host_tools::rig::{self, RigFile};
-use host_tools::support::error::{Error, Result};
+use host_tools::support::error::Result;
+use host_tools::support::toml_field::TEXT;
 
 use crate::cli::output::print;
 
@@ -27,7 +28,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let rig = match &arguments.rig {
         None => RigFile::paper(),
         Some(path) => {
-            let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+            let text = TEXT.read_text(path)?;
             RigFile::from_toml(path, &text)?
         }
     };

@@ -1,7 +1,15 @@
 //! Plain text tables.
 
-/// `rows` under `header`, columns aligned: text to the left, numbers to the right.
+use host_tools::support::visible::visible_line;
+
+/// `rows` under `header`, columns aligned: text to the left, numbers to the right. A cell is one line, whatever a name
+/// in it holds.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let shown = |row: &Vec<String>| -> Vec<String> {
+        let cells = row.iter().map(|cell| visible_line(cell).into_owned());
+        cells.collect()
+    };
+    let rows: Vec<Vec<String>> = rows.iter().map(shown).collect();
     let width = |column: usize| {
         let cells = rows.iter().filter_map(|row| row.get(column));
         let widest = cells.map(|cell| cell.chars().count()).max().unwrap_or(0);

@@ -6,7 +6,7 @@ use host_tools::playing::render::{RenderSummary, WavFormat};
 use host_tools::support::error::Result;
 
 use super::input::positive;
-use super::output::print;
+use super::output::{print, warn};
 
 /// The WAV file and its format.
 #[derive(clap::Args)]
@@ -41,16 +41,16 @@ impl WavFile {
             summary.wav.samples,
         ))?;
         if summary.wav.clipped > 0 {
-            eprintln!(
-                "warning: {} samples were clipped; give --pcm16 a larger full scale",
+            warn(&format!(
+                "{} samples were clipped; give --pcm16 a larger full scale",
                 summary.wav.clipped
-            );
+            ));
         }
         if summary.saturations > 0 {
-            eprintln!(
-                "warning: the synthesis was at full scale in {} samples",
+            warn(&format!(
+                "the synthesis was at full scale in {} samples",
                 summary.saturations
-            );
+            ));
         }
         Ok(())
     }

@@ -5,16 +5,25 @@
 //! part of it that was used. The record stands in a file beside the library and names it by its content, too, so that
 //! a record of another library is not believed.
 
+use std::fs::File;
+use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::options::Options;
 use crate::recording::{RecordingSet, Trial};
+use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 
 /// Ending that the name of a library's file gets for that of its record.
 const ENDING: &str = ".fit.json";
+
+/// A record: some hundred bytes per trial.
+const RECORD: Limit = Limit {
+    of: "a fit's record",
+    bytes: 64 * MIB,
+};
 
 /// The options and the recordings of a fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -71,10 +80,12 @@ impl FitRecord {
     /// A record that cannot be read or understood.
     pub fn beside(path: &Path, bytes: &[u8]) -> Result<Option<Self>> {
         let path = Self::path_for(path);
-        let text = match std::fs::read(&path) {
+        let text = match RECORD.read(&path) {
             Ok(text) => text,
-            Err(failure) if failure.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(failure) => return Err(Error::io("read", &path)(failure)),
+            Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
+                return Ok(None);
+            }
+            Err(failure) => return Err(failure),
         };
         let record: Self = serde_json::from_slice(&text).map_err(|failure| {
             let problem = format!("is no record of a fit ({failure}): remove it, or fit again");
@@ -106,10 +117,11 @@ impl FitRecord {
 
 impl FittedTrial {
     fn of(trial: &Trial) -> Result<Self> {
-        let bytes = std::fs::read(&trial.file).map_err(Error::io("read", &trial.file))?;
+        let failed = |failure| Error::io("read", &trial.file)(failure);
+        let file = BufReader::new(File::open(&trial.file).map_err(failed)?);
         Ok(Self {
             file: trial.file.display().to_string(),
-            content: content_hash(&bytes),
+            content: hash_of(file).map_err(failed)?,
             start_s: trial.start_s,
             duration_s: trial.duration_s,
         })
@@ -125,10 +137,31 @@ impl FittedTrial {
 /// Returns the 64-bit FNV-1a hash (Fowler, Noll and Vo; IETF draft-eastlake-fnv) of `bytes`, in hexadecimal digits. It
 /// is the same on every computer and in every version, which the standard library's hashes are not.
 fn content_hash(bytes: &[u8]) -> String {
-    let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325u64, |hash, &byte| {
+    format!("{:016x}", continued(HASH_OF_NOTHING, bytes))
+}
+
+/// Hash of all that `file` gives, a piece at a time; see [`content_hash`].
+fn hash_of(mut file: impl BufRead) -> io::Result<String> {
+    let mut hash = HASH_OF_NOTHING;
+    loop {
+        let piece = file.fill_buf()?;
+        if piece.is_empty() {
+            return Ok(format!("{hash:016x}"));
+        }
+        hash = continued(hash, piece);
+        let length = piece.len();
+        file.consume(length);
+    }
+}
+
+/// The hash of no bytes.
+const HASH_OF_NOTHING: u64 = 0xcbf2_9ce4_8422_2325;
+
+/// The hash of what has the hash `hash`, with `bytes` after it.
+fn continued(hash: u64, bytes: &[u8]) -> u64 {
+    bytes.iter().fold(hash, |hash, &byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    });
-    format!("{hash:016x}")
+    })
 }
 
 #[cfg(test)]

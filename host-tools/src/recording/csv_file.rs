@@ -5,6 +5,7 @@ use std::path::Path;
 use csv::StringRecord;
 
 use super::csv_table::{CsvText, csv_error};
+use super::rate::{length_fault, rate_fault};
 use super::source::{Cut, MAX_CHANNELS, Source};
 use crate::support::error::{Error, Result};
 
@@ -83,10 +84,18 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
             return Err(Error::file(path, problem));
         }
     };
+    let remedy = "mend sample_rate_hz, or give --sample-rate; a column 'time_s' holds seconds";
+    if let Some(fault) = rate_fault(rate_hz, remedy) {
+        return Err(Error::file(path, fault));
+    }
     let (first, end) = cut.frames(rate_hz);
     for column in &mut columns {
         column.truncate(end);
         column.drain(..first.min(column.len()));
+    }
+    let kept = columns.first().map_or(0, Vec::len);
+    if let Some(fault) = length_fault(kept as f64) {
+        return Err(Error::file(path, fault));
     }
     Ok(Source {
         rate_hz,

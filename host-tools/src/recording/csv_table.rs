@@ -10,7 +10,14 @@ use std::path::Path;
 
 use csv::{ReaderBuilder, StringRecord, Trim};
 
+use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
+
+/// A table of samples, of trials or of a motion.
+pub(crate) const TABLE: Limit = Limit {
+    of: "a table",
+    bytes: 512 * MIB,
+};
 
 /// Separators, in the order of preference.
 const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
@@ -26,15 +33,9 @@ impl CsvText {
     /// Reads the file at `path`.
     ///
     /// # Errors
-    /// A file that cannot be read, or is not UTF-8.
+    /// A file that cannot be read, is not UTF-8, or is larger than [`TABLE`] says.
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
-        let text = String::from_utf8(bytes).map_err(|failure| {
-            let before = &failure.as_bytes()[..failure.utf8_error().valid_up_to()];
-            let line = before.split(|&byte| byte == b'\n').count() as u64;
-            Error::line(path, line, "is not UTF-8 text: save the file as UTF-8")
-        })?;
-        Ok(Self::of(text))
+        Ok(Self::of(TABLE.read_text(path)?))
     }
 
     /// Finds the conventions of `text` from its first lines.

@@ -7,6 +7,7 @@ use csv::StringRecord;
 use model_format::Provenance;
 
 use super::csv_table::{CsvText, csv_error, csv_header};
+use super::rate::rate_fault;
 use super::trial::Trial;
 use crate::support::error::{Error, Result};
 
@@ -45,6 +46,11 @@ pub(super) fn read(list: &Path) -> Result<Vec<Trial>> {
     let mut trials = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|failure| csv_error(list, failure))?;
+        if trials.len() == MOST_TRIALS {
+            let line = record.position().map_or(0, csv::Position::line);
+            let problem = format!("lists more than {MOST_TRIALS} trials: make several lists");
+            return Err(Error::line(list, line, problem));
+        }
         trials.push(columns.trial(list, folder, &record, &table)?);
     }
     if trials.is_empty() {
@@ -55,6 +61,9 @@ pub(super) fn read(list: &Path) -> Result<Vec<Trial>> {
 
 /// Indices of a list's columns, by name.
 struct Columns(HashMap<&'static str, usize>);
+
+/// Most trials of a list. Each is compared with every other one.
+const MOST_TRIALS: usize = 20_000;
 
 const REQUIRED: [&str; 4] = ["file", "texture", "speed_mm_s", "force_n"];
 
@@ -134,15 +143,25 @@ impl Columns {
         if scale_m_s2.abs() <= 0.0 {
             return Err(bad("scale_m_s2 is zero".into()));
         }
+        let sample_rate_hz = above_zero("sample_rate_hz")?;
+        if let Some(fault) = sample_rate_hz.and_then(|rate_hz| rate_fault(rate_hz, "mend it")) {
+            return Err(bad(format!("sample_rate_hz is {fault}")));
+        }
+        let texture = text("texture")?;
+        if texture.contains(char::is_control) {
+            return Err(bad(format!(
+                "texture {texture:?} has a control character: rename it"
+            )));
+        }
         Ok(Trial {
             file: folder.join(text("file")?),
-            texture: text("texture")?.to_owned(),
+            texture: texture.to_owned(),
             speed_mm_s: required("speed_mm_s")?,
             force_n: required("force_n")?,
             scale_m_s2,
             start_s: at_least_zero("start_s")?.unwrap_or(0.0),
             duration_s: above_zero("duration_s")?,
-            sample_rate_hz: above_zero("sample_rate_hz")?,
+            sample_rate_hz,
             provenance,
         })
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 use model_format::SAMPLE_RATE_HZ;
 
 use super::defects::Defects;
+use super::rate::length_fault;
 use super::samples::Samples;
 use super::source::Cut;
 use super::trial::Trial;
@@ -89,6 +90,11 @@ fn at_model_rate(path: &Path, axes: &[Vec<f64>], rate_hz: f64) -> Result<Vec<Vec
         let problem = format!(
             "a sample rate of {rate_hz} Hz is not a whole number of hertz: resample it first"
         );
+        return Err(Error::file(path, problem));
+    }
+    let frames = axes.first().map_or(0, Vec::len);
+    if let Some(fault) = length_fault(frames as f64 * f64::from(SAMPLE_RATE_HZ) / whole) {
+        let problem = format!("at {SAMPLE_RATE_HZ} Hz it has {fault}");
         return Err(Error::file(path, problem));
     }
     resample::resample(axes, whole as u32, SAMPLE_RATE_HZ)

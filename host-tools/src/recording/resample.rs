@@ -9,7 +9,8 @@ const BLOCK: usize = 2048;
 
 /// Converts `channels` from `from_hz` to `to_hz`, and removes everything above half the lower rate.
 ///
-/// Both rates are above zero; channels have equal length. Time is kept: sample n of the result is at n / `to_hz`.
+/// Both rates are above zero; channels have equal length. The work is in blocks, each of at most two seconds or of a
+/// few thousand samples of the lower rate. Time is kept: sample n of the result is at n / `to_hz`.
 ///
 /// The mean of a channel is taken off before and put back afterwards. The filter takes everything beyond the ends for
 /// zero, so that an offset would be a step there, whose ringing reaches into the recording.

@@ -1,17 +1,18 @@
 //! Recordings as WAV files, with integer or float samples of any width.
 
-use std::fs::File;
 use std::path::Path;
 
 use symphonia::core::audio::Channels;
 use symphonia::core::codecs::audio::{AudioDecoder, AudioDecoderOptions};
 use symphonia::core::errors::Error as WavError;
 use symphonia::core::formats::{FormatOptions, FormatReader, TrackType};
-use symphonia::core::io::{MediaSourceStream, MediaSourceStreamOptions};
+use symphonia::core::io::{MediaSourceStream, MediaSourceStreamOptions, ReadOnlySource};
 use symphonia::default::codecs::PcmDecoder;
 use symphonia::default::formats::WavReader;
 
 use super::defects::Truncation;
+use super::rate::length_fault;
+use super::riff;
 use super::source::{Cut, MAX_CHANNELS, Source};
 use crate::support::error::{Error, Result};
 
@@ -20,9 +21,11 @@ use crate::support::error::{Error, Result};
 pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     let unusable =
         |failure: &WavError| Error::file(path, format!("is not a readable WAV file: {failure}"));
-    let file = File::open(path).map_err(Error::io("open", path))?;
-    let file_bytes = file.metadata().map_err(Error::io("open", path))?.len();
-    let stream = MediaSourceStream::new(Box::new(file), MediaSourceStreamOptions::default());
+    let samples = riff::open(path)?;
+    let file_bytes = samples.get_ref().1.get_ref().metadata();
+    let file_bytes = file_bytes.map_err(Error::io("open", path))?.len();
+    let samples = Box::new(ReadOnlySource::new(samples));
+    let stream = MediaSourceStream::new(samples, MediaSourceStreamOptions::default());
     let mut format =
         WavReader::try_new(stream, FormatOptions::default()).map_err(|e| unusable(&e))?;
     let track = format.default_track(TrackType::Audio);
@@ -69,6 +72,10 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         let to = (end - position).min(frames);
         for (channel, samples) in channels.iter_mut().zip(&packet_channels) {
             channel.extend_from_slice(&samples[from..to.max(from)]);
+        }
+        let kept = channels.first().map_or(0, Vec::len);
+        if let Some(fault) = length_fault(kept as f64) {
+            return Err(Error::file(path, fault));
         }
         position += frames;
     }

@@ -9,6 +9,7 @@ use super::sections::Sections;
 use crate::evaluation::evaluate::{Evaluation, Options, texture_named};
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
+use crate::support::file_name::Stems;
 use crate::support::progress;
 
 /// The page's name in its folder.
@@ -32,6 +33,7 @@ pub fn write(
         evaluation,
         options,
         pictures: Some(folder),
+        stems: Stems::default(),
         page: Page::new("Recordings and what the stylus plays"),
     };
     let bar = progress::bar(evaluation.textures.len() as u64 + 1, "reporting");

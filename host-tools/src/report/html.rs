@@ -9,6 +9,7 @@ use base64::engine::general_purpose::STANDARD;
 use crate::report::plot::Svg;
 use crate::support::atomic_file;
 use crate::support::error::Result;
+use crate::support::visible::visible;
 
 /// Dark on light, no wider than is read with ease; what is wider scrolls in itself.
 const STYLE: &str = "\
@@ -185,10 +186,11 @@ impl Page {
     }
 }
 
-/// `text` as it stands in an element or in a quoted attribute of a page.
+/// `text` as it stands in an element or in a quoted attribute of a page. Characters that turn the text around or that
+/// no page may hold are shown by their numbers.
 pub fn escaped(text: &str) -> String {
     let mut html = String::with_capacity(text.len());
-    for character in text.chars() {
+    for character in visible(text).chars() {
         match character {
             '&' => html.push_str("&amp;"),
             '<' => html.push_str("&lt;"),
@@ -258,7 +260,7 @@ mod tests {
                 .replace("&quot;", "\"")
                 .replace("&#39;", "'")
                 .replace("&amp;", "&");
-            prop_assert_eq!(read, text);
+            prop_assert_eq!(read, visible(&text));
         }
     }
 

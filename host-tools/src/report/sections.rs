@@ -17,6 +17,7 @@ use crate::evaluation::results::TrialEvaluation;
 use crate::evaluation::summary::{FEEL_COLUMNS, SPECTRA_COLUMNS, TextureEvaluation};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
+use crate::support::file_name::Stems;
 use crate::texture::grid::as_written;
 use model_format::SAMPLE_RATE_HZ;
 
@@ -38,6 +39,8 @@ pub(super) struct Sections<'a> {
     pub options: &'a evaluate::Options,
     /// Folder that takes each picture as a file of its own, too.
     pub pictures: Option<&'a Path>,
+    /// Stems of the pictures' names in that folder, by texture.
+    pub stems: Stems,
     /// The page.
     pub page: Page,
 }
@@ -187,6 +190,7 @@ impl<'a> Sections<'a> {
             smoothing_width_hz: self.options.smoothing_hz,
             ..SpectraView::default()
         };
+        let stem = self.stems.of(&example.trial.texture);
         let picture = time_and_frequency(
             &self.caption(&example.title),
             example.comparison.longest_block(),
@@ -196,10 +200,7 @@ impl<'a> Sections<'a> {
         )?;
         self.figure(
             &picture,
-            &format!(
-                "{}-time-and-frequency.svg",
-                file_stem(&example.trial.texture)
-            ),
+            &format!("{stem}-time-and-frequency.svg"),
             &format!(
                 "The example trial and its synthesis in time and frequency (the paper's figure 7): {}. C is of what is \
                  drawn here.",
@@ -216,13 +217,14 @@ impl<'a> Sections<'a> {
         if example.judged.judge == JudgeKind::Nothing {
             return Ok(());
         }
+        let stem = self.stems.of(&example.trial.texture);
         let picture = band_error_chart(
             &self.caption(&example.title),
             &example.judged.scores.band_errors_db,
         )?;
         self.figure(
             &picture,
-            &format!("{}-bands.svg", file_stem(&example.trial.texture)),
+            &format!("{stem}-bands.svg"),
             "Level of the synthesis over the held-out recording's in third-octave bands; shaded: not felt.",
         )
     }
@@ -236,10 +238,11 @@ impl<'a> Sections<'a> {
             return Ok(());
         }
         let title = format!("{}: C over the grid", texture.name());
+        let stem = self.stems.of(texture.name());
         let picture = cost_map(&self.caption(&title), texture, self.evaluation)?;
         self.figure(
             &picture,
-            &format!("{}-cost-map.svg", file_stem(texture.name())),
+            &format!("{stem}-cost-map.svg"),
             "C of every node against what was held out of its recordings.",
         )
     }
@@ -318,11 +321,4 @@ fn cost_map(caption: &Caption<'_>, texture: &Texture<'_>, evaluation: &Evaluatio
         decimals: 2,
     };
     grid_map(caption, &map)
-}
-
-/// A texture's name as a part of a file's name.
-fn file_stem(name: &str) -> String {
-    name.chars()
-        .map(|c| if c.is_alphanumeric() { c } else { '_' })
-        .collect()
 }

@@ -19,6 +19,7 @@ use crate::fit::Estimator;
 use crate::fit::part::lags_of_blocks;
 use crate::recording::RecordingSet;
 use crate::support::error::Result;
+use crate::support::file_name::Stems;
 use crate::texture::grid::as_written;
 use model_format::SAMPLE_RATE_HZ;
 
@@ -52,6 +53,7 @@ pub fn write(inputs: &Inputs<'_>, path: &Path, progress: impl Fn()) -> Result<()
         evaluation: inputs.evaluation,
         options: inputs.options,
         pictures: None,
+        stems: Stems::default(),
         page: Page::new("Recordings and what the stylus plays"),
     };
     sections.overview();

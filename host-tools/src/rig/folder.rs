@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::support::error::{Error, Result};
+use crate::support::toml_field::TEXT;
 
 /// The note that the set is simulated; written before any recording.
 pub(super) const MARKER: &str = "SIMULATED.txt";
@@ -28,10 +29,8 @@ pub(super) fn claim(out: &Path) -> Result<()> {
         return Ok(());
     }
     let marker = out.join(MARKER);
-    let marked = others.contains(&marker)
-        && fs::read(&marker)
-            .map_err(Error::io("read", &marker))?
-            .starts_with(MARKER_START.as_bytes());
+    let marked =
+        others.contains(&marker) && TEXT.read(&marker)?.starts_with(MARKER_START.as_bytes());
     if !marked {
         return Err(Error::file(
             out,

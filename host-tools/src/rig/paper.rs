@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::file::RigFile;
 use super::folder::RIG;
+use crate::support::toml_field::TEXT;
 
 /// Returns whether `recording` belongs to a simulated set whose rig has the surface `texture`, the drum, the tool and
 /// the errors of measuring of [`RigFile::paper`]. Speeds, forces and durations may differ.
@@ -15,7 +16,7 @@ pub fn is_of_the_papers_rig(recording: &Path, texture: &str) -> bool {
         return false;
     };
     let path = folder.join(RIG);
-    let Ok(text) = std::fs::read_to_string(&path) else {
+    let Ok(text) = TEXT.read_text(&path) else {
         return false;
     };
     let Ok(rig) = RigFile::from_toml(&path, &text) else {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::description::SceneDescription;
 use crate::support::error::{Error, Result};
+use crate::support::toml_field::TEXT;
 use crate::support::toml_field::{Field, from_toml};
 
 /// The text of a scene with its description. Nothing is looked up in a library yet: [`SceneFile::compile`] does that.
@@ -20,7 +21,7 @@ impl SceneFile {
     /// # Errors
     /// A file that cannot be read, and what [`SceneFile::from_toml`] refuses.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+        let text = TEXT.read_text(path)?;
         Self::from_toml(path, &text)
     }
 

@@ -6,7 +6,15 @@ use model_format::limits::MAX_NAME_BYTES;
 use serde::de::DeserializeOwned;
 use toml::de::DeTable;
 
+use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
+use crate::support::file_name;
+
+/// A text of settings: a scene, or the description of a rig.
+pub const TEXT: Limit = Limit {
+    of: "a TOML text",
+    bytes: MIB,
+};
 
 /// Parses TOML `text`; errors name `path`.
 ///
@@ -137,17 +145,11 @@ impl Field {
                 name.len()
             )
         })?;
-        let forbidden = |c: char| c.is_control() || r#"/\:*?"<>|"#.contains(c);
-        self.require(!name.contains(forbidden), || {
-            format!(
-                "is {name:?}; must have no path separators, control characters or : * ? \" < > |"
-            )
-        })?;
+        if let Some(fault) = file_name::fault(name) {
+            return Err(self.fault(format!("is {name:?}; {fault}")));
+        }
         self.require(name.starts_with(char::is_alphanumeric), || {
             format!("is {name:?}; must start with a letter or a digit")
-        })?;
-        self.require(!name.ends_with(['.', ' ']), || {
-            format!("is {name:?}; must not end with a dot or a space")
         })
     }
 }

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use host_tools::link::LinkError;
 use host_tools::link::capture::{Calibration, Level, Loss, Stream};
 use host_tools::support::error::{Error, Result};
+use host_tools::support::visible::{visible_json, visible_line};
 use model_format::link::{RecordError, Status};
 use serde::Serialize;
 
@@ -13,7 +14,7 @@ use super::interrupt::Interrupt;
 use super::live_line::live_line;
 use super::status::output;
 use crate::cli::input::positive;
-use crate::cli::output::print;
+use crate::cli::output::{print, warn};
 
 /// Interval at which Ctrl-C is looked for.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
@@ -52,7 +53,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut stream = match Stream::start(&device) {
         Ok(stream) => Some(stream),
         Err(LinkError::Record(RecordError::Recording)) => {
-            eprintln!("warning: a recording is under way, so only the status is shown");
+            warn("a recording is under way, so only the status is shown");
             None
         }
         Err(failure) => return Err(failure.into()),
@@ -148,11 +149,11 @@ fn show(reading: &Reading, json: bool, line: &indicatif::ProgressBar) -> Result<
     if json {
         let text = serde_json::to_string(reading)
             .map_err(|failure| Error::Request(failure.to_string()))?;
-        print(&text)
+        print(&visible_json(&text))
     } else if line.is_hidden() {
         print(&reading.text())
     } else {
-        line.set_message(reading.text());
+        line.set_message(visible_line(&reading.text()).into_owned());
         Ok(())
     }
 }

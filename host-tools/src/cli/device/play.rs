@@ -18,7 +18,7 @@ use super::interrupt::Interrupt;
 use super::live_line::live_line;
 use super::status::output;
 use crate::cli::input::{not_negative, positive};
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{print, print_json, warn};
 
 /// Value of `--motion` for the stylus's own sensors.
 const SENSORS: &str = "sensors";
@@ -112,10 +112,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         });
     }
     if driven.skipped > 0 {
-        eprintln!(
-            "warning: {} motions were left out, because the link or this computer is too slow for {} Hz",
+        warn(&format!(
+            "{} motions were left out, because the link or this computer is too slow for {} Hz",
             driven.skipped, plan.rate_hz
-        );
+        ));
     }
     print(&format!(
         "played {} for {:.1} s ({} motions, {} keep-alives); stopped, the output is at rest",

@@ -12,7 +12,7 @@ use super::connection::Link;
 use super::live_line::live_line;
 use super::slot::Slot;
 use crate::cli::input::positive;
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{note, print, print_json};
 use crate::cli::table::table;
 
 #[derive(clap::Args)]
@@ -54,13 +54,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         moves: arguments.moves,
         erasable: arguments.use_slot.map(SlotId::from),
     };
-    eprintln!("the amplifier must be off; the output is moved while its pin is read back");
+    note("the amplifier must be off; the output is moved while its pin is read back");
     let line = live_line("self test");
     let mut lines = self_test::run(&device, &options, |step| {
         let words = words(step, arguments.seconds);
         line.set_message(words.clone());
         if matches!(step, Step::Move) {
-            line.suspend(|| eprintln!("{words}"));
+            line.suspend(|| note(&words));
         }
     })?;
     if let Some(also) = &also {

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::connection::Link;
 use crate::cli::library_file::{decode_library, read_library};
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{note, print, print_json, warn};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -81,16 +81,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         });
     }
     if uploaded.resumed_from > 0 {
-        eprintln!(
+        note(&format!(
             "resumed: {} bytes were uploaded before",
             uploaded.resumed_from
-        );
+        ));
     }
     if uploaded.retries > 0 {
-        eprintln!(
-            "warning: the upload was resumed {} time(s), because the link failed",
+        warn(&format!(
+            "the upload was resumed {} time(s), because the link failed",
             uploaded.retries
-        );
+        ));
     }
     print(&format!(
         "{} -> slot {} ({} bytes, read back): {}{}",

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::cli::output::warn;
 use host_tools::dsp::reduction::Reduction;
 use host_tools::evaluation::held_out::{Judge, judges};
 use host_tools::evaluation::takes::{Take, takes};
@@ -37,7 +38,7 @@ pub fn choose(
         })
         .collect();
     for reason in &unused {
-        eprintln!("warning: a take judges nothing: {reason}");
+        warn(&format!("a take judges nothing: {reason}"));
     }
     Ok(Chosen {
         judges: judges(set, found, record)?,

@@ -6,6 +6,7 @@ use host_tools::fit::densify::AddedLine;
 use host_tools::fit::{Fit, TrialReport};
 
 use crate::cli::inspect::TextureSummary;
+use crate::cli::output::{note, warn};
 use crate::cli::table::table;
 
 /// Number of trials with a verdict that are shown one by one.
@@ -112,16 +113,16 @@ pub fn show_verdicts(fit: &Fit) {
         })
         .collect();
     if !rows.is_empty() {
-        eprintln!("{}", table(&["trial", "triage", "use"], &rows));
+        note(&table(&["trial", "triage", "use"], &rows));
         if doubtful.len() > rows.len() {
-            eprintln!(
+            note(&format!(
                 "... and {} more (all are in --json)",
                 doubtful.len() - rows.len()
-            );
+            ));
         }
-        eprintln!();
+        note("");
     }
     for warning in &fit.warnings {
-        eprintln!("warning: {warning}");
+        warn(warning);
     }
 }

@@ -11,7 +11,7 @@ use stylus_kernel::scene::cost;
 
 use super::check::headline;
 use crate::cli::library_file::{decode_library, read_library};
-use crate::cli::output::print;
+use crate::cli::output::{print, warn};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -46,13 +46,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             cost::BUDGET,
         )?;
         if !report.fits {
-            eprintln!(
-                "warning: {}: takes {} instructions per tick in the worst case, and the budget is {}; the stylus will \
+            warn(&format!(
+                "{}: takes {} instructions per tick in the worst case, and the budget is {}; the stylus will \
                  refuse it",
                 path.display(),
                 report.worst_case.instructions,
                 report.budget_instructions
-            );
+            ));
         }
         lines.push(headline(&compiled));
         scenes.push(compiled.scene);

@@ -71,6 +71,11 @@ impl<'a> File<'a> {
         Error::line(self.path, self.line(node), problem)
     }
 
+    /// The error of a file with more than `most` models, of which `model` is the first too many.
+    pub fn too_many(&self, model: Node<'_, '_>, most: usize) -> Error {
+        self.wrong(model, format!("more than {most} models: leave some out"))
+    }
+
     /// The only number of the first element of that name.
     pub fn one(&self, name: &str) -> Result<Option<f64>> {
         match self.element(name) {

@@ -11,6 +11,7 @@ use super::convert::{Converted, convert};
 use super::node;
 use super::read::read;
 use super::reference::Reference;
+use super::shape::MODEL_FILE;
 use super::toolkit::Toolkit;
 use crate::support::error::{Error, Result};
 
@@ -146,7 +147,7 @@ pub fn read_all(files: &[PathBuf]) -> Result<Vec<Source>> {
 }
 
 fn source(path: &Path) -> Result<Source> {
-    let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+    let text = MODEL_FILE.read_text(path)?;
     let toolkit = read(path, &text)?;
     let reference = Reference::of(&text, &toolkit.left_out).ok_or_else(|| {
         Error::file(

@@ -31,4 +31,5 @@ mod node;
 mod played;
 pub mod read;
 pub mod reference;
+mod shape;
 pub mod toolkit;

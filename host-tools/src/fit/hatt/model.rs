@@ -10,6 +10,9 @@ use crate::dsp::line_spectral_frequencies as line_spectrum;
 use crate::dsp::linear_prediction::step_down;
 use crate::support::error::Result;
 
+/// Most coefficients of AR and of MA, without those of lag 0. The published models have some ten.
+const MOST_COEFFICIENTS: usize = 100;
+
 /// A model that can be used.
 pub(super) struct Found {
     pub model: ArmaModel,
@@ -21,7 +24,8 @@ pub(super) struct Found {
 /// A model, or why it cannot be used.
 type Read<T> = std::result::Result<T, String>;
 
-/// Reads the model at `node`. `place` is the speed and force that the file's lists have for it.
+/// Reads the model at `node`. `place` is the speed and force that the file's lists have for it, `stated`
+/// the numbers of AR and MA coefficients that it states.
 ///
 /// # Errors
 /// Text that is not a number.
@@ -29,6 +33,7 @@ pub(super) fn found(
     file: &File<'_>,
     node: Node<'_, '_>,
     place: (Option<f64>, Option<f64>),
+    stated: [Option<f64>; 2],
 ) -> Result<Read<Found>> {
     let one =
         |name: &str| -> Result<Option<f64>> { Ok(file.list_in(node, name)?.first().copied()) };
@@ -36,13 +41,13 @@ pub(super) fn found(
         name: "AR",
         coefficients: file.list_in(node, "ARcoeff")?,
         lines: file.list_in(node, "ARlsf")?,
-        stated: file.one("numARCoeff")?,
+        stated: stated[0],
     };
     let zeros = Lists {
         name: "MA",
         coefficients: file.list_in(node, "MAcoeff")?,
         lines: file.list_in(node, "MAlsf")?,
-        stated: file.one("numMACoeff")?,
+        stated: stated[1],
     };
     let (variance, gain) = (one("var")?, one("gain")?.unwrap_or(1.0));
     let speed = one("speedMod")?.or(place.0);
@@ -74,6 +79,14 @@ fn checked(
     gain: f64,
     (speed, force): (Option<f64>, Option<f64>),
 ) -> Read<Found> {
+    for half in [poles, zeros] {
+        if half.coefficients.len() > MOST_COEFFICIENTS + 1 || half.lines.len() > MOST_COEFFICIENTS {
+            return Err(format!(
+                "more than {MOST_COEFFICIENTS} {} coefficients",
+                half.name
+            ));
+        }
+    }
     let finite = |what: &str, value: Option<f64>| match value {
         None => Err(format!("no {what}")),
         Some(value) if value.is_finite() && value >= 0.0 => Ok(value),

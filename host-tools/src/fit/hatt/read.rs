@@ -3,12 +3,19 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use roxmltree::Document;
-
 use super::elements::{self, File};
 use super::model::{Found, found};
+use super::shape;
 use super::toolkit::{ArmaModel, Toolkit};
+use crate::recording::RATES_HZ;
 use crate::support::error::{Error, Result};
+use model_format::SAMPLE_RATE_HZ;
+
+/// Most models of a file. The published files have some hundred; the choice of a grid visits them all for each place.
+const MOST_MODELS: usize = 1000;
+
+/// Most triangles per model. Those of a plane that do not overlap are fewer than two for each corner.
+const TRIANGLES_PER_MODEL: usize = 2;
 
 /// Reads `text`; `path` is only named in errors.
 ///
@@ -19,14 +26,11 @@ use crate::support::error::{Error, Result};
 /// # Errors
 /// A fault that makes the file unusable, with its line.
 pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
-    let document = Document::parse(text).map_err(|failure| {
-        let problem = format!("is not well-formed XML: {failure}");
-        Error::line(path, u64::from(failure.pos().row), problem)
-    })?;
+    let document = shape::document(path, text)?;
     let file = File::new(path, &document);
     file.check_units()?;
     let sample_rate_hz = file.one("SampleRate")?.unwrap_or(1000.0);
-    if !(sample_rate_hz.is_finite() && (100.0..=5000.0).contains(&sample_rate_hz)) {
+    if !(sample_rate_hz.is_finite() && is_models_rate(sample_rate_hz)) {
         let problem =
             format!("a sample rate of {sample_rate_hz} Hz is no model's; HaTT's are of 1000 Hz");
         return Err(Error::file(path, problem));
@@ -45,6 +49,14 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     file.check_count("numMod", read.len(), "models")?;
     let triangles = file.triangles(read.len())?;
     file.check_count("numTri", triangles.len(), "triangles")?;
+    if triangles.len() > TRIANGLES_PER_MODEL * read.len() {
+        let (count, models) = (triangles.len(), read.len());
+        let problem = format!(
+            "has {count} triangles over {models} models, and at most {TRIANGLES_PER_MODEL} per model fit beside each \
+             other: leave out those that overlap"
+        );
+        return Err(Error::file(path, problem));
+    }
     remarks.unused(&read, &triangles);
     let missing = |index: &usize| read[*index].is_none();
     let left_out = (0..read.len()).filter(missing).collect();
@@ -74,13 +86,23 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     })
 }
 
+/// Returns whether models may have this rate, Hz: that of a recording, and at most that at which they are played.
+fn is_models_rate(rate_hz: f64) -> bool {
+    RATES_HZ.contains(&rate_hz) && rate_hz <= f64::from(SAMPLE_RATE_HZ)
+}
+
 /// All models in the file's order; `None` for one that is left out.
 fn models(file: &File<'_>, remarks: &mut Remarks) -> Result<Vec<Option<ArmaModel>>> {
     let (speeds, forces) = (file.list("speedList")?, file.list("forceList")?);
+    // Each search of the whole file is done once, not once per model.
+    let stated = [file.one("numARCoeff")?, file.one("numMACoeff")?];
     let mut read = Vec::new();
     for (index, node) in file.models().enumerate() {
+        if index == MOST_MODELS {
+            return Err(file.too_many(node, MOST_MODELS));
+        }
         let place = (speeds.get(index).copied(), forces.get(index).copied());
-        read.push(match found(file, node, place)? {
+        read.push(match found(file, node, place, stated)? {
             Ok(Found {
                 model,
                 lsf_error_rad,
@@ -297,6 +319,11 @@ pub(super) mod tests {
             ("1 -0.9 0.5", "nan", "var is NaN"),
             ("0.5 -0.9 0.5", "0.02", "begins with 0.5"),
             ("1 -0.9 nan", "0.02", "not finite"),
+            (
+                &format!("1{}", " 0.001".repeat(101)),
+                "0.02",
+                "more than 100 AR",
+            ),
         ] {
             let toolkit = parse(&small(ar, var, "")).unwrap();
             assert_eq!((toolkit.models.len(), toolkit.triangles.len()), (3, 0));
@@ -318,6 +345,10 @@ pub(super) mod tests {
             (small("1 -0.9 0.5", "0.02", "1 2 9"), "names model 9"),
             (small("1 -0.9 0.5", "0.02", "1 2"), "not three per triangle"),
             (small("1 -0.9 0.5", "0.02", "1 1 2"), "names a model twice"),
+            (
+                small("1 -0.9 0.5", "0.02", &"1 2 3 ".repeat(8)),
+                "9 triangles over 4 models",
+            ),
             (good.replace("ARcoeff", "other"), "no model"),
             (
                 good.replace("<SampleRate>1000", "<SampleRate>0"),

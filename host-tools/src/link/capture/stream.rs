@@ -7,6 +7,7 @@ use model_format::link::{BLOCK_SAMPLES, RecordBlock, RecordSample, RecordStopped
 use super::loss::Loss;
 use crate::link::device::{Blocks, Device};
 use crate::link::error::{LinkError, Result};
+use crate::recording::RATES_HZ;
 
 /// Longest interval between the blocks that arrive after the answer that ends a recording.
 const LATE_BLOCKS: Duration = Duration::from_millis(100);
@@ -55,7 +56,9 @@ impl<'a> Stream<'a> {
             due: None,
             is_running: true,
         };
-        if started.block_samples as usize == BLOCK_SAMPLES && started.sample_rate_hz > 0 {
+        if started.block_samples as usize == BLOCK_SAMPLES
+            && RATES_HZ.contains(&f64::from(started.sample_rate_hz))
+        {
             Ok(stream)
         } else {
             Err(device.not_verified(format!(

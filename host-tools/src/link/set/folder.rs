@@ -1,7 +1,8 @@
 //! The folder of a growing recording set.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use model_format::Provenance;
@@ -9,9 +10,10 @@ use model_format::Provenance;
 use super::planned_trial::{PlannedTrial, key};
 use super::wav;
 use crate::link::capture::{Calibration, Capture};
-use crate::recording::{RecordingSet, TRIALS_FILE, Trial};
+use crate::recording::{RecordingSet, TABLE, TRIALS_FILE, Trial};
 use crate::support::atomic_file;
 use crate::support::error::{Error, Result};
+use crate::support::file_name;
 
 /// Header of the lists that this module writes.
 const HEADER: &str = "file,texture,speed_mm_s,force_n,scale_m_s2,simulated";
@@ -38,10 +40,12 @@ impl Folder {
             lines: vec![HEADER.to_owned()],
             done: HashSet::new(),
         };
-        let text = match fs::read_to_string(&list) {
+        let text = match TABLE.read_text(&list) {
             Ok(text) => text,
-            Err(failure) if failure.kind() == std::io::ErrorKind::NotFound => return Ok(folder),
-            Err(failure) => return Err(Error::io("read", &list)(failure)),
+            Err(Error::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
+                return Ok(folder);
+            }
+            Err(failure) => return Err(failure),
         };
         folder.lines = text.lines().map(str::to_owned).collect();
         let is_content = |line: &&String| !line.starts_with('#') && !line.trim().is_empty();
@@ -60,6 +64,26 @@ impl Folder {
                 .collect();
         }
         Ok(folder)
+    }
+
+    /// Checks that no two textures of `planned` and of the folder differ in the case of letters only, because some
+    /// systems would give both one folder.
+    ///
+    /// # Errors
+    /// The first two names that do.
+    pub fn check_names(&self, planned: &[PlannedTrial]) -> Result<()> {
+        let there = self.done.iter().map(|(texture, ..)| texture.as_str());
+        let all = there.chain(planned.iter().map(|trial| trial.texture.as_str()));
+        let mut names: HashMap<String, &str> = HashMap::new();
+        for name in all {
+            let earlier = *names.entry(file_name::folded(name)).or_insert(name);
+            if earlier != name {
+                return Err(Error::Request(format!(
+                    "textures {earlier:?} and {name:?} differ in the case of letters only: rename one of them"
+                )));
+            }
+        }
+        Ok(())
     }
 
     /// Returns true if the folder has a recording of this trial.
@@ -201,6 +225,31 @@ mod tests {
         // A trial whose file is gone counts as not recorded.
         std::fs::remove_file(&listed.trials[1].file).unwrap();
         assert!(!Folder::open(folder.path()).unwrap().has(&felt));
+    }
+
+    #[test]
+    fn textures_that_differ_in_case_only_do_not_share_a_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut set = Folder::open(folder.path()).unwrap();
+        assert!(
+            set.check_names(&[
+                planned("silk", 1.0),
+                planned("silk", 2.0),
+                planned("felt", 1.0)
+            ])
+            .is_ok()
+        );
+        let both = set.check_names(&[planned("silk", 1.0), planned("Silk", 2.0)]);
+        assert!(both.unwrap_err().to_string().contains("case of letters"));
+        let one = capture(&[[1, 2, 3]]);
+        set.add(
+            &planned("silk", 1.0),
+            &one,
+            &calibration(),
+            Provenance::Recorded,
+        )
+        .unwrap();
+        assert!(set.check_names(&[planned("SILK", 5.0)]).is_err());
     }
 
     #[test]

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use model_format::limits::MAX_NAME_BYTES;
 
-use crate::recording::csv_table;
+use crate::recording::{TABLE, csv_table};
 use crate::support::error::{Error, Result};
+use crate::support::file_name;
 
 /// A trial to be recorded: one texture at one speed and force.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,9 +46,8 @@ impl PlannedTrial {
             speed_mm_s: f64,
             force_n: f64,
         }
-        let mut reader = csv_table()
-            .from_path(path)
-            .map_err(|failure| Error::file(path, failure.to_string()))?;
+        let text = TABLE.read_text(path)?;
+        let mut reader = csv_table().from_reader(text.as_bytes());
         let mut trials = Vec::new();
         for row in reader.deserialize() {
             let row: Row = row.map_err(|failure| {
@@ -89,20 +89,22 @@ impl PlannedTrial {
     /// Checks that the texture's name can be a folder's name, too.
     ///
     /// # Errors
-    /// A name that is empty, too long, starts with a dot, or holds path separators or control characters.
+    /// A name that is empty, too long, starts with a dot, or cannot name a folder on every system.
     pub fn check(&self) -> Result<()> {
         let name = &self.texture;
-        let is_odd = |c: char| c.is_control() || "/\\:".contains(c);
-        if name.is_empty()
-            || name.len() > MAX_NAME_BYTES
-            || name.starts_with('.')
-            || name.contains(is_odd)
-        {
-            return Err(Error::Request(format!(
-                "'{name}' cannot name a texture: use 1 to {MAX_NAME_BYTES} bytes, no leading dot, none of / \\ :"
-            )));
-        }
-        Ok(())
+        let fault = if name.len() > MAX_NAME_BYTES {
+            Some("is longer than a library can hold")
+        } else if name.starts_with('.') {
+            Some("must not start with a dot")
+        } else {
+            file_name::fault(name)
+        };
+        fault.map_or(Ok(()), |fault| {
+            let problem = format!(
+                "{name:?} cannot name a texture: it {fault}; use at most {MAX_NAME_BYTES} bytes"
+            );
+            Err(Error::Request(problem))
+        })
     }
 
     /// Path of the trial's file, relative to the set's folder, with `/` as separator.
@@ -148,7 +150,18 @@ pub(super) mod tests {
 
     #[test]
     fn names_that_lead_out_of_the_folder_are_refused() {
-        for name in ["", "..", "a/b", "a\\b", "C:x", "a\nb", &"x".repeat(49)] {
+        for name in [
+            "",
+            "..",
+            "a/b",
+            "a\\b",
+            "C:x",
+            "a\nb",
+            "NUL",
+            "x.",
+            "e\u{301}",
+            &"x".repeat(49),
+        ] {
             assert!(planned(name, 1.0).check().is_err(), "{name}");
         }
         assert!(planned("denim (worn)", 1.0).check().is_ok());

@@ -5,7 +5,14 @@ use std::path::Path;
 use csv::{StringRecord, Trim};
 
 use super::point::Point;
+use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
+
+/// A motion: some 40 bytes per row, so that a day at 100 rows per second fits.
+const MOTION: Limit = Limit {
+    of: "a motion",
+    bytes: 512 * MIB,
+};
 
 /// A table of a motion, with at least one row.
 pub(super) struct Table {
@@ -19,7 +26,7 @@ pub(super) struct Table {
 
 /// Reads a CSV file; see [`super::MotionPath::from_csv`].
 pub(super) fn read(path: &Path) -> Result<Table> {
-    let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+    let text = MOTION.read_text(path)?;
     let mut reader = csv::ReaderBuilder::new()
         .comment(Some(b'#'))
         .trim(Trim::All)

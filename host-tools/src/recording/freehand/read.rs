@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::recording::MAX_CHANNELS;
 use crate::recording::csv_table::{CsvText, csv_error, csv_header};
+use crate::recording::rate_fault;
 use crate::support::error::{Error, Result};
 
 /// Names of the columns other than accelerations.
@@ -139,6 +140,10 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         recording.is_outlier.push(bad);
     }
     recording.rate_hz = rate_of(path, &times, rate_hz)?;
+    let remedy = format!("a column '{TIME}' holds seconds");
+    if let Some(fault) = rate_fault(recording.rate_hz, &remedy) {
+        return Err(Error::file(path, fault));
+    }
     refuse_too_many_outliers(path, &recording)?;
     Ok(recording)
 }

@@ -13,6 +13,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::{Caption, Svg};
 use crate::support::error::{Error, Result};
+use crate::support::visible::visible;
 
 /// Pixels drawn for a pixel shown.
 const SCALE: u32 = 2;
@@ -113,7 +114,9 @@ pub fn picture(
             caption.title
         ))
     })?;
-    Ok(Svg(shown_at_size(&drawn, width, height)))
+    let shown = shown_at_size(&drawn, width, height);
+    // Only texts hold such characters, and a picture that holds them is not XML.
+    Ok(Svg(visible(&shown).into_owned()))
 }
 
 /// Bold [`text`].

@@ -8,7 +8,14 @@ use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
 use crate::recording::{self, Trial};
+use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
+
+/// A response: some frequencies with their levels.
+const RESPONSE: Limit = Limit {
+    of: "a response",
+    bytes: 16 * MIB,
+};
 
 /// Least number of points of a response.
 const FEWEST_POINTS: usize = 4;
@@ -69,7 +76,7 @@ impl Response {
             let points = of_sweep(drive, acceleration, rate_hz);
             return Self::of_points(path, points);
         }
-        let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+        let text = RESPONSE.read_text(path)?;
         Self::from_csv(path, &text)
     }
 

@@ -14,6 +14,8 @@ mod onset;
 #[cfg(test)]
 mod tests;
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use model_format::Provenance;
@@ -33,6 +35,9 @@ use crate::recording::Trial;
 use crate::recording::freehand;
 use crate::support::error::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
+
+/// Length of a file up to which its header is looked for, bytes.
+const MOST_HEADER_BYTES: u64 = 64 * 1024;
 
 /// Length up to which a recording is read, s.
 const LONGEST_S: f64 = 600.0;
@@ -269,9 +274,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// Returns true if the header of a CSV file has the column `force_n`.
 fn has_force(path: &Path) -> Result<bool> {
-    let mut reader = recording::csv_table()
-        .from_path(path)
-        .map_err(|failure| recording::csv_error(path, failure))?;
+    let file = File::open(path).map_err(Error::io("open", path))?;
+    let mut reader = recording::csv_table().from_reader(file.take(MOST_HEADER_BYTES));
     let header = recording::csv_header(path, &mut reader)?;
     Ok(header.iter().any(|name| name == "force_n"))
 }

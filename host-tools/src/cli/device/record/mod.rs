@@ -18,6 +18,7 @@ use crate::cli::output::{print, print_json};
 pub fn run(arguments: &Arguments) -> Result<()> {
     let points = arguments.points()?;
     let mut folder = Folder::open(&arguments.folder)?;
+    folder.check_names(&points)?;
     let (there, todo): (Vec<PlannedTrial>, Vec<PlannedTrial>) = points
         .into_iter()
         .partition(|point| !arguments.again && folder.has(point));

@@ -8,6 +8,7 @@ use std::time::Duration;
 use host_tools::support::error::Result;
 
 use crate::cli::device::interrupt::Interrupt;
+use crate::cli::output::note;
 
 /// Interval at which a wait for an answer looks for Ctrl-C.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
@@ -79,7 +80,7 @@ impl Operator {
 
 /// Prints to standard error, so that standard output holds the report alone.
 pub fn say(text: &str) {
-    eprintln!("{text}");
+    note(text);
 }
 
 /// Reads the lines of standard input in a thread; the channel ends with the input.

@@ -1,0 +1,60 @@
+//! Sample rates of recordings.
+
+use std::ops::RangeInclusive;
+
+/// Sample rates that a recording may have, Hz.
+///
+/// Below, there is nothing of a texture: what is felt reaches up to some 1000 Hz. Above, no converter for accelerations
+/// is known. The bounds keep a wrong number in a file from sizing memory: conversion to the models' rate makes at most
+/// 50 samples of one, and works in blocks of at most two seconds.
+pub const RATES_HZ: RangeInclusive<f64> = 100.0..=768_000.0;
+
+/// Most frames of a recording, before and after conversion to the models' rate: 1.9 hours at 5 kHz.
+pub const MAX_FRAMES: usize = 1 << 25;
+
+/// Returns the problem of a rate that no recording has, in words; `remedy` tells how to mend it.
+pub fn rate_fault(rate_hz: f64, remedy: &str) -> Option<String> {
+    // Not a number is in no range.
+    if RATES_HZ.contains(&rate_hz) {
+        return None;
+    }
+    let (least, most) = (RATES_HZ.start(), RATES_HZ.end());
+    Some(format!(
+        "a sample rate of {rate_hz} Hz, where {least} to {most} Hz can be: {remedy}"
+    ))
+}
+
+/// Returns the problem of a recording of more than [`MAX_FRAMES`] frames, in words.
+pub(super) fn length_fault(frames: f64) -> Option<String> {
+    (frames > MAX_FRAMES as f64).then(|| {
+        format!("more than {MAX_FRAMES} samples per channel: give start_s and duration_s, or cut the file")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_of_converters_pass_and_others_are_named_with_the_remedy() {
+        for rate_hz in [100.0, 1000.0, 2800.0, 44_100.0, 768_000.0] {
+            assert_eq!(rate_fault(rate_hz, ""), None);
+        }
+        for rate_hz in [
+            0.0,
+            1.0,
+            99.9,
+            -1.0,
+            768_001.0,
+            4e9,
+            f64::NAN,
+            f64::INFINITY,
+        ] {
+            let fault = rate_fault(rate_hz, "mend it").unwrap();
+            assert!(
+                fault.contains("768000") && fault.contains("mend it"),
+                "{fault}"
+            );
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Files that are read whole, up to a declared size. No length that a file states is believed: the bytes are counted as
+//! they come, so that the memory is that of what is there, also where a file has no end.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::error::{Error, Result};
+
+/// One mebibyte, bytes.
+pub const MIB: u64 = 1 << 20;
+
+/// A kind of file, with the most bytes that one may have.
+#[derive(Clone, Copy, Debug)]
+pub struct Limit {
+    /// Name of the kind, with its article.
+    pub of: &'static str,
+    /// Most bytes.
+    pub bytes: u64,
+}
+
+impl Limit {
+    /// Reads the file at `path`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is larger than the limit.
+    pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
+        let file = File::open(path).map_err(Error::io("read", path))?;
+        let mut bytes = Vec::new();
+        let mut counted = file.take(self.bytes + 1);
+        counted
+            .read_to_end(&mut bytes)
+            .map_err(Error::io("read", path))?;
+        if bytes.len() as u64 > self.bytes {
+            let problem = format!(
+                "has more than {} bytes, the most of {}: give another file, or a part of it",
+                self.bytes, self.of
+            );
+            return Err(Error::file(path, problem));
+        }
+        Ok(bytes)
+    }
+
+    /// Reads the text file at `path`.
+    ///
+    /// # Errors
+    /// As [`Limit::read`], or text that is not UTF-8, with the line.
+    pub fn read_text(&self, path: &Path) -> Result<String> {
+        String::from_utf8(self.read(path)?).map_err(|failure| {
+            let before = &failure.as_bytes()[..failure.utf8_error().valid_up_to()];
+            let line = before.split(|&byte| byte == b'\n').count() as u64;
+            Error::line(path, line, "is not UTF-8 text: save the file as UTF-8")
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SMALL: Limit = Limit {
+        of: "a note",
+        bytes: 4,
+    };
+
+    #[test]
+    fn a_file_up_to_its_limit_is_read_and_a_larger_one_is_named_with_it() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), "four").unwrap();
+        assert_eq!(SMALL.read_text(file.path()).unwrap(), "four");
+        std::fs::write(file.path(), "five!").unwrap();
+        let message = SMALL.read(file.path()).unwrap_err().to_string();
+        assert!(
+            message.contains("4 bytes") && message.contains("a note"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn text_of_another_encoding_is_refused_with_its_line() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), b"a\n\xff").unwrap();
+        let message = SMALL.read_text(file.path()).unwrap_err().to_string();
+        assert!(message.contains("line 2"), "{message}");
+    }
+}

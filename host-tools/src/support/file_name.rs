@@ -1,0 +1,161 @@
+//! Names of things as names of files, on every system.
+//!
+//! Systems differ: some take upper and lower case for the same, some take a letter with an accent and the two
+//! characters that make it for the same, some give words such as NUL to devices, and some end a name before its last
+//! dot.
+
+use std::collections::{HashMap, HashSet};
+
+/// Most characters of a stem that [`Stems`] gives, without a number at its end.
+const MOST_CHARACTERS: usize = 64;
+
+/// Names of devices on Windows, with any ending and in any case; COM and LPT also stand before a digit.
+const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
+
+/// Stems of files for things with any names: safe on every system, and different for different things.
+#[derive(Debug, Default)]
+pub struct Stems {
+    given: HashMap<String, String>,
+    /// The stems in lower case.
+    taken: HashSet<String>,
+}
+
+impl Stems {
+    /// Returns the stem for `name`; the same each time. A name of ASCII letters, digits, `-` and `_` is its own stem,
+    /// unless an earlier thing has it.
+    pub fn of(&mut self, name: &str) -> String {
+        if let Some(stem) = self.given.get(name) {
+            return stem.clone();
+        }
+        let safe = safe(name);
+        let mut stem = safe.clone();
+        let mut number = 2;
+        while !self.taken.insert(stem.to_ascii_lowercase()) {
+            stem = format!("{safe}-{number}");
+            number += 1;
+        }
+        self.given.insert(name.to_owned(), stem.clone());
+        stem
+    }
+}
+
+fn safe(name: &str) -> String {
+    let kept = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    let stem: String = name
+        .chars()
+        .take(MOST_CHARACTERS)
+        .map(|c| if kept(c) { c } else { '_' })
+        .collect();
+    if stem.is_empty() || is_device(&stem) {
+        format!("_{stem}")
+    } else {
+        stem
+    }
+}
+
+/// Returns what keeps `name` from naming a file or folder on every system, if anything does.
+pub fn fault(name: &str) -> Option<&'static str> {
+    if name.is_empty() {
+        return Some("must not be empty");
+    }
+    if name.contains(|c: char| c.is_control() || r#"/\:*?"<>|"#.contains(c)) {
+        return Some("must have no path separators, control characters or : * ? \" < > |");
+    }
+    if name.contains(|c: char| ('\u{300}'..='\u{36f}').contains(&c)) {
+        return Some(
+            "has an accent as a character of its own: write the letter and its accent as one",
+        );
+    }
+    if name.ends_with(['.', ' ']) {
+        return Some("must not end with a dot or a space");
+    }
+    if is_device(name) {
+        return Some("is the name of a device on some systems");
+    }
+    None
+}
+
+/// Returns the form of `name` that is equal for names that some system takes for the same.
+pub fn folded(name: &str) -> String {
+    name.to_lowercase()
+}
+
+fn is_device(name: &str) -> bool {
+    let before = name.split('.').next().unwrap_or(name).trim_end();
+    let word = before.to_ascii_lowercase();
+    let numbered = |word: &str| {
+        let number = word.strip_prefix("com").or(word.strip_prefix("lpt"));
+        number.is_some_and(|rest| rest.len() == 1 && rest.as_bytes()[0].is_ascii_digit())
+    };
+    DEVICES.contains(&word.as_str()) || numbered(&word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn names_that_some_system_takes_for_the_same_get_different_stems() {
+        let mut stems = Stems::default();
+        let names = [
+            "a_b",
+            "a/b",
+            "a b",
+            "A_B",
+            "grün",
+            "gru\u{308}n",
+            "GRÜN",
+            "",
+            ".",
+            "..",
+            "NUL",
+            "nul",
+            "con.txt",
+            "x.",
+            "x",
+            "a_b-2",
+        ];
+        let given: Vec<String> = names.iter().map(|name| stems.of(name)).collect();
+        let different: HashSet<String> = given.iter().map(|stem| stem.to_lowercase()).collect();
+        assert_eq!(different.len(), names.len(), "{given:?}");
+        assert_eq!(given[0], "a_b");
+        assert_eq!(stems.of("a/b"), given[1]);
+    }
+
+    #[test]
+    fn names_of_devices_and_endings_that_are_dropped_name_no_folder() {
+        for name in [
+            "", "NUL", "con", "Com1.txt", "lpt9", "aux .x", "x.", "x ", "a/b", "a\\b", "C:",
+            "a\nb", "e\u{301}",
+        ] {
+            assert!(fault(name).is_some(), "{name:?}");
+        }
+        for name in [
+            "denim",
+            "null",
+            "com",
+            "com10",
+            "lpt",
+            "é",
+            "denim (worn)",
+            ".hidden",
+        ] {
+            assert_eq!(fault(name), None, "{name:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn stems_are_short_safe_and_different(names in prop::collection::hash_set("\\PC{0,200}|[aA_/ ]{0,3}", 1..40)) {
+            let mut stems = Stems::default();
+            let given: Vec<String> = names.iter().map(|name| stems.of(name)).collect();
+            for stem in &given {
+                prop_assert_eq!(fault(stem), None);
+                prop_assert!(stem.len() <= MOST_CHARACTERS + 4 && stem.is_ascii());
+            }
+            let different: HashSet<String> = given.iter().map(|stem| stem.to_lowercase()).collect();
+            prop_assert_eq!(different.len(), given.len());
+        }
+    }
+}

@@ -1,0 +1,497 @@
+//! Inputs that were made to hurt: numbers in files that size memory, shapes that cost more than their length,
+//! characters that a terminal obeys, names that are one name on some system, and outputs that are closed or full.
+
+mod support;
+
+use std::collections::HashSet;
+use std::process::{Command, Output, Stdio};
+
+use support::{Bench, RATE_HZ, json, noise, text, two_textures, wav};
+
+const HEADER: &str = "file,texture,speed_mm_s,force_n,sample_rate_hz\n";
+
+/// A second of noise, whose header states this rate.
+fn recording(rate_hz: u32) -> Vec<u8> {
+    let mut bytes = wav(&[&noise(1, 5000)], RATE_HZ);
+    let format = bytes.windows(4).position(|four| four == b"fmt ");
+    let rate = format.expect("it has a format") + 12;
+    bytes[rate..rate + 4].copy_from_slice(&rate_hz.to_le_bytes());
+    bytes
+}
+
+/// The library of a small set, in a folder with that set.
+fn fitted() -> Bench {
+    let bench = two_textures(|signal| [signal.to_vec()]);
+    bench.succeed("fit set --out good.lib");
+    bench
+}
+
+/// Runs `stylus` with at most 4 GB of address space, and after other `settings` of a shell.
+#[cfg(target_os = "linux")]
+fn in_shell(bench: &Bench, settings: &str, arguments: &str) -> Output {
+    let script = format!("ulimit -v 4000000; {settings}; exec \"$0\" {arguments}");
+    Command::new("sh")
+        .args(["-c", &script, env!("CARGO_BIN_EXE_stylus")])
+        .current_dir(bench.path("."))
+        .output()
+        .expect("there is a shell")
+}
+
+/// Runs `stylus` with at most 4 GB of address space, which must end with code 2 and one line; gives that line.
+#[cfg(target_os = "linux")]
+fn refuse_within_memory(bench: &Bench, arguments: &str) -> String {
+    let output = in_shell(bench, ":", arguments);
+    let message = text(&output.stderr);
+    assert_eq!(
+        output.status.code(),
+        Some(2),
+        "stylus {arguments}\n{message}"
+    );
+    assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+    message
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn rates_that_no_recording_has_are_refused_with_file_and_remedy_and_size_no_memory() {
+    let bench = Bench::new();
+    for rate_hz in [1, 99, 1_000_003, 3_999_999_979, u32::MAX] {
+        bench.write("a.wav", recording(rate_hz));
+        let message = refuse_within_memory(&bench, "fit a.wav --out a.lib");
+        for words in ["a.wav", "Hz", "convert it again"] {
+            assert!(message.contains(words), "{message}");
+        }
+    }
+    bench.write("a.csv", "1\n-1\n2\n".repeat(2000));
+    for rate in ["1", "3999999979"] {
+        let message = refuse_within_memory(
+            &bench,
+            &format!("fit a.csv --sample-rate {rate} --out a.lib"),
+        );
+        assert!(
+            message.contains("a.csv") && message.contains("--sample-rate"),
+            "{message}"
+        );
+        bench.write(
+            "set/trials.csv",
+            format!("{HEADER}../a.csv,silk,100,1,{rate}\n"),
+        );
+        let message = refuse_within_memory(&bench, "fit set --out a.lib");
+        assert!(
+            message.contains("line 2") && message.contains("sample_rate_hz"),
+            "{message}"
+        );
+    }
+    for step_s in [1e-9, 0.1] {
+        let rows = |motion: &str| -> String {
+            let row = |n: u32| format!("{},{motion}{}\n", f64::from(n) * step_s, n % 7);
+            (0..5000).map(row).collect()
+        };
+        bench.write("times.csv", format!("time_s,x\n{}", rows("")));
+        let message = refuse_within_memory(&bench, "fit times.csv --out a.lib");
+        assert!(
+            message.contains("times.csv") && message.contains("time_s"),
+            "{message}"
+        );
+        bench.write(
+            "hand.csv",
+            format!("time_s,speed_mm_s,force_n,x\n{}", rows("100,1,")),
+        );
+        let message = refuse_within_memory(&bench, "segment hand.csv --texture a --out cut");
+        assert!(
+            message.contains("hand.csv") && message.contains("time_s"),
+            "{message}"
+        );
+    }
+    assert!(!bench.path("a.lib").exists());
+}
+
+/// Rates of the range with a long common period, at which a block of the conversion is longest.
+#[cfg(target_os = "linux")]
+#[test]
+fn rates_of_the_whole_range_are_converted_in_bounded_memory() {
+    let bench = Bench::new();
+    for rate_hz in [100, 101, 44_101, 767_999, 768_000] {
+        bench.write("a.wav", recording(rate_hz));
+        let output = in_shell(&bench, ":", "fit a.wav --out a.lib");
+        let message = text(&output.stderr);
+        // A fraction of a second is too short for a fit, which is said in one line.
+        assert!(
+            matches!(output.status.code(), Some(0 | 2)),
+            "{rate_hz} Hz\n{message}"
+        );
+        assert!(!message.contains("sample rate of"), "{message}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn sizes_in_a_wav_header_size_no_memory() {
+    let bench = Bench::new();
+    let good = recording(RATE_HZ);
+    let data = good
+        .windows(4)
+        .position(|four| four == b"data")
+        .expect("it has samples");
+    let changed = |at: usize, bytes: &[u8]| {
+        let mut changed = good.clone();
+        changed[at..at + bytes.len()].copy_from_slice(bytes);
+        changed
+    };
+    let with_chunk = |id: &[u8; 4], length: u32| {
+        let mut longer = good.clone();
+        let chunk = [
+            &id[..],
+            &length.to_le_bytes(),
+            b"INFOISFT",
+            &length.to_le_bytes(),
+        ]
+        .concat();
+        longer.splice(data..data, chunk);
+        longer
+    };
+    let mut endless = changed(4, &[255; 4]);
+    endless[data + 4..data + 8].copy_from_slice(&[255, 255, 255, 127]);
+    for (name, bytes, words) in [
+        ("channels", changed(22, &[255, 255]), "65535 channels"),
+        ("none", changed(22, &[0, 0]), "0 channels"),
+        (
+            "frame",
+            changed(32, &[255, 255]),
+            "65535 bytes for one sample",
+        ),
+        (
+            "list",
+            with_chunk(b"LIST", 0xffff_fff0),
+            "'LIST' of 4294967280 bytes",
+        ),
+        ("fact", with_chunk(b"fact", 20_000), "'fact' of 20000 bytes"),
+        ("length", endless, "truncated"),
+    ] {
+        bench.write(&format!("{name}.wav"), bytes);
+        let message = refuse_within_memory(&bench, &format!("fit {name}.wav --out a.lib"));
+        assert!(
+            message.contains(name) && message.contains(words),
+            "{message}"
+        );
+    }
+    // What is in the file may be there: titles do not keep a recording from being read.
+    let titled = [
+        &good[..data],
+        b"LIST\x04\0\0\0INFOjunk\x03\0\0\0abc\0",
+        &good[data..],
+    ]
+    .concat();
+    bench.write("titled.wav", titled);
+    bench.succeed("fit titled.wav --out a.lib");
+}
+
+#[test]
+fn files_are_read_up_to_the_size_of_their_kind() {
+    let bench = fitted();
+    let grow = |name: &str, bytes: u64| {
+        let file = std::fs::File::create(bench.path(name)).expect("there is room for a name");
+        file.set_len(bytes).expect("the file is sparse");
+    };
+    grow("long.toml", 2 << 20);
+    grow("long.lib", 1 << 33);
+    grow("long.csv", 1 << 33);
+    grow("long.xml", 1 << 33);
+    grow("good.lib.fit.json", 1 << 33);
+    for (arguments, file) in [
+        ("scene check long.toml --library good.lib", "long.toml"),
+        ("simulate-rig --rig long.toml --out rig", "long.toml"),
+        ("inspect long.lib", "long.lib"),
+        ("fit long.csv --sample-rate 5000 --out a.lib", "long.csv"),
+        ("import-hatt long.xml --out a.lib", "long.xml"),
+        ("evaluate set --library good.lib", "good.lib.fit.json"),
+        (
+            "render good.lib --texture silk --motion long.csv --out a.wav",
+            "long.csv",
+        ),
+    ] {
+        let message = bench.refuse(arguments);
+        assert!(
+            message.contains(file) && message.contains("bytes, the most of"),
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn xml_that_costs_more_than_its_length_is_refused_with_its_line() {
+    let bench = Bench::new();
+    let model = "<model><ARcoeff>1 -0.5 0.2</ARcoeff><MAcoeff></MAcoeff><var>0.01</var><gain>1</gain>\
+                 <speedMod>20</speedMod><forceMod>0.5</forceMod></model>";
+    let many = |one: &dyn Fn(usize) -> String| (0..60_000).map(one).collect::<String>();
+    for (name, hostile, words) in [
+        (
+            "attributes",
+            format!("<a{}/>", many(&|n| format!(" a{n}=\"\""))),
+            "attributes",
+        ),
+        (
+            "depth",
+            many(&|_| "<a>".into()) + &many(&|_| "</a>".into()),
+            "in one another",
+        ),
+        (
+            "namespaces",
+            many(&|n| format!("<a xmlns:n{n}=\"{n}\"/>")),
+            "namespaces",
+        ),
+        ("models", many(&|_| model.into()), "models"),
+    ] {
+        let file = format!("<HaTT><SampleRate>1000</SampleRate>{model}\n{hostile}</HaTT>");
+        bench.write(&format!("{name}.xml"), file);
+        let message = bench.refuse(&format!("import-hatt {name}.xml --out a.lib"));
+        assert!(
+            message.contains("line 2") && message.contains(words),
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn a_library_with_a_padded_number_is_no_library() {
+    let bench = fitted();
+    let mut bytes = std::fs::read(bench.path("good.lib")).unwrap();
+    // The number of textures is the first varint after the prefix of 16 bytes.
+    bytes[16] |= 0x80;
+    bytes.insert(17, 0);
+    let length = bytes.len() as u32;
+    bytes[8..12].copy_from_slice(&length.to_le_bytes());
+    let checksum = crc32(&[&bytes[..12], &bytes[16..]].concat());
+    bytes[12..16].copy_from_slice(&checksum.to_le_bytes());
+    bench.write("padded.lib", bytes);
+    let message = bench.refuse("inspect padded.lib");
+    assert!(message.contains("more bytes than it needs"), "{message}");
+}
+
+/// CRC-32 by its definition, bit by bit.
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(u32::MAX, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| {
+            (crc >> 1) ^ (0xedb8_8320 * (crc & 1))
+        })
+    })
+}
+
+/// Characters that a terminal obeys: a colour, the same of C1, deletion, and text turned around.
+const OBEYED: &str = "a\u{1b}[31m\u{9b}2J\u{7f}\u{202e}z";
+
+/// Runs `stylus` with these arguments; gives all that it printed, and checks that nothing of it is obeyed.
+fn shown(bench: &Bench, arguments: &[&str]) -> String {
+    let child = bench.spawn(arguments.iter().copied());
+    let output = child.wait_with_output().expect("it ends");
+    let all = text(&output.stdout) + &text(&output.stderr);
+    let is_obeyed = |c: char| c.is_control() && c != '\n' || ('\u{202a}'..='\u{202e}').contains(&c);
+    assert!(!all.contains(is_obeyed), "{all:?}");
+    all
+}
+
+#[test]
+fn characters_that_a_terminal_obeys_are_shown_wherever_they_come_from() {
+    let bench = fitted();
+    let file = format!("{OBEYED}.lib");
+    for (arguments, words) in [
+        (&["inspect", &file][..], "\\u{1b}[31m"),
+        (&["inspect", OBEYED, OBEYED], "unexpected argument"),
+        (&[OBEYED], "unrecognized subcommand"),
+        (&["status", "--link", OBEYED], "is not an address"),
+        (
+            &[
+                "render",
+                "good.lib",
+                "--texture",
+                OBEYED,
+                "--speed",
+                "1",
+                "--force",
+                "1",
+                "--seconds",
+                "1",
+                "--out",
+                "a.wav",
+            ],
+            "\\u{202e}z",
+        ),
+    ] {
+        let all = shown(&bench, arguments);
+        assert!(all.contains(words), "{all}");
+    }
+    bench.write(
+        "set/trials.csv",
+        format!("{HEADER}{OBEYED}.wav,silk,100,1,\n"),
+    );
+    assert!(shown(&bench, &["fit", "set", "--out", "a.lib"]).contains("\\u{9b}2J"));
+    bench.write("set/trials.csv", format!("{HEADER}a.wav,{OBEYED},100,1,\n"));
+    assert!(shown(&bench, &["fit", "set", "--out", "a.lib"]).contains("control character"));
+    bench.write("a.csv", format!("x\n1\n{OBEYED}\n"));
+    let read = ["fit", "a.csv", "--sample-rate", "5000", "--out", "a.lib"];
+    assert!(shown(&bench, &read).contains("\\u{7f}"));
+    // A library may hold marks that turn text around, which no control character is.
+    bench.write("turned\u{202e}.wav", recording(RATE_HZ));
+    let fit = shown(
+        &bench,
+        &["fit", "turned\u{202e}.wav", "--out", "turned.lib"],
+    );
+    assert!(fit.contains("turned\\u{202e}"), "{fit}");
+    assert!(shown(&bench, &["inspect", "turned.lib"]).contains("turned\\u{202e}"));
+    let inspected = shown(&bench, &["inspect", "turned.lib", "--json"]);
+    assert_eq!(json(&inspected)["textures"][0]["name"], "turned\u{202e}");
+    shown(
+        &bench,
+        &[
+            "evaluate",
+            "turned\u{202e}.wav",
+            "--library",
+            "turned.lib",
+            "--report",
+            "page",
+            "--synthesis",
+            "2",
+        ],
+    );
+    let page = std::fs::read_to_string(bench.path("page/index.html")).unwrap();
+    assert!(page.contains("turned\\u{202e}") && !page.contains('\u{202e}'));
+}
+
+/// Runs `stylus` with a closed pipe in place of the chosen outputs.
+fn with_closed(bench: &Bench, arguments: &str, out: bool, err: bool) -> Output {
+    let closed = || {
+        let (reader, writer) = std::io::pipe().expect("there is a pipe");
+        drop(reader);
+        Stdio::from(writer)
+    };
+    let child = Command::new(env!("CARGO_BIN_EXE_stylus"))
+        .args(arguments.split_whitespace())
+        .current_dir(bench.path("."))
+        .stdout(if out { closed() } else { Stdio::piped() })
+        .stderr(if err { closed() } else { Stdio::piped() })
+        .spawn()
+        .expect("the command starts");
+    child.wait_with_output().expect("it ends")
+}
+
+#[test]
+fn closed_outputs_are_no_panic_and_the_exit_code_says_what_was_lost() {
+    let bench = fitted();
+    let code = |arguments: &str, out, err| {
+        let output = with_closed(&bench, arguments, out, err);
+        let message = text(&output.stderr);
+        assert!(!message.contains("panicked"), "{message}");
+        output.status.code()
+    };
+    for arguments in [
+        "inspect good.lib",
+        "inspect good.lib --json",
+        "--help",
+        "--version",
+    ] {
+        assert_eq!(code(arguments, false, true), Some(0), "{arguments}");
+        assert_eq!(code(arguments, true, false), Some(1), "{arguments}");
+        assert_eq!(code(arguments, true, true), Some(1), "{arguments}");
+    }
+    for arguments in ["inspect nowhere.lib", "nothing", "inspect"] {
+        assert_eq!(code(arguments, false, true), Some(2), "{arguments}");
+        assert_eq!(code(arguments, true, true), Some(2), "{arguments}");
+    }
+    // Warnings that nobody reads leave the result.
+    let render = "render good.lib --texture silk --speed 100 --force 1 --seconds 1 --pcm16 0.001 --out loud.wav";
+    assert!(text(&bench.run(render).stderr).contains("warning"));
+    std::fs::remove_file(bench.path("loud.wav")).unwrap();
+    assert_eq!(code(render, false, true), Some(0));
+    assert!(bench.path("loud.wav").exists());
+}
+
+/// A file that may grow to a kilobyte stands for a full disk.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_output_is_an_error_and_leaves_no_result_that_looks_whole() {
+    let bench = fitted();
+    let small = "trap '' XFSZ; ulimit -f 1";
+    let output = in_shell(&bench, small, "inspect good.lib --json > content.json");
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(
+        message.contains("standard output: cannot write"),
+        "{message}"
+    );
+    let render = "render good.lib --texture silk --speed 100 --force 1 --seconds 1 --out a.wav";
+    let output = in_shell(&bench, small, render);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("a.wav: cannot write"), "{message}");
+    let is_left = |name: &String| name.starts_with("a.wav") || name.starts_with('.');
+    assert!(!bench.names().iter().any(is_left));
+    // Standard error is full too.
+    bench.write("notes", "already there ".repeat(1000));
+    for arguments in ["inspect nowhere.lib", "nothing"] {
+        let output = in_shell(&bench, small, &format!("{arguments} 2>> notes"));
+        assert_eq!(output.status.code(), Some(2), "{arguments}");
+    }
+}
+
+#[test]
+fn textures_whose_names_are_alike_keep_their_own_pictures() {
+    let bench = Bench::new();
+    let names = ["a/b", "a_b", "A_B", "gr\u{fc}n", "gru\u{308}n", "NUL", ".."];
+    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
+    for (index, name) in names.iter().enumerate() {
+        for (speed, force) in [(100, 0.5), (100, 1.0), (150, 1.0), (150, 0.5)] {
+            let file = format!("{index}-{speed}-{force}.wav");
+            bench.write(
+                &format!("set/{file}"),
+                wav(&[&noise(index as u64, 10_000)], RATE_HZ),
+            );
+            list.push_str(&format!("{file},{name},{speed},{force}\n"));
+        }
+    }
+    bench.write("set/trials.csv", list);
+    bench.succeed("fit set --out a.lib --order 4");
+    bench.succeed("evaluate set --library a.lib --report page --synthesis 2");
+    let files: Vec<String> = std::fs::read_dir(bench.path("page"))
+        .unwrap()
+        .map(|entry| {
+            entry
+                .unwrap()
+                .file_name()
+                .into_string()
+                .expect("it is text")
+        })
+        .collect();
+    let different: HashSet<String> = files.iter().map(|name| name.to_lowercase()).collect();
+    assert_eq!(different.len(), files.len(), "{files:?}");
+    for kind in ["-time-and-frequency.svg", "-bands.svg", "-cost-map.svg"] {
+        let pictures = different.iter().filter(|name| name.ends_with(kind));
+        assert_eq!(pictures.count(), names.len(), "{kind}: {files:?}");
+    }
+    assert!(files.iter().all(|name| name.is_ascii()), "{files:?}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn new_files_follow_the_umask_and_replaced_ones_keep_their_permissions() {
+    use std::os::unix::fs::PermissionsExt;
+    let bench = fitted();
+    let mode = |name: &str| {
+        let metadata = std::fs::metadata(bench.path(name)).expect("it was written");
+        metadata.permissions().mode() & 0o7777
+    };
+    for (umask, expected) in [("027", 0o640), ("077", 0o600), ("002", 0o664)] {
+        let output = in_shell(
+            &bench,
+            &format!("umask {umask}"),
+            &format!("fit set --out {umask}.lib"),
+        );
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        for name in [format!("{umask}.lib"), format!("{umask}.lib.fit.json")] {
+            assert_eq!(mode(&name), expected, "umask {umask}");
+        }
+    }
+    let kept = std::fs::Permissions::from_mode(0o600);
+    std::fs::set_permissions(bench.path("002.lib"), kept).unwrap();
+    bench.succeed("fit set --out 002.lib");
+    assert_eq!(mode("002.lib"), 0o600);
+}
