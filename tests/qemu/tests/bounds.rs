@@ -261,6 +261,7 @@ impl Recipe {
 fn allowed(cost: Cost, recipe: Recipe) -> u64 {
     DECODE_INSTRUCTIONS
         + cost.bytes * DECODE_INSTRUCTIONS_PER_BYTE
+        + u64::from(recipe.0[0]) * DECODE_INSTRUCTIONS_PER_TEXTURE
         + u64::from(recipe.0[10]) * DECODE_INSTRUCTIONS_PER_SCENE
 }
 
