@@ -5,6 +5,7 @@ mod support;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use fake_stylus::flash::Damage;
 use fake_stylus::library::library;
 use fake_stylus::{FakeStylus, Faults};
 use model_format::link::{DeviceInfo, MAX_CHUNK_BYTES};
@@ -282,4 +283,27 @@ fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_an
     assert!(report["skipped"].as_u64().unwrap() > 0, "{report}");
     // While motions wait, keep-alives tell the device that the host is there.
     assert!(report["keep_alives"].as_u64().unwrap() > 0, "{report}");
+}
+
+#[test]
+fn the_last_library_that_can_be_read_is_replaced_only_where_the_user_asks_for_it() {
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let link = stylus.link();
+    for (name, seed) in [("a.lib", 1), ("b.lib", 2), ("c.lib", 3)] {
+        bench.write(name, library(1, 4, seed));
+    }
+    bench.succeed(&format!("upload a.lib --activate --link {link}"));
+    bench.succeed(&format!("upload b.lib --link {link}"));
+    // The active library goes on from RAM; its slot cannot be read any more.
+    stylus.damage(0, Damage::Faulting);
+    let refused = bench.refuse(&format!("upload c.lib --link {link}"));
+    for remedy in ["activate slot B", "--replace-last"] {
+        assert!(refused.contains(remedy), "{refused}");
+    }
+    let uploaded = bench.run(&format!("upload c.lib --replace-last --link {link}"));
+    assert!(uploaded.status.success(), "{uploaded:?}");
+    let told = text(&uploaded.stderr);
+    assert!(told.contains("without one"), "{told}");
+    let listed = bench.succeed(&format!("list --json --link {link}"));
+    assert!(listed.contains("\"B\""), "{listed}");
 }

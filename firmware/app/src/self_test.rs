@@ -12,8 +12,7 @@ use model_format::link::{
 };
 
 use crate::flash::WORD_BYTES;
-use crate::slots::claim::{Claim, LastLibrary};
-use crate::slots::{MappedFlash, SlotStore};
+use crate::slots::{Claim, LastLibrary, MappedFlash, SlotStore};
 use crate::storage::{Stage, Storage};
 
 /// The hardware that is measured.
@@ -52,7 +51,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `SelfTestEndpoint`.
     ///
     /// # Errors
-    /// Something is played or received; the slot holds what may not be erased, or the last library; the hardware does not answer.
+    /// Something is played or received; the slot holds what may not be erased, or the last library; the hardware does
+    /// not answer.
     pub async fn self_test(
         &mut self,
         stage: &mut impl Stage,
@@ -108,7 +108,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     }
 }
 
-/// Erases the last sector of the claimed slot, which holds its header, writes and reads the pattern, and erases it again.
+/// Erases the last sector of the claimed slot, which holds its header, writes and reads the pattern, and erases it
+/// again.
 ///
 /// The header's own word is never written. So a power loss at any time leaves a slot without a library.
 async fn measure<F: MappedFlash>(

@@ -2,8 +2,8 @@
 //!
 //! Each call erases at most one sector: `begin` that of the header, a chunk the sector that it is the first to reach. A
 //! call that fails in the flash, or is dropped half way, ends the upload, because a word cannot be written twice. A
-//! call that is refused leaves the upload as it was. An upload never touches the active slot, and never the last library
-//! that can be read unless it asks for that.
+//! call that is refused leaves the upload as it was. An upload never touches the active slot, and never the last
+//! library that can be read unless it asks for that.
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
@@ -12,8 +12,7 @@ use model_format::link::{
 };
 
 use crate::flash::WORD_BYTES;
-use crate::slots::claim::{Claim, LastLibrary};
-use crate::slots::{MappedFlash, SealFault, SlotStore, WriteFault};
+use crate::slots::{Claim, LastLibrary, MappedFlash, SealFault, SlotStore, WriteFault};
 
 const _: () =
     assert!(CHUNK_ALIGN.is_multiple_of(WORD_BYTES) && MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));

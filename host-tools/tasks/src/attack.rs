@@ -1,4 +1,5 @@
-//! Attacks that go on as long as asked: the fuzzers of `tests/fuzz`, and the model checks of `firmware/app/tests/attack`.
+//! Attacks that go on as long as asked: the fuzzers of `tests/fuzz`, and the model checks of
+//! `firmware/app/tests/attack`.
 //!
 //! Each round has a seed, from which all of it follows, so that a failure is seen again by its seed alone.
 

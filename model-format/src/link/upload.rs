@@ -172,8 +172,8 @@ pub enum UploadError {
     },
     /// A slot with the last library that can be read.
     #[error(
-        "slot {slot} holds the only library that can be read, and an upload would erase it: activate slot {slot}, which \
-         leaves the other one to the upload, or upload with --replace-last"
+        "slot {slot} holds the only library that can be read, and an upload would erase it: activate slot {slot}, \
+         which leaves the other one to the upload, or upload with --replace-last"
     )]
     LastLibrary {
         /// The slot.

@@ -17,6 +17,7 @@ use crate::board::Board;
 use crate::connection::Connection;
 use crate::device::{SharedControl, SteppedStylus};
 use crate::faults::Faults;
+use crate::flash::{Damage, SimulatedFlash};
 use crate::hand::Hand;
 use crate::requests::{Requests, frame, path_of};
 
@@ -41,6 +42,8 @@ struct Inner {
     heard: Vec<Heard>,
     hand: Hand,
     board: Board,
+    /// Offsets of words of the slots that are to be damaged.
+    damage: Vec<(usize, Damage)>,
     lose_samples: u32,
     tear_samples: u32,
     connections: usize,
@@ -115,6 +118,11 @@ impl FakeStylus {
         lock(&self.inner).board = board;
     }
 
+    /// Damages the word of the slots' flash at `offset`.
+    pub fn damage(&self, offset: usize, damage: Damage) {
+        lock(&self.inner).damage.push((offset, damage));
+    }
+
     /// Loses the next `samples` samples before they reach the recorder.
     pub fn lose_samples(&self, samples: u32) {
         lock(&self.inner).lose_samples = samples;
@@ -163,7 +171,9 @@ fn lock(inner: &Mutex<Inner>) -> MutexGuard<'_, Inner> {
 }
 
 fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: fn(&mut SteppedStylus)) {
-    let mut stylus = SteppedStylus::boot();
+    let slots = SimulatedFlash::two_slots();
+    let fate = slots.fate.clone();
+    let mut stylus = SteppedStylus::boot_from(slots);
     prepare(&mut stylus);
     let SteppedStylus {
         control,
@@ -178,6 +188,9 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: fn(&mut Stepped
         if let Ok((stream, _)) = listener.accept() {
             lock(shared).connections += 1;
             connection = Some(Connection::new(stream));
+        }
+        for (offset, damage) in std::mem::take(&mut lock(shared).damage) {
+            fate.damage(offset, damage);
         }
         let faults = lock(shared).faults.clone();
         let blocks = catch_up(&control, begin.elapsed(), &faults);

@@ -7,34 +7,16 @@
 use model_format::link::{SlotFault, SlotId, SlotInfo, SlotState};
 
 use super::header::{Header, HeaderWord};
+use super::permit::{Claim, LastLibrary};
 use super::{HEADER_OFFSET, MappedFlash, SlotStore, newer};
 
 /// Number of times that each word of the library that stays must read the same. A word that is as often right as not
 /// passes once in a million times. For a full slot this takes about a tenth of a second, as estimated from the number
 /// of loads.
-pub const STEADY_READS: usize = 20;
+const STEADY_READS: usize = 20;
 
 /// Number of times that a slot which could not be read is read again before it is given away.
 const SECOND_CHANCES: usize = 4;
-
-/// Permission to erase and write a slot. [`SlotStore::claim`] alone gives it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Claim {
-    slot: SlotId,
-}
-
-impl Claim {
-    /// The slot.
-    pub(crate) const fn slot(self) -> SlotId {
-        self.slot
-    }
-}
-
-/// Refusal of a claim, because the slot holds the last library that can be read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct LastLibrary {
-    pub(crate) slot: SlotId,
-}
 
 impl<F: MappedFlash> SlotStore<F> {
     /// Gives `slot` away to be erased; it holds no library from then on.

@@ -8,11 +8,11 @@
 //! is read (RM0433 section 4.3.16, double ECC error); such a slot counts as faulty. Each word is therefore read by
 //! [`ReadNorFlash::read`], which reports a fault, before the bytes are read in place.
 //!
-//! Nothing is erased without a claim on its slot, which is refused for the last library that can be read: see
-//! [`claim`].
+//! Nothing is erased without a [`Claim`] on its slot, which is refused for the last library that can be read.
 
-pub(crate) mod claim;
+mod claim;
 mod header;
+mod permit;
 
 use core::ops::Range;
 
@@ -29,10 +29,9 @@ use model_format::{Decoder, Library, NodeFlags, Outline, Texture, Workspace};
 use crate::words::in_words;
 
 pub use crate::flash::WORD_BYTES;
-use claim::Claim;
-pub use claim::STEADY_READS;
 pub use header::HEADER_VERSION;
 use header::{Header, HeaderWord};
+pub(crate) use permit::{Claim, LastLibrary};
 
 #[cfg(doc)]
 use embedded_storage_async::nor_flash::ReadNorFlash;

@@ -2,13 +2,14 @@
 //! poll and the tick.
 //!
 //! The application is the device's own, on the shared fake hardware. An executor chooses at each await which task goes
-//! on. [`REQUESTS`](list::REQUESTS) is the list of requests: a new one is covered by a line in it, and a new await by itself, because
+//! on. [`REQUESTS`] is the list of requests: a new one is covered by a line in it, and a new await by itself, because
 //! every one of them is a point at which the executor chooses.
 //!
-//! Held at each point: see [`Watch`](world::Watch). Held at the end: every request was answered once, and the device plays again.
+//! Held at each point: what `Watch` in `world.rs` looks at. Held at the end: every request was answered once, and the
+//! device plays again.
 //!
-//! - All schedules of each pair of requests, and of triples by chance, are explored up to [`WAITS`]. States that were seen are not entered
-//!   again; two states are the same if they have the same [`World::fingerprint`].
+//! - All schedules of each pair of requests, and of triples by chance, are explored up to [`WAITS`]. States that were
+//!   seen are not entered again; two states are the same if they have the same [`World::fingerprint`].
 //! - Longer lists of requests run under random schedules, in which ticks and polls are late by up to a millisecond.
 
 mod list;
