@@ -169,7 +169,13 @@ impl<'a> Row<'a> {
         };
         if !enough {
             let Some(half) = self.part.halved() else {
-                return Err(self.failure(Cause::Margin));
+                let claimed = middle >= 2 * allowance;
+                let cause = if claimed {
+                    Cause::Margin
+                } else {
+                    Cause::OnCircle
+                };
+                return Err(self.failure(cause));
             };
             self.part = half;
             return Ok(true);

@@ -204,8 +204,8 @@ fn poles_next_to_the_circle_are_told_apart() {
     let around = |radius: f64| {
         [
             with_poles(&[(radius, 1.0)]),
-            with_poles(&[(radius, 0.0001)]),
-            with_poles(&[(radius, 3.141)]),
+            with_poles(&[(radius, 0.1)]),
+            with_poles(&[(radius, 3.1)]),
             with_poles(&[(0.9, 0.5), (radius, 1.0), (0.8, 2.0)]),
         ]
     };
