@@ -78,14 +78,20 @@ impl Hardware {
         }
     }
 
-    /// Copies `library` to the RAM that it is played from. Nothing is played then.
+    /// Forgets the library in RAM, and with it what was played. Nothing is played then.
+    pub fn begin_load(&mut self) {
+        self.clear();
+        // SAFETY: only the director and the next plan hold textures beyond a call, and both were just forgotten.
+        unsafe { self.library.begin() };
+    }
+
+    /// Takes one step of copying `library` to the RAM that it is played from, and of decoding it there; returns true
+    /// after the last one.
     ///
     /// # Errors
     /// The bytes are not a library.
-    pub fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
-        self.clear();
-        // SAFETY: only the director and the next plan hold textures beyond a call, and both were just forgotten.
-        unsafe { self.library.load(library) }
+    pub fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault> {
+        self.library.load(library)
     }
 }
 

@@ -9,7 +9,7 @@ use crate::limits;
 use crate::scene::Scene;
 use crate::scene::limits::MAX_SCENES;
 use crate::wire::{
-    self, CertificateRecord, NodeRecord, Prefix, Provenance, Structure, TextureRecord,
+    self, CertificateRecord, NodeRecord, Prefix, Provenance, Structure, Summary, TextureRecord,
 };
 
 /// A texture to be written.
@@ -167,6 +167,21 @@ impl CodeSpec {
         }
     }
 
+    /// The lowest exponent that means of this node need, see [`Summary::exponent_of`].
+    fn needed_exponent(&self) -> u8 {
+        match self {
+            Self::Lattice { .. } => 0,
+            Self::Direct16 { exponent, codes } => {
+                let magnitudes = codes.iter().map(|code| u64::from(code.unsigned_abs()));
+                Summary::exponent_of(*exponent, magnitudes.sum::<u64>() << 16)
+            }
+            Self::Direct32 { exponent, codes } => {
+                let magnitudes = codes.iter().map(|code| u64::from(code.unsigned_abs()));
+                Summary::exponent_of(*exponent, magnitudes.sum())
+            }
+        }
+    }
+
     fn append_to(&self, bytes: &mut Vec<u8>) {
         match self {
             Self::Lattice { codes, .. } | Self::Direct16 { codes, .. } => {
@@ -298,6 +313,7 @@ fn append_texture(
 ) -> Result<(), DecodeError> {
     let mut nodes = Vec::new();
     let mut coefficients = Vec::new();
+    let mut summary = Summary::default();
     for (number, node) in texture.nodes.iter().enumerate() {
         let place = node_place(texture, index, number);
         let (order, structure) = (node.codes.order(), node.codes.structure());
@@ -318,6 +334,11 @@ fn append_texture(
             offset: coefficients.len() as u32,
         };
         nodes.extend(record.bytes());
+        summary = summary.with_node(
+            record.order,
+            record.output_power,
+            node.codes.needed_exponent(),
+        );
         node.codes.append_to(&mut coefficients);
     }
     let (speed_axis, force_axis) = (
@@ -351,13 +372,13 @@ fn append_texture(
         nodes: &nodes,
         coefficients: &coefficients,
         certificate,
+        summary,
     };
-    let encoded = postcard::to_allocvec(&record).map_err(|_| {
-        let place = Place::Texture(index);
-        Problem::Malformed.at(place)
-    })?;
-    bytes.extend(encoded);
-    append_parts(texture, index, bytes)
+    let malformed = |_| Problem::Malformed.at(Place::Texture(index));
+    let mut encoded = postcard::to_allocvec(&record).map_err(malformed)?;
+    append_parts(texture, index, &mut encoded)?;
+    bytes.extend(postcard::to_allocvec(encoded.as_slice()).map_err(malformed)?);
+    Ok(())
 }
 
 fn append_parts(

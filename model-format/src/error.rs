@@ -210,6 +210,33 @@ pub enum Problem {
         /// Number of the stage, from 1.
         stage: usize,
     },
+    /// Bytes after a texture's optional parts, within its string; their number.
+    #[error("{0} bytes are left over after its optional parts")]
+    LeftOverOfTexture(usize),
+    /// A highest order that is not the nodes' own.
+    #[error("it states a highest order of {stored}, and the nodes' is {found}")]
+    HighestOrder {
+        /// The stored order.
+        stored: u16,
+        /// Highest order of the nodes.
+        found: u16,
+    },
+    /// A highest output power that is not the nodes' own.
+    #[error("it states a highest output power of {stored} (m/s²)², and the nodes' is {found}")]
+    HighestPower {
+        /// The stored power, (m/s²)².
+        stored: f32,
+        /// Highest output power of the nodes, (m/s²)².
+        found: f32,
+    },
+    /// A common exponent that is not the one that the nodes need.
+    #[error("it states a common exponent of {stored}, and the nodes need {found}")]
+    CommonExponent {
+        /// The stored exponent.
+        stored: u8,
+        /// Exponent that the nodes need.
+        found: u8,
+    },
     /// Bytes after the last scene; their number.
     #[error("{0} bytes are left over after the last scene")]
     LeftOver(usize),

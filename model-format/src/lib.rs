@@ -22,8 +22,8 @@ pub use encode::{
 };
 pub use error::{DecodeError, Place, Problem};
 pub use library::{
-    Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Coefficients, FadeLaw, Laws, LevelLaw,
-    Library, Node, NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL,
+    Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Coefficients, Decoder, FadeLaw, Laws,
+    LevelLaw, Library, Node, NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL,
 };
 pub use units::{
     AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample,

@@ -39,3 +39,10 @@ pub const MAX_COEFFICIENT_SUM: u64 = 1024;
 
 /// Largest binary exponent of a direct-form node: coefficients of up to 2¹⁰ in magnitude.
 pub const MAX_EXPONENT: u8 = 10;
+
+/// Bound that every Σ|code| of a direct form's 32-bit codes stays below, in a node and in every mean of nodes.
+pub const CODE_SUM_LIMIT: u64 = 1 << 32;
+
+/// Most bytes of a checksum, or of nodes with their coefficients, that one step of [`crate::Decoder`] takes up. A step
+/// ends with the node that reaches it.
+pub const STEP_BYTES: usize = 2048;

@@ -5,29 +5,135 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::limits;
+
 /// The format's version. It changes when an older reader could misread newer bytes.
-pub const FORMAT_VERSION: u16 = 4;
+pub const FORMAT_VERSION: u16 = 5;
 
 /// First bytes of every library.
 pub(crate) const MAGIC: [u8; 4] = *b"HTXL";
 
 /// Length of [`Prefix`], bytes.
-#[cfg(feature = "alloc")]
 pub(crate) const PREFIX_BYTES: usize = 16;
+
+/// Bytes of [`Prefix::reserved`].
+pub(crate) const RESERVED: core::ops::Range<usize> = 6..8;
 
 /// Bytes of [`Prefix::crc32`].
 pub(crate) const CRC_RANGE: core::ops::Range<usize> = 12..16;
 
-pub(crate) const CRC32: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+/// CRC-32 (ISO-HDLC) of a whole library, as its prefix has it, an upload announces it and a slot keeps it.
+pub static CRC32: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// CRC-32 (ISO-HDLC, that of zlib) of a library without the field that holds it.
 ///
 /// `bytes` must be at least as long as a [`Prefix`].
+#[cfg(feature = "alloc")]
 pub(crate) fn checksum(bytes: &[u8]) -> u32 {
     let mut digest = CRC32.digest();
     digest.update(&bytes[..CRC_RANGE.start]);
     digest.update(&bytes[CRC_RANGE.end..]);
     digest.finalize()
+}
+
+/// A reader of postcard's encodings, which refuses a varint of more bytes than it needs, so that a library has one form
+/// of bytes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reader<'a>(pub &'a [u8]);
+
+impl<'a> Reader<'a> {
+    #[inline]
+    pub fn byte(&mut self) -> Option<u8> {
+        let (&byte, rest) = self.0.split_first()?;
+        self.0 = rest;
+        Some(byte)
+    }
+
+    /// A varint of 32 bits.
+    pub fn varint(&mut self) -> Option<u32> {
+        let mut value = u32::from(self.byte()?);
+        if value < 0x80 {
+            return Some(value);
+        }
+        value &= 0x7f;
+        for shift in [7, 14, 21, 28] {
+            let byte = u32::from(self.byte()?);
+            value |= (byte & 0x7f) << shift;
+            if byte < 0x80 {
+                let whole = byte > 0 && (shift < 28 || byte < 0x10);
+                return whole.then_some(value);
+            }
+        }
+        None
+    }
+
+    /// A string: its length as a varint, then its bytes.
+    pub fn string(&mut self) -> Option<&'a [u8]> {
+        let length = self.varint()? as usize;
+        let (string, rest) = self.0.split_at_checked(length)?;
+        self.0 = rest;
+        Some(string)
+    }
+
+    pub fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (&array, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(array)
+    }
+
+    pub fn f32(&mut self) -> Option<f32> {
+        self.array().map(f32::from_le_bytes)
+    }
+
+    /// The byte before an `Option`'s value: 0 for none, 1 for one.
+    pub fn is_some(&mut self) -> Option<bool> {
+        match self.byte()? {
+            0 => Some(false),
+            1 => Some(true),
+            _ => None,
+        }
+    }
+}
+
+impl<'a> TextureRecord<'a> {
+    /// The record that `reader` is at.
+    pub fn read(reader: &mut Reader<'a>) -> Option<Self> {
+        Some(Self {
+            name: core::str::from_utf8(reader.string()?).ok()?,
+            sample_rate_hz: reader.varint()?,
+            structure: match reader.varint()? {
+                0 => Structure::NormalisedLattice,
+                1 => Structure::DirectForm16,
+                2 => Structure::DirectForm32,
+                _ => return None,
+            },
+            provenance: match reader.varint()? {
+                0 => Provenance::Recorded,
+                1 => Provenance::Simulated,
+                _ => return None,
+            },
+            speed_axis: reader.string()?,
+            force_axis: reader.string()?,
+            nodes: reader.string()?,
+            coefficients: reader.string()?,
+            certificate: match reader.varint()? {
+                0 => CertificateRecord::None,
+                1 => CertificateRecord::Lattice {
+                    largest_theta: reader.varint()?,
+                },
+                2 => CertificateRecord::DirectForm {
+                    crc32: reader.array().map(u32::from_le_bytes)?,
+                    cell_margins: reader.string()?,
+                },
+                _ => return None,
+            },
+            summary: Summary {
+                highest_order: u16::try_from(reader.varint()?).ok()?,
+                highest_output_power: reader.f32()?,
+                common_exponent: reader.byte()?,
+            },
+        })
+    }
 }
 
 /// The part that every version shares, at the same place and of the same size.
@@ -93,8 +199,8 @@ impl core::fmt::Display for Provenance {
     }
 }
 
-/// A texture as postcard encodes it. Its optional parts follow.
-#[derive(Serialize, Deserialize)]
+/// A texture as postcard encodes it. Its optional parts follow, and a string holds both.
+#[derive(Serialize)]
 pub(crate) struct TextureRecord<'a> {
     pub name: &'a str,
     pub sample_rate_hz: u32,
@@ -104,12 +210,58 @@ pub(crate) struct TextureRecord<'a> {
     pub force_axis: &'a [u8],
     pub nodes: &'a [u8],
     pub coefficients: &'a [u8],
-    #[serde(borrow)]
     pub certificate: CertificateRecord<'a>,
+    pub summary: Summary,
+}
+
+/// Facts of all nodes of a texture, stored so that no player has to read the nodes for them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub(crate) struct Summary {
+    /// Highest order.
+    pub highest_order: u16,
+    /// Highest output power, (m/s²)².
+    pub highest_output_power: f32,
+    /// Exponent at which every mean of the nodes has room, see [`Summary::exponent_of`]; 0 for a lattice.
+    pub common_exponent: u8,
+}
+
+impl Summary {
+    /// The summary with a node of these facts added.
+    #[inline]
+    pub fn with_node(self, order: u16, output_power: f32, exponent: u8) -> Self {
+        Self {
+            highest_order: self.highest_order.max(order),
+            // Powers are not negative, so that they are ordered as their bits are.
+            highest_output_power: f32::from_bits(
+                self.highest_output_power
+                    .to_bits()
+                    .max(output_power.to_bits()),
+            ),
+            common_exponent: self.common_exponent.max(exponent),
+        }
+    }
+
+    /// The lowest exponent of a direct form at which every mean of this node with others of no higher need has room:
+    /// h = code · 2^(exponent - 31), and Σ|code| stays below [`limits::CODE_SUM_LIMIT`].
+    ///
+    /// `sum` is the node's Σ|code| as 32-bit codes at its own `exponent`. The result is at most
+    /// [`limits::MAX_EXPONENT`], which holds all, by the bound on Σ|h|.
+    #[inline]
+    pub fn exponent_of(exponent: u8, sum: u64) -> u8 {
+        /// Rounding of a mean may add half a step per tap.
+        const ROOM: u64 = limits::CODE_SUM_LIMIT - limits::MAX_ORDER as u64;
+        let mut needed = exponent;
+        let mut sum = sum;
+        while sum >= ROOM && needed < limits::MAX_EXPONENT {
+            sum >>= 1;
+            needed += 1;
+        }
+        needed
+    }
 }
 
 /// A texture's certificate as it is stored; [`crate::Certificate`] has its meaning.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) enum CertificateRecord<'a> {
     /// No certificate.
     None,
@@ -124,6 +276,7 @@ pub(crate) enum CertificateRecord<'a> {
 }
 
 /// CRC-32 of byte strings in turn. It binds a certificate to the numbers that it was issued for.
+#[cfg(feature = "alloc")]
 pub(crate) fn checksum_of_strings(strings: [&[u8]; 5]) -> u32 {
     let mut digest = CRC32.digest();
     for string in strings {
@@ -147,11 +300,14 @@ pub(crate) struct NodeRecord {
 impl NodeRecord {
     pub const BYTES: usize = 16;
 
+    /// Byte of the flags.
+    pub const FLAGS: usize = 2;
+
     pub fn read(bytes: &[u8; Self::BYTES]) -> Self {
         let word = |at: usize| [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]];
         Self {
             order: u16::from_le_bytes([bytes[0], bytes[1]]),
-            flags: bytes[2],
+            flags: bytes[Self::FLAGS],
             exponent: bytes[3],
             output_power: f32::from_le_bytes(word(4)),
             prediction_error_power: f32::from_le_bytes(word(8)),
@@ -163,7 +319,7 @@ impl NodeRecord {
     pub fn bytes(self) -> [u8; Self::BYTES] {
         let mut bytes = [0; Self::BYTES];
         bytes[0..2].copy_from_slice(&self.order.to_le_bytes());
-        bytes[2] = self.flags;
+        bytes[Self::FLAGS] = self.flags;
         bytes[3] = self.exponent;
         bytes[4..8].copy_from_slice(&self.output_power.to_le_bytes());
         bytes[8..12].copy_from_slice(&self.prediction_error_power.to_le_bytes());

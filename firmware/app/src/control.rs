@@ -327,6 +327,10 @@ impl<D: Device> Control<D> {
             return Err(PlayError::Fault);
         }
         self.settings_state.check_playable()?;
+        if self.player.is_busy() {
+            // In the middle of an activation there is no library, or only a part of one.
+            return Err(PlayError::Busy);
+        }
         if self.active.is_none() {
             return Err(PlayError::NoLibrary);
         }

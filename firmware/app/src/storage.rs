@@ -2,8 +2,9 @@
 //!
 //! They belong in a task of their own, so that motion and status are served meanwhile. [`Stage`] is their view of the
 //! rest of the device; the image implements it by its [`crate::control::Control`] behind a lock that is never held
-//! across a wait.
+//! across a wait. Whatever takes long is done in bounded steps, between which other tasks have their turn.
 
+use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
     ActivateError, Activated, ListError, ListRequest, SceneInfo, SettingChange, Settings,
@@ -27,12 +28,15 @@ pub trait Stage {
     /// As `Control::may_exchange`.
     fn may_exchange(&self) -> bool;
 
-    /// Copies `library`, which is valid, to the RAM that is played from, and decodes it there. Called only while
-    /// [`Stage::may_exchange`] is true.
+    /// Forgets the library in RAM, so that [`Stage::load`] can begin. Called only while [`Stage::may_exchange`] is true.
+    fn begin_load(&mut self);
+
+    /// Takes one bounded step of copying `library`, which is valid, to the RAM that is played from, and of decoding it
+    /// there. Returns true after the last one; before it the RAM holds no library.
     ///
     /// # Errors
     /// The copy is not valid. The RAM holds no library then.
-    fn load(&mut self, library: &[u8]) -> Result<(), LoadFault>;
+    fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault>;
 
     /// As `Control::end_activation`.
     fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>);
@@ -183,9 +187,12 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             waited_ms += 1;
         }
         self.loaded = None;
-        stage
-            .load(bytes)
-            .map_err(|LoadFault| ActivateError::NotCopied { slot })?;
+        stage.begin_load();
+        let not_copied = |LoadFault| ActivateError::NotCopied { slot };
+        while !stage.load(bytes).map_err(not_copied)? {
+            // Until the end of the activation the player is busy, so that no request begins to play.
+            yield_now().await;
+        }
         self.loaded = Some((slot, library));
         Ok(Activated { slot, library })
     }

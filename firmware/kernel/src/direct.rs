@@ -42,9 +42,6 @@ pub const RUN_UP_SAMPLES: u32 = 5000;
 /// Digits after the point of a coefficient at exponent 0.
 const COEFFICIENT_FRACTION_BITS: u32 = 31;
 
-/// Bound on the sum of a frame's codes, so that the 64-bit sum of products cannot overflow, whatever the history.
-const CODE_SUM_LIMIT: u64 = 1 << 32;
-
 /// Number of turns that no sum exceeds.
 const MAX_TURNS: usize = MAX_ORDER / TURN_TAPS;
 
@@ -54,7 +51,9 @@ const _: () = assert!(MAX_EXPONENT as u32 <= COEFFICIENT_FRACTION_BITS - SUM_FRA
 /// The frame of a motion: coefficients and the level.
 #[derive(Clone, Debug)]
 pub struct DirectFrame {
-    /// h₁ first; h = code · 2^(exponent - 31). Their magnitudes add up to less than [`CODE_SUM_LIMIT`].
+    /// h₁ first; h = code · 2^(exponent - 31). Their magnitudes add up to less than
+    /// [`model_format::limits::CODE_SUM_LIMIT`], so that the 64-bit sum of products cannot overflow, whatever the
+    /// history.
     coefficients: [Turn; MAX_TURNS],
     /// Number of them that a sample takes.
     turns: usize,
@@ -76,7 +75,7 @@ pub struct DirectState {
 }
 
 impl DirectFrame {
-    /// A silent frame for `texture`. This reads all coefficients once.
+    /// A silent frame for `texture`.
     pub fn silent(texture: &Texture<'_>) -> Self {
         Self::silent_at(texture, exponent(texture))
     }
@@ -155,27 +154,7 @@ impl DirectFrame {
 /// The exponent at which every mean of a texture's nodes has room: h = code · 2^(exponent - 31). The round-off of a
 /// mean is at most half a step of these.
 pub fn exponent(texture: &Texture<'_>) -> u32 {
-    /// Rounding of a mean may add half a step per tap.
-    const ROOM: u64 = CODE_SUM_LIMIT - MAX_ORDER as u64;
-    let node = |coefficients: Coefficients<'_>| match coefficients {
-        Coefficients::Direct16 { exponent, codes } => {
-            let magnitudes = codes.iter().map(|&h| i16::from_le_bytes(h).unsigned_abs());
-            let sum: u64 = magnitudes.map(u64::from).sum();
-            (u32::from(exponent), sum << 16)
-        }
-        Coefficients::Direct32 { exponent, codes } => {
-            let magnitudes = codes.iter().map(|&h| i32::from_le_bytes(h).unsigned_abs());
-            (u32::from(exponent), magnitudes.map(u64::from).sum())
-        }
-        Coefficients::Lattice { .. } => (0, 0),
-    };
-    let needed = texture.nodes().map(|at| {
-        let (exponent, sum) = node(at.coefficients);
-        let more = (0..u64::BITS).find(|&bits| sum >> bits < ROOM);
-        exponent + more.unwrap_or(u64::BITS)
-    });
-    // The validator's bound on the sum of coefficients lets the highest hold all.
-    needed.max().unwrap_or(0).min(u32::from(MAX_EXPONENT))
+    u32::from(texture.common_exponent())
 }
 
 /// Binary digits by which the history's steps are finer than the output's, for a texture of this highest power.

@@ -22,8 +22,7 @@ pub const UPDATE_INTERVAL_SAMPLES: u32 = 10;
 #[derive(Clone, Debug)]
 pub struct Frame(FrameOf);
 
-/// Scale that all frames of a texture share. Finding it reads all coefficients of a direct form, which takes too long
-/// for an update.
+/// Scale that all frames of a texture share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scale {
     /// Exponent of a direct form's coefficients; see [`direct::exponent`].

@@ -217,7 +217,11 @@ impl Stage for ControlStage {
         with_control(|control| control.may_exchange())
     }
 
-    fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
+    fn begin_load(&mut self) {
+        with_control(|control| control.device().begin_load());
+    }
+
+    fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault> {
         with_control(|control| control.device().load(library))
     }
 

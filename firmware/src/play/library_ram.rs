@@ -4,8 +4,8 @@
 use core::ptr::addr_of_mut;
 use core::slice;
 
-use model_format::Library;
 use model_format::limits::MAX_LIBRARY_BYTES;
+use model_format::{Decoder, Library};
 use stylus_app::storage::LoadFault;
 
 unsafe extern "C" {
@@ -13,9 +13,28 @@ unsafe extern "C" {
     static _axisram_end: u8;
 }
 
+/// Bytes that one step of a copy takes.
+const COPY_BYTES: usize = 8 * 1024;
+
 /// The memory, and the library in it.
 pub struct LibraryRam {
-    library: Option<Library<'static>>,
+    content: Content,
+}
+
+/// Content of the memory.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one, and it is reserved for the largest"
+)]
+enum Content {
+    /// Nothing that may be used.
+    Nothing,
+    /// So many bytes of a library.
+    Copied(usize),
+    /// All bytes of a library, which are being decoded.
+    Decoding(Decoder<'static>),
+    /// A library.
+    Library(Library<'static>),
 }
 
 impl LibraryRam {
@@ -24,35 +43,74 @@ impl LibraryRam {
     /// # Safety
     /// Called once, because this owns the AXI SRAM, in which the linker puts nothing.
     pub const unsafe fn new() -> Self {
-        Self { library: None }
+        Self {
+            content: Content::Nothing,
+        }
     }
 
-    /// Copies `bytes` and decodes them.
-    ///
-    /// # Errors
-    /// There are too many bytes, or they are not a library; the memory has none then.
+    /// Forgets the library, so that [`LibraryRam::load`] can begin.
     ///
     /// # Safety
     /// No library, texture or scene that [`LibraryRam::library`] returned is used any longer.
-    pub unsafe fn load(&mut self, bytes: &[u8]) -> Result<(), LoadFault> {
-        self.library = None;
-        if bytes.len() > MAX_LIBRARY_BYTES {
-            return Err(LoadFault);
-        }
-        // SAFETY: `memory.x` gives it 512 KB, which `tests/memory_map.rs` compares with MAX_LIBRARY_BYTES. By the
-        // caller's contract nothing of the library before is used. The bytes are written before they are read.
-        let memory: &'static mut [u8] = unsafe {
-            let start = addr_of_mut!(_axisram_start);
-            start.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len());
-            slice::from_raw_parts_mut(start, bytes.len())
+    pub unsafe fn begin(&mut self) {
+        self.content = Content::Copied(0);
+    }
+
+    /// Takes one step of copying `bytes`, the same at each step, and of decoding the copy; returns true after the last
+    /// one. The library can be seen only then.
+    ///
+    /// # Errors
+    /// There are too many bytes, or they are not a library, or nothing was begun; the memory has no library then.
+    pub fn load(&mut self, bytes: &[u8]) -> Result<bool, LoadFault> {
+        let stepped = match &mut self.content {
+            Content::Copied(at) => copy(bytes, *at).map(Some),
+            // Decoded in place, because a decoder is some kilobytes.
+            Content::Decoding(decoder) => match decoder.step() {
+                Ok(library) => Ok(library.map(Content::Library)),
+                Err(_) => Err(LoadFault),
+            },
+            Content::Nothing | Content::Library(_) => Err(LoadFault),
         };
-        let library = Library::decode(memory).map_err(|_| LoadFault)?;
-        self.library = Some(library);
-        Ok(())
+        match stepped {
+            Ok(None) => {}
+            Ok(Some(next)) => self.content = next,
+            Err(fault) => {
+                self.content = Content::Nothing;
+                return Err(fault);
+            }
+        }
+        Ok(matches!(self.content, Content::Library(_)))
     }
 
     /// The library, if there is one.
     pub fn library(&self) -> Option<Library<'static>> {
-        self.library
+        match self.content {
+            Content::Library(library) => Some(library),
+            _ => None,
+        }
     }
+}
+
+/// Copies some more of `bytes`, of which `at` were copied. For [`LibraryRam::load`], which owns the memory.
+fn copy(bytes: &[u8], at: usize) -> Result<Content, LoadFault> {
+    if bytes.len() > MAX_LIBRARY_BYTES || at > bytes.len() {
+        return Err(LoadFault);
+    }
+    let start = addr_of_mut!(_axisram_start);
+    let end = bytes.len().min(at + COPY_BYTES);
+    let piece = &bytes[at..end];
+    // SAFETY: `memory.x` gives the memory 512 KB, which `tests/memory_map.rs` compares with MAX_LIBRARY_BYTES, and the
+    // piece ends within that. By the contract of `begin` nothing of the library before is used, and nothing of this one
+    // is before its last byte was copied.
+    unsafe {
+        start
+            .add(at)
+            .copy_from_nonoverlapping(piece.as_ptr(), piece.len())
+    };
+    if end < bytes.len() {
+        return Ok(Content::Copied(end));
+    }
+    // SAFETY: as above; all these bytes have been written, and they change only after the next `begin`.
+    let memory: &'static [u8] = unsafe { slice::from_raw_parts(start, bytes.len()) };
+    Ok(Content::Decoding(Decoder::new(memory)))
 }

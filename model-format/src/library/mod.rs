@@ -5,8 +5,9 @@
 //! | `view` | [`Library`] and its textures and scenes |
 //! | `texture`, `axis`, `node`, `certificate` | the parts of a texture |
 //! | `part` | what a texture may say beside its models, a kind each |
-//! | `decode` | from bytes to [`Library`]: prefix, textures, scenes |
+//! | `decode` | from bytes to [`Library`]: prefix, textures, scenes, in steps |
 //! | `check` | all that a texture must hold |
+//! | `names` | names that were found so far |
 //!
 //! Views allocate nothing. They parse again what validation has parsed before, so that this cannot fail.
 
@@ -14,6 +15,7 @@ mod axis;
 mod certificate;
 mod check;
 mod decode;
+mod names;
 mod node;
 pub(crate) mod part;
 mod texture;
@@ -21,6 +23,7 @@ mod view;
 
 pub use axis::Axis;
 pub use certificate::{CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, UNCERTIFIED_CELL};
+pub use decode::Decoder;
 #[cfg(feature = "alloc")]
 pub(crate) use node::theta;
 pub use node::{Coefficients, Node, NodeFlags};

@@ -8,7 +8,9 @@ use super::part::levels::{FadeLaw, Laws, LevelLaw, LevelsPart};
 use super::part::{PartKind, Parts};
 use crate::error::{DecodeError, Place, Problem};
 use crate::units::{MillimetresPerSecond, Newton};
-use crate::wire::{CertificateRecord, NodeRecord, Provenance, Structure, TextureRecord};
+use crate::wire::{
+    CertificateRecord, NodeRecord, Provenance, Reader, Structure, Summary, TextureRecord,
+};
 
 /// A texture: models on a rectangular grid over tangential speed and normal force.
 #[derive(Clone, Copy, Debug)]
@@ -22,19 +24,23 @@ pub struct Texture<'a> {
     pub(super) nodes: &'a [u8],
     pub(super) coefficients: &'a [u8],
     pub(super) certificate: CertificateRecord<'a>,
+    pub(super) summary: Summary,
     pub(super) parts: Parts<'a>,
     /// The laws that `parts` state.
     laws: Laws,
 }
 
 impl<'a> Texture<'a> {
-    /// Parses the header of texture `index`: the texture, and the bytes after it.
-    pub(super) fn take(bytes: &'a [u8], index: usize) -> Result<(Self, &'a [u8]), DecodeError> {
+    /// Parses the header of texture `index`, whose record and parts are `bytes`.
+    pub(crate) fn parse(bytes: &'a [u8], index: usize) -> Result<Self, DecodeError> {
         let here = |problem: Problem| problem.at(Place::Texture(index));
-        let (record, rest) = postcard::take_from_bytes::<TextureRecord<'a>>(bytes)
-            .map_err(|_| here(Problem::Malformed))?;
-        let (parts, rest) = Parts::take(rest).map_err(here)?;
-        let texture = Self {
+        let mut reader = Reader(bytes);
+        let record = TextureRecord::read(&mut reader).ok_or(here(Problem::Malformed))?;
+        let parts = Parts::read(&mut reader).map_err(here)?;
+        if !reader.0.is_empty() {
+            return Err(here(Problem::LeftOverOfTexture(reader.0.len())));
+        }
+        Ok(Self {
             name: record.name,
             sample_rate_hz: record.sample_rate_hz,
             structure: record.structure,
@@ -44,10 +50,15 @@ impl<'a> Texture<'a> {
             nodes: record.nodes,
             coefficients: record.coefficients,
             certificate: record.certificate,
+            summary: record.summary,
             parts,
             laws: parts.levels.map(LevelsPart::laws).unwrap_or_default(),
-        };
-        Ok((texture, rest))
+        })
+    }
+
+    /// Name of the texture whose record and parts are `bytes`, without parsing more.
+    pub(super) fn name_of(bytes: &[u8]) -> Option<&[u8]> {
+        Reader(bytes).string()
     }
 
     /// Name, unique in its library.
@@ -179,14 +190,31 @@ impl<'a> Texture<'a> {
 
     /// Highest order of all nodes.
     pub fn max_order(&self) -> usize {
-        let orders = self.nodes().map(|node| node.coefficients.order());
-        orders.max().unwrap_or(0)
+        usize::from(self.summary.highest_order)
     }
 
     /// Highest output power of all nodes, (m/s²)².
     pub fn max_output_power(&self) -> f32 {
-        self.nodes()
-            .fold(0.0, |highest, node| node.output_power.max(highest))
+        self.summary.highest_output_power
+    }
+
+    /// Exponent at which every weighted mean of a direct form's nodes has room: h = code · 2^(exponent - 31), and
+    /// Σ|code| stays below [`crate::limits::CODE_SUM_LIMIT`] with half a step of rounding per tap. At most
+    /// [`crate::limits::MAX_EXPONENT`]; 0 for a lattice.
+    pub fn common_exponent(&self) -> u8 {
+        self.summary.common_exponent
+    }
+
+    /// Number of nodes with each of `flags`. One pass over the nodes' records serves all.
+    pub fn count_flags<const N: usize>(&self, flags: [NodeFlags; N]) -> [u16; N] {
+        let mut counts = [0; N];
+        for bytes in self.nodes.as_chunks::<{ NodeRecord::BYTES }>().0 {
+            let found = NodeFlags(bytes[NodeRecord::FLAGS]);
+            for (count, flag) in counts.iter_mut().zip(flags) {
+                *count += u16::from(found.contains(flag));
+            }
+        }
+        counts
     }
 
     /// Fractions of the first stages of node number `index`, whose order is `order`.
@@ -196,7 +224,7 @@ impl<'a> Texture<'a> {
         self.parts.fine_theta.map_or(&[], of_node)
     }
 
-    pub(super) fn record(&self, speed: usize, force: usize) -> NodeRecord {
+    fn record(&self, speed: usize, force: usize) -> NodeRecord {
         let index = speed * self.force_axis.len() + force;
         NodeRecord::read(&self.nodes.as_chunks().0[index])
     }

@@ -2,6 +2,7 @@
 
 use super::texture::Texture;
 use crate::scene::Scene;
+use crate::wire::Reader;
 
 /// A validated texture library, borrowed from its bytes.
 #[derive(Clone, Copy, Debug)]
@@ -62,18 +63,29 @@ impl<'a> Library<'a> {
 
     /// The textures, in the order of the file.
     pub fn textures(&self) -> impl Iterator<Item = Texture<'a>> + use<'a> {
-        let mut rest = self.textures;
         // Validation has parsed the headers, so that parsing them again does not fail.
-        (0..self.len).map_while(move |index| {
-            let (texture, after) = Texture::take(rest, index).ok()?;
-            rest = after;
-            Some(texture)
-        })
+        let records = self.records().enumerate();
+        records.map_while(|(index, record)| Texture::parse(record, index).ok())
     }
 
-    /// The texture of this name, if there is one.
+    /// Texture number `index` in the order of the file, if there are as many. Headers before it are skipped.
+    pub fn texture_at(&self, index: usize) -> Option<Texture<'a>> {
+        let record = self.records().nth(index)?;
+        Texture::parse(record, index).ok()
+    }
+
+    /// The texture of this name, if there is one. Of those before it only names are read.
     pub fn texture(&self, name: &str) -> Option<Texture<'a>> {
-        self.textures().find(|texture| texture.name == name)
+        let mut records = self.records().enumerate();
+        let (index, record) =
+            records.find(|(_, r)| Texture::name_of(r) == Some(name.as_bytes()))?;
+        Texture::parse(record, index).ok()
+    }
+
+    /// The bytes of each texture.
+    pub(crate) fn records(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
+        let mut reader = Reader(self.textures);
+        (0..self.len).map_while(move |_| reader.string())
     }
 
     /// Number of scenes, which may be 0.
@@ -83,25 +95,24 @@ impl<'a> Library<'a> {
 
     /// The scenes, in the order of the file.
     pub fn scenes(&self) -> impl Iterator<Item = Scene> + use<'a> {
-        let mut rest = self.scenes;
         // Validation has parsed them, so that parsing them again does not fail.
-        (0..self.scene_count).map_while(move |_| {
-            let (scene, after) = take_scene(rest)?;
-            rest = after;
-            Some(scene)
-        })
+        self.scene_records().map_while(Scene::parse)
     }
 
-    /// The scene of this name, if there is one.
+    /// Scene number `index` in the order of the file, if there are as many. Scenes before it are skipped.
+    pub fn scene_at(&self, index: usize) -> Option<Scene> {
+        self.scene_records().nth(index).and_then(Scene::parse)
+    }
+
+    /// The scene of this name, if there is one. Of those before it only names are read.
     pub fn scene(&self, name: &str) -> Option<Scene> {
-        self.scenes().find(|scene| scene.name == name)
+        let is_it = |record: &&[u8]| Scene::name_of(record) == Some(name.as_bytes());
+        self.scene_records().find(is_it).and_then(Scene::parse)
     }
-}
 
-/// Parses the scene that `bytes` begin with: the scene, and the bytes after it. None if its record is not exactly a
-/// scene.
-pub(super) fn take_scene(bytes: &[u8]) -> Option<(Scene, &[u8])> {
-    let (record, after) = postcard::take_from_bytes::<&[u8]>(bytes).ok()?;
-    let (scene, rest) = postcard::take_from_bytes::<Scene>(record).ok()?;
-    rest.is_empty().then_some((scene, after))
+    /// The bytes of each scene.
+    pub(super) fn scene_records(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
+        let mut reader = Reader(self.scenes);
+        (0..self.scene_count).map_while(move |_| reader.string())
+    }
 }

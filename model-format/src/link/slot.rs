@@ -7,8 +7,7 @@ use super::Reason;
 use crate::FORMAT_VERSION;
 use crate::limits::MAX_LIBRARY_BYTES;
 
-/// CRC-32 (ISO-HDLC) of a whole library, as an upload announces it and a slot keeps it.
-pub static LIBRARY_CRC: crc::Crc<u32> = crate::wire::CRC32;
+pub use crate::wire::CRC32 as LIBRARY_CRC;
 
 /// One of the two slots for a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]

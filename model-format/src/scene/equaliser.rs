@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::SceneProblem;
-use super::limits::{MAX_EQUALISER_GAIN, MAX_POLE_RADIUS_1024THS};
+use super::limits::{MAX_EQUALISER_GAIN, MAX_POLE_RADIUS_1024THS, MAX_SECTIONS};
 
 /// A section of second order, `(b0 + b1 z⁻¹ + b2 z⁻²) / (1 + a1 z⁻¹ + a2 z⁻²)`.
 ///
@@ -68,64 +68,112 @@ impl Biquad {
         a2.abs() <= square && a1.abs() * RADIUS * 1024 <= square + a2
     }
 
-    /// The square of the gain at the angular frequency whose cosine is `cos`: numerator and denominator are polynomials
-    /// in it.
-    fn square_gain(&self, cos: f64) -> f64 {
-        let square = |c: [f64; 3]| {
-            let [c0, c1, c2] = c;
-            // |c0 + c1 z⁻¹ + c2 z⁻²|² with z on the unit circle, as a sum of squares, so that nothing cancels.
-            let real = c0 * cos + c1 + c2 * cos;
-            let imaginary = c0 - c2;
-            real * real + imaginary * imaginary * (1.0 - cos) * (1.0 + cos)
-        };
-        let [a1, a2] = self.denominator();
-        square(self.numerator()) / square([1.0, a1, a2])
-    }
-
-    /// Cosine of the angular frequency at which the denominator is smallest.
-    fn resonance(&self) -> f64 {
-        let [a1, a2] = self.denominator();
+    /// Place of the angular frequency at which the denominator is smallest: the distance of its cosine from the nearer
+    /// of 1 and -1.
+    fn resonance(&self) -> f32 {
+        let [a1, a2] = self.denominator.map(|steps| steps as f32 / ONE_F32);
         if a2 > 0.0 {
-            (-a1 * (1.0 + a2) / (4.0 * a2)).clamp(-1.0, 1.0)
-        } else if a1 < 0.0 {
-            1.0
+            let cos = (-a1 * (1.0 + a2) / (4.0 * a2)).clamp(-1.0, 1.0);
+            1.0 - cos.abs()
         } else {
-            -1.0
+            0.0
         }
     }
 }
+
+const ONE_F32: f32 = (1u32 << Biquad::FRACTION_BITS) as f32;
 
 fn value(steps: i32) -> f64 {
     f64::from(steps) / (1i64 << Biquad::FRACTION_BITS) as f64
 }
 
+/// |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle, as a sum of squares in which nothing cancels: with z of cosine c,
+/// (c0 c + c1 + c2 c)² + (c0 - c2)² (1 - c²).
+///
+/// With u = 1 - |c| the first square is that of (c0 + c2 + c1) - (c0 + c2) u where c is positive, and that of
+/// (c0 + c2 - c1) - (c0 + c2) u where it is negative. These sums are exact in integers, and rounded once.
+struct SquareMagnitude {
+    at_one: f32,
+    at_minus_one: f32,
+    sum: f32,
+    square_difference: f32,
+}
+
+impl SquareMagnitude {
+    fn new([c0, c1, c2]: [i32; 3]) -> Self {
+        let [c0, c1, c2] = [c0, c1, c2].map(i64::from);
+        let number = |steps: i64| steps as f32 / ONE_F32;
+        let difference = number(c0 - c2);
+        Self {
+            at_one: number(c0 + c2 + c1),
+            at_minus_one: number(c0 + c2 - c1),
+            sum: number(c0 + c2),
+            square_difference: difference * difference,
+        }
+    }
+
+    /// The squares at the cosines 1 - `distance` and `distance` - 1.
+    #[inline(always)]
+    fn at(&self, distance: f32, square_sine: f32) -> [f32; 2] {
+        let imaginary = self.square_difference * square_sine;
+        let step = self.sum * distance;
+        [self.at_one, self.at_minus_one].map(|end| {
+            let real = end - step;
+            real * real + imaginary
+        })
+    }
+}
+
+/// Number of frequencies of each half of the band at which gains are taken, besides the resonances.
+const SPREAD: usize = 65;
+
+/// Distances of these frequencies' cosines from 1 or -1: spread evenly, but denser at the ends of the band.
+const DISTANCES: [f32; SPREAD] = {
+    let mut distances = [0.0; SPREAD];
+    let mut step = 0;
+    while step < SPREAD {
+        // t goes from 1 to 0. Near 1 the distance grows with the square of 1 - t, as the cosine of an even step does.
+        let t = 1.0 - step as f64 / (SPREAD - 1) as f64;
+        distances[step] = (1.0 - t * (3.0 - t * t) / 2.0) as f32;
+        step += 1;
+    }
+    distances
+};
+
 /// Checks the poles and the gain of each of `sections`, and the gain of all sections up to each of them.
 ///
-/// Gains are taken at the resonances of all sections, at both ends of the band and at 127 frequencies between. These
-/// are spread evenly, but denser at the ends. That is a sample and no proof; a narrow peak lies at a resonance.
+/// Gains are taken at the resonances of all sections, at their mirror images, at both ends of the band and at 127
+/// frequencies between. These are spread evenly, but denser at the ends. That is a sample and no proof; a narrow peak
+/// lies at a resonance. The arithmetic is that of `f32`, which a stylus has in hardware; every processor has the same
+/// results. Its round-off is below a ten-thousandth, which the limit is widened by.
 ///
 /// # Errors
 /// The index of the first section with a fault, and the fault.
 pub(super) fn check(sections: &[Biquad]) -> Result<(), (usize, SceneProblem)> {
-    const INTERVALS: u32 = 128;
+    const HIGHEST: f32 = (MAX_EQUALISER_GAIN * MAX_EQUALISER_GAIN * 1.0001) as f32;
     if let Some(at) = sections.iter().position(|s| !s.poles_are_within_limit()) {
         return Err((at, SceneProblem::PoleRadius));
     }
-    let resonances = sections.iter().map(Biquad::resonance);
-    let spread = (0..=INTERVALS).map(|step| {
-        let t = f64::from(2 * step) / f64::from(INTERVALS) - 1.0;
-        // Near the ends 1 - |cos| grows with the square of the distance, as the cosine of an even step does.
-        (t * (3.0 - t * t) / 2.0).clamp(-1.0, 1.0)
-    });
-    let highest = MAX_EQUALISER_GAIN * MAX_EQUALISER_GAIN;
-    for cos in resonances.chain(spread) {
-        let mut all = 1.0;
-        for (at, section) in sections.iter().enumerate() {
-            let own = section.square_gain(cos);
-            all *= own;
-            // The comparison is negated because a NaN must be refused too.
-            if !(own <= highest && all <= highest) {
-                return Err((at, SceneProblem::EqualiserGain));
+    let mut resonances = [0.0; MAX_SECTIONS];
+    for (resonance, section) in resonances.iter_mut().zip(sections) {
+        *resonance = section.resonance();
+    }
+    let mut all = [[1.0f32; 2]; SPREAD + MAX_SECTIONS];
+    for (at, section) in sections.iter().enumerate() {
+        let [a1, a2] = section.denominator;
+        let numerator = SquareMagnitude::new(section.numerator);
+        let denominator = SquareMagnitude::new([1 << Biquad::FRACTION_BITS, a1, a2]);
+        for (all, &distance) in all.iter_mut().zip(DISTANCES.iter().chain(&resonances)) {
+            let square_sine = distance * (2.0 - distance);
+            let above = numerator.at(distance, square_sine);
+            let below = denominator.at(distance, square_sine);
+            for side in 0..2 {
+                let own = above[side] / below[side];
+                all[side] *= own;
+                // The comparison is negated because a NaN must be refused too.
+                if !(own <= HIGHEST && all[side] <= HIGHEST) {
+                    return Err((at, SceneProblem::EqualiserGain));
+                }
             }
         }
     }

@@ -12,6 +12,7 @@
 mod equaliser;
 mod error;
 pub mod limits;
+mod read;
 mod validate;
 
 use heapless::{String, Vec};
@@ -21,6 +22,8 @@ pub use equaliser::Biquad;
 pub use error::{SceneError, ScenePlace, SceneProblem};
 
 use crate::limits::MAX_NAME_BYTES;
+
+pub(crate) use validate::TextureBounds;
 
 /// Name of a scene.
 pub type SceneName = String<MAX_NAME_BYTES>;

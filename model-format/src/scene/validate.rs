@@ -6,10 +6,25 @@ use crate::library::{Library, Texture};
 use crate::limits::{MAX_OUTPUT_POWER, MAX_SAMPLE_RATE_HZ};
 
 /// The facts of a texture that a surface is checked against.
-#[derive(Clone, Copy)]
-struct TextureBounds {
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TextureBounds {
     sample_rate_hz: u32,
     highest_gain: f32,
+}
+
+impl TextureBounds {
+    /// The facts of no texture.
+    pub const NONE: Self = Self {
+        sample_rate_hz: 0,
+        highest_gain: 0.0,
+    };
+
+    pub fn of(texture: &Texture<'_>) -> Self {
+        Self {
+            sample_rate_hz: texture.sample_rate_hz(),
+            highest_gain: highest_gain(texture),
+        }
+    }
 }
 
 impl Scene {
@@ -18,6 +33,18 @@ impl Scene {
     /// # Errors
     /// The first fault found, with its place.
     pub fn validate(&self, library: &Library<'_>) -> Result<(), SceneError> {
+        let textures = self.textures(library);
+        let bounds = textures.map(|texture| texture.as_ref().map(TextureBounds::of));
+        self.validate_with(library.len(), |surface, _| bounds[surface])
+    }
+
+    /// As [`Scene::validate`], for a library of `count` textures; `bounds` are those of the texture of a surface, by the
+    /// indices of both, and none if there is no such texture.
+    pub(crate) fn validate_with(
+        &self,
+        count: usize,
+        bounds: impl Fn(usize, usize) -> Option<TextureBounds>,
+    ) -> Result<(), SceneError> {
         let here = |problem: SceneProblem| problem.at(ScenePlace::Scene);
         if self.name.is_empty() {
             return Err(here(SceneProblem::NameLength));
@@ -42,9 +69,10 @@ impl Scene {
                 .and_then(|()| within("force", force_n, [0.0, limits::MAX_FORCE_N], "N"))
                 .map_err(|problem| problem.at(ScenePlace::Motion))?;
         }
-        let textures = self.textures(library);
-        for ((index, surface), texture) in self.surfaces.iter().enumerate().zip(textures) {
-            self.validate_surface(index, surface, texture, library.len())?;
+        for (index, surface) in self.surfaces.iter().enumerate() {
+            let texture = surface.texture.map(usize::from);
+            let found = texture.and_then(|texture| bounds(index, texture));
+            self.validate_surface(index, surface, found, count)?;
         }
         self.validate_regions()?;
         equaliser::check(&self.equaliser)
@@ -53,22 +81,22 @@ impl Scene {
 
     /// The texture of each surface; none where it has none, or `library` has none of the index.
     ///
-    /// One pass over the library serves all surfaces, because a pass parses the header of every texture.
-    fn textures(&self, library: &Library<'_>) -> [Option<TextureBounds>; limits::MAX_SURFACES] {
-        let mut bounds = [None; limits::MAX_SURFACES];
-        for (index, texture) in library.textures().enumerate() {
+    /// One pass over the library serves all surfaces, and parses the headers of their textures alone.
+    pub fn textures<'a>(
+        &self,
+        library: &Library<'a>,
+    ) -> [Option<Texture<'a>>; limits::MAX_SURFACES] {
+        let mut textures = [None; limits::MAX_SURFACES];
+        for (index, record) in library.records().enumerate() {
             let is_used = |surface: &Surface| surface.texture.map(usize::from) == Some(index);
             if self.surfaces.iter().any(is_used) {
-                let found = TextureBounds {
-                    sample_rate_hz: texture.sample_rate_hz(),
-                    highest_gain: highest_gain(&texture),
-                };
-                let users = bounds.iter_mut().zip(&self.surfaces);
+                let found = Texture::parse(record, index).ok();
+                let users = textures.iter_mut().zip(&self.surfaces);
                 let users = users.filter(|(_, surface)| is_used(surface));
-                users.for_each(|(bounds, _)| *bounds = Some(found));
+                users.for_each(|(texture, _)| *texture = found);
             }
         }
-        bounds
+        textures
     }
 
     fn validate_surface(

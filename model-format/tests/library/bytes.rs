@@ -34,10 +34,14 @@ pub struct RawTexture {
     pub coefficients: Vec<u8>,
     /// `None` stands for one that holds.
     pub certificate: Option<RawCertificate>,
+    /// Highest order, highest output power, common exponent; `None` stands for those of the nodes.
+    pub summary: Option<(u32, f32, u8)>,
     /// Kind and content of each optional part.
     pub parts: Vec<(u32, Vec<u8>)>,
     /// Number of parts that is written, if it is not their own.
     pub part_count: Option<u32>,
+    /// Bytes after the parts.
+    pub tail: Vec<u8>,
     /// Bytes that follow the records of a string and make it ragged.
     pub ragged: Ragged,
 }
@@ -125,7 +129,7 @@ impl RawLibrary {
         bytes.extend([0; 8]);
         append_varint(self.count.unwrap_or(self.textures.len() as u32), &mut bytes);
         for texture in &self.textures {
-            texture.append_to(&mut bytes);
+            append_string(&texture.record(), &mut bytes);
         }
         bytes.push(self.scene_count.unwrap_or(self.scenes.len() as u8));
         for scene in &self.scenes {
@@ -174,13 +178,17 @@ impl RawTexture {
             nodes,
             coefficients: coefficients.repeat(4),
             certificate: None,
+            summary: None,
             parts: Vec::new(),
             part_count: None,
+            tail: Vec::new(),
             ragged: Ragged::default(),
         }
     }
 
-    fn append_to(&self, bytes: &mut Vec<u8>) {
+    /// The texture's record and its optional parts.
+    fn record(&self) -> Vec<u8> {
+        let bytes = &mut Vec::new();
         append_string(&self.name, bytes);
         append_varint(self.sample_rate_hz, bytes);
         append_varint(self.structure, bytes);
@@ -218,11 +226,46 @@ impl RawTexture {
             }
             RawCertificate::Unknown(kind) => append_varint(kind, bytes),
         }
+        let (order, power, exponent) = self.summary.unwrap_or_else(|| self.sound_summary());
+        append_varint(order, bytes);
+        append_f32(power, bytes);
+        bytes.push(exponent);
         append_varint(self.part_count.unwrap_or(self.parts.len() as u32), bytes);
         for (kind, content) in &self.parts {
             append_varint(*kind, bytes);
             append_string(content, bytes);
         }
+        bytes.extend(&self.tail);
+        std::mem::take(bytes)
+    }
+
+    /// Highest order and output power of the nodes, and the exponent at which every mean of them has room: Σ|code| is
+    /// below 2³² with half a step of rounding for each of 400 taps.
+    pub fn sound_summary(&self) -> (u32, f32, u8) {
+        let order = self.nodes.iter().map(|node| u32::from(node.order)).max();
+        let powers = self.nodes.iter().map(|node| node.output_power);
+        let power = powers.fold(0.0, f32::max);
+        let room = 2f64.powi(32) - 400.0;
+        let needed = self.nodes.iter().map(|node| {
+            let codes = (0..usize::from(node.order)).filter_map(|tap| {
+                let width = if self.structure == 2 { 4 } else { 2 };
+                let at = node.offset as usize + width * tap;
+                let code = self.coefficients.get(at..at + width)?;
+                // The sign is in the top bit of either width.
+                let mut word = [0; 4];
+                word[4 - width..].copy_from_slice(code);
+                Some(f64::from(i32::from_le_bytes(word)).abs())
+            });
+            let sum: f64 = codes.sum();
+            let more = (0..64).find(|&bits| (sum / 2f64.powi(bits)).floor() < room);
+            u32::from(node.exponent) + more.expect("it is small") as u32
+        });
+        let exponent = needed.max().unwrap_or(0).min(10) as u8;
+        (
+            order.unwrap_or(0),
+            power,
+            if self.structure == 0 { 0 } else { exponent },
+        )
     }
 
     /// Largest |θ| of a lattice, in steps of π/2²⁴.

@@ -226,14 +226,71 @@ fn nothing_may_follow_the_last_record() {
         Problem::LeftOver(3),
         "3 bytes are left over",
     );
-    // A texture beyond the declared number is read as scenes.
+    // A texture beyond the declared number is read as scenes: the first byte of its length is their number.
     let error = fault(|library| library.count = Some(2));
+    assert_eq!(error.place, Place::Library);
+    assert!(
+        matches!(error.problem, Problem::SceneCount(32..256)),
+        "{error}"
+    );
+    // A texture's string holds the texture and nothing else.
+    let error = texture_fault(|texture| texture.tail = vec![0; 5]);
+    let problem = Problem::LeftOverOfTexture(5);
     check(
         error,
-        Place::Scene(0),
-        Problem::MalformedScene,
-        "does not parse as a scene",
+        TEXTURE,
+        problem,
+        "5 bytes are left over after its optional parts",
     );
+}
+
+/// A player takes these facts from the summary and reads no node for them.
+#[test]
+fn a_summary_is_that_of_its_nodes() {
+    let (order, power, exponent) = RawLibrary::sound().textures[1].sound_summary();
+    assert_eq!((order, power, exponent), (2, 4.0, 0));
+    for stored in [0u16, 1, 3, 400, u16::MAX] {
+        let error = texture_fault(|texture| texture.summary = Some((stored.into(), power, 0)));
+        let problem = Problem::HighestOrder { stored, found: 2 };
+        check(error, TEXTURE, problem, "the nodes' is 2");
+    }
+    for stored in [0.0, -0.0, 4.0f32.next_up(), 4.0f32.next_down(), 65_536.0] {
+        let error = texture_fault(|texture| texture.summary = Some((order, stored, 0)));
+        let problem = Problem::HighestPower { stored, found: 4.0 };
+        check(error, TEXTURE, problem, "the nodes' is 4");
+    }
+    for stored in [1, 10, 11, u8::MAX] {
+        let error = texture_fault(|texture| texture.summary = Some((order, power, stored)));
+        let problem = Problem::CommonExponent { stored, found: 0 };
+        check(error, TEXTURE, problem, "the nodes need 0");
+    }
+    let error = texture_fault(|texture| texture.summary = Some((1 << 16, power, 0)));
+    check(error, TEXTURE, Problem::Malformed, "does not parse");
+}
+
+/// A varint that is longer than it needs to be would be a second form of the same library.
+#[test]
+fn a_padded_varint_is_refused() {
+    let bytes = RawLibrary::full().bytes();
+    assert!(Library::decode(&bytes).is_ok());
+    // The number of textures, the length of the first, and of its name.
+    for (at, place) in [(16, None), (17, Some(0)), (19, Some(0))] {
+        let mut padded = bytes.clone();
+        let last = (at..at + 3).find(|&at| padded[at] < 0x80).expect("it ends");
+        padded[last] |= 0x80;
+        padded.insert(last + 1, 0);
+        if at == 19 {
+            // The texture is a byte longer.
+            padded[17] += 1;
+        }
+        repair(&mut padded);
+        let error = refused(&padded);
+        assert_eq!(
+            error.place,
+            place.map_or(Place::Library, Place::Texture),
+            "{error}"
+        );
+    }
 }
 
 #[test]
@@ -706,9 +763,9 @@ fn a_certificate_for_other_numbers_is_told() {
     };
     let coefficient = position(&sound.textures[1].coefficients);
     for at in [
-        // The lowest byte of a coefficient, of a power, and of the highest speed.
+        // The lowest byte of a coefficient, of a prediction error's power, and of the highest speed.
         coefficient + 8,
-        coefficient - 2 - 12,
+        coefficient - 1 - 8,
         position(b"oak") + 3 + 2 + 1 + 1 + 1 + 8,
     ] {
         let mut changed = bytes.clone();

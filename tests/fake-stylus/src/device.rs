@@ -98,7 +98,11 @@ impl Stage for SharedControl {
         self.borrow().may_exchange()
     }
 
-    fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
+    fn begin_load(&mut self) {
+        self.borrow_mut().device().begin_load();
+    }
+
+    fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault> {
         self.borrow_mut().device().load(library)
     }
 

@@ -31,6 +31,9 @@ use crate::hand::Hand;
 /// Clock of the processor, Hz.
 const CORE_HZ: u32 = 400_000_000;
 
+/// Bytes that one step of a copy takes, as in the image.
+const COPY_BYTES: usize = 8 * 1024;
+
 /// A start without a fault, on silicon of revision V with the brown-out reset on.
 const HEALTHY_START: StartReport = StartReport {
     clock: ClockSource::External,
@@ -51,6 +54,8 @@ pub struct Prepared(Selection);
 pub struct Hardware {
     /// The library in RAM, empty if there is none.
     ram: Vec<u8>,
+    /// True once all of a library was copied and found valid.
+    is_loaded: bool,
     now: u64,
     muted: bool,
     /// The first tick that sees the present mute.
@@ -161,6 +166,7 @@ impl Hardware {
             missed: 0,
             slower_by: 0,
             budget: BUDGET,
+            is_loaded: false,
             loads_badly: false,
             start: HEALTHY_START,
             exchanges: 0,
@@ -205,24 +211,40 @@ impl Hardware {
             .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
     }
 
-    /// Copies `library` to the RAM that is played from; nothing is played.
-    ///
-    /// # Errors
-    /// It is too long, or was damaged on its way; the RAM holds no library then.
-    pub fn load(&mut self, library: &[u8]) -> Result<(), LoadFault> {
+    /// Forgets the library in RAM; nothing is played.
+    pub fn begin_load(&mut self) {
         assert!(
             self.safety.is_at_rest() && self.playing.is_none(),
             "the library is exchanged under a texture"
         );
         self.clear();
         self.exchanges += 1;
+        self.is_loaded = false;
         self.ram.clear();
+    }
+
+    /// Takes one step of copying `library` to the RAM that is played from, and of decoding it there; returns true after
+    /// the last one.
+    ///
+    /// # Errors
+    /// It is too long, or was damaged on its way; the RAM holds no library then.
+    pub fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault> {
+        assert!(
+            !self.is_loaded && self.safety.is_at_rest() && self.playing.is_none(),
+            "a library is loaded that nobody has begun to, or under a texture"
+        );
         if self.loads_badly || library.len() > MAX_LIBRARY_BYTES {
             return Err(LoadFault);
         }
-        Library::decode(library).map_err(|_| LoadFault)?;
-        self.ram.extend_from_slice(library);
-        Ok(())
+        let at = self.ram.len();
+        let end = library.len().min(at + COPY_BYTES);
+        self.ram.extend_from_slice(&library[at..end]);
+        if at < end {
+            return Ok(false);
+        }
+        Library::decode(&self.ram).map_err(|_| LoadFault)?;
+        self.is_loaded = true;
+        Ok(true)
     }
 
     /// True while the output is not at rest.
@@ -340,6 +362,9 @@ impl Device for Hardware {
     }
 
     fn plan(&self, selection: &Selection) -> Result<Prepared, PlayError> {
+        if !self.is_loaded {
+            return Err(PlayError::NoLibrary);
+        }
         let library = Library::decode(&self.ram).map_err(|_| PlayError::NoLibrary)?;
         plan_of(selection, &library, self.budget)?;
         Ok(Prepared(selection.clone()))

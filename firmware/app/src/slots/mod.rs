@@ -20,7 +20,7 @@ use model_format::link::{
     Slots, TextureInfo,
 };
 use model_format::scene::{MotionOfScene, Scene, Surface};
-use model_format::{Library, NodeFlags, Outline, Texture};
+use model_format::{Decoder, Library, NodeFlags, Outline, Texture};
 
 use crate::words::in_words;
 
@@ -178,7 +178,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// The slot has no library, or has a fault, or the library has fewer textures.
     pub async fn texture(&mut self, slot: SlotId, index: u8) -> Result<TextureInfo, ListError> {
         let library = self.listed(slot).await?;
-        let found = library.textures().nth(usize::from(index));
+        let found = library.texture_at(usize::from(index));
         found
             .map(|texture| texture_info(&texture))
             .ok_or(ListError::Index {
@@ -194,7 +194,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// The slot has no library, or has a fault, or the library has fewer scenes.
     pub async fn scene(&mut self, slot: SlotId, index: u8) -> Result<SceneInfo, ListError> {
         let library = self.listed(slot).await?;
-        let found = library.scenes().nth(usize::from(index));
+        let found = library.scene_at(usize::from(index));
         found
             .map(|scene| scene_info(&scene))
             .ok_or(ListError::SceneIndex {
@@ -347,7 +347,8 @@ impl<F: MappedFlash> SlotStore<F> {
         self.check_bytes(slot, length, crc32)
             .await
             .map_err(SealFault::Bytes)?;
-        let content = self.check_library(slot, length).map_err(SealFault::Bytes)?;
+        let content = self.check_library(slot, length).await;
+        let content = content.map_err(SealFault::Bytes)?;
         let newest = self.newest().and_then(|slot| self.library(slot));
         let header = Header {
             sequence: newest
@@ -390,7 +391,7 @@ impl<F: MappedFlash> SlotStore<F> {
             return Err(SlotFault::Length { length });
         }
         self.check_bytes(slot, length, crc32).await?;
-        let content = self.check_library(slot, length)?;
+        let content = self.check_library(slot, length).await?;
         Ok(Some((header, content)))
     }
 
@@ -430,18 +431,25 @@ impl<F: MappedFlash> SlotStore<F> {
         }
     }
 
-    /// Decodes the library in the first `length` bytes of `slot`, each word of which has been read.
-    fn check_library(&self, slot: SlotId, length: u32) -> Result<Content, SlotFault> {
+    /// Decodes the library in the first `length` bytes of `slot`, each word of which has been read. Other tasks have
+    /// their turn after each step.
+    async fn check_library(&self, slot: SlotId, length: u32) -> Result<Content, SlotFault> {
         let bytes = self.mapped(slot, length)?;
-        let library = Library::decode(bytes).map_err(|error| {
-            let reason = in_words(&error);
-            SlotFault::Invalid { reason }
-        })?;
-        Ok(Content {
-            outline: library.outline(bytes),
-            textures: library.len() as u16,
-            scenes: library.scene_count() as u8,
-        })
+        let mut decoder = Decoder::new(bytes);
+        loop {
+            let decoded = decoder.step().map_err(|error| {
+                let reason = in_words(&error);
+                SlotFault::Invalid { reason }
+            })?;
+            if let Some(library) = decoded {
+                return Ok(Content {
+                    outline: library.outline(bytes),
+                    textures: library.len() as u16,
+                    scenes: library.scene_count() as u8,
+                });
+            }
+            yield_now().await;
+        }
     }
 
     fn mapped(&self, slot: SlotId, length: u32) -> Result<&[u8], SlotFault> {
@@ -489,12 +497,12 @@ fn flash_fault(slot: SlotId, operation: FlashOperation, offset: u32) -> WriteFau
 
 fn texture_info(texture: &Texture<'_>) -> TextureInfo {
     let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
-    let count = |flag: NodeFlags| {
-        texture
-            .nodes()
-            .filter(|node| node.flags.contains(flag))
-            .count() as u16
-    };
+    let [silent, interpolated, extrapolated, doubtful] = texture.count_flags([
+        NodeFlags::SILENT,
+        NodeFlags::INTERPOLATED,
+        NodeFlags::EXTRAPOLATED,
+        NodeFlags::DOUBTFUL,
+    ]);
     TextureInfo {
         // A valid name fits.
         name: texture.name().try_into().unwrap_or_default(),
@@ -506,9 +514,9 @@ fn texture_info(texture: &Texture<'_>) -> TextureInfo {
         forces: forces.len() as u8,
         speed_range: [texture.speed(0), texture.speed(speeds.len() - 1)],
         force_range: [texture.force(0), texture.force(forces.len() - 1)],
-        silent_nodes: count(NodeFlags::SILENT),
-        filled_nodes: count(NodeFlags::INTERPOLATED) + count(NodeFlags::EXTRAPOLATED),
-        doubtful_nodes: count(NodeFlags::DOUBTFUL),
+        silent_nodes: silent,
+        filled_nodes: interpolated + extrapolated,
+        doubtful_nodes: doubtful,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Surfaces along the path, and their weights in equal-power transitions.
 
 use heapless::Vec;
-use model_format::scene::limits::MAX_REGIONS;
+use model_format::scene::limits::{MAX_REGIONS, MAX_SURFACES};
 use model_format::scene::{Region, Scene};
 
 use crate::grid::ONE;
@@ -43,7 +43,11 @@ impl Path {
 
     /// Indices of the surfaces that lie on the path, ascending.
     pub fn surfaces(&self) -> impl Iterator<Item = u8> + '_ {
-        let count = if self.regions.is_empty() { 1 } else { u8::MAX };
+        let count = if self.regions.is_empty() {
+            1
+        } else {
+            MAX_SURFACES as u8
+        };
         (0..count).filter(|&surface| {
             self.regions.is_empty() || self.regions.iter().any(|region| region.surface == surface)
         })

@@ -62,11 +62,10 @@ impl<'a> Plan<'a> {
     pub fn new(scene: &Scene, library: &Library<'a>) -> Result<Self, SceneError> {
         scene.validate(library)?;
         let rate = scene.sample_rate_hz;
+        let surfaces = scene.surfaces.iter().zip(scene.textures(library));
         Ok(Self {
-            surfaces: scene
-                .surfaces
-                .iter()
-                .map(|surface| PlannedSurface::new(surface, library, rate))
+            surfaces: surfaces
+                .map(|(surface, texture)| PlannedSurface::new(surface, texture, rate))
                 .collect(),
             path: Path::new(scene),
             constant_motion: match scene.motion {
@@ -167,12 +166,9 @@ impl<'a> Plan<'a> {
 }
 
 impl<'a> PlannedSurface<'a> {
-    fn new(surface: &Surface, library: &Library<'a>, sample_rate_hz: u32) -> Self {
+    fn new(surface: &Surface, texture: Option<Texture<'a>>, sample_rate_hz: u32) -> Self {
         Self {
-            texture: surface
-                .texture
-                .and_then(|texture| library.textures().nth(usize::from(texture)))
-                .map(PlannedTexture::new),
+            texture: texture.map(PlannedTexture::new),
             gain: (surface.gain * ONE as f32 + 0.5) as u32,
             tap: surface.tap.map(|tap| PlannedTap {
                 tap,

@@ -1,8 +1,15 @@
-//! The checks that a texture of a library must pass.
+//! The checks that a texture of a library must pass, in bounded steps.
+//!
+//! | file | content |
+//! |---|---|
+//! | `texture` | the header, in one step |
+//! | `node` | the nodes, some per step |
+//! | `certificate` | the certificate, whose checksum takes steps |
 
 mod certificate;
 mod node;
 mod texture;
 
-pub(super) use certificate::Demand;
-pub(super) use texture::check_texture;
+pub(super) use certificate::{CertificateCheck, Demand};
+pub(super) use node::NodesCheck;
+pub(super) use texture::check_header;

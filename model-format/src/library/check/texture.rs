@@ -1,22 +1,18 @@
-//! Check of a texture: header and axes, then its nodes in turn, its optional parts, its certificate last.
+//! Check of a texture's header and axes, and of the lengths of its strings.
 
-use super::certificate::{Demand, check_certificate};
-use super::node::check_node;
 use crate::error::{DecodeError, Place, Problem};
 use crate::library::axis::Axis;
-use crate::library::part::Subject;
 use crate::library::texture::Texture;
 use crate::limits;
 use crate::wire::NodeRecord;
 
-/// Checks texture number `index` of a library.
+/// Checks all of texture number `index` of a library except its nodes and its certificate.
 ///
 /// # Errors
 /// The first fault found, with its place.
-pub(in crate::library) fn check_texture(
+pub(in crate::library) fn check_header(
     texture: &Texture<'_>,
     index: usize,
-    demand: Demand,
 ) -> Result<(), DecodeError> {
     let here = |problem: Problem| problem.at(Place::Texture(index));
     if texture.name.is_empty() || texture.name.len() > limits::MAX_NAME_BYTES {
@@ -40,30 +36,10 @@ pub(in crate::library) fn check_texture(
     if found != expected {
         return Err(here(Problem::NodeCount { found, expected }));
     }
-    let mut end = 0;
-    for speed in 0..texture.speed_axis.len() {
-        for force in 0..texture.force_axis.len() {
-            let place = Place::Node {
-                texture: index,
-                speed,
-                force,
-            };
-            end = check_node(texture, speed, force, end).map_err(|problem| problem.at(place))?;
-        }
-    }
-    if end != texture.coefficients.len() {
-        return Err(here(Problem::CoefficientLength {
-            found: texture.coefficients.len(),
-            expected: end,
-        }));
-    }
-    texture.parts.check(&Subject {
-        index,
-        structure: texture.structure,
-        forces: texture.force_axis.len(),
-        nodes: texture.nodes,
-    })?;
-    check_certificate(texture, index, demand)
+    texture
+        .parts
+        .check(texture.structure, expected)
+        .map_err(here)
 }
 
 fn check_axis(axis: Axis<'_>, place: Place) -> Result<(), DecodeError> {

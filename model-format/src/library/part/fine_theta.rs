@@ -5,13 +5,12 @@
 //! The code is the nearest of 16 bits, so that the bytes add resolution and nothing else. They are worth their place in
 //! the first stages, because that is where a few narrow lines have their large |k|.
 
-use super::subject::Subject;
-use crate::error::{DecodeError, Problem};
+use crate::error::Problem;
 use crate::limits::MAX_FINE_STAGES;
 use crate::wire::Structure;
 
 #[cfg(feature = "alloc")]
-use super::subject::PartSpec;
+use super::PartSpec;
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 2;
@@ -33,34 +32,28 @@ impl<'a> FineTheta<'a> {
         &self.0[begin..begin + stages.min(order)]
     }
 
-    /// Checks the part of `subject`.
-    pub fn check(self, subject: &Subject<'_>) -> Result<(), DecodeError> {
-        let here = |problem: Problem| Err(subject.error(problem));
-        if subject.structure != Structure::NormalisedLattice {
-            return here(Problem::FineStructure(subject.structure));
+    /// Checks the part's length, in a texture of `structure` with `nodes` nodes.
+    pub fn check(self, structure: Structure, nodes: usize) -> Result<(), Problem> {
+        if structure != Structure::NormalisedLattice {
+            return Err(Problem::FineStructure(structure));
         }
-        let nodes = subject.len();
         let (found, stages) = (self.0.len(), self.stages(nodes));
         if !found.is_multiple_of(nodes) || !(1..=MAX_FINE_STAGES).contains(&stages) {
-            return here(Problem::FineLength { found, nodes });
+            return Err(Problem::FineLength { found, nodes });
         }
-        let mut last_is_used = false;
-        let each = subject.nodes().zip(self.0.chunks_exact(stages));
-        for (number, (node, bytes)) in each.enumerate() {
-            let order = usize::from(node.order);
-            let beyond = bytes.iter().skip(order).position(|&byte| byte != 0);
-            if let Some(beyond) = beyond {
-                let stage = order + beyond + 1;
-                let problem = Problem::FineBeyondOrder { stage, order };
-                return Err(subject.node_error(number, problem));
-            }
-            last_is_used |= bytes[stages - 1] != 0;
+        Ok(())
+    }
+
+    /// Checks the bytes of node `index` of `nodes`, whose order is `order`. Returns true if the last of them is used.
+    pub fn check_node(self, index: usize, nodes: usize, order: usize) -> Result<bool, Problem> {
+        let stages = self.stages(nodes);
+        let bytes = &self.0[index * stages..][..stages];
+        let beyond = bytes.get(order..).unwrap_or_default();
+        if let Some(beyond) = beyond.iter().position(|&byte| byte != 0) {
+            let stage = order + beyond + 1;
+            return Err(Problem::FineBeyondOrder { stage, order });
         }
-        if last_is_used {
-            Ok(())
-        } else {
-            here(Problem::FineStageUnused { stage: stages })
-        }
+        Ok(bytes[stages - 1] != 0)
     }
 }
 

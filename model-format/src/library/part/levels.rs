@@ -2,12 +2,11 @@
 //!
 //! Two bytes: the [`LevelLaw`], then the [`FadeLaw`]. A texture without the part has the default of both.
 
-use super::subject::Subject;
-use crate::error::{DecodeError, Problem};
+use crate::error::Problem;
 use crate::wire::{NodeRecord, Structure};
 
 #[cfg(feature = "alloc")]
-use super::subject::PartSpec;
+use super::PartSpec;
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 1;
@@ -111,20 +110,21 @@ impl LevelsPart<'_> {
     }
 }
 
-/// Checks that the nodes have levels that `law` can average: a lattice's output power, and a direct form's prediction
-/// error.
-pub(super) fn check_nodes(law: LevelLaw, subject: &Subject<'_>) -> Result<(), DecodeError> {
-    if law != LevelLaw::Logarithm {
-        return Ok(());
-    }
-    let averaged = |node: NodeRecord| match subject.structure {
+/// Checks that a node of `structure` has a level that `law` can average: a lattice's output power, and a direct form's
+/// prediction error.
+pub(in crate::library) fn check_node(
+    law: LevelLaw,
+    structure: Structure,
+    node: &NodeRecord,
+) -> Result<(), Problem> {
+    let averaged = match structure {
         Structure::NormalisedLattice => node.output_power,
         Structure::DirectForm16 | Structure::DirectForm32 => node.prediction_error_power,
     };
-    match subject.nodes().position(|node| averaged(node) <= 0.0) {
-        Some(node) => Err(subject.node_error(node, Problem::SilentInLogarithm)),
-        None => Ok(()),
+    if law == LevelLaw::Logarithm && averaged <= 0.0 {
+        return Err(Problem::SilentInLogarithm);
     }
+    Ok(())
 }
 
 /// The part of a texture with these laws, if it needs one.

@@ -15,16 +15,16 @@
 
 pub(crate) mod fine_theta;
 pub(crate) mod levels;
-mod subject;
 
-use crate::error::{DecodeError, Problem};
+use crate::error::Problem;
+use crate::wire::{Reader, Structure};
 
 use fine_theta::FineTheta;
 use levels::LevelsPart;
 
+/// Kind and content of a part to be written.
 #[cfg(feature = "alloc")]
-pub(crate) use subject::PartSpec;
-pub(super) use subject::Subject;
+pub(crate) type PartSpec = (u32, alloc::vec::Vec<u8>);
 
 /// A kind of optional part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,17 +52,16 @@ pub(super) struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// Parses the parts that `bytes` begin with: the parts, and the bytes after them. Contents are not judged.
+    /// Parses the parts that `reader` is at. Contents are not judged.
     ///
     /// The number of parts needs no bound of its own, because known kinds that ascend are few.
-    pub fn take(bytes: &'a [u8]) -> Result<(Self, &'a [u8]), Problem> {
-        let malformed = |_| Problem::MalformedParts;
-        let (count, mut rest) = postcard::take_from_bytes::<u32>(bytes).map_err(malformed)?;
+    pub fn read(reader: &mut Reader<'a>) -> Result<Self, Problem> {
+        let count = reader.varint().ok_or(Problem::MalformedParts)?;
         let mut parts = Self::default();
         let mut last = 0;
         for _ in 0..count {
-            let ((kind, content), after) =
-                postcard::take_from_bytes::<(u32, &'a [u8])>(rest).map_err(malformed)?;
+            let kind = reader.varint().ok_or(Problem::MalformedParts)?;
+            let content = reader.string().ok_or(Problem::MalformedParts)?;
             match kind {
                 levels::KIND => parts.levels = Some(LevelsPart(content)),
                 fine_theta::KIND => parts.fine_theta = Some(FineTheta(content)),
@@ -71,24 +70,20 @@ impl<'a> Parts<'a> {
             if kind <= last {
                 return Err(Problem::PartOrder { kind });
             }
-            (last, rest) = (kind, after);
+            last = kind;
         }
-        Ok((parts, rest))
+        Ok(parts)
     }
 
-    /// Checks the contents of all parts of `subject`.
-    ///
-    /// # Errors
-    /// The first fault found, with its place.
-    pub fn check(&self, subject: &Subject<'_>) -> Result<(), DecodeError> {
+    /// Checks the contents of all parts of a texture of `nodes` nodes, as far as they can be checked without its nodes.
+    pub fn check(&self, structure: Structure, nodes: usize) -> Result<(), Problem> {
         if let Some(levels) = self.levels {
-            levels.check().map_err(|problem| subject.error(problem))?;
-            levels::check_nodes(levels.laws().level, subject)?;
+            levels.check()?;
         }
-        if let Some(fine_theta) = self.fine_theta {
-            fine_theta.check(subject)?;
+        match self.fine_theta {
+            Some(fine_theta) => fine_theta.check(structure, nodes),
+            None => Ok(()),
         }
-        Ok(())
     }
 
     /// The parts that are there, kinds ascending, each with the length of its content, bytes.
