@@ -17,6 +17,7 @@ mod marks;
 mod motion;
 mod mute;
 mod play;
+mod proving;
 mod record;
 mod selftest;
 mod settings;
@@ -42,6 +43,7 @@ pub use mute::{MUTE_REASON_COUNT, MuteReason, MuteReasons};
 pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
 };
+pub use proving::Proving;
 pub use record::{
     BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,

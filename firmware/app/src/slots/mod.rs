@@ -9,6 +9,8 @@
 //! [`ReadNorFlash::read`], which reports a fault, before the bytes are read in place.
 
 mod header;
+mod mark;
+mod proof;
 
 use core::ops::Range;
 
@@ -27,6 +29,8 @@ use crate::words::in_words;
 pub use crate::flash::WORD_BYTES;
 pub use header::HEADER_VERSION;
 use header::{Header, HeaderWord};
+use mark::{MARK_OFFSETS, mark_of};
+use proof::Proved;
 
 #[cfg(doc)]
 use embedded_storage_async::nor_flash::ReadNorFlash;
@@ -337,18 +341,27 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(())
     }
 
-    /// Validates `length` bytes in `slot`, each read once, and makes them a library by writing its header.
+    /// Validates `length` bytes in `slot`, each read once, proves their direct forms, and makes them a library by
+    /// writing its header. `told` gets the progress of the proof, ‰.
     pub(crate) async fn seal(
         &mut self,
         slot: SlotId,
         length: u32,
         crc32: u32,
+        told: impl FnMut(u16),
     ) -> Result<SlotInfo, SealFault> {
         self.check_bytes(slot, length, crc32)
             .await
             .map_err(SealFault::Bytes)?;
         let content = self.check_library(slot, length).await;
         let content = content.map_err(SealFault::Bytes)?;
+        let proved = self.prove_content(slot, length, content.outline, told);
+        if proved.await.map_err(SealFault::Bytes)? == Proved::Stable {
+            // Before the header, so that a library is never without it.
+            self.write(slot, MARK_OFFSETS.start, &mark_of(length, crc32))
+                .await
+                .map_err(SealFault::Write)?;
+        }
         let newest = self.newest().and_then(|slot| self.library(slot));
         let header = Header {
             sequence: newest
