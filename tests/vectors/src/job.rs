@@ -35,6 +35,11 @@ pub enum Job<'a> {
         /// [`HardCase`](crate::HardCase)s, one after the other.
         cases: &'a [u8],
     },
+    /// Proof of a library's direct forms, with a count of each step's instructions.
+    Proof {
+        /// A library.
+        library: &'a [u8],
+    },
 }
 
 /// A filter that plays a texture.

@@ -7,6 +7,7 @@
 //! words 0000002a fffffffe ...                    two's complement, hexadecimal
 //! sample-cost 5600 5600 1600 lattice             fewest and most instructions, and the number of calls
 //! follow-cost 11000 30000 160 lattice
+//! proof-cost 1500 90000 80000000                 steps, longest, all
 //! end                                            the report is complete
 //! ```
 
@@ -30,6 +31,9 @@ pub const SAMPLE_COST: &str = "sample-cost";
 
 /// Instructions of an update of coefficients: fewest, most, calls, name.
 pub const FOLLOW_COST: &str = "follow-cost";
+
+/// Instructions of a proof: number of steps, the longest, all.
+pub const PROOF_COST: &str = "proof-cost";
 
 /// The last line.
 pub const END: &str = "end";

@@ -14,6 +14,7 @@ mod job;
 mod library;
 mod output;
 mod peers;
+mod proof;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hio};
@@ -41,6 +42,7 @@ fn main() -> ! {
         }) => counted::play(filter, updates, library),
         Some(Job::Peers) => peers::play(),
         Some(Job::Hard { cases }) => hard::play(cases, &counter, &mut output),
+        Some(Job::Proof { library }) => proof::measure(library, &counter, &mut output),
         None => {
             play::<Portable>(report::PORTABLE, &mut output);
             play::<CortexM>(report::CORTEX_M, &mut output);
