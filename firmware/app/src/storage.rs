@@ -7,9 +7,9 @@
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, SceneInfo, Settings,
-    SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, SlotState, Slots, TextureInfo,
-    UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
+    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, Proving, SceneInfo,
+    Settings, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, SlotState, Slots,
+    TextureInfo, UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 use crate::player::Busy;
@@ -175,6 +175,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     ) -> Result<Activated, ActivateError> {
         self.slots.scan_once().await;
         let library = self.playable(slot)?;
+        self.prove(stage, slot).await?;
         stage.begin_activation()?;
         let result = self.exchange(stage, slot, library).await;
         stage.end_activation(self.loaded);
@@ -191,6 +192,15 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             }),
             SlotState::Empty | SlotState::Receiving => Err(ActivateError::NoLibrary { slot }),
         }
+    }
+
+    /// Proves the direct forms of the library in `slot`, unless it was done before. What is played goes on.
+    async fn prove(&mut self, stage: &mut impl Stage, slot: SlotId) -> Result<(), ActivateError> {
+        let may_write = !stage.is_supply_low();
+        let told = |permille| stage.set_upload(UploadState::Proving(Proving { slot, permille }));
+        let proved = self.slots.prove(slot, may_write, told).await;
+        stage.set_upload(self.uploader.state());
+        proved.map_err(|fault| ActivateError::Faulty { slot, fault })
     }
 
     async fn exchange(
@@ -261,7 +271,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         stage: &mut impl Stage,
     ) -> Result<UploadCommitted, UploadError> {
         supplied(stage)?;
-        let result = self.uploader.commit(&mut self.slots).await;
+        let told = |state| stage.set_upload(state);
+        let result = self.uploader.commit_telling(&mut self.slots, told).await;
         stage.set_upload(self.uploader.state());
         result
     }

@@ -7,8 +7,8 @@
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    CHUNK_ALIGN, MAX_CHUNK_BYTES, SlotFault, SlotId, UploadBegin, UploadChunk, UploadCommitted,
-    UploadError, UploadProgress, UploadState,
+    CHUNK_ALIGN, MAX_CHUNK_BYTES, Proving, SlotFault, SlotId, UploadBegin, UploadChunk,
+    UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 use crate::flash::WORD_BYTES;
@@ -121,10 +121,22 @@ impl Uploader {
     ///
     /// # Errors
     /// No upload is under way, or it is not complete. Any other error ends the upload: the bytes are not those
-    /// announced, or not a library, or the flash fails.
+    /// announced, or not a library, or have a direct form that is not proved stable, or the flash fails.
     pub async fn commit<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,
+    ) -> Result<UploadCommitted, UploadError> {
+        self.commit_telling(store, |_| {}).await
+    }
+
+    /// As [`Uploader::commit`]; `told` gets the progress of the proof of direct forms.
+    ///
+    /// # Errors
+    /// As [`Uploader::commit`].
+    pub async fn commit_telling<F: MappedFlash>(
+        &mut self,
+        store: &mut SlotStore<F>,
+        mut told: impl FnMut(UploadState),
     ) -> Result<UploadCommitted, UploadError> {
         let Upload {
             begin,
@@ -140,7 +152,8 @@ impl Uploader {
             });
         }
         self.end(store);
-        let sealed = store.seal(claim, length, crc32).await;
+        let told = |permille| told(UploadState::Proving(Proving { slot, permille }));
+        let sealed = store.seal(claim, length, crc32, told).await;
         let library = sealed.map_err(|fault| match fault {
             SealFault::Bytes(fault) => bytes_error(slot, fault),
             SealFault::Write(fault) => UploadFault::from(fault).0,
@@ -235,6 +248,7 @@ fn bytes_error(slot: SlotId, fault: SlotFault) -> UploadError {
     match fault {
         SlotFault::Checksum { expected, found } => UploadError::Checksum { expected, found },
         SlotFault::Invalid { reason } => UploadError::Invalid { reason },
+        SlotFault::Unproved { reason } => UploadError::Unproved { reason },
         SlotFault::Unreadable { offset } => UploadError::Flash {
             slot,
             operation: model_format::link::FlashOperation::Read,

@@ -9,6 +9,7 @@ pub mod grid;
 pub mod lattice;
 pub mod level;
 mod logarithm;
+pub mod proof;
 pub mod rotation;
 pub mod scene;
 mod synthesis;

@@ -20,6 +20,7 @@ mod motion;
 mod mute;
 mod play;
 mod proposal;
+mod proving;
 mod record;
 mod selftest;
 mod settings;
@@ -51,6 +52,7 @@ pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
 };
 pub use proposal::{LOCKED, PROPOSAL_VALID_MS, ProposalToken, SettingsChange, SettingsProposal};
+pub use proving::Proving;
 pub use record::{
     BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,

@@ -78,6 +78,7 @@ fn slot_faults() -> Vec<SlotFault> {
             found: u32::MAX
         },
         SlotFault::Invalid { reason: text() },
+        SlotFault::Unproved { reason: text() },
     ]
 }
 
@@ -116,6 +117,7 @@ fn upload_errors() -> Vec<UploadError> {
             found: u32::MAX
         },
         UploadError::Invalid { reason: text() },
+        UploadError::Unproved { reason: text() },
         UploadError::ReadBack { slot, offset },
         UploadError::LastLibrary { slot },
         UploadError::Busy,

@@ -3,7 +3,7 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{FLASH_SUPPLY_MV, Reason, SlotId};
+use super::{FLASH_SUPPLY_MV, Proving, Reason, SlotId};
 use crate::limits::{FLASH_WORD_BYTES, MAX_LIBRARY_BYTES};
 
 /// Most bytes in a chunk.
@@ -52,6 +52,8 @@ pub enum UploadState {
     Idle,
     /// An upload is under way, and can be resumed from its next offset.
     Receiving(UploadProgress),
+    /// A library has arrived, or is to be activated, and its direct forms are being proved stable.
+    Proving(Proving),
 }
 
 /// An uploaded library that was read back from flash and is valid.
@@ -146,6 +148,12 @@ pub enum UploadError {
     #[error("not a library that this device can play: {reason}")]
     Invalid {
         /// Message of the device's validator.
+        reason: Reason,
+    },
+    /// A direct form that the device has not proved stable.
+    #[error("{reason}: fit it as a lattice, or on a denser grid")]
+    Unproved {
+        /// The texture, the cell, and what was found.
         reason: Reason,
     },
     /// Flash that did not keep the bytes written.

@@ -11,6 +11,7 @@ use model_format::{
     FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Problem, Texture,
     encode_with_scenes_uncertified,
 };
+use stylus_kernel::proof::Proof;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
@@ -53,6 +54,7 @@ fn judge(bytes: &[u8]) {
                 assert!(matches!(error.problem, Problem::Uncertified(_)));
             }
             library.textures().for_each(play);
+            prove(library);
             scenes.iter().for_each(|scene| play_scene(scene, &library));
         }
         Err(error) => {
@@ -60,6 +62,17 @@ fn judge(bytes: &[u8]) {
             assert!(Library::decode(bytes).is_err());
         }
     }
+}
+
+/// Proves direct forms, as far as the fuzzer's time goes: no coefficients may overflow or panic.
+fn prove(library: Library<'_>) {
+    /// Steps that are enough for the whole proof of a few cells of low order.
+    const STEPS: usize = 2000;
+    let mut proof = Proof::new(library);
+    let _ = (0..STEPS).try_for_each(|_| match proof.step() {
+        Ok(true) => Some(()),
+        Ok(false) | Err(_) => None,
+    });
 }
 
 /// Moves over the grid, beyond it, and to rest, where it must be silent.

@@ -40,6 +40,11 @@ pub enum Job<'a> {
         /// [`Libraries`], one after the other.
         libraries: &'a [u8],
     },
+    /// Proof of a library's direct forms, with a count of each step's instructions.
+    Proof {
+        /// A library.
+        library: &'a [u8],
+    },
 }
 
 /// Libraries, each after its length as a `u32`.

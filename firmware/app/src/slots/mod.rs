@@ -12,7 +12,9 @@
 
 mod claim;
 mod header;
+mod mark;
 mod permit;
+mod proof;
 
 use core::ops::Range;
 
@@ -31,7 +33,9 @@ use crate::words::in_words;
 pub use crate::flash::WORD_BYTES;
 pub use header::HEADER_VERSION;
 use header::{Header, HeaderWord};
+use mark::{MARK_OFFSETS, mark_of};
 pub(crate) use permit::{Claim, LastLibrary};
+use proof::Proved;
 
 #[cfg(doc)]
 use embedded_storage_async::nor_flash::ReadNorFlash;
@@ -378,12 +382,14 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(())
     }
 
-    /// Validates `length` bytes in the claimed slot, each read once, and makes them a library by writing its header.
+    /// Validates `length` bytes in the claimed slot, each read once, proves their direct forms, and makes them a library
+    /// by writing its header. `told` gets the progress of the proof, ‰.
     pub(crate) async fn seal(
         &mut self,
         claim: Claim,
         length: u32,
         crc32: u32,
+        told: impl FnMut(u16),
     ) -> Result<SlotInfo, SealFault> {
         let slot = claim.slot();
         self.check_bytes(slot, length, crc32)
@@ -391,6 +397,13 @@ impl<F: MappedFlash> SlotStore<F> {
             .map_err(SealFault::Bytes)?;
         let content = self.check_library(slot, length).await;
         let content = content.map_err(SealFault::Bytes)?;
+        let proved = self.prove_content(slot, length, content.outline, told);
+        if proved.await.map_err(SealFault::Bytes)? == Proved::Stable {
+            // Before the header, so that a library is never without it.
+            self.write(claim, MARK_OFFSETS.start, &mark_of(length, crc32))
+                .await
+                .map_err(SealFault::Write)?;
+        }
         let header = Header {
             sequence: self.highest.unwrap_or(0).wrapping_add(1),
             length,

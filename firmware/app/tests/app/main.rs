@@ -1,6 +1,7 @@
 //! Tests of the application on the host, through its public interface, on flash that can lose power.
 #![expect(clippy::result_large_err, reason = "errors carry their reason as text")]
 
+mod direct_forms;
 mod double_faults;
 mod inputs;
 mod lease;

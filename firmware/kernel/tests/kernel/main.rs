@@ -7,6 +7,7 @@ mod hard;
 mod lattice;
 mod level;
 mod models;
+mod proof;
 mod reference;
 mod scene;
 mod scene_effects;

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use host_tools::link::upload::upload_over;
-use host_tools::support::error::Result;
+use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
+use host_tools::texture::certificate;
 use serde::Serialize;
 
 use super::connection::Link;
@@ -47,7 +48,9 @@ struct UploadReport<'a> {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let bytes = read_library(&arguments.library)?;
     if !arguments.unchecked {
-        decode_library(&arguments.library, &bytes)?;
+        let library = decode_library(&arguments.library, &bytes)?;
+        certificate::prove_as_device(&library)
+            .map_err(|refusal| Error::file(&arguments.library, refusal.to_string()))?;
     }
     let mut device = arguments.link.connect()?;
     if !arguments.unchecked {

@@ -219,6 +219,7 @@ mod tests {
         Finding::Direct {
             proved_margin: (pole_radius < 1.0).then_some(0.1),
             critical_frequency_hz: None,
+            stored_margin: 14,
             worst: Point {
                 speed_mm_s: 5.0,
                 force_n: 12.0,

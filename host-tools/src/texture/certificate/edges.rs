@@ -1,4 +1,16 @@
-//! The proof on a cell's edges; [`super`] says what it proves.
+//! A proof on a cell's edges, in float64: the tests' second opinion on the product's proof.
+//!
+//! 1. On no edge of the cell (four sides, two diagonals) does A have a zero on the unit circle: for no frequency is 0
+//!    on the segment from A(j) to A(k) in the complex plane, which is the segment lemma's condition that A(j)/A(k) is
+//!    never real and negative. This is shown for whole intervals of frequency, not at samples: in an interval every
+//!    A(k) stays in a disc about its value in the middle, whose radius follows from three derivatives there and a bound
+//!    on the fourth, and the segments are farther from 0 than those discs reach. Intervals are halved until they are.
+//! 2. The first node's A turns around 0 no time while the frequency goes around the circle, so that 1/A is stable
+//!    there.
+//! 3. Then 1/A is stable at every point. For A's values at one frequency fill at most the convex hull of the four A(k),
+//!    whose border is made of edges. At 0 Hz the hull is a real interval whose ends are on edges, so 0 is outside; as
+//!    the frequency goes on 0 would have to cross an edge to come in. No zero ever reaches the circle, and none is
+//!    outside it at the first node. (This is the edge theorem of Bartlett, Hollot and Lin, 1988, for this case.)
 
 use realfft::num_complex::Complex;
 

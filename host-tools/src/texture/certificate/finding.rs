@@ -1,6 +1,6 @@
 //! Findings of a certification, and the bytes that a library stores of them.
 
-use model_format::{CELL_MARGIN_STEPS_PER_OCTAVE, UNCERTIFIED_CELL};
+use model_format::UNCERTIFIED_CELL;
 use serde::Serialize;
 
 /// The findings on a texture.
@@ -63,6 +63,9 @@ pub enum Finding {
         proved_margin: Option<f64>,
         /// Frequency at which the proof ended, Hz.
         critical_frequency_hz: Option<f64>,
+        /// The byte that a library stores of the proved margin.
+        #[serde(skip)]
+        stored_margin: u8,
         /// The sampled point of the largest pole radius.
         worst: Point,
     },
@@ -95,14 +98,7 @@ impl Cell {
     /// The byte that a library stores.
     fn stored_margin(&self) -> u8 {
         match self.finding {
-            Finding::Direct {
-                proved_margin: Some(margin),
-                ..
-            } if self.holds() => {
-                let steps = -margin.log2() * f64::from(CELL_MARGIN_STEPS_PER_OCTAVE);
-                // Up, so that what is stored is proved; a margin above one is as good as one.
-                steps.ceil().clamp(0.0, f64::from(UNCERTIFIED_CELL)) as u8
-            }
+            Finding::Direct { stored_margin, .. } if self.holds() => stored_margin,
             _ => UNCERTIFIED_CELL,
         }
     }

@@ -6,22 +6,13 @@
 //! them), so the state's norm cannot grow, under any motion. Powers are within the library's bound, so that nothing
 //! saturates that the level could prevent.
 //!
-//! **Direct form, proved.** At a point of a cell the filter is 1/A with A = Σ w(k) A(k), a weighted mean of the cell's
-//! nodes, rounded to the kernel's coefficients: that moves |A| by no more than half a step per tap, which all distances
-//! from 0 here leave room for.
-//! 1. On no edge of the cell (four sides, two diagonals) does A have a zero on the unit circle: for no frequency is 0
-//!    on the segment from A(j) to A(k) in the complex plane, which is the segment lemma's condition that A(j)/A(k) is
-//!    never real and negative. This is shown for whole intervals of frequency, not at samples: in an interval every
-//!    A(k) stays in a disc about its value in the middle, whose radius follows from three derivatives there and a bound
-//!    on the fourth, and the segments are farther from 0 than those discs reach. Intervals are halved until they are.
-//! 2. The first node's A turns around 0 no time while the frequency goes around the circle, so that 1/A is stable
-//!    there.
-//! 3. Then 1/A is stable at every point. For A's values at one frequency fill at most the convex hull of the four A(k),
-//!    whose border is made of edges. At 0 Hz the hull is a real interval whose ends are on edges, so 0 is outside; as
-//!    the frequency goes on 0 would have to cross an edge to come in. No zero ever reaches the circle, and none is
-//!    outside it at the first node. (This is the edge theorem of Bartlett, Hollot and Lin, 1988, for this case.)
+//! **Direct form, proved.** By [`stylus_kernel::proof`], in integers: the same function by which a stylus proves a
+//! library before it plays it. A margin that is found here is verified there with no more effort, so that a library
+//! with these margins is not refused. The nodes are the stored coefficients, exactly; there is room for the kernel's
+//! rounding of means, half a step per tap.
 //!
-//! The nodes are the stored coefficients, exactly; the evaluation is in float64 with an allowance for its rounding.
+//! A second proof, of another kind and in float64, is in the tests: `edges` shows by discs of frequency that no edge of
+//! a cell has a zero on the circle (the edge theorem of Bartlett, Hollot and Lin, 1988).
 //!
 //! **Direct form, sampled.** [`SAMPLES_PER_SIDE`] + 1 by as many points of the cell, at weights that the kernel can
 //! have, by another way: the step-down recursion in float64. It tells the largest pole radius among these points. A
@@ -31,22 +22,23 @@
 //! state can grow though all its points are stable; and rounding and saturation can keep an oscillation alive. `stylus
 //! stress` shows both.
 
+#[cfg(test)]
 mod circle;
+#[cfg(test)]
 mod edges;
 mod finding;
 mod interior;
 
 use model_format::{
     Certificate, Coefficients, DecodeError, FINE_THETA_STEP_RAD, Library, Structure, Texture,
-    TextureSpec, encode_uncertified,
+    TextureSpec, UNCERTIFIED_CELL, encode_uncertified,
 };
 use rayon::prelude::*;
 use stylus_kernel::direct::exponent;
+use stylus_kernel::proof::{CellProof, Proof, UNIT_BITS, margin_byte};
 
 use crate::support::error::{Error, Result};
 use crate::texture::stored::predictor;
-
-use circle::Circle;
 
 pub use finding::{Cell, Certification, Finding, Point, Stored};
 pub use interior::SAMPLES_PER_SIDE;
@@ -89,6 +81,32 @@ pub fn certify(texture: &Texture<'_>) -> Certification {
         Certificate::DirectForm { .. } => Stored::Different,
     };
     report
+}
+
+/// Proves the direct forms of `library` as a stylus does before it plays them, with the margins that it claims.
+///
+/// # Errors
+/// A stylus would refuse the library; the message names the texture and the cell.
+pub fn prove_as_device(library: &Library<'_>) -> Result<()> {
+    let mut proof = Proof::new(*library);
+    let refusal = loop {
+        match proof.step() {
+            Ok(true) => {}
+            Ok(false) => return Ok(()),
+            Err(refusal) => break refusal,
+        }
+    };
+    let texture = library.textures().nth(refusal.texture);
+    let texture = texture.expect("the proof names one of its textures");
+    Err(Error::Model(format!(
+        "a stylus would refuse the library, because texture '{}' is {} in the cell from {} mm/s and {} N up, near {} Hz; \
+         fit it again, as a lattice if it is no better then",
+        texture.name(),
+        refusal.cause,
+        texture.speed(refusal.speed).0,
+        texture.force(refusal.force).0,
+        refusal.frequency_hz(texture.sample_rate_hz()),
+    )))
 }
 
 /// Gives a texture that is to be encoded its certificate.
@@ -176,9 +194,8 @@ fn direct_form(texture: &Texture<'_>, places: &[CellCorners]) -> Vec<Finding> {
         .iter()
         .map(|node| polynomial(node.coefficients, order))
         .collect();
-    // Half a step of the kernel's coefficients a tap.
-    let rounding = order as f64 * 2f64.powi(exponent(texture) as i32 - 32);
-    let circles: Vec<Circle> = polynomials.par_iter().map(|a| Circle::new(a)).collect();
+    let exponent = exponent(texture);
+    let unit = 2f64.powi(exponent as i32 - UNIT_BITS as i32);
     let forces = texture.force_axis().len();
     let rate_hz = f64::from(texture.sample_rate_hz());
     let finding = |place: &CellCorners| {
@@ -188,15 +205,18 @@ fn direct_form(texture: &Texture<'_>, places: &[CellCorners]) -> Vec<Finding> {
                 .iter()
                 .map(|(speed, force)| speed * forces + force)
         };
-        let corners: Vec<&Circle> = indices().map(|index| &circles[index]).collect();
-        let proof = edges::prove(&corners, rounding);
+        let &(speed, force) = place.nodes.first().expect("a cell has nodes");
+        let proof = CellProof::new(*texture, speed, force).run();
         let corners: Vec<&[f64]> = indices()
             .map(|index| polynomials[index].as_slice())
             .collect();
         let worst = interior::worst(&corners, place.speeds_mm_s, place.forces_n);
         Finding::Direct {
-            proved_margin: proof.ok(),
-            critical_frequency_hz: proof.err().map(|rad| rad / std::f64::consts::TAU * rate_hz),
+            proved_margin: proof.ok().map(|units| units as f64 * unit),
+            critical_frequency_hz: proof
+                .err()
+                .map(|refusal| f64::from(refusal.frequency) * 2f64.powi(-32) * rate_hz),
+            stored_margin: proof.map_or(UNCERTIFIED_CELL, |units| margin_byte(units, exponent)),
             worst,
         }
     };
@@ -209,4 +229,114 @@ fn polynomial(coefficients: Coefficients<'_>, order: usize) -> Vec<f64> {
     polynomial.extend(predictor(coefficients).iter().map(|h| -h));
     polynomial.resize(order + 1, 0.0);
     polynomial
+}
+
+#[cfg(test)]
+mod tests {
+    use super::circle::Circle;
+    use super::*;
+    use crate::dsp::linear_prediction::step_up;
+    use model_format::{CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ};
+    use proptest::prelude::*;
+
+    fn node(tail: &[f64]) -> NodeSpec {
+        let sum: f64 = tail.iter().map(|a| a.abs()).sum();
+        let exponent = (sum.log2().floor() + 1.0).max(0.0) as u8;
+        let code = |a: &f64| (-a * 2f64.powi(31 - i32::from(exponent))).round() as i32;
+        NodeSpec {
+            output_power: 1.0,
+            prediction_error_power: 0.5,
+            flags: NodeFlags::NONE,
+            codes: CodeSpec::Direct32 {
+                exponent,
+                codes: tail.iter().map(code).collect(),
+            },
+        }
+    }
+
+    /// A cell of four nodes.
+    fn cell(tails: &[Vec<f64>]) -> Vec<u8> {
+        let spec = TextureSpec {
+            name: "cell".to_owned(),
+            sample_rate_hz: SAMPLE_RATE_HZ,
+            structure: Structure::DirectForm32,
+            provenance: Provenance::Simulated,
+            laws: Laws::default(),
+            speed_axis_mm_s: vec![1.0, 2.0],
+            force_axis_n: vec![1.0, 2.0],
+            nodes: tails.iter().map(|tail| node(tail)).collect(),
+            cell_margins: Vec::new(),
+        };
+        encode_uncertified(&[spec]).unwrap()
+    }
+
+    proptest! {
+        /// The product's proof and the one in float64 agree, where the margin leaves either room.
+        #[test]
+        fn two_proofs_of_different_kind_agree(
+            near in prop::collection::vec(-0.95f64..0.95, 0..7),
+            off in prop::collection::vec(prop::collection::vec(-0.6f64..0.6, 7), 4),
+            spread in 0.0f64..1.0,
+        ) {
+            let corner = |off: &Vec<f64>| {
+                let k = near.iter().zip(off).map(|(k, off)| (k + spread * off).clamp(-0.98, 0.98));
+                step_up(&k.collect::<Vec<_>>())
+            };
+            let tails: Vec<Vec<f64>> = off.iter().map(corner).collect();
+            let bytes = cell(&tails);
+            let library = Library::decode_uncertified(&bytes).unwrap();
+            let texture = library.textures().next().unwrap();
+            let order = texture.max_order();
+            let exponent = exponent(&texture) as i32;
+            let rounding = order as f64 * 2f64.powi(exponent - 32);
+            let circles: Vec<Circle> = texture
+                .nodes()
+                .map(|node| Circle::new(&polynomial(node.coefficients, order)))
+                .collect();
+            let other = edges::prove(&circles.iter().collect::<Vec<_>>(), rounding);
+            let unit = 2f64.powi(exponent - UNIT_BITS as i32);
+            let found = CellProof::new(texture, 0, 0).run().map(|units| units as f64 * unit);
+            match (found, other) {
+                // Each is at least 0.4 of the exact minimum, and at most that.
+                (Ok(found), Ok(other)) => {
+                    prop_assert!(found <= 2.6 * other + 1e-6 && other <= 2.6 * found + 1e-6, "{} {}", found, other);
+                }
+                (Ok(found), Err(at)) => prop_assert!(found < 1e-5, "{} but not at {} rad", found, at),
+                (Err(refusal), Ok(other)) => prop_assert!(other < 1e-5, "{:?} but {}", refusal, other),
+                (Err(_), Err(_)) => {}
+            }
+        }
+    }
+
+    #[test]
+    fn a_library_with_the_margins_found_is_not_refused_by_a_device() {
+        let tails: Vec<Vec<f64>> = (0..4)
+            .map(|corner| step_up(&[-0.97 + 0.01 * f64::from(corner), 0.9, 0.2]))
+            .collect();
+        let bytes = cell(&tails);
+        let library = Library::decode_uncertified(&bytes).unwrap();
+        let texture = library.textures().next().unwrap();
+        let report = certify(&texture);
+        assert!(report.holds);
+        let spec = TextureSpec {
+            name: "cell".to_owned(),
+            sample_rate_hz: SAMPLE_RATE_HZ,
+            structure: texture.structure(),
+            provenance: Provenance::Simulated,
+            laws: Laws::default(),
+            speed_axis_mm_s: vec![1.0, 2.0],
+            force_axis_n: vec![1.0, 2.0],
+            nodes: tails.iter().map(|tail| node(tail)).collect(),
+            cell_margins: report.cell_margins(),
+        };
+        let certified = model_format::encode(std::slice::from_ref(&spec)).unwrap();
+        prove_as_device(&Library::decode(&certified).unwrap()).unwrap();
+        let claims_too_much = TextureSpec {
+            cell_margins: vec![0; 1],
+            ..spec
+        };
+        let forged = model_format::encode(&[claims_too_much]).unwrap();
+        let refusal = prove_as_device(&Library::decode(&forged).unwrap()).unwrap_err();
+        assert!(refusal.to_string().contains("'cell'"), "{refusal}");
+    }
 }

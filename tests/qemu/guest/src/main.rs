@@ -15,6 +15,7 @@ mod job;
 mod library;
 mod output;
 mod peers;
+mod proof;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hio};
@@ -43,6 +44,7 @@ fn main() -> ! {
         Some(Job::Peers) => peers::play(),
         Some(Job::Hard { cases }) => hard::play(cases, &counter, &mut output),
         Some(Job::Bounds { libraries }) => bounds::measure(libraries, &counter, &mut output),
+        Some(Job::Proof { library }) => proof::measure(library, &counter, &mut output),
         None => {
             play::<Portable>(report::PORTABLE, &mut output);
             play::<CortexM>(report::CORTEX_M, &mut output);
