@@ -264,10 +264,9 @@ impl Device for Hardware {
 
     fn token_seed(&self) -> u64 {
         // A counter of cycles at the instant of a request, and the chip's own number.
-        let (words, _) = uid::uid().as_chunks::<4>();
-        let chip = words.iter().fold(0u64, |sum, word| {
-            sum.rotate_left(24) ^ u64::from(u32::from_le_bytes(*word))
-        });
+        let chip = uid::uid()
+            .iter()
+            .fold(0u64, |sum, byte| sum.rotate_left(11) ^ u64::from(*byte));
         chip ^ u64::from(DWT::cycle_count())
     }
 

@@ -100,13 +100,13 @@ impl Request<'_> {
     }
 }
 
-/// Serves `PlayEndpoint`.
+/// Server of `PlayEndpoint` for the host on the link `from`.
 #[expect(
     clippy::result_large_err,
     reason = "without allocation the answer is as large as its longest text"
 )]
-fn play(from: LinkId, request: PlayRequest) -> core::result::Result<Playing, PlayError> {
-    with_control(|control| control.play(from, request))
+fn play(from: LinkId) -> impl FnOnce(PlayRequest) -> core::result::Result<Playing, PlayError> {
+    move |request| with_control(|control| control.play(from, request))
 }
 
 impl Dispatch for Dispatcher {
@@ -150,7 +150,7 @@ impl Dispatch for Dispatcher {
             }
             PlayEndpoint::REQ_KEY => {
                 request
-                    .answer::<PlayEndpoint>(|body| play(request.wire.id(), body))
+                    .answer::<PlayEndpoint>(play(request.wire.id()))
                     .await
             }
             StopEndpoint::REQ_KEY => {

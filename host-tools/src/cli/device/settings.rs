@@ -174,6 +174,15 @@ fn change(device: &Device, change: &SettingsChange, yes: bool) -> Result<Setting
 
 /// Shows `lines`, and asks whether they are meant, unless `yes` has said so.
 fn consent(lines: &[String], yes: bool) -> Result<()> {
+    let input = std::io::stdin();
+    if !yes && !input.is_terminal() {
+        let told: Vec<&str> = lines.iter().map(|line| line.trim()).collect();
+        return Err(Error::Request(format!(
+            "nothing was changed, because it would protect coil and hand less, or by first values: {}: give --yes if \
+             that is meant",
+            told.join("; ")
+        )));
+    }
     // A standard error that is closed must not keep a script from its change.
     let mut shown = std::io::stderr().lock();
     for line in lines {
@@ -181,14 +190,6 @@ fn consent(lines: &[String], yes: bool) -> Result<()> {
     }
     if yes {
         return Ok(());
-    }
-    let input = std::io::stdin();
-    if !input.is_terminal() {
-        return Err(Error::Request(
-            "nothing was changed: coil and hand would be protected less, or by first values; run it in a terminal, or \
-             give --yes"
-                .to_owned(),
-        ));
     }
     let _ = write!(shown, "apply this? [y/N] ");
     let mut line = String::new();
