@@ -423,3 +423,19 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
         );
     }
 }
+
+#[test]
+fn a_duration_that_no_recording_can_have_is_refused_before_memory_is_taken_for_it() {
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let link = stylus.link();
+    for command in [
+        "record set --texture silk --speeds 100 --forces 1 --yes",
+        "record-strokes strokes.csv",
+    ] {
+        let arguments = format!("{command} --seconds 1e12 --link {link}");
+        let output = bench.run(&arguments);
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains("more than 33554432 samples"), "{message}");
+    }
+}

@@ -32,7 +32,7 @@ pub struct Strokes {
 /// After each block `heard` gets all samples so far, their number at the end, and the sample rate in Hz.
 ///
 /// # Errors
-/// A lost link, or no block within the timeout of an answer.
+/// A lost link, more samples than a recording can have, or no block within the timeout of an answer.
 pub fn record(
     device: &Device,
     seconds: f64,
@@ -41,7 +41,7 @@ pub fn record(
 ) -> Result<Strokes> {
     let mut stream = Stream::start(device)?;
     let rate_hz = stream.rate_hz();
-    let wanted = (seconds * f64::from(rate_hz)).round().max(1.0) as usize;
+    let wanted = stream.samples_in(seconds)?.max(1);
     let mut samples = Vec::new();
     let mut start = None;
     while samples.len() < wanted && goes_on() {

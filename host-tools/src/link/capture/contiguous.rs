@@ -37,7 +37,7 @@ const MOST_TORN: f64 = 0.01;
 /// After each block `heard` gets all samples of the stretch so far, their number at its end, and the sample rate in Hz.
 ///
 /// # Errors
-/// A lost link, or no stretch without a hole in four times its length.
+/// A lost link, more samples than a recording can have, or no stretch without a hole in four times its length.
 pub fn capture(
     device: &Device,
     seconds: f64,
@@ -47,8 +47,8 @@ pub fn capture(
 ) -> Result<Option<Capture>> {
     let mut stream = Stream::start(device)?;
     let rate_hz = stream.rate_hz();
-    let in_samples = |seconds: f64| (seconds * f64::from(rate_hz)).round() as usize;
-    let (settle, wanted) = (in_samples(settle_s), in_samples(seconds).max(1));
+    let settle = stream.samples_in(settle_s)?;
+    let wanted = stream.samples_in(seconds)?.max(1);
     let most_ticks = (settle + wanted + BLOCK_SAMPLES) as u64 * MAX_LENGTHS;
     let mut samples: Vec<RecordSample> = Vec::with_capacity(settle + wanted + BLOCK_SAMPLES);
     let mut whole: Vec<bool> = Vec::with_capacity(samples.capacity());

@@ -7,7 +7,7 @@ use model_format::link::{BLOCK_SAMPLES, RecordBlock, RecordSample, RecordStopped
 use super::loss::Loss;
 use crate::link::device::{Blocks, Device};
 use crate::link::error::{LinkError, Result};
-use crate::recording::RATES_HZ;
+use crate::recording::{MAX_FRAMES, RATES_HZ};
 
 /// Longest interval between the blocks that arrive after the answer that ends a recording.
 const LATE_BLOCKS: Duration = Duration::from_millis(100);
@@ -72,6 +72,21 @@ impl<'a> Stream<'a> {
     /// Sample rate, Hz.
     pub fn rate_hz(&self) -> u32 {
         self.rate_hz
+    }
+
+    /// Number of samples in `seconds`, which must be those of a recording that can be read again.
+    ///
+    /// # Errors
+    /// More than [`MAX_FRAMES`].
+    pub fn samples_in(&self, seconds: f64) -> Result<usize> {
+        let samples = (seconds * f64::from(self.rate_hz)).round();
+        if samples > MAX_FRAMES as f64 {
+            return Err(self.device.not_verified(format!(
+                "{seconds} s at {} Hz are more than {MAX_FRAMES} samples: record less at a time",
+                self.rate_hz
+            )));
+        }
+        Ok(samples as usize)
     }
 
     /// Returns the next block, or `None` if none arrives within `within`.
