@@ -9,7 +9,8 @@ use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
     ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, Proving, SceneInfo,
     Settings, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, SlotState, Slots,
-    TextureInfo, UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
+    TextureInfo, UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress,
+    UploadState,
 };
 
 use crate::player::Busy;

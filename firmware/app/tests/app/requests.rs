@@ -559,7 +559,9 @@ fn a_request_in_the_middle_of_an_activation_is_refused_and_does_not_disturb_it()
             waits += 1;
             let mut requests = control.borrow_mut();
             assert_eq!(
-                requests.play(request("texture 0")).map(|_| ()),
+                requests
+                    .play(LinkId::Serial, request("texture 0"))
+                    .map(|_| ()),
                 Err(PlayError::Busy)
             );
             assert!(matches!(requests.stop(), Err(StopError::NotPlaying)));
