@@ -23,7 +23,7 @@ pub use encode::{
 pub use error::{DecodeError, Place, Problem};
 pub use library::{
     Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Coefficients, Decoder, FadeLaw, Laws,
-    LevelLaw, Library, Node, NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL,
+    LevelLaw, Library, Node, NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL, Workspace,
 };
 pub use units::{
     AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample,

@@ -46,3 +46,24 @@ pub const CODE_SUM_LIMIT: u64 = 1 << 32;
 /// Most bytes of a checksum, or of nodes with their coefficients, that one step of [`crate::Decoder`] takes up. A step
 /// ends with the node that reaches it.
 pub const STEP_BYTES: usize = 2048;
+
+/// Most instructions of decoding on a Cortex-M: this many, and the following per byte, texture and scene.
+///
+/// `tests/qemu/tests/bounds.rs` holds these bounds and those below by a search for the worst library.
+pub const DECODE_INSTRUCTIONS: u64 = 5_000;
+
+/// Most instructions of decoding per byte of the library; see [`DECODE_INSTRUCTIONS`].
+pub const DECODE_INSTRUCTIONS_PER_BYTE: u64 = 40;
+
+/// Most instructions of decoding per texture; see [`DECODE_INSTRUCTIONS`].
+pub const DECODE_INSTRUCTIONS_PER_TEXTURE: u64 = 1_500;
+
+/// Most instructions of decoding per scene; see [`DECODE_INSTRUCTIONS`].
+pub const DECODE_INSTRUCTIONS_PER_SCENE: u64 = 40_000;
+
+/// Most instructions of one step of [`crate::Decoder`] on a Cortex-M.
+pub const STEP_INSTRUCTIONS: u64 = 60_000;
+
+/// Most instructions of a plan on a Cortex-M, from the name of a texture or scene to the check of its cost, whatever
+/// the library.
+pub const PLAN_INSTRUCTIONS: u64 = 300_000;

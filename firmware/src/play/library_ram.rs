@@ -6,6 +6,7 @@ use core::slice;
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::{Decoder, Library};
+use static_cell::StaticCell;
 use stylus_app::storage::LoadFault;
 
 unsafe extern "C" {
@@ -16,9 +17,13 @@ unsafe extern "C" {
 /// Bytes that one step of a copy takes.
 const COPY_BYTES: usize = 8 * 1024;
 
+/// The content, in SRAM 4 because it is some kilobytes, which the tick does not touch.
+#[unsafe(link_section = ".sram4.library")]
+static CONTENT: StaticCell<Content> = StaticCell::new();
+
 /// The memory, and the library in it.
 pub struct LibraryRam {
-    content: Content,
+    content: &'static mut Content,
 }
 
 /// Content of the memory.
@@ -42,9 +47,9 @@ impl LibraryRam {
     ///
     /// # Safety
     /// Called once, because this owns the AXI SRAM, in which the linker puts nothing.
-    pub const unsafe fn new() -> Self {
+    pub unsafe fn new() -> Self {
         Self {
-            content: Content::Nothing,
+            content: CONTENT.init(Content::Nothing),
         }
     }
 
@@ -53,7 +58,7 @@ impl LibraryRam {
     /// # Safety
     /// No library, texture or scene that [`LibraryRam::library`] returned is used any longer.
     pub unsafe fn begin(&mut self) {
-        self.content = Content::Copied(0);
+        *self.content = Content::Copied(0);
     }
 
     /// Takes one step of copying `bytes`, the same at each step, and of decoding the copy; returns true after the last
@@ -62,7 +67,7 @@ impl LibraryRam {
     /// # Errors
     /// There are too many bytes, or they are not a library, or nothing was begun; the memory has no library then.
     pub fn load(&mut self, bytes: &[u8]) -> Result<bool, LoadFault> {
-        let stepped = match &mut self.content {
+        let stepped = match self.content {
             Content::Copied(at) => copy(bytes, *at).map(Some),
             // Decoded in place, because a decoder is some kilobytes.
             Content::Decoding(decoder) => match decoder.step() {
@@ -73,9 +78,9 @@ impl LibraryRam {
         };
         match stepped {
             Ok(None) => {}
-            Ok(Some(next)) => self.content = next,
+            Ok(Some(next)) => *self.content = next,
             Err(fault) => {
-                self.content = Content::Nothing;
+                *self.content = Content::Nothing;
                 return Err(fault);
             }
         }
@@ -84,7 +89,7 @@ impl LibraryRam {
 
     /// The library, if there is one.
     pub fn library(&self) -> Option<Library<'static>> {
-        match self.content {
+        match *self.content {
             Content::Library(library) => Some(library),
             _ => None,
         }

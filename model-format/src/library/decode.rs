@@ -3,6 +3,8 @@
 //! [`Decoder`] does it in bounded steps, for a device that has other things to do in between; [`Library::decode`] is
 //! the loop over it. A new kind of check is a variant of [`Stage`] with its state, entered from the stage before it.
 
+use core::borrow::BorrowMut;
+
 use super::check::{CertificateCheck, Demand, NodesCheck, check_header};
 use super::names::Names;
 use super::texture::Texture;
@@ -47,8 +49,10 @@ use crate::wire::{self, CRC_RANGE, Prefix, Reader};
 /// assert_eq!(library.len(), 1);
 /// # Ok::<(), model_format::DecodeError>(())
 /// ```
+///
+/// [`Decoder::new`] holds its [`Workspace`], which is some kilobytes; [`Decoder::within`] borrows one.
 #[derive(Clone)]
-pub struct Decoder<'a> {
+pub struct Decoder<'a, W = Workspace> {
     bytes: &'a [u8],
     demand: Demand,
     stage: Stage<'a>,
@@ -59,10 +63,33 @@ pub struct Decoder<'a> {
     /// Number of textures that were found valid, and of scenes.
     textures: usize,
     scenes: usize,
-    texture_names: Names<'a, MAX_TEXTURES>,
-    scene_names: Names<'a, MAX_SCENES>,
+    work: W,
+}
+
+/// Notes of a [`Decoder`] on textures and scenes that it has seen.
+#[derive(Clone, Debug)]
+pub struct Workspace {
+    texture_names: Names<MAX_TEXTURES>,
+    scene_names: Names<MAX_SCENES>,
     /// The facts of each texture that scenes are checked against.
     bounds: [TextureBounds; MAX_TEXTURES],
+}
+
+impl Workspace {
+    /// A workspace for any number of decoders in turn.
+    pub const fn new() -> Self {
+        Self {
+            texture_names: Names::new(),
+            scene_names: Names::new(),
+            bounds: [TextureBounds::NONE; MAX_TEXTURES],
+        }
+    }
+}
+
+impl Default for Workspace {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// The subject of the next step.
@@ -89,10 +116,19 @@ enum Stage<'a> {
 impl<'a> Decoder<'a> {
     /// A decoder of `bytes`, which has looked at none yet.
     pub const fn new(bytes: &'a [u8]) -> Self {
-        Self::demanding(bytes, Demand::Certificate)
+        Self::demanding(bytes, Demand::Certificate, Workspace::new())
     }
+}
 
-    const fn demanding(bytes: &'a [u8], demand: Demand) -> Self {
+impl<'a, 'w> Decoder<'a, &'w mut Workspace> {
+    /// As [`Decoder::new`], in a workspace that the caller keeps.
+    pub const fn within(bytes: &'a [u8], work: &'w mut Workspace) -> Self {
+        Self::demanding(bytes, Demand::Certificate, work)
+    }
+}
+
+impl<'a, W> Decoder<'a, W> {
+    const fn demanding(bytes: &'a [u8], demand: Demand, work: W) -> Self {
         Self {
             bytes,
             demand,
@@ -106,53 +142,62 @@ impl<'a> Decoder<'a> {
             },
             textures: 0,
             scenes: 0,
-            texture_names: Names::new(),
-            scene_names: Names::new(),
-            bounds: [TextureBounds::NONE; MAX_TEXTURES],
+            work,
         }
     }
+}
 
+impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
     /// Takes one step; returns the library after the last one. A further call begins anew, as one after an error does.
     ///
     /// # Errors
     /// The first fault found, with its place.
     pub fn step(&mut self) -> Result<Option<Library<'a>>, DecodeError> {
-        match core::mem::replace(&mut self.stage, Stage::Prefix) {
+        let stepped = self.step_in_place();
+        if !matches!(stepped, Ok(None)) {
+            self.stage = Stage::Prefix;
+        }
+        stepped
+    }
+
+    fn step_in_place(&mut self) -> Result<Option<Library<'a>>, DecodeError> {
+        match &mut self.stage {
             Stage::Prefix => {
                 (self.textures, self.scenes) = (0, 0);
-                self.texture_names.clear();
-                self.scene_names.clear();
+                let work = self.work.borrow_mut();
+                work.texture_names.clear();
+                work.scene_names.clear();
                 self.stage = self.prefix()?;
             }
             Stage::Checksum { stored, at, digest } => {
-                self.stage = self.checksum(stored, at, digest)?;
+                let end = self.bytes.len().min(*at + STEP_BYTES);
+                digest.update(&self.bytes[*at..end]);
+                *at = end;
+                if end == self.bytes.len() {
+                    let (stored, computed) = (*stored, digest.clone().finalize());
+                    self.stage = self.body(stored, computed)?;
+                }
             }
             Stage::Texture => self.stage = self.texture()?,
-            Stage::Nodes(mut nodes) => {
-                self.stage = match nodes.step()? {
-                    None => Stage::Nodes(nodes),
-                    Some(largest_theta) => {
-                        let (texture, index) = nodes.texture();
-                        let certificate =
-                            CertificateCheck::new(texture, index, self.demand, largest_theta);
+            Stage::Nodes(nodes) => {
+                if let Some(largest_theta) = nodes.step()? {
+                    let (texture, index) = nodes.texture();
+                    let mut certificate =
+                        CertificateCheck::new(texture, index, self.demand, largest_theta);
+                    self.stage = if certificate.step()? {
+                        Stage::Texture
+                    } else {
                         Stage::Certificate(certificate)
-                    }
-                };
-            }
-            Stage::Certificate(mut certificate) => {
-                self.stage = if certificate.step()? {
-                    Stage::Texture
-                } else {
-                    Stage::Certificate(certificate)
-                };
-            }
-            Stage::Scene => {
-                if self.scenes == self.library.scene_count {
-                    return self.end().map(Some);
+                    };
                 }
-                self.scene()?;
-                self.stage = Stage::Scene;
             }
+            Stage::Certificate(certificate) => {
+                if certificate.step()? {
+                    self.stage = Stage::Texture;
+                }
+            }
+            Stage::Scene if self.scenes == self.library.scene_count => return self.end().map(Some),
+            Stage::Scene => self.scene()?,
         }
         Ok(None)
     }
@@ -186,21 +231,9 @@ impl<'a> Decoder<'a> {
         })
     }
 
-    /// Takes up some bytes of the checksum, and after the last of them the number of textures.
-    fn checksum(
-        &mut self,
-        stored: u32,
-        at: usize,
-        mut digest: crc::Digest<'static, u32>,
-    ) -> Result<Stage<'a>, DecodeError> {
+    /// Compares the checksum of the whole, and begins with what follows the prefix.
+    fn body(&mut self, stored: u32, computed: u32) -> Result<Stage<'a>, DecodeError> {
         let here = |problem: Problem| problem.at(Place::Library);
-        let end = self.bytes.len().min(at + STEP_BYTES);
-        digest.update(&self.bytes[at..end]);
-        if end < self.bytes.len() {
-            let at = end;
-            return Ok(Stage::Checksum { stored, at, digest });
-        }
-        let computed = digest.finalize();
         if stored != computed {
             return Err(here(Problem::Checksum { stored, computed }));
         }
@@ -221,6 +254,11 @@ impl<'a> Decoder<'a> {
         Ok(Stage::Texture)
     }
 
+    /// Offset of `record`, which ends where the rest begins.
+    fn offset(&self, record: &[u8]) -> u32 {
+        (self.bytes.len() - self.rest.0.len() - record.len()) as u32
+    }
+
     fn texture(&mut self) -> Result<Stage<'a>, DecodeError> {
         let here = |problem: Problem| problem.at(Place::Library);
         let index = self.textures;
@@ -237,10 +275,13 @@ impl<'a> Decoder<'a> {
         let record = self.rest.string().ok_or(here(Problem::Malformed))?;
         let texture = Texture::parse(record, index)?;
         check_header(&texture, index)?;
-        let inserted = self.texture_names.insert(texture.name.as_bytes());
+        // A record begins with its name.
+        let offset = self.offset(record);
+        let work = self.work.borrow_mut();
+        let inserted = work.texture_names.insert(self.bytes, offset);
         inserted.map_err(|other| here(Problem::NameTaken(other)))?;
-        // No scene is checked before the nodes, which the summary was not compared with yet.
-        self.bounds[index] = TextureBounds::of(&texture);
+        // They follow from the summary, which is compared with the nodes before any scene is checked.
+        work.bounds[index] = TextureBounds::of(&texture);
         self.textures += 1;
         Ok(Stage::Nodes(NodesCheck::new(texture, index)))
     }
@@ -250,12 +291,13 @@ impl<'a> Decoder<'a> {
         let malformed = || here(Problem::MalformedScene);
         let record = self.rest.string().ok_or_else(malformed)?;
         let scene = Scene::parse(record).ok_or_else(malformed)?;
-        let bounds = self.bounds.get(..self.library.len).unwrap_or_default();
+        let offset = self.offset(record);
+        let work = self.work.borrow_mut();
+        let bounds = work.bounds.get(..self.library.len).unwrap_or_default();
         scene
             .validate_with(self.library.len, |_, texture| bounds.get(texture).copied())
             .map_err(|error| here(error.into()))?;
-        let name = Scene::name_of(record).ok_or_else(malformed)?;
-        let inserted = self.scene_names.insert(name);
+        let inserted = work.scene_names.insert(self.bytes, offset);
         inserted.map_err(|other| here(Problem::SceneNameTaken(other)))?;
         self.scenes += 1;
         Ok(())
@@ -293,7 +335,7 @@ impl<'a> Library<'a> {
     }
 
     fn decode_demanding(bytes: &'a [u8], demand: Demand) -> Result<Self, DecodeError> {
-        let mut decoder = Decoder::demanding(bytes, demand);
+        let mut decoder = Decoder::demanding(bytes, demand, Workspace::new());
         loop {
             if let Some(library) = decoder.step()? {
                 return Ok(library);

@@ -23,7 +23,7 @@ mod view;
 
 pub use axis::Axis;
 pub use certificate::{CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, UNCERTIFIED_CELL};
-pub use decode::Decoder;
+pub use decode::{Decoder, Workspace};
 #[cfg(feature = "alloc")]
 pub(crate) use node::theta;
 pub use node::{Coefficients, Node, NodeFlags};

@@ -2,19 +2,22 @@
 
 use core::cmp::Ordering;
 
-/// Up to `N` names, at most 256, with the index that each was given.
+use crate::wire::Reader;
+
+/// Places of up to `N` names, at most 256, in bytes that hold all of them as strings. Each has the index that it was
+/// given.
 #[derive(Clone, Debug)]
-pub(super) struct Names<'a, const N: usize> {
-    known: [&'a [u8]; N],
+pub(super) struct Names<const N: usize> {
+    offsets: [u32; N],
     /// Indices of the names, ascending in the order of [`order`].
     sorted: [u8; N],
     len: usize,
 }
 
-impl<'a, const N: usize> Names<'a, N> {
+impl<const N: usize> Names<N> {
     pub const fn new() -> Self {
         Self {
-            known: [&[]; N],
+            offsets: [0; N],
             sorted: [0; N],
             len: 0,
         }
@@ -25,21 +28,26 @@ impl<'a, const N: usize> Names<'a, N> {
         self.len = 0;
     }
 
-    /// Adds `name`, which gets the next index. There is room for `N`; more are left out.
+    /// Adds the name at `offset` of `bytes`, which gets the next index. There is room for `N`; more are left out.
     ///
     /// # Errors
     /// The index of the same name.
-    pub fn insert(&mut self, name: &'a [u8]) -> Result<(), usize> {
+    pub fn insert(&mut self, bytes: &[u8], offset: u32) -> Result<(), usize> {
+        let name_at = |offset: u32| {
+            let rest = bytes.get(offset as usize..).unwrap_or_default();
+            Reader(rest).string().unwrap_or_default()
+        };
+        let name = name_at(offset);
+        let compare = |&at: &u8| order(name_at(self.offsets[usize::from(at)]), name);
         let sorted = &self.sorted[..self.len];
-        let found = sorted.binary_search_by(|&at| order(self.known[usize::from(at)], name));
-        let place = match found {
+        let place = match sorted.binary_search_by(compare) {
             Ok(place) => return Err(usize::from(sorted[place])),
             Err(place) => place,
         };
         if self.len < N {
             self.sorted.copy_within(place..self.len, place + 1);
             // Fewer than N are there, and N is at most 256.
-            (self.sorted[place], self.known[self.len]) = (self.len as u8, name);
+            (self.sorted[place], self.offsets[self.len]) = (self.len as u8, offset);
             self.len += 1;
         }
         Ok(())
@@ -66,22 +74,33 @@ fn order(one: &[u8], other: &[u8]) -> Ordering {
 mod tests {
     use super::*;
 
+    /// Strings of `length` of these bytes each, one after the other.
+    fn strings(texts: &[[u8; 7]; 256], length: usize) -> [u8; 8 * 256] {
+        let mut bytes = [0; 8 * 256];
+        for (string, text) in bytes.as_chunks_mut::<8>().0.iter_mut().zip(texts) {
+            string[0] = length as u8;
+            string[1..].copy_from_slice(text);
+        }
+        bytes
+    }
+
     #[test]
     fn the_same_name_is_found_by_its_index_among_all_that_differ() {
         let texts: [[u8; 7]; 256] =
             core::array::from_fn(|i| [b'n', b'a', b'm', b'e', 0, 0, (i as u8).wrapping_mul(37)]);
         for length in [7, 4] {
+            let bytes = strings(&texts, length);
             let mut names = Names::<256>::new();
-            for (index, text) in texts.iter().enumerate() {
+            for index in 0..256 {
                 let expected = if length == 7 || index == 0 {
                     Ok(())
                 } else {
                     Err(0)
                 };
-                assert_eq!(names.insert(&text[..length]), expected);
+                assert_eq!(names.insert(&bytes, 8 * index), expected);
             }
-            for (index, text) in texts.iter().enumerate().filter(|_| length == 7) {
-                assert_eq!(names.insert(text), Err(index));
+            for index in (0..256).filter(|_| length == 7) {
+                assert_eq!(names.insert(&bytes, 8 * index), Err(index as usize));
             }
         }
     }

@@ -35,11 +35,44 @@ pub enum Job<'a> {
         /// [`HardCase`](crate::HardCase)s, one after the other.
         cases: &'a [u8],
     },
+    /// Decoding and planning, with a count of the instructions.
+    Bounds {
+        /// [`Libraries`], one after the other.
+        libraries: &'a [u8],
+    },
     /// Proof of a library's direct forms, with a count of each step's instructions.
     Proof {
         /// A library.
         library: &'a [u8],
     },
+}
+
+/// Libraries, each after its length as a `u32`.
+#[derive(Clone, Copy, Debug)]
+pub struct Libraries<'a>(pub &'a [u8]);
+
+impl<'a> Iterator for Libraries<'a> {
+    type Item = &'a [u8];
+
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let (length, rest) = self.0.split_first_chunk()?;
+        let (library, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        self.0 = rest;
+        Some(library)
+    }
+}
+
+#[cfg(feature = "library")]
+impl Libraries<'_> {
+    /// Appends `library` to `bytes`.
+    ///
+    /// # Panics
+    /// The library is longer than 4 GB.
+    pub fn append(library: &[u8], bytes: &mut alloc::vec::Vec<u8>) {
+        let length = u32::try_from(library.len()).expect("no library is so long");
+        bytes.extend(length.to_le_bytes());
+        bytes.extend(library);
+    }
 }
 
 /// A filter that plays a texture.
@@ -73,7 +106,8 @@ pub fn write(job: &Job<'_>) -> Option<alloc::vec::Vec<u8>> {
     (bytes.len() <= CAPACITY).then_some(bytes)
 }
 
-/// Largest number of bytes of a job beside the library of a [`Job::Count`], or the cases of a [`Job::Hard`].
+/// Largest number of bytes of a job beside the library of a [`Job::Count`], the cases of a [`Job::Hard`], or the libraries of a
+/// [`Job::Bounds`].
 pub const OVERHEAD_BYTES: usize = HEADER_BYTES + 16;
 
 #[cfg(all(test, feature = "library"))]

@@ -22,6 +22,7 @@ mod textures;
 
 pub use edges::edges;
 pub use hard::{HardCase, Way};
+pub use job::Libraries;
 #[cfg(feature = "library")]
 pub use library::{COUNTED_ORDERS, counted_library, counted_texture, library, specs};
 pub use path::{

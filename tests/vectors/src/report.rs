@@ -7,6 +7,7 @@
 //! words 0000002a fffffffe ...                    two's complement, hexadecimal
 //! sample-cost 5600 5600 1600 lattice             fewest and most instructions, and the number of calls
 //! follow-cost 11000 30000 160 lattice
+//! library-cost 4000 90000 5 30000 20000          bytes, decoding, steps, longest step, longest plan
 //! proof-cost 1500 90000 80000000                 steps, longest, all
 //! end                                            the report is complete
 //! ```
@@ -31,6 +32,9 @@ pub const SAMPLE_COST: &str = "sample-cost";
 
 /// Instructions of an update of coefficients: fewest, most, calls, name.
 pub const FOLLOW_COST: &str = "follow-cost";
+
+/// Instructions of a library: its bytes, all of its decoding, number of steps, longest step, longest plan.
+pub const LIBRARY_COST: &str = "library-cost";
 
 /// Instructions of a proof: number of steps, the longest, all.
 pub const PROOF_COST: &str = "proof-cost";

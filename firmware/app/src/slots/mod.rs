@@ -22,7 +22,7 @@ use model_format::link::{
     Slots, TextureInfo,
 };
 use model_format::scene::{MotionOfScene, Scene, Surface};
-use model_format::{Decoder, Library, NodeFlags, Outline, Texture};
+use model_format::{Decoder, Library, NodeFlags, Outline, Texture, Workspace};
 
 use crate::words::in_words;
 
@@ -66,6 +66,8 @@ pub struct SlotStore<F> {
     /// Outline of each slot's library, as long as its state is valid.
     outlines: [Option<Outline>; 2],
     active: Option<SlotId>,
+    /// For decoding, which waits between its steps. It is kept here because a task's state is in faster memory.
+    workspace: Workspace,
 }
 
 /// A fault of the flash, with its position.
@@ -121,6 +123,7 @@ impl<F: MappedFlash> SlotStore<F> {
             states: [SlotState::Empty, SlotState::Empty],
             outlines: [None; 2],
             active: None,
+            workspace: Workspace::new(),
         };
         for slot in SlotId::ALL {
             store.scan(slot).await;
@@ -446,9 +449,9 @@ impl<F: MappedFlash> SlotStore<F> {
 
     /// Decodes the library in the first `length` bytes of `slot`, each word of which has been read. Other tasks have
     /// their turn after each step.
-    async fn check_library(&self, slot: SlotId, length: u32) -> Result<Content, SlotFault> {
-        let bytes = self.mapped(slot, length)?;
-        let mut decoder = Decoder::new(bytes);
+    async fn check_library(&mut self, slot: SlotId, length: u32) -> Result<Content, SlotFault> {
+        let bytes = mapped(&self.flash, slot, length)?;
+        let mut decoder = Decoder::within(bytes, &mut self.workspace);
         loop {
             let decoded = decoder.step().map_err(|error| {
                 let reason = in_words(&error);
@@ -466,9 +469,7 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     fn mapped(&self, slot: SlotId, length: u32) -> Result<&[u8], SlotFault> {
-        let from = address(slot, 0);
-        let bytes = self.flash.bytes(from..from + length);
-        bytes.map_err(|_| SlotFault::Unreadable { offset: 0 })
+        mapped(&self.flash, slot, length)
     }
 
     async fn read_word(&mut self, slot: SlotId, offset: u32) -> Option<[u8; WORD_BYTES]> {
@@ -498,6 +499,13 @@ const HEADER_OFFSET: u32 = MAX_LIBRARY_BYTES as u32;
 
 fn address(slot: SlotId, offset: u32) -> u32 {
     (slot.index() * SLOT_BYTES) as u32 + offset
+}
+
+/// The first `length` bytes of `slot`, each word of which has been read.
+fn mapped<F: MappedFlash>(flash: &F, slot: SlotId, length: u32) -> Result<&[u8], SlotFault> {
+    let from = address(slot, 0);
+    let bytes = flash.bytes(from..from + length);
+    bytes.map_err(|_| SlotFault::Unreadable { offset: 0 })
 }
 
 fn flash_fault(slot: SlotId, operation: FlashOperation, offset: u32) -> WriteFault {

@@ -7,7 +7,7 @@ use fake_stylus::device::{COIL, SteppedStylus};
 use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, texture};
-use model_format::limits::{MAX_ORDER, SLOT_BYTES};
+use model_format::limits::{self, MAX_ORDER, SLOT_BYTES};
 use model_format::link::{
     ActivateError, Activity, LINK_LOST_AFTER_MS, ListError, ListRequest, MotionSample,
     MotionSource, MuteReason, PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection,
@@ -476,6 +476,95 @@ fn unset_with_library() -> Stylus {
     let slot = stylus.upload(&library(1, 20, 1));
     assert!(stylus.activate(slot).is_ok());
     stylus
+}
+
+/// Each wait is a turn of the other tasks: of the watchdog's feeder, of the links, of the poll that mutes.
+#[test]
+fn a_commit_waits_between_the_steps_of_its_decoding_and_a_stop_is_served_meanwhile() {
+    let mut stylus = Stylus::with_library(&library(1, 20, 1));
+    stylus.play("texture 0").expect("it is there");
+    stylus.run(300);
+    assert!(stylus.sounds());
+    let bytes = library(2, MAX_ORDER, 60);
+    assert!(bytes.len() > 60_000, "{} bytes", bytes.len());
+    let commits = std::cell::Cell::new(false);
+    let (mut waits, mut stopped_at) = (0, None);
+    let mut quiet_at = None;
+    let committed = stylus.request_meanwhile(
+        async |storage, stage| {
+            let begin = announcement(&bytes);
+            storage.upload_begin(stage, begin).await.expect("it may");
+            for (index, data) in bytes.chunks(512).enumerate() {
+                let offset = index as u32 * 512;
+                let chunk = UploadChunk { offset, data };
+                storage.upload_chunk(stage, chunk).await.expect("in turn");
+            }
+            commits.set(true);
+            storage.upload_commit(stage).await
+        },
+        |control| {
+            if commits.get() {
+                waits += 1;
+                if stopped_at.is_none() {
+                    control.borrow_mut().stop().expect("it plays");
+                    stopped_at = Some(waits);
+                }
+                if quiet_at.is_none() && !control.borrow_mut().device().sounds() {
+                    quiet_at = Some(waits);
+                }
+            }
+            control.millisecond_with_motion();
+        },
+    );
+    committed.expect("it is valid");
+    // Once per 4096 bytes read, once per step of the checksum, and once per step of nodes, which ends beyond the bytes
+    // of a step by less than as many.
+    let steps = bytes.len() / limits::STEP_BYTES;
+    let fewest = bytes.len() / 4096 + steps + steps / 2;
+    assert!(waits >= fewest, "{waits} waits, {fewest} are due");
+    let (stopped, quiet) = (stopped_at.expect("it stopped"), quiet_at.expect("it rests"));
+    assert!(quiet - stopped <= 100, "{quiet} ms");
+    assert!(quiet < waits, "the commit was still under way");
+}
+
+/// A library in RAM that was not decoded to its end must not be seen by a plan.
+#[test]
+fn a_request_in_the_middle_of_an_activation_is_refused_and_does_not_disturb_it() {
+    let first = library(1, 20, 1);
+    let mut stylus = Stylus::with_library(&first);
+    let second = library(2, MAX_ORDER, 60);
+    let slot = stylus.upload(&second);
+    stylus.play("texture 0").expect("it is there");
+    stylus.run(300);
+    let mut waits = 0;
+    let activated = stylus.request_meanwhile(
+        async |storage, stage| storage.activate(stage, slot).await,
+        |control| {
+            waits += 1;
+            let mut requests = control.borrow_mut();
+            assert_eq!(
+                requests.play(request("texture 0")).map(|_| ()),
+                Err(PlayError::Busy)
+            );
+            assert!(matches!(requests.stop(), Err(StopError::NotPlaying)));
+            assert!(matches!(
+                requests.begin_activation(),
+                Err(ActivateError::Busy)
+            ));
+            assert!(requests.begin_configuration().is_err());
+            let active = requests.status().library_crc32;
+            assert_eq!(active, announcement(&first).crc32);
+            drop(requests);
+            control.millisecond_with_motion();
+        },
+    );
+    assert_eq!(activated.expect("it is valid").slot, slot);
+    // Beside those of the check of the bytes, those of the copy in pieces of 8 KB.
+    let fewest = second.len() / 4096 + second.len() / 8192;
+    assert!(waits >= fewest, "{waits} waits, {fewest} are due");
+    stylus.play("texture 1").expect("it is in the new one");
+    stylus.run(300);
+    assert!(stylus.sounds());
 }
 
 #[test]

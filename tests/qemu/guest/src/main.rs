@@ -6,6 +6,7 @@
 #![no_std]
 #![no_main]
 
+mod bounds;
 mod counted;
 mod counter;
 mod failure;
@@ -42,6 +43,7 @@ fn main() -> ! {
         }) => counted::play(filter, updates, library),
         Some(Job::Peers) => peers::play(),
         Some(Job::Hard { cases }) => hard::play(cases, &counter, &mut output),
+        Some(Job::Bounds { libraries }) => bounds::measure(libraries, &counter, &mut output),
         Some(Job::Proof { library }) => proof::measure(library, &counter, &mut output),
         None => {
             play::<Portable>(report::PORTABLE, &mut output);

@@ -359,7 +359,8 @@ impl Device {
         }
     }
 
-    fn take_answer(&mut self, key: Key, sequence: u32) -> Option<Vec<u8>> {
+    /// The body of the answer with this number, if it has come.
+    pub fn take_answer(&mut self, key: Key, sequence: u32) -> Option<Vec<u8>> {
         let header = VarHeader {
             key: VarKey::Key8(key),
             seq_no: VarSeq::Seq4(sequence),

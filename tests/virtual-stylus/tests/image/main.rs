@@ -4,6 +4,7 @@
 //! built; `cargo tasks test-virtual-stylus` builds both and sets them.
 
 mod boot;
+mod bounds;
 mod device;
 mod expected;
 mod faults;

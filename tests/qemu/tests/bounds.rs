@@ -1,0 +1,392 @@
+//! The bounds on the work of decoding a library, of one step of it, and of a plan: a seeded search for the worst valid
+//! library stays below them on an emulated Cortex-M4.
+//!
+//! `STYLUS_SEARCH_ROUNDS` sets the number of rounds; the default is for every run of the tests.
+
+use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
+use kernel_vectors::{Libraries, report};
+use model_format::limits::{
+    DECODE_INSTRUCTIONS, DECODE_INSTRUCTIONS_PER_BYTE, DECODE_INSTRUCTIONS_PER_SCENE,
+    DECODE_INSTRUCTIONS_PER_TEXTURE, MAX_AXIS_LEN, MAX_FINE_STAGES, MAX_LIBRARY_BYTES,
+    MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES, PLAN_INSTRUCTIONS, STEP_INSTRUCTIONS,
+};
+use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES};
+use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
+use model_format::{
+    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Problem, Provenance, SAMPLE_RATE_HZ,
+    Structure, TextureSpec, encode_with_scenes,
+};
+use tasks::guest::{self, Processor};
+use tasks::qemu;
+use tasks::toolchain::Toolchain;
+
+/// Rounds of the search, each of one run of the emulator.
+const ROUNDS: usize = 9;
+
+/// Most bytes of a library within the search. The work per byte does not depend on the size of the whole.
+const SEARCHED_BYTES: usize = 48 * 1024;
+
+/// Number of properties of a recipe.
+const PROPERTIES: usize = 17;
+
+/// Names and highest values of the properties; the lowest is 0, or 1 where it must be.
+const HIGHEST: [(&str, u32, u32); PROPERTIES] = [
+    ("textures", 1, MAX_TEXTURES as u32),
+    ("of them with a grid", 1, MAX_TEXTURES as u32),
+    ("speeds", 1, MAX_AXIS_LEN as u32),
+    ("forces", 1, MAX_AXIS_LEN as u32),
+    ("order", 0, MAX_ORDER as u32),
+    ("structure", 0, 2),
+    ("fine stages", 0, MAX_FINE_STAGES as u32),
+    ("law of the level", 0, 2),
+    ("bytes of a name", 2, MAX_NAME_BYTES as u32),
+    ("characters of several bytes", 0, 1),
+    ("scenes", 0, MAX_SCENES as u32),
+    ("surfaces", 1, MAX_SURFACES as u32),
+    ("textures of surfaces", 1, MAX_SURFACES as u32),
+    ("taps", 0, MAX_SURFACES as u32),
+    ("stick-slips", 0, MAX_SURFACES as u32),
+    ("sections", 0, MAX_SECTIONS as u32),
+    ("regions", 0, MAX_REGIONS as u32),
+];
+
+/// The properties of a hostile library.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Recipe([u32; PROPERTIES]);
+
+/// The costs of a library, in instructions.
+#[derive(Clone, Copy, Debug)]
+struct Cost {
+    bytes: u64,
+    decode: u64,
+    longest_step: u64,
+    plan: u64,
+}
+
+/// A generator of numbers by a weighted sequence whose terms are hashed (Steele, Lea and Flood, *Fast splittable
+/// pseudorandom number generators*, OOPSLA 2014).
+struct Numbers(u64);
+
+impl Numbers {
+    fn below(&mut self, limit: u32) -> u32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut hashed = self.0;
+        hashed = (hashed ^ (hashed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        hashed = (hashed ^ (hashed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((hashed >> 32) * u64::from(limit) >> 32) as u32
+    }
+}
+
+impl Recipe {
+    fn random(numbers: &mut Numbers) -> Self {
+        Self(HIGHEST.map(|(_, lowest, highest)| match numbers.below(3) {
+            0 => lowest,
+            1 => highest,
+            _ => lowest + numbers.below(highest - lowest + 1),
+        }))
+    }
+
+    /// The recipe with one or two other properties.
+    fn changed(mut self, numbers: &mut Numbers) -> Self {
+        for _ in 0..=numbers.below(2) {
+            let at = numbers.below(PROPERTIES as u32) as usize;
+            let (_, lowest, highest) = HIGHEST[at];
+            self.0[at] = match numbers.below(4) {
+                0 => lowest,
+                1 => highest,
+                2 => (self.0[at] + numbers.below(5)).saturating_sub(2),
+                _ => lowest + numbers.below(highest - lowest + 1),
+            }
+            .clamp(lowest, highest);
+        }
+        self
+    }
+
+    /// The library, which is valid; its grids shrink until it has at most `most` bytes.
+    fn library(mut self, most: usize) -> Vec<u8> {
+        loop {
+            if self.texture_bytes() <= most {
+                let textures: Vec<_> = (0..self.0[0]).map(|index| self.texture(index)).collect();
+                let scenes: Vec<_> = (0..self.0[10]).map(|index| self.scene(index)).collect();
+                match encode_with_scenes(&textures, &scenes) {
+                    Ok(bytes) if bytes.len() <= most => return bytes,
+                    Ok(_) => {}
+                    Err(error) => assert!(
+                        matches!(error.problem, Problem::TooLarge { .. }),
+                        "{error}: {self:?}"
+                    ),
+                }
+            }
+            // The largest of order, speeds, forces and textures with a grid.
+            let at = [4, 3, 2, 1].into_iter().max_by_key(|&at| self.0[at]);
+            let largest = &mut self.0[at.expect("there are four")];
+            if *largest > 1 {
+                *largest = *largest * 3 / 4;
+            } else {
+                self.0[0] = self.0[0] * 3 / 4;
+            }
+        }
+    }
+
+    /// Fewest bytes of all textures.
+    fn texture_bytes(&self) -> usize {
+        let [textures, with_grid, speeds, forces, order, structure, ..] =
+            self.0.map(|n| n as usize);
+        let node = 16 + order * if structure == 2 { 4 } else { 2 };
+        let with_grid = with_grid.min(textures);
+        with_grid * speeds * forces * node + (textures - with_grid) * node
+    }
+
+    fn name(&self, index: u32) -> String {
+        let last = format!("{index:02x}");
+        let room = self.0[8] as usize - last.len().min(self.0[8] as usize);
+        let filler = if self.0[9] == 1 { 'ß' } else { 'x' };
+        let fill = room / filler.len_utf8();
+        let filler = core::iter::repeat_n(filler, fill);
+        filler.chain(last.chars()).collect()
+    }
+
+    fn texture(&self, index: u32) -> TextureSpec {
+        let with_grid = index < self.0[1];
+        let (speeds, forces) = if with_grid {
+            (self.0[2], self.0[3])
+        } else {
+            (1, 1)
+        };
+        let order = self.0[4];
+        let axis = |len: u32| (1..=len).map(|value| value as f32).collect::<Vec<_>>();
+        let structure = match self.0[5] {
+            0 => Structure::NormalisedLattice,
+            1 => Structure::DirectForm16,
+            _ => Structure::DirectForm32,
+        };
+        // Taps of this size leave |A| at a half or more, and a margin of 1/4 is within it.
+        let tap = |at: u32| if at.is_multiple_of(2) { 30 } else { -30 };
+        let codes = match structure {
+            Structure::NormalisedLattice => CodeSpec::Lattice {
+                codes: (0..order)
+                    .map(|at| (at * 71 % 30_000) as i16 - 15_000)
+                    .collect(),
+                fractions: (0..order.min(self.0[6])).map(|at| at as i8 + 1).collect(),
+            },
+            Structure::DirectForm16 => CodeSpec::Direct16 {
+                exponent: 0,
+                codes: (0..order).map(|at| tap(at) as i16).collect(),
+            },
+            Structure::DirectForm32 => CodeSpec::Direct32 {
+                exponent: 0,
+                codes: (0..order).map(|at| tap(at) << 16).collect(),
+            },
+        };
+        let node = |number: u32| NodeSpec {
+            output_power: 1.0 + number as f32,
+            prediction_error_power: 1.0,
+            flags: NodeFlags::NONE,
+            codes: codes.clone(),
+        };
+        let cells = |len: u32| (len - 1).max(1) as usize;
+        let margins = vec![8; cells(speeds) * cells(forces)];
+        TextureSpec {
+            name: self.name(index),
+            sample_rate_hz: SAMPLE_RATE_HZ,
+            structure,
+            provenance: Provenance::Simulated,
+            laws: Laws {
+                level: LevelLaw::ALL[self.0[7] as usize],
+                fade: FadeLaw::Amplitude,
+            },
+            speed_axis_mm_s: axis(speeds),
+            force_axis_n: axis(forces),
+            nodes: (0..speeds * forces).map(node).collect(),
+            cell_margins: if structure == Structure::NormalisedLattice {
+                Vec::new()
+            } else {
+                margins
+            },
+        }
+    }
+
+    fn scene(&self, index: u32) -> Scene {
+        let [
+            textures,
+            ..,
+            surfaces,
+            used,
+            taps,
+            stick_slips,
+            sections,
+            regions,
+        ] = self.0;
+        let surface = |at: u32| Surface {
+            texture: Some((textures - 1 - at % used.min(textures)) as u8),
+            gain: 1.0,
+            tap: (at < taps).then_some(Tap {
+                frequency_hz: 100.0 + 130.0 * at as f32,
+                decay_s: 0.01 + 0.01 * at as f32,
+                gain_m_s2_per_n_s: 1.0,
+                limit_m_s2: 100.0,
+            }),
+            stick_slip: (at < stick_slips).then_some(StickSlip {
+                period_mm: 1.0,
+                duty: 0.5,
+                depth: 0.5,
+                below_mm_s: 60.0,
+                above_n: 1.0,
+            }),
+        };
+        let region = |at: u32| Region {
+            start_mm: at as f32,
+            end_mm: (at + 1) as f32,
+            surface: (at % surfaces) as u8,
+        };
+        let section = |at: u32| {
+            let turn = 0.1 + 0.35 * f64::from(at);
+            let all_but_notched = [0.96, -1.96 * turn.cos() * 0.98, 0.96];
+            Biquad::from_f64(all_but_notched, [-1.96 * turn.cos(), 0.9604]).expect("it is in range")
+        };
+        let name = self.name(index);
+        let mut scene = Scene::of_surface(
+            name.as_str().try_into().expect("it is short"),
+            SAMPLE_RATE_HZ,
+            surface(0),
+        );
+        scene.surfaces = (0..surfaces).map(surface).collect();
+        scene.regions = (0..regions).map(region).collect();
+        scene.equaliser = (0..sections).map(section).collect();
+        scene
+    }
+}
+
+/// The instructions that decoding may take, by the bounds.
+fn allowed(cost: Cost, recipe: Recipe) -> u64 {
+    DECODE_INSTRUCTIONS
+        + cost.bytes * DECODE_INSTRUCTIONS_PER_BYTE
+        + u64::from(recipe.0[0]) * DECODE_INSTRUCTIONS_PER_TEXTURE
+        + u64::from(recipe.0[10]) * DECODE_INSTRUCTIONS_PER_SCENE
+}
+
+/// The costs of `recipes` on the emulator, in order.
+fn measured(image: &std::path::Path, recipes: &[Recipe], most: usize) -> Vec<Cost> {
+    let mut jobs: Vec<Vec<u8>> = vec![Vec::new()];
+    for recipe in recipes {
+        let library = recipe.library(most);
+        let last = jobs.last().map_or(0, Vec::len);
+        if last + library.len() + 4 + OVERHEAD_BYTES > CAPACITY {
+            jobs.push(Vec::new());
+        }
+        Libraries::append(&library, jobs.last_mut().expect("there is one"));
+    }
+    let mut costs = Vec::new();
+    for libraries in &jobs {
+        let text = qemu::run(Processor::CortexM4, image, Some(&Job::Bounds { libraries }));
+        let text = text.unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(text.lines().last().map(str::trim_end), Some(report::END));
+        for line in text
+            .lines()
+            .filter_map(|line| line.strip_prefix(report::LIBRARY_COST))
+        {
+            let numbers: Vec<u64> = line
+                .split_whitespace()
+                .map(|n| n.parse().unwrap())
+                .collect();
+            let [bytes, decode, _, longest_step, plan] = numbers[..] else {
+                panic!("{line}");
+            };
+            costs.push(Cost {
+                bytes,
+                decode,
+                longest_step,
+                plan,
+            });
+        }
+    }
+    assert_eq!(costs.len(), recipes.len(), "a library was not measured");
+    costs
+}
+
+/// Recipes to begin with: each property at either end while all others are at theirs.
+fn beginnings() -> Vec<Recipe> {
+    let least = Recipe(HIGHEST.map(|(_, lowest, _)| lowest));
+    let most = Recipe(HIGHEST.map(|(_, _, highest)| highest));
+    let mut recipes = vec![least, most];
+    for at in 0..PROPERTIES {
+        let (mut one, mut other) = (least, most);
+        one.0[at] = HIGHEST[at].2;
+        other.0[at] = HIGHEST[at].1;
+        recipes.extend([one, other]);
+    }
+    recipes
+}
+
+/// A quantity that the search makes as large as it can.
+type Objective = (&'static str, fn(Cost, Recipe) -> i64);
+
+const OBJECTIVES: [Objective; 4] = [
+    ("decoding beyond its bound", |cost, recipe| {
+        cost.decode.cast_signed() - allowed(cost, recipe).cast_signed()
+    }),
+    (
+        "decoding without scenes, in thousandths per byte",
+        |cost, recipe| {
+            if recipe.0[10] > 0 {
+                return 0;
+            }
+            (cost.decode * 1000 / cost.bytes).cast_signed()
+        },
+    ),
+    ("longest step", |cost, _| cost.longest_step.cast_signed()),
+    ("plan", |cost, _| cost.plan.cast_signed()),
+];
+
+#[test]
+fn no_valid_library_takes_more_work_than_its_bound() {
+    let rounds = std::env::var("STYLUS_SEARCH_ROUNDS");
+    let rounds = rounds.map_or(ROUNDS, |rounds| rounds.parse().expect("a number of rounds"));
+    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
+    let image = guest::build(&toolchain, Processor::CortexM4);
+    let image = image.unwrap_or_else(|error| panic!("{error}"));
+    let mut numbers = Numbers(14);
+    let mut tried: Vec<(Recipe, Cost)> = Vec::new();
+    let mut next = beginnings();
+    for round in 0..=rounds {
+        let costs = measured(&image, &next, SEARCHED_BYTES);
+        tried.extend(next.drain(..).zip(costs));
+        for (_, objective) in OBJECTIVES {
+            tried.sort_by_key(|&(recipe, cost)| -objective(cost, recipe));
+            for &(best, _) in tried.iter().take(2) {
+                next.extend((0..4).map(|_| best.changed(&mut numbers)));
+            }
+        }
+        next.extend((0..4).map(|_| Recipe::random(&mut numbers)));
+        println!("round {round}: {} libraries", tried.len());
+    }
+    // The worst of the large ones per byte, with grids that fill a slot.
+    let large = tried.iter().filter(|(_, cost)| cost.bytes > 40_000);
+    let worst = large.max_by_key(|(_, cost)| cost.decode * 1000 / cost.bytes);
+    let mut whole = worst.expect("the first recipes are large").0;
+    (whole.0[0], whole.0[1]) = (MAX_TEXTURES as u32, MAX_TEXTURES as u32);
+    let costs = measured(&image, &[whole], MAX_LIBRARY_BYTES);
+    println!("a full slot: {:?}", costs[0]);
+    tried.push((whole, costs[0]));
+    for (name, objective) in OBJECTIVES {
+        tried.sort_by_key(|&(recipe, cost)| -objective(cost, recipe));
+        let (recipe, cost) = tried[0];
+        println!("worst {name}: {}, {cost:?}", objective(cost, recipe));
+        for ((property, ..), value) in HIGHEST.iter().zip(recipe.0) {
+            print!("{property} {value}; ");
+        }
+        println!();
+    }
+    for (recipe, cost) in tried {
+        let decode = allowed(cost, recipe);
+        assert!(
+            cost.decode <= decode,
+            "{cost:?}, allowed {decode}: {recipe:?}"
+        );
+        assert!(
+            cost.longest_step <= STEP_INSTRUCTIONS,
+            "{cost:?}: {recipe:?}"
+        );
+        assert!(cost.plan <= PLAN_INSTRUCTIONS, "{cost:?}: {recipe:?}");
+    }
+}
