@@ -95,7 +95,10 @@ fn a_step_of_the_proof_stays_within_its_bound_and_a_full_slot_takes_the_time_tha
     let image = guest::build(&toolchain, Processor::CortexM7);
     let image = image.unwrap_or_else(|error| panic!("{error}"));
     let [one, three] = [2, 4].map(|forces| measured(&image, &library(forces)));
-    println!("one cell {one:?}, three cells {three:?}");
+    println!(
+        "one cell: {} steps, longest {}, {} instructions",
+        one.steps, one.longest, one.all
+    );
     for cost in [one, three] {
         assert!(cost.longest <= EXPANSION_INSTRUCTIONS.max(PART_INSTRUCTIONS));
     }
@@ -111,6 +114,6 @@ fn a_step_of_the_proof_stays_within_its_bound_and_a_full_slot_takes_the_time_tha
         seconds(cell),
         seconds(worst_cell),
     );
-    assert!(seconds(cell) < 60.0, "{:.0} s", seconds(cell));
-    assert!(seconds(worst_cell) < 600.0, "{:.0} s", seconds(worst_cell));
+    assert!(seconds(cell) < 100.0, "{:.0} s", seconds(cell));
+    assert!(seconds(worst_cell) < 360.0, "{:.0} s", seconds(worst_cell));
 }

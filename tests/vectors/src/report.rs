@@ -35,6 +35,7 @@ pub const FOLLOW_COST: &str = "follow-cost";
 
 /// Instructions of a library: its bytes, all of its decoding, number of steps, longest step, longest plan.
 pub const LIBRARY_COST: &str = "library-cost";
+
 /// Instructions of a proof: number of steps, the longest, all.
 pub const PROOF_COST: &str = "proof-cost";
 

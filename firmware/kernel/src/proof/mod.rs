@@ -82,10 +82,10 @@ pub const PROOF_VERSION: u16 = 1;
 pub(crate) const EVALUATION_UNITS: i64 = 46_500;
 
 /// Most instructions of a step that expands a node, on a Cortex-M.
-pub const EXPANSION_INSTRUCTIONS: u64 = 100_000;
+pub const EXPANSION_INSTRUCTIONS: u64 = 110_000;
 
 /// Most instructions of a step that tries a part of an interval, on a Cortex-M.
-pub const PART_INSTRUCTIONS: u64 = 30_000;
+pub const PART_INSTRUCTIONS: u64 = 20_000;
 
 /// Digits of a unit: one is 2^(`UNIT_BITS` - E) units, where E is the texture's exponent.
 pub const UNIT_BITS: u32 = 41;

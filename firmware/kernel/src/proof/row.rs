@@ -13,7 +13,7 @@ use crate::direct::exponent;
 
 /// Most parts that are tried for a cell of a texture of `order`.
 pub const fn checks_per_cell(order: usize) -> u32 {
-    256 + 64 * order as u32
+    256 + 16 * order as u32
 }
 
 /// What is the same for all cells of a texture.
