@@ -311,7 +311,7 @@ fn what_protects_less_is_shown_and_confirmed_and_what_protects_more_is_not_asked
     bench.succeed(&format!("settings set hard-limit 0.25 --link {link}"));
     let looser = "settings set soft-start 300 hard-limit 0.75 force-zero 5000";
     let refused = bench.refuse(&format!("{looser} --link {link}"));
-    for words in ["hard-limit: 0.25 -> 0.75 V", "0.750 V peak", "give --yes"] {
+    for words in ["hard-limit: 0.25 -> 0.75 V", "0.749 V peak", "give --yes"] {
         assert!(refused.contains(words), "{words}: {refused}");
     }
     assert!(!refused.contains("soft-start"), "{refused}");
