@@ -277,8 +277,8 @@ impl Player {
         }
     }
 
-    /// Returns true while a library is being activated or about to be, or settings are being stored, so that nothing may
-    /// begin to play.
+    /// Returns true while a library is being activated or about to be, or settings are being stored: nothing may begin
+    /// to play.
     pub fn is_busy(&self) -> bool {
         self.is_activating() || self.phase == Phase::Configuring
     }

@@ -29,7 +29,8 @@ pub trait Stage {
     /// As `Control::may_exchange`.
     fn may_exchange(&self) -> bool;
 
-    /// Forgets the library in RAM, so that [`Stage::load`] can begin. Called only while [`Stage::may_exchange`] is true.
+    /// Forgets the library in RAM, so that [`Stage::load`] can begin. Called only while [`Stage::may_exchange`] is
+    /// true.
     fn begin_load(&mut self);
 
     /// Takes one bounded step of copying `library`, which is valid, to the RAM that is played from, and of decoding it

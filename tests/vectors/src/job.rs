@@ -48,7 +48,7 @@ pub enum Job<'a> {
 }
 
 /// Libraries, each after its length as a `u32`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Libraries<'a>(pub &'a [u8]);
 
 impl<'a> Iterator for Libraries<'a> {
@@ -106,8 +106,8 @@ pub fn write(job: &Job<'_>) -> Option<alloc::vec::Vec<u8>> {
     (bytes.len() <= CAPACITY).then_some(bytes)
 }
 
-/// Largest number of bytes of a job beside the library of a [`Job::Count`], the cases of a [`Job::Hard`], or the libraries of a
-/// [`Job::Bounds`].
+/// Largest number of bytes of a job beside the library of a [`Job::Count`], the cases of a [`Job::Hard`], or the
+/// libraries of a [`Job::Bounds`].
 pub const OVERHEAD_BYTES: usize = HEADER_BYTES + 16;
 
 #[cfg(all(test, feature = "library"))]

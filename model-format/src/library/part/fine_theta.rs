@@ -10,7 +10,7 @@ use crate::limits::MAX_FINE_STAGES;
 use crate::wire::Structure;
 
 #[cfg(feature = "alloc")]
-use super::PartSpec;
+use super::spec::PartSpec;
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 2;

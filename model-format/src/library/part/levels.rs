@@ -6,7 +6,7 @@ use crate::error::Problem;
 use crate::wire::{NodeRecord, Structure};
 
 #[cfg(feature = "alloc")]
-use super::PartSpec;
+use super::spec::PartSpec;
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 1;

@@ -15,6 +15,8 @@
 
 pub(crate) mod fine_theta;
 pub(crate) mod levels;
+#[cfg(feature = "alloc")]
+mod spec;
 
 use crate::error::Problem;
 use crate::wire::{Reader, Structure};
@@ -22,9 +24,8 @@ use crate::wire::{Reader, Structure};
 use fine_theta::FineTheta;
 use levels::LevelsPart;
 
-/// Kind and content of a part to be written.
 #[cfg(feature = "alloc")]
-pub(crate) type PartSpec = (u32, alloc::vec::Vec<u8>);
+pub(crate) use spec::PartSpec;
 
 /// A kind of optional part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
