@@ -99,8 +99,8 @@ pub fn prove_as_device(library: &Library<'_>) -> Result<()> {
     let texture = library.textures().nth(refusal.texture);
     let texture = texture.expect("the proof names one of its textures");
     Err(Error::Model(format!(
-        "a stylus would refuse the library, because texture '{}' is {} in the cell from {} mm/s and {} N up, near {} Hz; \
-         fit it again, as a lattice if it is no better then",
+        "a stylus would refuse the library, because texture '{}' is {} in the cell from {} mm/s and {} N up, near {} \
+         Hz; fit it again, as a lattice if it is no better then",
         texture.name(),
         refusal.cause,
         texture.speed(refusal.speed).0,
