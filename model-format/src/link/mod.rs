@@ -51,7 +51,7 @@ pub use mute::{MUTE_REASON_COUNT, MuteReason, MuteReasons};
 pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
 };
-pub use proposal::{LOCKED, PROPOSAL_VALID_MS, ProposalToken, SettingsChange, SettingsProposal};
+pub use proposal::{LOCKED, ProposalToken, SettingsChange, SettingsProposal};
 pub use proving::Proving;
 pub use record::{
     BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
@@ -64,7 +64,8 @@ pub use selftest::{
     STEP_INSTANTS, SelfTestError, SelfTestRequest, SelfTestValues, output_code,
 };
 pub use settings::{
-    SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError, Tighter,
+    PROPOSAL_VALID_MS, SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError,
+    Tighter,
 };
 pub use settings_state::{SettingSet, SettingsState};
 pub use slot::{LIBRARY_CRC, SlotFault, SlotId, SlotInfo, SlotState, Slots};

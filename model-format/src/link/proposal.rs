@@ -1,8 +1,8 @@
 //! Changes of settings, in two steps: a host proposes a change, and then applies it by the token that it was given.
 //!
-//! One frame alone changes nothing. The device holds one proposal, which [`super::Status`] shows with its token. It ends
-//! after [`PROPOSAL_VALID_MS`], with a play, a restart, another proposal, and with its first use. It is applied by the
-//! link that made it alone. This protects from mistakes, and from two programs at once; not from whoever has the port
+//! One frame alone changes nothing. The device holds one proposal, which [`super::Status`] shows with its token. It
+//! ends after [`super::PROPOSAL_VALID_MS`], with a play, a restart, another proposal, and with its first use. It is
+//! applied by the link that made it alone. This protects from mistakes, and from two programs at once; not from whoever has the port
 //! and means harm.
 
 use heapless::Vec;
@@ -11,9 +11,6 @@ use serde::{Deserialize, Serialize};
 
 use super::{LinkId, SETTING_COUNT, Setting, SettingChange, SettingSet, Settings, SettingsError};
 use super::{SettingsState, Tighter};
-
-/// Time for which a proposal can be applied, ms.
-pub const PROPOSAL_VALID_MS: u32 = 60_000;
 
 /// Token of a proposal. No two in a row are the same, on one device or on two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]

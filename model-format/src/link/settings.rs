@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     FLASH_SUPPLY_MV, FlashOperation, LinkId, MAX_COIL_POWER_WATT, MAX_THERMAL_TIME_CONSTANT_S,
-    PROPOSAL_VALID_MS,
 };
 use crate::{AdcCode, Volt};
 
@@ -52,6 +51,9 @@ pub enum Setting {
     /// Force above which contact begins, N; 0 derives it from the converter's noise.
     ContactThreshold,
 }
+
+/// Time for which a change of settings that was proposed can be applied, ms.
+pub const PROPOSAL_VALID_MS: u32 = 60_000;
 
 /// Number of settings.
 pub const SETTING_COUNT: usize = 19;

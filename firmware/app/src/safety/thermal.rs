@@ -9,9 +9,9 @@
 //! change of settings neither cools the coil nor overflows anything; it changes the judgement, at once.
 //! That mean square is at most [`MAX_PIN_MEAN_SQUARE`], whatever the settings say of coil and amplifier.
 //!
-//! Below three quarters of the limit the gain is one; from there to T = 1 it falls linearly to zero. The voltage never exceeds the one
-//! that gives [`PEAK_POWER_RATIO`] times the power limit, so that T cannot run far past one while the slew limit lets
-//! the output fall: within the ranges of the settings it stays below 1.1.
+//! Below three quarters of the limit the gain is one; from there to T = 1 it falls linearly to zero. The voltage never
+//! exceeds the one that gives [`PEAK_POWER_RATIO`] times the power limit, so that T cannot run far past one while the
+//! slew limit lets the output fall: within the ranges of the settings it stays below 1.1.
 
 use model_format::DacCode;
 use model_format::link::{MAX_PIN_MEAN_SQUARE, OutputLimits, Setting, Settings};

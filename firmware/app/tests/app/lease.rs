@@ -188,7 +188,7 @@ fn a_lease_that_has_lapsed_is_taken_over_by_a_play_of_the_other_link() {
     assert!(!stylus.stylus.sounds());
 }
 
-/// What a host may do to the output.
+/// Act of a host.
 #[derive(Clone, Copy, Debug)]
 enum Step {
     Play(usize),

@@ -202,7 +202,7 @@ fn the_users_word_is_wanted_for_what_loosens_and_for_first_values_alone() {
     assert_eq!(reset.loosens, LOCKED);
 }
 
-/// What hosts may do.
+/// Act of a host.
 #[derive(Clone, Debug)]
 enum Step {
     Propose(usize, f32),
