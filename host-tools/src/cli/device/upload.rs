@@ -12,6 +12,10 @@ use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a flag of the command line"
+)]
 pub struct Arguments {
     /// Library to upload
     library: PathBuf,
