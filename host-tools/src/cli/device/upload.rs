@@ -13,6 +13,10 @@ use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{note, print, print_json, warn};
 
 #[derive(clap::Args)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a flag of the command line"
+)]
 pub struct Arguments {
     /// Library to upload
     library: PathBuf,
