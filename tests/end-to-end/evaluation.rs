@@ -403,7 +403,14 @@ fn a_free_hands_file_that_cannot_be_used_is_named() {
             "time_s,a,speed_mm_s,force_n\n0,0,1,1e5\n1,0,1,1e5\n",
             "impossible values",
         ),
-        ("time_s,a,speed_mm_s,force_n\n0,0,1,1\n1,0,1,1\n", "steady"),
+        (
+            "time_s,a,speed_mm_s,force_n\n0,0,1,1\n1,0,1,1\n",
+            "sample rate of 1 Hz",
+        ),
+        (
+            "time_s,a,speed_mm_s,force_n\n0,0,1,1\n0.001,0,1,1\n",
+            "steady",
+        ),
     ] {
         bench.write("bad.csv", content);
         let message = bench.refuse("segment bad.csv --texture felt --out pieces");

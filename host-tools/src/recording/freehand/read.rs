@@ -140,11 +140,11 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         recording.is_outlier.push(bad);
     }
     recording.rate_hz = rate_of(path, &times, rate_hz)?;
+    refuse_too_many_outliers(path, &recording)?;
     let remedy = format!("a column '{TIME}' holds seconds");
     if let Some(fault) = rate_fault(recording.rate_hz, &remedy) {
         return Err(Error::file(path, fault));
     }
-    refuse_too_many_outliers(path, &recording)?;
     Ok(recording)
 }
 
