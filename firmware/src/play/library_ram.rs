@@ -111,7 +111,7 @@ fn copy(bytes: &[u8], at: usize) -> Result<Content, LoadFault> {
         start
             .add(at)
             .copy_from_nonoverlapping(piece.as_ptr(), piece.len());
-    };
+    }
     if end < bytes.len() {
         return Ok(Content::Copied(end));
     }
