@@ -110,8 +110,8 @@ fn copy(bytes: &[u8], at: usize) -> Result<Content, LoadFault> {
     unsafe {
         start
             .add(at)
-            .copy_from_nonoverlapping(piece.as_ptr(), piece.len())
-    };
+            .copy_from_nonoverlapping(piece.as_ptr(), piece.len());
+    }
     if end < bytes.len() {
         return Ok(Content::Copied(end));
     }

@@ -73,7 +73,7 @@ impl Numbers {
         let mut hashed = self.0;
         hashed = (hashed ^ (hashed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         hashed = (hashed ^ (hashed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((hashed >> 32) * u64::from(limit) >> 32) as u32
+        (((hashed >> 32) * u64::from(limit)) >> 32) as u32
     }
 }
 
@@ -309,10 +309,10 @@ fn beginnings() -> Vec<Recipe> {
     let least = Recipe(HIGHEST.map(|(_, lowest, _)| lowest));
     let most = Recipe(HIGHEST.map(|(_, _, highest)| highest));
     let mut recipes = vec![least, most];
-    for at in 0..PROPERTIES {
+    for (at, (_, lowest, highest)) in HIGHEST.into_iter().enumerate() {
         let (mut one, mut other) = (least, most);
-        one.0[at] = HIGHEST[at].2;
-        other.0[at] = HIGHEST[at].1;
+        one.0[at] = highest;
+        other.0[at] = lowest;
         recipes.extend([one, other]);
     }
     recipes
