@@ -199,8 +199,8 @@ impl<D: Device> Control<D> {
         control
     }
 
-    /// Begins with the coil's heat of before the start, and keeps the amplifier off while nothing may be played: in safe
-    /// mode, and until the coil's settings are known.
+    /// Begins with the coil's heat of before the start, and keeps the amplifier off while nothing may be played: in
+    /// safe mode, and until the coil's settings are known.
     fn follow_settings(&mut self) {
         let known = self.settings_state.check_playable().is_ok();
         let safe_mode = self.player.mute().contains(MuteReason::SafeMode);

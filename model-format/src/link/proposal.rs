@@ -2,8 +2,8 @@
 //!
 //! One frame alone changes nothing. The device holds one proposal, which [`super::Status`] shows with its token. It
 //! ends after [`super::PROPOSAL_VALID_MS`], with a play, a restart, another proposal, and with its first use. It is
-//! applied by the link that made it alone. This protects from mistakes, and from two programs at once; not from whoever has the port
-//! and means harm.
+//! applied by the link that made it alone. This protects from mistakes, and from two programs at once; not from whoever
+//! has the port and means harm.
 
 use heapless::Vec;
 use postcard_schema::Schema;
