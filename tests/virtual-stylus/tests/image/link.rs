@@ -88,7 +88,6 @@ fn a_motion_of_the_hosts_that_is_not_renewed_is_silence_within_100_ms() {
 fn what_is_asked_wrongly_is_refused_in_words_and_changes_nothing() {
     let mut device = Device::started(library::options());
     let unknown = play_request("no such texture", MotionSource::Sensors, 0);
-    let proposed = SettingsChange::of(&[change]).expect("there is room for one");
     let refused = device.request::<PlayEndpoint>(&unknown);
     assert!(
         matches!(refused, Err(PlayError::NoSuchTexture { .. })),
