@@ -47,7 +47,7 @@ use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety;
 
 use crate::boot::reset::ResetFlags;
-use crate::boot::{clock, critical, priority, protection, silicon, startup, supply};
+use crate::boot::{clock, critical, priority, protection, silicon, startup, supply, time};
 use crate::device::Hardware;
 use crate::fault::{heat, record, report, stack, watchdog};
 use crate::flash::word;
@@ -74,7 +74,7 @@ async fn main(spawner: Spawner) {
     let clock = clock::select(before.starts.clock);
     record::enter(Some(clock::stage(clock)));
     watchdog::feed_at_start();
-    let p = embassy_stm32::init(clock::config(clock));
+    let p = time::begin(|| embassy_stm32::init(clock::config(clock)));
     clock::guard(clock);
     supply::watch();
     watchdog::feed_at_start();

@@ -12,3 +12,4 @@ pub mod reset;
 pub mod silicon;
 pub mod startup;
 pub mod supply;
+pub mod time;

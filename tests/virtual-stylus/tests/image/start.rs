@@ -232,8 +232,13 @@ fn after_three_quick_faults_the_device_speaks_and_does_not_play_until_a_person_r
     assert!(device.status().uptime_ms > 1_000);
     assert_eq!(sounds_from(&mut device, safe_ns), 0);
     // One more fault changes nothing. A person does.
+    let faulted_ns = device.stylus.now_ns();
     panics(&mut device);
     assert!(start(&mut device).safe_mode);
+    // In safe mode this is embassy's clock, which must not be ahead of the time since the start.
+    let uptime_ms = device.status().uptime_ms;
+    let elapsed_ms = (device.stylus.now_ns() - faulted_ns) / MS;
+    assert!(uptime_ms <= elapsed_ms, "{uptime_ms} of {elapsed_ms} ms");
     device.stylus.reset_by_pin().expect("the run goes on");
     device.forget_frames();
     device.wait_for_start();
