@@ -7,9 +7,9 @@
 
 use model_format::link::{SlotFault, SlotId, SlotInfo, SlotState};
 
-use super::header::{Header, HeaderWord};
+use super::header::{HEADER_OFFSET, Header, HeaderWord};
 use super::permit::{Claim, LastLibrary};
-use super::{HEADER_OFFSET, MappedFlash, SlotStore, newer};
+use super::{MappedFlash, SlotStore, newer};
 
 /// Number of times that each word of the library that stays must read the same. A word that is as often right as not
 /// passes once in a million times. For a full slot this takes about a tenth of a second, as estimated from the number

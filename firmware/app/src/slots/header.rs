@@ -1,12 +1,16 @@
 //! Header of a slot: one flash word, so that it is written whole or not at all.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
+use model_format::limits::MAX_LIBRARY_BYTES;
 use serde::{Deserialize, Serialize};
 
 use crate::flash::WORD_BYTES;
 
 /// Version of the header. It changes when an older firmware could misread a newer slot.
 pub const HEADER_VERSION: u16 = 1;
+
+/// Offset of the header in its slot.
+pub const HEADER_OFFSET: u32 = MAX_LIBRARY_BYTES as u32;
 
 const MAGIC: [u8; 4] = *b"HTXS";
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);

@@ -10,7 +10,7 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use model_format::limits::SLOT_BYTES;
 use stylus_kernel::proof::PROOF_VERSION;
 
-use super::HEADER_OFFSET;
+use super::header::HEADER_OFFSET;
 use crate::flash::WORD_BYTES;
 
 const MAGIC: [u8; 4] = *b"HTXP";
@@ -18,6 +18,15 @@ static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// Offsets in the slot of the words that may hold a mark.
 pub(super) const MARK_OFFSETS: Range<u32> = HEADER_OFFSET + WORD_BYTES as u32..SLOT_BYTES as u32;
+
+/// Result of a proof that did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Proved {
+    /// There is nothing to prove.
+    NotNeeded,
+    /// All direct forms are stable.
+    Stable,
+}
 
 /// The mark of a library of this length and checksum.
 pub(super) fn mark_of(length: u32, crc32: u32) -> [u8; WORD_BYTES] {

@@ -32,10 +32,9 @@ use crate::words::in_words;
 
 pub use crate::flash::WORD_BYTES;
 pub use header::HEADER_VERSION;
-use header::{Header, HeaderWord};
-use mark::{MARK_OFFSETS, mark_of};
+use header::{HEADER_OFFSET, Header, HeaderWord};
+use mark::{MARK_OFFSETS, Proved, mark_of};
 pub(crate) use permit::{Claim, LastLibrary};
-use proof::Proved;
 
 #[cfg(doc)]
 use embedded_storage_async::nor_flash::ReadNorFlash;
@@ -382,8 +381,8 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(())
     }
 
-    /// Validates `length` bytes in the claimed slot, each read once, proves their direct forms, and makes them a library
-    /// by writing its header. `told` gets the progress of the proof, ‰.
+    /// Validates `length` bytes in the claimed slot, each read once, proves their direct forms, and makes them a
+    /// library by writing its header. `told` gets the progress of the proof, ‰.
     pub(crate) async fn seal(
         &mut self,
         claim: Claim,
@@ -565,8 +564,6 @@ pub(crate) enum SealFault {
     Bytes(SlotFault),
     Write(WriteFault),
 }
-
-const HEADER_OFFSET: u32 = MAX_LIBRARY_BYTES as u32;
 
 fn address(slot: SlotId, offset: u32) -> u32 {
     (slot.index() * SLOT_BYTES) as u32 + offset

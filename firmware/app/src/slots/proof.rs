@@ -11,19 +11,10 @@ use model_format::link::{SlotFault, SlotId};
 use model_format::{Library, Outline};
 use stylus_kernel::proof::{Proof, Refusal, is_needed};
 
-use super::mark::{MARK_OFFSETS, mark_of};
+use super::mark::{MARK_OFFSETS, Proved, mark_of};
 use super::{MappedFlash, SlotStore, address};
 use crate::flash::WORD_BYTES;
 use crate::words::in_words;
-
-/// Result of a proof that did not fail.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Proved {
-    /// There is nothing to prove.
-    NotNeeded,
-    /// All direct forms are stable.
-    Stable,
-}
 
 impl<F: MappedFlash> SlotStore<F> {
     /// Proves the direct forms of the valid library in `slot`, unless a mark says that this was done. Each word of the

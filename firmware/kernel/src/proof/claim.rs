@@ -2,7 +2,7 @@
 
 use model_format::{CELL_MARGIN_STEPS_PER_OCTAVE, UNCERTIFIED_CELL};
 
-use super::UNIT_BITS;
+use super::units::UNIT_BITS;
 
 /// 2^(-step/4) · 2³² of a margin's steps within an octave, rounded up.
 const QUARTERS: [u64; CELL_MARGIN_STEPS_PER_OCTAVE as usize] =

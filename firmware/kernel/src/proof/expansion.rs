@@ -4,8 +4,8 @@
 use model_format::Coefficients;
 use model_format::limits::MAX_EXPONENT;
 
-use super::UNIT_BITS;
 use super::table::{FACTOR_BITS, FACTORS, STEPS_PER_TURN, cosine, sine};
+use super::units::UNIT_BITS;
 
 /// Number of Taylor terms.
 pub(crate) const TERMS: usize = 14;

@@ -238,7 +238,7 @@ mod tests {
             if let Some(HalfPlane { direction, distance, .. }) = find(&corners, part) {
                 let t = f64::from(part.middle()) / 1_073_741_824.0 + at * libm::exp2(-f64::from(depth));
                 let length = libm::hypot(f64::from(direction.x), f64::from(direction.y));
-                prop_assert!(length >= 131_072.0 && length <= 371_000.0);
+                prop_assert!((131_072.0..=371_000.0).contains(&length));
                 for corner in &corners {
                     let value = |terms: &[i64; TERMS]| terms.iter().rev().fold(0.0, |sum, &b| sum * t + b as f64);
                     let (x, y) = (value(&corner.real), value(&corner.imaginary));

@@ -61,6 +61,7 @@ mod refusal;
 mod row;
 mod table;
 mod turn;
+mod units;
 
 use model_format::{Certificate, Library, Structure, Texture};
 
@@ -68,6 +69,7 @@ pub use claim::{claimed_units, margin_byte};
 pub use refusal::{Cause, Refusal};
 use row::{Aim, Geometry, Row};
 pub use row::{CellProof, checks_per_cell};
+pub use units::UNIT_BITS;
 
 #[cfg(doc)]
 use crate::direct::exponent;
@@ -78,17 +80,11 @@ use expansion::TERMS;
 /// stored verdict of another version does not count.
 pub const PROOF_VERSION: u16 = 1;
 
-/// Bound on what evaluation may be off by, in units of 2^(E-41); see the module's text.
-pub(crate) const EVALUATION_UNITS: i64 = 46_500;
-
 /// Most instructions of a step that expands a node, on a Cortex-M.
 pub const EXPANSION_INSTRUCTIONS: u64 = 110_000;
 
 /// Most instructions of a step that tries a part of an interval, on a Cortex-M.
 pub const PART_INSTRUCTIONS: u64 = 20_000;
-
-/// Digits of a unit: one is 2^(`UNIT_BITS` - E) units, where E is the texture's exponent.
-pub const UNIT_BITS: u32 = 41;
 
 /// Proof of all direct forms of a library, in bounded steps.
 ///

@@ -4,11 +4,12 @@ use core::ops::Range;
 
 use model_format::Texture;
 
+use super::claim::claimed_units;
 use super::expansion::{Expansion, Interval, MAX_INDEX};
 use super::half_plane::{HalfPlane, MAX_DEPTH, Part, find};
 use super::refusal::{Cause, Refusal};
 use super::turn::Turn;
-use super::{EVALUATION_UNITS, claimed_units};
+use super::units::EVALUATION_UNITS;
 use crate::direct::exponent;
 
 /// Most parts that are tried for a cell of a texture of `order`.
@@ -16,7 +17,7 @@ pub const fn checks_per_cell(order: usize) -> u32 {
     256 + 16 * order as u32
 }
 
-/// What is the same for all cells of a texture.
+/// Facts that all cells of a texture share.
 #[derive(Clone, Copy)]
 pub(super) struct Geometry {
     order: usize,

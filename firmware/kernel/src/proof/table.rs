@@ -83,7 +83,7 @@ mod tests {
     fn cosines_and_sines_are_within_a_step() {
         for step in 0..2 * STEPS_PER_TURN {
             let angle = TAU * step as f64 / STEPS_PER_TURN as f64;
-            let off = |found: i32, exact: f64| (f64::from(found) - exact * 2147483648.0).abs();
+            let off = |found: i32, exact: f64| (f64::from(found) - exact * 2_147_483_648.0).abs();
             assert!(off(cosine(step), libm::cos(angle)) <= 1.000_01, "{step}");
             assert!(off(sine(step), libm::sin(angle)) <= 1.000_01, "{step}");
         }
