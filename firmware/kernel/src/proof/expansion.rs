@@ -4,11 +4,8 @@
 use model_format::Coefficients;
 use model_format::limits::MAX_EXPONENT;
 
-use super::table::{FACTOR_BITS, FACTORS, STEPS_PER_TURN, cosine, sine};
+use super::table::{FACTOR_BITS, FACTORS, STEPS_PER_TURN, TERMS, cosine, sine};
 use super::units::UNIT_BITS;
-
-/// Number of Taylor terms.
-pub(crate) const TERMS: usize = 14;
 
 /// Digits of n π/(2N) relative to π/2: n is a number of 256ths.
 const INDEX_BITS: u32 = 8;

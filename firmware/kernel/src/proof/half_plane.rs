@@ -1,6 +1,7 @@
 //! A half-plane without 0 that holds a cell's nodes on a part of an interval.
 
-use super::expansion::{Expansion, TERMS, scaled};
+use super::expansion::{Expansion, scaled};
+use super::table::TERMS;
 
 /// Digits of a direction: its larger component's magnitude is from 2¹⁷ to 2¹⁸.
 const DIRECTION_BITS: u32 = 17;

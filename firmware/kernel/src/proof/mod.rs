@@ -74,7 +74,7 @@ pub use units::UNIT_BITS;
 #[cfg(doc)]
 use crate::direct::exponent;
 #[cfg(doc)]
-use expansion::TERMS;
+use table::TERMS;
 
 /// Version of the proof. It changes when a direct form could be refused or accepted that was not before, so that a
 /// stored verdict of another version does not count.

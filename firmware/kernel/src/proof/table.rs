@@ -1,6 +1,7 @@
 //! Constants of the expansions, computed at compile time in integers.
 
-use super::expansion::TERMS;
+/// Number of Taylor terms.
+pub(crate) const TERMS: usize = 14;
 
 /// Steps of the whole circle in the table of cosines.
 pub(super) const STEPS_PER_TURN: usize = 1024;
