@@ -11,7 +11,8 @@ use embassy_executor::Spawner;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::channel::Channel;
-use embassy_time::{Duration, Ticker, Timer};
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Ticker, Timer, with_timeout};
 use heapless::Vec;
 use model_format::link::{
     ActivateEndpoint, ActivateError, LinkId, ListEndpoint, ListRequest, ListSceneEndpoint,
@@ -107,8 +108,14 @@ type Stores = Storage<Bank2, SettingsFlash>;
 #[unsafe(link_section = ".sram4.stores")]
 static STORES: StaticCell<Stores> = StaticCell::new();
 
-/// Opens the stores, activates the newest library unless in safe mode, and starts the tasks that poll and that serve
-/// jobs.
+/// Longest wait for the newest library before the links open. It takes far less, unless direct forms are to be proved
+/// first, which may take minutes.
+const LIBRARY_FIRST: Duration = Duration::from_millis(500);
+
+static ACTIVATED: Signal<ThreadModeRawMutex, ()> = Signal::new();
+
+/// Opens the stores, starts the tasks that poll and that serve jobs, and waits until the newest library is active, if
+/// that does not take long.
 pub async fn start(spawner: Spawner, hardware: Hardware) {
     // SAFETY: nothing else calls them, and this runs once.
     let (slots, settings) = unsafe { (Bank2::new(), SettingsFlash::new()) };
@@ -117,14 +124,10 @@ pub async fn start(spawner: Spawner, hardware: Hardware) {
     let control = Control::new(hardware, settings.settings(), settings.state());
     CONTROL.lock(|cell| *cell.borrow_mut() = Some(control));
     spawner.spawn(poll().unwrap());
-    // What faulted may have been a slot. In safe mode the slots are read when a request needs them, so that the device
-    // answers first, and a fault there ends one request and not every start.
     let stores = STORES.init(Storage::new(SlotStore::unread(slots), settings));
-    if !safe_mode {
-        let active = stores.activate_newest(&mut ControlStage).await;
-        defmt::info!("library active: {}", active.is_some());
-    }
-    spawner.spawn(serve(stores).unwrap());
+    spawner.spawn(serve(stores, safe_mode).unwrap());
+    // A host whose request came before it would find no library.
+    let _ = with_timeout(LIBRARY_FIRST, ACTIVATED.wait()).await;
 }
 
 /// Polls the control, and keeps the coil's heat for the next start, every millisecond.
@@ -140,9 +143,16 @@ async fn poll() -> ! {
     }
 }
 
-/// Does the queued jobs, one after the other.
+/// Activates the newest library, then does the queued jobs, one after the other.
 #[embassy_executor::task]
-async fn serve(stores: &'static mut Stores) -> ! {
+async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
+    // What faulted may have been a slot. In safe mode the slots are read when a request needs them, so that the device
+    // answers first, and a fault there ends one request and not every start.
+    if !safe_mode {
+        let active = stores.activate_newest(&mut ControlStage).await;
+        defmt::info!("library active: {}", active.is_some());
+    }
+    ACTIVATED.signal(());
     loop {
         let QueuedJob { job, to, sequence } = QUEUE.receive().await;
         // The wire counts an answer that it cannot send. The host repeats its request.

@@ -85,7 +85,10 @@ mod tests {
             lines[1].contains("0.500 V peak and 0.200 V RMS"),
             "{lines:?}"
         );
-        assert!(lines[1].contains("3.12") && lines[1].contains("0.500 W held at 8 Ω"));
+        assert!(
+            lines[1].contains("3.119 W peak") && lines[1].contains("0.500 W held at 8 Ω"),
+            "{lines:?}"
+        );
         let unknown = SettingSet::REQUIRED;
         let lines = consequences(&Settings::default(), &before, unknown, unknown);
         assert!(lines[0].contains("not set -> "), "{lines:?}");

@@ -242,10 +242,10 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
         }
         let found = self.bytes.len();
         self.rest = Reader(&self.bytes[wire::PREFIX_BYTES..]);
-        let count = self
-            .rest
-            .varint()
-            .ok_or(here(Problem::TooShort { found }))?;
+        if self.rest.0.is_empty() {
+            return Err(here(Problem::TooShort { found }));
+        }
+        let count = self.rest.varint().ok_or(here(Problem::Malformed))?;
         let len = count as usize;
         if len == 0 || len > MAX_TEXTURES {
             return Err(here(Problem::TextureCount(len)));

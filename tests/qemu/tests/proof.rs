@@ -110,8 +110,8 @@ fn a_step_of_the_proof_stays_within_its_bound_and_a_full_slot_takes_the_time_tha
     let worst_cell = u64::from(checks_per_cell(MAX_ORDER)) * PART_INSTRUCTIONS
         + 4 * 256 * EXPANSION_INSTRUCTIONS;
     println!(
-        "a full slot of {nodes} nodes of order {MAX_ORDER} and as many cells, modelled: {:.0} s; {:.0} s where rows are \
-         of one cell; at most {:.0} s",
+        "a full slot of {nodes} nodes of order {MAX_ORDER} and as many cells, modelled: {:.0} s; {:.0} s where rows \
+         are of one cell; at most {:.0} s",
         seconds(cell),
         seconds(one.all),
         seconds(worst_cell),

@@ -12,7 +12,7 @@ use super::block::{MAX_STAGES, SLOTS};
 use crate::arithmetic::TURN_TAPS;
 
 /// Instructions of every sample: the list of stages, the sum of voices, its saturation. An empty list takes 22 of them.
-pub const MIX: StageCost = StageCost { base: 53, each: 0 };
+pub const MIX: StageCost = StageCost { base: 55, each: 0 };
 
 /// A voice of a normalised lattice, with `each` per stage of the lattice.
 pub const LATTICE: StageCost = StageCost {
@@ -33,7 +33,7 @@ pub const STICK_SLIP: StageCost = StageCost { base: 46, each: 0 };
 pub const TAP: StageCost = StageCost { base: 40, each: 0 };
 
 /// The equaliser, with `each` per section.
-pub const EQUALISER: StageCost = StageCost { base: 56, each: 81 };
+pub const EQUALISER: StageCost = StageCost { base: 54, each: 87 };
 
 /// The fade while scenes are exchanged.
 pub const FADE_OUT: StageCost = StageCost { base: 25, each: 0 };

@@ -20,6 +20,7 @@ mod output;
 mod page;
 mod play;
 mod power;
+mod proof;
 mod record;
 mod scenes;
 mod self_test;
