@@ -8,7 +8,7 @@
 //! is read (RM0433 section 4.3.16, double ECC error); such a slot counts as faulty. Each word is therefore read by
 //! [`ReadNorFlash::read`], which reports a fault, before the bytes are read in place.
 //!
-//! Nothing is erased without a [`Claim`] on its slot, which is refused for the last library that can be read.
+//! Nothing is erased without a `Claim` on its slot, which is refused for the last library that can be read.
 
 mod claim;
 mod header;

@@ -17,7 +17,7 @@
 //! 2. **One turn count.** A(z) has as many zeros outside the circle as its value turns around 0 on the way around
 //!    (argument principle); the upper half circle does half of it, by symmetry. Within an interval the value is less
 //!    than a quarter turn from u, and neighbouring intervals share a value, so the turn is the sum of the angles
-//!    between successive u, each below half a turn ([`turn`]). It is the same for all means of a cell, because none
+//!    between successive u, each below half a turn (`turn`). It is the same for all means of a cell, because none
 //!    passes 0; and for all cells of a row, because neighbours share nodes. Each row is counted in its first cell.
 //!
 //! Stability of the nodes follows: each is a mean of a cell. A step-down recursion would prove nodes alone. It divides
@@ -28,10 +28,10 @@
 //! highest frequency in it c: Re = Σ s(n) cos nω, Im = Σ d(n) sin nω, with s(n) = a(c+n) + a(c-n), d(n) = a(c-n) -
 //! a(c+n), s(0) = a(c). A stable A then turns by exactly c half-turns on the half circle.
 //!
-//! On an interval ω = ω(c) + t π/(2N), |t| ≤ 1, both are Taylor polynomials in t of [`TERMS`] terms
-//! ([`expansion::Expansion`]). In a part of the interval they are projected on u, moved to the part's middle by
+//! On an interval ω = ω(c) + t π/(2N), |t| ≤ 1, both are Taylor polynomials in t of `TERMS` terms
+//! (`expansion::Expansion`). In a part of the interval they are projected on u, moved to the part's middle by
 //! repeated synthetic division (Horner), and Re(ū A) is at least the first coefficient less the magnitudes of the
-//! others ([`half_plane`]). Parts are halved until that suffices.
+//! others (`half_plane`). Parts are halved until that suffices.
 //!
 //! # Rounding
 //! All values are in units of 2^(E-41), where E is the texture's [`exponent`]: stored coefficients are whole numbers of
@@ -42,13 +42,13 @@
 //! |---|---|
 //! | cosines, to 2⁻³¹ each: S 2⁻³¹ e^x | 10 483 |
 //! | factors (π/2)^m/m!, to 2⁻³¹ each: S 2⁻³¹ Σ (200/256)^m | 14 044 |
-//! | products, rounded down: 201 · 2.6 · e^(π/2) + [`TERMS`] | 2 529 |
+//! | products, rounded down: 201 · 2.6 · e^(π/2) + `TERMS` | 2 529 |
 //! | terms left out: S x¹⁴/14! · 1/(1 - x/15) | 1 449 |
 //!
 //! which is below 2¹⁵; the projection is off by at most √2 · 2¹⁵ · |u|. Projection and synthetic division round at most
 //! 14 + 91 times, each time by a unit of a term that is not above one on the part; magnitudes are rounded up. That is
 //! at most 128 units more, because |u| is at least 2¹⁷ in steps of which the projection has 2⁻¹⁷. Together:
-//! [`EVALUATION_UNITS`]. Kernel coefficients have steps of 2^(E-31), so |r| ≤ order · 2⁹ units.
+//! `EVALUATION_UNITS`. Kernel coefficients have steps of 2^(E-31), so |r| ≤ order · 2⁹ units.
 //!
 //! # Effort
 //! [`Proof::step`] expands one node in one interval or tries one part. The number of parts is bounded by a row's cells
@@ -73,8 +73,6 @@ pub use units::UNIT_BITS;
 
 #[cfg(doc)]
 use crate::direct::exponent;
-#[cfg(doc)]
-use table::TERMS;
 
 /// Version of the proof. It changes when a direct form could be refused or accepted that was not before, so that a
 /// stored verdict of another version does not count.
