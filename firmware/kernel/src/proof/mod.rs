@@ -52,7 +52,8 @@
 //!
 //! # Effort
 //! [`Proof::step`] expands one node in one interval or tries one part. The number of parts is bounded by a row's cells
-//! and order ([`checks_per_cell`]); a proof that needs more ends with a refusal. Nothing is allocated.
+//! and order ([`checks_per_cell`]), and by what a library has to spare ([`SPARE_CHECKS`]); a proof that needs more ends
+//! with a refusal. Nothing is allocated.
 
 mod claim;
 mod expansion;
@@ -68,7 +69,7 @@ use model_format::{Certificate, Library, Structure, Texture};
 pub use claim::{claimed_units, margin_byte};
 pub use refusal::{Cause, Refusal};
 use row::{Aim, Geometry, Row};
-pub use row::{CellProof, checks_per_cell};
+pub use row::{CellProof, SPARE_CHECKS, checks_per_cell};
 pub use units::UNIT_BITS;
 
 #[cfg(doc)]
@@ -105,6 +106,8 @@ pub struct Proof<'a> {
     at: Option<At<'a>>,
     done: u32,
     total: u32,
+    /// Parts that may be tried beyond those of the rows.
+    spare: u32,
 }
 
 /// Texture under proof.
@@ -144,6 +147,7 @@ impl<'a> Proof<'a> {
             at: None,
             done: 0,
             total: parts.sum::<usize>() as u32,
+            spare: SPARE_CHECKS,
         }
     }
 
@@ -156,7 +160,8 @@ impl<'a> Proof<'a> {
     pub fn step(&mut self) -> Result<bool, Refusal> {
         if let Some(at) = &mut self.at {
             let index = at.index;
-            let more = at.row.step().map_err(|failure| failure.at(index))?;
+            let stepped = at.row.step(&mut self.spare);
+            let more = stepped.map_err(|failure| failure.at(index))?;
             self.done += u32::from(at.row.take_ended_interval());
             if !more && !at.next_row() {
                 self.at = None;

@@ -12,10 +12,18 @@ use super::turn::Turn;
 use super::units::EVALUATION_UNITS;
 use crate::direct::exponent;
 
-/// Most parts that are tried for a cell of a texture of `order`.
+/// Parts that are tried for a cell of a texture of `order`, in the mean of a row: the most, but for a library's
+/// [`SPARE_CHECKS`].
 pub const fn checks_per_cell(order: usize) -> u32 {
     256 + 16 * order as u32
 }
+
+/// Parts of a library that are tried beyond [`checks_per_cell`]. A cell of a low order whose margin is small takes up to
+/// ten times as many; one in 500 of random ones takes more at all.
+pub const SPARE_CHECKS: u32 = 65_536;
+
+/// The same of a cell by itself, so that a library has room for many such cells.
+const SPARE_CHECKS_OF_CELL: u32 = 4_096;
 
 /// Facts that all cells of a texture share.
 #[derive(Clone, Copy)]
@@ -138,16 +146,22 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// Expands a node or tries a part; returns false once all cells are proved.
-    pub fn step(&mut self) -> Result<bool, Failure> {
+    /// Expands a node or tries a part, one of `spare` if the row has none left; returns false once all cells are
+    /// proved.
+    pub fn step(&mut self, spare: &mut u32) -> Result<bool, Failure> {
         if self.expanded < self.corners.len() {
             self.expand();
             return Ok(true);
         }
-        if self.checks_left == 0 {
+        let left = if self.checks_left > 0 {
+            &mut self.checks_left
+        } else {
+            spare
+        };
+        let Some(fewer) = left.checked_sub(1) else {
             return Err(self.failure(Cause::Effort));
-        }
-        self.checks_left -= 1;
+        };
+        *left = fewer;
         let allowance = self.geometry.allowance();
         let found = find(&self.corners, self.part);
         // The middle is in both halves, so that no halving brings more than it has. The directions tried have at least
@@ -249,19 +263,19 @@ impl<'a> Row<'a> {
 }
 
 /// Proof of a single cell, which finds its margin.
-pub struct CellProof<'a>(Row<'a>);
+pub struct CellProof<'a> {
+    row: Row<'a>,
+    spare: u32,
+}
 
 impl<'a> CellProof<'a> {
     /// A proof of the cell at these indices, each below its [`Texture::cell_counts`], that has not begun.
     pub fn new(texture: Texture<'a>, speed: usize, force: usize) -> Self {
         let geometry = Geometry::of(&texture);
-        Self(Row::new(
-            texture,
-            geometry,
-            Aim::Half,
-            speed,
-            force..force + 1,
-        ))
+        Self {
+            row: Row::new(texture, geometry, Aim::Half, speed, force..force + 1),
+            spare: SPARE_CHECKS_OF_CELL,
+        }
     }
 
     /// Does the whole proof. Returns a lower bound of |A| on the unit circle at every point of the cell, in units of
@@ -270,18 +284,19 @@ impl<'a> CellProof<'a> {
     /// # Errors
     /// The cell could not be proved. The refusal's texture is 0.
     pub fn run(mut self) -> Result<i64, Refusal> {
-        while self.0.step().map_err(|failure| failure.at(0))? {}
-        Ok(self.0.margin)
+        while self.step()? {}
+        Ok(self.margin())
     }
 
     /// The margin that the proof has found so far, in units of 2^(E-41).
     pub fn margin(&self) -> i64 {
-        self.0.margin
+        self.row.margin
     }
 
     /// Number of parts that were tried until now.
     pub fn checks(&self) -> u32 {
-        checks_per_cell(self.0.geometry.order) - self.0.checks_left
+        let own = checks_per_cell(self.row.geometry.order) - self.row.checks_left;
+        own + SPARE_CHECKS_OF_CELL - self.spare
     }
 
     /// Goes on by one step; see [`super::Proof::step`].
@@ -289,7 +304,8 @@ impl<'a> CellProof<'a> {
     /// # Errors
     /// As [`CellProof::run`].
     pub fn step(&mut self) -> Result<bool, Refusal> {
-        self.0.step().map_err(|failure| failure.at(0))
+        let stepped = self.row.step(&mut self.spare);
+        stepped.map_err(|failure| failure.at(0))
     }
 }
 
