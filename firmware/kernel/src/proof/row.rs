@@ -18,8 +18,8 @@ pub const fn checks_per_cell(order: usize) -> u32 {
     256 + 16 * order as u32
 }
 
-/// Parts of a library that are tried beyond [`checks_per_cell`]. A cell of a low order whose margin is small takes up to
-/// ten times as many; one in 500 of random ones takes more at all.
+/// Parts of a library that are tried beyond [`checks_per_cell`]. A cell of a low order whose margin is small takes up
+/// to ten times as many; one in 500 of random ones takes more at all.
 pub const SPARE_CHECKS: u32 = 65_536;
 
 /// The same of a cell by itself, so that a library has room for many such cells.
@@ -279,7 +279,8 @@ impl<'a> CellProof<'a> {
     }
 
     /// Does the whole proof. Returns a lower bound of |A| on the unit circle at every point of the cell, in units of
-    /// 2^(E-41); it is at least 0.4 of the exact minimum less twice what may be off.
+    /// 2^(E-41). It is at least 0.4 of the exact minimum, less twice what may be off, less 2^-17 of the largest |A| of
+    /// a node there, which the digits of a direction cost.
     ///
     /// # Errors
     /// The cell could not be proved. The refusal's texture is 0.

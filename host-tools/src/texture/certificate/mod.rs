@@ -238,6 +238,7 @@ mod tests {
     use crate::dsp::linear_prediction::step_up;
     use model_format::{CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ};
     use proptest::prelude::*;
+    use stylus_kernel::proof::Cause;
 
     fn node(tail: &[f64]) -> NodeSpec {
         let sum: f64 = tail.iter().map(|a| a.abs()).sum();
@@ -296,13 +297,22 @@ mod tests {
             let other = edges::prove(&circles.iter().collect::<Vec<_>>(), rounding);
             let unit = 2f64.powi(exponent - UNIT_BITS as i32);
             let found = CellProof::new(texture, 0, 0).run().map(|units| units as f64 * unit);
+            // Each is at least 0.4 of the exact minimum, less twice what evaluation and the kernel's rounding may be
+            // off by, below 50 000 units, and what the 17 digits of a direction cost; and at most that minimum.
+            let sum = |tail: &Vec<f64>| 1.0 + tail.iter().map(|a| a.abs()).sum::<f64>();
+            let largest = tails.iter().map(sum).fold(0.0, f64::max);
+            let room = 2.5 * (2.0 * 50_000.0 * unit + largest * 2f64.powi(-17)) + 1e-6;
+            let none = 2.0 * room + 1e-5;
             match (found, other) {
-                // Each is at least 0.4 of the exact minimum, and at most that.
                 (Ok(found), Ok(other)) => {
-                    prop_assert!(found <= 2.6 * other + 1e-6 && other <= 2.6 * found + 1e-6, "{} {}", found, other);
+                    prop_assert!(found <= 2.6 * other + room && other <= 2.6 * found + room, "{} {}", found, other);
                 }
-                (Ok(found), Err(at)) => prop_assert!(found < 1e-5, "{} but not at {} rad", found, at),
-                (Err(refusal), Ok(other)) => prop_assert!(other < 1e-5, "{:?} but {}", refusal, other),
+                (Ok(found), Err(at)) => prop_assert!(found < none, "{} but not at {} rad", found, at),
+                // Effort has a bound, which one in a hundred thousand of these cells with a small margin exceeds.
+                (Err(refusal), Ok(other)) if refusal.cause == Cause::Effort => {
+                    prop_assert!(other < 1e-3 * largest, "{:?} but {}", refusal, other);
+                }
+                (Err(refusal), Ok(other)) => prop_assert!(other < none, "{:?} but {}", refusal, other),
                 (Err(_), Err(_)) => {}
             }
         }
