@@ -6,7 +6,7 @@ mod support;
 use std::collections::HashSet;
 use std::process::{Command, Output, Stdio};
 
-use support::{Bench, RATE_HZ, json, noise, text, two_textures, wav};
+use support::{Bench, RATE_HZ, json, noise, refusal, text, two_textures, wav};
 
 const HEADER: &str = "file,texture,speed_mm_s,force_n,sample_rate_hz\n";
 
@@ -40,15 +40,7 @@ fn in_shell(bench: &Bench, settings: &str, arguments: &str) -> Output {
 /// Runs `stylus` with at most 4 GB of address space, which must end with code 2 and one line; gives that line.
 #[cfg(target_os = "linux")]
 fn refuse_within_memory(bench: &Bench, arguments: &str) -> String {
-    let output = in_shell(bench, ":", arguments);
-    let message = text(&output.stderr);
-    assert_eq!(
-        output.status.code(),
-        Some(2),
-        "stylus {arguments}\n{message}"
-    );
-    assert_eq!(message.trim_end().lines().count(), 1, "{message}");
-    message
+    refusal(&in_shell(bench, ":", arguments), arguments)
 }
 
 #[cfg(target_os = "linux")]

@@ -66,15 +66,7 @@ impl Bench {
 
     /// Runs `stylus`, which must end with code 2 and one line on standard error; gives that line.
     pub fn refuse(&self, arguments: &str) -> String {
-        let output = self.run(arguments);
-        let message = text(&output.stderr);
-        assert_eq!(
-            output.status.code(),
-            Some(2),
-            "stylus {arguments}\n{message}"
-        );
-        assert_eq!(message.trim_end().lines().count(), 1, "{message}");
-        message
+        refusal(&self.run(arguments), arguments)
     }
 
     /// The names in the folder, sorted.
@@ -209,4 +201,16 @@ pub fn interrupt(child: &Child) {
     let pid = child.id().to_string();
     let killed = Command::new("kill").args(["-INT", &pid]).status();
     assert!(killed.expect("kill is there").success());
+}
+
+/// The one line on standard error of `output`, which must be a refusal with code 2.
+pub fn refusal(output: &Output, arguments: &str) -> String {
+    let message = text(&output.stderr);
+    assert_eq!(
+        output.status.code(),
+        Some(2),
+        "stylus {arguments}\n{message}"
+    );
+    assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+    message
 }

@@ -10,7 +10,8 @@ use std::task::{Context, Poll, Waker};
 use embassy_futures::yield_now;
 use model_format::link::{
     ActivateError, LinkId, MotionSample, ProposalToken, RecordBlock, Setting, SettingChange,
-    Settings, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, UploadState,
+    Settings, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, UploadChunk,
+    UploadState,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::TICKS_PER_MS;
@@ -22,6 +23,7 @@ use stylus_app::storage::{LoadFault, Stage, Storage};
 
 use crate::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use crate::hardware::Hardware;
+use crate::library::announcement;
 
 /// Flash of the fake device.
 pub type Flash = SimulatedFlash<'static>;
@@ -270,6 +272,24 @@ impl SteppedStylus {
         if !safe_mode {
             stylus.request(async |storage, stage| storage.activate_newest(stage).await);
         }
+        stylus
+    }
+
+    /// A device that can play: its coil is set, and `library` is active, all by requests.
+    pub fn ready(library: &[u8]) -> Self {
+        let mut stylus = Self::boot();
+        stylus.set_coil();
+        stylus.request(async |storage, stage| {
+            let begun = storage.upload_begin(stage, announcement(library)).await;
+            let slot = begun.expect("a slot is free").slot;
+            for (index, data) in library.chunks(512).enumerate() {
+                let offset = index as u32 * 512;
+                let chunk = UploadChunk { offset, data };
+                storage.upload_chunk(stage, chunk).await.expect("in turn");
+            }
+            storage.upload_commit(stage).await.expect("it is valid");
+            storage.activate(stage, slot).await.expect("it is valid");
+        });
         stylus
     }
 

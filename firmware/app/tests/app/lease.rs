@@ -3,12 +3,12 @@
 use std::collections::VecDeque;
 
 use fake_stylus::device::SteppedStylus;
-use fake_stylus::library::{announcement, library};
+use fake_stylus::library::library;
 use fake_stylus::requests::Requests;
 use model_format::link::{
     Activity, KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LinkId, MotionEndpoint,
     MotionRefused, MotionSample, MotionSource, MotionTopic, MuteReason, PlayEndpoint, PlayError,
-    PlayRequest, Selection, StatusEndpoint, StopEndpoint, UploadChunk,
+    PlayRequest, Selection, StatusEndpoint, StopEndpoint,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use proptest::prelude::*;
@@ -26,20 +26,7 @@ struct Stylus {
 
 impl Stylus {
     fn new() -> Self {
-        let mut stylus = SteppedStylus::boot();
-        stylus.set_coil();
-        let bytes = library(1, 20, 1);
-        stylus.request(async |storage, stage| {
-            let begun = storage.upload_begin(stage, announcement(&bytes)).await;
-            let slot = begun.expect("a slot is free").slot;
-            for (index, data) in bytes.chunks(512).enumerate() {
-                let offset = index as u32 * 512;
-                let chunk = UploadChunk { offset, data };
-                storage.upload_chunk(stage, chunk).await.expect("in turn");
-            }
-            storage.upload_commit(stage).await.expect("it is valid");
-            storage.activate(stage, slot).await.expect("it is valid");
-        });
+        let stylus = SteppedStylus::ready(&library(1, 20, 1));
         let requests = Requests::new(stylus.control.clone());
         Self { stylus, requests }
     }

@@ -2,11 +2,10 @@
 
 use fake_stylus::device::SteppedStylus;
 use fake_stylus::hardware::Hardware;
-use fake_stylus::library::{announcement, library};
+use fake_stylus::library::library;
 use model_format::link::{
     LOCKED, LinkId, MotionSource, PROPOSAL_VALID_MS, PlayRequest, ProposalToken, Selection,
     Setting, SettingChange, SettingSet, Settings, SettingsChange, SettingsError, SettingsProposal,
-    UploadChunk,
 };
 use proptest::prelude::*;
 use stylus_app::safety::Config;
@@ -53,21 +52,7 @@ fn settings(stylus: &SteppedStylus) -> Settings {
 
 /// A stylus whose coil is set, with an active library.
 fn stylus() -> SteppedStylus {
-    let mut stylus = SteppedStylus::boot();
-    stylus.set_coil();
-    let bytes = library(1, 20, 1);
-    stylus.request(async |storage, stage| {
-        let begun = storage.upload_begin(stage, announcement(&bytes)).await;
-        let slot = begun.expect("a slot is free").slot;
-        for (index, data) in bytes.chunks(512).enumerate() {
-            let offset = index as u32 * 512;
-            let chunk = UploadChunk { offset, data };
-            storage.upload_chunk(stage, chunk).await.expect("in turn");
-        }
-        storage.upload_commit(stage).await.expect("it is valid");
-        storage.activate(stage, slot).await.expect("it is valid");
-    });
-    stylus
+    SteppedStylus::ready(&library(1, 20, 1))
 }
 
 fn play() -> PlayRequest {
