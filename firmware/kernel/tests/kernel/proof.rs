@@ -79,11 +79,11 @@ fn with_poles(poles: &[(f64, f64)]) -> Vec<f64> {
     a[1..].iter().map(|a| -a).collect()
 }
 
-/// Least |A| on the unit circle among many points.
+/// Least |A| on the unit circle: by a fine grid, and by ever finer ones around its least points.
+///
+/// Next to a pole |A| is a V whose tip lies between the points of any one grid.
 fn least(predictor: &[f64]) -> f64 {
-    let points = 200_000;
-    let at = |point: usize| {
-        let omega = std::f64::consts::PI * point as f64 / f64::from(points);
+    let at = |omega: f64| {
         let (mut re, mut im) = (1.0, 0.0);
         for (h, i) in predictor.iter().zip(1..) {
             re -= h * (omega * f64::from(i)).cos();
@@ -91,7 +91,26 @@ fn least(predictor: &[f64]) -> f64 {
         }
         f64::hypot(re, im)
     };
-    (0..=points as usize).map(at).fold(f64::INFINITY, f64::min)
+    let points = 20_000;
+    let step = std::f64::consts::PI / f64::from(points);
+    let values: Vec<f64> = (-1..=points + 1).map(|i| at(f64::from(i) * step)).collect();
+    let tips = (0..=points).filter(|&i| {
+        let [before, value, after] = [0, 1, 2].map(|beside| values[i as usize + beside]);
+        value <= before && value <= after
+    });
+    let refined = tips.map(|tip| {
+        let (mut omega, mut step, mut value) = (f64::from(tip) * step, step, f64::INFINITY);
+        while step > 1e-12 {
+            step /= 8.0;
+            let beside = (-8..=8).map(|i| omega + f64::from(i) * step);
+            (omega, value) = beside
+                .map(|omega| (omega, at(omega)))
+                .min_by(|a, b| a.1.total_cmp(&b.1))
+                .expect("there are points");
+        }
+        value
+    });
+    refined.fold(f64::INFINITY, f64::min)
 }
 
 /// The margin of the first cell, and the number of parts that were tried.
@@ -215,6 +234,18 @@ fn poles_next_to_the_circle_are_told_apart() {
     for predictor in around(1.00001) {
         assert!(verdict(&[predictor]).is_err(), "outside");
     }
+}
+
+/// The least |A| of this node lies between the points of a grid of 200 000.
+#[test]
+fn the_margin_of_a_pole_next_to_the_circle_is_half_of_the_least_value_or_more() {
+    let predictor = step_up(&[0.0, 0.971_287, -0.850_066, -0.988_394, -0.940_203]);
+    let bytes = row(std::slice::from_ref(&predictor));
+    let (least, margin) = (least(&predictor), margin(texture(&bytes)).0.unwrap());
+    assert!(
+        margin <= least && margin >= 0.4 * least,
+        "{margin} of {least}"
+    );
 }
 
 /// A comb of 200 pairs of poles, one node of the highest order: 1 + r⁴⁰⁰ z⁻⁴⁰⁰.
