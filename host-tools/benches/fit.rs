@@ -85,6 +85,7 @@ fn synthesis(criterion: &mut Criterion) {
             structure: structure.structure(),
             provenance: model_format::Provenance::Simulated,
             laws: grid.laws,
+            parts: model_format::PartsSpec::default(),
             speed_axis_mm_s: grid.speeds_mm_s.clone(),
             force_axis_n: grid.forces_n.clone(),
             nodes: host_tools::texture::quantise::nodes("bench", &grid, structure)

@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use crate::error::{DecodeError, Place, Problem};
 use crate::library::part::{self, fine_theta, levels};
-use crate::library::{Coefficients, Laws, Library, NodeFlags, theta};
+use crate::library::{Coefficients, Laws, Library, NodeFlags, PartsSpec, theta};
 use crate::limits;
 use crate::scene::Scene;
 use crate::scene::limits::MAX_SCENES;
@@ -25,6 +25,8 @@ pub struct TextureSpec {
     pub provenance: Provenance,
     /// Laws of the level between nodes and below the grid.
     pub laws: Laws,
+    /// Optional parts.
+    pub parts: PartsSpec,
     /// Tangential speeds of the grid, mm/s, ascending.
     pub speed_axis_mm_s: Vec<f32>,
     /// Normal forces of the grid, N, ascending.
@@ -209,7 +211,7 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
 /// The bytes returned have passed [`Library::decode`].
 ///
 /// ```
-/// # use model_format::{CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec};
+/// # use model_format::{CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, PartsSpec, TextureSpec};
 /// use model_format::scene::{Region, Scene, SceneProblem, Surface};
 /// use model_format::{Library, Problem, encode_with_scenes};
 /// # let node = NodeSpec {
@@ -224,6 +226,7 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
 /// #     structure: Structure::NormalisedLattice,
 /// #     provenance: Provenance::Simulated,
 /// #     laws: Laws::default(),
+/// #     parts: PartsSpec::default(),
 /// #     speed_axis_mm_s: vec![100.0],
 /// #     force_axis_n: vec![1.0],
 /// #     nodes: vec![node],

@@ -25,6 +25,8 @@ pub use library::{
     Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Coefficients, Decoder, FadeLaw, Laws,
     LevelLaw, Library, Node, NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL, Workspace,
 };
+#[cfg(feature = "alloc")]
+pub use library::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, ModulationSpec, PartsSpec};
 pub use units::{
     AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample,
     SAMPLE_RATE_HZ, Volt,

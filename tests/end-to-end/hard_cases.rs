@@ -13,7 +13,8 @@ use host_tools::evaluation::stress::{Outcome, cases};
 use host_tools::texture::certificate::{Finding, Stored, certified, certify};
 use host_tools::texture::quantise::StructureChoice;
 use model_format::{
-    Certificate, CodeSpec, Laws, Library, NodeSpec, Problem, Provenance, Texture, TextureSpec,
+    Certificate, CodeSpec, Laws, Library, NodeSpec, PartsSpec, Problem, Provenance, Texture,
+    TextureSpec,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use proptest::collection::vec;
@@ -138,6 +139,7 @@ fn spec(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> TextureSpec
         structure: texture.structure(),
         provenance: Provenance::Simulated,
         laws: texture.laws(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: texture.speed_axis().values().collect(),
         force_axis_n: texture.force_axis().values().collect(),
         nodes: texture.nodes().map(|node| node_spec(&node)).collect(),
@@ -293,6 +295,7 @@ proptest! {
             structure: model_format::Structure::DirectForm32,
             provenance: Provenance::Simulated,
             laws: Laws::default(),
+            parts: PartsSpec::default(),
             speed_axis_mm_s: [50.0, 120.0, 300.0][..speeds].to_vec(),
             force_axis_n: vec![0.5, 1.5],
             nodes: predictors.iter().map(|h| direct_node(h)).collect(),

@@ -9,7 +9,7 @@ use host_tools::playing::pin::{Pin, RATE_HZ as PIN_HZ, settings};
 use host_tools::playing::render::render;
 use model_format::{
     CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, OutputSample,
-    Provenance, Structure, TextureSpec, encode,
+    PartsSpec, Provenance, Structure, TextureSpec, encode,
 };
 use realfft::{RealFftPlanner, RealToComplex};
 use support::{Bench, RATE_HZ, noise};
@@ -173,6 +173,7 @@ fn texture(reflection: &[f64]) -> Vec<f64> {
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: vec![100.0],
         force_axis_n: vec![1.0],
         nodes: vec![node],

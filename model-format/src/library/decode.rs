@@ -18,7 +18,7 @@ use crate::wire::{self, CRC_RANGE, Prefix, Reader};
 /// A decoding in steps, each of which takes a bounded time; [`crate::limits`] has the bound.
 ///
 /// ```
-/// # use model_format::{CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec};
+/// # use model_format::{CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, PartsSpec, TextureSpec};
 /// use model_format::{Decoder, encode};
 /// # let node = NodeSpec {
 /// #     output_power: 4.0,
@@ -32,6 +32,7 @@ use crate::wire::{self, CRC_RANGE, Prefix, Reader};
 /// #     structure: Structure::NormalisedLattice,
 /// #     provenance: Provenance::Simulated,
 /// #     laws: Laws::default(),
+/// #     parts: PartsSpec::default(),
 /// #     speed_axis_mm_s: vec![100.0],
 /// #     force_axis_n: vec![1.0],
 /// #     nodes: vec![node],

@@ -28,6 +28,14 @@ pub use decode::{Decoder, Workspace};
 pub(crate) use node::theta;
 pub use node::{Coefficients, Node, NodeFlags};
 pub use part::PartKind;
+#[cfg(feature = "alloc")]
+pub use part::PartsSpec;
+#[cfg(feature = "alloc")]
+pub use part::excitation::{CodebookSpec, ExcitationSpec};
 pub use part::levels::{FadeLaw, Laws, LevelLaw};
+#[cfg(feature = "alloc")]
+pub use part::lines::{LineSpec, LinesSpec};
+#[cfg(feature = "alloc")]
+pub use part::modulation::ModulationSpec;
 pub use texture::Texture;
 pub use view::{Library, Outline};

@@ -2,8 +2,8 @@
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, DecodeError, FORMAT_VERSION, Laws, LevelLaw, Library, NodeFlags, NodeSpec, Place,
-    Problem, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
+    CodeSpec, DecodeError, FORMAT_VERSION, Laws, LevelLaw, Library, NodeFlags, NodeSpec, PartsSpec,
+    Place, Problem, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
 };
 
 use crate::bytes::{RawCertificate, RawLibrary, RawTexture, checksum, repair};
@@ -787,6 +787,7 @@ fn spec() -> TextureSpec {
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Recorded,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: vec![50.0],
         force_axis_n: vec![0.5, 1.0],
         nodes: vec![

@@ -1,8 +1,9 @@
 //! Round trips: from content to bytes and back, and from bytes to content and back.
 
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, Library, NodeFlags, NodeSpec, Provenance, Structure,
-    TextureSpec, UNCERTIFIED_CELL, encode, encode_uncertified, encode_with_scenes, limits,
+    CodeSpec, FadeLaw, Laws, LevelLaw, Library, NodeFlags, NodeSpec, PartsSpec, Provenance,
+    Structure, TextureSpec, UNCERTIFIED_CELL, encode, encode_uncertified, encode_with_scenes,
+    limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -98,6 +99,7 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
             .prop_map(
                 move |(name, sample_rate_hz, provenance, nodes, cell_margins)| TextureSpec {
                     laws: laws_for(laws, &nodes),
+                    parts: PartsSpec::default(),
                     name,
                     sample_rate_hz,
                     structure,

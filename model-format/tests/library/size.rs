@@ -2,7 +2,7 @@
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_ORDER};
 use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure,
+    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
     TextureSpec, encode,
 };
 
@@ -24,6 +24,7 @@ fn dense(name: &str) -> TextureSpec {
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Recorded,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: (1..=15).map(|step| 20.0 * step as f32).collect(),
         force_axis_n: (1..=8).map(|step| 0.25 * step as f32).collect(),
         nodes: vec![node; 15 * 8],

@@ -4,8 +4,8 @@ use std::iter::repeat;
 
 use model_format::scene::Scene;
 use model_format::{
-    Certificate, CodeSpec, Coefficients, Library, NodeFlags, NodeSpec, Structure, Texture,
-    TextureSpec, UNCERTIFIED_CELL, limits,
+    Certificate, CodeSpec, Coefficients, Library, NodeFlags, NodeSpec, PartsSpec, Structure,
+    Texture, TextureSpec, UNCERTIFIED_CELL, limits,
 };
 
 /// The content of `library`, through its public interface.
@@ -57,6 +57,7 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
             structure: texture.structure(),
             provenance: texture.provenance(),
             laws: texture.laws(),
+            parts: PartsSpec::default(),
             speed_axis_mm_s: speeds.values().collect(),
             force_axis_n: forces.values().collect(),
             nodes,

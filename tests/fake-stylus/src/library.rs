@@ -6,7 +6,7 @@ use model_format::link::{
     UploadError,
 };
 use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode,
+    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec, encode,
 };
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::slots::{HEADER_VERSION, MappedFlash, SlotStore};
@@ -38,6 +38,7 @@ pub fn texture(name: &str, order: usize, seed: i16, sample_rate_hz: u32) -> Text
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: (1..=15).map(|speed| 20.0 * speed as f32).collect(),
         force_axis_n: (1..=8).map(|force| 0.25 * force as f32).collect(),
         cell_margins: Vec::new(),

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec,
-    encode_uncertified, encode_with_scenes_uncertified, limits,
+    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure,
+    TextureSpec, encode_uncertified, encode_with_scenes_uncertified, limits,
 };
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -120,6 +120,7 @@ fn texture(name: String, structure: Structure, order: usize, size: usize) -> Tex
         structure,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s,
         force_axis_n,
         nodes: (0..size * size).map(node).collect(),

@@ -8,7 +8,7 @@ use libfuzzer_sys::fuzz_target;
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{
     CodeSpec, FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec,
-    Provenance, Structure, TextureSpec, encode,
+    PartsSpec, Provenance, Structure, TextureSpec, encode,
 };
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::grid::GridPoint;
@@ -80,6 +80,7 @@ fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws,
+        parts: PartsSpec::default(),
         speed_axis_mm_s: SPEEDS_MM_S.to_vec(),
         force_axis_n: FORCES_N.to_vec(),
         nodes: (0..4).map(&mut node).collect(),

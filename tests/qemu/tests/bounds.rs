@@ -195,6 +195,7 @@ impl Recipe {
                 level: LevelLaw::ALL[self.0[7] as usize],
                 fade: FadeLaw::Amplitude,
             },
+            parts: model_format::PartsSpec::default(),
             speed_axis_mm_s: axis(speeds),
             force_axis_n: axis(forces),
             nodes: (0..speeds * forces).map(node).collect(),

@@ -10,7 +10,7 @@ use kernel_vectors::job::Job;
 use kernel_vectors::report;
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_ORDER};
 use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure,
+    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
     TextureSpec, encode, encode_uncertified,
 };
 use stylus_kernel::proof::{
@@ -56,6 +56,7 @@ fn library(forces: usize) -> Vec<u8> {
         structure: Structure::DirectForm16,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: vec![50.0, 100.0],
         force_axis_n: (1..=forces).map(|force| force as f32).collect(),
         nodes: (0..2 * forces).map(node).collect(),

@@ -8,8 +8,8 @@ use alloc::vec::Vec;
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{
-    CodeSpec, FINE_THETA_STEP_RAD, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Provenance,
-    Structure, THETA_STEP_RAD, TextureSpec, encode_uncertified,
+    CodeSpec, FINE_THETA_STEP_RAD, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec,
+    Provenance, Structure, THETA_STEP_RAD, TextureSpec, encode_uncertified,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -313,6 +313,7 @@ impl Grid {
             structure,
             provenance: Provenance::Simulated,
             laws: self.laws,
+            parts: PartsSpec::default(),
             speed_axis_mm_s: self.speeds_mm_s.clone(),
             force_axis_n: self.forces_n.clone(),
             nodes: self

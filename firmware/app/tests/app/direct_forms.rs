@@ -7,7 +7,8 @@ use model_format::link::{
     ActivateError, LIBRARY_CRC, SlotFault, SlotId, SlotState, UploadChunk, UploadState,
 };
 use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
+    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
+    TextureSpec, encode,
 };
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
@@ -42,6 +43,7 @@ fn forged(predictors: &[&[f64]], margin: u8) -> Vec<u8> {
         structure: Structure::DirectForm16,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: (1..=predictors.len()).map(|speed| speed as f32).collect(),
         force_axis_n: vec![1.0],
         nodes: predictors.iter().map(|predictor| node(predictor)).collect(),

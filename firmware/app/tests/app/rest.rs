@@ -2,8 +2,8 @@
 
 use model_format::link::{Setting, SettingChange, Settings};
 use model_format::{
-    AdcCode, CodeSpec, DacCode, Library, NodeFlags, NodeSpec, Provenance, Structure, Texture,
-    TextureSpec, encode_uncertified,
+    AdcCode, CodeSpec, DacCode, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure,
+    Texture, TextureSpec, encode_uncertified,
 };
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::inputs::{FORCE_NOISE_CODES, Follower, InputConfig, Sensors};
@@ -36,6 +36,7 @@ fn library(structure: Structure) -> Vec<u8> {
         force_axis_n: vec![0.000_1],
         nodes: vec![node],
         laws: model_format::Laws::default(),
+        parts: PartsSpec::default(),
         cell_margins: vec![],
     }])
     .expect("a valid library")

@@ -4,7 +4,8 @@ use embassy_futures::block_on;
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_TEXTURES, SLOT_BYTES};
 use model_format::link::{ListError, SlotFault, SlotId, SlotState};
 use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
+    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
+    TextureSpec, encode,
 };
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
@@ -175,6 +176,7 @@ fn the_last_of_256_textures_is_listed_and_all_are_counted() {
             structure: Structure::NormalisedLattice,
             provenance: Provenance::Simulated,
             laws: Laws::default(),
+            parts: PartsSpec::default(),
             speed_axis_mm_s: vec![100.0],
             force_axis_n: vec![1.0],
             nodes: vec![NodeSpec {

@@ -24,7 +24,8 @@ use model_format::link::{
     LIBRARY_CRC, SelfTestRequest, SlotId, SlotState, UploadBegin, UploadChunk, UploadError,
 };
 use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
+    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
+    TextureSpec, encode,
 };
 use proptest::prelude::*;
 use stylus_app::flash::WORD_BYTES;
@@ -109,6 +110,7 @@ fn direct(name: &str) -> Vec<u8> {
         structure: Structure::DirectForm16,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: vec![100.0],
         force_axis_n: vec![1.0],
         nodes: vec![node],

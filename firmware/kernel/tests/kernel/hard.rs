@@ -2,7 +2,7 @@
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Structure, TextureSpec,
+    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, Structure, TextureSpec,
     encode_uncertified,
 };
 use proptest::collection::vec;
@@ -51,6 +51,7 @@ fn grid() -> impl Strategy<Value = Vec<u8>> {
         let speeds = [40.0, 80.0, 160.0];
         let spec = TextureSpec {
             laws: Laws { level, fade },
+            parts: PartsSpec::default(),
             ..spec(Structure::NormalisedLattice, &speeds, &[0.5, 1.5], nodes)
         };
         encode_uncertified(&[spec]).expect("a valid library")

@@ -1,7 +1,7 @@
 //! Laws of the level between nodes and below the grid, against their definitions in floating point.
 
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Structure, TextureSpec,
+    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, Structure, TextureSpec,
     encode_uncertified,
 };
 use proptest::prelude::*;
@@ -158,6 +158,7 @@ fn lattice(laws: Laws) -> Vec<u8> {
 fn with_laws(structure: Structure, nodes: Vec<NodeSpec>, laws: Laws) -> TextureSpec {
     TextureSpec {
         laws,
+        parts: PartsSpec::default(),
         ..spec(structure, &SPEEDS, &FORCES, nodes)
     }
 }

@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use model_format::{
-    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance,
-    SAMPLE_RATE_HZ, Structure, Texture, TextureSpec, encode_uncertified,
+    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, PartsSpec,
+    Provenance, SAMPLE_RATE_HZ, Structure, Texture, TextureSpec, encode_uncertified,
 };
 use serde_json::Value;
 use stylus_kernel::Motion;
@@ -133,6 +133,7 @@ pub fn spec(
         structure,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: speeds.to_vec(),
         force_axis_n: forces.to_vec(),
         nodes,

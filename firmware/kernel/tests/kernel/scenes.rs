@@ -2,7 +2,7 @@
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, Surface, Tap};
 use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure,
+    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
     TextureSpec, encode_with_scenes_uncertified,
 };
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
@@ -21,6 +21,7 @@ pub fn texture_of(name: &str, structure: Structure, node: &NodeSpec) -> TextureS
         structure,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: vec![50.0, 100.0],
         force_axis_n: vec![0.5, 1.0],
         nodes: vec![node.clone(); 4],

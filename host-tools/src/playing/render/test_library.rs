@@ -1,8 +1,8 @@
 //! A library and motions that the tests of this folder share.
 
 use model_format::{
-    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Provenance,
-    Structure, Texture, TextureSpec, encode,
+    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, PartsSpec,
+    Provenance, Structure, Texture, TextureSpec, encode,
 };
 
 use crate::playing::motion::MotionPath;
@@ -21,6 +21,7 @@ pub fn library(sample_rate_hz: u32) -> Vec<u8> {
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: vec![50.0, 100.0],
         force_axis_n: vec![0.5, 1.0],
         nodes: vec![

@@ -13,8 +13,14 @@
 //! A new kind is a file here with its `KIND`, its reader, its check and its writer; a field of [`Parts`] and the lines
 //! that name it below; and a row in the package's README.
 
+#[cfg(feature = "alloc")]
+pub(crate) mod excitation;
 pub(crate) mod fine_theta;
 pub(crate) mod levels;
+#[cfg(feature = "alloc")]
+pub(crate) mod lines;
+#[cfg(feature = "alloc")]
+pub(crate) mod modulation;
 #[cfg(feature = "alloc")]
 mod spec;
 
@@ -26,6 +32,8 @@ use levels::LevelsPart;
 
 #[cfg(feature = "alloc")]
 pub(crate) use spec::PartSpec;
+#[cfg(feature = "alloc")]
+pub use spec::PartsSpec;
 
 /// A kind of optional part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

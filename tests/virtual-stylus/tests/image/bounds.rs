@@ -4,8 +4,8 @@ use model_format::link::{MotionSource, PlayError, StopEndpoint, UploadCommitEndp
 use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{Biquad, Region, Scene, Surface, Tap};
 use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec,
-    encode_with_scenes,
+    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
+    TextureSpec, encode_with_scenes,
 };
 use postcard_rpc::Endpoint;
 use virtual_stylus::motion::Motion;
@@ -38,6 +38,7 @@ fn hostile() -> Vec<u8> {
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: axis(),
         force_axis_n: axis(),
         nodes: vec![node; 40 * 40],

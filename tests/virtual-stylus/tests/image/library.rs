@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use host_tools::texture::certificate::certified;
 use model_format::limits::MAX_ORDER;
 use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec, encode,
+    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec, encode,
 };
 use virtual_stylus::Options;
 use virtual_stylus::model::flash::Contents;
@@ -57,6 +57,7 @@ fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
         structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: (1..=speeds).map(|speed| f32::from(speed) * 20.0).collect(),
         force_axis_n: (1..=forces).map(|force| f32::from(force) * 0.2).collect(),
         cell_margins: Vec::new(),

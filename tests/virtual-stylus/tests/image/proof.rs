@@ -3,7 +3,8 @@
 use host_tools::texture::certificate::certified;
 use model_format::link::UploadState;
 use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
+    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
+    TextureSpec, encode,
 };
 use virtual_stylus::Options;
 use virtual_stylus::model::flash::Contents;
@@ -31,6 +32,7 @@ fn direct() -> Vec<u8> {
         structure: Structure::DirectForm16,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: vec![50.0, 100.0, 200.0],
         force_axis_n: vec![1.0],
         nodes: (0..3).map(node).collect(),

@@ -10,7 +10,7 @@ use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneName, StickSlip, Surface, Tap,
 };
 use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, Provenance, Structure, TextureSpec,
+    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec,
     encode_with_scenes,
 };
 use stylus_kernel::arithmetic::TURN_TAPS;
@@ -76,6 +76,7 @@ fn texture(name: &str, structure: Structure, order: u32) -> TextureSpec {
         structure,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
+        parts: PartsSpec::default(),
         speed_axis_mm_s: vec![40.0, 240.0],
         force_axis_n: vec![0.5, 2.0],
         cell_margins: Vec::new(),
