@@ -78,6 +78,7 @@ fn synthesis(criterion: &mut Criterion) {
             forces_n: vec![0.5, 1.0],
             models: vec![model; 4],
             laws: model_format::Laws::default(),
+            parts: model_format::PartsSpec::default(),
         };
         let spec = model_format::TextureSpec {
             name: "bench".into(),
@@ -85,7 +86,7 @@ fn synthesis(criterion: &mut Criterion) {
             structure: structure.structure(),
             provenance: model_format::Provenance::Simulated,
             laws: grid.laws,
-            parts: model_format::PartsSpec::default(),
+            parts: grid.parts.clone(),
             speed_axis_mm_s: grid.speeds_mm_s.clone(),
             force_axis_n: grid.forces_n.clone(),
             nodes: host_tools::texture::quantise::nodes("bench", &grid, structure)

@@ -1,6 +1,6 @@
 //! A texture's grid from its trials: a model for each (speed, force) that was recorded, and the holes filled.
 
-use model_format::{FadeLaw, Laws, LevelLaw, NodeFlags, limits};
+use model_format::{FadeLaw, Laws, LevelLaw, NodeFlags, PartsSpec, limits};
 use rayon::prelude::*;
 
 use crate::dsp::linear_prediction::{Prediction, corrected};
@@ -81,6 +81,7 @@ pub(super) fn assemble(
         speeds_mm_s,
         forces_n,
         laws: laws_of(&models),
+        parts: PartsSpec::default(),
         models,
     };
     Ok((grid, misses))

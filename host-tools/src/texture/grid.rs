@@ -1,6 +1,6 @@
 //! A texture's grid of models over speed and force.
 
-use model_format::Laws;
+use model_format::{Laws, PartsSpec};
 
 use crate::dsp::model::Model;
 
@@ -15,6 +15,8 @@ pub struct Grid {
     pub models: Vec<Model>,
     /// Laws of the level between nodes and below the grid.
     pub laws: Laws,
+    /// Optional parts of the texture.
+    pub parts: PartsSpec,
 }
 
 impl Grid {

@@ -1,6 +1,6 @@
 //! Entries of a library from a texture's grid.
 
-use model_format::{PartsSpec, Provenance, TextureSpec, encode_uncertified};
+use model_format::{Provenance, TextureSpec, encode_uncertified};
 
 use crate::support::error::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
@@ -8,7 +8,7 @@ use model_format::SAMPLE_RATE_HZ;
 use super::grid::Grid;
 use super::quantise::{self, StructureChoice};
 
-/// Returns texture `name` with the nodes of `grid` quantised for `structure`, without a certificate.
+/// Returns texture `name` with the parts of `grid` and its nodes quantised for `structure`, without a certificate.
 ///
 /// # Errors
 /// A node that the structure cannot hold, with its speed and force.
@@ -24,7 +24,7 @@ pub fn texture_spec(
         structure: structure.structure(),
         provenance,
         laws: grid.laws,
-        parts: PartsSpec::default(),
+        parts: grid.parts.clone(),
         speed_axis_mm_s: grid.speeds_mm_s.clone(),
         force_axis_n: grid.forces_n.clone(),
         nodes: quantise::nodes(name, grid, structure)?,

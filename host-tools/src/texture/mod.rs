@@ -6,6 +6,7 @@ pub mod certificate;
 pub mod domain;
 pub mod grid;
 pub mod library;
+pub mod parts;
 pub mod quantise;
 pub mod recorded_spectra;
 pub mod stored;

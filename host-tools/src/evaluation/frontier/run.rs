@@ -7,6 +7,7 @@ use crate::support::error::{Error, Result};
 use crate::texture::certificate;
 use crate::texture::grid::Grid;
 use crate::texture::library::uncertified_library;
+use crate::texture::parts::{Between, on_grid};
 use crate::texture::quantise::StructureChoice;
 
 use super::costs::{Core, Cost, Costs};
@@ -135,6 +136,7 @@ impl Prepared {
                     forces_n: vec![force_n],
                     models: vec![model.clone()],
                     laws: grid.laws,
+                    parts: on_grid(&grid.parts, &[Between::at(*node)]),
                 };
                 let played =
                     match uncertified_library(&self.names[*texture], &alone, structure.stored_as())

@@ -1,6 +1,6 @@
 //! A model played by the device's kernel, and compared with a recording.
 
-use model_format::{Laws, Library, MillimetresPerSecond, Newton, limits};
+use model_format::{Laws, Library, MillimetresPerSecond, Newton, PartsSpec, limits};
 use serde::Serialize;
 
 use super::options::Options;
@@ -94,6 +94,7 @@ pub fn synthesis(
         models: vec![model.clone()],
         // One node has nothing between.
         laws: Laws::default(),
+        parts: PartsSpec::default(),
     };
     let Ok(bytes) = uncertified_library(NAME, &grid, structure) else {
         return Ok(None);

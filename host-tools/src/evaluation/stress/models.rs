@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use model_format::{Laws, NodeFlags, limits};
+use model_format::{Laws, NodeFlags, PartsSpec, limits};
 use realfft::num_complex::Complex;
 
 use crate::dsp::linear_prediction::Prediction;
@@ -128,6 +128,7 @@ pub fn library(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> Resu
         forces_n: FORCES_N[..side].to_vec(),
         models: nodes.iter().map(model).collect(),
         laws: Laws::default(),
+        parts: PartsSpec::default(),
     };
     // Without a certificate, because the behaviour of an uncertified direct form is one of the results.
     uncertified_library("hard", &grid, structure)

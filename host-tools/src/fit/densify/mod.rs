@@ -23,6 +23,7 @@ use crate::texture::domain::{Method, Neighbour};
 use crate::texture::grid::Grid;
 use crate::texture::grid::as_written;
 use crate::texture::library::texture_spec;
+use crate::texture::parts::{Between, bytes as bytes_of_parts, on_grid};
 use crate::texture::recorded_spectra::recorded_spectra;
 use crate::texture::recorded_spectra::spectra::{NodeIndex, RecordedSpectra, TwoWays};
 
@@ -143,7 +144,7 @@ fn bytes(grid: &Grid, structure: Structure) -> usize {
         Structure::DirectForm16 | Structure::DirectForm32 => 0,
     };
     let axes = 4 * (grid.speeds_mm_s.len() + grid.forces_n.len());
-    HEADER_BYTES + axes + models + fractions * grid.models.len()
+    HEADER_BYTES + axes + models + fractions * grid.models.len() + bytes_of_parts(&grid.parts)
 }
 
 /// Replaces what `fit` filled between recorded nodes by what their spectra tell.
@@ -184,7 +185,9 @@ fn with_line(
     if axis.len() >= limits::MAX_AXIS_LEN || axis.get(at) == Some(&value) {
         return None;
     }
+    let places = places_with(grid, direction, at, value);
     axis.insert(at, value);
+    denser.parts = on_grid(&grid.parts, &places);
     let forces = denser.forces_n.len();
     let places = 0..denser.speeds_mm_s.len() * forces;
     denser.models = places
@@ -213,6 +216,31 @@ fn with_line(
         })
         .collect();
     Some(denser)
+}
+
+/// Places, on `grid`, of the nodes of a denser one, with a line of nodes at `value` before line `at` of an axis, and
+/// not before its first.
+fn places_with(grid: &Grid, direction: Direction, at: usize, value: f32) -> Vec<Between> {
+    let on_axis = |axis: &[f32], own: bool| -> Vec<Between> {
+        let mut places: Vec<Between> = (0..axis.len()).map(Between::at).collect();
+        if own {
+            let (before, after) = (axis[at - 1], axis[at]);
+            let between = Between {
+                nodes: [at - 1, at],
+                share: (value - before) / (after - before),
+            };
+            places.insert(at, between);
+        }
+        places
+    };
+    let speeds = on_axis(&grid.speeds_mm_s, direction == Direction::Speed);
+    let forces = on_axis(&grid.forces_n, direction == Direction::Force);
+    let place = |speed: Between, force: Between| Between {
+        nodes: [0, 1].map(|end| grid.index(speed.nodes[end], force.nodes[end])),
+        share: speed.share.max(force.share),
+    };
+    let of_speed = |&speed: &Between| forces.iter().map(move |&force| place(speed, force));
+    speeds.iter().flat_map(of_speed).collect()
 }
 
 /// A node between two of the grid's: by the spectrum there, or, where the field has none, as the device would play it.

@@ -88,6 +88,8 @@ pub fn convert(
         forces_n,
         models,
         laws: LAWS,
+        // Published models hold neither a residual nor a place.
+        parts: model_format::PartsSpec::default(),
     };
     let mut spec = texture_spec(name, Provenance::Recorded, &grid, StructureChoice::Lattice)?;
     // Models of 1 kHz have no line so narrow that it needs 24 bits of θ, and the slot holds more nodes without.
