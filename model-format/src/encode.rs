@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use crate::error::{DecodeError, Place, Problem};
-use crate::library::part::{self, excitation, fine_theta, levels, modulation};
+use crate::library::part::{self, excitation, fine_theta, levels, lines, modulation};
 use crate::library::{Coefficients, Laws, Library, NodeFlags, PartsSpec, theta};
 use crate::limits;
 use crate::scene::Scene;
@@ -396,6 +396,11 @@ fn append_parts(
         .collect();
     let fine_theta = fine_theta::part(&fractions)
         .map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
+    let lines = texture.parts.lines.as_ref();
+    let lines = lines.map(|spec| lines::part(spec, texture.nodes.len()));
+    let lines = lines
+        .transpose()
+        .map_err(|problem| problem.at(Place::Texture(index)))?;
     let malformed = |_| Problem::MalformedParts.at(Place::Texture(index));
     let excitation = texture.parts.excitation.as_ref().map(excitation::part);
     let modulation = texture.parts.modulation.as_ref().map(modulation::part);
@@ -404,6 +409,7 @@ fn append_parts(
         fine_theta,
         excitation.transpose().map_err(malformed)?,
         modulation.transpose().map_err(malformed)?,
+        lines,
     ]
     .into_iter()
     .flatten()

@@ -23,8 +23,9 @@ pub use encode::{
 pub use error::{DecodeError, Place, Problem};
 pub use library::{
     Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Codebook, Coefficients, Decoder, Excitation,
-    FadeLaw, LEVEL_FRACTION_BITS, Laws, LevelLaw, Library, MU_LAW_FRACTION_BITS, Modulation, Node,
-    NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL, Workspace, level_amplitude, mu_law,
+    FadeLaw, LEVEL_FRACTION_BITS, Laws, LevelLaw, Library, Line, Lines, MU_LAW_FRACTION_BITS,
+    Modulation, Node, NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL, Workspace,
+    level_amplitude, mu_law,
 };
 #[cfg(feature = "alloc")]
 pub use library::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, ModulationSpec, PartsSpec};

@@ -51,6 +51,17 @@ pub const MIN_FED_POWER: f32 = 0.98;
 
 /// Highest mean square of a codebook and of a level track; see [`MIN_FED_POWER`].
 pub const MAX_FED_POWER: f32 = 1.02;
+/// Most lines of a texture that are locked to place.
+pub const MAX_LINES: usize = 8;
+
+/// Shortest wavelength of a line, mm. A stroke of 44 mm/s takes it to 0.44 of a sample rate of 5 kHz.
+pub const MIN_WAVELENGTH_MM: f32 = 0.02;
+
+/// Longest wavelength of a line, mm.
+pub const MAX_WAVELENGTH_MM: f32 = 1000.0;
+
+/// Largest amplitude of a line, m/s²: an eighth of the output's full scale.
+pub const MAX_LINE_AMPLITUDE: f32 = 256.0;
 
 /// Longest name of a texture, bytes of UTF-8.
 pub const MAX_NAME_BYTES: usize = 48;

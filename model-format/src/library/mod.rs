@@ -34,6 +34,7 @@ pub use part::excitation::{Codebook, Excitation, MU_LAW_FRACTION_BITS, mu_law};
 #[cfg(feature = "alloc")]
 pub use part::excitation::{CodebookSpec, ExcitationSpec};
 pub use part::levels::{FadeLaw, Laws, LevelLaw};
+pub use part::lines::{Line, Lines};
 #[cfg(feature = "alloc")]
 pub use part::lines::{LineSpec, LinesSpec};
 #[cfg(feature = "alloc")]

@@ -3,16 +3,19 @@
 //! | file | content |
 //! |---|---|
 //! | `texture` | the header, in one step |
+//! | `lines` | the amplitudes of lines, some per step |
 //! | `node` | the nodes, some per step |
 //! | `certificate` | the certificate, whose checksum takes steps |
 //! | `fed` | codebooks and level track, in steps |
 
 mod certificate;
 mod fed;
+mod lines;
 mod node;
 mod texture;
 
 pub(super) use certificate::{CertificateCheck, Demand};
 pub(super) use fed::FedCheck;
+pub(super) use lines::LinesCheck;
 pub(super) use node::NodesCheck;
 pub(super) use texture::check_header;

@@ -6,6 +6,7 @@
 //! | 2 | [`fine_theta`] | 8 more binary digits of θ for the first stages of a lattice |
 //! | 3 | [`excitation`] | codebooks of the prediction residual |
 //! | 4 | [`modulation`] | a track of the excitation's level |
+//! | 5 | [`lines`] | lines that are locked to place |
 //!
 //! A texture ends with a varint of the number of its parts, and each part is a varint of its kind and a string of its
 //! content. Kinds ascend, so that none comes twice. An unknown kind is refused, because a reader that left it out would
@@ -18,7 +19,6 @@
 pub(crate) mod excitation;
 pub(crate) mod fine_theta;
 pub(crate) mod levels;
-#[cfg(feature = "alloc")]
 pub(crate) mod lines;
 pub(crate) mod modulation;
 mod powers;
@@ -31,6 +31,7 @@ use crate::wire::{Reader, Structure};
 use excitation::ExcitationPart;
 use fine_theta::FineTheta;
 use levels::LevelsPart;
+use lines::LinesPart;
 use modulation::ModulationPart;
 
 #[cfg(feature = "alloc")]
@@ -49,6 +50,8 @@ pub enum PartKind {
     Excitation,
     /// A track of the excitation's level.
     Modulation,
+    /// Lines that are locked to place.
+    Lines,
 }
 
 impl core::fmt::Display for PartKind {
@@ -58,6 +61,7 @@ impl core::fmt::Display for PartKind {
             Self::FineTheta => "fine theta",
             Self::Excitation => "excitation",
             Self::Modulation => "modulation",
+            Self::Lines => "lines",
         })
     }
 }
@@ -69,6 +73,7 @@ pub(super) struct Parts<'a> {
     pub fine_theta: Option<FineTheta<'a>>,
     pub excitation: Option<ExcitationPart<'a>>,
     pub modulation: Option<ModulationPart<'a>>,
+    pub lines: Option<LinesPart<'a>>,
 }
 
 impl<'a> Parts<'a> {
@@ -87,6 +92,7 @@ impl<'a> Parts<'a> {
                 fine_theta::KIND => parts.fine_theta = Some(FineTheta(content)),
                 excitation::KIND => parts.excitation = Some(ExcitationPart(content)),
                 modulation::KIND => parts.modulation = Some(ModulationPart(content)),
+                lines::KIND => parts.lines = Some(LinesPart(content)),
                 unknown => return Err(Problem::UnknownPart(unknown)),
             }
             if kind <= last {
@@ -111,6 +117,9 @@ impl<'a> Parts<'a> {
         if let Some(modulation) = self.modulation {
             modulation.check()?;
         }
+        if let Some(lines) = self.lines {
+            lines.check(nodes)?;
+        }
         Ok(())
     }
 
@@ -122,6 +131,7 @@ impl<'a> Parts<'a> {
             of(PartKind::FineTheta, self.fine_theta.map(|part| part.0)),
             of(PartKind::Excitation, self.excitation.map(|part| part.0)),
             of(PartKind::Modulation, self.modulation.map(|part| part.0)),
+            of(PartKind::Lines, self.lines.map(|part| part.0)),
         ];
         parts.into_iter().flatten()
     }
