@@ -33,7 +33,8 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
         laws: texture.laws(),
         parts: PartsSpec {
             lines: texture.lines().map(Into::into),
-            ..PartsSpec::default()
+            excitation: texture.excitation().map(Into::into),
+            modulation: texture.modulation().map(Into::into),
         },
         speed_axis_mm_s: texture.speed_axis().values().collect(),
         force_axis_n: texture.force_axis().values().collect(),

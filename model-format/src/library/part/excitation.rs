@@ -81,6 +81,25 @@ impl CodebookSpec {
     }
 }
 
+#[cfg(feature = "alloc")]
+impl From<Excitation<'_>> for ExcitationSpec {
+    /// The codebooks of a decoded texture, which encode to the same bytes.
+    fn from(excitation: Excitation<'_>) -> Self {
+        let signed = |codes: &[u8]| codes.iter().map(|code| code.cast_signed()).collect();
+        Self {
+            codebooks: excitation
+                .codebooks()
+                .iter()
+                .map(|codebook| CodebookSpec {
+                    peak: codebook.peak,
+                    codes: signed(codebook.codes),
+                })
+                .collect(),
+            of_nodes: excitation.of_nodes.to_vec(),
+        }
+    }
+}
+
 /// Codebooks of a decoded texture, and the one that each node has.
 #[derive(Clone, Copy, Debug)]
 pub struct Excitation<'a> {

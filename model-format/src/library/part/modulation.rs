@@ -74,6 +74,18 @@ impl ModulationSpec {
     }
 }
 
+#[cfg(feature = "alloc")]
+impl From<Modulation<'_>> for ModulationSpec {
+    /// The level track of a decoded texture, which encodes to the same bytes.
+    fn from(modulation: Modulation<'_>) -> Self {
+        let entries = modulation.entries.iter();
+        Self {
+            step_samples: modulation.step_samples,
+            entries: entries.map(|entry| entry.cast_signed()).collect(),
+        }
+    }
+}
+
 /// Level track of a decoded texture.
 #[derive(Clone, Copy, Debug)]
 pub struct Modulation<'a> {
