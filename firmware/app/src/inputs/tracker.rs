@@ -145,7 +145,8 @@ impl Tracked {
     }
 
     fn follow_encoder(&mut self, config: &InputConfig) {
-        let count_mm = config.path_per_count.abs();
+        // A path per count of 0 is allowed, and keeps the tool where it is.
+        let count_mm = config.path_per_count.abs().max(f32::MIN_POSITIVE);
         // Both ends of a count are the same in both directions, so that the tool is in its middle on the average.
         let middle = self.counted.ahead(steps(config.path_per_count / 2.0));
         self.go(self.velocity + self.acceleration / 2.0);
