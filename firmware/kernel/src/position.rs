@@ -119,8 +119,8 @@ impl Track {
     }
 }
 
-/// Way that a hand may go in a block without a speed at its beginning: 0.2 mm, which in 2 ms is 100 m/s².
-pub const SLACK_STEPS: u64 = (1 << Position::FRACTION_BITS) / 5;
+/// Way that a hand may go in a block beyond twice its speed: 0.5 mm, because a speed that is a mean of 20 ms lags.
+pub const SLACK_STEPS: u64 = (1 << Position::FRACTION_BITS) / 2;
 
 impl Passage {
     /// The position with `left` of `samples` samples to come.

@@ -78,6 +78,19 @@ pub struct RawNode {
     pub offset: u32,
 }
 
+/// Content of a part with lines of these wavelengths, mm, and phases over `nodes` nodes, of which the first two are at
+/// rest.
+pub fn lines(lines: &[(f32, u16)], nodes: usize) -> Vec<u8> {
+    let mut content = vec![lines.len() as u8];
+    for (wavelength, phase) in lines {
+        content.extend(wavelength.to_le_bytes());
+        content.extend(phase.to_le_bytes());
+        let amplitudes = (0..nodes).map(|node| if node < 2 { 0.0 } else { node as f32 / 4.0 });
+        content.extend(amplitudes.flat_map(f32::to_le_bytes));
+    }
+    content
+}
+
 impl RawLibrary {
     /// A valid library of one small texture of each structure: lattice, direct form of 16 bits, of 32 bits.
     ///
@@ -118,7 +131,8 @@ impl RawLibrary {
         let fractions = [0, 0, 0, 0, 127, 0x80, 1, 0xff, 0, 3, 200, 0];
         library.textures[0].parts = vec![(1, vec![1, 1]), (2, fractions.to_vec())];
         library.textures[1].parts = vec![(1, vec![0, 1]), (3, two_codebooks(6)), (4, track())];
-        library.textures[2].parts = vec![(4, track())];
+        let lines = lines(&[(0.61, 1), (1000.0, 65_535)], 6);
+        library.textures[2].parts = vec![(4, track()), (5, lines)];
         library.scenes = vec![plain_scene(), full_scene()];
         library
     }

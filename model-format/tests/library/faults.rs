@@ -1,12 +1,13 @@
 //! Bytes with exactly one fault, for each fault there is: its kind, its place, and the text that a person reads.
 
-use model_format::limits::{MAX_LIBRARY_BYTES, MAX_OUTPUT_POWER};
+use model_format::limits::{MAX_LIBRARY_BYTES, MAX_LINE_AMPLITUDE, MAX_LINES, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, DecodeError, FORMAT_VERSION, Laws, LevelLaw, Library, NodeFlags, NodeSpec, PartsSpec,
-    Place, Problem, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode,
+    CodeSpec, DecodeError, FORMAT_VERSION, Laws, LevelLaw, Library, LineSpec, LinesSpec, NodeFlags,
+    NodeSpec, PartsSpec, Place, Problem, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec,
+    encode,
 };
 
-use crate::bytes::{RawCertificate, RawLibrary, RawTexture, checksum, repair};
+use crate::bytes::{RawCertificate, RawLibrary, RawTexture, checksum, lines, repair};
 
 /// Places in [`RawLibrary::sound`]: texture 1 and its first node that is not silent.
 const TEXTURE: Place = Place::Texture(1);
@@ -1170,4 +1171,218 @@ fn no_fraction_saves_the_code_of_a_quarter_turn() {
     };
     let problem = Problem::ReflectionCoefficient { stage: 1 };
     check(error, place, problem, "magnitude 1");
+}
+
+/// Sound lines of the texture of [`part_fault`], with one fault.
+fn lines_fault(spoil: impl FnOnce(&mut Vec<u8>)) -> DecodeError {
+    let mut content = lines(&[(0.5, 0), (2.0, 9)], 6);
+    let sound = content.clone();
+    let whole = fault_free(&[(5, &sound)]);
+    assert!(Library::decode(&whole).is_ok());
+    spoil(&mut content);
+    part_fault(&[(5, &content)])
+}
+
+/// The bytes of the library of [`part_fault`] with parts that are right.
+fn fault_free(parts: &[(u32, &[u8])]) -> Vec<u8> {
+    let mut library = RawLibrary::sound();
+    let parts = parts
+        .iter()
+        .map(|(kind, content)| (*kind, content.to_vec()));
+    library.textures[0].parts = parts.collect();
+    library.bytes()
+}
+
+/// Bytes of one line of [`lines_fault`].
+const LINE_BYTES: usize = 6 + 6 * 4;
+
+#[test]
+fn lines_are_as_many_as_their_count_says_and_neither_none_nor_too_many() {
+    let texture = Place::Texture(0);
+    for count in [0, MAX_LINES + 1, 255] {
+        let error = lines_fault(|content| content[0] = count as u8);
+        check(
+            error,
+            texture,
+            Problem::LineCount(count),
+            "there must be 1 to 8",
+        );
+    }
+    check(
+        part_fault(&[(5, b"")]),
+        texture,
+        Problem::LineCount(0),
+        "has no such part",
+    );
+    let whole = 1 + 2 * LINE_BYTES;
+    for (found, count) in [
+        (whole, 1),
+        (whole, 3),
+        (whole - 1, 2),
+        (whole + 1, 2),
+        (1, 2),
+        (2, 8),
+    ] {
+        let error = lines_fault(|content| {
+            content.resize(found, 0);
+            content[0] = count as u8;
+        });
+        let expected = 1 + count * LINE_BYTES;
+        let problem = Problem::LinesLength { found, expected };
+        check(
+            error,
+            texture,
+            problem,
+            "where their number and the nodes take",
+        );
+    }
+}
+
+#[test]
+fn wavelengths_are_in_their_range_and_none_comes_twice() {
+    let set = |value: f32| {
+        lines_fault(|content| content[1 + LINE_BYTES..][..4].copy_from_slice(&value.to_le_bytes()))
+    };
+    for value in [
+        0.0,
+        -2.0,
+        0.0199,
+        1000.1,
+        f32::INFINITY,
+        f32::NAN,
+        f32::MIN_POSITIVE,
+    ] {
+        let error = set(value);
+        assert!(
+            matches!(error.problem, Problem::Wavelength { line: 1, value: found } if found.to_bits() == value.to_bits())
+        );
+        check_message(error, Place::Texture(0), "must be 0.02 to 1000 mm");
+    }
+    let problem = Problem::WavelengthTaken { line: 1, other: 0 };
+    check(
+        set(0.5),
+        Place::Texture(0),
+        problem,
+        "make one line of both",
+    );
+}
+
+#[test]
+fn amplitudes_of_lines_are_finite_bounded_and_zero_at_rest() {
+    let set = |node: usize, value: f32| {
+        lines_fault(|content| {
+            content[1 + LINE_BYTES + 6 + 4 * node..][..4].copy_from_slice(&value.to_le_bytes());
+        })
+    };
+    let at = |node: usize| Place::Node {
+        texture: 0,
+        speed: node / 2,
+        force: node % 2,
+    };
+    for value in [
+        -1.0,
+        -0.0,
+        f32::NAN,
+        f32::INFINITY,
+        MAX_LINE_AMPLITUDE.next_up(),
+    ] {
+        for node in [0, 3, 5] {
+            let error = set(node, value);
+            assert!(
+                matches!(error.problem, Problem::LineAmplitude { line: 1, value: found } if found.to_bits() == value.to_bits())
+            );
+            check_message(error, at(node), "not negative and at most 256");
+        }
+    }
+    for node in [0, 1] {
+        check(
+            set(node, 0.5),
+            at(node),
+            Problem::LineAtZero(1),
+            "speed 0 or force 0",
+        );
+    }
+    let silent = lines_fault(|content| content[1 + LINE_BYTES + 6..].fill(0));
+    check(
+        silent,
+        Place::Texture(0),
+        Problem::SilentLine(1),
+        "leave it out",
+    );
+}
+
+/// The last amplitude of the largest grid is checked too, however many steps that takes.
+#[test]
+fn every_amplitude_of_the_largest_grid_is_checked() {
+    let values = |unit: f32| {
+        (1..=64)
+            .map(|index| unit * index as f32)
+            .collect::<Vec<_>>()
+    };
+    let mut wide = spec();
+    let node = NodeSpec {
+        codes: CodeSpec::lattice(vec![]),
+        ..wide.nodes[1].clone()
+    };
+    (wide.speed_axis_mm_s, wide.force_axis_n) = (values(5.0), values(0.1));
+    wide.nodes = vec![node; 64 * 64];
+    let line = |at: usize| LineSpec {
+        wavelength_mm: 1.0 + at as f32,
+        phase: 0,
+        amplitudes: vec![1.0; 64 * 64],
+    };
+    wide.parts.lines = Some(LinesSpec {
+        lines: (0..MAX_LINES).map(line).collect(),
+    });
+    let bytes = encode(std::slice::from_ref(&wide)).expect("it is valid");
+    assert!(bytes.len() < MAX_LIBRARY_BYTES);
+    for (line, node) in [(0, 0), (3, 2049), (7, 64 * 64 - 1)] {
+        let mut spoilt = wide.clone();
+        spoilt.parts.lines.as_mut().expect("it has lines").lines[line].amplitudes[node] = 300.0;
+        let error = encode(&[spoilt]).expect_err("a line is too loud");
+        let place = Place::Node {
+            texture: 0,
+            speed: node / 64,
+            force: node % 64,
+        };
+        assert_eq!(
+            error,
+            DecodeError {
+                place,
+                problem: Problem::LineAmplitude { line, value: 300.0 }
+            }
+        );
+    }
+}
+
+#[test]
+fn the_encoder_refuses_lines_of_other_nodes() {
+    let mut wrong = spec();
+    let amplitudes = vec![0.0; wrong.nodes.len() + 1];
+    let expected = wrong.nodes.len();
+    let line = LineSpec {
+        wavelength_mm: 1.0,
+        phase: 0,
+        amplitudes,
+    };
+    wrong.parts.lines = Some(LinesSpec {
+        lines: vec![line.clone()],
+    });
+    let error = encode(std::slice::from_ref(&wrong)).expect_err("an amplitude too many");
+    let problem = Problem::LineNodes {
+        line: 0,
+        found: expected + 1,
+        expected,
+    };
+    check(error, Place::Texture(0), problem, "one for each");
+    wrong.parts.lines = Some(LinesSpec {
+        lines: vec![line; MAX_LINES + 1],
+    });
+    let error = encode(&[wrong]).expect_err("a line too many");
+    check(
+        error,
+        Place::Texture(0),
+        Problem::LineCount(MAX_LINES + 1),
+        "there must be 1 to 8",
+    );
 }

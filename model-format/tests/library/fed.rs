@@ -81,7 +81,9 @@ fn a_texture_lists_its_codebooks_and_its_track_with_their_bytes() {
             (PartKind::Modulation, 21),
         ]
     );
-    assert_eq!(parts(2), [(PartKind::Modulation, 21)]);
+    // Two lines of a wavelength, a phase and six amplitudes.
+    let lines = (PartKind::Lines, 1 + 2 * (4 + 2 + 6 * 4));
+    assert_eq!(parts(2), [(PartKind::Modulation, 21), lines]);
     let fed: Vec<bool> = library.textures().map(|texture| texture.is_fed()).collect();
     assert_eq!(fed, [false, true, true]);
     assert_eq!(PartKind::Excitation.to_string(), "excitation");

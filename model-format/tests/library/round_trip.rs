@@ -1,9 +1,9 @@
 //! Round trips: from content to bytes and back, and from bytes to content and back.
 
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library, ModulationSpec,
-    NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec, UNCERTIFIED_CELL, encode,
-    encode_uncertified, encode_with_scenes, limits,
+    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library, LineSpec, LinesSpec,
+    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec,
+    UNCERTIFIED_CELL, encode, encode_uncertified, encode_with_scenes, limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -84,6 +84,8 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
         let nodes: Vec<_> = (0..speeds.len() * forces.len())
             .map(|index| node(structure, at_zero(index)))
             .collect();
+        let moves = (0..speeds.len() * forces.len()).map(|index| !at_zero(index));
+        let nodes_that_move: Vec<bool> = moves.collect();
         let cells = |axis: &[f32]| (axis.len() - 1).max(1);
         let cells = match structure {
             Structure::NormalisedLattice => 0,
@@ -96,19 +98,22 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
             nodes,
             vec(0..UNCERTIFIED_CELL, cells),
             parts(speeds.len() * forces.len()),
+            lines(nodes_that_move),
         )
             .prop_map(
-                move |(name, sample_rate_hz, provenance, nodes, cell_margins, parts)| TextureSpec {
-                    laws: laws_for(laws, &nodes),
-                    parts,
-                    name,
-                    sample_rate_hz,
-                    structure,
-                    provenance,
-                    speed_axis_mm_s: speeds.clone(),
-                    force_axis_n: forces.clone(),
-                    nodes,
-                    cell_margins,
+                move |(name, sample_rate_hz, provenance, nodes, cell_margins, parts, lines)| {
+                    TextureSpec {
+                        laws: laws_for(laws, &nodes),
+                        parts: PartsSpec { lines, ..parts },
+                        name,
+                        sample_rate_hz,
+                        structure,
+                        provenance,
+                        speed_axis_mm_s: speeds.clone(),
+                        force_axis_n: forces.clone(),
+                        nodes,
+                        cell_margins,
+                    }
                 },
             )
     })
@@ -191,6 +196,32 @@ fn laws_for((level, fade): (LevelLaw, FadeLaw), nodes: &[NodeSpec]) -> Laws {
         level => level,
     };
     Laws { level, fade }
+}
+
+/// Lines over nodes of which these move; none if none does.
+fn lines(moves: Vec<bool>) -> impl Strategy<Value = Option<LinesSpec>> {
+    let some = moves.iter().any(|&moves| moves);
+    let wavelengths = limits::MIN_WAVELENGTH_MM.to_bits()..=limits::MAX_WAVELENGTH_MM.to_bits();
+    let amplitude = 1..=limits::MAX_LINE_AMPLITUDE.to_bits();
+    let amplitudes = vec(amplitude, moves.len() * limits::MAX_LINES);
+    let phases = vec(any::<u16>(), limits::MAX_LINES);
+    let wavelengths = btree_set(wavelengths, 0..=limits::MAX_LINES);
+    (wavelengths, phases, amplitudes).prop_map(move |(wavelengths, phases, amplitudes)| {
+        let amplitudes = amplitudes.chunks(moves.len());
+        let lines = wavelengths.iter().zip(&phases).zip(amplitudes);
+        let lines: Vec<LineSpec> = lines
+            .map(|((&wavelength, &phase), amplitudes)| LineSpec {
+                wavelength_mm: f32::from_bits(wavelength),
+                phase,
+                amplitudes: amplitudes
+                    .iter()
+                    .zip(&moves)
+                    .map(|(&bits, &moves)| if moves { f32::from_bits(bits) } else { 0.0 })
+                    .collect(),
+            })
+            .collect();
+        (some && !lines.is_empty()).then_some(LinesSpec { lines })
+    })
 }
 
 /// A name of up to 40 bytes, so that an index fits before it.

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure,
-    TextureSpec, encode_uncertified, encode_with_scenes_uncertified, limits,
+    CodeSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, NodeFlags, NodeSpec, PartsSpec,
+    Provenance, Structure, TextureSpec, encode_uncertified, encode_with_scenes_uncertified, limits,
 };
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -35,6 +35,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         with_parts.nodes[0].codes = CodeSpec::fine_lattice(&thetas);
         all.push(with_parts);
     }
+    for lines in [1, limits::MAX_LINES] {
+        let mut lined = texture(format!("{lines} lines"), structures[0], 3, 2);
+        lined.parts.lines = Some(lines_of(lines));
+        all.push(lined);
+    }
     for (index, texture) in all.iter().enumerate() {
         let bytes = encode_uncertified(std::slice::from_ref(texture))?;
         std::fs::write(folder.join(format!("single-{index}")), bytes)?;
@@ -46,6 +51,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     let with_scenes = encode_with_scenes_uncertified(&all[..2], &[scene()?])?;
     std::fs::write(folder.join("scenes"), with_scenes)?;
     Ok(())
+}
+
+/// So many lines of a texture of 2 × 2 nodes, of which only the last is neither at rest nor out of contact.
+fn lines_of(lines: usize) -> LinesSpec {
+    let line = |at: usize| LineSpec {
+        wavelength_mm: 0.5 * (at + 1) as f32,
+        phase: 30_000,
+        amplitudes: vec![0.0, 0.0, 0.0, 1.0],
+    };
+    LinesSpec {
+        lines: (0..lines).map(line).collect(),
+    }
 }
 
 /// Two surfaces side by side, with every effect.

@@ -7,14 +7,14 @@ use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
 use kernel_vectors::{Libraries, report};
 use model_format::limits::{
     DECODE_INSTRUCTIONS, DECODE_INSTRUCTIONS_PER_BYTE, DECODE_INSTRUCTIONS_PER_SCENE,
-    DECODE_INSTRUCTIONS_PER_TEXTURE, MAX_AXIS_LEN, MAX_FINE_STAGES, MAX_LIBRARY_BYTES,
+    DECODE_INSTRUCTIONS_PER_TEXTURE, MAX_AXIS_LEN, MAX_FINE_STAGES, MAX_LIBRARY_BYTES, MAX_LINES,
     MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES, PLAN_INSTRUCTIONS, STEP_INSTRUCTIONS,
 };
 use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, Problem, Provenance, SAMPLE_RATE_HZ,
-    Structure, TextureSpec, encode_with_scenes,
+    CodeSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, NodeFlags, NodeSpec, PartsSpec,
+    Problem, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode_with_scenes,
 };
 use tasks::guest::{self, Processor};
 use tasks::qemu;
@@ -27,7 +27,7 @@ const ROUNDS: usize = 9;
 const SEARCHED_BYTES: usize = 48 * 1024;
 
 /// Number of properties of a recipe.
-const PROPERTIES: usize = 17;
+const PROPERTIES: usize = 18;
 
 /// Names and highest values of the properties; the lowest is 0, or 1 where it must be.
 const HIGHEST: [(&str, u32, u32); PROPERTIES] = [
@@ -48,6 +48,7 @@ const HIGHEST: [(&str, u32, u32); PROPERTIES] = [
     ("stick-slips", 0, MAX_SURFACES as u32),
     ("sections", 0, MAX_SECTIONS as u32),
     ("regions", 0, MAX_REGIONS as u32),
+    ("lines", 0, MAX_LINES as u32),
 ];
 
 /// The properties of a hostile library.
@@ -132,7 +133,8 @@ impl Recipe {
     fn texture_bytes(&self) -> usize {
         let [textures, with_grid, speeds, forces, order, structure, ..] =
             self.0.map(|n| n as usize);
-        let node = 16 + order * if structure == 2 { 4 } else { 2 };
+        let lines = self.0[17] as usize;
+        let node = 16 + order * if structure == 2 { 4 } else { 2 } + 4 * lines;
         let with_grid = with_grid.min(textures);
         with_grid * speeds * forces * node + (textures - with_grid) * node
     }
@@ -195,7 +197,10 @@ impl Recipe {
                 level: LevelLaw::ALL[self.0[7] as usize],
                 fade: FadeLaw::Amplitude,
             },
-            parts: model_format::PartsSpec::default(),
+            parts: PartsSpec {
+                lines: self.lines((speeds * forces) as usize),
+                ..PartsSpec::default()
+            },
             speed_axis_mm_s: axis(speeds),
             force_axis_n: axis(forces),
             nodes: (0..speeds * forces).map(node).collect(),
@@ -205,6 +210,16 @@ impl Recipe {
                 margins
             },
         }
+    }
+
+    fn lines(&self, nodes: usize) -> Option<LinesSpec> {
+        let line = |at: u32| LineSpec {
+            wavelength_mm: 1.0 + at as f32,
+            phase: 7,
+            amplitudes: vec![0.1; nodes],
+        };
+        let lines: Vec<_> = (0..self.0[17]).map(line).collect();
+        (!lines.is_empty()).then_some(LinesSpec { lines })
     }
 
     fn scene(&self, index: u32) -> Scene {
@@ -217,6 +232,7 @@ impl Recipe {
             stick_slips,
             sections,
             regions,
+            _,
         ] = self.0;
         let surface = |at: u32| Surface {
             texture: Some((textures - 1 - at % used.min(textures)) as u8),

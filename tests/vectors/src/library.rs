@@ -8,8 +8,8 @@ use alloc::vec::Vec;
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{
-    CodeSpec, FINE_THETA_STEP_RAD, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec,
-    Provenance, Structure, THETA_STEP_RAD, TextureSpec, encode_uncertified,
+    CodeSpec, FINE_THETA_STEP_RAD, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, NodeFlags,
+    NodeSpec, PartsSpec, Provenance, Structure, THETA_STEP_RAD, TextureSpec, encode_uncertified,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -24,6 +24,9 @@ const UNEQUAL_ORDERS: [usize; 6] = [MAX_ORDER, 37, 1, 250, 399, 0];
 /// Order of models whose length does not matter.
 const SHORT_ORDER: usize = 60;
 
+/// Wavelengths, mm, and phases of lines: the shortest and the longest that there are, and two that a hand feels.
+const FOUR_LINES: [(f32, u16); 4] = [(0.02, 1), (0.61, 0x4000), (2.0, 0xffff), (1000.0, 0)];
+
 /// The bytes of a library that holds every texture of [`crate::VECTORS`]. Some are direct forms that cannot be
 /// certified, so it decodes with [`model_format::Library::decode_uncertified`] only.
 ///
@@ -34,7 +37,7 @@ pub fn library() -> Vec<u8> {
 }
 
 /// The textures of [`library`], none of them certified.
-pub fn specs() -> [TextureSpec; 14] {
+pub fn specs() -> [TextureSpec; 16] {
     use Structure::{DirectForm16, DirectForm32, NormalisedLattice};
     let resonant = |index| Model::resonant(MAX_ORDER, index);
     let one = Grid::one(Model::resonant(MAX_ORDER, 1), 9.0);
@@ -68,6 +71,14 @@ pub fn specs() -> [TextureSpec; 14] {
             .with_rest()
             .with_laws(LevelLaw::Amplitude, FadeLaw::Power)
             .texture("direct 16, mean amplitude", DirectForm16),
+        Grid::new(|index| resonant(index as u64))
+            .with_lines(&FOUR_LINES)
+            .texture("lattice, four lines", NormalisedLattice),
+        Grid::new(|index| Model::gentle(SHORT_ORDER, 60 + index as u64))
+            .with_rest()
+            .with_laws(LevelLaw::Power, FadeLaw::Power)
+            .with_lines(&FOUR_LINES[1..2])
+            .texture("direct 32, one line", DirectForm32),
     ]
 }
 
@@ -266,6 +277,7 @@ struct Grid {
     forces_n: Vec<f32>,
     models: Vec<(Model, f32)>,
     laws: Laws,
+    lines: Vec<(f32, u16)>,
 }
 
 impl Grid {
@@ -279,6 +291,7 @@ impl Grid {
                 .map(|index| (model(index), 0.5 + 2.5 * index as f32))
                 .collect(),
             laws: Laws::default(),
+            lines: Vec::new(),
         }
     }
 
@@ -289,6 +302,7 @@ impl Grid {
             forces_n: FORCES_N[..1].to_vec(),
             models: [(model, output_power)].to_vec(),
             laws: Laws::default(),
+            lines: Vec::new(),
         }
     }
 
@@ -296,6 +310,29 @@ impl Grid {
     fn with_laws(self, level: LevelLaw, fade: FadeLaw) -> Self {
         let laws = Laws { level, fade };
         Self { laws, ..self }
+    }
+
+    /// The same with lines of these wavelengths, mm, and phases. Their amplitudes rise with the node.
+    fn with_lines(self, lines: &[(f32, u16)]) -> Self {
+        let lines = lines.to_vec();
+        Self { lines, ..self }
+    }
+
+    fn lines(&self) -> Option<LinesSpec> {
+        let amplitude = |(index, (_, power)): (usize, &(Model, f32))| {
+            if *power > 0.0 {
+                0.25 + 0.125 * index as f32
+            } else {
+                0.0
+            }
+        };
+        let line = |&(wavelength_mm, phase): &(f32, u16)| LineSpec {
+            wavelength_mm,
+            phase,
+            amplitudes: self.models.iter().enumerate().map(amplitude).collect(),
+        };
+        let lines: Vec<_> = self.lines.iter().map(line).collect();
+        (!lines.is_empty()).then_some(LinesSpec { lines })
     }
 
     /// The same with silent nodes at speed zero.
@@ -313,7 +350,10 @@ impl Grid {
             structure,
             provenance: Provenance::Simulated,
             laws: self.laws,
-            parts: PartsSpec::default(),
+            parts: PartsSpec {
+                lines: self.lines(),
+                ..PartsSpec::default()
+            },
             speed_axis_mm_s: self.speeds_mm_s.clone(),
             force_axis_n: self.forces_n.clone(),
             nodes: self

@@ -111,6 +111,11 @@ impl<'a> Plan<'a> {
         self.sample_rate_hz
     }
 
+    /// Returns whether any texture has lines that are locked to place, for which the position counts.
+    pub fn has_lines(&self) -> bool {
+        self.has_lines
+    }
+
     /// Instructions per tick in the worst case, in the model of [`cost`].
     ///
     /// With two surfaces or more, the two most expensive ones sound at a time, because the tool may jump from any one

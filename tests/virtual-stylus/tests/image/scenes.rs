@@ -10,8 +10,8 @@ use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneName, StickSlip, Surface, Tap,
 };
 use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec,
-    encode_with_scenes,
+    CodeSpec, Laws, Library, LineSpec, LinesSpec, NodeFlags, NodeSpec, PartsSpec, Provenance,
+    Structure, TextureSpec, encode_with_scenes,
 };
 use stylus_kernel::arithmetic::TURN_TAPS;
 use stylus_kernel::scene::Plan;
@@ -32,6 +32,8 @@ const LATTICE: u8 = 0;
 const SHORT_LATTICE: u8 = 1;
 const DIRECT: u8 = 2;
 const SHORT_DIRECT: u8 = 3;
+const FOUR_LINES: u8 = 4;
+const ONE_LINE: u8 = 5;
 
 /// Orders of the long textures and of the short ones.
 const ORDERS: [u32; 2] = [400, 200];
@@ -85,6 +87,21 @@ fn texture(name: &str, structure: Structure, order: u32) -> TextureSpec {
     host_tools::texture::certificate::certified(spec).expect("its coefficients are small")
 }
 
+/// The same with so many lines that are locked to place.
+fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
+    let line = |at: usize| LineSpec {
+        wavelength_mm: 0.3 + 0.7 * at as f32,
+        phase: 9_000 * at as u16,
+        amplitudes: (1..=spec.nodes.len())
+            .map(|node| 0.3 * node as f32)
+            .collect(),
+    };
+    spec.parts.lines = Some(LinesSpec {
+        lines: (0..lines).map(line).collect(),
+    });
+    spec
+}
+
 fn name(name: &str) -> SceneName {
     SceneName::try_from(name).expect("short")
 }
@@ -134,7 +151,7 @@ fn two(title: &str, surfaces: [Surface; 2], boundary_mm: f32) -> Scene {
 }
 
 fn everything() -> Scene {
-    let first = tapped(sticky(Surface::of_texture(LATTICE)));
+    let first = tapped(sticky(Surface::of_texture(FOUR_LINES)));
     let second = sticky(Surface::of_texture(DIRECT));
     let mut scene = equalised(two("everything", [first, second], 30.0), 3);
     scene.transition_mm = 20.0;
@@ -158,6 +175,8 @@ fn scenes() -> Vec<Scene> {
         of_surface("short lattice", Surface::of_texture(SHORT_LATTICE)),
         of_surface("direct", Surface::of_texture(DIRECT)),
         of_surface("short direct", Surface::of_texture(SHORT_DIRECT)),
+        of_surface("four lines", Surface::of_texture(FOUR_LINES)),
+        of_surface("one line", Surface::of_texture(ONE_LINE)),
         of_surface("tap", tapped(lattice())),
         of_surface("sticky", sticky(lattice())),
         equalised(of_surface("one section", lattice()), 1),
@@ -186,6 +205,8 @@ pub fn bytes() -> &'static [u8] {
             texture("short lattice", NormalisedLattice, ORDERS[1]),
             texture("direct", DirectForm16, ORDERS[0]),
             texture("short direct", DirectForm16, ORDERS[1]),
+            lined(texture("four lines", NormalisedLattice, ORDERS[0]), 4),
+            lined(texture("one line", NormalisedLattice, ORDERS[0]), 1),
         ];
         encode_with_scenes(&textures, &scenes()).expect("within the limits")
     })
@@ -442,6 +463,8 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     let sticky = count_scene(&mut device, "sticky").within;
     let [one, four, eight] = ["one section", "four sections", "eight sections"]
         .map(|scene| count_scene(&mut device, scene).within);
+    let [one_line, four_lines] =
+        ["one line", "four lines"].map(|scene| count_scene(&mut device, scene).within);
     let tap = count_struck(&mut device, "tap").within;
     let both = count_struck(&mut device, "tap, four sections").within;
 
@@ -455,6 +478,9 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     covers(cost::DIRECT, turns[0], of_voice(direct));
     covers(cost::DIRECT, turns[1], of_voice(short_direct));
     covers(cost::STICK_SLIP, 0, sticky - lattice.within);
+    covers(cost::LINES, 1, one_line - lattice.within);
+    covers(cost::LINES, 4, four_lines - lattice.within);
+    assert!(four_lines - lattice.within <= 200, "{four_lines}");
     covers(cost::TAP, 0, tap - lattice.within);
     covers(cost::EQUALISER, 1, one - lattice.within);
     covers(cost::EQUALISER, 4, four - lattice.within);
