@@ -1,6 +1,6 @@
 //! A codebook: material of a residual, whitened as it is played, cut at its highest peaks, and coded by the mu-law.
 
-use model_format::{CodebookSpec, limits};
+use model_format::{CodebookSpec, MU_LAW_FRACTION_BITS, limits, mu_law};
 use realfft::num_complex::Complex;
 
 use crate::dsp::with_planner;
@@ -16,11 +16,8 @@ const PASSES: usize = 3;
 /// Least power of the codebook's spectrum that whitening raises to the mean, as a share of it: 30 dB.
 const LEAST_POWER: f64 = 1e-3;
 
-/// Steepness of the mu-law.
-const MU: f64 = 255.0;
-
 /// Code of the peak.
-const HIGHEST_CODE: f64 = 127.0;
+const HIGHEST_CODE: i8 = 127;
 
 /// A codebook with what its coding cost.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,12 +48,15 @@ pub(super) fn coded(material: &[f64], highest: f64) -> Option<Coded> {
     }
     scale_to_one(&mut samples)?;
     let peak = samples.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+    let bounds: Vec<f64> = (0..HIGHEST_CODE)
+        .map(|code| peak * (share(code) + share(code + 1)) / 2.0)
+        .collect();
     let code = |x: &f64| {
-        let share = (MU * x.abs() / peak).ln_1p() / MU.ln_1p();
-        (HIGHEST_CODE * share).round().copysign(*x) as i8
+        let code = bounds.partition_point(|&bound| bound < x.abs()) as i8;
+        if *x < 0.0 { -code } else { code }
     };
     let codes: Vec<i8> = samples.iter().map(code).collect();
-    let decoded: Vec<f64> = codes.iter().map(|&code| peak * mu_law(code)).collect();
+    let decoded: Vec<f64> = codes.iter().map(|&code| peak * share(code)).collect();
     let errors: Vec<f64> = decoded.iter().zip(&samples).map(|(a, b)| a - b).collect();
     let power = mean_square(&decoded);
     let peak = (peak / power.sqrt()) as f32;
@@ -68,9 +68,8 @@ pub(super) fn coded(material: &[f64], highest: f64) -> Option<Coded> {
 }
 
 /// Value of a code by the mu-law, as a share of the peak.
-fn mu_law(code: i8) -> f64 {
-    let share = f64::from(code.unsigned_abs()) / HIGHEST_CODE;
-    (((MU + 1.0).powf(share) - 1.0) / MU).copysign(f64::from(code))
+fn share(code: i8) -> f64 {
+    f64::from(mu_law(code)) / f64::from(1u32 << MU_LAW_FRACTION_BITS)
 }
 
 /// Scales `samples` to a mean square of 1. `None` if they have no power.
@@ -102,8 +101,12 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
     if count == 0 || !mean_square(samples).is_normal() {
         return None;
     }
-    let (forward, inverse) =
-        with_planner(|planner| (planner.plan_fft_forward(count), planner.plan_fft_inverse(count)));
+    let (forward, inverse) = with_planner(|planner| {
+        (
+            planner.plan_fft_forward(count),
+            planner.plan_fft_inverse(count),
+        )
+    });
     let transform = |signal: &[f64]| -> Vec<Complex<f64>> {
         let (mut input, mut output) = (signal.to_vec(), forward.make_output_vec());
         forward
@@ -114,7 +117,7 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
     let back = |mut spectrum: Vec<Complex<f64>>| -> Vec<f64> {
         // The imaginary part that these have by round-off is not that of a real signal.
         spectrum[0].im = 0.0;
-        if count % 2 == 0 {
+        if count.is_multiple_of(2) {
             spectrum[count / 2].im = 0.0;
         }
         let mut output = inverse.make_output_vec();
@@ -124,11 +127,17 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
         output.iter().map(|x| x / count as f64).collect()
     };
     let spectrum = transform(samples);
-    let power = spectrum.iter().map(|bin| Complex::new(bin.norm_sqr() / count as f64, 0.0));
+    let power = spectrum
+        .iter()
+        .map(|bin| Complex::new(bin.norm_sqr() / count as f64, 0.0));
     let mut lags = back(power.collect());
     let reach = (*PIECE_SAMPLES.end()).min(count / 2);
     for lag in 0..=count / 2 {
-        let share = if lag <= reach { share_in_one_piece(lag) } else { 0.0 };
+        let share = if lag <= reach {
+            share_in_one_piece(lag)
+        } else {
+            0.0
+        };
         lags[lag] *= share;
         if lag > 0 && count - lag > lag {
             lags[count - lag] *= share;
@@ -136,7 +145,10 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
     }
     let least = LEAST_POWER * lags[0];
     let played = transform(&lags);
-    let filtered = spectrum.iter().zip(&played).map(|(bin, played)| bin / played.re.max(least).sqrt());
+    let filtered = spectrum
+        .iter()
+        .zip(&played)
+        .map(|(bin, played)| bin / played.re.max(least).sqrt());
     Some(back(filtered.collect()))
 }
 
@@ -147,7 +159,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     fn decoded(spec: &CodebookSpec) -> Vec<f64> {
-        let value = |&code: &i8| f64::from(spec.peak) * mu_law(code);
+        let value = |&code: &i8| f64::from(spec.peak) * share(code);
         spec.codes.iter().map(value).collect()
     }
 
@@ -171,28 +183,46 @@ mod tests {
             let coded = coded(&material, 38.0).unwrap();
             let samples = decoded(&coded.spec);
             assert!((mean_square(&samples) - 1.0).abs() < 1e-6);
-            assert!(coded.cut == 0 && coded.snr_db > 30.0, "{coded:?}", coded = coded.snr_db);
+            assert!(
+                coded.cut == 0 && coded.snr_db > 30.0,
+                "{coded:?}",
+                coded = coded.snr_db
+            );
             // Play it, by another path than the filter's: pieces with random starts and signs.
             let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
             let mut lags = vec![0.0; 401];
             let (pieces, mut played) = (20_000, 0);
             for _ in 0..pieces {
-                let (start, length) = (random.random_range(0..count), random.random_range(PIECE_SAMPLES));
-                let piece: Vec<f64> = (start..start + length).map(|n| samples[n % count]).collect();
+                let (start, length) = (
+                    random.random_range(0..count),
+                    random.random_range(PIECE_SAMPLES),
+                );
+                let piece: Vec<f64> = (start..start + length)
+                    .map(|n| samples[n % count])
+                    .collect();
                 for (lag, sum) in lags.iter_mut().enumerate().take(length) {
-                    *sum += piece[lag..].iter().zip(&piece).map(|(a, b)| a * b).sum::<f64>();
+                    *sum += piece[lag..]
+                        .iter()
+                        .zip(&piece)
+                        .map(|(a, b)| a * b)
+                        .sum::<f64>();
                 }
                 played += length;
             }
             let density = |hz: f64| -> f64 {
                 let angle = std::f64::consts::TAU * hz / 5000.0;
                 let cosines = lags.iter().enumerate().skip(1);
-                let sum: f64 = cosines.map(|(lag, r)| 2.0 * r * (angle * lag as f64).cos()).sum();
+                let sum: f64 = cosines
+                    .map(|(lag, r)| 2.0 * r * (angle * lag as f64).cos())
+                    .sum();
                 (lags[0] + sum) / f64::from(played as u32)
             };
             for band in 0..19 {
                 let centre = 30.0 * 2f64.powf(f64::from(band) / 3.0);
-                let mean = (0..20).map(|n| density(centre * 2f64.powf((f64::from(n) - 9.5) / 60.0))).sum::<f64>() / 20.0;
+                let mean = (0..20)
+                    .map(|n| density(centre * 2f64.powf((f64::from(n) - 9.5) / 60.0)))
+                    .sum::<f64>()
+                    / 20.0;
                 let level_db = 10.0 * mean.log10();
                 assert!(level_db.abs() < 0.3, "{centre} Hz: {level_db} dB");
             }
@@ -217,15 +247,17 @@ mod tests {
     #[test]
     fn material_without_power_has_no_codebook_and_an_impulse_has_one() {
         assert_eq!(coded(&[], 30.0), None);
-        assert_eq!(coded(&[0.0; 5000], 30.0), None);
-        assert_eq!(coded(&[f64::NAN; 5000], 30.0), None);
+        assert_eq!(coded(&vec![0.0; 5000], 30.0), None);
+        assert_eq!(coded(&vec![f64::NAN; 5000], 30.0), None);
         let mut impulse = vec![0.0; 5000];
         impulse[700] = 1e-3;
         if let Some(coded) = coded(&impulse, 30.0) {
             assert!((mean_square(&decoded(&coded.spec)) - 1.0).abs() < 1e-3);
             assert!(coded.spec.peak <= 40.0);
         }
-        let alternating: Vec<f64> = (0..5000).map(|n| if n % 2 == 0 { 3.0 } else { -3.0 }).collect();
+        let alternating: Vec<f64> = (0..5000)
+            .map(|n| if n % 2 == 0 { 3.0 } else { -3.0 })
+            .collect();
         let coded = coded(&alternating, 30.0).unwrap();
         assert!((mean_square(&decoded(&coded.spec)) - 1.0).abs() < 1e-3);
     }

@@ -108,10 +108,12 @@ pub(super) struct Levels {
 /// Test of the spread of levels about the mean of each trial: one-sided, at [`LEVEL`], by the distribution of the
 /// variance (chi-squared, by the cube root of Wilson and Hilferty, 1931).
 pub(super) fn spread(trials: &[Levels]) -> Evidence {
-    let freedom: f64 = trials.iter().map(|t| (t.levels_db.count - 1.0).max(0.0)).sum();
-    let per_freedom = |of: &dyn Fn(&Levels) -> f64| {
-        trials.iter().map(of).sum::<f64>() / freedom.max(1.0)
-    };
+    let freedom: f64 = trials
+        .iter()
+        .map(|t| (t.levels_db.count - 1.0).max(0.0))
+        .sum();
+    let per_freedom =
+        |of: &dyn Fn(&Levels) -> f64| trials.iter().map(of).sum::<f64>() / freedom.max(1.0);
     let variance = per_freedom(&|trial| trial.levels_db.scatter());
     let steady = per_freedom(&|t| t.steady_db2 * (t.levels_db.count - 1.0).max(0.0));
     let ninth = 2.0 / (9.0 * freedom.max(1.0));

@@ -57,7 +57,12 @@ pub(super) fn held_out(signal: &[f64], order: usize, estimator: Estimator) -> Ju
     // The first judged block stands behind a fitted one, which is longer than the predictor.
     let parts: Vec<Vec<f64>> = blocks
         .judged()
-        .map(|block| residual(&signal[block.start.saturating_sub(order)..block.end], &predictor))
+        .map(|block| {
+            residual(
+                &signal[block.start.saturating_sub(order)..block.end],
+                &predictor,
+            )
+        })
         .collect();
     of_parts(&parts, mean_square(signal))
 }
@@ -69,7 +74,11 @@ fn of_parts(parts: &[Vec<f64>], power: f64) -> Judged {
     if mean.is_nan() || mean <= ROUND_OFF * power {
         return Judged::default();
     }
-    let windows = |samples: usize| parts.iter().flat_map(move |part| part.chunks_exact(samples));
+    let windows = |samples: usize| {
+        parts
+            .iter()
+            .flat_map(move |part| part.chunks_exact(samples))
+    };
     let local = |samples: usize| -> Vec<f64> {
         let loud = windows(samples).filter(|window| mean_square(window) > QUIET * mean);
         loud.map(kurtosis).collect()
@@ -106,5 +115,8 @@ fn correlation(parts: &[Vec<f64>]) -> f64 {
             *sum += lag;
         }
     }
-    2.0 * lags[1..].iter().map(|lag| (lag / lags[0]).powi(2)).sum::<f64>()
+    2.0 * lags[1..]
+        .iter()
+        .map(|lag| (lag / lags[0]).powi(2))
+        .sum::<f64>()
 }

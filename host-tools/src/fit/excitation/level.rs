@@ -1,6 +1,6 @@
 //! Local levels of a residual, and the track of them that a library stores.
 
-use model_format::{ModulationSpec, SAMPLE_RATE_HZ, limits};
+use model_format::{LEVEL_FRACTION_BITS, ModulationSpec, SAMPLE_RATE_HZ, level_amplitude, limits};
 
 use super::residual::mean_square;
 use super::trace::Trace;
@@ -55,7 +55,11 @@ pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
     let local = |n: usize| {
         let (first, end) = (n.saturating_sub(reach), (n + reach + 1).min(squares.len()));
         let weights = &weights[first + reach - n..end + reach - n];
-        let sum: f64 = squares[first..end].iter().zip(weights).map(|(x, w)| x * w).sum();
+        let sum: f64 = squares[first..end]
+            .iter()
+            .zip(weights)
+            .map(|(x, w)| x * w)
+            .sum();
         (sum / weights.iter().sum::<f64>()).max(least).sqrt()
     };
     (0..residual.len()).map(local).collect()
@@ -70,7 +74,10 @@ pub(super) fn track(traces: &[&Trace], resolution: Resolution) -> Option<(Modula
     let step = usize::from(resolution.step);
     let shortest = (SHORTEST_S * f64::from(SAMPLE_RATE_HZ)) as usize / step;
     let most = limits::MAX_MODULATION_ENTRIES;
-    let amplitudes: Vec<Vec<f64>> = traces.iter().map(|trace| own_track(trace, resolution)).collect();
+    let amplitudes: Vec<Vec<f64>> = traces
+        .iter()
+        .map(|trace| own_track(trace, resolution))
+        .collect();
     let total: usize = amplitudes.iter().map(Vec::len).sum();
     let parts: Vec<&[f64]> = if total <= most {
         amplitudes.iter().map(Vec::as_slice).collect()
@@ -128,7 +135,10 @@ fn entries(mut amplitudes: Vec<f64>) -> Option<Vec<i8>> {
     };
     let coded = |trial: i32| -> Vec<i8> {
         let shift = 2.0 * f64::from(trial) / f64::from(TRIALS);
-        amplitudes.iter().map(|&amplitude| code(amplitude, shift)).collect()
+        amplitudes
+            .iter()
+            .map(|&amplitude| code(amplitude, shift))
+            .collect()
     };
     let error = |codes: &Vec<i8>| {
         let played: Vec<f64> = codes.iter().map(|&code| amplitude(code)).collect();
@@ -137,12 +147,14 @@ fn entries(mut amplitudes: Vec<f64>) -> Option<Vec<i8>> {
     let all = (-TRIALS..=TRIALS).map(coded);
     let judged = all.map(|codes| (error(&codes), codes));
     let (least, codes) = judged.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (least <= LARGEST_ERROR).then_some(codes)
+    // A track without a change says what its absence says.
+    let changes = codes.iter().any(|&code| code != 0);
+    (changes && least <= LARGEST_ERROR).then_some(codes)
 }
 
 /// Amplitude of an entry.
 pub(super) fn amplitude(entry: i8) -> f64 {
-    10f64.powf(f64::from(entry) / ENTRIES_PER_DECADE)
+    f64::from(level_amplitude(entry)) / f64::from(1u32 << LEVEL_FRACTION_BITS)
 }
 
 /// Mean square of amplitudes that are played in straight lines from one to the next, and from the last to the first.
@@ -166,6 +178,14 @@ mod tests {
         }
     }
 
+    /// A tone of 800 Hz whose level changes at 5 Hz, by 1 + 0.8 cos.
+    fn beating(samples: usize) -> Vec<f64> {
+        let envelope = |n: usize| 1.0 + 0.8 * (n as f64 * std::f64::consts::TAU / 1000.0).cos();
+        (0..samples)
+            .map(|n| envelope(n) * (n as f64).sin())
+            .collect()
+    }
+
     #[test]
     fn the_local_rms_of_a_steady_signal_is_its_level_up_to_its_ends() {
         for level in local_rms(&[-2.0; 700], 100) {
@@ -179,7 +199,9 @@ mod tests {
     fn a_tone_that_beats_has_its_envelope_as_track() {
         // 5 Hz under 800 Hz: 1 + 0.8 cos.
         let envelope = |n: usize| 1.0 + 0.8 * (n as f64 * std::f64::consts::TAU / 1000.0).cos();
-        let signal: Vec<f64> = (0..20_000).map(|n| envelope(n) * (n as f64).sin()).collect();
+        let signal: Vec<f64> = (0..20_000)
+            .map(|n| envelope(n) * (n as f64).sin())
+            .collect();
         for resolution in [BESIDE_CODEBOOK, BESIDE_NOISE] {
             let (spec, trials) = track(&[&trace(signal.clone())], resolution).unwrap();
             assert_eq!(trials, 1);
@@ -188,14 +210,18 @@ mod tests {
             let level = |n: usize| amplitude(spec.entries[n / step]);
             let dip_db = 20.0 * (level(10_000) / level(10_500)).log10();
             // A window of 100 ms fills a dip of 200 ms a little.
-            let expected = if resolution == BESIDE_NOISE { 18.5 } else { 13.0 };
+            let expected = if resolution == BESIDE_NOISE {
+                18.5
+            } else {
+                13.0
+            };
             assert!(dip_db > expected && dip_db < 19.5, "{dip_db}");
         }
     }
 
     #[test]
     fn trials_without_room_give_equal_parts_of_themselves_or_give_way() {
-        let residual = |seconds: usize| -> Vec<f64> { (0..5000 * seconds).map(|n| (n as f64).sin()).collect() };
+        let residual = |seconds: usize| beating(5000 * seconds);
         let long = trace(residual(30));
         let (spec, trials) = track(&[&long, &long, &long], BESIDE_CODEBOOK).unwrap();
         assert_eq!((spec.entries.len(), trials), (4095, 3));
@@ -207,12 +233,13 @@ mod tests {
 
     #[test]
     fn flaws_have_no_entries() {
-        let mut one = trace((0..20_000).map(|n| (n as f64).sin()).collect());
+        let mut one = trace(beating(20_000));
         one.residual[9000..9500].fill(0.0);
-        one.flaws = vec![8000..10_500];
+        one.flaws.push(8000..10_500);
         let (spec, _) = track(&[&one], BESIDE_NOISE).unwrap();
         assert_eq!(spec.entries.len(), 700);
-        assert!(spec.entries.iter().all(|entry| entry.abs() <= 1));
+        // The dips of the beat are 19 dB below its peaks, and silence 50 dB.
+        assert!(spec.entries.iter().all(|&entry| entry > -80));
     }
 
     proptest! {

@@ -87,16 +87,14 @@ fn clean(trace: &Trace) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         while start + STRETCH_SAMPLES <= trace.residual.len() {
             let stretch = start..start + STRETCH_SAMPLES;
-            let flaw = trace.flaws.iter().find(|flaw| flaw.start < stretch.end && stretch.start < flaw.end);
+            let flaw = trace
+                .flaws
+                .iter()
+                .find(|flaw| flaw.start < stretch.end && stretch.start < flaw.end);
             let is_loud = mean_square(&trace.residual[stretch.clone()]) > QUIET;
-            match flaw {
-                Some(flaw) => start = flaw.end.max(start + 1),
-                None => {
-                    start = stretch.end;
-                    if is_loud {
-                        return Some(stretch.start);
-                    }
-                }
+            start = flaw.map_or(stretch.end, |flaw| flaw.end.max(start + 1));
+            if flaw.is_none() && is_loud {
+                return Some(stretch.start);
             }
         }
         None
@@ -106,7 +104,9 @@ fn clean(trace: &Trace) -> impl Iterator<Item = usize> {
 fn mean_kurtosis(stretch: &[f64]) -> f64 {
     let windows = stretch.chunks_exact(KURTOSIS_SAMPLES);
     let loud = windows.filter(|window| mean_square(window) > 0.0);
-    let (count, sum) = loud.fold((0.0, 0.0), |(count, sum), window| (count + 1.0, sum + kurtosis(window)));
+    let (count, sum) = loud.fold((0.0, 0.0), |(count, sum), window| {
+        (count + 1.0, sum + kurtosis(window))
+    });
     sum / f64::max(count, 1.0)
 }
 
@@ -139,9 +139,16 @@ mod tests {
         let quiet = material.samples.iter().filter(|&&x| x < 0.5).count();
         assert!(quiet <= 900, "half of a stretch at most: {quiet}");
         one.flaws = std::iter::once(0..8500).collect();
-        assert_eq!(choose(&[&one], false, MOST_STRETCHES), None, "0.7 s are too little");
+        assert_eq!(
+            choose(&[&one], false, MOST_STRETCHES),
+            None,
+            "0.7 s are too little"
+        );
         assert_eq!(choose(&[], true, MOST_STRETCHES), None);
-        assert_eq!(choose(&[&trace(STRETCH_SAMPLES - 1)], true, MOST_STRETCHES), None);
+        assert_eq!(
+            choose(&[&trace(STRETCH_SAMPLES - 1)], true, MOST_STRETCHES),
+            None
+        );
     }
 
     #[test]
@@ -162,7 +169,9 @@ mod tests {
             *x *= (f64::from(n as u32) / 3.0).sin() * (1.0 + 0.9 * (n as f64 / 1000.0).sin());
         }
         let level_db = |samples: &[f64]| {
-            let levels = samples.chunks_exact(250).map(|w| 10.0 * mean_square(w).log10());
+            let levels = samples
+                .chunks_exact(250)
+                .map(|w| 10.0 * mean_square(w).log10());
             levels.clone().fold(f64::MIN, f64::max) - levels.fold(f64::MAX, f64::min)
         };
         let [with, without] = [true, false].map(|apart| choose(&[&one], apart, 10).unwrap());

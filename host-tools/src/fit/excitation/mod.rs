@@ -104,8 +104,9 @@ pub fn add_from(
 
 /// Bytes that each texture may take for its excitation beside the models, so that they all have room in a library.
 fn bytes_per_texture(fit: &Fit) -> Result<usize> {
-    let encoded = model_format::encode_uncertified(&fit.specs)
-        .map_err(|failure| Error::Model(format!("the textures do not make a library: {failure}")))?;
+    let encoded = model_format::encode_uncertified(&fit.specs).map_err(|failure| {
+        Error::Model(format!("the textures do not make a library: {failure}"))
+    })?;
     let left = limits::MAX_LIBRARY_BYTES.saturating_sub(encoded.len());
     Ok(left / fit.specs.len().max(1))
 }
@@ -136,7 +137,13 @@ fn traces(
             let trace = match nodes.get(grid.index(at.0, at.1)) {
                 Some(node) if node.output_power > 0.0 => {
                     let signal = read(trial)?;
-                    Trace::of(&signal, at, &node.codes, &report.verdicts, options.estimator)
+                    Trace::of(
+                        &signal,
+                        at,
+                        &node.codes,
+                        &report.verdicts,
+                        options.estimator,
+                    )
                 }
                 _ => None,
             };

@@ -58,7 +58,9 @@ pub(super) fn regions(traces: &[Trace], shape: (usize, usize), most: usize) -> V
     }];
     while regions.len() < most {
         let divisions = regions.iter().enumerate().flat_map(|(index, region)| {
-            region.divisions().map(move |sides| (index, difference(traces, &sides), sides))
+            region
+                .divisions()
+                .map(move |sides| (index, difference(traces, &sides), sides))
         });
         let clearest = divisions.max_by(|a, b| a.1.total_cmp(&b.1));
         match clearest {
@@ -81,7 +83,9 @@ fn difference(traces: &[Trace], sides: &[Region; 2]) -> f64 {
             .filter(|windows| windows.count > 0.0)
             .map(|windows| logarithm(&windows))
             .collect();
-        let windows = own().map(|trace| trace.judged.kurtosis).fold(Sums::default(), Sums::plus);
+        let windows = own()
+            .map(|trace| trace.judged.kurtosis)
+            .fold(Sums::default(), Sums::plus);
         (Sums::of(&means), windows)
     });
     let least = LEAST_TRIALS as f64;
@@ -99,7 +103,9 @@ fn difference(traces: &[Trace], sides: &[Region; 2]) -> f64 {
 
 /// Logarithm of a trial's mean local kurtosis, in units of a Gaussian's.
 fn logarithm(windows: &Sums) -> f64 {
-    (windows.mean() / gaussian_kurtosis(KURTOSIS_SAMPLES)).max(f64::MIN_POSITIVE).ln()
+    (windows.mean() / gaussian_kurtosis(KURTOSIS_SAMPLES))
+        .max(f64::MIN_POSITIVE)
+        .ln()
 }
 
 #[cfg(test)]
@@ -110,14 +116,19 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     /// A trial at each node, whose windows' kurtosis has the mean `kurtosis` and a scatter of a third of it.
-    fn grid(shape: (usize, usize), seed: u64, kurtosis: impl Fn(usize, usize) -> f64) -> Vec<Trace> {
+    fn grid(
+        shape: (usize, usize),
+        seed: u64,
+        kurtosis: impl Fn(usize, usize) -> f64,
+    ) -> Vec<Trace> {
         let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
         let nodes = (0..shape.0).flat_map(|speed| (0..shape.1).map(move |force| (speed, force)));
         nodes
             .map(|at| {
                 let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-                let windows: Vec<f64> =
-                    (0..80).map(|_| kurtosis(at.0, at.1) * (1.0 + normal() / 3.0)).collect();
+                let windows: Vec<f64> = (0..80)
+                    .map(|_| kurtosis(at.0, at.1) * (1.0 + normal() / 3.0))
+                    .collect();
                 Trace {
                     at,
                     residual: Vec::new(),
@@ -135,7 +146,10 @@ mod tests {
     fn halves_that_differ_are_told_apart_where_they_do() {
         let traces = grid((10, 6), 1, |speed, _| if speed < 4 { 3.0 } else { 7.0 });
         let found = regions(&traces, (10, 6), 4);
-        let halves = [0..4, 4..10].map(|speeds| Region { speeds, forces: 0..6 });
+        let halves = [0..4, 4..10].map(|speeds| Region {
+            speeds,
+            forces: 0..6,
+        });
         assert_eq!(found, halves);
         let traces = grid((10, 6), 2, |speed, force| match (speed < 4, force < 3) {
             (true, _) => 3.0,
@@ -150,7 +164,11 @@ mod tests {
     #[test]
     fn grids_that_are_alike_throughout_or_hardly_recorded_stay_whole() {
         for seed in 0..200 {
-            assert_eq!(regions(&grid((8, 5), seed, |_, _| 8.0), (8, 5), 4).len(), 1, "{seed}");
+            assert_eq!(
+                regions(&grid((8, 5), seed, |_, _| 8.0), (8, 5), 4).len(),
+                1,
+                "{seed}"
+            );
         }
         let few = grid((2, 2), 1, |speed, _| if speed == 0 { 3.0 } else { 30.0 });
         assert_eq!(regions(&few, (2, 2), 4).len(), 1);

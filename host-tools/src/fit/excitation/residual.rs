@@ -31,7 +31,11 @@ pub(super) fn residual(signal: &[f64], predictor: &[f64]) -> Vec<f64> {
     let newest_last: Vec<f64> = predictor.iter().rev().copied().collect();
     let error = |window: &[f64]| -> f64 {
         let (before, now) = (&window[..order], window[order]);
-        now + before.iter().zip(&newest_last).map(|(x, a)| x * a).sum::<f64>()
+        now + before
+            .iter()
+            .zip(&newest_last)
+            .map(|(x, a)| x * a)
+            .sum::<f64>()
     };
     signal.windows(order + 1).map(error).collect()
 }

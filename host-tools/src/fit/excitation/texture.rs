@@ -61,9 +61,13 @@ pub(super) fn parts(
         ModulationChoice::Auto => spread_db.is_significant(),
     };
     // A codebook has its level taken out only if a track puts it back.
-    let beside = is_level_wanted.then(|| track(&all, BESIDE_CODEBOOK)).flatten();
+    let beside = is_level_wanted
+        .then(|| track(&all, BESIDE_CODEBOOK))
+        .flatten();
     let beside = beside.filter(|(spec, _)| HEADER_BYTES + spec.entries.len() <= room);
-    let taken = beside.as_ref().map_or(0, |(spec, _)| HEADER_BYTES + spec.entries.len());
+    let taken = beside
+        .as_ref()
+        .map_or(0, |(spec, _)| HEADER_BYTES + spec.entries.len());
     let highest_level = beside.as_ref().map_or(1.0, |(spec, _)| highest(spec));
     let budget = Budget {
         bytes: room.saturating_sub(taken).min(limits::MAX_EXCITATION_BYTES),
@@ -89,13 +93,23 @@ pub(super) fn parts(
     } else {
         beside
     };
-    let level = reason_of_level(chosen.is_some(), is_level_wanted, spread_db, options.modulation);
+    let level = reason_of_level(
+        chosen.is_some(),
+        is_level_wanted,
+        spread_db,
+        options.modulation,
+    );
     let report = ExcitationReport {
         texture: name.to_owned(),
         kurtosis,
         spread_db,
-        codebooks: codebooks.iter().map(|own| codebook_report(own, axes)).collect(),
-        track: chosen.as_ref().map(|(spec, trials)| track_report(spec, *trials)),
+        codebooks: codebooks
+            .iter()
+            .map(|own| codebook_report(own, axes))
+            .collect(),
+        track: chosen
+            .as_ref()
+            .map(|(spec, trials)| track_report(spec, *trials)),
         source,
         level,
     };
@@ -123,7 +137,10 @@ impl Budget {
     /// Most codebooks that all are long enough.
     fn codebooks(self) -> usize {
         let long_enough = |&count: &usize| self.stretches(count) >= LEAST_STRETCHES;
-        (1..=limits::MAX_CODEBOOKS).filter(long_enough).max().unwrap_or(0)
+        (1..=limits::MAX_CODEBOOKS)
+            .filter(long_enough)
+            .max()
+            .unwrap_or(0)
     }
 }
 
@@ -143,7 +160,10 @@ fn codebooks(traces: &[Trace], axes: Axes<'_>, wanted: Wanted, budget: Budget) -
     let shape = (axes.speeds_mm_s.len(), axes.forces_n.len());
     let regions = regions(traces, shape, budget.codebooks());
     let members = |region: &Region| -> Vec<&Trace> {
-        traces.iter().filter(|trace| region.contains(trace.at)).collect()
+        traces
+            .iter()
+            .filter(|trace| region.contains(trace.at))
+            .collect()
     };
     let wanting: Vec<(Region, Vec<&Trace>, Evidence)> = regions
         .into_iter()
@@ -194,7 +214,8 @@ fn excitation(codebooks: Vec<OfRegion>, axes: Axes<'_>) -> Option<ExcitationSpec
 
 fn codebook_report(own: &OfRegion, axes: Axes<'_>) -> CodebookReport {
     let Region { speeds, forces } = &own.region;
-    let ends = |axis: &[f32], range: &std::ops::Range<usize>| [axis[range.start], axis[range.end - 1]];
+    let ends =
+        |axis: &[f32], range: &std::ops::Range<usize>| [axis[range.start], axis[range.end - 1]];
     CodebookReport {
         speeds_mm_s: ends(axes.speeds_mm_s, speeds),
         forces_n: ends(axes.forces_n, forces),
@@ -213,7 +234,10 @@ fn track_report(spec: &ModulationSpec, trials: usize) -> TrackReport {
         trials,
         entries: spec.entries.len(),
         step_s: f64::from(spec.step_samples) / f64::from(SAMPLE_RATE_HZ),
-        range_db: [level_db(spec.entries.iter().min()), level_db(spec.entries.iter().max())],
+        range_db: [
+            level_db(spec.entries.iter().min()),
+            level_db(spec.entries.iter().max()),
+        ],
     }
 }
 
@@ -231,7 +255,11 @@ fn said(evidence: Evidence, unit: &str) -> String {
 
 fn reason_of_source(found: &[OfRegion], all: Evidence, wanted: Wanted, budget: Budget) -> String {
     if let [first, ..] = found {
-        let codebooks = if found.len() == 1 { "codebook" } else { "codebooks" };
+        let codebooks = if found.len() == 1 {
+            "codebook"
+        } else {
+            "codebooks"
+        };
         let why = if wanted.is_forced {
             "as asked for".to_owned()
         } else {
@@ -245,18 +273,28 @@ fn reason_of_source(found: &[OfRegion], all: Evidence, wanted: Wanted, budget: B
         "the library has no room for a codebook".to_owned()
     } else {
         let least_s = (LEAST_STRETCHES * STRETCH_SAMPLES) as f64 / f64::from(SAMPLE_RATE_HZ);
-        format!("too short for a codebook, which takes {least_s} s that are sound and not quiet: record for longer")
+        format!(
+            "too short for a codebook, which takes {least_s} s that are sound and not quiet: record for longer"
+        )
     };
     format!("Gaussian noise: {why}")
 }
 
-fn reason_of_level(is_kept: bool, is_wanted: bool, spread: Evidence, choice: ModulationChoice) -> String {
+fn reason_of_level(
+    is_kept: bool,
+    is_wanted: bool,
+    spread: Evidence,
+    choice: ModulationChoice,
+) -> String {
     let tested = || format!("spread of 50 ms levels {}", said(spread, " dB"));
     match (is_kept, choice) {
         (true, ModulationChoice::Auto) => format!("that of the recordings: {}", tested()),
         (true, _) => "that of the recordings, as asked for".to_owned(),
         (false, ModulationChoice::None) => "steady, as asked for".to_owned(),
         (false, ModulationChoice::Auto) if !is_wanted => format!("steady: {}", tested()),
-        (false, _) => "steady: too short for a level track of 1 s, or no room for it in the library".to_owned(),
+        (false, _) => {
+            "steady: too short for a level track of 1 s, or no room for it in the library"
+                .to_owned()
+        }
     }
 }

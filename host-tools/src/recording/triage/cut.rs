@@ -133,7 +133,10 @@ mod tests {
         let parts = [0..4000, 6000..10_000];
         let joined = kept(vec![axis], &parts).remove(0);
         let moved = kept_spans(&[100..110, 3999..6001, 7000..7003], &parts);
-        assert_eq!(moved, [100..110, 3999..4000, 3950..4000, 3950..3951, 4950..4953]);
+        assert_eq!(
+            moved,
+            [100..110, 3999..4000, 3950..4000, 3950..3951, 4950..4953]
+        );
         let value = |index: usize| (joined[index] - joined[100]).round();
         assert_eq!(value(4950), 6900.0);
         assert_eq!(kept_spans(&[5..9], &[0..10_000]), [5..9]);

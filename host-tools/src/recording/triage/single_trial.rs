@@ -77,7 +77,9 @@ pub fn flaws(samples: &Samples, verdicts: &[Verdict]) -> Vec<Span> {
     let length = samples.axes.first().map_or(0, Vec::len);
     let clips = samples.defects.clips.iter();
     let clips = clips.map(|clip| span(clip.start_s, clip.seconds, SPIKE_REACH, length));
-    let found = verdicts.iter().flat_map(|verdict| verdict.spans().iter().cloned());
+    let found = verdicts
+        .iter()
+        .flat_map(|verdict| verdict.spans().iter().cloned());
     let mut flaws: Vec<Span> = found.chain(clips).collect();
     flaws.sort_by_key(|flaw| flaw.start);
     flaws
