@@ -59,8 +59,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             reduction: arguments.reduce,
             ..fit::Options::default()
         };
-        let bytes = super::fit::fit_library(&set, &options)?.1;
-        let record = FitRecord::of(&set, &options, &bytes)?;
+        let (fit, bytes) = super::fit::fit_library(&set, &options)?;
+        let record = FitRecord::of(&set, &options, &fit.excitations, &bytes)?;
         (bytes, Some(record))
     };
     let path = arguments.library.clone().unwrap_or_default();

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::excitation::ExcitationReport;
 use super::options::Options;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::bounded_file::{Limit, MIB};
@@ -32,6 +33,9 @@ pub struct FitRecord {
     pub library: String,
     /// Options of the fit.
     pub options: Options,
+    /// The excitation of each texture, and the reasons for it.
+    #[serde(default)]
+    pub excitations: Vec<ExcitationReport>,
     /// The recordings.
     pub trials: Vec<FittedTrial>,
 }
@@ -50,14 +54,20 @@ pub struct FittedTrial {
 }
 
 impl FitRecord {
-    /// The record of a fit of `set` with `options` that gave the library `bytes`.
+    /// The record of a fit of `set` with `options` that gave the library `bytes` with these `excitations`.
     ///
     /// # Errors
     /// A recording that cannot be read any more.
-    pub fn of(set: &RecordingSet, options: &Options, bytes: &[u8]) -> Result<Self> {
+    pub fn of(
+        set: &RecordingSet,
+        options: &Options,
+        excitations: &[ExcitationReport],
+        bytes: &[u8],
+    ) -> Result<Self> {
         Ok(Self {
             library: content_hash(bytes),
             options: options.clone(),
+            excitations: excitations.to_vec(),
             trials: set
                 .trials
                 .iter()
@@ -205,7 +215,7 @@ mod tests {
             trials: vec![trial(fitted.clone(), 1.0, Some(2.0))],
             is_listed: true,
         };
-        let record = FitRecord::of(&set, &Options::default(), b"library").unwrap();
+        let record = FitRecord::of(&set, &Options::default(), &[], b"library").unwrap();
         for (file, start_s, duration_s, used) in [
             (&fitted, 1.0, Some(2.0), true),
             (&copy, 0.0, None, true),
@@ -228,7 +238,7 @@ mod tests {
             trials: Vec::new(),
             is_listed: true,
         };
-        let record = FitRecord::of(&set, &Options::default(), b"one").unwrap();
+        let record = FitRecord::of(&set, &Options::default(), &[], b"one").unwrap();
         std::fs::write(FitRecord::path_for(&library), record.to_text().unwrap()).unwrap();
         assert!(FitRecord::beside(&library, b"one").unwrap().is_some());
         assert!(FitRecord::beside(&library, b"two").unwrap().is_none());
