@@ -11,6 +11,7 @@ mod grid;
 #[cfg(feature = "hatt")]
 pub mod hatt;
 mod holes;
+pub mod lines;
 mod notes;
 mod options;
 pub mod part;
