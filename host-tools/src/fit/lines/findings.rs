@@ -54,7 +54,9 @@ impl fmt::Display for NoLines {
         f.write_str(match self {
             Self::NotAskedFor => "not asked for",
             Self::OneSpeed => "recordings at one speed cannot tell place from time",
-            Self::NothingStandsOut => "nothing stands out at one wavelength over half of the speeds",
+            Self::NothingStandsOut => {
+                "nothing stands out at one wavelength over half of the speeds"
+            }
         })
     }
 }
@@ -82,15 +84,31 @@ impl fmt::Display for Findings {
                 }
             }
             if let Some(scatter) = self.speed_scatter {
-                write!(f, "; the speeds are within {:.2} % of those listed", 100.0 * scatter)?;
+                write!(
+                    f,
+                    "; the speeds are within {:.2} % of those listed",
+                    100.0 * scatter
+                )?;
             }
             if self.followed_trials > 0 {
-                write!(f, "; changes of speed were followed in {} trial(s)", self.followed_trials)?;
+                write!(
+                    f,
+                    "; changes of speed were followed in {} trial(s)",
+                    self.followed_trials
+                )?;
             }
         }
         if !self.time_locked_hz.is_empty() {
-            let hz: Vec<String> = self.time_locked_hz.iter().map(|hz| format!("{hz:.1}")).collect();
-            write!(f, "; left in the noise, because they stay while the speed changes: {} Hz", hz.join(", "))?;
+            let hz: Vec<String> = self
+                .time_locked_hz
+                .iter()
+                .map(|hz| format!("{hz:.1}"))
+                .collect();
+            write!(
+                f,
+                "; left in the noise, because they stay while the speed changes: {} Hz",
+                hz.join(", ")
+            )?;
         }
         Ok(())
     }

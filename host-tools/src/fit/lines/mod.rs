@@ -7,6 +7,7 @@
 //! nor a hole.
 
 mod findings;
+mod on_grid;
 mod peaks;
 mod search;
 mod separate;
@@ -16,6 +17,7 @@ mod tests;
 mod track;
 
 pub use findings::{Findings, Line, NoLines, TrialLines};
+pub use on_grid::{LineMember, lines_on};
 pub use separate::separate;
 
 use serde::{Deserialize, Serialize};

@@ -117,7 +117,9 @@ impl LineSpectrum {
             at(GUARD_CELLS + BACKGROUND_CELLS),
             at(GUARD_CELLS + CLOSE_CELLS),
         );
-        let left = |reach: usize| &self.power[bin.saturating_sub(reach).max(1).min(bin)..bin.saturating_sub(guard).max(1)];
+        let left = |reach: usize| {
+            &self.power[bin.saturating_sub(reach).max(1).min(bin)..bin.saturating_sub(guard).max(1)]
+        };
         let right = |reach: usize| {
             let end = self.power.len();
             &self.power[(bin + guard + 1).min(end)..(bin + reach + 1).min(end)]
@@ -126,7 +128,9 @@ impl LineSpectrum {
         let mean = |powers: &[f64]| median(powers).map_or(0.0, |median| median / LN_2);
         let background = mean(left(far)).max(mean(right(far))).max(mean(&both));
         // Nothing around a peak is as far below it as float64 tells.
-        background.max(1e-28 * self.power[bin]).max(f64::MIN_POSITIVE)
+        background
+            .max(1e-28 * self.power[bin])
+            .max(f64::MIN_POSITIVE)
     }
 
     /// Place of the maximum of a parabola through three levels, in steps from `bin`.

@@ -94,7 +94,11 @@ impl Heard {
     fn remove(&mut self, frequency_hz: f64) -> f64 {
         let exact_hz = refined(&self.signal, frequency_hz, self.cell_hz);
         let turns = steady_turns(exact_hz, self.signal.len());
-        let amplitude = amplitudes(&self.signal, std::slice::from_ref(&turns))[0];
+        let amplitude = amplitudes(
+            &self.signal,
+            &[0..self.signal.len()],
+            std::slice::from_ref(&turns),
+        )[0];
         subtract(&mut self.signal, amplitude, &turns);
         self.hear_again();
         exact_hz
@@ -163,7 +167,11 @@ impl Search<'_> {
     }
 
     fn step(&mut self, outcome: &mut Outcome) -> ControlFlow<()> {
-        let known: Vec<f64> = outcome.lines.iter().map(|line| line.wavelength_mm).collect();
+        let known: Vec<f64> = outcome
+            .lines
+            .iter()
+            .map(|line| line.wavelength_mm)
+            .collect();
         let Some((hypothesis, support)) = self.best(&known) else {
             return ControlFlow::Break(());
         };
@@ -223,7 +231,10 @@ impl Search<'_> {
                 continue;
             };
             let is_better = best.as_ref().is_none_or(|(held, other)| {
-                let tie = matches!((held, hypothesis), (Hypothesis::Place(_), Hypothesis::Time(_)));
+                let tie = matches!(
+                    (held, hypothesis),
+                    (Hypothesis::Place(_), Hypothesis::Time(_))
+                );
                 support.score > other.score || (tie && support.score >= other.score)
             });
             if is_better {
@@ -239,7 +250,9 @@ impl Search<'_> {
         for trial in self.trials.iter() {
             for peak in &trial.peaks {
                 if peak.ln_chance < LN_HYPOTHESIS_CHANCE {
-                    all.push(Hypothesis::Place(trial.actual_speed_mm_s() / peak.frequency_hz));
+                    all.push(Hypothesis::Place(
+                        trial.actual_speed_mm_s() / peak.frequency_hz,
+                    ));
                     all.push(Hypothesis::Time(peak.frequency_hz));
                 }
             }
@@ -265,7 +278,9 @@ impl Search<'_> {
             if !(LOWEST_HZ..=HIGHEST_HZ).contains(&frequency_hz) {
                 continue;
             }
-            let at = speeds.iter().position(|s| s.speed_mm_s.to_bits() == trial.speed_mm_s.to_bits());
+            let at = speeds
+                .iter()
+                .position(|s| s.speed_mm_s.to_bits() == trial.speed_mm_s.to_bits());
             let at = at.unwrap_or_else(|| {
                 speeds.push(SpeedSupport::new(trial.speed_mm_s));
                 speeds.len() - 1
@@ -283,7 +298,9 @@ impl Search<'_> {
         if fastest / slowest < LEAST_SPEED_RATIO + 4.0 * self.speed_tolerance {
             return None;
         }
-        let evidence = shown().map(|speed| (-speed.ln_chance()).min(MOST_EVIDENCE)).sum::<f64>();
+        let evidence = shown()
+            .map(|speed| (-speed.ln_chance()).min(MOST_EVIDENCE))
+            .sum::<f64>();
         // A trial shows a line that others have established by less than it takes to establish one.
         let shown_by = shown().flat_map(|speed| speed.shown_by(LN_SHOWN_CHANCE));
         Some(Support {
@@ -321,7 +338,8 @@ impl SpeedSupport {
 
     fn add(&mut self, trial: usize, peak: Option<(Peak, f64)>) {
         self.trials += 1;
-        self.peaks.extend(peak.map(|(peak, ln_chance)| (trial, peak, ln_chance)));
+        self.peaks
+            .extend(peak.map(|(peak, ln_chance)| (trial, peak, ln_chance)));
     }
 
     /// Logarithm of the chance of the trial that shows most, among all of them.

@@ -1,6 +1,7 @@
 //! Separation of a texture's trials into lines and the rest.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -31,8 +32,15 @@ struct Known {
 /// Finds the lines of one texture and removes them from its trials.
 ///
 /// `signals` are m/s² at the models' rate, `speeds_mm_s` their listed speeds. What has no listed speed, or gaps, is to
-/// be left out by an empty signal. Returns each trial's share; `signals` are then without lines.
-pub fn separate(speeds_mm_s: &[f64], signals: &mut [Vec<f64>], lines: Lines) -> Vec<TrialLines> {
+/// be left out by an empty signal. If `fitted` names ranges of each trial's samples, amplitudes and phases are those of
+/// these samples alone, as for a fit to a part of each recording. Returns each trial's share; `signals` are then
+/// without lines.
+pub fn separate(
+    speeds_mm_s: &[f64],
+    signals: &mut [Vec<f64>],
+    fitted: Option<&[Vec<Range<usize>>]>,
+    lines: Lines,
+) -> Vec<TrialLines> {
     let nothing = |reason| {
         let findings = Arc::new(Findings {
             none_because: Some(reason),
@@ -47,8 +55,13 @@ pub fn separate(speeds_mm_s: &[f64], signals: &mut [Vec<f64>], lines: Lines) -> 
     if lines == Lines::None {
         return nothing(NoLines::NotAskedFor);
     }
-    let used = speeds_mm_s.iter().zip(signals.iter()).filter(|(v, s)| **v > 0.0 && !s.is_empty());
-    let (slowest, fastest) = used.fold((f64::INFINITY, 0.0f64), |(low, high), (v, _)| (low.min(*v), high.max(*v)));
+    let used = speeds_mm_s
+        .iter()
+        .zip(signals.iter())
+        .filter(|(v, s)| **v > 0.0 && !s.is_empty());
+    let (slowest, fastest) = used.fold((f64::INFINITY, 0.0f64), |(low, high), (v, _)| {
+        (low.min(*v), high.max(*v))
+    });
     if fastest < LEAST_SPEED_RATIO * slowest {
         return nothing(NoLines::OneSpeed);
     }
@@ -56,7 +69,7 @@ pub fn separate(speeds_mm_s: &[f64], signals: &mut [Vec<f64>], lines: Lines) -> 
     for tolerance in SPEED_TOLERANCES {
         let (known, of_time) = search(speeds_mm_s, signals, tolerance);
         if !known.is_empty() {
-            return removed(speeds_mm_s, signals, &known, of_time);
+            return removed(speeds_mm_s, signals, fitted, &known, of_time);
         }
         time_locked_hz = of_time;
     }
@@ -66,12 +79,17 @@ pub fn separate(speeds_mm_s: &[f64], signals: &mut [Vec<f64>], lines: Lines) -> 
         none_because: Some(NoLines::NothingStandsOut),
         ..Findings::default()
     });
-    none.iter_mut().for_each(|share| share.findings = Arc::clone(&findings));
+    none.iter_mut()
+        .for_each(|share| share.findings = Arc::clone(&findings));
     none
 }
 
 /// Lines found in the signals, and the frequencies that stay.
-fn search(speeds_mm_s: &[f64], signals: &[Vec<f64>], speed_tolerance: f64) -> (Vec<Known>, Vec<f64>) {
+fn search(
+    speeds_mm_s: &[f64],
+    signals: &[Vec<f64>],
+    speed_tolerance: f64,
+) -> (Vec<Known>, Vec<f64>) {
     let pairs: Vec<_> = speeds_mm_s.iter().zip(signals).enumerate().collect();
     let heard: Vec<(usize, Heard)> = pairs
         .into_par_iter()
@@ -86,7 +104,10 @@ fn search(speeds_mm_s: &[f64], signals: &[Vec<f64>], speed_tolerance: f64) -> (V
     };
     let outcome = search.run();
     let lines = outcome.lines.into_iter().map(|mut found| {
-        found.shown_by.iter_mut().for_each(|(trial, _)| *trial = indices[*trial]);
+        found
+            .shown_by
+            .iter_mut()
+            .for_each(|(trial, _)| *trial = indices[*trial]);
         found
     });
     (with_harmonics(lines.collect()), outcome.time_locked_hz)
@@ -117,7 +138,11 @@ struct Measures {
 
 fn measures(speeds_mm_s: &[f64], signals: &[Vec<f64>], known: &[Known]) -> Measures {
     // Each line speaks for its fundamental.
-    let fundamental = |index: usize| known[index].harmonic_of.map_or((index, 1), |(of, n)| (of, n));
+    let fundamental = |index: usize| {
+        known[index]
+            .harmonic_of
+            .map_or((index, 1), |(of, n)| (of, n))
+    };
     let mut wavelengths_mm: Vec<f64> = known.iter().map(|line| line.found.wavelength_mm).collect();
     let mut scatter: Option<f64> = None;
     for base in 0..known.len() {
@@ -174,13 +199,19 @@ fn weighted_mean(values: &[(f64, f64)]) -> Option<(f64, f64)> {
     let mut sorted: Vec<f64> = values.iter().map(|(value, _)| *value).collect();
     sorted.sort_by(f64::total_cmp);
     let middle = *sorted.get(sorted.len() / 2)?;
-    let mut deviations: Vec<f64> = sorted.iter().map(|value| (value / middle - 1.0).abs()).collect();
+    let mut deviations: Vec<f64> = sorted
+        .iter()
+        .map(|value| (value / middle - 1.0).abs())
+        .collect();
     deviations.sort_by(f64::total_cmp);
     let spread = 1.48 * deviations[deviations.len() / 2];
     let most = values.iter().map(|(_, cycles)| *cycles).fold(0.0, f64::max);
     let weight = |cycles: f64| 1.0 / ((most / cycles).powi(2) + (spread * most).powi(2));
     let total: f64 = values.iter().map(|(_, cycles)| weight(*cycles)).sum();
-    let sum: f64 = values.iter().map(|(value, cycles)| weight(*cycles) * value).sum();
+    let sum: f64 = values
+        .iter()
+        .map(|(value, cycles)| weight(*cycles) * value)
+        .sum();
     Some((sum / total, spread))
 }
 
@@ -195,6 +226,7 @@ struct Fitted {
 fn removed(
     speeds_mm_s: &[f64],
     signals: &mut [Vec<f64>],
+    fitted: Option<&[Vec<Range<usize>>]>,
     known: &[Known],
     time_locked_hz: Vec<f64>,
 ) -> Vec<TrialLines> {
@@ -203,8 +235,12 @@ fn removed(
         .par_iter_mut()
         .zip(speeds_mm_s)
         .zip(&measures.speed_ratios)
-        .map(|((signal, speed), ratio)| {
-            removed_from(signal, speed * ratio.unwrap_or(1.0), &measures.wavelengths_mm)
+        .enumerate()
+        .map(|(index, ((signal, speed), ratio))| {
+            let whole = vec![0..signal.len()];
+            let ranges = fitted.map_or(&whole, |fitted| &fitted[index]);
+            let speed_mm_s = speed * ratio.unwrap_or(1.0);
+            removed_from(signal, ranges, speed_mm_s, &measures.wavelengths_mm)
         })
         .collect();
     let lines = known.iter().enumerate().map(|(index, line)| {
@@ -212,8 +248,14 @@ fn removed(
             Some((of, number)) => relative_phase(&fits, of, index, number),
             None => (0.0, 1.0),
         };
-        let shown = line.found.shown_by.iter().filter_map(|&(trial, _)| fits[trial].clean[index]);
-        let range = shown.fold((f64::INFINITY, 0.0f64), |(low, high), a| (low.min(a), high.max(a)));
+        let shown = line
+            .found
+            .shown_by
+            .iter()
+            .filter_map(|&(trial, _)| fits[trial].clean[index]);
+        let range = shown.fold((f64::INFINITY, 0.0f64), |(low, high), a| {
+            (low.min(a), high.max(a))
+        });
         Line {
             wavelength_mm: measures.wavelengths_mm[index],
             phase_turns,
@@ -250,7 +292,8 @@ fn relative_phase(fits: &[Fitted], of: usize, index: usize, number: u32) -> (f64
     for fit in fits {
         if let (Some(base), Some(harmonic)) = (fit.amplitudes[of], fit.amplitudes[index]) {
             let (base, harmonic) = (sine(base), sine(harmonic));
-            let turned = harmonic * Complex::from_polar(base.norm(), -f64::from(number) * base.arg());
+            let turned =
+                harmonic * Complex::from_polar(base.norm(), -f64::from(number) * base.arg());
             sum += turned;
             weight += turned.norm();
         }
@@ -261,8 +304,13 @@ fn relative_phase(fits: &[Fitted], of: usize, index: usize, number: u32) -> (f64
     ((sum.arg() / TAU).rem_euclid(1.0), sum.norm() / weight)
 }
 
-/// Removes lines of these wavelengths from `signal`, recorded at `speed_mm_s`.
-fn removed_from(signal: &mut [f64], speed_mm_s: f64, wavelengths_mm: &[f64]) -> Fitted {
+/// Removes lines of these wavelengths from `signal`, recorded at `speed_mm_s`, as the samples of `ranges` have them.
+fn removed_from(
+    signal: &mut [f64],
+    ranges: &[Range<usize>],
+    speed_mm_s: f64,
+    wavelengths_mm: &[f64],
+) -> Fitted {
     let mut fitted = Fitted {
         amplitudes: vec![None; wavelengths_mm.len()],
         clean: vec![None; wavelengths_mm.len()],
@@ -276,9 +324,11 @@ fn removed_from(signal: &mut [f64], speed_mm_s: f64, wavelengths_mm: &[f64]) -> 
     }
     let mut place_mm = steady_mm(speed_mm_s, signal.len());
     let at = |place_mm: &[f64]| -> Vec<Vec<f64>> {
-        held.iter().map(|&line| turns(place_mm, wavelengths_mm[line])).collect()
+        held.iter()
+            .map(|&line| turns(place_mm, wavelengths_mm[line]))
+            .collect()
     };
-    let fit = amplitudes(signal, &at(&place_mm));
+    let fit = amplitudes(signal, ranges, &at(&place_mm));
     // The line whose phase tells most about place: the strongest for its wavelength.
     let tells = |i: usize| fit[i].norm() / wavelengths_mm[held[i]];
     if let Some(best) = (0..held.len()).max_by(|&a, &b| tells(a).total_cmp(&tells(b))) {
@@ -286,7 +336,7 @@ fn removed_from(signal: &mut [f64], speed_mm_s: f64, wavelengths_mm: &[f64]) -> 
         fitted.was_followed = wander.is_some();
     }
     let turns = at(&place_mm);
-    let fit = amplitudes(signal, &turns);
+    let fit = amplitudes(signal, ranges, &turns);
     let mut rest = signal.to_vec();
     for (amplitude, turns) in fit.iter().zip(&turns) {
         subtract(&mut rest, *amplitude, turns);
@@ -300,8 +350,9 @@ fn removed_from(signal: &mut [f64], speed_mm_s: f64, wavelengths_mm: &[f64]) -> 
         signal.copy_from_slice(&rest);
         return fitted;
     };
+    let samples: usize = ranges.iter().map(ExactSizeIterator::len).sum();
     for ((&line, amplitude), turns) in held.iter().zip(&fit).zip(&turns) {
-        let noise = spectrum.noise_amplitude_squared(speed_mm_s / wavelengths_mm[line], signal.len());
+        let noise = spectrum.noise_amplitude_squared(speed_mm_s / wavelengths_mm[line], samples);
         let clean = (amplitude.norm_sqr() - noise).max(0.0).sqrt();
         // What noise has there stays, so that the rest has no hole.
         let stays = (noise.sqrt() / amplitude.norm().max(f64::MIN_POSITIVE)).min(1.0);

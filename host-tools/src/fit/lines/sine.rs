@@ -1,6 +1,7 @@
 //! Sines in a recording: their exact frequency, and their removal by least squares.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
 use nalgebra::{DMatrix, DVector};
@@ -21,8 +22,17 @@ pub(super) fn refined(signal: &[f64], frequency_hz: f64, within_hz: f64) -> f64 
         .collect();
     let (mut best_hz, mut step_hz) = (frequency_hz, 0.5 * within_hz);
     for _ in 0..REFINEMENTS {
-        let level = |hz: f64| spectrum_at(&windowed, hz).norm_sqr().max(f64::MIN_POSITIVE).ln();
-        let (before, here, after) = (level(best_hz - step_hz), level(best_hz), level(best_hz + step_hz));
+        let level = |hz: f64| {
+            spectrum_at(&windowed, hz)
+                .norm_sqr()
+                .max(f64::MIN_POSITIVE)
+                .ln()
+        };
+        let (before, here, after) = (
+            level(best_hz - step_hz),
+            level(best_hz),
+            level(best_hz + step_hz),
+        );
         let curvature = before - 2.0 * here + after;
         let shift = if curvature < 0.0 {
             (0.5 * (before - after) / curvature).clamp(-1.0, 1.0)
@@ -45,15 +55,23 @@ fn spectrum_at(signal: &[f64], frequency_hz: f64) -> Complex<f64> {
         .fold(Complex::default(), |sum, x| sum * step + x)
 }
 
-/// Complex amplitudes c of the components Re c e^{2πi turns(n)} that leave the least squares of `signal`, in m/s².
+/// Complex amplitudes c of the components Re c e^{2πi turns(n)} that leave the least squares in `ranges` of `signal`, m/s².
 ///
 /// `turns` has the phase of each component at each sample. Components that cannot be told apart share their amplitude
 /// by a ridge of 1e-9 of their power.
-pub(super) fn amplitudes(signal: &[f64], turns: &[Vec<f64>]) -> Vec<Complex<f64>> {
+pub(super) fn amplitudes(
+    signal: &[f64],
+    ranges: &[Range<usize>],
+    turns: &[Vec<f64>],
+) -> Vec<Complex<f64>> {
     let count = 2 * turns.len();
-    let (mut normal, mut right) = (DMatrix::<f64>::zeros(count, count), DVector::<f64>::zeros(count));
+    let (mut normal, mut right) = (
+        DMatrix::<f64>::zeros(count, count),
+        DVector::<f64>::zeros(count),
+    );
     let mut row = vec![0.0; count];
-    for (n, x) in signal.iter().enumerate() {
+    for n in ranges.iter().cloned().flatten() {
+        let x = signal[n];
         for (component, turns) in turns.iter().enumerate() {
             let (sine, cosine) = (TAU * turns[n].fract()).sin_cos();
             (row[2 * component], row[2 * component + 1]) = (cosine, -sine);
@@ -111,7 +129,7 @@ mod tests {
             let found = refined(&signal, frequency_hz + off_cells * cell_hz, cell_hz);
             prop_assert!((found - frequency_hz).abs() < 1e-3 * cell_hz, "{} for {}", found, frequency_hz);
             let turns = steady_turns(found, samples);
-            let amplitude = amplitudes(&signal, std::slice::from_ref(&turns))[0];
+            let amplitude = amplitudes(&signal, &[0..samples], std::slice::from_ref(&turns))[0];
             prop_assert!((amplitude.norm() - 3.0).abs() < 1e-4);
             subtract(&mut signal, amplitude, &turns);
             let left = signal.iter().map(|x| x * x).sum::<f64>() / samples as f64;
@@ -123,8 +141,11 @@ mod tests {
     fn components_that_are_the_same_share_their_amplitude() {
         let turns = steady_turns(100.0, 2000);
         let signal: Vec<f64> = turns.iter().map(|t| (TAU * t).cos()).collect();
-        let found = amplitudes(&signal, &[turns.clone(), turns]);
-        assert!((found[0] + found[1] - Complex::new(1.0, 0.0)).norm() < 1e-3, "{found:?}");
+        let found = amplitudes(&signal, &[0..2000], &[turns.clone(), turns]);
+        assert!(
+            (found[0] + found[1] - Complex::new(1.0, 0.0)).norm() < 1e-3,
+            "{found:?}"
+        );
         assert!(found.iter().all(|c| c.norm() < 1.0));
     }
 }

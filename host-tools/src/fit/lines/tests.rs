@@ -54,19 +54,26 @@ fn rms(signal: &[f64]) -> f64 {
 
 fn surfaces(seed: u64, speeds: &[f64], band_mm: Option<f64>) -> (Pcg64, Vec<Vec<f64>>) {
     let mut generator = Pcg64::seed_from_u64(seed);
-    let signals = speeds.iter().map(|v| noise(&mut generator, *v, band_mm)).collect();
+    let signals = speeds
+        .iter()
+        .map(|v| noise(&mut generator, *v, band_mm))
+        .collect();
     (generator, signals)
 }
 
 fn found(speeds: &[f64], signals: &mut [Vec<f64>]) -> (Findings, Vec<TrialLines>) {
-    let shares = separate(speeds, signals, Lines::Auto);
+    let shares = separate(speeds, signals, None, Lines::Auto);
     (shares[0].findings.as_ref().clone(), shares)
 }
 
 #[test]
 #[ignore = "a measurement of many minutes: cargo test -p host-tools --lib lines::tests -- --ignored --nocapture"]
 fn false_alarms() {
-    for (name, band) in [("still", None), ("moving band", Some(0.5)), ("coarse band", Some(2.0))] {
+    for (name, band) in [
+        ("still", None),
+        ("moving band", Some(0.5)),
+        ("coarse band", Some(2.0)),
+    ] {
         let mut alarms = 0;
         let count = 300;
         for seed in 0..count {
@@ -90,7 +97,12 @@ fn false_alarms() {
                 add_line(signal, v / 0.7, amplitude, generator.random());
             }
             let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
-            hits += usize::from(findings.lines.iter().any(|l| (l.wavelength_mm / 0.7 - 1.0).abs() < 1e-3));
+            hits += usize::from(
+                findings
+                    .lines
+                    .iter()
+                    .any(|l| (l.wavelength_mm / 0.7 - 1.0).abs() < 1e-3),
+            );
         }
         println!("{db} dB: {hits} of {count}");
     }
@@ -111,12 +123,19 @@ fn a_weave_is_found_with_its_harmonics_and_nothing_is_left_of_it() {
     assert_eq!(findings.lines.len(), 3);
     for (line, n, phase) in [(0, 1.0, 0.0), (1, 2.0, 0.3), (2, 3.0, 0.8)] {
         let line = &findings.lines[line];
-        assert!((line.wavelength_mm * n / 0.85 - 1.0).abs() < 1e-4, "{line:?}");
+        assert!(
+            (line.wavelength_mm * n / 0.85 - 1.0).abs() < 1e-4,
+            "{line:?}"
+        );
         assert!((line.phase_turns - phase).abs() < 0.02, "{line:?}");
     }
     for ((signal, plain), share) in signals.iter().zip(plain).zip(&shares) {
         assert!((rms(signal) / plain - 1.0).abs() < 0.01);
-        assert!((share.amplitudes_m_s2[0].unwrap() - 1.0).abs() < 0.05, "{:?}", share.amplitudes_m_s2);
+        assert!(
+            (share.amplitudes_m_s2[0].unwrap() - 1.0).abs() < 0.05,
+            "{:?}",
+            share.amplitudes_m_s2
+        );
     }
 }
 
@@ -124,7 +143,9 @@ fn a_weave_is_found_with_its_harmonics_and_nothing_is_left_of_it() {
 fn one_speed_cannot_tell_place_from_time() {
     let speeds = [100.0, 100.0];
     let (_, mut signals) = surfaces(3, &speeds, None);
-    signals.iter_mut().for_each(|s| add_line(s, 117.0, 5.0, 0.0));
+    signals
+        .iter_mut()
+        .for_each(|s| add_line(s, 117.0, 5.0, 0.0));
     let before = signals.clone();
     let (findings, _) = found(&speeds, &mut signals);
     assert_eq!(findings.none_because, Some(NoLines::OneSpeed));

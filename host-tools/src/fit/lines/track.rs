@@ -46,7 +46,10 @@ pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64)
         .map(|(x, place)| x * Complex::cis(-TAU * (place / wavelength_mm).fract()))
         .collect();
     let weights: Vec<f64> = (0..window).map(|n| hann(n, window)).collect();
-    let (sum, energy) = (weights.iter().sum::<f64>(), weights.iter().map(|w| w * w).sum::<f64>());
+    let (sum, energy) = (
+        weights.iter().sum::<f64>(),
+        weights.iter().map(|w| w * w).sum::<f64>(),
+    );
     let centres: Vec<usize> = (0..=(samples - window) / hop).map(|k| k * hop).collect();
     let phasors: Vec<Complex<f64>> = centres
         .iter()
@@ -67,12 +70,17 @@ pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64)
         terms.sum::<f64>() / centres.len() as f64
     };
     let offset_hz = 6.0 * rate_hz / window as f64;
-    let noise = beside(offset_hz).max(beside(-offset_hz)).max(f64::MIN_POSITIVE);
+    let noise = beside(offset_hz)
+        .max(beside(-offset_hz))
+        .max(f64::MIN_POSITIVE);
     if power < LEAST_RATIO * noise {
         return None;
     }
     let phases = unwrapped(&phasors);
-    let times: Vec<f64> = centres.iter().map(|&start| (start + window / 2) as f64).collect();
+    let times: Vec<f64> = centres
+        .iter()
+        .map(|&start| (start + window / 2) as f64)
+        .collect();
     let wander = rms(&without_straight_line(&times, &phases));
     // A phase in noise wanders by the noise alone.
     let by_noise = (0.5 * noise / power).sqrt();
@@ -80,7 +88,10 @@ pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64)
     if wander < LEAST_WANDER_RAD + 2.0 * by_noise {
         return None;
     }
-    let corrections: Vec<f64> = phases.iter().map(|phase| phase / TAU * wavelength_mm).collect();
+    let corrections: Vec<f64> = phases
+        .iter()
+        .map(|phase| phase / TAU * wavelength_mm)
+        .collect();
     let path_mm = place_mm[samples - 1] - place_mm[0];
     let mut speeds = Vec::with_capacity(corrections.len());
     for pair in corrections.windows(2) {
@@ -115,14 +126,19 @@ fn interpolated(places: &[f64], values: &[f64], at: f64) -> f64 {
     if places.len() < 2 {
         return values.first().copied().unwrap_or(0.0);
     }
-    let right = places.partition_point(|&place| place <= at).clamp(1, places.len() - 1);
+    let right = places
+        .partition_point(|&place| place <= at)
+        .clamp(1, places.len() - 1);
     let share = (at - places[right - 1]) / (places[right] - places[right - 1]);
     values[right - 1] + share * (values[right] - values[right - 1])
 }
 
 fn without_straight_line(times: &[f64], values: &[f64]) -> Vec<f64> {
     let count = times.len() as f64;
-    let (mean_t, mean_v) = (times.iter().sum::<f64>() / count, values.iter().sum::<f64>() / count);
+    let (mean_t, mean_v) = (
+        times.iter().sum::<f64>() / count,
+        values.iter().sum::<f64>() / count,
+    );
     let (mut product, mut square) = (0.0, 0.0);
     for (t, v) in times.iter().zip(values) {
         product += (t - mean_t) * (v - mean_v);
@@ -130,7 +146,8 @@ fn without_straight_line(times: &[f64], values: &[f64]) -> Vec<f64> {
     }
     let slope = if square > 0.0 { product / square } else { 0.0 };
     let left = times.iter().zip(values);
-    left.map(|(t, v)| v - mean_v - slope * (t - mean_t)).collect()
+    left.map(|(t, v)| v - mean_v - slope * (t - mean_t))
+        .collect()
 }
 
 fn rms(values: &[f64]) -> f64 {
