@@ -207,9 +207,11 @@ impl Device for Hardware {
 
     fn plan(&self, selection: &Selection) -> Result<Next, PlayError> {
         let library = self.library.library().ok_or(PlayError::NoLibrary)?;
+        let plan = plan_of(selection, &library, BUDGET)?;
+        let follower = Follower::new(matches!(selection, Selection::Scene(_)));
         Ok(Next {
-            plan: plan_of(selection, &library, BUDGET)?,
-            follower: Follower::new(matches!(selection, Selection::Scene(_))),
+            follower: follower.tracking(plan.has_lines()),
+            plan,
         })
     }
 

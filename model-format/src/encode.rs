@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use crate::error::{DecodeError, Place, Problem};
-use crate::library::part::{self, fine_theta, levels};
+use crate::library::part::{self, fine_theta, levels, lines};
 use crate::library::{Coefficients, Laws, Library, NodeFlags, PartsSpec, theta};
 use crate::limits;
 use crate::scene::Scene;
@@ -396,7 +396,12 @@ fn append_parts(
         .collect();
     let fine_theta = fine_theta::part(&fractions)
         .map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
-    let parts: Vec<_> = [levels::part(texture.laws), fine_theta]
+    let lines = texture.parts.lines.as_ref();
+    let lines = lines.map(|spec| lines::part(spec, texture.nodes.len()));
+    let lines = lines
+        .transpose()
+        .map_err(|problem| problem.at(Place::Texture(index)))?;
+    let parts: Vec<_> = [levels::part(texture.laws), fine_theta, lines]
         .into_iter()
         .flatten()
         .collect();

@@ -210,6 +210,66 @@ pub enum Problem {
         /// Number of the stage, from 1.
         stage: usize,
     },
+    /// No line in the part that holds them, or too many; their number.
+    #[error(
+        "{0} lines that are locked to place; there must be 1 to {max}, and a texture without lines has no such part",
+        max = limits::MAX_LINES
+    )]
+    LineCount(usize),
+    /// Lines of more or fewer bytes than their number and the nodes take.
+    #[error("{found} bytes of lines where their number and the nodes take {expected}")]
+    LinesLength {
+        /// Length of the part, bytes.
+        found: usize,
+        /// Length that its lines take, bytes.
+        expected: usize,
+    },
+    /// A line of more or fewer amplitudes than nodes. Only encoding can meet it.
+    #[error("line {line} has {found} amplitudes for {expected} nodes; there must be one for each")]
+    LineNodes {
+        /// Index of the line.
+        line: usize,
+        /// Number of its amplitudes.
+        found: usize,
+        /// Number of nodes.
+        expected: usize,
+    },
+    /// A wavelength out of range, or none.
+    #[error(
+        "line {line} has a wavelength of {value} mm; it must be {min} to {max} mm",
+        min = limits::MIN_WAVELENGTH_MM, max = limits::MAX_WAVELENGTH_MM
+    )]
+    Wavelength {
+        /// Index of the line.
+        line: usize,
+        /// The wavelength, mm.
+        value: f32,
+    },
+    /// A line with the wavelength of an earlier one.
+    #[error("line {line} has the wavelength of line {other}: make one line of both")]
+    WavelengthTaken {
+        /// Index of the line.
+        line: usize,
+        /// Index of the earlier one.
+        other: usize,
+    },
+    /// An amplitude of a line that is negative, too large or not finite.
+    #[error(
+        "line {line} has an amplitude of {value} m/s²; it must be finite, not negative and at most {max}",
+        max = limits::MAX_LINE_AMPLITUDE
+    )]
+    LineAmplitude {
+        /// Index of the line.
+        line: usize,
+        /// The amplitude, m/s².
+        value: f32,
+    },
+    /// A line that sounds at rest or out of contact; its index.
+    #[error("line {0} must have an amplitude of 0 at a node of speed 0 or force 0")]
+    LineAtZero(usize),
+    /// A line whose amplitude is 0 at all nodes; its index.
+    #[error("line {0} has an amplitude of 0 at all nodes: leave it out")]
+    SilentLine(usize),
     /// Bytes after a texture's optional parts, within its string; their number.
     #[error("{0} bytes are left over after its optional parts")]
     LeftOverOfTexture(usize),

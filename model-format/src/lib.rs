@@ -23,7 +23,8 @@ pub use encode::{
 pub use error::{DecodeError, Place, Problem};
 pub use library::{
     Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Coefficients, Decoder, FadeLaw, Laws,
-    LevelLaw, Library, Node, NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL, Workspace,
+    LevelLaw, Library, Line, Lines, Node, NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL,
+    Workspace,
 };
 #[cfg(feature = "alloc")]
 pub use library::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, ModulationSpec, PartsSpec};

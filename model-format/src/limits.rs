@@ -21,6 +21,18 @@ pub const MAX_TEXTURES: usize = 256;
 /// Most stages of a lattice, from the first, that may have a finer θ.
 pub const MAX_FINE_STAGES: usize = 32;
 
+/// Most lines of a texture that are locked to place.
+pub const MAX_LINES: usize = 8;
+
+/// Shortest wavelength of a line, mm. A stroke of 44 mm/s takes it to 0.44 of a sample rate of 5 kHz.
+pub const MIN_WAVELENGTH_MM: f32 = 0.02;
+
+/// Longest wavelength of a line, mm.
+pub const MAX_WAVELENGTH_MM: f32 = 1000.0;
+
+/// Largest amplitude of a line, m/s²: an eighth of the output's full scale.
+pub const MAX_LINE_AMPLITUDE: f32 = 256.0;
+
 /// Longest name of a texture, bytes of UTF-8.
 pub const MAX_NAME_BYTES: usize = 48;
 

@@ -83,8 +83,8 @@ impl GridPoint {
     /// Finds `motion` on the grid of `texture`. Above the grid its edge counts.
     pub fn locate(texture: &Texture<'_>, motion: Motion) -> Self {
         let law = texture.fade_law();
-        let speed = Position::on(texture.speed_axis(), motion.speed_mm_s, law);
-        let force = Position::on(texture.force_axis(), motion.force_n, law);
+        let speed = AxisPosition::on(texture.speed_axis(), motion.speed_mm_s, law);
+        let force = AxisPosition::on(texture.force_axis(), motion.force_n, law);
         // Rounding one product and taking the others as differences keeps the sum exact, and none is negative.
         let both = ((u64::from(speed.fraction) * u64::from(force.fraction)) >> 16) as u32;
         Self {
@@ -115,7 +115,7 @@ impl GridPoint {
 }
 
 /// Position of a value on one axis.
-struct Position {
+struct AxisPosition {
     below: usize,
     above: usize,
     /// Weight of `above`, 2⁻¹⁶.
@@ -123,7 +123,7 @@ struct Position {
     fade: u32,
 }
 
-impl Position {
+impl AxisPosition {
     fn on(axis: Axis<'_>, value: f32, law: FadeLaw) -> Self {
         let last = axis.len() - 1;
         let mut below = 0;

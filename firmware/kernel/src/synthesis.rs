@@ -11,9 +11,12 @@ use model_format::{OutputSample, Structure, Texture};
 use crate::arithmetic::{Arithmetic, Portable};
 use crate::direct::{self, DirectFrame, DirectState};
 use crate::excitation::Excitation;
+use crate::fixed::saturate;
 use crate::grid::{GridPoint, Motion, ONE};
 use crate::lattice::{LatticeFrame, LatticeState};
 use crate::level::Levels;
+use crate::lines::{LinesFrame, VoiceLines};
+use crate::position::{Position, Track};
 
 /// Update interval of the coefficients, samples: 2 ms at 5 kHz.
 pub const UPDATE_INTERVAL_SAMPLES: u32 = 10;
@@ -278,7 +281,35 @@ pub struct Synthesis<'a, A: Arithmetic = Portable> {
     texture: Texture<'a>,
     frame: Frame,
     playback: Playback,
+    lines: Option<LinesPlayback>,
     arithmetic: PhantomData<A>,
+}
+
+/// Lines of the texture, the way of the tool, and what is played of both.
+#[derive(Clone, Debug)]
+struct LinesPlayback {
+    lines: VoiceLines,
+    frame: LinesFrame,
+    track: Track,
+    saturations: u32,
+}
+
+impl LinesPlayback {
+    fn new(texture: &Texture<'_>) -> Option<Self> {
+        Some(Self {
+            lines: VoiceLines::new(texture)?,
+            frame: LinesFrame::new(),
+            track: Track::new(),
+            saturations: 0,
+        })
+    }
+
+    /// `sample` with the lines added, `left` samples of the block to come.
+    fn added(&mut self, sample: OutputSample, left: u32) -> OutputSample {
+        let (sum, over) = saturate(i64::from(sample.0) + self.frame.sample(left));
+        self.saturations = self.saturations.saturating_add(u32::from(over));
+        OutputSample(sum)
+    }
 }
 
 impl<'a, A: Arithmetic> Synthesis<'a, A> {
@@ -298,6 +329,7 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
             texture,
             frame: Frame::silent(&texture),
             playback,
+            lines: LinesPlayback::new(&texture),
             arithmetic: PhantomData,
         }
     }
@@ -307,11 +339,27 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
     ///
     /// The first motion that a cold texture sounds at runs it up as a whole, which takes the time of
     /// [`direct::RUN_UP_SAMPLES`] samples.
+    ///
+    /// Lines that are locked to place go on by the motion's speed.
     pub fn follow(&mut self, motion: Motion, samples: u32) {
+        self.follow_to(motion, None, samples);
+    }
+
+    /// As [`Synthesis::follow`], with the position that the tool has at the last of `samples` samples, for lines that
+    /// are locked to place. Without one it is the integral of the speed.
+    pub fn follow_to(&mut self, motion: Motion, position: Option<Position>, samples: u32) {
         if self.playback.cold() > 0 {
             self.run_up(motion);
         }
-        let from = self.frame.levels(self.playback.left());
+        let left = self.playback.left();
+        if let Some(lines) = &mut self.lines {
+            let (speed, rate) = (motion.speed_mm_s(), self.texture.sample_rate_hz());
+            let passage = lines.track.advance(position, speed, samples, left, rate);
+            let voice = &mut lines.lines;
+            let frame = voice.follow(&self.texture, motion, ONE, passage, samples, left);
+            lines.frame.clone_from(frame);
+        }
+        let from = self.frame.levels(left);
         self.frame.update(&self.texture, motion, from, samples);
         self.playback.begin_frame(samples);
     }
@@ -326,18 +374,29 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
     /// The next sample.
     #[inline]
     pub fn next_sample(&mut self) -> OutputSample {
-        self.playback.next_sample::<A>(&self.frame)
+        let sample = self.playback.next_sample::<A>(&self.frame);
+        match &mut self.lines {
+            Some(lines) => lines.added(sample, self.playback.left()),
+            None => sample,
+        }
     }
 
     /// The next two samples; see [`Playback::next_two_samples`].
     #[inline]
     pub fn next_two_samples(&mut self) -> [OutputSample; 2] {
-        self.playback.next_two_samples::<A>(&self.frame)
+        let left = self.playback.left();
+        let samples = self.playback.next_two_samples::<A>(&self.frame);
+        match &mut self.lines {
+            Some(lines) => [(samples[0], 1), (samples[1], 2)]
+                .map(|(sample, played)| lines.added(sample, left.saturating_sub(played))),
+            None => samples,
+        }
     }
 
-    /// Number of samples at full scale; see [`Playback::saturations`].
+    /// Number of samples at full scale; see [`Playback::saturations`]. Sums with lines count too.
     pub fn saturations(&self) -> u32 {
-        self.playback.saturations()
+        let of_lines = self.lines.as_ref().map_or(0, |lines| lines.saturations);
+        self.playback.saturations().saturating_add(of_lines)
     }
 
     /// The texture that is played.

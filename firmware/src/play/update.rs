@@ -101,7 +101,8 @@ extern "C" fn SWPMI1() {
             // SAFETY: this is the update, and the tick plays.
             if let Some(direction) = unsafe { direction::directed() } {
                 let follower = &mut direction.follower;
-                let interaction = follower.follow(chosen, &noted.sensors, &update.config);
+                let interaction =
+                    follower.follow(chosen, &noted.sensors, &update.config, noted.tick);
                 // SAFETY: as above; this is the director of the block that is played.
                 unsafe { voice::direct(&mut direction.director, interaction, played) };
             }

@@ -5,7 +5,7 @@
 
 use core::borrow::BorrowMut;
 
-use super::check::{CertificateCheck, Demand, NodesCheck, check_header};
+use super::check::{CertificateCheck, Demand, LinesCheck, NodesCheck, check_header};
 use super::names::Names;
 use super::texture::Texture;
 use super::view::Library;
@@ -106,6 +106,8 @@ enum Stage<'a> {
     },
     /// Header of the next texture, or the number of scenes.
     Texture,
+    /// Lines of a texture, which are locked to place.
+    Lines(LinesCheck<'a>),
     /// Nodes of a texture.
     Nodes(NodesCheck<'a>),
     /// Certificate of a texture.
@@ -180,6 +182,12 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
                 }
             }
             Stage::Texture => self.stage = self.texture()?,
+            Stage::Lines(lines) => {
+                if lines.step()? {
+                    let (texture, index) = lines.texture();
+                    self.stage = Stage::Nodes(NodesCheck::new(texture, index));
+                }
+            }
             Stage::Nodes(nodes) => {
                 if let Some(largest_theta) = nodes.step()? {
                     let (texture, index) = nodes.texture();
@@ -284,7 +292,10 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
         // They follow from the summary, which is compared with the nodes before any scene is checked.
         work.bounds[index] = TextureBounds::of(&texture);
         self.textures += 1;
-        Ok(Stage::Nodes(NodesCheck::new(texture, index)))
+        Ok(match LinesCheck::new(texture, index) {
+            Some(lines) => Stage::Lines(lines),
+            None => Stage::Nodes(NodesCheck::new(texture, index)),
+        })
     }
 
     fn scene(&mut self) -> Result<(), DecodeError> {

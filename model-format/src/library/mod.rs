@@ -33,6 +33,7 @@ pub use part::PartsSpec;
 #[cfg(feature = "alloc")]
 pub use part::excitation::{CodebookSpec, ExcitationSpec};
 pub use part::levels::{FadeLaw, Laws, LevelLaw};
+pub use part::lines::{Line, Lines};
 #[cfg(feature = "alloc")]
 pub use part::lines::{LineSpec, LinesSpec};
 #[cfg(feature = "alloc")]

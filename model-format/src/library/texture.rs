@@ -5,6 +5,7 @@ use super::certificate::Certificate;
 use super::node::{Coefficients, Node, NodeFlags};
 use super::part::fine_theta::FineTheta;
 use super::part::levels::{FadeLaw, Laws, LevelLaw, LevelsPart};
+use super::part::lines::Lines;
 use super::part::{PartKind, Parts};
 use crate::error::{DecodeError, Place, Problem};
 use crate::units::{MillimetresPerSecond, Newton};
@@ -176,6 +177,13 @@ impl<'a> Texture<'a> {
     pub fn fine_stages(&self) -> usize {
         let nodes = self.nodes.len() / NodeRecord::BYTES;
         self.parts.fine_theta.map_or(0, |part| part.stages(nodes))
+    }
+
+    /// Lines that are locked to place, if the texture has any.
+    pub fn lines(&self) -> Option<Lines<'a>> {
+        let nodes = self.nodes.len() / NodeRecord::BYTES;
+        let part = self.parts.lines?;
+        Some(part.lines(nodes, self.force_axis.len()))
     }
 
     /// Length of the coefficients of all nodes, bytes.

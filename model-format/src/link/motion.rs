@@ -9,11 +9,12 @@ use crate::{MillimetresPerSecond, Newton};
 /// Motion of the tool at a moment, as the host knows it. It is sent at up to 1 kHz.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct MotionSample {
-    /// Tangential speed; its sign does not matter.
+    /// Tangential speed. Its sign matters to lines that are locked to place alone, and only without positions.
     pub speed: MillimetresPerSecond,
     /// Normal force; a negative one is no contact.
     pub force: Newton,
-    /// Position on the path of a scene, mm from where playing began; none leaves it to the device's encoder.
+    /// Position on the path of a scene, mm from where playing began; none leaves it to the device's encoder. Lines that
+    /// are locked to place follow it too; none leaves them to the speed.
     pub position_mm: Option<f32>,
     /// Contact of the tool; none leaves it to the force.
     pub contact: Option<bool>,

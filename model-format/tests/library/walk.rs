@@ -4,8 +4,8 @@ use std::iter::repeat;
 
 use model_format::scene::Scene;
 use model_format::{
-    Certificate, CodeSpec, Coefficients, Library, NodeFlags, NodeSpec, PartsSpec, Structure,
-    Texture, TextureSpec, UNCERTIFIED_CELL, limits,
+    Certificate, CodeSpec, Coefficients, Library, LineSpec, Lines, LinesSpec, NodeFlags, NodeSpec,
+    PartsSpec, Structure, Texture, TextureSpec, UNCERTIFIED_CELL, limits,
 };
 
 /// The content of `library`, through its public interface.
@@ -57,7 +57,10 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
             structure: texture.structure(),
             provenance: texture.provenance(),
             laws: texture.laws(),
-            parts: PartsSpec::default(),
+            parts: PartsSpec {
+                lines: texture.lines().map(|lines| lines_of(&texture, lines)),
+                ..PartsSpec::default()
+            },
             speed_axis_mm_s: speeds.values().collect(),
             force_axis_n: forces.values().collect(),
             nodes,
@@ -66,6 +69,40 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
     }
     assert_eq!(textures.len(), library.len());
     textures
+}
+
+/// The lines of `texture`, each amplitude by its node.
+fn lines_of(texture: &Texture<'_>, lines: Lines<'_>) -> LinesSpec {
+    let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
+    assert!((1..=limits::MAX_LINES).contains(&lines.len()));
+    let mut found: Vec<LineSpec> = Vec::new();
+    for line in lines.iter() {
+        let wavelength_mm = line.wavelength_mm();
+        assert!((limits::MIN_WAVELENGTH_MM..=limits::MAX_WAVELENGTH_MM).contains(&wavelength_mm));
+        assert!(
+            found
+                .iter()
+                .all(|other| other.wavelength_mm.to_bits() != wavelength_mm.to_bits())
+        );
+        let mut amplitudes = Vec::new();
+        for speed in 0..speeds.len() {
+            for force in 0..forces.len() {
+                let amplitude = line.amplitude(speed, force);
+                let moves = speeds.value(speed) > 0.0 && forces.value(force) > 0.0;
+                assert!((0.0..=limits::MAX_LINE_AMPLITUDE).contains(&amplitude));
+                assert!(moves || amplitude.to_bits() == 0);
+                amplitudes.push(amplitude);
+            }
+        }
+        assert!(line.amplitudes().eq(amplitudes.iter().copied()));
+        assert!(amplitudes.iter().any(|&amplitude| amplitude > 0.0));
+        found.push(LineSpec {
+            wavelength_mm,
+            phase: line.phase(),
+            amplitudes,
+        });
+    }
+    LinesSpec { lines: found }
 }
 
 /// The scenes of `library`, through its public interface.

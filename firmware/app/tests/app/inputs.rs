@@ -173,7 +173,7 @@ fn a_force_at_a_rail_is_no_contact_at_once_and_stale_in_its_time() {
             "code {code}"
         );
         let mut follower = Follower::new(false);
-        let touches = follower.follow(timed, &sensors, &config).contact;
+        let touches = follower.follow(timed, &sensors, &config, now).contact;
         assert_eq!(touches, !railed && code > 300, "code {code}");
         // The force that was known last is not followed any further.
         let at = if railed { 1 } else { now };
@@ -228,7 +228,7 @@ fn a_scene_is_followed_from_where_playing_began_and_from_the_first_touch() {
     let mut follower = Follower::new(true);
     let mut follow = |sensors: &Sensors, host: Option<Timed>| {
         let chosen = host.unwrap_or_else(|| sensors.motion(&config));
-        follower.follow(chosen, sensors, &config)
+        follower.follow(chosen, sensors, &config, 1)
     };
     let begun = follow(&before, None);
     assert_eq!((begun.position_mm(), begun.contact), (0.0, false));
@@ -267,7 +267,7 @@ fn a_texture_is_everywhere_and_is_touched_above_the_threshold() {
         (0, 90, false),
     ] {
         let sensors = moved(Sensors::new(), counts, 4_096 + code);
-        let followed = follower.follow(sensors.motion(&config), &sensors, &config);
+        let followed = follower.follow(sensors.motion(&config), &sensors, &config, 1);
         let found = (followed.position_mm(), followed.contact);
         assert_eq!(found, (0.0, touches), "code {code}");
     }
@@ -280,7 +280,7 @@ fn a_texture_is_everywhere_and_is_touched_above_the_threshold() {
             contact: Some(contact),
         };
         let host = Timed::from_host(sample, 1).expect("finite");
-        let followed = follower.follow(host, &Sensors::new(), &config);
+        let followed = follower.follow(host, &Sensors::new(), &config, 1);
         assert_eq!((followed.position_mm(), followed.contact), (0.0, contact));
     }
 }
@@ -319,7 +319,7 @@ fn a_count_that_wraps_does_not_move_the_tool() {
     let mut follower = Follower::new(true);
     let at = |follower: &mut Follower, sensors: &Sensors| {
         let chosen = sensors.motion(&config);
-        follower.follow(chosen, sensors, &config).position_mm()
+        follower.follow(chosen, sensors, &config, 1).position_mm()
     };
     assert_eq!(at(&mut follower, &sensors), 0.0);
     let mut gone = 0;

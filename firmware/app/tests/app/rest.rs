@@ -78,7 +78,9 @@ impl<'a> Stylus<'a> {
         }
         self.sensors.end_block();
         let chosen = self.sensors.motion(&self.input);
-        let interaction = self.follower.follow(chosen, &self.sensors, &self.input);
+        let interaction = self
+            .follower
+            .follow(chosen, &self.sensors, &self.input, self.tick);
         self.player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
         let (config, state) = &mut self.safety;
         (0..UPDATE_INTERVAL_SAMPLES)

@@ -6,12 +6,13 @@ use super::equaliser::Equaliser;
 use super::stick_slip::StickSlipFrame;
 use super::tap::{Resonance, Strike};
 use crate::level::Ramp;
+use crate::lines::LinesFrame;
 
 /// Number of voices that can sound at a time: two, while one surface fades into another.
 pub const SLOTS: usize = 2;
 
-/// Most stages of a block: two voices, a tap, the equaliser, and the fade while scenes are exchanged.
-pub const MAX_STAGES: usize = SLOTS + 3;
+/// Most stages of a block: two voices with their lines, a tap, the equaliser, and the fade while scenes are exchanged.
+pub const MAX_STAGES: usize = 2 * SLOTS + 3;
 
 /// A voice that sounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +32,8 @@ pub enum Stage {
     Voice(VoiceStage),
     /// A voice whose tool sticks and slips.
     StickSlip(VoiceStage, StickSlipFrame),
+    /// The lines of the voice in this slot, which are locked to place.
+    Lines(u8),
     /// A tap that rings.
     Tap(Resonance),
     /// The equaliser of all stages before.
@@ -44,7 +47,7 @@ impl Stage {
     pub fn voice(&self) -> Option<VoiceStage> {
         match *self {
             Self::Voice(voice) | Self::StickSlip(voice, _) => Some(voice),
-            Self::Tap(_) | Self::Equaliser | Self::FadeOut(_) => None,
+            Self::Lines(_) | Self::Tap(_) | Self::Equaliser | Self::FadeOut(_) => None,
         }
     }
 }
@@ -53,6 +56,8 @@ impl Stage {
 #[derive(Clone, Debug)]
 pub struct Block {
     pub(super) stages: Vec<Stage, MAX_STAGES>,
+    /// Lines of each slot's voice.
+    pub(super) lines: [LinesFrame; SLOTS],
     pub(super) strike: Option<Strike>,
     /// True if tap and equaliser are reset before the first sample.
     pub(super) resets: bool,
@@ -67,6 +72,7 @@ impl Block {
     pub const fn silent() -> Self {
         Self {
             stages: Vec::new(),
+            lines: [const { LinesFrame::new() }; SLOTS],
             strike: None,
             resets: false,
             samples: 0,

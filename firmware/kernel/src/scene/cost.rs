@@ -29,6 +29,9 @@ pub const DIRECT: StageCost = StageCost {
 /// Stick-slip of a voice, in addition to the voice.
 pub const STICK_SLIP: StageCost = StageCost { base: 46, each: 0 };
 
+/// Lines of a voice, in addition to the voice, with `each` per line.
+pub const LINES: StageCost = StageCost { base: 40, each: 30 };
+
 /// A tap transient.
 pub const TAP: StageCost = StageCost { base: 40, each: 0 };
 
@@ -48,7 +51,7 @@ pub const BUDGET: u32 = 20_000;
 pub struct StageCost {
     /// Instructions once.
     pub base: u16,
-    /// Instructions per stage of a lattice, turn of a predictor's taps, or section.
+    /// Instructions per stage of a lattice, turn of a predictor's taps, line, or section.
     pub each: u16,
 }
 
@@ -69,6 +72,11 @@ pub enum Item {
         /// Index of the surface.
         surface: u8,
     },
+    /// The lines of a surface's texture.
+    Lines {
+        /// Index of the surface.
+        surface: u8,
+    },
     /// A tap transient.
     Tap,
     /// The equaliser.
@@ -84,7 +92,7 @@ pub struct Term {
     pub item: Item,
     /// Cost of one stage.
     pub cost: StageCost,
-    /// Number of lattice stages, turns or sections.
+    /// Number of lattice stages, turns, lines or sections.
     pub count: u16,
 }
 
@@ -122,6 +130,16 @@ impl Term {
             cost,
             count: count as u16,
         }
+    }
+
+    /// The lines of a texture, if it has any.
+    pub(super) fn lines(surface: u8, texture: &Texture<'_>) -> Option<Self> {
+        let lines = texture.lines()?;
+        Some(Self {
+            item: Item::Lines { surface },
+            cost: LINES,
+            count: lines.len() as u16,
+        })
     }
 
     pub(super) const fn once(item: Item, cost: StageCost) -> Self {
@@ -168,6 +186,7 @@ impl fmt::Display for Item {
             Self::Mix => f.write_str("mix"),
             Self::Voice { surface, structure } => write!(f, "surface {surface}, {structure}"),
             Self::StickSlip { surface } => write!(f, "surface {surface}, stick-slip"),
+            Self::Lines { surface } => write!(f, "surface {surface}, lines"),
             Self::Tap => f.write_str("tap"),
             Self::Equaliser => f.write_str("equaliser"),
             Self::FadeOut => f.write_str("fade"),

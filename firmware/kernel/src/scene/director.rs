@@ -7,8 +7,9 @@ use super::plan::Plan;
 use super::playback::Ringing;
 use super::slots::{Moment, Slots, Voices, Wanted};
 use super::tap::{Resonance, Strike};
-use crate::grid::ONE;
+use crate::grid::{Motion, ONE};
 use crate::level::Ramp;
+use crate::position::{Passage, Track};
 
 /// Decides the stages of each block.
 #[derive(Clone, Debug)]
@@ -27,6 +28,8 @@ pub struct Director<'a> {
     fed: bool,
     /// The fade of the block that is played.
     fading: Option<Ramp>,
+    /// The way of the tool, for lines that are locked to place.
+    track: Track,
     before: Option<Before>,
 }
 
@@ -59,6 +62,7 @@ impl<'a> Director<'a> {
             struck: false,
             fed: false,
             fading: None,
+            track: Track::new(),
             before: None,
         }
     }
@@ -164,7 +168,7 @@ impl<'a> Director<'a> {
         wanted
     }
 
-    fn moment(&self, interaction: &Interaction, samples: u32, left: u32) -> Moment {
+    fn moment(&mut self, interaction: &Interaction, samples: u32, left: u32) -> Moment {
         let rate = self.plan.sample_rate_hz as f32;
         let distance_mm = match (self.plan.constant_motion, &self.before) {
             (Some(motion), _) => motion.speed_mm_s() * samples as f32 / rate,
@@ -174,12 +178,32 @@ impl<'a> Director<'a> {
             }
             (None, None) => 0.0,
         };
+        let motion = self.plan.constant_motion.unwrap_or(interaction.motion);
         Moment {
-            motion: self.plan.constant_motion.unwrap_or(interaction.motion),
+            motion,
+            passage: self.passage(interaction, motion, samples, left),
             distance_mm,
             samples,
             left,
         }
+    }
+
+    /// The way of the tool in the block, if anything depends on it.
+    fn passage(
+        &mut self,
+        interaction: &Interaction,
+        motion: Motion,
+        samples: u32,
+        left: u32,
+    ) -> Passage {
+        if !self.plan.has_lines {
+            return Passage::default();
+        }
+        // A motion that does not follow the hand does not take its position either.
+        let follows = self.plan.constant_motion.is_none();
+        let told = interaction.position().filter(|_| follows);
+        let (speed, rate) = (motion.speed_mm_s(), self.plan.sample_rate_hz);
+        self.track.advance(told, speed, samples, left, rate)
     }
 
     /// The tap of an impact: a contact that was not there in the block before, on the surface of greater weight.

@@ -3,6 +3,7 @@
 use model_format::Newton;
 
 use crate::grid::Motion;
+use crate::position::Position;
 
 /// Motion, position and contact at a moment. All numbers are finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,6 +11,8 @@ pub struct Interaction {
     /// Speed and force.
     pub motion: Motion,
     position_mm: f32,
+    /// Position at the last sample of the block that is decided; none if nobody knows it.
+    position: Option<Position>,
     /// True while the tool touches.
     pub contact: bool,
 }
@@ -31,10 +34,12 @@ impl Interaction {
     pub const NONE: Self = Self {
         motion: Motion::REST,
         position_mm: 0.0,
+        position: None,
         contact: false,
     };
 
-    /// An interaction with `motion` at a position on the path, mm from its origin.
+    /// An interaction with `motion` at a position on the path, mm from its origin, which is also that of lines locked to
+    /// place unless [`Interaction::reaching`] tells a better one.
     ///
     /// # Errors
     /// A position that is not finite.
@@ -45,6 +50,7 @@ impl Interaction {
         Ok(Self {
             motion,
             position_mm,
+            position: Some(Position::from_mm(position_mm)),
             contact,
         })
     }
@@ -54,8 +60,21 @@ impl Interaction {
         Self {
             motion,
             position_mm: 0.0,
+            position: None,
             contact: true,
         }
+    }
+
+    /// The interaction of a tool that will be at `position` at the last sample of the block that is decided. Lines that
+    /// are locked to place follow it; without one they go on by the speed.
+    #[must_use]
+    pub const fn reaching(self, position: Option<Position>) -> Self {
+        Self { position, ..self }
+    }
+
+    /// Position at the last sample of the block that is decided, if anybody knows it.
+    pub const fn position(&self) -> Option<Position> {
+        self.position
     }
 
     /// Position on the path, mm.

@@ -21,6 +21,8 @@ pub struct Plan<'a> {
     pub(super) constant_motion: Option<Motion>,
     pub(super) equaliser: Equaliser,
     pub(super) sample_rate_hz: u32,
+    /// True if any texture has lines that are locked to place.
+    pub(super) has_lines: bool,
 }
 
 /// A surface with its texture looked up and its constants computed.
@@ -62,7 +64,10 @@ impl<'a> Plan<'a> {
     pub fn new(scene: &Scene, library: &Library<'a>) -> Result<Self, SceneError> {
         scene.validate(library)?;
         let rate = scene.sample_rate_hz;
-        let surfaces = scene.surfaces.iter().zip(scene.textures(library));
+        let textures = scene.textures(library);
+        let mut all = textures.iter().flatten();
+        let has_lines = all.any(|texture| texture.lines().is_some());
+        let surfaces = scene.surfaces.iter().zip(textures);
         Ok(Self {
             surfaces: surfaces
                 .map(|(surface, texture)| PlannedSurface::new(surface, texture, rate))
@@ -77,6 +82,7 @@ impl<'a> Plan<'a> {
             },
             equaliser: Equaliser::new(&scene.equaliser),
             sample_rate_hz: rate,
+            has_lines,
         })
     }
 
@@ -96,6 +102,7 @@ impl<'a> Plan<'a> {
             constant_motion: None,
             equaliser: Equaliser::NONE,
             sample_rate_hz: texture.sample_rate_hz(),
+            has_lines: texture.lines().is_some(),
         }
     }
 
@@ -104,25 +111,32 @@ impl<'a> Plan<'a> {
         self.sample_rate_hz
     }
 
+    /// Returns whether any texture has lines that are locked to place, for which the position counts.
+    pub fn has_lines(&self) -> bool {
+        self.has_lines
+    }
+
     /// Instructions per tick in the worst case, in the model of [`cost`].
     ///
     /// With two surfaces or more, the two most expensive ones sound at a time, because the tool may jump from any one
     /// to any other. With one surface there is one voice.
     pub fn worst_case(&self) -> Cost {
-        let voices = |surface: u8| -> Option<[Option<Term>; 2]> {
+        let voices = |surface: u8| -> Option<[Option<Term>; 3]> {
             let planned = self.surfaces.get(usize::from(surface))?;
             let texture = planned.texture.filter(|_| planned.gain > 0)?;
             let stick_slip = Term::once(Item::StickSlip { surface }, cost::STICK_SLIP);
             let stick_slip = planned.stick_slip.map(|_| stick_slip);
-            Some([Some(Term::voice(surface, &texture.texture)), stick_slip])
+            let lines = Term::lines(surface, &texture.texture);
+            let voice = Term::voice(surface, &texture.texture);
+            Some([Some(voice), stick_slip, lines])
         };
-        let price = |terms: &[Option<Term>; 2]| -> u32 {
+        let price = |terms: &[Option<Term>; 3]| -> u32 {
             terms.iter().flatten().map(Term::instructions).sum()
         };
-        let mut dearest: [Option<[Option<Term>; 2]>; 2] = [None; 2];
+        let mut dearest: [Option<[Option<Term>; 3]>; 2] = [None; 2];
         for mut voice in self.path.surfaces().map(voices) {
             for place in &mut dearest {
-                let price = |terms: &Option<[Option<Term>; 2]>| terms.as_ref().map_or(0, price);
+                let price = |terms: &Option<[Option<Term>; 3]>| terms.as_ref().map_or(0, price);
                 if price(&voice) > price(place) {
                     core::mem::swap(place, &mut voice);
                 }

@@ -23,6 +23,8 @@ use crate::arithmetic::Arithmetic;
 use crate::excitation::hashed;
 use crate::grid::Motion;
 use crate::level::Levels;
+use crate::lines::VoiceLines;
+use crate::position::Passage;
 use crate::synthesis::{Frame, Playback};
 
 /// Most instructions that run-ups may take per block, in the model of [`super::cost`] and for both slots together.
@@ -67,6 +69,8 @@ pub(super) struct Wanted {
 pub(super) struct Moment {
     pub motion: Motion,
     pub distance_mm: f32,
+    /// The way of the tool, for lines that are locked to place.
+    pub passage: Passage,
     pub samples: u32,
     pub left: u32,
 }
@@ -100,6 +104,8 @@ struct Slot<'a> {
     gain: u32,
     /// The stick-slip of the block that is played.
     stick_slip: Option<StickSlipFrame>,
+    /// The lines of the texture, if it has any.
+    lines: Option<VoiceLines>,
 }
 
 impl<'a> Slots<'a> {
@@ -141,8 +147,11 @@ impl<'a> Slots<'a> {
         for (index, gain) in gains.into_iter().enumerate() {
             if self.slots[index].cold {
                 self.run_up(index, gain, moment.motion, &mut instructions, voices);
-            } else if let Some(stage) = self.direct_slot(plan, index, gain, moment, voices) {
+            } else if let Some(stage) = self.direct_slot(plan, index, gain, moment, voices, block) {
                 block.push(stage);
+                if self.slots[index].lines.is_some() {
+                    block.push(Stage::Lines(index as u8));
+                }
             }
         }
     }
@@ -254,6 +263,7 @@ impl<'a> Slots<'a> {
             return;
         }
         (slot.texture, slot.made, slot.motion) = (Some(texture), [false; 2], None);
+        slot.lines = VoiceLines::new(&texture.texture);
         let playback = voices.playback(index);
         if let Some(playback) = playback {
             playback.restart(&texture.texture);
@@ -273,6 +283,7 @@ impl<'a> Slots<'a> {
         gain: u32,
         moment: Moment,
         voices: &mut impl Voices,
+        block: &mut Block,
     ) -> Option<Stage> {
         let Moment { samples, left, .. } = moment;
         let slot = &mut self.slots[index];
@@ -288,6 +299,11 @@ impl<'a> Slots<'a> {
             moment.motion
         };
         let left_of_frame = slot.left(left);
+        if let Some(lines) = &mut slot.lines {
+            let left = if slot.played { left } else { 0 };
+            let frame = lines.follow(&texture, motion, gain, moment.passage, samples, left);
+            block.lines[index].clone_from(frame);
+        }
         let goes_on = slot.played && left_of_frame == 0;
         let begins = !(goes_on && slot.gain == gain && slot.motion == Some(motion));
         if begins {

@@ -6,6 +6,7 @@ mod grid;
 mod hard;
 mod lattice;
 mod level;
+mod lines;
 mod models;
 mod proof;
 mod reference;

@@ -1,5 +1,6 @@
 //! A hand along a motion: what the stylus knows of it at each update.
 
+use stylus_kernel::position::Position;
 use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 
 use super::MotionPath;
@@ -36,5 +37,13 @@ impl<'a> Hand<'a> {
             .clamp(-farthest, farthest);
         Interaction::new(motion, position_mm as f32, contact)
             .expect("a position within finite bounds is finite")
+    }
+
+    /// The interaction of [`Hand::at`] for the block that is decided at `time_s` and whose last sample is `block_s`
+    /// later. Lines that are locked to place are told the position at that sample, because the motion is known ahead.
+    pub fn for_block(&mut self, time_s: f64, block_s: f64) -> Interaction {
+        let end_mm = self.motion.position_mm_at(time_s + block_s);
+        let position = Position::from_exact_mm(end_mm);
+        self.at(time_s).reaching(Some(position))
     }
 }

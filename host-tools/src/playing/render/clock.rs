@@ -37,6 +37,11 @@ impl SampleClock {
         })
     }
 
+    /// Time from a block's first sample to its last one, s.
+    pub fn block_s(&self) -> f64 {
+        f64::from(UPDATE_INTERVAL_SAMPLES - 1) / f64::from(self.sample_rate_hz)
+    }
+
     /// Sample rate, Hz.
     pub fn sample_rate_hz(&self) -> u32 {
         self.sample_rate_hz

@@ -67,7 +67,7 @@ impl Iterator for Rendering<'_> {
 
     fn next(&mut self) -> Option<OutputSample> {
         if let Some(time_s) = self.clock.next()? {
-            let interaction = self.hand.at(time_s);
+            let interaction = self.hand.for_block(time_s, self.clock.block_s());
             self.player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
         }
         Some(self.player.next_sample())

@@ -1,15 +1,148 @@
 //! Part of kind 5: lines that are locked to place.
+//!
+//! A byte has the number of lines. Each line is its wavelength, mm, as `f32`; its phase at the origin of places, in
+//! steps of 2⁻¹⁶ of a turn, as `u16`; and per node, speed-major, its amplitude, m/s², as `f32`. All lines take the same
+//! number of bytes, so that any amplitude is found without reading those before it.
 
-use alloc::vec::Vec;
+use crate::error::Problem;
+use crate::limits::{MAX_LINES, MAX_WAVELENGTH_MM, MIN_WAVELENGTH_MM};
 
-/// Lines of a texture: sines over the place on the surface.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LinesSpec {
-    /// The lines.
-    pub lines: Vec<LineSpec>,
+#[cfg(feature = "alloc")]
+use super::spec::PartSpec;
+
+/// Kind of this part.
+pub(crate) const KIND: u32 = 5;
+
+/// Bytes of a line before its amplitudes: wavelength and phase.
+const HEAD_BYTES: usize = 6;
+
+/// Bytes of an amplitude.
+pub(in crate::library) const AMPLITUDE_BYTES: usize = 4;
+
+/// The part's content.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LinesPart<'a>(pub &'a [u8]);
+
+/// Lines of a texture, which are locked to place.
+#[derive(Clone, Copy, Debug)]
+pub struct Lines<'a> {
+    /// The lines' bytes, one line after the other.
+    bytes: &'a [u8],
+    nodes: usize,
+    forces: usize,
 }
 
 /// A line, whose value at the place x is amplitude · sin(2π (x / wavelength + phase)).
+#[derive(Clone, Copy, Debug)]
+pub struct Line<'a> {
+    bytes: &'a [u8],
+    forces: usize,
+}
+
+impl<'a> LinesPart<'a> {
+    /// The lines of a part that was found valid, in a texture of `nodes` nodes and `forces` forces.
+    pub fn lines(self, nodes: usize, forces: usize) -> Lines<'a> {
+        Lines {
+            bytes: self.0.get(1..).unwrap_or_default(),
+            nodes,
+            forces,
+        }
+    }
+
+    /// Checks all but the amplitudes, in a texture of `nodes` nodes.
+    pub fn check(self, nodes: usize) -> Result<(), Problem> {
+        let found = self.0.len();
+        let count = usize::from(self.0.first().copied().unwrap_or(0));
+        if !(1..=MAX_LINES).contains(&count) {
+            return Err(Problem::LineCount(count));
+        }
+        let expected = 1 + count * (HEAD_BYTES + nodes * AMPLITUDE_BYTES);
+        if found != expected {
+            return Err(Problem::LinesLength { found, expected });
+        }
+        let lines = self.lines(nodes, 1);
+        for line in 0..count {
+            let value = lines.line(line).wavelength_mm();
+            if !(MIN_WAVELENGTH_MM..=MAX_WAVELENGTH_MM).contains(&value) {
+                return Err(Problem::Wavelength { line, value });
+            }
+            let same =
+                |&other: &usize| lines.line(other).wavelength_mm().to_bits() == value.to_bits();
+            if let Some(other) = (0..line).find(same) {
+                return Err(Problem::WavelengthTaken { line, other });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<'a> Lines<'a> {
+    fn line_bytes(self) -> usize {
+        HEAD_BYTES + self.nodes * AMPLITUDE_BYTES
+    }
+
+    /// Number of lines, 1 to [`MAX_LINES`].
+    #[expect(
+        clippy::len_without_is_empty,
+        reason = "a texture without lines has no such part"
+    )]
+    pub fn len(self) -> usize {
+        self.bytes.len() / self.line_bytes()
+    }
+
+    /// Line `index`, which must be below [`Lines::len`].
+    pub fn line(self, index: usize) -> Line<'a> {
+        let length = self.line_bytes();
+        Line {
+            bytes: &self.bytes[index * length..][..length],
+            forces: self.forces,
+        }
+    }
+
+    /// All lines.
+    pub fn iter(self) -> impl Iterator<Item = Line<'a>> {
+        (0..self.len()).map(move |index| self.line(index))
+    }
+}
+
+impl Line<'_> {
+    /// Wavelength, mm.
+    pub fn wavelength_mm(&self) -> f32 {
+        f32::from_le_bytes(self.bytes.first_chunk().copied().unwrap_or_default())
+    }
+
+    /// Phase at the origin of places, in steps of 2⁻¹⁶ of a turn.
+    pub fn phase(&self) -> u16 {
+        u16::from_le_bytes([self.bytes[4], self.bytes[5]])
+    }
+
+    /// Amplitude at the node of the indices (`speed`, `force`), each below the length of its axis, m/s²: the peak of
+    /// the sine.
+    pub fn amplitude(&self, speed: usize, force: usize) -> f32 {
+        self.of_node(speed * self.forces + force)
+    }
+
+    /// Amplitudes of all nodes, m/s², speed-major.
+    pub fn amplitudes(&self) -> impl Iterator<Item = f32> {
+        let amplitudes = self.bytes[HEAD_BYTES..].as_chunks().0;
+        amplitudes.iter().copied().map(f32::from_le_bytes)
+    }
+
+    fn of_node(&self, index: usize) -> f32 {
+        f32::from_le_bytes(self.bytes[HEAD_BYTES..].as_chunks().0[index])
+    }
+}
+
+/// Lines of a texture to be written: sines over the place on the surface.
+#[cfg(feature = "alloc")]
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinesSpec {
+    /// The lines.
+    pub lines: alloc::vec::Vec<LineSpec>,
+}
+
+/// A line to be written, whose value at the place x is amplitude · sin(2π (x / wavelength + phase)).
+#[cfg(feature = "alloc")]
 #[derive(Clone, Debug, PartialEq)]
 pub struct LineSpec {
     /// Wavelength, mm.
@@ -17,5 +150,48 @@ pub struct LineSpec {
     /// Phase at the origin of places, in steps of 2⁻¹⁶ of a turn.
     pub phase: u16,
     /// Amplitude at each node, m/s², speed-major: the peak of the sine.
-    pub amplitudes: Vec<f32>,
+    pub amplitudes: alloc::vec::Vec<f32>,
+}
+
+#[cfg(feature = "alloc")]
+impl From<Lines<'_>> for LinesSpec {
+    /// The lines of a decoded texture, which encode to the same bytes.
+    fn from(lines: Lines<'_>) -> Self {
+        let spec = |line: Line<'_>| LineSpec {
+            wavelength_mm: line.wavelength_mm(),
+            phase: line.phase(),
+            amplitudes: line.amplitudes().collect(),
+        };
+        Self {
+            lines: lines.iter().map(spec).collect(),
+        }
+    }
+}
+
+/// The part of a texture of `nodes` nodes with these lines.
+///
+/// # Errors
+/// More lines than [`MAX_LINES`], and a line of more or fewer amplitudes than nodes.
+#[cfg(feature = "alloc")]
+pub(crate) fn part(lines: &LinesSpec, nodes: usize) -> Result<PartSpec, Problem> {
+    let count = lines.lines.len();
+    if count > MAX_LINES {
+        return Err(Problem::LineCount(count));
+    }
+    let mut content = alloc::vec![count as u8];
+    for (index, line) in lines.lines.iter().enumerate() {
+        let found = line.amplitudes.len();
+        if found != nodes {
+            let (line, expected) = (index, nodes);
+            return Err(Problem::LineNodes {
+                line,
+                found,
+                expected,
+            });
+        }
+        content.extend(line.wavelength_mm.to_le_bytes());
+        content.extend(line.phase.to_le_bytes());
+        content.extend(line.amplitudes.iter().flat_map(|value| value.to_le_bytes()));
+    }
+    Ok((KIND, content))
 }

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | 1 | [`levels`] | laws of the level between nodes and below the grid |
 //! | 2 | [`fine_theta`] | 8 more binary digits of θ for the first stages of a lattice |
+//! | 5 | [`lines`] | lines that are locked to place |
 //!
 //! A texture ends with a varint of the number of its parts, and each part is a varint of its kind and a string of its
 //! content. Kinds ascend, so that none comes twice. An unknown kind is refused, because a reader that left it out would
@@ -17,7 +18,6 @@
 pub(crate) mod excitation;
 pub(crate) mod fine_theta;
 pub(crate) mod levels;
-#[cfg(feature = "alloc")]
 pub(crate) mod lines;
 #[cfg(feature = "alloc")]
 pub(crate) mod modulation;
@@ -29,6 +29,7 @@ use crate::wire::{Reader, Structure};
 
 use fine_theta::FineTheta;
 use levels::LevelsPart;
+use lines::LinesPart;
 
 #[cfg(feature = "alloc")]
 pub(crate) use spec::PartSpec;
@@ -42,6 +43,8 @@ pub enum PartKind {
     Levels,
     /// Fractions of θ of a lattice's first stages.
     FineTheta,
+    /// Lines that are locked to place.
+    Lines,
 }
 
 impl core::fmt::Display for PartKind {
@@ -49,6 +52,7 @@ impl core::fmt::Display for PartKind {
         f.write_str(match self {
             Self::Levels => "levels",
             Self::FineTheta => "fine theta",
+            Self::Lines => "lines",
         })
     }
 }
@@ -58,6 +62,7 @@ impl core::fmt::Display for PartKind {
 pub(super) struct Parts<'a> {
     pub levels: Option<LevelsPart<'a>>,
     pub fine_theta: Option<FineTheta<'a>>,
+    pub lines: Option<LinesPart<'a>>,
 }
 
 impl<'a> Parts<'a> {
@@ -74,6 +79,7 @@ impl<'a> Parts<'a> {
             match kind {
                 levels::KIND => parts.levels = Some(LevelsPart(content)),
                 fine_theta::KIND => parts.fine_theta = Some(FineTheta(content)),
+                lines::KIND => parts.lines = Some(LinesPart(content)),
                 unknown => return Err(Problem::UnknownPart(unknown)),
             }
             if kind <= last {
@@ -89,10 +95,13 @@ impl<'a> Parts<'a> {
         if let Some(levels) = self.levels {
             levels.check()?;
         }
-        match self.fine_theta {
-            Some(fine_theta) => fine_theta.check(structure, nodes),
-            None => Ok(()),
+        if let Some(fine_theta) = self.fine_theta {
+            fine_theta.check(structure, nodes)?;
         }
+        if let Some(lines) = self.lines {
+            lines.check(nodes)?;
+        }
+        Ok(())
     }
 
     /// The parts that are there, kinds ascending, each with the length of its content, bytes.
@@ -101,7 +110,8 @@ impl<'a> Parts<'a> {
         let fine_theta = self
             .fine_theta
             .map(|part| (PartKind::FineTheta, part.0.len()));
-        [levels, fine_theta].into_iter().flatten()
+        let lines = self.lines.map(|part| (PartKind::Lines, part.0.len()));
+        [levels, fine_theta, lines].into_iter().flatten()
     }
 }
 

@@ -55,9 +55,10 @@ pub struct Heard<'a> {
 
 impl<'a> Heard<'a> {
     pub fn of_texture(texture: Texture<'a>, seed: u64) -> Self {
+        let plan = Plan::of_texture(texture);
         Self {
-            plan: Plan::of_texture(texture),
-            follower: Follower::new(false),
+            follower: Follower::new(false).tracking(plan.has_lines()),
+            plan,
             seed,
             switch: None,
         }
@@ -65,8 +66,8 @@ impl<'a> Heard<'a> {
 
     pub fn of_scene(plan: Plan<'a>, seed: u64) -> Self {
         Self {
+            follower: Follower::new(true).tracking(plan.has_lines()),
             plan,
-            follower: Follower::new(true),
             seed,
             switch: None,
         }
@@ -100,7 +101,7 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
             player.switch(plan);
             follower = next;
         }
-        let interaction = follower.follow(sensors.motion(&config), &sensors, &config);
+        let interaction = follower.follow(sensors.motion(&config), &sensors, &config, tick);
         player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
         samples.extend((0..UPDATE_INTERVAL_SAMPLES).map(|_| player.next_sample()));
     }

@@ -12,8 +12,13 @@
 //! noise of one conversion. Beyond 6 deviations lies one of 10⁹ Gaussian values: a contact out of nothing every 23
 //! days. Contact ends at 3 deviations.
 //!
+//! **Lines that are locked to place** need more digits than a count has, and follow the hand without a delay: see
+//! [`tracker`].
+//!
 //! An input that is older than [`STALE_TICKS`] is stale and mutes the output. A force at a rail of the converter, see
 //! [`RAIL_CODES`], is none: there is no contact at once, and the motion becomes stale.
+
+pub mod tracker;
 
 pub use model_format::link::RAIL_CODES;
 use model_format::link::{
@@ -24,6 +29,7 @@ use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 use stylus_kernel::{Motion, MotionError, UPDATE_INTERVAL_SAMPLES};
 
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
+use tracker::Tracker;
 
 /// Greatest age of an input that is not stale, ticks.
 pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;
@@ -195,6 +201,8 @@ impl Sensors {
         let motion = Motion::new(config.speed(counts), config.force(self.force));
         Timed {
             motion: motion.unwrap_or(Motion::REST),
+            source: MotionSource::Sensors,
+            speed_mm_s: motion.map_or(0.0, |motion| motion.speed_mm_s()),
             position_mm: None,
             contact: self.railed.then_some(false),
             at: self.updated_at,
@@ -217,6 +225,10 @@ impl Sensors {
 pub struct Timed {
     /// The motion.
     pub motion: Motion,
+    /// Source of the motion.
+    pub source: MotionSource,
+    /// Speed with its sign, mm/s, if the host told it.
+    pub speed_mm_s: f32,
     /// Position on the path, mm, finite; if none, the encoder gives it.
     pub position_mm: Option<f32>,
     /// True if the tool touches; if none, the force decides.
@@ -231,6 +243,8 @@ impl Timed {
     /// No input so far.
     pub const NEVER: Self = Self {
         motion: Motion::REST,
+        source: MotionSource::Host,
+        speed_mm_s: 0.0,
         position_mm: None,
         contact: None,
         at: None,
@@ -253,6 +267,8 @@ impl Timed {
         }
         Ok(Self {
             motion,
+            source: MotionSource::Host,
+            speed_mm_s: sample.speed.0,
             position_mm: sample.position_mm,
             contact: sample.contact,
             at: Some(tick),
@@ -282,6 +298,8 @@ pub struct Follower {
     locates: bool,
     /// Count of the encoder at the origin, once it is known.
     origin: Option<i32>,
+    /// The tracker of lines that are locked to place, if anything has such lines.
+    tracker: Option<Tracker>,
     contact: ContactDetector,
 }
 
@@ -291,17 +309,26 @@ impl Follower {
         Self {
             locates,
             origin: None,
+            tracker: None,
             contact: ContactDetector::new(),
         }
     }
 
-    /// Interaction of the hand, from the chosen motion and the sensors at the same time. The origin is the encoder's
+    /// The same for a plan that has lines which are locked to place, if `has_lines`.
+    #[must_use]
+    pub fn tracking(self, has_lines: bool) -> Self {
+        let tracker = has_lines.then(Tracker::new);
+        Self { tracker, ..self }
+    }
+
+    /// Interaction of the hand, from the chosen motion and the sensors, both at tick `now`. The origin is the encoder's
     /// count at the first call.
     pub fn follow(
         &mut self,
         chosen: Timed,
         sensors: &Sensors,
         config: &InputConfig,
+        now: u64,
     ) -> Interaction {
         let by_force = self.contact.touches(chosen.motion, config.contact);
         let contact = chosen.contact.unwrap_or(by_force);
@@ -315,6 +342,10 @@ impl Follower {
         };
         // Both positions are finite: the host's was checked, and the encoder's is at most 2³¹ times a setting in its
         // range.
-        Interaction::new(chosen.motion, position, contact).unwrap_or(Interaction::NONE)
+        let interaction =
+            Interaction::new(chosen.motion, position, contact).unwrap_or(Interaction::NONE);
+        let tracker = self.tracker.as_mut();
+        interaction
+            .reaching(tracker.map(|tracker| tracker.follow(&chosen, sensors.counts(), config, now)))
     }
 }

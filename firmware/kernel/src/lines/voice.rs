@@ -1,0 +1,202 @@
+//! Lines of a voice from block to block, below the tick.
+
+use heapless::Vec;
+use model_format::limits::MAX_LINES;
+use model_format::{Line, OutputSample, Texture};
+
+use super::{LineFrame, LinesFrame, MAX_AMPLITUDE};
+use crate::grid::{GridPoint, Motion, ONE};
+use crate::level::Ramp;
+use crate::position::{Passage, Position};
+
+/// Binary digits after the point of turns per mm.
+const TURNS_BITS: u32 = 48;
+
+/// A turn in steps of a phase.
+const TURN: i64 = 1 << 32;
+
+/// Advance of the phase per sample at which a line begins to fade: 0.40 of the sample rate.
+const FADE_BEGINS: i64 = TURN * 40 / 100;
+
+/// Advance at and above which it is silent: 0.44 of the sample rate.
+const FADE_ENDS: i64 = TURN * 44 / 100;
+
+/// Longest way of a block whose turns are counted, in steps of a position: 256 mm.
+const LONGEST: u64 = 256 << Position::FRACTION_BITS;
+
+/// Lines of a voice.
+#[derive(Clone, Debug)]
+pub struct VoiceLines {
+    lines: Vec<PlayedLine, MAX_LINES>,
+    /// The block before.
+    frame: LinesFrame,
+}
+
+/// A line that is played.
+#[derive(Clone, Copy, Debug)]
+struct PlayedLine {
+    /// Turns per mm.
+    turns: Turns,
+    /// Phase at the origin of positions, in steps of 2⁻³² of a turn.
+    phase: u32,
+    /// True if the block before left the position, because the line was too fast or the position jumped.
+    astray: bool,
+}
+
+/// Turns of a line per mm, in steps of 2⁻⁴⁸. The smallest has 38 digits.
+#[derive(Clone, Copy, Debug)]
+struct Turns(u64);
+
+impl Turns {
+    /// The turns of `wavelength_mm`, which a valid texture has.
+    fn of(wavelength_mm: f32) -> Self {
+        // A float is an integer of 24 digits times a power of two, by which the quotient of integers is shifted.
+        let bits = wavelength_mm.to_bits();
+        let mantissa = u64::from(bits & 0x007f_ffff | 0x0080_0000);
+        let exponent = (bits >> 23).cast_signed() - 150;
+        // 2⁶² / mantissa is of 39 digits; 2⁴⁸ / wavelength is that times 2^-(14 + exponent).
+        let quotient = (1 << 62) / mantissa;
+        let shift = 14 + exponent;
+        Self(if shift >= 0 {
+            quotient >> shift.min(63)
+        } else {
+            quotient << (-shift).min(24)
+        })
+    }
+
+    /// Phase of `position`, in steps of 2⁻³² of a turn.
+    fn phase(self, position: Position) -> u32 {
+        // Digits 48 to 79 of the product of 64 by 64 digits, in pieces of 32. What is beyond 64 bits here is whole
+        // turns.
+        let (high, low) = (position.steps() >> 32, position.steps() & 0xffff_ffff);
+        let (turns_high, turns_low) = ((self.0 >> 32).cast_signed(), self.0 & 0xffff_ffff);
+        let lowest = (low.cast_unsigned() * turns_low) >> 32;
+        let middle = low
+            .wrapping_mul(turns_high)
+            .wrapping_add(lowest.cast_signed());
+        let middle = middle.wrapping_add(high.wrapping_mul(turns_low.cast_signed()));
+        let whole = high.wrapping_mul(turns_high) << 32;
+        (middle.wrapping_add(whole) >> (TURNS_BITS - 32)) as u32
+    }
+
+    /// Phase of a way of `steps` steps of a position, whole turns included, from the difference of the phases at its
+    /// ends, `exact`.
+    fn way(self, steps: i64, exact: u32) -> i64 {
+        // It is off by less than a hundredth of a turn, so that the nearest number with the exact digits is right.
+        let coarse = ((steps >> 16) * (self.0 >> 16).cast_signed()) >> 16;
+        coarse + i64::from(exact.wrapping_sub(coarse as u32).cast_signed())
+    }
+}
+
+impl PlayedLine {
+    fn new(line: &Line<'_>) -> Self {
+        Self {
+            turns: Turns::of(line.wavelength_mm()),
+            phase: u32::from(line.phase()) << 16,
+            astray: false,
+        }
+    }
+
+    /// The line of the next block, whose way is `passage`: from `before`, of which `left` samples are not played, to
+    /// `amplitude`.
+    fn frame(
+        &mut self,
+        before: LineFrame,
+        amplitude: u32,
+        passage: Passage,
+        samples: u32,
+        left: u32,
+    ) -> LineFrame {
+        let from = before.amplitude.value(left);
+        let end = self.turns.phase(passage.to).wrapping_add(self.phase);
+        let advance = self.advance(passage, samples);
+        let share = advance.map_or(0, share_of_speed);
+        let lost = share == 0 || (self.astray && from > 0);
+        self.astray = lost;
+        if lost {
+            // The frequency that it had, while it fades out.
+            let end = before
+                .phase(left)
+                .wrapping_add(before.step.wrapping_mul(samples));
+            return LineFrame {
+                end,
+                step: before.step,
+                amplitude: Ramp::between(from, 0, samples),
+            };
+        }
+        let target = (u64::from(amplitude) * u64::from(share)) / u64::from(ONE);
+        LineFrame {
+            end,
+            step: advance.unwrap_or(0) as u32,
+            amplitude: Ramp::between(from, target as u32, samples),
+        }
+    }
+
+    /// Advance of the phase per sample along `passage`; none if it jumps.
+    fn advance(&self, passage: Passage, samples: u32) -> Option<i64> {
+        let steps = passage.to.since(passage.from);
+        if passage.jumps || steps.unsigned_abs() > LONGEST {
+            return None;
+        }
+        let [from, to] = [passage.from, passage.to].map(|position| self.turns.phase(position));
+        let way = self.turns.way(steps, to.wrapping_sub(from));
+        Some(way / i64::from(samples.max(1)))
+    }
+}
+
+/// Factor of the amplitude of a line whose phase advances by `advance` per sample, in steps of 2⁻¹⁶: [`ONE`] up to 0.40
+/// of the sample rate, and 0 from 0.44 on.
+fn share_of_speed(advance: i64) -> u32 {
+    let beyond = (FADE_ENDS - advance.abs()).clamp(0, FADE_ENDS - FADE_BEGINS);
+    ((beyond << 16) / (FADE_ENDS - FADE_BEGINS)) as u32
+}
+
+impl VoiceLines {
+    /// The lines of `texture`, silent; none if it has none.
+    pub fn new(texture: &Texture<'_>) -> Option<Self> {
+        let lines: Vec<_, MAX_LINES> = texture
+            .lines()?
+            .iter()
+            .take(MAX_LINES)
+            .map(|line| PlayedLine::new(&line))
+            .collect();
+        let silent = lines.iter().map(|_| LineFrame::default()).collect();
+        Some(Self {
+            lines,
+            frame: LinesFrame { lines: silent },
+        })
+    }
+
+    /// The lines of the next block, of `samples` samples, at `motion` on `texture`, the one that they were made for.
+    ///
+    /// `gain` is that of [`crate::Frame::update_scaled`]; `left` is the number of samples of the block before that are
+    /// not played.
+    pub fn follow(
+        &mut self,
+        texture: &Texture<'_>,
+        motion: Motion,
+        gain: u32,
+        passage: Passage,
+        samples: u32,
+        left: u32,
+    ) -> &LinesFrame {
+        let point = GridPoint::locate(texture, motion);
+        if let Some(lines) = texture.lines() {
+            let both = self.lines.iter_mut().zip(&mut self.frame.lines);
+            for ((played, frame), line) in both.zip(lines.iter()) {
+                let amplitude = amplitude(&line, &point, gain);
+                *frame = played.frame(*frame, amplitude, passage, samples, left);
+            }
+        }
+        &self.frame
+    }
+}
+
+/// Amplitude of `line` at `point`, times `gain`, in steps of an output sample.
+fn amplitude(line: &Line<'_>, point: &GridPoint, gain: u32) -> u32 {
+    let mean = point.mean(|speed, force| line.amplitude(speed, force));
+    let steps = (mean * (1u32 << OutputSample::FRACTION_BITS) as f32) as u64;
+    let faded = (steps * u64::from(point.fade)) / u64::from(ONE);
+    let steps = (faded * u64::from(gain)) / u64::from(ONE);
+    steps.min(u64::from(MAX_AMPLITUDE)) as u32
+}

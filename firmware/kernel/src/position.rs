@@ -1,0 +1,131 @@
+//! Position of the tool along its path, exact over kilometres, and its way from block to block.
+//!
+//! A position is 64 bits in steps of 2⁻³² mm, so that the phase of the finest line is exact to 10⁻⁵ of a turn at any
+//! distance that a hand goes, and forwards and backwards give the same. It wraps after 4295 km.
+//!
+//! The position is told for the **last sample of a block**, see [`Track`]. Who tells it and does not know the future
+//! predicts it from the speed, because a position that is late by a block lets a surface lag behind the hand.
+
+/// A position along the path.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Position(pub(crate) i64);
+
+impl Position {
+    /// Binary digits after the point of a position in mm.
+    pub const FRACTION_BITS: u32 = 32;
+
+    /// The path's origin.
+    pub const ORIGIN: Self = Self(0);
+
+    /// The position `steps` steps of 2⁻³² mm from the origin.
+    pub const fn from_steps(steps: i64) -> Self {
+        Self(steps)
+    }
+
+    /// The position `mm` from the origin. Beyond 2147 km it is the last that there is; NaN is the origin.
+    pub fn from_mm(mm: f32) -> Self {
+        // A power of two scales a float exactly.
+        Self((mm * (1u64 << Self::FRACTION_BITS) as f32) as i64)
+    }
+
+    /// As [`Position::from_mm`], with the digits that a long path needs.
+    pub fn from_exact_mm(mm: f64) -> Self {
+        Self((mm * (1u64 << Self::FRACTION_BITS) as f64) as i64)
+    }
+
+    /// Distance from the origin in steps of 2⁻³² mm.
+    pub const fn steps(self) -> i64 {
+        self.0
+    }
+
+    /// The position `steps` farther.
+    #[must_use]
+    pub const fn ahead(self, steps: i64) -> Self {
+        Self(self.0.wrapping_add(steps))
+    }
+
+    /// Steps from `from` to this position, the short way around.
+    pub const fn since(self, from: Self) -> i64 {
+        self.0.wrapping_sub(from.0)
+    }
+}
+
+/// Distance of a `speed_mm_s` in `samples` samples, in steps of a [`Position`]. Speeds above 1 km/s count as that.
+pub fn distance_steps(speed_mm_s: f32, samples: u32, sample_rate_hz: u32) -> i64 {
+    /// Binary digits after the point of the speed. A speed has 24 digits, and is at most 2²⁰.
+    const SPEED_BITS: u32 = 20;
+    const FASTEST_MM_S: f32 = 1.0e6;
+    let speed = speed_mm_s.clamp(-FASTEST_MM_S, FASTEST_MM_S);
+    let speed = (speed * (1u32 << SPEED_BITS) as f32) as i64;
+    let distance = speed.saturating_mul(i64::from(samples));
+    let distance = distance.saturating_mul(1 << (Position::FRACTION_BITS - SPEED_BITS));
+    distance / i64::from(sample_rate_hz.max(1))
+}
+
+/// The way of the tool in a block.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Passage {
+    /// Position at the end of the block before.
+    pub from: Position,
+    /// Position at the block's last sample.
+    pub to: Position,
+    /// True if the speed does not explain the way: the hand was told to be elsewhere.
+    pub jumps: bool,
+}
+
+/// Follower of the position, which is told, or else is the integral of the speed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Track {
+    passage: Option<Passage>,
+    samples: u32,
+}
+
+impl Track {
+    /// A track that has not begun.
+    pub const fn new() -> Self {
+        Self {
+            passage: None,
+            samples: 0,
+        }
+    }
+
+    /// The way of the next block, of `samples` samples, at `speed_mm_s`: to the position that is `told`, or else ahead
+    /// by the speed. `left` is the number of samples of the block before that are not played.
+    ///
+    /// A hand that accelerates goes up to twice the way of its speed at the block's beginning, and [`SLACK_STEPS`]
+    /// besides. More than that is a jump.
+    pub fn advance(
+        &mut self,
+        told: Option<Position>,
+        speed_mm_s: f32,
+        samples: u32,
+        left: u32,
+        sample_rate_hz: u32,
+    ) -> Passage {
+        let expected = distance_steps(speed_mm_s, samples, sample_rate_hz);
+        let from = match self.passage {
+            Some(before) => before.with_left(left, self.samples),
+            None => told.unwrap_or_default(),
+        };
+        let to = told.unwrap_or(from.ahead(expected));
+        let explained = (2 * expected.unsigned_abs()).saturating_add(SLACK_STEPS);
+        let passage = Passage {
+            from,
+            to,
+            jumps: to.since(from).unsigned_abs() > explained,
+        };
+        (self.passage, self.samples) = (Some(passage), samples);
+        passage
+    }
+}
+
+/// Way that a hand may go in a block beyond twice its speed: 0.5 mm, because a speed that is a mean of 20 ms lags.
+pub const SLACK_STEPS: u64 = (1 << Position::FRACTION_BITS) / 2;
+
+impl Passage {
+    /// The position with `left` of `samples` samples to come.
+    fn with_left(self, left: u32, samples: u32) -> Position {
+        let share = self.to.since(self.from) / i64::from(samples.max(1));
+        self.to.ahead(share.wrapping_mul(-i64::from(left)))
+    }
+}
