@@ -1,10 +1,13 @@
 //! The outcome of a fit.
 
+use std::sync::Arc;
+
 use model_format::{Provenance, TextureSpec};
 
 use crate::texture::grid::Grid;
 
 use super::excitation::ExcitationReport;
+use super::lines::Findings;
 use super::trial_report::TrialReport;
 
 /// A fitted texture.
@@ -16,6 +19,8 @@ pub struct FittedTexture {
     pub provenance: Provenance,
     /// Its models.
     pub grid: Grid,
+    /// Lines that are locked to place, or the reason for none.
+    pub lines: Arc<Findings>,
 }
 
 /// The outcome of a fit.

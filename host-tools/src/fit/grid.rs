@@ -11,6 +11,7 @@ use crate::texture::grid::Grid;
 
 use super::bands::{BandLevel, Bands};
 use super::holes::Filler;
+use super::lines::{LineMember, lines_on};
 use super::options::{Options, Order};
 use super::trial::Analysis;
 use super::trial_report::TrialReport;
@@ -77,13 +78,20 @@ pub(super) fn assemble(
     let models: Vec<Model> = (0..filler.known.len())
         .map(|index| filler.model(index))
         .collect();
-    let grid = Grid {
+    let mut grid = Grid {
         speeds_mm_s,
         forces_n,
         laws: laws_of(&models),
         parts: PartsSpec::default(),
         models,
     };
+    let lines = members.iter().map(|(trial, analysis, _)| LineMember {
+        speed_mm_s: trial.speed_mm_s,
+        force_n: trial.force_n,
+        is_silent: analysis.is_silent(),
+        lines: &analysis.lines,
+    });
+    grid.parts.lines = lines_on(&grid, &lines.collect::<Vec<_>>());
     Ok((grid, misses))
 }
 

@@ -12,10 +12,12 @@ mod grid;
 #[cfg(feature = "hatt")]
 pub mod hatt;
 mod holes;
+pub mod lines;
 mod notes;
 mod options;
 pub mod part;
 pub mod record;
+mod separated;
 mod trial;
 mod trial_report;
 
@@ -30,7 +32,9 @@ use crate::texture::certificate;
 use crate::texture::library::texture_spec;
 
 pub use fitted::{Fit, FittedTexture};
+use lines::Lines;
 pub use options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
+pub use separated::{separate_lines, signals_without_lines};
 pub use trial::{Analysis, Signal, analyse, analyse_with_signal, signal};
 pub use trial_report::TrialReport;
 
@@ -59,12 +63,33 @@ pub fn analyse_set(
     progress: impl Fn() + Sync,
 ) -> Result<Vec<Analysis>> {
     let max_order = options.order.highest();
-    let analyses = set.trials.par_iter().map(|trial| {
-        let analysis = analyse(trial, options, max_order);
-        progress();
-        analysis
-    });
-    analyses.collect()
+    if options.lines == Lines::None {
+        let analyses = set.trials.par_iter().map(|trial| {
+            let analysis = analyse(trial, options, max_order);
+            progress();
+            analysis
+        });
+        return analyses.collect();
+    }
+    // The lines of a texture show in its trials together, so that the samples of one texture are held at a time.
+    let mut analyses: Vec<Option<Analysis>> = vec![None; set.trials.len()];
+    for name in set.textures() {
+        let (indices, trials) = separated::of_texture(set, name);
+        let mut analysed = trials
+            .par_iter()
+            .map(|trial| {
+                let analysed = analyse_with_signal(trial, options, max_order);
+                progress();
+                analysed
+            })
+            .collect::<Result<Vec<_>>>()?;
+        separated::separate_lines(&trials, &mut analysed, options, max_order);
+        for (index, (analysis, _)) in indices.into_iter().zip(analysed) {
+            analyses[index] = Some(analysis);
+        }
+    }
+    // Every trial has a texture.
+    Ok(analyses.into_iter().flatten().collect())
 }
 
 /// Fits `set` to the analyses of its trials, in the order of the set, with Gaussian excitation of steady level. They were made with `options`, or with an order
@@ -196,6 +221,7 @@ fn fit_texture(
         name: name.to_owned(),
         provenance,
         grid,
+        lines: std::sync::Arc::clone(&members[0].1.lines.findings),
     });
     Ok(())
 }

@@ -6,6 +6,8 @@ use crate::dsp::reduction::Reduction;
 use crate::recording::triage::SILENCE_FLOOR_M_S2;
 use crate::texture::quantise::StructureChoice;
 
+use super::lines::Lines;
+
 /// The choice of a model's order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -107,6 +109,9 @@ pub struct Options {
     pub modulation: ModulationChoice,
     /// Names of verdicts whose trials are left out, to be filled from their neighbours.
     pub drop: Vec<String>,
+    /// Lines that are locked to place. A record without this choice is of a fit without lines.
+    #[serde(default)]
+    pub lines: Lines,
     /// Refuse a set in which any trial has a verdict.
     pub strict: bool,
 }
@@ -122,6 +127,7 @@ impl Default for Options {
             excitation: ExcitationChoice::Auto,
             modulation: ModulationChoice::Auto,
             drop: Vec::new(),
+            lines: Lines::Auto,
             strict: false,
         }
     }

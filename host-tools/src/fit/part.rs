@@ -2,7 +2,8 @@
 //!
 //! Blocks alternate, because a recording changes over time: halves would compare its beginning with its end. Lags are
 //! estimated within blocks and averaged, never across the join of two blocks. Nothing but the direction of the first
-//! principal component, the mean and the verdicts of triage comes from the whole recording.
+//! principal component, the mean, the verdicts of triage, and the wavelengths of lines with the course of the speed comes
+//! from the whole recording.
 
 use std::ops::Range;
 
@@ -11,7 +12,9 @@ use rayon::prelude::*;
 
 use super::bands::Bands;
 use super::estimate::{Estimate, estimate};
+use super::lines::{Lines, separate};
 use super::options::{Estimator, Options};
+use super::separated::{can_have_lines, of_texture};
 use super::trial::{Analysis, analyse_with_signal};
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::recording::{RecordingSet, Trial};
@@ -121,7 +124,52 @@ pub fn analyse_blocks_of_set(
         progress();
         analysed
     });
-    analysed.collect()
+    let mut analysed = analysed.collect::<Result<Vec<_>>>()?;
+    if options.lines != Lines::None {
+        for name in set.textures() {
+            separate_lines(set, name, &mut analysed, options);
+        }
+    }
+    Ok(analysed)
+}
+
+/// Takes the lines of texture `name` out of the statistics of its trials. `signal` stays whole, because a synthesis
+/// with its lines is compared with it.
+fn separate_lines(
+    set: &RecordingSet,
+    name: &str,
+    analysed: &mut [PartlyAnalysed],
+    options: &Options,
+) {
+    let (indices, trials) = of_texture(set, name);
+    let speeds_mm_s: Vec<f64> = trials.iter().map(|trial| trial.speed_mm_s).collect();
+    let mut signals: Vec<Vec<f64>> = indices
+        .iter()
+        .zip(&trials)
+        .map(|(&index, trial)| {
+            let PartlyAnalysed {
+                analysis, signal, ..
+            } = &analysed[index];
+            let is_sought = can_have_lines(trial, analysis, options);
+            is_sought.then(|| signal.clone()).unwrap_or_default()
+        })
+        .collect();
+    let fitted: Vec<Vec<Range<usize>>> = indices
+        .iter()
+        .map(|&index| analysed[index].blocks.fitted().collect())
+        .collect();
+    let shares = separate(&speeds_mm_s, &mut signals, Some(&fitted), options.lines);
+    for (((index, rest), share), fitted) in indices.into_iter().zip(signals).zip(shares).zip(fitted)
+    {
+        let analysis = &mut analysed[index].analysis;
+        if share.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
+            let fitted: Vec<&[f64]> = fitted.into_iter().map(|block| &rest[block]).collect();
+            let max_order = analysis.lags.len() - 1;
+            let estimate = estimate_of_blocks(&fitted, options.estimator, max_order);
+            (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
+        }
+        analysis.lines = share;
+    }
 }
 
 /// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, each

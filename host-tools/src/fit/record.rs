@@ -12,6 +12,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::excitation::ExcitationReport;
+use super::fitted::Fit;
+use super::lines::Findings;
 use super::options::Options;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::bounded_file::{Limit, MIB};
@@ -38,6 +40,31 @@ pub struct FitRecord {
     pub excitations: Vec<ExcitationReport>,
     /// The recordings.
     pub trials: Vec<FittedTrial>,
+    /// What each texture has that is locked to place, or why it has nothing.
+    #[serde(default)]
+    pub lines: Vec<FoundLines>,
+}
+
+/// Lines of a texture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FoundLines {
+    /// Name of the texture.
+    pub texture: String,
+    /// Its lines, or the reason for none.
+    pub findings: Findings,
+}
+
+impl FoundLines {
+    /// Those of each texture of `fit`.
+    pub fn of(fit: &Fit) -> Vec<Self> {
+        let textures = fit.textures.iter();
+        textures
+            .map(|texture| Self {
+                texture: texture.name.clone(),
+                findings: texture.lines.as_ref().clone(),
+            })
+            .collect()
+    }
 }
 
 /// A recording that a library was fitted to.
@@ -73,6 +100,7 @@ impl FitRecord {
                 .iter()
                 .map(FittedTrial::of)
                 .collect::<Result<_>>()?,
+            lines: Vec::new(),
         })
     }
 

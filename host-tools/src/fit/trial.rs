@@ -13,6 +13,7 @@ use crate::support::error::{Error, Result};
 
 use super::bands::Bands;
 use super::estimate::estimate;
+use super::lines::TrialLines;
 use super::options::Options;
 
 /// The statistics of a trial that a fit keeps.
@@ -38,6 +39,8 @@ pub struct Analysis {
     pub mains_line_hz: Option<f64>,
     /// Content of the reduced signal, by which copies are found.
     pub fingerprint: Fingerprint,
+    /// Its share of the texture's lines, which `lags` and `bands` are without; none before they are sought.
+    pub lines: TrialLines,
 }
 
 impl Analysis {
@@ -156,6 +159,7 @@ pub fn analyse_with_signal(
         verdicts,
         mains_line_hz,
         fingerprint,
+        lines: TrialLines::default(),
         lags: estimate.lags,
         bands: estimate.bands,
     };

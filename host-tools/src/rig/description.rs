@@ -51,6 +51,18 @@ impl Recording {
 pub struct Drum {
     /// Circumference, mm: the period of every profile.
     pub circumference_mm: f64,
+    /// Wander of the speed; none if not given.
+    pub wander: Option<Wander>,
+}
+
+/// Slow random change of a trial's speed about its nominal value, Gaussian.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wander {
+    /// RMS of the speed's deviation over the speed.
+    pub rms: f64,
+    /// Time over which it stays correlated (to e^{-1/2}), s.
+    pub correlation_s: f64,
 }
 
 /// The tool, held in a hand.

@@ -40,7 +40,8 @@
 //! **Motion.** x = x₀ + vt, with x₀ drawn for each trial. All of the above is linear, so the steady state is a Fourier
 //! series in x whose n-th term is multiplied by the response at the frequency nv/L. Terms at or above half the sample
 //! rate are left out, as by an ideal anti-alias filter. A chirp z-transform evaluates the series exactly at the sample
-//! instants, so that no speed has interpolation errors or aliases.
+//! instants, so that no speed has interpolation errors or aliases. If the drum's speed wanders, by a Gaussian deviation
+//! of given RMS and correlation time, x follows it, and the series is read at x by interpolation.
 //!
 //! **Measuring**, in this order: physiological tremor (Gaussian, in a narrow band), mains hum, offset, white sensor
 //! noise, clipping at the range.
@@ -49,7 +50,7 @@
 //!
 //! The model leaves out loss of contact and the Hertz spring's curvature (it is linear in h); stick-slip, and any
 //! friction beyond a mode's participation on x; wear; a profile that differs across the track, and a strip shorter than
-//! the drum; run-out and speed ripple of the drum; drift of the force; start and stop; quantisation; the sensor's own
+//! the drum; run-out of the drum; the tool at any but the nominal speed; drift of the force; start and stop; quantisation; the sensor's own
 //! resonance. Real recordings have all of these, so a figure obtained on simulated trials says nothing about real ones.
 //!
 //! # Repeatability
@@ -73,11 +74,12 @@ mod series;
 mod tests;
 mod trial;
 mod validate;
+mod wander;
 
 pub use contact::Contact;
 pub use description::{
     Clipping, Drum, Hum, Jitter, Measurement, Mode, Noise, Offset, Recording, RigDescription,
-    Roughness, Texture, Tool, Tremor, Weave,
+    Roughness, Texture, Tool, Tremor, Wander, Weave,
 };
 pub use file::RigFile;
 pub use output::{Summary, TextureSummary, simulate_to_folder};

@@ -205,6 +205,7 @@ mod tests {
 
     const DRUM: Drum = Drum {
         circumference_mm: 300.0,
+        wander: None,
     };
 
     fn texture(weaves: Vec<Weave>, roughness: Option<Roughness>) -> Texture {

@@ -15,6 +15,7 @@ use super::profile::Profile;
 use super::random::StreamKey;
 use super::resonance::ToolResponse;
 use super::series::UniformSampler;
+use super::wander;
 
 /// One texture on the drum with one seed: its profile, and the response per speed that turns the profile into samples.
 ///
@@ -64,6 +65,8 @@ impl Trial {
 
 /// The response that turns a profile into samples at one speed.
 struct Pass {
+    /// Share of the drum that passes per sample.
+    step_cycles: f64,
     sampler: UniformSampler,
     /// Wavenumber of each term of the profile, and the tool's response at its frequency.
     tool: Vec<TermResponse>,
@@ -132,7 +135,16 @@ impl<'a> Strip<'a> {
         });
         let mut samples_m_s2 = match felt {
             Some((pass, contact)) => {
-                pass.vibration(&self.profile, self.texture.loss_factor, &contact, key)
+                let spectra = pass.spectra(&self.profile, self.texture.loss_factor, &contact, key);
+                match &self.description.drum.wander {
+                    Some(wander) => {
+                        let sample_rate_hz = f64::from(recording.sample_rate_hz);
+                        let places =
+                            wander::places(wander, sample_rate_hz, key, recording.samples());
+                        pass.at_places(&spectra, &places)
+                    }
+                    None => spectra.map(|coefficients| pass.sampler.real_part(&coefficients)),
+                }
             }
             None => std::array::from_fn(|_| vec![0.0; recording.samples()]),
         };
@@ -168,6 +180,7 @@ impl Pass {
             })
             .collect();
         Self {
+            step_cycles,
             sampler: UniformSampler::new(
                 &mut RealFftPlanner::new(),
                 terms,
@@ -178,14 +191,35 @@ impl Pass {
         }
     }
 
-    /// Steady-state acceleration of the tool on each axis, m/s².
-    fn vibration(
+    /// Steady-state acceleration of the tool on each axis at these places, in samples, m/s².
+    fn at_places(&self, spectra: &[Vec<Complex<f64>>; 3], places: &[f64]) -> [Vec<f64>; 3] {
+        let (first, points) = wander::points(places);
+        let point_cycles = self.step_cycles / wander::POINTS_PER_SAMPLE as f64;
+        let sampler = UniformSampler::new(
+            &mut RealFftPlanner::new(),
+            self.tool.len(),
+            points,
+            point_cycles,
+        );
+        let start_cycles = first as f64 * point_cycles;
+        std::array::from_fn(|axis| {
+            let turned: Vec<Complex<f64>> = spectra[axis]
+                .iter()
+                .enumerate()
+                .map(|(n, c)| c * Complex::cis(TAU * (n as f64 * start_cycles).fract()))
+                .collect();
+            wander::read(&sampler.real_part(&turned), first, places)
+        })
+    }
+
+    /// Terms of the steady-state acceleration of the tool over the drum on each axis, m/s², from the trial's start.
+    fn spectra(
         &self,
         profile: &Profile,
         loss_factor: Option<f64>,
         contact: &Contact,
         key: StreamKey,
-    ) -> [Vec<f64>; 3] {
+    ) -> [Vec<Complex<f64>>; 3] {
         let start_cycles: f64 = key.stream("start").random();
         let mut axes: [Vec<Complex<f64>>; 3] = std::array::from_fn(|_| vec![Complex::default()]);
         for (n, (height_um, term)) in profile
@@ -204,7 +238,7 @@ impl Pass {
                 axis.push(force_n * response);
             }
         }
-        axes.map(|coefficients| self.sampler.real_part(&coefficients))
+        axes
     }
 }
 

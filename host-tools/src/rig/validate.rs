@@ -27,6 +27,13 @@ pub(super) fn check(description: &RigDescription) -> Checked {
     root.key("drum")
         .key("circumference_mm")
         .over(circumference_mm, 0.0, 10_000.0)?;
+    if let Some(wander) = &description.drum.wander {
+        let field = root.key("drum").key("wander");
+        field.key("rms").within(wander.rms, 0.0, 0.1)?;
+        field
+            .key("correlation_s")
+            .within(wander.correlation_s, 0.01, 100.0)?;
+    }
     if let Some(tool) = &description.tool {
         check_tool(&root.key("tool"), tool)?;
     }

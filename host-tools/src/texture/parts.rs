@@ -102,6 +102,8 @@ fn lines(old: &LinesSpec, places: &[Between]) -> Option<LinesSpec> {
 
 #[cfg(test)]
 mod tests {
+    use model_format::ModulationSpec;
+
     use super::*;
 
     fn parts() -> PartsSpec {

@@ -28,19 +28,8 @@ const AFTER: Row = Row::Densified;
 /// Densifies the grids of `fit` with progress bars, and runs the test before and after.
 pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<Denser> {
     let bar = progress::bar(set.trials.len() as u64, "reading again");
-    let signals = set
-        .trials
-        .iter()
-        .zip(&fit.trials)
-        .map(|(trial, report)| {
-            bar.inc(1);
-            if report.used {
-                Ok(fit::signal(trial, options.reduction)?.samples)
-            } else {
-                Ok(Vec::new())
-            }
-        })
-        .collect::<Result<Vec<_>>>()?;
+    let used: Vec<bool> = fit.trials.iter().map(|report| report.used).collect();
+    let signals = fit::signals_without_lines(set, &used, options, || bar.inc(1))?;
     bar.finish_and_clear();
     let bar = progress::bar(0, "densifying");
     let densified = densify::densify(&fit.textures, set, &signals, options, || bar.inc_length(1))?;

@@ -5,8 +5,7 @@ use std::path::Path;
 use host_tools::evaluation::budget;
 use host_tools::evaluation::budget::Concession;
 use host_tools::fit;
-use host_tools::fit::excitation::ExcitationReport;
-use host_tools::fit::record::FitRecord;
+use host_tools::fit::record::{FitRecord, FoundLines};
 use host_tools::fit::{ExcitationChoice, Fit, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::{Error, Result};
@@ -23,17 +22,20 @@ pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, V
     Ok((fit, bytes))
 }
 
-/// Writes a library of a fit of `set` with `options`, which chose these `excitations`, and beside it the record of the fit.
+/// Writes a library of `fit`, made of `set` with `options`, and beside it the record of the fit.
 ///
 /// The library is written first: a record that is missing, or of an earlier library, is not believed.
 pub fn write_library(
     path: &Path,
     bytes: &[u8],
     set: &RecordingSet,
+    fit: &Fit,
     options: &fit::Options,
-    excitations: &[ExcitationReport],
 ) -> Result<FitRecord> {
-    let record = FitRecord::of(set, options, excitations, bytes)?;
+    let record = FitRecord {
+        lines: FoundLines::of(fit),
+        ..FitRecord::of(set, options, &fit.excitations, bytes)?
+    };
     atomic_file::write(path, bytes)?;
     atomic_file::write(&FitRecord::path_for(path), record.to_text()?.as_bytes())?;
     Ok(record)

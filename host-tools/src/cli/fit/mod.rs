@@ -11,6 +11,8 @@ use host_tools::evaluation::budget;
 use host_tools::evaluation::budget::Budget;
 use host_tools::evaluation::frontier::costs;
 use host_tools::fit;
+use host_tools::fit::lines::Lines;
+use host_tools::fit::record::FoundLines;
 use host_tools::fit::{Estimator, ExcitationChoice, ModulationChoice, Order};
 use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
 use host_tools::support::error::Result;
@@ -18,7 +20,7 @@ use host_tools::texture::quantise::StructureChoice;
 
 use library::{concessions, encoded};
 pub use library::{fit_library, write_library};
-use report::{FitReport, energy_kept, excitations, given_up, show_verdicts};
+use report::{FitReport, energy_kept, excitations, given_up, lines_found, show_verdicts};
 
 use crate::cli::input::{Recordings, not_negative, positive};
 use crate::cli::inspect::{TextureSummary, texture_table};
@@ -80,6 +82,9 @@ pub struct Arguments {
     /// Verdicts of trials to leave out; their nodes are filled from neighbours
     #[arg(long, value_delimiter = ',', value_parser = clap::builder::PossibleValuesParser::new(Verdict::NAMES))]
     drop: Vec<String>,
+    /// Lines that are locked to place, such as those of a weave: sought, or left in the noise
+    #[arg(long, value_enum, default_value = "auto")]
+    lines: Lines,
     /// Refuse a set if triage finds anything
     #[arg(long)]
     strict: bool,
@@ -112,6 +117,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         excitation: arguments.excitation,
         modulation: arguments.modulation,
         drop: arguments.drop.clone(),
+        lines: arguments.lines,
         strict: arguments.strict,
     };
     let (fit, mut bytes) = fit_library(&set, &options)?;
@@ -127,7 +133,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(denser) = &denser {
         bytes = encoded(&denser.densified.specs)?;
     }
-    write_library(&arguments.out, &bytes, &set, &options, &fit.excitations)?;
+    write_library(&arguments.out, &bytes, &set, &fit, &options)?;
     let library = decode_library(&arguments.out, &bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()
@@ -141,6 +147,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             textures,
             trials: &fit.trials,
             excitations: &fit.excitations,
+            lines: FoundLines::of(&fit),
             added_lines: denser.as_ref().map(|d| d.densified.lines.as_slice()),
             removed_nodes: denser.as_ref().and_then(|d| d.test.as_ref()),
             budget: concessions.as_deref(),
@@ -148,6 +155,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     show_verdicts(&fit);
     print(&texture_table(&textures))?;
+    print(&format!("\n{}", lines_found(&fit)))?;
     if let Some(denser) = &denser {
         print(&format!("\n{}", densify::summary(denser)))?;
     }

@@ -4,6 +4,7 @@ use host_tools::evaluation::budget::{Budget, Concession};
 use host_tools::evaluation::leave_one_out::LeaveOneOut;
 use host_tools::fit::densify::AddedLine;
 use host_tools::fit::excitation::{CodebookReport, ExcitationReport};
+use host_tools::fit::record::FoundLines;
 use host_tools::fit::{Fit, TrialReport};
 
 use crate::cli::inspect::TextureSummary;
@@ -22,6 +23,7 @@ pub struct FitReport<'a> {
     pub textures: Vec<TextureSummary>,
     pub trials: &'a [TrialReport],
     pub excitations: &'a [ExcitationReport],
+    pub lines: Vec<FoundLines>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub added_lines: Option<&'a [AddedLine]>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -122,6 +124,22 @@ fn codebook(codebook: &CodebookReport) -> String {
         codebook.cut_samples,
         codebook.snr_db
     )
+}
+
+/// What each texture has that is locked to place, or why it has nothing; textures with the same reason in one line.
+pub fn lines_found(fit: &Fit) -> String {
+    let mut said: Vec<(String, Vec<&str>)> = Vec::new();
+    for texture in &fit.textures {
+        let words = texture.lines.to_string();
+        match said.iter_mut().find(|(known, _)| *known == words) {
+            Some((_, names)) => names.push(&texture.name),
+            None => said.push((words, vec![&texture.name])),
+        }
+    }
+    let lines = said
+        .iter()
+        .map(|(words, names)| format!("{}: {words}", names.join(", ")));
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// Mean and standard deviation of the share of energy that the reduction kept, over trials that are not silent.

@@ -6,6 +6,7 @@ use crate::dsp::spectrum;
 use crate::evaluation::stress::cases::Case;
 use crate::fit;
 use crate::fit::Order;
+use crate::fit::lines::Lines;
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
@@ -47,6 +48,8 @@ impl Prepared {
         let at = |order| fit::Options {
             order,
             reduction: options.reduction,
+            // Filters are compared by what they do with the whole spectrum.
+            lines: Lines::None,
             ..fit::Options::default()
         };
         let highest_order = at(Order::Fixed(model_format::limits::MAX_ORDER));

@@ -7,6 +7,7 @@ use crate::dsp::model::Model;
 use crate::evaluation::scoring_range::ScoringRange;
 use crate::fit;
 use crate::fit::densify::ECONOMY_DB;
+use crate::fit::lines::Lines;
 use crate::fit::{Analysis, Fit};
 use crate::recording::triage::Verdict;
 use crate::recording::{RecordingSet, Trial};
@@ -54,6 +55,8 @@ impl<'a> Prepared<'a> {
         let fit_options = fit::Options {
             order: options.order,
             reduction: options.reduction,
+            // A removed node is predicted as a whole, the lines of its surface included.
+            lines: Lines::None,
             ..fit::Options::default()
         };
         let read = set.trials.par_iter().map(|trial| {

@@ -1,0 +1,34 @@
+//! Lines that are locked to place: what a surface with a period, such as a weave or a grating, sounds at speed over
+//! wavelength, apart from everything else that it sounds.
+//!
+//! A texture's lines are sought in all its trials together ([`search`]); each trial's share of them is then fitted by
+//! least squares on the place of the surface under the tool ([`track`]), and removed, so that the stochastic model is
+//! fitted to the rest. What is removed leaves as much as noise would have there, so that the rest has neither a line
+//! nor a hole.
+
+mod findings;
+mod on_grid;
+mod peaks;
+mod search;
+mod separate;
+mod sine;
+#[cfg(test)]
+mod tests;
+mod track;
+
+pub use findings::{Findings, Line, NoLines, TrialLines};
+pub use on_grid::{LineMember, lines_on};
+pub use separate::separate;
+
+use serde::{Deserialize, Serialize};
+
+/// The choice of lines in a fit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Lines {
+    /// Those that stand out at half of the speeds at least, by a test at a level of 1e-3 per texture.
+    Auto,
+    /// None: whatever has a period is fitted as noise.
+    #[default]
+    None,
+}

@@ -1,0 +1,158 @@
+//! Narrow peaks of one recording's spectrum, and how unlikely each is in noise.
+//!
+//! The periodogram with a Hann window of Gaussian noise has independent, exponentially distributed values at distances
+//! of about 1/T, whose mean follows the spectral density. A line stands in one such cell. Its power is compared with
+//! the medians of the cells to the left and to the right, the larger of which counts, so that the flank of a resonance
+//! or of a band of noise is no line; a median is not raised by another line among the cells.
+
+use std::f64::consts::{LN_2, TAU};
+
+use model_format::SAMPLE_RATE_HZ;
+use realfft::num_complex::Complex;
+
+use crate::dsp::with_planner;
+
+/// Cells left out on each side of a peak: the main lobe of the window, and its skirt.
+const GUARD_CELLS: f64 = 3.0;
+
+/// Cells on each side of a peak that tell its background.
+const BACKGROUND_CELLS: f64 = 24.0;
+
+/// Cells on each side that tell the background close by, of which a band of noise has its own share.
+const CLOSE_CELLS: f64 = 5.0;
+
+/// Independent exponential values whose mean is known as well as the background: 48 cells, of which a Hann window leaves
+/// about half independent, by their median, which is half as exact as their mean.
+const BACKGROUND_DEGREES: f64 = 12.0;
+
+/// Least ratio of a peak to its background that is kept.
+const LEAST_RATIO: f64 = 6.0;
+
+/// Least number of samples that is looked at: four backgrounds between 0 Hz and half the sample rate.
+pub(super) const LEAST_SAMPLES: usize = 1000;
+
+/// A peak of a spectrum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Peak {
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// Natural logarithm of the probability that a cell of noise is at least as far above its background.
+    pub ln_chance: f64,
+}
+
+/// Spectrum of a recording on a grid of frequencies finer than its resolution.
+pub(super) struct LineSpectrum {
+    power: Vec<f64>,
+    step_hz: f64,
+    /// 1/T, Hz.
+    cell_hz: f64,
+    /// Sum of the window's squares.
+    window_energy: f64,
+}
+
+impl LineSpectrum {
+    /// Spectrum of `signal`; `None` if it is too short, or silent.
+    pub(super) fn of(signal: &[f64]) -> Option<Self> {
+        if signal.len() < LEAST_SAMPLES || signal.iter().all(|x| *x == 0.0) {
+            return None;
+        }
+        let length = (2 * signal.len()).next_power_of_two();
+        let forward = with_planner(|planner| planner.plan_fft_forward(length));
+        let mut padded = forward.make_input_vec();
+        let mut window_energy = 0.0;
+        for (n, (out, x)) in padded.iter_mut().zip(signal).enumerate() {
+            let weight = hann(n, signal.len());
+            window_energy += weight * weight;
+            *out = weight * x;
+        }
+        let mut bins = forward.make_output_vec();
+        forward
+            .process(&mut padded, &mut bins)
+            .expect("lengths come from the plan");
+        let rate_hz = f64::from(SAMPLE_RATE_HZ);
+        Some(Self {
+            power: bins.iter().map(Complex::norm_sqr).collect(),
+            step_hz: rate_hz / length as f64,
+            cell_hz: rate_hz / signal.len() as f64,
+            window_energy,
+        })
+    }
+
+    /// Width of a cell, Hz.
+    pub(super) fn cell_hz(&self) -> f64 {
+        self.cell_hz
+    }
+
+    /// Peaks from `lowest_hz` to `highest_hz` that stand out.
+    pub(super) fn peaks(&self, lowest_hz: f64, highest_hz: f64) -> Vec<Peak> {
+        let first = ((lowest_hz / self.step_hz).ceil() as usize).max(1);
+        let last = ((highest_hz / self.step_hz) as usize).min(self.power.len() - 2);
+        (first..=last)
+            .filter(|&bin| {
+                self.power[bin] > self.power[bin - 1] && self.power[bin] >= self.power[bin + 1]
+            })
+            .filter_map(|bin| {
+                let ratio = self.power[bin] / self.background(bin);
+                (ratio > LEAST_RATIO).then(|| Peak {
+                    frequency_hz: (bin as f64 + self.vertex(bin)) * self.step_hz,
+                    ln_chance: -BACKGROUND_DEGREES * (ratio / BACKGROUND_DEGREES).ln_1p(),
+                })
+            })
+            .collect()
+    }
+
+    /// Mean square of the amplitude that a line of no amplitude at `frequency_hz` would be measured with, (m/s²)², in a
+    /// recording of so many samples.
+    pub(super) fn noise_amplitude_squared(&self, frequency_hz: f64, samples: usize) -> f64 {
+        let bin = ((frequency_hz / self.step_hz).round() as usize).clamp(1, self.power.len() - 2);
+        4.0 * self.background(bin) / (self.window_energy * samples as f64)
+    }
+
+    /// Mean power of noise around a bin: the largest of the cells to the left, to the right and close by.
+    fn background(&self, bin: usize) -> f64 {
+        let per_cell = self.cell_hz / self.step_hz;
+        let at = |cells: f64| (cells * per_cell).round() as usize;
+        let (guard, far, close) = (
+            at(GUARD_CELLS),
+            at(GUARD_CELLS + BACKGROUND_CELLS),
+            at(GUARD_CELLS + CLOSE_CELLS),
+        );
+        let left = |reach: usize| {
+            &self.power[bin.saturating_sub(reach).max(1).min(bin)..bin.saturating_sub(guard).max(1)]
+        };
+        let right = |reach: usize| {
+            let end = self.power.len();
+            &self.power[(bin + guard + 1).min(end)..(bin + reach + 1).min(end)]
+        };
+        let both: Vec<f64> = left(close).iter().chain(right(close)).copied().collect();
+        let mean = |powers: &[f64]| median(powers).map_or(0.0, |median| median / LN_2);
+        let background = mean(left(far)).max(mean(right(far))).max(mean(&both));
+        // Nothing around a peak is as far below it as float64 tells.
+        background
+            .max(1e-28 * self.power[bin])
+            .max(f64::MIN_POSITIVE)
+    }
+
+    /// Place of the maximum of a parabola through three levels, in steps from `bin`.
+    fn vertex(&self, bin: usize) -> f64 {
+        let level = |bin: usize| self.power[bin].max(f64::MIN_POSITIVE).ln();
+        let (before, here, after) = (level(bin - 1), level(bin), level(bin + 1));
+        let curvature = before - 2.0 * here + after;
+        if curvature < 0.0 {
+            (0.5 * (before - after) / curvature).clamp(-0.5, 0.5)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Weight of sample `n` of a Hann window of `length` samples.
+pub(super) fn hann(n: usize, length: usize) -> f64 {
+    0.5 - 0.5 * (TAU * (n as f64 + 0.5) / length as f64).cos()
+}
+
+fn median(powers: &[f64]) -> Option<f64> {
+    let mut sorted = powers.to_vec();
+    let middle = sorted.len() / 2;
+    (!sorted.is_empty()).then(|| *sorted.select_nth_unstable_by(middle, f64::total_cmp).1)
+}

@@ -1,0 +1,355 @@
+//! The search for what moves with speed: narrow peaks at one wavelength over several speeds.
+//!
+//! A peak at the frequency f of a trial at the speed v may belong to a wavelength v/f, which predicts peaks at other
+//! frequencies at other speeds, or to the frequency f, which predicts peaks at the same one: hum, a motor, a resonance.
+//! The hypothesis that explains its trials best is taken first, what it explains is removed from the recordings, and
+//! the search goes on in what is left. So a line explains its own peaks before they can be taken for something else,
+//! and a harmonic of the mains that happens to lie at v/λ is gone before λ is asked for.
+//!
+//! # The test's level
+//!
+//! A speed shows a hypothesis if the chance of the highest peak within its window is below a bound b, corrected for the
+//! window's cells and for the number of trials at that speed. A wavelength is taken if at least half of the speeds at
+//! which it could be seen, and two, show it. In noise the expected share of speeds that do is at most b, so by Markov's
+//! inequality half of them do with a chance of at most 2b, *however the trials depend on each other*: they are strokes
+//! over one surface, whose irregularities return. With M wavelengths that can be told apart, b = level / 2M holds the
+//! level for a texture as a whole.
+
+use std::ops::ControlFlow;
+
+use model_format::SAMPLE_RATE_HZ;
+
+use super::peaks::{LineSpectrum, Peak};
+use super::sine::{amplitudes, refined, steady_turns, subtract};
+
+/// Chance of any line in a texture that has none.
+pub(super) const LEVEL: f64 = 1e-3;
+
+/// Frequencies of lines, Hz: from above the hand's motion to where the device fades them out.
+pub(super) const LOWEST_HZ: f64 = 12.0;
+pub(super) const HIGHEST_HZ: f64 = 2200.0;
+
+/// Error of a peak's place in noise, cells.
+const PLACE_CELLS: f64 = 1.0;
+
+/// Chance above which a peak makes no hypothesis of its own.
+const LN_HYPOTHESIS_CHANCE: f64 = -14.0;
+
+/// Evidence of one speed, as minus the logarithm of its chance, beyond which more says nothing: a hypothesis is judged
+/// by how many speeds show it.
+const MOST_EVIDENCE: f64 = 60.0;
+
+/// Lines that are removed at most before the search ends: those of place, and those of time.
+const MOST_REMOVED: usize = 40;
+
+/// Harmonics of a line that are looked for by name.
+const HARMONICS: u32 = 8;
+
+/// One trial as the search hears it.
+pub(super) struct Heard {
+    /// Its speed as listed, mm/s.
+    pub speed_mm_s: f64,
+    /// Its actual speed over the listed one, as far as lines have told it.
+    pub speed_ratio: Option<f64>,
+    /// What is left of its samples.
+    signal: Vec<f64>,
+    peaks: Vec<Peak>,
+    cell_hz: f64,
+}
+
+impl Heard {
+    /// Hears `signal`; `None` if it is too short or silent.
+    pub(super) fn of(speed_mm_s: f64, signal: &[f64]) -> Option<Self> {
+        let mut heard = Self {
+            speed_mm_s,
+            speed_ratio: None,
+            signal: signal.to_vec(),
+            peaks: Vec::new(),
+            cell_hz: LineSpectrum::of(signal)?.cell_hz(),
+        };
+        heard.hear_again();
+        Some(heard)
+    }
+
+    fn hear_again(&mut self) {
+        let spectrum = LineSpectrum::of(&self.signal);
+        self.peaks = spectrum.map_or_else(Vec::new, |s| s.peaks(LOWEST_HZ, HIGHEST_HZ));
+    }
+
+    /// Highest peak over its background within `within_hz` of `frequency_hz`, and the logarithm of its chance among
+    /// the window's cells.
+    fn peak_near(&self, frequency_hz: f64, within_hz: f64) -> Option<(Peak, f64)> {
+        let first = self
+            .peaks
+            .partition_point(|peak| peak.frequency_hz < frequency_hz - within_hz);
+        let near = self.peaks[first..]
+            .iter()
+            .take_while(|peak| peak.frequency_hz <= frequency_hz + within_hz);
+        let peak = *near.min_by(|a, b| a.ln_chance.total_cmp(&b.ln_chance))?;
+        let cells = (2.0 * within_hz / self.cell_hz).max(1.0);
+        Some((peak, peak.ln_chance + cells.ln()))
+    }
+
+    /// Removes the sine at `frequency_hz`, and returns its exact frequency.
+    fn remove(&mut self, frequency_hz: f64) -> f64 {
+        let exact_hz = refined(&self.signal, frequency_hz, self.cell_hz);
+        let turns = steady_turns(exact_hz, self.signal.len());
+        let amplitude = amplitudes(
+            &self.signal,
+            &[0..self.signal.len()],
+            std::slice::from_ref(&turns),
+        )[0];
+        subtract(&mut self.signal, amplitude, &turns);
+        self.hear_again();
+        exact_hz
+    }
+
+    fn actual_speed_mm_s(&self) -> f64 {
+        self.speed_mm_s * self.speed_ratio.unwrap_or(1.0)
+    }
+}
+
+/// An explanation of peaks in several trials.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Hypothesis {
+    /// Wavelength, mm.
+    Place(f64),
+    /// Frequency, Hz.
+    Time(f64),
+}
+
+/// A line that is locked to place, as found.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Found {
+    /// Wavelength, mm, as the trials' median.
+    pub wavelength_mm: f64,
+    /// Index of each trial that shows it, and its frequency there, Hz.
+    pub shown_by: Vec<(usize, f64)>,
+    /// Speeds that show it, and those at which it could be seen.
+    pub speeds: (usize, usize),
+}
+
+/// The outcome of a search.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Outcome {
+    /// Lines locked to place, those first that explain most.
+    pub lines: Vec<Found>,
+    /// Frequencies that stay while the speed changes, Hz.
+    pub time_locked_hz: Vec<f64>,
+}
+
+/// Support of a hypothesis.
+struct Support {
+    score: f64,
+    shown_by: Vec<(usize, Peak)>,
+    speeds: (usize, usize),
+}
+
+/// The search over the trials of one texture.
+pub(super) struct Search<'h> {
+    pub trials: &'h mut [Heard],
+    /// Relative error of a listed speed.
+    pub speed_tolerance: f64,
+    /// Most lines that are wanted.
+    pub most_lines: usize,
+}
+
+impl Search<'_> {
+    /// Finds lines until nothing more stands out.
+    pub(super) fn run(mut self) -> Outcome {
+        let mut outcome = Outcome::default();
+        for _ in 0..MOST_REMOVED {
+            if self.step(&mut outcome).is_break() || outcome.lines.len() == self.most_lines {
+                break;
+            }
+        }
+        outcome
+    }
+
+    fn step(&mut self, outcome: &mut Outcome) -> ControlFlow<()> {
+        let known: Vec<f64> = outcome
+            .lines
+            .iter()
+            .map(|line| line.wavelength_mm)
+            .collect();
+        let Some((hypothesis, support)) = self.best(&known) else {
+            return ControlFlow::Break(());
+        };
+        match hypothesis {
+            Hypothesis::Place(wavelength_mm) => {
+                let shown_by = self.remove_line(wavelength_mm, &support);
+                let mut wavelengths: Vec<f64> = shown_by
+                    .iter()
+                    .map(|&(trial, hz)| self.trials[trial].actual_speed_mm_s() / hz)
+                    .collect();
+                wavelengths.sort_by(f64::total_cmp);
+                outcome.lines.push(Found {
+                    wavelength_mm: wavelengths[wavelengths.len() / 2],
+                    shown_by,
+                    speeds: support.speeds,
+                });
+            }
+            Hypothesis::Time(frequency_hz) => {
+                for (trial, peak) in &support.shown_by {
+                    self.trials[*trial].remove(peak.frequency_hz);
+                }
+                outcome.time_locked_hz.push(frequency_hz);
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Removes a line from the trials that show it, and returns its frequency in each.
+    fn remove_line(&mut self, wavelength_mm: f64, support: &Support) -> Vec<(usize, f64)> {
+        let mut shown_by = Vec::with_capacity(support.shown_by.len());
+        for (index, peak) in &support.shown_by {
+            let trial = &mut self.trials[*index];
+            let exact_hz = trial.remove(peak.frequency_hz);
+            // The first line tells the speed for those after it.
+            let listed_hz = trial.speed_mm_s / wavelength_mm;
+            trial.speed_ratio.get_or_insert(exact_hz / listed_hz);
+            shown_by.push((*index, exact_hz));
+        }
+        shown_by
+    }
+
+    /// The acceptable hypothesis with the highest score; of equal ones that of time.
+    fn best(&self, known_mm: &[f64]) -> Option<(Hypothesis, Support)> {
+        let longest = self.trials.iter().map(|trial| trial.signal.len()).max()?;
+        let longest_s = longest as f64 / f64::from(SAMPLE_RATE_HZ);
+        let ln_bound = (LEVEL / (2.0 * 2.0 * HIGHEST_HZ * longest_s)).ln();
+        // Harmonics of what is known are few, and so need less evidence.
+        let ln_harmonic_bound = (LEVEL / (2.0 * f64::from(HARMONICS) * 8.0)).ln();
+        let unknown = self.hypotheses().into_iter().map(|h| (h, ln_bound));
+        let harmonics = known_mm.iter().flat_map(|wavelength| {
+            let of = move |n| Hypothesis::Place(wavelength / f64::from(n));
+            (2..=HARMONICS).map(of).map(|h| (h, ln_harmonic_bound))
+        });
+        let mut best: Option<(Hypothesis, Support)> = None;
+        for (hypothesis, ln_bound) in unknown.chain(harmonics) {
+            let Some(support) = self.support(hypothesis, ln_bound) else {
+                continue;
+            };
+            let is_better = best.as_ref().is_none_or(|(held, other)| {
+                let tie = matches!(
+                    (held, hypothesis),
+                    (Hypothesis::Place(_), Hypothesis::Time(_))
+                );
+                support.score > other.score || (tie && support.score >= other.score)
+            });
+            if is_better {
+                best = Some((hypothesis, support));
+            }
+        }
+        best
+    }
+
+    /// The hypotheses that single peaks suggest, each about once.
+    fn hypotheses(&self) -> Vec<Hypothesis> {
+        let mut all: Vec<Hypothesis> = Vec::new();
+        for trial in self.trials.iter() {
+            for peak in &trial.peaks {
+                if peak.ln_chance < LN_HYPOTHESIS_CHANCE {
+                    all.push(Hypothesis::Place(
+                        trial.actual_speed_mm_s() / peak.frequency_hz,
+                    ));
+                    all.push(Hypothesis::Time(peak.frequency_hz));
+                }
+            }
+        }
+        all
+    }
+
+    /// What the trials say for `hypothesis`; `None` if it is not acceptable.
+    fn support(&self, hypothesis: Hypothesis, ln_bound: f64) -> Option<Support> {
+        let mut speeds: Vec<SpeedSupport> = Vec::new();
+        for (index, trial) in self.trials.iter().enumerate() {
+            let (frequency_hz, tolerance) = match hypothesis {
+                Hypothesis::Place(wavelength_mm) => (
+                    trial.actual_speed_mm_s() / wavelength_mm,
+                    if trial.speed_ratio.is_some() {
+                        EXACT_SPEED
+                    } else {
+                        self.speed_tolerance
+                    },
+                ),
+                Hypothesis::Time(frequency_hz) => (frequency_hz, 0.0),
+            };
+            if !(LOWEST_HZ..=HIGHEST_HZ).contains(&frequency_hz) {
+                continue;
+            }
+            let at = speeds
+                .iter()
+                .position(|s| s.speed_mm_s.to_bits() == trial.speed_mm_s.to_bits());
+            let at = at.unwrap_or_else(|| {
+                speeds.push(SpeedSupport::new(trial.speed_mm_s));
+                speeds.len() - 1
+            });
+            let within_hz = PLACE_CELLS * trial.cell_hz + tolerance * frequency_hz;
+            speeds[at].add(index, trial.peak_near(frequency_hz, within_hz));
+        }
+        let shown = || speeds.iter().filter(|speed| speed.ln_chance() < ln_bound);
+        let count = shown().count();
+        if count < 2 || 2 * count < speeds.len() {
+            return None;
+        }
+        let slowest = shown().map(|s| s.speed_mm_s).fold(f64::INFINITY, f64::min);
+        let fastest = shown().map(|s| s.speed_mm_s).fold(0.0, f64::max);
+        if fastest / slowest < LEAST_SPEED_RATIO + 4.0 * self.speed_tolerance {
+            return None;
+        }
+        let evidence = shown()
+            .map(|speed| (-speed.ln_chance()).min(MOST_EVIDENCE))
+            .sum::<f64>();
+        // A trial shows a line that others have established by less than it takes to establish one.
+        let shown_by = shown().flat_map(|speed| speed.shown_by(LN_SHOWN_CHANCE));
+        Some(Support {
+            score: evidence / speeds.len() as f64,
+            shown_by: shown_by.collect(),
+            speeds: (count, speeds.len()),
+        })
+    }
+}
+
+/// Relative error of a speed that lines have told.
+const EXACT_SPEED: f64 = 2e-4;
+
+/// Least ratio of the fastest to the slowest speed that show a line: at closer ones, place is not told from time.
+pub(super) const LEAST_SPEED_RATIO: f64 = 1.05;
+
+/// Chance below which a trial counts among those that show an established line.
+const LN_SHOWN_CHANCE: f64 = -7.0;
+
+/// What the trials at one speed say.
+struct SpeedSupport {
+    speed_mm_s: f64,
+    trials: usize,
+    peaks: Vec<(usize, Peak, f64)>,
+}
+
+impl SpeedSupport {
+    fn new(speed_mm_s: f64) -> Self {
+        Self {
+            speed_mm_s,
+            trials: 0,
+            peaks: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, trial: usize, peak: Option<(Peak, f64)>) {
+        self.trials += 1;
+        self.peaks
+            .extend(peak.map(|(peak, ln_chance)| (trial, peak, ln_chance)));
+    }
+
+    /// Logarithm of the chance of the trial that shows most, among all of them.
+    fn ln_chance(&self) -> f64 {
+        let least = self.peaks.iter().map(|(.., ln)| *ln).fold(0.0, f64::min);
+        (least + (self.trials as f64).ln()).min(0.0)
+    }
+
+    fn shown_by(&self, ln_chance: f64) -> impl Iterator<Item = (usize, Peak)> {
+        let shown = self.peaks.iter().filter(move |(.., ln)| *ln < ln_chance);
+        shown.map(|&(trial, peak, _)| (trial, peak))
+    }
+}

@@ -1,0 +1,364 @@
+//! Separation of a texture's trials into lines and the rest.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use realfft::num_complex::Complex;
+
+use super::Lines;
+use super::findings::{Findings, Line, NoLines, TrialLines};
+use super::peaks::LineSpectrum;
+use super::search::{Found, HIGHEST_HZ, Heard, LEAST_SPEED_RATIO, Search};
+use super::sine::{amplitudes, subtract};
+use super::track::{followed, steady_mm, turns};
+
+/// Relative errors of listed speeds that are tried, the smallest first: a rig's, and a hand's or a careless list's.
+const SPEED_TOLERANCES: [f64; 2] = [1e-3, 2e-2];
+
+/// Lines that a texture may have.
+const MOST_LINES: usize = 8;
+
+/// Relative difference of a ratio of wavelengths from a whole number for a harmonic.
+const HARMONIC_TOLERANCE: f64 = 2e-3;
+
+/// A line that was found, with its frequencies: trial and Hz.
+struct Known {
+    found: Found,
+    harmonic_of: Option<(usize, u32)>,
+}
+
+/// Finds the lines of one texture and removes them from its trials.
+///
+/// `signals` are m/s² at the models' rate, `speeds_mm_s` their listed speeds. What has no listed speed, or gaps, is to
+/// be left out by an empty signal. If `fitted` names ranges of each trial's samples, amplitudes and phases are those of
+/// these samples alone, as for a fit to a part of each recording. Returns each trial's share; `signals` are then
+/// without lines.
+pub fn separate(
+    speeds_mm_s: &[f64],
+    signals: &mut [Vec<f64>],
+    fitted: Option<&[Vec<Range<usize>>]>,
+    lines: Lines,
+) -> Vec<TrialLines> {
+    let nothing = |reason| {
+        let findings = Arc::new(Findings {
+            none_because: Some(reason),
+            ..Findings::default()
+        });
+        let share = TrialLines {
+            findings,
+            ..TrialLines::default()
+        };
+        vec![share; signals.len()]
+    };
+    if lines == Lines::None {
+        return nothing(NoLines::NotAskedFor);
+    }
+    let used = speeds_mm_s
+        .iter()
+        .zip(signals.iter())
+        .filter(|(v, s)| **v > 0.0 && !s.is_empty());
+    let (slowest, fastest) = used.fold((f64::INFINITY, 0.0f64), |(low, high), (v, _)| {
+        (low.min(*v), high.max(*v))
+    });
+    if fastest < LEAST_SPEED_RATIO * slowest {
+        return nothing(NoLines::OneSpeed);
+    }
+    let mut time_locked_hz = Vec::new();
+    for tolerance in SPEED_TOLERANCES {
+        let (known, of_time) = search(speeds_mm_s, signals, tolerance);
+        if !known.is_empty() {
+            return removed(speeds_mm_s, signals, fitted, &known, of_time);
+        }
+        time_locked_hz = of_time;
+    }
+    let mut none = nothing(NoLines::NothingStandsOut);
+    let findings = Arc::new(Findings {
+        time_locked_hz,
+        none_because: Some(NoLines::NothingStandsOut),
+        ..Findings::default()
+    });
+    none.iter_mut()
+        .for_each(|share| share.findings = Arc::clone(&findings));
+    none
+}
+
+/// Lines found in the signals, and the frequencies that stay.
+fn search(
+    speeds_mm_s: &[f64],
+    signals: &[Vec<f64>],
+    speed_tolerance: f64,
+) -> (Vec<Known>, Vec<f64>) {
+    let pairs: Vec<_> = speeds_mm_s.iter().zip(signals).enumerate().collect();
+    let heard: Vec<(usize, Heard)> = pairs
+        .into_par_iter()
+        .filter(|(_, (speed, _))| **speed > 0.0)
+        .filter_map(|(index, (speed, signal))| Some((index, Heard::of(*speed, signal)?)))
+        .collect();
+    let (indices, mut trials): (Vec<usize>, Vec<Heard>) = heard.into_iter().unzip();
+    let search = Search {
+        trials: &mut trials,
+        speed_tolerance,
+        most_lines: MOST_LINES,
+    };
+    let outcome = search.run();
+    let lines = outcome.lines.into_iter().map(|mut found| {
+        found
+            .shown_by
+            .iter_mut()
+            .for_each(|(trial, _)| *trial = indices[*trial]);
+        found
+    });
+    (with_harmonics(lines.collect()), outcome.time_locked_hz)
+}
+
+/// Orders lines by falling wavelength and names the harmonics, whose wavelengths become exact fractions.
+fn with_harmonics(mut lines: Vec<Found>) -> Vec<Known> {
+    lines.sort_by(|a, b| b.wavelength_mm.total_cmp(&a.wavelength_mm));
+    let mut known: Vec<Known> = Vec::new();
+    for found in lines {
+        let harmonic_of = known.iter().enumerate().find_map(|(index, other)| {
+            let ratio = other.found.wavelength_mm / found.wavelength_mm;
+            let number = ratio.round();
+            let is_harmonic = number > 1.5 && (ratio / number - 1.0).abs() < HARMONIC_TOLERANCE;
+            (other.harmonic_of.is_none() && is_harmonic).then_some((index, number as u32))
+        });
+        known.push(Known { found, harmonic_of });
+    }
+    known
+}
+
+/// What the trials say about wavelengths and speeds.
+struct Measures {
+    wavelengths_mm: Vec<f64>,
+    speed_ratios: Vec<Option<f64>>,
+    speed_scatter: Option<f64>,
+}
+
+fn measures(speeds_mm_s: &[f64], signals: &[Vec<f64>], known: &[Known]) -> Measures {
+    // Each line speaks for its fundamental.
+    let fundamental = |index: usize| {
+        known[index]
+            .harmonic_of
+            .map_or((index, 1), |(of, n)| (of, n))
+    };
+    let mut wavelengths_mm: Vec<f64> = known.iter().map(|line| line.found.wavelength_mm).collect();
+    let mut scatter: Option<f64> = None;
+    for base in 0..known.len() {
+        if known[base].harmonic_of.is_some() {
+            continue;
+        }
+        // One value per trial, by its highest harmonic, whose cells are the smallest part of it.
+        let mut of_trial: Vec<Option<(f64, f64)>> = vec![None; signals.len()];
+        for (index, line) in known.iter().enumerate() {
+            let (of, number) = fundamental(index);
+            if of != base {
+                continue;
+            }
+            for &(trial, hz) in &line.found.shown_by {
+                let cycles = hz * signals[trial].len() as f64;
+                if of_trial[trial].is_none_or(|(_, most)| cycles > most) {
+                    of_trial[trial] = Some((speeds_mm_s[trial] * f64::from(number) / hz, cycles));
+                }
+            }
+        }
+        let values: Vec<(f64, f64)> = of_trial.into_iter().flatten().collect();
+        if let Some((mean, spread)) = weighted_mean(&values) {
+            wavelengths_mm[base] = mean;
+            if values.len() > 2 {
+                scatter = Some(scatter.unwrap_or(0.0).max(spread));
+            }
+        }
+    }
+    for (index, line) in known.iter().enumerate() {
+        if let Some((of, number)) = line.harmonic_of {
+            wavelengths_mm[index] = wavelengths_mm[of] / f64::from(number);
+        }
+    }
+    let mut sums = vec![(0.0, 0.0); signals.len()];
+    for (line, wavelength_mm) in known.iter().zip(&wavelengths_mm) {
+        for &(trial, hz) in &line.found.shown_by {
+            let weight = hz * hz;
+            sums[trial].0 += weight * hz * wavelength_mm / speeds_mm_s[trial];
+            sums[trial].1 += weight;
+        }
+    }
+    let ratio = |(sum, weight): (f64, f64)| (weight > 0.0).then(|| sum / weight);
+    Measures {
+        wavelengths_mm,
+        speed_ratios: sums.into_iter().map(ratio).collect(),
+        speed_scatter: scatter,
+    }
+}
+
+/// Mean of values known in proportion to their weight, and their relative scatter.
+///
+/// The speeds have errors of their own, which no length of a recording lessens: the weights are bounded by the scatter.
+fn weighted_mean(values: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let mut sorted: Vec<f64> = values.iter().map(|(value, _)| *value).collect();
+    sorted.sort_by(f64::total_cmp);
+    let middle = *sorted.get(sorted.len() / 2)?;
+    let mut deviations: Vec<f64> = sorted
+        .iter()
+        .map(|value| (value / middle - 1.0).abs())
+        .collect();
+    deviations.sort_by(f64::total_cmp);
+    let spread = 1.48 * deviations[deviations.len() / 2];
+    let most = values.iter().map(|(_, cycles)| *cycles).fold(0.0, f64::max);
+    let weight = |cycles: f64| 1.0 / ((most / cycles).powi(2) + (spread * most).powi(2));
+    let total: f64 = values.iter().map(|(_, cycles)| weight(*cycles)).sum();
+    let sum: f64 = values
+        .iter()
+        .map(|(value, cycles)| weight(*cycles) * value)
+        .sum();
+    Some((sum / total, spread))
+}
+
+/// A trial's fit.
+struct Fitted {
+    amplitudes: Vec<Option<Complex<f64>>>,
+    /// Amplitudes without what noise adds.
+    clean: Vec<Option<f64>>,
+    was_followed: bool,
+}
+
+fn removed(
+    speeds_mm_s: &[f64],
+    signals: &mut [Vec<f64>],
+    fitted: Option<&[Vec<Range<usize>>]>,
+    known: &[Known],
+    time_locked_hz: Vec<f64>,
+) -> Vec<TrialLines> {
+    let measures = measures(speeds_mm_s, signals, known);
+    let fits: Vec<Fitted> = signals
+        .par_iter_mut()
+        .zip(speeds_mm_s)
+        .zip(&measures.speed_ratios)
+        .enumerate()
+        .map(|(index, ((signal, speed), ratio))| {
+            let whole = vec![0..signal.len()];
+            let ranges = fitted.map_or(&whole, |fitted| &fitted[index]);
+            let speed_mm_s = speed * ratio.unwrap_or(1.0);
+            removed_from(signal, ranges, speed_mm_s, &measures.wavelengths_mm)
+        })
+        .collect();
+    let lines = known.iter().enumerate().map(|(index, line)| {
+        let (phase_turns, phase_agreement) = match line.harmonic_of {
+            Some((of, number)) => relative_phase(&fits, of, index, number),
+            None => (0.0, 1.0),
+        };
+        let shown = line
+            .found
+            .shown_by
+            .iter()
+            .filter_map(|&(trial, _)| fits[trial].clean[index]);
+        let range = shown.fold((f64::INFINITY, 0.0f64), |(low, high), a| {
+            (low.min(a), high.max(a))
+        });
+        Line {
+            wavelength_mm: measures.wavelengths_mm[index],
+            phase_turns,
+            harmonic_of: line.harmonic_of,
+            phase_agreement,
+            shown_at_speeds: line.found.speeds,
+            amplitude_range_m_s2: (range.0.min(range.1), range.1),
+        }
+    });
+    let findings = Arc::new(Findings {
+        lines: lines.collect(),
+        time_locked_hz,
+        speed_scatter: measures.speed_scatter,
+        followed_trials: fits.iter().filter(|fit| fit.was_followed).count(),
+        none_because: None,
+    });
+    fits.into_iter()
+        .zip(measures.speed_ratios)
+        .map(|(fit, speed_ratio)| TrialLines {
+            findings: Arc::clone(&findings),
+            amplitudes_m_s2: fit.clean,
+            speed_ratio,
+        })
+        .collect()
+}
+
+/// Phase of line `index`, harmonic `number` of line `of`, at the place where that one's sine begins, turns, and how far
+/// the trials agree on it.
+fn relative_phase(fits: &[Fitted], of: usize, index: usize, number: u32) -> (f64, f64) {
+    // As sines: a cosine is a quarter of a turn ahead.
+    let sine = |c: Complex<f64>| c * Complex::i();
+    let mut sum = Complex::<f64>::default();
+    let mut weight = 0.0;
+    for fit in fits {
+        if let (Some(base), Some(harmonic)) = (fit.amplitudes[of], fit.amplitudes[index]) {
+            let (base, harmonic) = (sine(base), sine(harmonic));
+            let turned =
+                harmonic * Complex::from_polar(base.norm(), -f64::from(number) * base.arg());
+            sum += turned;
+            weight += turned.norm();
+        }
+    }
+    if weight <= 0.0 {
+        return (0.0, 0.0);
+    }
+    ((sum.arg() / TAU).rem_euclid(1.0), sum.norm() / weight)
+}
+
+/// Removes lines of these wavelengths from `signal`, recorded at `speed_mm_s`, as the samples of `ranges` have them.
+fn removed_from(
+    signal: &mut [f64],
+    ranges: &[Range<usize>],
+    speed_mm_s: f64,
+    wavelengths_mm: &[f64],
+) -> Fitted {
+    let mut fitted = Fitted {
+        amplitudes: vec![None; wavelengths_mm.len()],
+        clean: vec![None; wavelengths_mm.len()],
+        was_followed: false,
+    };
+    let held: Vec<usize> = (0..wavelengths_mm.len())
+        .filter(|&line| speed_mm_s > 0.0 && speed_mm_s / wavelengths_mm[line] < HIGHEST_HZ)
+        .collect();
+    if held.is_empty() || LineSpectrum::of(signal).is_none() {
+        return fitted;
+    }
+    let mut place_mm = steady_mm(speed_mm_s, signal.len());
+    let at = |place_mm: &[f64]| -> Vec<Vec<f64>> {
+        held.iter()
+            .map(|&line| turns(place_mm, wavelengths_mm[line]))
+            .collect()
+    };
+    let fit = amplitudes(signal, ranges, &at(&place_mm));
+    // The line whose phase tells most about place: the strongest for its wavelength.
+    let tells = |i: usize| fit[i].norm() / wavelengths_mm[held[i]];
+    if let Some(best) = (0..held.len()).max_by(|&a, &b| tells(a).total_cmp(&tells(b))) {
+        let wander = followed(signal, &mut place_mm, wavelengths_mm[held[best]]);
+        fitted.was_followed = wander.is_some();
+    }
+    let turns = at(&place_mm);
+    let fit = amplitudes(signal, ranges, &turns);
+    let mut rest = signal.to_vec();
+    for (amplitude, turns) in fit.iter().zip(&turns) {
+        subtract(&mut rest, *amplitude, turns);
+    }
+    let Some(spectrum) = LineSpectrum::of(&rest) else {
+        // Nothing but lines.
+        for (&line, amplitude) in held.iter().zip(&fit) {
+            fitted.amplitudes[line] = Some(*amplitude);
+            fitted.clean[line] = Some(amplitude.norm());
+        }
+        signal.copy_from_slice(&rest);
+        return fitted;
+    };
+    let samples: usize = ranges.iter().map(ExactSizeIterator::len).sum();
+    for ((&line, amplitude), turns) in held.iter().zip(&fit).zip(&turns) {
+        let noise = spectrum.noise_amplitude_squared(speed_mm_s / wavelengths_mm[line], samples);
+        let clean = (amplitude.norm_sqr() - noise).max(0.0).sqrt();
+        // What noise has there stays, so that the rest has no hole.
+        let stays = (noise.sqrt() / amplitude.norm().max(f64::MIN_POSITIVE)).min(1.0);
+        subtract(signal, *amplitude * (1.0 - stays), turns);
+        fitted.amplitudes[line] = Some(*amplitude);
+        fitted.clean[line] = Some(clean);
+    }
+    fitted
+}

@@ -1,0 +1,153 @@
+//! The separation on simulated surfaces: what it finds, with which certainty, and what it must not find.
+
+use std::f64::consts::TAU;
+
+use model_format::SAMPLE_RATE_HZ;
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+
+use super::findings::NoLines;
+use super::{Findings, Lines, TrialLines, separate};
+
+const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
+const SAMPLES: usize = 10_000;
+const SPEEDS_MM_S: [f64; 6] = [40.0, 70.0, 100.0, 150.0, 220.0, 300.0];
+
+/// Noise of a tool's resonance, moving bands included if `band_mm` is given: noise around speed over wavelength.
+fn noise(generator: &mut Pcg64, speed_mm_s: f64, band_mm: Option<f64>) -> Vec<f64> {
+    let mut resonator = |hz: f64, radius: f64| {
+        let cosine = 2.0 * radius * (TAU * hz / RATE_HZ).cos();
+        let (mut y1, mut y2) = (0.0, 0.0);
+        let mut out = Vec::with_capacity(SAMPLES);
+        for n in 0..SAMPLES + 2000 {
+            let x: f64 = StandardNormal.sample(generator);
+            let y = x * (1.0 - radius * radius) + cosine * y1 - radius * radius * y2;
+            (y2, y1) = (y1, y);
+            if n >= 2000 {
+                out.push(y);
+            }
+        }
+        out
+    };
+    let mut sum = resonator(300.0, 0.95);
+    if let Some(band_mm) = band_mm {
+        // A band of 4 % of its frequency.
+        let hz = speed_mm_s / band_mm;
+        let radius = (-std::f64::consts::PI * 0.04 * hz / RATE_HZ).exp();
+        for (sum, x) in sum.iter_mut().zip(resonator(hz, radius)) {
+            *sum += 20.0 * x;
+        }
+    }
+    sum
+}
+
+fn add_line(signal: &mut [f64], hz: f64, amplitude: f64, phase: f64) {
+    for (n, x) in signal.iter_mut().enumerate() {
+        *x += amplitude * (TAU * (hz * n as f64 / RATE_HZ + phase).fract()).sin();
+    }
+}
+
+fn rms(signal: &[f64]) -> f64 {
+    (signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64).sqrt()
+}
+
+fn surfaces(seed: u64, speeds: &[f64], band_mm: Option<f64>) -> (Pcg64, Vec<Vec<f64>>) {
+    let mut generator = Pcg64::seed_from_u64(seed);
+    let signals = speeds
+        .iter()
+        .map(|v| noise(&mut generator, *v, band_mm))
+        .collect();
+    (generator, signals)
+}
+
+fn found(speeds: &[f64], signals: &mut [Vec<f64>]) -> (Findings, Vec<TrialLines>) {
+    let shares = separate(speeds, signals, None, Lines::Auto);
+    (shares[0].findings.as_ref().clone(), shares)
+}
+
+#[test]
+#[ignore = "a measurement of many minutes: cargo test -p host-tools --lib lines::tests -- --ignored --nocapture"]
+fn false_alarms() {
+    for (name, band) in [
+        ("still", None),
+        ("moving band", Some(0.5)),
+        ("coarse band", Some(2.0)),
+    ] {
+        let mut alarms = 0;
+        let count = 300;
+        for seed in 0..count {
+            let (_, mut signals) = surfaces(seed, &SPEEDS_MM_S, band);
+            let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
+            if !findings.lines.is_empty() {
+                alarms += 1;
+                println!("{name} {seed}: {findings}");
+            }
+        }
+        println!("{name}: {alarms} of {count}");
+    }
+    for db in [-30.0, -26.0, -24.0, -22.0, -20.0, -18.0, -16.0, -10.0, 0.0] {
+        let mut hits = 0;
+        let count = 50;
+        for seed in 0..count {
+            let (mut generator, mut signals) = surfaces(seed, &SPEEDS_MM_S, None);
+            for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
+                let level = rms(signal);
+                let amplitude = level * 2f64.sqrt() * 10f64.powf(db / 20.0);
+                add_line(signal, v / 0.7, amplitude, generator.random());
+            }
+            let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
+            hits += usize::from(
+                findings
+                    .lines
+                    .iter()
+                    .any(|l| (l.wavelength_mm / 0.7 - 1.0).abs() < 1e-3),
+            );
+        }
+        println!("{db} dB: {hits} of {count}");
+    }
+}
+
+#[test]
+fn a_weave_is_found_with_its_harmonics_and_nothing_is_left_of_it() {
+    let (mut generator, mut signals) = surfaces(7, &SPEEDS_MM_S, None);
+    let plain: Vec<f64> = signals.iter().map(|s| rms(s)).collect();
+    for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
+        let start: f64 = generator.random();
+        for (n, amplitude, phase) in [(1.0, 1.0, 0.0), (2.0, 0.5, 0.3), (3.0, 0.25, 0.8)] {
+            add_line(signal, n * v / 0.85, amplitude, n * start + phase);
+        }
+    }
+    let (findings, shares) = found(&SPEEDS_MM_S, &mut signals);
+    println!("{findings}");
+    assert_eq!(findings.lines.len(), 3);
+    for (line, n, phase) in [(0, 1.0, 0.0), (1, 2.0, 0.3), (2, 3.0, 0.8)] {
+        let line = &findings.lines[line];
+        assert!(
+            (line.wavelength_mm * n / 0.85 - 1.0).abs() < 1e-4,
+            "{line:?}"
+        );
+        assert!((line.phase_turns - phase).abs() < 0.02, "{line:?}");
+    }
+    for ((signal, plain), share) in signals.iter().zip(plain).zip(&shares) {
+        assert!((rms(signal) / plain - 1.0).abs() < 0.01);
+        assert!(
+            (share.amplitudes_m_s2[0].unwrap() - 1.0).abs() < 0.05,
+            "{:?}",
+            share.amplitudes_m_s2
+        );
+    }
+}
+
+#[test]
+fn one_speed_cannot_tell_place_from_time() {
+    let speeds = [100.0, 100.0];
+    let (_, mut signals) = surfaces(3, &speeds, None);
+    signals
+        .iter_mut()
+        .for_each(|s| add_line(s, 117.0, 5.0, 0.0));
+    let before = signals.clone();
+    let (findings, _) = found(&speeds, &mut signals);
+    assert_eq!(findings.none_because, Some(NoLines::OneSpeed));
+    assert_eq!(signals, before);
+}
