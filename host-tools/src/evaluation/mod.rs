@@ -7,6 +7,7 @@ pub mod evaluate;
 pub mod frontier;
 pub mod held_out;
 pub mod leave_one_out;
+pub mod listening;
 pub mod liveliness;
 pub mod perception;
 pub mod played;
