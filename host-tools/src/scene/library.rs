@@ -31,7 +31,11 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
         structure: texture.structure(),
         provenance: texture.provenance(),
         laws: texture.laws(),
-        parts: PartsSpec::default(),
+        parts: PartsSpec {
+            excitation: texture.excitation().map(Into::into),
+            modulation: texture.modulation().map(Into::into),
+            ..PartsSpec::default()
+        },
         speed_axis_mm_s: texture.speed_axis().values().collect(),
         force_axis_n: texture.force_axis().values().collect(),
         nodes: texture

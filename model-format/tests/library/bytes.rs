@@ -117,7 +117,8 @@ impl RawLibrary {
         // Fractions of two stages for each node. The first two nodes have none.
         let fractions = [0, 0, 0, 0, 127, 0x80, 1, 0xff, 0, 3, 200, 0];
         library.textures[0].parts = vec![(1, vec![1, 1]), (2, fractions.to_vec())];
-        library.textures[1].parts = vec![(1, vec![0, 1])];
+        library.textures[1].parts = vec![(1, vec![0, 1]), (3, two_codebooks(6)), (4, track())];
+        library.textures[2].parts = vec![(4, track())];
         library.scenes = vec![plain_scene(), full_scene()];
         library
     }
@@ -312,6 +313,38 @@ impl RawNode {
         bytes.extend(self.offset.to_le_bytes());
         bytes
     }
+}
+
+/// The content of a codebook of these codes.
+pub fn codebook(peak: f32, codes: &[i8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    append_varint(codes.len() as u32, &mut bytes);
+    append_f32(peak, &mut bytes);
+    bytes.extend(codes.iter().map(|code| code.cast_unsigned()));
+    bytes
+}
+
+/// The content of an excitation of two codebooks for so many nodes, of which the first are Gaussian.
+pub fn two_codebooks(nodes: usize) -> Vec<u8> {
+    // Both have a mean square of 1: all samples at the peak, or one of four.
+    let even: Vec<i8> = (0..1000)
+        .map(|n| if n % 3 == 0 { 127 } else { -127 })
+        .collect();
+    let sparse: Vec<i8> = (0..1004)
+        .map(|n| if n % 4 == 0 { 127 } else { 0 })
+        .collect();
+    let mut bytes = vec![2];
+    bytes.extend(codebook(1.0, &even));
+    bytes.extend(codebook(2.0, &sparse));
+    bytes.extend((0..nodes).map(|node| (node % 3) as u8));
+    bytes
+}
+
+/// The content of a level track of a quarter of a dB up and down.
+pub fn track() -> Vec<u8> {
+    let mut bytes = vec![100];
+    bytes.extend((0..20).map(|n| if n % 2 == 0 { 1 } else { 0xff }));
+    bytes
 }
 
 /// Appends seven bits per byte, the lowest first; the top bit tells that more follow.

@@ -6,6 +6,7 @@
 mod bytes;
 mod damage;
 mod faults;
+mod fed;
 mod limits;
 mod round_trip;
 mod scenes;

@@ -1,9 +1,9 @@
 //! Round trips: from content to bytes and back, and from bytes to content and back.
 
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, Library, NodeFlags, NodeSpec, PartsSpec, Provenance,
-    Structure, TextureSpec, UNCERTIFIED_CELL, encode, encode_uncertified, encode_with_scenes,
-    limits,
+    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library, ModulationSpec,
+    NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec, UNCERTIFIED_CELL, encode,
+    encode_uncertified, encode_with_scenes, limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -95,11 +95,12 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
             prop_oneof![Just(Provenance::Recorded), Just(Provenance::Simulated)],
             nodes,
             vec(0..UNCERTIFIED_CELL, cells),
+            parts(speeds.len() * forces.len()),
         )
             .prop_map(
-                move |(name, sample_rate_hz, provenance, nodes, cell_margins)| TextureSpec {
+                move |(name, sample_rate_hz, provenance, nodes, cell_margins, parts)| TextureSpec {
                     laws: laws_for(laws, &nodes),
-                    parts: PartsSpec::default(),
+                    parts,
                     name,
                     sample_rate_hz,
                     structure,
@@ -110,6 +111,72 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
                     cell_margins,
                 },
             )
+    })
+}
+
+/// Codebooks and level tracks of a mean square of 1 for so many nodes, some of the time.
+fn parts(nodes: usize) -> impl Strategy<Value = PartsSpec> {
+    let codebooks = vec(codebook(), 1..=limits::MAX_CODEBOOKS.min(nodes));
+    let excitation = (codebooks, vec(0..=limits::MAX_CODEBOOKS as u8, nodes)).prop_map(
+        |(codebooks, mut of_nodes)| {
+            for source in &mut of_nodes {
+                *source %= codebooks.len() as u8 + 1;
+            }
+            for (number, source) in (1..=codebooks.len()).zip(&mut of_nodes) {
+                *source = number as u8;
+            }
+            ExcitationSpec {
+                codebooks,
+                of_nodes,
+            }
+        },
+    );
+    let excitation = prop::option::weighted(0.3, excitation);
+    let modulation = prop::option::weighted(0.3, track());
+    (excitation, modulation).prop_map(|(excitation, modulation)| PartsSpec {
+        excitation,
+        modulation,
+        lines: None,
+    })
+}
+
+fn codebook() -> impl Strategy<Value = CodebookSpec> {
+    let lengths = prop_oneof![Just(limits::MIN_CODEBOOK_SAMPLES), 1000usize..3000];
+    let codes = lengths.prop_flat_map(|length| vec(-i8::MAX..=i8::MAX, length));
+    codes.prop_map(|codes| {
+        let mut codebook = CodebookSpec { peak: 1.0, codes };
+        codebook.peak = codebook.mean_square().sqrt().recip();
+        codebook
+    })
+}
+
+fn track() -> impl Strategy<Value = ModulationSpec> {
+    let entries = prop_oneof![Just(20), Just(limits::MAX_MODULATION_ENTRIES), 20..300usize];
+    let steps = limits::MIN_MODULATION_STEP_SAMPLES..=limits::MAX_MODULATION_STEP_SAMPLES;
+    (entries, 0.0f32..12.0, steps).prop_flat_map(|(entries, spread, step)| {
+        vec(-spread..=spread, entries).prop_map(move |levels| {
+            let shifted = |shift: f32| ModulationSpec {
+                step_samples: step as u16,
+                entries: levels
+                    .iter()
+                    .map(|l| (4.0 * (l + shift)).round() as i8)
+                    .collect(),
+            };
+            // The shift with which the mean square is nearest to 1. Levels that are hardly spread have none that is
+            // near enough; two entries then make the difference.
+            let square = |shift: f32| shifted(shift).mean_square();
+            let shift = (0..400).map(|n| -6.0 + 0.02 * n as f32).min_by(|&a, &b| {
+                let off = |shift| (square(shift) - 1.0).abs();
+                off(a).total_cmp(&off(b))
+            });
+            let mut track = shifted(shift.unwrap_or(0.0));
+            if !(0.98..=1.02).contains(&track.mean_square())
+                || track.entries.iter().all(|&e| e == 0)
+            {
+                track.entries = (0..20).map(|n| if n % 2 == 0 { 1 } else { -1 }).collect();
+            }
+            track
+        })
     })
 }
 

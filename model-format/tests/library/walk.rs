@@ -4,8 +4,9 @@ use std::iter::repeat;
 
 use model_format::scene::Scene;
 use model_format::{
-    Certificate, CodeSpec, Coefficients, Library, NodeFlags, NodeSpec, PartsSpec, Structure,
-    Texture, TextureSpec, UNCERTIFIED_CELL, limits,
+    Certificate, CodeSpec, Codebook, CodebookSpec, Coefficients, ExcitationSpec, Library,
+    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Structure, Texture, TextureSpec,
+    UNCERTIFIED_CELL, limits,
 };
 
 /// The content of `library`, through its public interface.
@@ -57,7 +58,7 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
             structure: texture.structure(),
             provenance: texture.provenance(),
             laws: texture.laws(),
-            parts: PartsSpec::default(),
+            parts: parts(&texture),
             speed_axis_mm_s: speeds.values().collect(),
             force_axis_n: forces.values().collect(),
             nodes,
@@ -66,6 +67,84 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
     }
     assert_eq!(textures.len(), library.len());
     textures
+}
+
+/// The optional parts of a texture, each as good as promised.
+fn parts(texture: &Texture<'_>) -> PartsSpec {
+    let signed = |bytes: &[u8]| bytes.iter().map(|byte| byte.cast_signed()).collect();
+    let (speeds, forces) = (texture.speed_axis().len(), texture.force_axis().len());
+    let excitation = texture.excitation().map(|excitation| {
+        let codebook = |codebook: &Codebook<'_>| CodebookSpec {
+            peak: codebook.peak(),
+            codes: signed(codebook.codes()),
+        };
+        let nodes = (0..speeds * forces).map(|n| excitation.of_node(n / forces, n % forces) as u8);
+        ExcitationSpec {
+            codebooks: excitation.codebooks().iter().map(codebook).collect(),
+            of_nodes: nodes.collect(),
+        }
+    });
+    let modulation = texture.modulation().map(|modulation| ModulationSpec {
+        step_samples: modulation.step_samples(),
+        entries: signed(modulation.entries()),
+    });
+    let level = 0.98..=1.02;
+    for codebook in excitation.iter().flat_map(|spec| &spec.codebooks) {
+        assert!((1000..=16_384).contains(&codebook.codes.len()));
+        assert!(codebook.peak > 0.0 && codebook.peak <= 40.0);
+        assert!(!codebook.codes.contains(&i8::MIN));
+        assert!(
+            level.contains(&mean_square(codebook)),
+            "{}",
+            mean_square(codebook)
+        );
+    }
+    if let Some(spec) = &excitation {
+        let named = |number: &u8| usize::from(*number) <= spec.codebooks.len();
+        assert!(spec.of_nodes.iter().all(named));
+        assert!((1..=spec.codebooks.len()).all(|number| spec.of_nodes.contains(&(number as u8))));
+    }
+    if let Some(spec) = &modulation {
+        assert!((25..=500).contains(&spec.step_samples));
+        assert!((20..=4096).contains(&spec.entries.len()));
+        assert!(level.contains(&mean_square_as_played(spec)));
+        assert!(spec.entries.iter().any(|&entry| entry != 0));
+    }
+    assert_eq!(
+        texture.is_fed(),
+        excitation.is_some() || modulation.is_some()
+    );
+    PartsSpec {
+        excitation,
+        modulation,
+        lines: None,
+    }
+}
+
+/// Mean square of a codebook by the formula of the format, in floating point.
+pub fn mean_square(codebook: &CodebookSpec) -> f64 {
+    let value = |&code: &i8| {
+        let share = 256f64.powf(f64::from(code.unsigned_abs()) / 127.0) - 1.0;
+        f64::from(code.signum()) * f64::from(codebook.peak) * share / 255.0
+    };
+    let squares = codebook.codes.iter().map(|code| value(code).powi(2));
+    squares.sum::<f64>() / codebook.codes.len() as f64
+}
+
+/// Mean square of a level track in straight lines between its entries, sampled finely, in floating point.
+pub fn mean_square_as_played(track: &ModulationSpec) -> f64 {
+    const STEPS: usize = 64;
+    let amplitude = |entry: i8| 10f64.powf(f64::from(entry) * 0.25 / 20.0);
+    let next = track.entries.iter().cycle().skip(1);
+    let pairs = track.entries.iter().zip(next);
+    let squares = pairs.flat_map(|(&from, &to)| {
+        let (from, to) = (amplitude(from), amplitude(to));
+        (0..STEPS).map(move |step| {
+            let share = (step as f64 + 0.5) / STEPS as f64;
+            (from + (to - from) * share).powi(2)
+        })
+    });
+    squares.sum::<f64>() / (STEPS * track.entries.len()) as f64
 }
 
 /// The scenes of `library`, through its public interface.
