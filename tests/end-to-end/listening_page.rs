@@ -73,6 +73,100 @@ fn what_cannot_be_compared_is_refused_with_the_remedy() {
 }
 
 /// A listener who answers right but in every third trial, by keys and by the mouse, and reloads the page in between.
+struct Listener<'a> {
+    browser: &'a mut Browser,
+    bench: &'a Bench,
+}
+
+impl Listener<'_> {
+    /// The trial in which the page is loaded again, after A was heard.
+    const RELOADS_IN: usize = 5;
+
+    fn is_right(number: usize) -> bool {
+        !number.is_multiple_of(3)
+    }
+
+    /// Plays X once more than needed in every other trial, and A in the one with the reload.
+    fn replays(number: usize) -> usize {
+        number % 2 + usize::from(number == Self::RELOADS_IN)
+    }
+
+    /// Answers trial `number` of `total`. Returns the answer: 0 for A, 1 for B.
+    fn answer(&mut self, number: usize, total: usize, trial: &Value) -> usize {
+        if number == Self::RELOADS_IN {
+            self.reload();
+        }
+        let browser = &mut *self.browser;
+        if number == 12 {
+            browser.wait("!document.getElementById('break').hidden");
+            assert_eq!(browser.value("document.activeElement.id"), "break-title");
+            browser.click("go-on");
+        }
+        browser.wait(&format!(
+            "!document.getElementById('trial').hidden && \
+             document.getElementById('trial-title').textContent === 'Trial {} of {total}'",
+            number + 1
+        ));
+        // Blind: nothing that is seen names a kind.
+        let visible = browser.value("document.body.innerText + document.title");
+        let visible = visible.as_str().unwrap().to_lowercase();
+        for kind in ["recording", "gaussian", "fitted"] {
+            assert!(!visible.contains(kind), "{visible}");
+        }
+        // An answer before all three were heard is none.
+        browser.press('1');
+        let answer = right(trial) ^ usize::from(!Self::is_right(number));
+        if number.is_multiple_of(2) {
+            for (index, key) in ['a', 'b', 'x'].into_iter().enumerate() {
+                browser.press(key);
+                let kept = "JSON.parse(localStorage.getItem(Object.keys(localStorage)[0]))";
+                browser.wait(&format!("{kept}.plays[{index}] > 0"));
+            }
+            browser.wait("!document.getElementById('answer-0').disabled");
+            browser.press(['1', '2'][answer]);
+        } else {
+            for index in [0, 1, 2, 2] {
+                let plays = "JSON.parse(localStorage.getItem(Object.keys(localStorage)[0])).plays";
+                let sum = format!("{plays}.reduce((a, b) => a + b)");
+                let before = browser.value(&sum);
+                browser.click(&format!("play-{index}"));
+                browser.wait(&format!("{sum} === {before} + 1"));
+            }
+            browser.click(&format!("answer-{answer}"));
+        }
+        answer
+    }
+
+    /// Hears A, loads the page again, and goes on: what was heard before counts.
+    fn reload(&mut self) {
+        let missing = "document.getElementById('hint').textContent.startsWith('Hear B and X')";
+        self.browser.press('a');
+        self.browser.wait(missing);
+        self.browser.open(&self.bench.path("page.html"));
+        let begin = self
+            .browser
+            .value("document.getElementById('begin').textContent");
+        assert_eq!(begin, format!("Go on with trial {}", Self::RELOADS_IN + 1));
+        self.browser.click("begin");
+        self.browser.wait(missing);
+    }
+
+    /// Saves the answers. Returns the file's path.
+    fn save(&mut self, page: &str) -> std::path::PathBuf {
+        self.browser.click("save");
+        let saved = self.bench.path(&format!("answers-{page}.csv"));
+        let begin = Instant::now();
+        while !saved.exists() {
+            assert!(
+                begin.elapsed() < Duration::from_secs(30),
+                "no file was saved"
+            );
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        saved
+    }
+}
+
 #[test]
 #[ignore = "needs Chromium; tests/run runs it"]
 fn a_listener_answers_reloads_and_saves_and_the_count_is_that_of_the_seeds_key() {
@@ -83,66 +177,27 @@ fn a_listener_answers_reloads_and_saves_and_the_count_is_that_of_the_seeds_key()
     let mut browser = Browser::start(&bench.path(""));
     browser.open(&bench.path("page.html"));
     let visible = browser.value("document.body.innerText");
-    let visible = visible.as_str().unwrap().to_owned();
-    assert!(visible.contains("X is of the same kind as A"), "{visible}");
+    let instructions = visible
+        .as_str()
+        .unwrap()
+        .contains("X is of the same kind as A");
+    assert!(instructions, "{visible}");
+    browser.click("level");
     browser.click("begin");
-    let mut given = Vec::new();
-    for (number, trial) in trials.iter().enumerate() {
-        if number == 5 {
-            browser.press('a');
-            browser.wait("document.getElementById('hint').textContent.startsWith('Hear B and X')");
-            browser.open(&bench.path("page.html"));
-            let begin = browser.value("document.getElementById('begin').textContent");
-            assert_eq!(begin, "Go on with trial 6");
-            browser.click("begin");
-            // What was heard before counts.
-            browser.wait("document.getElementById('hint').textContent.startsWith('Hear B and X')");
-        }
-        if number == 12 {
-            browser.wait("!document.getElementById('break').hidden");
-            assert_eq!(browser.value("document.activeElement.id"), "break-title");
-            browser.click("go-on");
-        }
-        browser.wait(&format!(
-            "!document.getElementById('trial').hidden && \
-             document.getElementById('trial-title').textContent === 'Trial {} of {}'",
-            number + 1,
-            trials.len()
-        ));
-        // Blind: nothing that is seen names a kind.
-        let visible = browser.value("document.body.innerText + document.title");
-        for kind in ["recording", "gaussian", "fitted"] {
-            assert!(
-                !visible.as_str().unwrap().to_lowercase().contains(kind),
-                "{visible}"
-            );
-        }
-        // An answer before all three were heard is none.
-        browser.press('1');
-        let wrong = number % 3 == 0;
-        let answer = right(trial) ^ usize::from(wrong);
-        given.push(answer);
-        if number % 2 == 0 {
-            for key in ['a', 'b', 'x'] {
-                browser.press(key);
-                let plays = "JSON.parse(localStorage.getItem(Object.keys(localStorage)[0])).plays";
-                let index = "abx".find(key).unwrap();
-                browser.wait(&format!("{plays}[{index}] > 0"));
-            }
-            browser.wait("!document.getElementById('answer-0').disabled");
-            browser.press(['1', '2'][answer]);
-        } else {
-            for index in [0, 1, 2, 2] {
-                browser.click(&format!("play-{index}"));
-                browser.wait(&format!(
-                    "document.getElementById('play-{index}').getAttribute('aria-pressed') === 'true'"
-                ));
-            }
-            browser.click(&format!("answer-{answer}"));
-        }
-    }
-    browser.wait("!document.getElementById('end').hidden");
-    let correct = (0..trials.len()).filter(|number| number % 3 != 0).count() as u32;
+    let mut listener = Listener {
+        browser: &mut browser,
+        bench: &bench,
+    };
+    let given: Vec<usize> = trials
+        .iter()
+        .enumerate()
+        .map(|(number, trial)| listener.answer(number, trials.len(), trial))
+        .collect();
+    listener
+        .browser
+        .wait("!document.getElementById('end').hidden");
+    let saved = listener.save(key["page"].as_str().unwrap());
+    let correct = (0..trials.len()).filter(|n| Listener::is_right(*n)).count() as u32;
     let total = trials.len() as u32;
     let cells = browser.value(
         "[...document.querySelectorAll('#results tbody tr')].map((row) => [...row.cells].map((c) => c.textContent))",
@@ -150,24 +205,12 @@ fn a_listener_answers_reloads_and_saves_and_the_count_is_that_of_the_seeds_key()
     let (low, high) = clopper_pearson(correct, total, 0.95);
     let percent = |share: f64| format!("{:.0} %", 100.0 * share);
     let interval = format!("{} to {}", percent(low), percent(high));
-    let row = &cells[0];
-    assert_eq!(
-        (&row[1], &row[2], &row[4]),
-        (
-            &Value::from(correct.to_string()),
-            &Value::from(total.to_string()),
-            &Value::from(interval)
-        )
-    );
-    browser.click("save");
-    let saved = bench.path(&format!("answers-{}.csv", key["page"].as_str().unwrap()));
-    let begin = Instant::now();
-    while !saved.exists() {
-        assert!(
-            begin.elapsed() < Duration::from_secs(30),
-            "no file was saved"
-        );
-        std::thread::sleep(Duration::from_millis(20));
+    for (cell, expected) in [
+        (1, correct.to_string()),
+        (2, total.to_string()),
+        (4, interval),
+    ] {
+        assert_eq!(cells[0][cell], expected, "{cells}");
     }
     let mut reader = csv::Reader::from_path(&saved).unwrap();
     let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
@@ -180,10 +223,8 @@ fn a_listener_answers_reloads_and_saves_and_the_count_is_that_of_the_seeds_key()
             ["pair", "a", "b", "x"].map(field)
         );
         assert_eq!(&row[5], ["A", "B"][given[number]]);
-        assert_eq!(&row[6], if number % 3 == 0 { "0" } else { "1" });
-        // X was heard twice in every other trial, and A once before the reload.
-        let replays = number % 2 + usize::from(number == 5);
-        assert_eq!(&row[7], replays.to_string(), "{row:?}");
+        assert_eq!(&row[6], u8::from(Listener::is_right(number)).to_string());
+        assert_eq!(&row[7], Listener::replays(number).to_string(), "{row:?}");
         let seconds: f64 = row[8].parse().unwrap();
         assert!(seconds > 0.0 && seconds < 600.0, "{row:?}");
         assert_eq!(&row[9], field("surface"));
@@ -201,11 +242,8 @@ fn a_listener_answers_reloads_and_saves_and_the_count_is_that_of_the_seeds_key()
         "{score}"
     );
     let (requests, errors) = browser.requests_and_errors();
-    let is_own = |url: &String| {
-        ["file:", "data:", "blob:", "about:"]
-            .iter()
-            .any(|own| url.starts_with(own))
-    };
+    let own = ["file:", "data:", "blob:", "about:"];
+    let is_own = |url: &String| own.iter().any(|own| url.starts_with(own));
     assert!(
         requests.len() >= 2 && requests.iter().all(is_own),
         "{requests:?}"
@@ -274,7 +312,7 @@ fn all_text_has_contrast_and_every_button_has_a_name_in_light_and_dark() {
         for scheme in ["light", "dark"] {
             browser.call(
                 "Emulation.setEmulatedMedia",
-                serde_json::json!({"features": [{"name": "prefers-color-scheme", "value": scheme}]}),
+                &serde_json::json!({"features": [{"name": "prefers-color-scheme", "value": scheme}]}),
             );
             let least = browser.value(LEAST).as_f64().unwrap();
             assert!(least >= 4.5, "{at}, {scheme}: {least}");

@@ -188,7 +188,7 @@ impl Differences {
 /// Medians over trials for each part of the comparison, the recording first.
 ///
 /// A summary is of the trials that have its part. The synthesis is named by its parts if those are alike in all.
-pub(super) fn summaries<'a>(trials: impl Iterator<Item = &'a TrialLiveliness>) -> Vec<Summary> {
+pub fn summaries<'a>(trials: impl Iterator<Item = &'a TrialLiveliness>) -> Vec<Summary> {
     let trials: Vec<&TrialLiveliness> = trials.collect();
     let roles = [
         Role::Recording,

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 /// Time that any step may take on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Programs that are tried, unless STYLUS_BROWSER names one.
 const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
@@ -95,24 +95,24 @@ impl Browser {
             session: None,
             last: 0,
         };
-        let target = browser.call("Target.createTarget", json!({"url": "about:blank"}));
+        let target = browser.call("Target.createTarget", &json!({"url": "about:blank"}));
         let attached = browser.call(
             "Target.attachToTarget",
-            json!({"targetId": target["targetId"], "flatten": true}),
+            &json!({"targetId": target["targetId"], "flatten": true}),
         );
         browser.call(
             "Browser.setDownloadBehavior",
-            json!({"behavior": "allow", "downloadPath": folder}),
+            &json!({"behavior": "allow", "downloadPath": folder}),
         );
         browser.session = attached["sessionId"].as_str().map(str::to_owned);
         for domain in ["Page", "Runtime", "Network", "Log"] {
-            browser.call(&format!("{domain}.enable"), json!({}));
+            browser.call(&format!("{domain}.enable"), &json!({}));
         }
         browser
     }
 
     /// Calls a method, and waits for its result.
-    pub fn call(&mut self, method: &str, parameters: Value) -> Value {
+    pub fn call(&mut self, method: &str, parameters: &Value) -> Value {
         self.last += 1;
         let mut message = json!({"id": self.last, "method": method, "params": parameters});
         if let Some(session) = &self.session {
@@ -138,7 +138,7 @@ impl Browser {
     pub fn value(&mut self, expression: &str) -> Value {
         let answer = self.call(
             "Runtime.evaluate",
-            json!({"expression": expression, "awaitPromise": true, "returnByValue": true}),
+            &json!({"expression": expression, "awaitPromise": true, "returnByValue": true}),
         );
         assert!(
             answer["exceptionDetails"].is_null(),
@@ -160,7 +160,7 @@ impl Browser {
     pub fn open(&mut self, path: &Path) {
         self.value("globalThis.isOld = true");
         let url = format!("file://{}", path.display());
-        self.call("Page.navigate", json!({"url": url}));
+        self.call("Page.navigate", &json!({"url": url}));
         self.wait("globalThis.isOld !== true && document.readyState === 'complete'");
     }
 
@@ -174,7 +174,7 @@ impl Browser {
             let button = if kind == "mouseMoved" { "none" } else { "left" };
             self.call(
                 "Input.dispatchMouseEvent",
-                json!({"type": kind, "x": place[0], "y": place[1], "button": button, "clickCount": 1}),
+                &json!({"type": kind, "x": place[0], "y": place[1], "button": button, "clickCount": 1}),
             );
         }
     }
@@ -189,7 +189,7 @@ impl Browser {
             };
             self.call(
                 "Input.dispatchKeyEvent",
-                json!({"type": kind, "key": key.to_string(), "text": text}),
+                &json!({"type": kind, "key": key.to_string(), "text": text}),
             );
         }
     }
@@ -219,7 +219,7 @@ impl Browser {
     pub fn screenshot(&mut self) -> String {
         let taken = self.call(
             "Page.captureScreenshot",
-            json!({"format": "png", "captureBeyondViewport": true}),
+            &json!({"format": "png", "captureBeyondViewport": true}),
         );
         taken["data"].as_str().expect("it is text").to_owned()
     }

@@ -84,6 +84,6 @@ mod tests {
                 assert!(excerpt[0].abs() < 1e-3 && excerpt[4999].abs() < 1e-3);
             }
         }
-        assert_eq!(excerpts(&[&[3.0; 5000]], 1000), Vec::<Vec<f64>>::new());
+        assert_eq!(excerpts(&[&vec![3.0; 5000]], 1000), Vec::<Vec<f64>>::new());
     }
 }

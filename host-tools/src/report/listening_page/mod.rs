@@ -24,8 +24,8 @@ const BREAK_EVERY: usize = 12;
 const PEAK: f64 = 0.8;
 
 /// The page's policy: nothing is fetched, from anywhere.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; base-uri 'none'; \
-     form-action 'none'";
+const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; \
+     base-uri 'none'; form-action 'none'";
 
 /// The plan as the script reads it.
 #[derive(Serialize)]

@@ -67,29 +67,33 @@
     for (const index of [0, 1, 2]) at("play-" + index).setAttribute("aria-pressed", "false");
   };
   let asked = 0;
-  const play = async (which) => {
-    const number = state.answers.length;
-    if (at("trial").hidden || number >= plan.trials.length) return;
+  // True if the sound was begun, and false if another one was asked for in the meantime.
+  const sounded = async (index) => {
     const own = ++asked;
     silence();
     try {
       context = context ?? new AudioContext();
       if (context.state === "suspended") context.resume();
-      const decoded = await buffer(plan.trials[number].sounds[which]);
-      // Another sound was asked for, or the trial is over.
-      if (own !== asked || number !== state.answers.length || at("trial").hidden) return;
+      const decoded = await buffer(index);
+      if (own !== asked) return false;
       const source = context.createBufferSource();
       source.buffer = decoded;
       source.connect(context.destination);
       source.onended = () => { if (playing === source) silence(); };
       source.start();
       playing = source;
-      at("play-" + which).setAttribute("aria-pressed", "true");
+      return true;
     } catch (failure) {
       at("trouble").hidden = false;
       at("trouble").textContent = "The sound cannot be played: " + failure.message;
-      return;
+      return false;
     }
+  };
+  const play = async (which) => {
+    const number = state.answers.length;
+    if (at("trial").hidden || number >= plan.trials.length) return;
+    if (!(await sounded(plan.trials[number].sounds[which]))) return;
+    at("play-" + which).setAttribute("aria-pressed", "true");
     state.plays[which] += 1;
     keep();
     allow();
@@ -271,7 +275,7 @@
       name.scope = "row";
       row.append(name, element("td", score.correct, "number"), element("td", score.trials, "number"),
         element("td", percent(score.correct / Math.max(1, score.trials)), "number"),
-        element("td", percent(score.interval[0]) + " to " + percent(score.interval[1])));
+        element("td", percent(score.interval[0]) + " to " + percent(score.interval[1]), "number"));
       const picture = element("td");
       picture.append(drawn(score));
       row.append(picture);
@@ -283,10 +287,11 @@
 
   // ---- Wires.
   at("facts").textContent = plan.trials.length + " trials, with a break after every " + plan.break_every + ". " + plan.facts;
-  at("origin").textContent = "Page " + plan.page + ", seed " + plan.seed + ". " + plan.held_out;
+  at("origin").textContent = "Page " + plan.page + ", seed " + plan.seed + ". Held out: " + plan.held_out;
   if (state.answers.length > 0) {
     at("begin").textContent = "Go on with trial " + Math.min(state.answers.length + 1, plan.trials.length);
   }
+  at("level").addEventListener("click", () => sounded(Math.floor(Math.random() * sounds.length)));
   at("begin").addEventListener("click", () => { keep(); next(); });
   at("go-on").addEventListener("click", next);
   at("stop").addEventListener("click", stop);
