@@ -16,7 +16,7 @@
 use model_format::Texture;
 
 use super::block::{Block, SLOTS, Stage, VoiceStage};
-use super::cost::Term;
+use super::cost::{FEED, Term};
 use super::plan::{Plan, PlannedTexture};
 use super::stick_slip::StickSlipFrame;
 use crate::arithmetic::Arithmetic;
@@ -189,7 +189,8 @@ impl<'a> Slots<'a> {
         else {
             return;
         };
-        let cost = Term::voice(surface, &texture).instructions();
+        let feed = if texture.is_fed() { FEED } else { 0 };
+        let cost = Term::voice(surface, &texture).instructions() + feed;
         let samples = *instructions / cost;
         if samples == 0 {
             return;
