@@ -40,7 +40,7 @@ pub const FED_DIRECT: StageCost = StageCost {
 
 /// Instructions of the update per sample of a fed voice: a sample of the noise and of two codebooks in a cross-fade, the
 /// choice of a piece, and the level. QEMU's count of updates holds it.
-pub const FEED: u32 = 700;
+pub const FEED: u32 = 450;
 
 /// Stick-slip of a voice, in addition to the voice.
 pub const STICK_SLIP: StageCost = StageCost { base: 46, each: 0 };
