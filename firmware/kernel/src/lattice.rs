@@ -10,6 +10,12 @@
 //! any stage, and shrinks by at least one step in every stage whose signals are not zero. Silence therefore comes,
 //! and is exact. Saturation can only shrink the norm too. All signals have the variance of the excitation, whatever
 //! the texture, so that one scale fits all: one standard deviation is 2²⁸, full scale is eight of them.
+//!
+//! Nothing of this depends on the excitation. It holds for noise, for any codebook ([`crate::feed`]), and for words at
+//! full scale: no signal has more energy than state and excitation had together, so that an impulse adds at most itself
+//! to a signal of variance 1. A fed excitation has peaks of up to 40 standard deviations, and √2 times that in a
+//! cross-fade of two; its lattice therefore has steps of 2⁻²⁵, and its full scale is 64 of them. Round-off is 92 to 95
+//! dB below such a signal for the models of order 400 in `tests/fixtures`, and 108 dB or more at 2⁻²⁸.
 
 use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Texture};

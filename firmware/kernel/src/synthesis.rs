@@ -310,27 +310,31 @@ impl Playback {
     /// `A` is the processor's arithmetic; all give the same bits.
     #[inline]
     pub fn next_sample<A: Arithmetic>(&mut self, frame: &Frame) -> OutputSample {
-        let before = self.left;
-        self.left = before.saturating_sub(1);
-        let left = self.left;
+        if self.is_fed() {
+            return self.next_fed_sample::<A>(frame);
+        }
+        self.left = self.left.saturating_sub(1);
+        let (left, excitation) = (self.left, self.excitation.next_sample());
         let (output, saturated) = match (&frame.filter, &mut self.state) {
             (FrameOf::Lattice(frame), State::Lattice(state)) => {
-                state.next_sample::<A>(frame, self.excitation.next_sample(), left)
+                state.next_sample::<A>(frame, excitation, left)
             }
             (FrameOf::Direct(frame), State::Direct(state)) => {
-                state.next_sample::<A>(frame, self.excitation.next_sample(), left)
+                state.next_sample::<A>(frame, excitation, left)
             }
-            _ => return self.next_fed_sample::<A>(frame, before),
+            _ => (OutputSample::SILENCE, false),
         };
         self.saturations = self.saturations.saturating_add(u32::from(saturated));
         output
     }
 
-    /// The next sample of a fed texture, with `before` samples of the frame's ramps to come before it. It takes the
-    /// excitation that the frame was fed with.
+    /// The next sample of a fed texture, which takes the excitation that the frame was fed with.
+    #[cold]
     #[inline(never)]
-    fn next_fed_sample<A: Arithmetic>(&mut self, frame: &Frame, before: u32) -> OutputSample {
-        let excitation = frame.words.get(before as usize).copied().unwrap_or(0);
+    fn next_fed_sample<A: Arithmetic>(&mut self, frame: &Frame) -> OutputSample {
+        let word = frame.words.get(self.left as usize);
+        let excitation = word.copied().unwrap_or(0);
+        self.left = self.left.saturating_sub(1);
         let left = self.left;
         let (output, saturated) = match (&frame.filter, &mut self.state) {
             (FrameOf::Lattice(frame), State::FedLattice(state)) => {

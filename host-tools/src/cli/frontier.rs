@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use host_tools::dsp::reduction::Reduction;
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::frontier;
-use host_tools::evaluation::frontier::{Frontier, Material, Options, Point, Prepared};
+use host_tools::evaluation::frontier::{
+    Frontier, Material, Options, PARTS_COLUMNS, PartsRow, Point, Prepared,
+};
 use host_tools::recording::RecordingSet;
 use host_tools::report::frontier_page;
 use host_tools::support::error::{Error, Result};
@@ -135,6 +137,7 @@ fn summary(frontier: &Frontier) -> String {
         row
     };
     let rows: Vec<Vec<String>> = points.into_iter().map(row).collect();
+    let parts: Vec<Vec<String>> = frontier.parts.iter().map(PartsRow::cells).collect();
     let origin = if frontier.simulated {
         "\nThe recordings are SIMULATED."
     } else {
@@ -145,8 +148,10 @@ fn summary(frontier: &Frontier) -> String {
          error.\n\n{}\n\n\
          error: third-octave bands, at rest against held-out recordings, in motion against float64; cycles: modelled \
          worst case\nper sample, with updates; shares are of 200 µs; safe front: the front of the choices that hold \
-         every hard case{origin}",
+         every hard case\n\nOptional parts of the lattice at its highest order, against the held-out \
+         recordings\n\n{}{origin}",
         frontier.points.len(),
         table(&header, &rows),
+        table(&PARTS_COLUMNS.map(|(heading, _)| heading), &parts),
     )
 }

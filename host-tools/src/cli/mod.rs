@@ -5,6 +5,7 @@
 //! read, `output`, `table` and `wav_file` print; they import no command.
 
 mod certify;
+mod compare;
 mod demo;
 #[cfg(feature = "device")]
 mod device;
@@ -68,6 +69,8 @@ enum Command {
     Fit(fit::Arguments),
     /// Compare the stylus's output with recordings
     Evaluate(evaluate::Arguments),
+    /// Make a page for listening tests (A/B/X) of recordings and what the stylus plays, or score its answers
+    Compare(compare::Arguments),
     /// Render the stylus's output to a WAV file, sample for sample
     Render(render::Arguments),
     /// Show the content of a library
@@ -107,6 +110,7 @@ pub fn run() -> ExitCode {
         Command::SimulateRig(arguments) => simulate_rig::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
         #[cfg(feature = "spectrograms")]

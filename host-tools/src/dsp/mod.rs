@@ -2,9 +2,12 @@
 //!
 //! Invariant: slices in, numbers out. No files, no command line, no progress, no format of a library.
 
+pub mod analytic;
 pub mod autocorrelation;
+pub mod binomial;
 pub mod line_spectral_frequencies;
 pub mod linear_prediction;
+pub mod liveliness;
 pub mod log_spectrum;
 pub mod model;
 pub mod phase_correlation;

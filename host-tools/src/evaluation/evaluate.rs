@@ -9,10 +9,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::held_out::{Judge, JudgeKind, in_words};
+use super::liveliness::{self, Signals, TrialLiveliness};
 use super::perception::{Perceived, Properties};
+use super::played::{self, Played, Version};
 use super::results::{Scores, TrialEvaluation};
 use super::scoring_range::ScoringRange;
-use super::summary::{TextureEvaluation, judged_hz, other_in_words, summarise};
+use super::summary::{TextureEvaluation, judged_hz, liveliness_cells, other_in_words, summarise};
 use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
@@ -44,6 +46,8 @@ pub struct Options {
     pub seed: u64,
     /// Compare the library as it is with what it was fitted to, too.
     pub in_sample: bool,
+    /// What of each texture the synthesis plays.
+    pub played: Played,
 }
 
 impl Default for Options {
@@ -54,6 +58,7 @@ impl Default for Options {
             synthesis_s: 10.0,
             seed: 1,
             in_sample: false,
+            played: Played::Fitted,
         }
     }
 }
@@ -71,6 +76,8 @@ pub struct Evaluation {
     pub simulated: bool,
     /// One line per texture.
     pub textures: Vec<TextureEvaluation>,
+    /// What a spectrum does not show, over all trials.
+    pub liveliness: Vec<liveliness::Summary>,
     /// Every trial, in the order of the set.
     pub trials: Vec<TrialEvaluation>,
     /// The judge of each trial.
@@ -99,6 +106,10 @@ pub struct Comparison {
     pub synthesised: Vec<f64>,
     /// Samples of the synthesis at full scale.
     pub saturations: u32,
+    /// The parts that the synthesis plays, in words.
+    pub parts: String,
+    /// Other versions of the texture at the same seed: with fewer parts, where it has parts.
+    pub versions: Vec<Version>,
     /// The lowest sample rate of the files behind it, Hz.
     source_rate_hz: f64,
 }
@@ -200,7 +211,40 @@ fn read(trial: &Trial, judge: &Judge, reduction: Reduction) -> Result<Comparison
         beside,
         synthesised: Vec::new(),
         saturations: 0,
+        parts: String::new(),
+        versions: Vec::new(),
         source_rate_hz,
+    })
+}
+
+/// Fits what blocks judge, and evaluates nothing yet: for [`Evaluation::compare`].
+///
+/// # Errors
+/// A texture that the library does not have, a recording that cannot be used, or blocks to judge without a record.
+pub fn prepare(
+    set: &RecordingSet,
+    library: &Library<'_>,
+    judges: Vec<Judge>,
+    record: Option<&FitRecord>,
+    options: &Options,
+) -> Result<Evaluation> {
+    for name in set.textures() {
+        texture_named(library, name)?;
+    }
+    let (refitted, blocks_s) = refit(set, &judges, record, options)?;
+    Ok(Evaluation {
+        held_out: in_words(&judges, blocks_s),
+        smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
+        bands_hz: BAND_LABELS_HZ,
+        simulated: set
+            .trials
+            .iter()
+            .any(|trial| trial.provenance == Provenance::Simulated),
+        textures: Vec::new(),
+        liveliness: Vec::new(),
+        trials: Vec::new(),
+        judges,
+        refitted,
     })
 }
 
@@ -210,7 +254,7 @@ fn read(trial: &Trial, judge: &Judge, reduction: Reduction) -> Result<Comparison
 /// other recordings is `library` as it is. The result does not depend on the number of threads.
 ///
 /// # Errors
-/// A texture that the library does not have, a recording that cannot be used, or blocks to judge without a record.
+/// See [`prepare`].
 pub fn evaluate(
     set: &RecordingSet,
     library: &Library<'_>,
@@ -219,23 +263,7 @@ pub fn evaluate(
     options: &Options,
     progress: impl Fn() + Sync,
 ) -> Result<Evaluation> {
-    for name in set.textures() {
-        texture_named(library, name)?;
-    }
-    let (refitted, blocks_s) = refit(set, &judges, record, options)?;
-    let mut evaluation = Evaluation {
-        held_out: in_words(&judges, blocks_s),
-        smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
-        bands_hz: BAND_LABELS_HZ,
-        simulated: set
-            .trials
-            .iter()
-            .any(|trial| trial.provenance == Provenance::Simulated),
-        textures: Vec::new(),
-        trials: Vec::new(),
-        judges,
-        refitted,
-    };
+    let mut evaluation = prepare(set, library, judges, record, options)?;
     evaluation.trials = (0..set.trials.len())
         .into_par_iter()
         .map(|index| {
@@ -248,7 +276,9 @@ pub fn evaluate(
             }
             if options.in_sample && *judge == Judge::Blocks {
                 let texture = texture_named(library, &trial.texture)?;
-                let (played, _) = play(texture, trial, 0, options, options.seed_of(index))?;
+                let (played, _) = played::with(&texture, options.played, |texture| {
+                    play(texture, trial, 0, options, options.seed_of(index))
+                })?;
                 judged.in_sample_log_spectral_distance_db = comparison.distance_db(&played);
             }
             progress();
@@ -260,6 +290,8 @@ pub fn evaluate(
         .into_iter()
         .map(|name| summarise(name, &evaluation.trials))
         .collect();
+    let heard = evaluation.trials.iter().filter(|trial| !trial.is_silent);
+    evaluation.liveliness = liveliness::summaries(heard.filter_map(|t| t.liveliness.as_ref()));
     Ok(evaluation)
 }
 
@@ -274,6 +306,19 @@ impl Evaluation {
     /// The frequencies of all figures, in words.
     pub fn judged_hz(&self) -> String {
         judged_hz(&self.trials)
+    }
+
+    /// The table of what a spectrum does not show, under [`LIVELINESS_COLUMNS`](super::summary::LIVELINESS_COLUMNS):
+    /// each texture, and all of them where there are several.
+    pub fn liveliness_cells(&self) -> Vec<Vec<String>> {
+        let textures = self.textures.iter();
+        let mut rows: Vec<Vec<String>> = textures
+            .flat_map(|texture| liveliness_cells(&texture.texture, &texture.liveliness))
+            .collect();
+        if self.textures.len() > 1 {
+            rows.extend(liveliness_cells("all", &self.liveliness));
+        }
+        rows
     }
 
     /// The other recording beside the synthesis, in words.
@@ -300,25 +345,26 @@ impl Evaluation {
             .refitted
             .iter()
             .find(|(name, _)| *name == trial.texture && self.judges[index] == Judge::Blocks);
-        let played = if let Some((name, bytes)) = refitted {
-            let library = Library::decode_uncertified(bytes)
-                .map_err(|failure| Error::Model(failure.to_string()))?;
-            play(
-                texture_named(&library, name)?,
-                trial,
-                samples,
-                options,
-                seed,
-            )?
-        } else {
-            play(
-                texture_named(library, &trial.texture)?,
-                trial,
-                samples,
-                options,
-                seed,
-            )?
-        };
+        let bytes = refitted.map(|(_, bytes)| Library::decode_uncertified(bytes));
+        let refitted = bytes
+            .transpose()
+            .map_err(|failure| Error::Model(failure.to_string()))?;
+        let texture = texture_named(refitted.as_ref().unwrap_or(library), &trial.texture)?;
+        let stored = played::parts(&texture);
+        comparison.parts = played::in_words(&options.played.of(&stored));
+        let played = played::with(&texture, options.played, |texture| {
+            play(texture, trial, samples, options, seed)
+        })?;
+        for version in options.played.beside(&stored) {
+            let (synthesised, _) = played::with(&texture, version, |texture| {
+                play(texture, trial, samples, options, seed)
+            })?;
+            comparison.versions.push(Version {
+                played: version,
+                parts: played::in_words(&version.of(&stored)),
+                synthesised,
+            });
+        }
         (comparison.synthesised, comparison.saturations) = played;
         Ok(comparison)
     }
@@ -440,6 +486,15 @@ fn judged(
         synthesised_rms_m_s2: synthesised_rms,
         recorded_kurtosis: reference.as_ref().and_then(|r| r.kurtosis),
         recorded_modulation: reference.as_ref().and_then(|r| r.modulation),
+        liveliness: (is_held_out && !is_silent).then(|| {
+            TrialLiveliness::of(&Signals {
+                judged: &comparison.judged,
+                synthesised: &comparison.synthesised,
+                parts: &comparison.parts,
+                versions: &comparison.versions,
+                other: &comparison.other,
+            })
+        }),
         scores: if is_held_out { scores } else { Scores::NONE },
         cost_floor: spectrum::expected_cost_of_blocks(
             judged_blocks.len(),

@@ -23,10 +23,10 @@
 
 use serde::Serialize;
 
+use crate::dsp::analytic::Analytic;
 use crate::dsp::spectrum::{
     AMPLITUDE_JND_DB, BAND_COUNT, PowerSpectrum, band_edges_hz, band_errors_within_db,
 };
-use crate::dsp::with_planner;
 use crate::evaluation::scoring_range::ScoringRange;
 
 /// The frequency that divides low from high, Hz: below it skin follows single cycles, above it feels a tone or noise.
@@ -175,62 +175,6 @@ fn modulation(blocks: &[Analytic], rate_hz: f64, segment: usize) -> Option<f64> 
     let power =
         PowerSpectrum::of_blocks(&envelopes, segment, rate_hz).power_between(low_hz, high_hz);
     Some(power.sqrt() / mean).filter(|share| share.is_finite())
-}
-
-/// A block within a range of frequencies, and its Hilbert transform.
-struct Analytic {
-    signal: Vec<f64>,
-    quadrature: Vec<f64>,
-}
-
-impl Analytic {
-    /// Transforms the block, keeps the bins from `low_hz` to `high_hz`, and transforms back: as they are, and a quarter
-    /// of a period later.
-    fn of(block: &[f64], rate_hz: f64, low_hz: f64, high_hz: f64) -> Self {
-        let len = block.len();
-        if len < 2 {
-            return Self {
-                signal: vec![0.0; len],
-                quadrature: vec![0.0; len],
-            };
-        }
-        let (forward, inverse) =
-            with_planner(|planner| (planner.plan_fft_forward(len), planner.plan_fft_inverse(len)));
-        let mut bins = forward.make_output_vec();
-        forward
-            .process(&mut block.to_vec(), &mut bins)
-            .expect("lengths come from the plan");
-        for (bin, value) in bins.iter_mut().enumerate() {
-            let frequency_hz = bin as f64 * rate_hz / len as f64;
-            // Bins at 0 Hz and at half the rate have no quadrature.
-            let is_edge = bin == 0 || 2 * bin == len;
-            let is_kept = (low_hz..=high_hz).contains(&frequency_hz) && !is_edge;
-            *value *= if is_kept { 1.0 / len as f64 } else { 0.0 };
-        }
-        let mut later = bins.clone();
-        for value in &mut later {
-            (value.re, value.im) = (value.im, -value.re);
-        }
-        let back = |bins: &mut Vec<_>| {
-            let mut signal = inverse.make_output_vec();
-            inverse
-                .process(bins, &mut signal)
-                .expect("lengths come from the plan, and edges are zero");
-            signal
-        };
-        Self {
-            signal: back(&mut bins),
-            quadrature: back(&mut later),
-        }
-    }
-
-    fn envelope(&self) -> Vec<f64> {
-        self.signal
-            .iter()
-            .zip(&self.quadrature)
-            .map(|(x, y)| x.hypot(*y))
-            .collect()
-    }
 }
 
 #[cfg(test)]

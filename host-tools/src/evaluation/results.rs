@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::held_out::JudgeKind;
+use super::liveliness::TrialLiveliness;
 use super::perception::Perceived;
 use super::scoring_range::ScoringRange;
 use crate::dsp::spectrum::BAND_COUNT;
@@ -58,6 +59,8 @@ pub struct TrialEvaluation {
     pub recorded_kurtosis: Option<f64>,
     /// Modulation of the judge's envelope.
     pub recorded_modulation: Option<f64>,
+    /// What a spectrum does not show, of the judge and of what was played; none if nothing is held out or heard.
+    pub liveliness: Option<TrialLiveliness>,
     /// The synthesis against the judge.
     #[serde(flatten)]
     pub scores: Scores,

@@ -3,7 +3,9 @@
 use serde::Serialize;
 
 use super::held_out::JudgeKind;
+use super::liveliness::{self, Summary};
 use super::results::{Scores, TrialEvaluation};
+use crate::dsp::liveliness::median;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 
 /// A texture's trials in a few numbers; silent trials are counted and left out of all means.
@@ -36,6 +38,8 @@ pub struct TextureEvaluation {
     pub recorded_kurtosis: Option<f64>,
     /// Median modulation of the judges' envelopes.
     pub recorded_modulation: Option<f64>,
+    /// What a spectrum does not show: of the judges, of what was played, and of the other recordings.
+    pub liveliness: Vec<Summary>,
     /// Mean log-spectral distance of the library as it is from what it was, or may have been, fitted to, dB.
     pub in_sample_log_spectral_distance_db: Option<f64>,
 }
@@ -197,6 +201,57 @@ impl TextureEvaluation {
     }
 }
 
+/// The columns of [`liveliness_cells`]: a heading, and true for numbers.
+pub const LIVELINESS_COLUMNS: [(&str, bool); 11] = [
+    ("texture", false),
+    ("signal", false),
+    ("kurtosis", true),
+    ("off (log2)", true),
+    ("residual kurtosis", true),
+    ("crest factor", true),
+    ("modulation", true),
+    ("off (dB)", true),
+    ("50 ms levels (dB)", true),
+    ("off (dB)", true),
+    ("line's range (dB)", true),
+];
+
+/// The measures of texture `name` as rows of a table, under [`LIVELINESS_COLUMNS`].
+pub fn liveliness_cells(name: &str, summaries: &[Summary]) -> Vec<Vec<String>> {
+    let row = |(index, summary): (usize, &Summary)| {
+        let Summary {
+            median,
+            differences,
+            ..
+        } = summary;
+        vec![
+            if index == 0 {
+                name.to_owned()
+            } else {
+                String::new()
+            },
+            summary.in_words(),
+            number(median.kurtosis, 1),
+            number(differences.kurtosis_octaves, 2),
+            number(median.residual_kurtosis, 2),
+            number(median.crest_factor, 1),
+            number(median.modulation, 2),
+            number(differences.modulation_db, 1),
+            number(median.level_spread_db, 1),
+            number(differences.level_spread_db, 1),
+            number(median.line_range_db, 1),
+        ]
+    };
+    summaries.iter().enumerate().map(row).collect()
+}
+
+/// An explanation of [`LIVELINESS_COLUMNS`].
+pub const LIVELINESS_EXPLANATION: &str = "Medians over trials. Kurtosis: 3 for Gaussian noise; residual kurtosis: of the \
+     prediction error in windows of 50 ms, 2.94 for Gaussian noise; crest factor: greatest magnitude over the RMS; \
+     modulation: the envelope's 8 to 64 Hz over its mean, of 100 to 1000 Hz; 50 ms levels: their standard deviation; \
+     line's range: of the recording's strongest narrow line in windows of 0.5 s; off: distance from the recording, \
+     which the other recording has, too.";
+
 /// A number with so many decimals, or a dash.
 fn number(value: Option<f64>, decimals: usize) -> String {
     value.map_or("-".into(), |value| format!("{value:.decimals$}"))
@@ -234,6 +289,7 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         mean_cost_other: mean(others.iter().filter_map(|scores| scores.cost)),
         recorded_kurtosis: median(heard.iter().filter_map(|trial| trial.recorded_kurtosis)),
         recorded_modulation: median(heard.iter().filter_map(|trial| trial.recorded_modulation)),
+        liveliness: liveliness::summaries(heard.iter().filter_map(|t| t.liveliness.as_ref())),
         in_sample_log_spectral_distance_db: mean(
             heard
                 .iter()
@@ -246,19 +302,6 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
-}
-
-/// The median; `None` of nothing.
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    let half = values.len() / 2;
-    let upper = values.get(half).copied()?;
-    Some(if values.len() % 2 == 1 {
-        upper
-    } else {
-        f64::midpoint(values[half - 1], upper)
-    })
 }
 
 /// The frequencies of all figures, in words.

@@ -58,5 +58,6 @@ fn write_texture(sections: &mut Sections<'_>, texture: Texture<'_>) -> Result<()
         return Ok(());
     };
     sections.time_and_frequency(&example)?;
+    sections.waveforms(&example)?;
     sections.bands(&example)
 }

@@ -7,7 +7,8 @@ use stylus_kernel::arithmetic::TURN_TAPS;
 
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::frontier::{
-    CLOCKS_HZ, Filter, FilterStructure, Frontier, INTERVALS, Point, interval_ms, moving, share,
+    CLOCKS_HZ, Filter, FilterStructure, Frontier, INTERVALS, PARTS_COLUMNS, PartsRow, Point,
+    interval_ms, moving, share,
 };
 use crate::fit::Order;
 use crate::report::html::{Column, Page};
@@ -216,6 +217,7 @@ pub fn write(frontier: &Frontier, pictures: &Pictures, path: &Path) -> Result<()
     time_table(&mut page, frontier);
     interval_table(&mut page, frontier);
     peer_table(&mut page, frontier);
+    parts_table(&mut page, frontier);
     page.section("What the figures are").list(&notes(frontier));
     page.write(path)
 }
@@ -277,6 +279,35 @@ fn front_table(page: &mut Page, frontier: &Frontier) {
         &columns,
         &rows,
     );
+}
+
+fn parts_table(page: &mut Page, frontier: &Frontier) {
+    let columns: Vec<Column<'_>> = PARTS_COLUMNS
+        .iter()
+        .map(|&(heading, is_number)| {
+            if is_number {
+                Column::Number(heading)
+            } else {
+                Column::Text(heading)
+            }
+        })
+        .collect();
+    let rows: Vec<Vec<String>> = frontier.parts.iter().map(PartsRow::cells).collect();
+    page.section("Excitation, level and lines")
+        .paragraph(
+            "What no spectrum shows: the optional parts of a texture, played by the normalised lattice at the highest \
+             order, at rest, against the held-out recordings. Distances are medians over nodes: |log2| of the ratio of \
+             kurtosis, dB of modulation and of the spread of 50 ms levels. Instructions of the tick are the device's \
+             own count, at most; those of the update make the excitation ahead of the tick.",
+        )
+        .table(
+            "Parts: what they cost and what they bring",
+            &columns,
+            &rows,
+        );
+    if frontier.parts.len() == 1 {
+        page.paragraph("No texture of these recordings has such a part: nothing to choose.");
+    }
 }
 
 fn clock_headings() -> [String; 3] {

@@ -5,11 +5,11 @@
 pub mod evaluation_folder;
 pub mod frontier_page;
 pub mod html;
+pub mod listening_page;
 pub mod plot;
 #[cfg(feature = "spectrograms")]
 pub mod removed_nodes;
 mod sections;
 #[cfg(feature = "spectrograms")]
 pub mod set_page;
-#[cfg(feature = "spectrograms")]
 mod sound;

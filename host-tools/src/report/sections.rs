@@ -7,14 +7,18 @@ use model_format::{Axis, Library, Node, Texture};
 use super::html::{Column, Page};
 use super::plot::{
     Caption, GridCell, GridMap, OrderSeries, SpectraView, Svg, band_error_chart, grid_map,
-    order_against_cost, time_and_frequency,
+    order_against_cost, time_and_frequency, waveforms,
 };
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::evaluate;
 use crate::evaluation::evaluate::{Comparison, Evaluation, cost_by_order, texture_named};
 use crate::evaluation::held_out::JudgeKind;
+use crate::evaluation::liveliness::summaries;
 use crate::evaluation::results::TrialEvaluation;
-use crate::evaluation::summary::{FEEL_COLUMNS, SPECTRA_COLUMNS, TextureEvaluation};
+use crate::evaluation::summary::{
+    FEEL_COLUMNS, LIVELINESS_COLUMNS, LIVELINESS_EXPLANATION, SPECTRA_COLUMNS, TextureEvaluation,
+    liveliness_cells,
+};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 use crate::support::file_name::Stems;
@@ -124,6 +128,18 @@ impl<'a> Sections<'a> {
         ));
         self.page
             .table("What is felt", &columns(&FEEL_COLUMNS), &felt);
+        let lively = self.evaluation.liveliness_cells();
+        if !lively.is_empty() {
+            self.page.paragraph(&format!(
+                "Two signals with one spectrum may feel different, because one has impulses, or a level that changes, \
+                 and the other has not. {LIVELINESS_EXPLANATION}"
+            ));
+            self.page.table(
+                "What the spectrum does not show",
+                &columns(&LIVELINESS_COLUMNS),
+                &lively,
+            );
+        }
     }
 
     /// Draws the cost of each texture's example trial by the order of its model: the paper's figure 8.
@@ -207,6 +223,40 @@ impl<'a> Sections<'a> {
                 example.part()
             ),
         )
+    }
+
+    /// Draws an example's waveforms and envelopes, and writes its measures of what a spectrum does not show below.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn waveforms(&mut self, example: &Example<'_>) -> Result<()> {
+        let comparison = &example.comparison;
+        let synthesis = format!("synthesis: {}", comparison.parts);
+        let mut signals: Vec<(&str, &[f64])> = vec![
+            ("recording", &comparison.recording),
+            (&synthesis, &comparison.synthesised),
+        ];
+        let versions = comparison.versions.iter();
+        signals.extend(versions.map(|v| (v.parts.as_str(), v.synthesised.as_slice())));
+        let stem = self.stems.of(&example.trial.texture);
+        let rate_hz = f64::from(SAMPLE_RATE_HZ);
+        let picture = waveforms(&self.caption(&example.title), &signals, rate_hz)?;
+        self.figure(
+            &picture,
+            &format!("{stem}-waveforms.svg"),
+            "Waveforms and envelopes to one scale, 0.1 s and 2 s from the middle. The recording is drawn whole, whatever \
+             was fitted of it; the figures below are of what was held out.",
+        )?;
+        if let Some(liveliness) = &example.judged.liveliness {
+            let summaries = summaries(std::iter::once(liveliness));
+            let rows = liveliness_cells(&example.title, &summaries);
+            self.page.table(
+                "What the spectrum does not show, of this trial",
+                &columns(&LIVELINESS_COLUMNS),
+                &rows,
+            );
+        }
+        Ok(())
     }
 
     /// Draws an example's errors in third-octave bands.

@@ -91,19 +91,24 @@ fn write_texture(
     } else {
         ""
     };
-    let full_scale = loudest(&[recorded, played]);
-    for (what, signal) in [("recorded", recorded), ("synthesised", played)] {
+    let mut heard = vec![("recorded", recorded), ("synthesised", played)];
+    let versions = example.comparison.versions.iter();
+    heard.extend(versions.map(|version| (version.parts.as_str(), &version.synthesised)));
+    let all: Vec<&Vec<f64>> = heard.iter().map(|(_, signal)| *signal).collect();
+    let full_scale = loudest(&all);
+    for (what, signal) in heard {
         let wav = sound(signal, full_scale)?;
         let label = format!("{}: {what}{origin}", example.title);
         sections.page.sound(&label, &wav);
     }
     sections
         .page
-        .paragraph("Both sounds have one scale; what is heard is the acceleration.");
+        .paragraph("All sounds have one scale; what is heard is the acceleration.");
     if example.judged.judge != JudgeKind::Nothing {
         prediction(sections, &example.title, &example.comparison)?;
     }
     sections.time_and_frequency(&example)?;
+    sections.waveforms(&example)?;
     let caption = sections.caption(&example.title);
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let picture = spectrograms(&caption, recorded, played, rate_hz, 1000.0)?;

@@ -7,14 +7,21 @@ use model_format::SAMPLE_RATE_HZ;
 /// Sample rate of a page's sounds, Hz: every browser plays it.
 const SOUND_RATE_HZ: u32 = 20_000;
 
-/// Longest sound, s.
+/// Longest sound of a report, s.
+#[cfg(feature = "spectrograms")]
 const SOUND_S: f64 = 3.0;
 
-/// A signal as the bytes of a WAV file, 16 bits, at a rate that every browser plays.
+/// The beginning of a signal as the bytes of a WAV file; see [`whole_sound`].
+#[cfg(feature = "spectrograms")]
 pub(super) fn sound(signal: &[f64], full_scale: f64) -> Result<Vec<u8>> {
     let most = ((SOUND_S * f64::from(SAMPLE_RATE_HZ)) as usize).min(signal.len());
-    let there = resample(&[signal[..most].to_vec()], SAMPLE_RATE_HZ, SOUND_RATE_HZ)
-        .map_err(Error::Request)?;
+    whole_sound(&signal[..most], full_scale)
+}
+
+/// A signal as the bytes of a WAV file, 16 bits, at a rate that every browser plays.
+pub(super) fn whole_sound(signal: &[f64], full_scale: f64) -> Result<Vec<u8>> {
+    let there =
+        resample(&[signal.to_vec()], SAMPLE_RATE_HZ, SOUND_RATE_HZ).map_err(Error::Request)?;
     let spec = hound::WavSpec {
         channels: 1,
         sample_rate: SOUND_RATE_HZ,

@@ -34,8 +34,7 @@ pub fn on_host() -> Vec<Played> {
         for vector in &VECTORS {
             let mut words = Vec::new();
             let sink = |sample: model_format::OutputSample| words.push(sample.0.cast_unsigned());
-            let full_scale =
-                run::<Portable>(&library, vector.texture, vector.seed, vector.samples, sink);
+            let full_scale = run::<Portable>(&library, vector, sink);
             played.push(Played {
                 arithmetic: arithmetic.to_owned(),
                 texture: Some(vector.texture.to_owned()),

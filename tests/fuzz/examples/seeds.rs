@@ -6,8 +6,9 @@ use std::path::PathBuf;
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, NodeFlags, NodeSpec, PartsSpec,
-    Provenance, Structure, TextureSpec, encode_uncertified, encode_with_scenes_uncertified, limits,
+    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
+    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec,
+    encode_uncertified, encode_with_scenes_uncertified, limits,
 };
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -40,6 +41,15 @@ fn main() -> Result<(), Box<dyn Error>> {
         lined.parts.lines = Some(lines_of(lines));
         all.push(lined);
     }
+    for structure in structures {
+        for (excitation, modulation) in [(1, false), (0, true), (3, true)] {
+            let name = format!("{structure}, {excitation} codebooks, track {modulation}");
+            let mut fed = texture(name, structure, 5, 2);
+            fed.cell_margins.clear();
+            fed.parts = parts(excitation, modulation, fed.nodes.len());
+            all.push(fed);
+        }
+    }
     for (index, texture) in all.iter().enumerate() {
         let bytes = encode_uncertified(std::slice::from_ref(texture))?;
         std::fs::write(folder.join(format!("single-{index}")), bytes)?;
@@ -50,6 +60,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::write(folder.join("several"), encode_uncertified(&all[..4])?)?;
     let with_scenes = encode_with_scenes_uncertified(&all[..2], &[scene()?])?;
     std::fs::write(folder.join("scenes"), with_scenes)?;
+    let fed = all
+        .iter()
+        .filter(|texture| texture.parts != PartsSpec::default());
+    let fed: Vec<TextureSpec> = fed.cloned().collect();
+    let with_scenes = encode_with_scenes_uncertified(&fed[..2], &[scene()?])?;
+    std::fs::write(folder.join("fed-scenes"), with_scenes)?;
     Ok(())
 }
 
@@ -62,6 +78,33 @@ fn lines_of(lines: usize) -> LinesSpec {
     };
     LinesSpec {
         lines: (0..lines).map(line).collect(),
+    }
+}
+
+/// So many codebooks, all of the shortest length, and a level track of the shortest.
+fn parts(codebooks: usize, modulation: bool, nodes: usize) -> PartsSpec {
+    let excitation = (codebooks > 0).then(|| ExcitationSpec {
+        codebooks: (0..codebooks)
+            .map(|number| CodebookSpec {
+                peak: 1.0 + number as f32,
+                // One in (1 + number)² samples is at the peak.
+                codes: (0..limits::MIN_CODEBOOK_SAMPLES)
+                    .map(|n| i8::from(n % (1 + number).pow(2) == 0) * 127)
+                    .collect(),
+            })
+            .collect(),
+        of_nodes: (0..nodes)
+            .map(|node| (node % (codebooks + 1)) as u8)
+            .collect(),
+    });
+    let modulation = modulation.then(|| ModulationSpec {
+        step_samples: 25,
+        entries: (0..20).map(|n| if n % 2 == 0 { 1 } else { -1 }).collect(),
+    });
+    PartsSpec {
+        excitation,
+        modulation,
+        ..PartsSpec::default()
     }
 }
 

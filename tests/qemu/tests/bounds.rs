@@ -7,14 +7,16 @@ use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
 use kernel_vectors::{Libraries, report};
 use model_format::limits::{
     DECODE_INSTRUCTIONS, DECODE_INSTRUCTIONS_PER_BYTE, DECODE_INSTRUCTIONS_PER_SCENE,
-    DECODE_INSTRUCTIONS_PER_TEXTURE, MAX_AXIS_LEN, MAX_FINE_STAGES, MAX_LIBRARY_BYTES, MAX_LINES,
-    MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES, PLAN_INSTRUCTIONS, STEP_INSTRUCTIONS,
+    DECODE_INSTRUCTIONS_PER_TEXTURE, MAX_AXIS_LEN, MAX_CODEBOOKS, MAX_EXCITATION_BYTES,
+    MAX_FINE_STAGES, MAX_LIBRARY_BYTES, MAX_LINES, MAX_MODULATION_ENTRIES, MAX_NAME_BYTES,
+    MAX_ORDER, MAX_TEXTURES, MIN_MODULATION_ENTRIES, PLAN_INSTRUCTIONS, STEP_INSTRUCTIONS,
 };
 use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, NodeFlags, NodeSpec, PartsSpec,
-    Problem, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec, encode_with_scenes,
+    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
+    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Problem, Provenance, SAMPLE_RATE_HZ, Structure,
+    TextureSpec, encode_with_scenes,
 };
 use tasks::guest::{self, Processor};
 use tasks::qemu;
@@ -26,8 +28,12 @@ const ROUNDS: usize = 9;
 /// Most bytes of a library within the search. The work per byte does not depend on the size of the whole.
 const SEARCHED_BYTES: usize = 48 * 1024;
 
+/// Samples of each codebook: four of them and a byte for each of 4096 nodes take all that an excitation may.
+const CODEBOOK_SAMPLES: usize =
+    (MAX_EXCITATION_BYTES - MAX_AXIS_LEN * MAX_AXIS_LEN) / MAX_CODEBOOKS - 16;
+
 /// Number of properties of a recipe.
-const PROPERTIES: usize = 18;
+const PROPERTIES: usize = 20;
 
 /// Names and highest values of the properties; the lowest is 0, or 1 where it must be.
 const HIGHEST: [(&str, u32, u32); PROPERTIES] = [
@@ -48,6 +54,12 @@ const HIGHEST: [(&str, u32, u32); PROPERTIES] = [
     ("stick-slips", 0, MAX_SURFACES as u32),
     ("sections", 0, MAX_SECTIONS as u32),
     ("regions", 0, MAX_REGIONS as u32),
+    ("codebooks of the first texture", 0, MAX_CODEBOOKS as u32),
+    (
+        "entries of its level track",
+        0,
+        MAX_MODULATION_ENTRIES as u32,
+    ),
     ("lines", 0, MAX_LINES as u32),
 ];
 
@@ -136,7 +148,8 @@ impl Recipe {
         let lines = self.0[17] as usize;
         let node = 16 + order * if structure == 2 { 4 } else { 2 } + 4 * lines;
         let with_grid = with_grid.min(textures);
-        with_grid * speeds * forces * node + (textures - with_grid) * node
+        let parts = self.0[17] as usize * CODEBOOK_SAMPLES + self.0[18] as usize;
+        with_grid * speeds * forces * node + (textures - with_grid) * node + parts
     }
 
     fn name(&self, index: u32) -> String {
@@ -199,7 +212,11 @@ impl Recipe {
             },
             parts: PartsSpec {
                 lines: self.lines((speeds * forces) as usize),
-                ..PartsSpec::default()
+                ..if index == 0 {
+                    self.parts(speeds * forces)
+                } else {
+                    PartsSpec::default()
+                }
             },
             speed_axis_mm_s: axis(speeds),
             force_axis_n: axis(forces),
@@ -218,8 +235,36 @@ impl Recipe {
             phase: 7,
             amplitudes: vec![0.1; nodes],
         };
-        let lines: Vec<_> = (0..self.0[17]).map(line).collect();
+        let lines: Vec<_> = (0..self.0[19]).map(line).collect();
         (!lines.is_empty()).then_some(LinesSpec { lines })
+    }
+
+    /// Codebooks and level track of a texture of so many nodes, as many as there is room for.
+    fn parts(&self, nodes: u32) -> PartsSpec {
+        let codebooks = self.0[17].min(nodes);
+        let excitation = (codebooks > 0).then(|| ExcitationSpec {
+            codebooks: (0..codebooks)
+                .map(|_| CodebookSpec {
+                    peak: 1.0,
+                    codes: vec![-127; CODEBOOK_SAMPLES],
+                })
+                .collect(),
+            of_nodes: (0..nodes)
+                .map(|node| (node % codebooks) as u8 + 1)
+                .collect(),
+        });
+        let entries = self.0[18];
+        let modulation = (entries as usize >= MIN_MODULATION_ENTRIES).then(|| ModulationSpec {
+            step_samples: 100,
+            entries: (0..entries)
+                .map(|at| if at.is_multiple_of(2) { 1 } else { -1 })
+                .collect(),
+        });
+        PartsSpec {
+            excitation,
+            modulation,
+            ..PartsSpec::default()
+        }
     }
 
     fn scene(&self, index: u32) -> Scene {
@@ -232,6 +277,8 @@ impl Recipe {
             stick_slips,
             sections,
             regions,
+            _,
+            _,
             _,
         ] = self.0;
         let surface = |at: u32| Surface {

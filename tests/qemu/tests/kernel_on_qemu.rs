@@ -7,6 +7,8 @@ use std::sync::LazyLock;
 
 use model_format::limits::MAX_ORDER;
 use stylus_costs::Structure;
+use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+use stylus_kernel::scene::cost::FEED;
 use tasks::compare;
 use tasks::costs::{self, Guest};
 use tasks::guest::Processor;
@@ -99,6 +101,24 @@ fn the_kernel_is_within_its_budget() {
             processor,
             &report(processor).samples,
         ));
+    }
+}
+
+/// A lattice's update with codebooks and a level track, beside one without, both of order 400 at four nodes.
+#[test]
+fn the_excitation_of_a_fed_voice_takes_an_update_what_the_model_says_and_the_sample_is_shorter() {
+    for processor in Processor::ALL {
+        let report = report(processor);
+        let most = |costs: &[tasks::report::Cost], texture: &str| {
+            let found = costs.iter().find(|cost| cost.texture == texture);
+            found.expect("it is measured").most
+        };
+        for fed in ["lattice, track", "lattice, codebooks and track"] {
+            let more = most(&report.follows, fed) - most(&report.follows, "lattice");
+            println!("{}, {fed}: {more} more per update", processor.name());
+            assert!(more <= FEED * UPDATE_INTERVAL_SAMPLES, "{fed}: {more}");
+            assert!(most(&report.samples, fed) <= most(&report.samples, "lattice"));
+        }
     }
 }
 

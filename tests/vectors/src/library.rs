@@ -8,8 +8,9 @@ use alloc::vec::Vec;
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{
-    CodeSpec, FINE_THETA_STEP_RAD, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, NodeFlags,
-    NodeSpec, PartsSpec, Provenance, Structure, THETA_STEP_RAD, TextureSpec, encode_uncertified,
+    CodeSpec, CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, FadeLaw, Laws, LevelLaw, LineSpec,
+    LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure,
+    THETA_STEP_RAD, TextureSpec, encode_uncertified,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -37,7 +38,7 @@ pub fn library() -> Vec<u8> {
 }
 
 /// The textures of [`library`], none of them certified.
-pub fn specs() -> [TextureSpec; 16] {
+pub fn specs() -> [TextureSpec; 22] {
     use Structure::{DirectForm16, DirectForm32, NormalisedLattice};
     let resonant = |index| Model::resonant(MAX_ORDER, index);
     let one = Grid::one(Model::resonant(MAX_ORDER, 1), 9.0);
@@ -71,6 +72,23 @@ pub fn specs() -> [TextureSpec; 16] {
             .with_rest()
             .with_laws(LevelLaw::Amplitude, FadeLaw::Power)
             .texture("direct 16, mean amplitude", DirectForm16),
+        Grid::new(|index| resonant(60 + index as u64))
+            .with_codebooks()
+            .texture("lattice, codebooks", NormalisedLattice),
+        Grid::new(|index| resonant(70 + index as u64))
+            .with_track()
+            .texture("lattice, track", NormalisedLattice),
+        Grid::new(|index| resonant(80 + index as u64))
+            .with_codebooks()
+            .with_track()
+            .texture("lattice, codebooks and track", NormalisedLattice),
+        Grid::new(|index| Model::gentle(MAX_ORDER, 90 + index as u64))
+            .with_codebooks()
+            .with_track()
+            .texture("direct 32, codebooks and track", DirectForm32),
+        Grid::new(|index| Model::gentle(SHORT_ORDER, 100 + index as u64))
+            .with_codebooks()
+            .texture("direct 16, codebooks", DirectForm16),
         Grid::new(|index| resonant(index as u64))
             .with_lines(&FOUR_LINES)
             .texture("lattice, four lines", NormalisedLattice),
@@ -79,6 +97,14 @@ pub fn specs() -> [TextureSpec; 16] {
             .with_laws(LevelLaw::Power, FadeLaw::Power)
             .with_lines(&FOUR_LINES[1..2])
             .texture("direct 32, one line", DirectForm32),
+        Grid::new(|index| resonant(110 + index as u64))
+            .with_codebooks()
+            .with_track()
+            .with_lines(&FOUR_LINES)
+            .texture(
+                "lattice, codebooks, track and four lines",
+                NormalisedLattice,
+            ),
     ]
 }
 
@@ -278,6 +304,7 @@ struct Grid {
     models: Vec<(Model, f32)>,
     laws: Laws,
     lines: Vec<(f32, u16)>,
+    parts: PartsSpec,
 }
 
 impl Grid {
@@ -292,6 +319,7 @@ impl Grid {
                 .collect(),
             laws: Laws::default(),
             lines: Vec::new(),
+            parts: PartsSpec::default(),
         }
     }
 
@@ -303,6 +331,7 @@ impl Grid {
             models: [(model, output_power)].to_vec(),
             laws: Laws::default(),
             lines: Vec::new(),
+            parts: PartsSpec::default(),
         }
     }
 
@@ -335,6 +364,22 @@ impl Grid {
         (!lines.is_empty()).then_some(LinesSpec { lines })
     }
 
+    /// The same with two codebooks, and nodes of both and of neither.
+    fn with_codebooks(mut self) -> Self {
+        let nodes = 0..self.models.len();
+        self.parts.excitation = Some(ExcitationSpec {
+            codebooks: [codebook(1000, 1), codebook(1537, 2)].to_vec(),
+            of_nodes: nodes.map(|node| [1, 2, 0][node % 3]).collect(),
+        });
+        self
+    }
+
+    /// The same with a level track.
+    fn with_track(mut self) -> Self {
+        self.parts.modulation = Some(track());
+        self
+    }
+
     /// The same with silent nodes at speed zero.
     fn with_rest(mut self) -> Self {
         self.speeds_mm_s.insert(0, 0.0);
@@ -352,7 +397,7 @@ impl Grid {
             laws: self.laws,
             parts: PartsSpec {
                 lines: self.lines(),
-                ..PartsSpec::default()
+                ..self.parts.clone()
             },
             speed_axis_mm_s: self.speeds_mm_s.clone(),
             force_axis_n: self.forces_n.clone(),
@@ -378,6 +423,40 @@ fn node(model: &Model, output_power: f32, structure: Structure) -> NodeSpec {
         },
         codes: model.codes(structure),
     }
+}
+
+/// A codebook of so many samples, most of them small.
+fn codebook(samples: usize, seed: u64) -> CodebookSpec {
+    let mut uniform = uniform(seed);
+    // The law's codes are uneven already; their cube is more so.
+    let mut codebook = CodebookSpec {
+        peak: 1.0,
+        codes: (0..samples)
+            .map(|_| (127.0 * libm::cbrt(uniform())) as i8)
+            .collect(),
+    };
+    for code in codebook.codes.iter_mut().step_by(3) {
+        *code /= 2;
+    }
+    codebook.peak = libm::sqrtf(codebook.mean_square()).recip();
+    codebook
+}
+
+/// A level track whose amplitude is spread over 24 dB.
+fn track() -> ModulationSpec {
+    let mut uniform = uniform(3);
+    let levels: Vec<f64> = (0..90).map(|_| 48.0 * uniform()).collect();
+    let shifted = |shift: f64| ModulationSpec {
+        step_samples: 57,
+        entries: levels
+            .iter()
+            .map(|level| libm::round(level + shift) as i8)
+            .collect(),
+    };
+    // A step of 0.25 dB per unit.
+    let shift = |track: &ModulationSpec| -40.0 * libm::log10(f64::from(track.mean_square()));
+    let first = shift(&shifted(0.0));
+    shifted(first + shift(&shifted(first)))
 }
 
 /// Numbers uniform in ±1.

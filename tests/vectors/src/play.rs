@@ -1,10 +1,13 @@
 //! Playback of a texture along the path.
 
-use model_format::{DecodeError, Library, OutputSample};
+use model_format::scene::{Region, Scene, SceneName, Surface};
+use model_format::{DecodeError, Library, OutputSample, SAMPLE_RATE_HZ};
 use stylus_kernel::arithmetic::Arithmetic;
+use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::path::motion;
+use crate::textures::Vector;
 
 /// A texture that cannot be played.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -17,26 +20,80 @@ pub enum PlayError {
     NoTexture,
 }
 
-/// Plays `samples` samples of a texture of `library` into `sink` along [`motion`]; returns the number at full scale.
+/// Plays `vector` of `library` into `sink` along [`motion`]; returns the number of samples at full scale.
 ///
 /// # Errors
 /// Bytes that are no library, or one without the texture.
 pub fn run<M: Arithmetic>(
     library: &[u8],
-    texture: &str,
-    seed: u64,
-    samples: u32,
+    vector: &Vector,
+    sink: impl FnMut(OutputSample),
+) -> Result<u32, PlayError> {
+    let library = Library::decode_uncertified(library)?;
+    match vector.beside {
+        None => run_one::<M>(&library, vector, sink),
+        Some(textures) => run_beside::<M>(&library, textures, vector, sink),
+    }
+}
+
+fn run_one<M: Arithmetic>(
+    library: &Library<'_>,
+    vector: &Vector,
     mut sink: impl FnMut(OutputSample),
 ) -> Result<u32, PlayError> {
-    let texture = Library::decode_uncertified(library)?
-        .texture(texture)
-        .ok_or(PlayError::NoTexture)?;
-    let mut synthesis = Synthesis::<M>::new(texture, seed);
-    for n in 0..samples {
+    let texture = library.texture(vector.texture);
+    let mut synthesis = Synthesis::<M>::new(texture.ok_or(PlayError::NoTexture)?, vector.seed);
+    for n in 0..vector.samples {
         if n.is_multiple_of(UPDATE_INTERVAL_SAMPLES) {
             synthesis.follow(motion(n / UPDATE_INTERVAL_SAMPLES), UPDATE_INTERVAL_SAMPLES);
         }
         sink(synthesis.next_sample());
     }
     Ok(synthesis.saturations())
+}
+
+/// Plays `textures` side by side, while the tool goes to and fro over the transition between them.
+fn run_beside<M: Arithmetic>(
+    library: &Library<'_>,
+    textures: [&str; 2],
+    vector: &Vector,
+    mut sink: impl FnMut(OutputSample),
+) -> Result<u32, PlayError> {
+    /// Width of the transition, and of the way from its middle to either turn, mm.
+    const TRANSITION_MM: f32 = 64.0;
+    const WAY_MM: u32 = 48;
+    let scene = side_by_side(library, textures, TRANSITION_MM).ok_or(PlayError::NoTexture)?;
+    let plan = Plan::new(&scene, library).map_err(|_| PlayError::NoTexture)?;
+    let mut player = ScenePlayer::<M>::new(plan, vector.seed);
+    for n in 0..vector.samples {
+        if n.is_multiple_of(UPDATE_INTERVAL_SAMPLES) {
+            let update = n / UPDATE_INTERVAL_SAMPLES;
+            // A triangle of 1 mm per update, from the left turn.
+            let place = (update % (4 * WAY_MM)).abs_diff(2 * WAY_MM) as f32 - WAY_MM as f32;
+            let interaction = Interaction::new(motion(update), place, true);
+            let interaction = interaction.expect("the place is finite");
+            player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
+        }
+        sink(player.next_sample());
+    }
+    Ok(player.saturations())
+}
+
+/// A scene of both textures, which meet at 0 mm.
+fn side_by_side(library: &Library<'_>, textures: [&str; 2], transition_mm: f32) -> Option<Scene> {
+    let index = |name: &str| library.textures().position(|one| one.name() == name);
+    let surface = |name: &str| Some(Surface::of_texture(index(name)? as u8));
+    let name = SceneName::try_from("beside").ok()?;
+    let mut scene = Scene::of_surface(name, SAMPLE_RATE_HZ, surface(textures[0])?);
+    scene.surfaces.push(surface(textures[1])?).ok()?;
+    scene.transition_mm = transition_mm;
+    for (start_mm, end_mm, surface) in [(-1000.0, 0.0, 0), (0.0, 1000.0, 1)] {
+        let region = Region {
+            start_mm,
+            end_mm,
+            surface,
+        };
+        scene.regions.push(region).ok()?;
+    }
+    Some(scene)
 }

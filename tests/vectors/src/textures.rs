@@ -7,8 +7,10 @@ use crate::path::PATH_UPDATES;
 /// A texture to be played for a comparison of bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Vector {
-    /// Its name in the library.
+    /// Its name in the library; for two textures at once, a name of their own.
     pub texture: &'static str,
+    /// The textures of a scene on whose transition both sound.
+    pub beside: Option<[&'static str; 2]>,
     /// Seed of the excitation.
     pub seed: u64,
     /// Number of samples, more than one round of the path.
@@ -20,14 +22,22 @@ impl Vector {
         let samples = (PATH_UPDATES + PATH_UPDATES / 4) * UPDATE_INTERVAL_SAMPLES;
         Self {
             texture,
+            beside: None,
             seed,
             samples,
         }
     }
+
+    const fn beside(name: &'static str, textures: [&'static str; 2], seed: u64) -> Self {
+        Self {
+            beside: Some(textures),
+            ..Self::new(name, seed)
+        }
+    }
 }
 
-/// All textures of the library.
-pub const VECTORS: [Vector; 16] = [
+/// All textures of the library, and two of them at once.
+pub const VECTORS: [Vector; 24] = [
     Vector::new("lattice, one node", 10),
     Vector::new("lattice", 1),
     Vector::new("lattice of unequal orders", 2),
@@ -42,8 +52,24 @@ pub const VECTORS: [Vector; 16] = [
     Vector::new("fine lattice of largest angles, mean amplitude", 12),
     Vector::new("direct 32, mean dB", 13),
     Vector::new("direct 16, mean amplitude", 14),
-    Vector::new("lattice, four lines", 15),
-    Vector::new("direct 32, one line", 16),
+    Vector::new("lattice, codebooks", 15),
+    Vector::new("lattice, track", 16),
+    Vector::new("lattice, codebooks and track", 17),
+    Vector::new("direct 32, codebooks and track", 18),
+    Vector::new("direct 16, codebooks", 19),
+    Vector::beside(
+        "two voices with codebooks and tracks",
+        ["lattice, codebooks and track", "lattice, track"],
+        20,
+    ),
+    Vector::beside(
+        "two voices, one plain",
+        ["direct 32, codebooks and track", "lattice"],
+        21,
+    ),
+    Vector::new("lattice, four lines", 22),
+    Vector::new("direct 32, one line", 23),
+    Vector::new("lattice, codebooks, track and four lines", 24),
 ];
 
 /// A texture whose cost is measured.
@@ -56,7 +82,7 @@ pub struct Measured {
 }
 
 /// One texture for each path through the kernel, with the cost that a sample may have on a Cortex-M4 or M7.
-pub const MEASURED: [Measured; 7] = [
+pub const MEASURED: [Measured; 10] = [
     Measured {
         texture: "lattice",
         budget_instructions: 5100,
@@ -70,11 +96,23 @@ pub const MEASURED: [Measured; 7] = [
         budget_instructions: 5300,
     },
     Measured {
+        texture: "lattice, track",
+        budget_instructions: 5100,
+    },
+    Measured {
+        texture: "lattice, codebooks and track",
+        budget_instructions: 5100,
+    },
+    Measured {
         texture: "direct 32, one node",
         budget_instructions: 1300,
     },
     Measured {
         texture: "direct 32",
+        budget_instructions: 1300,
+    },
+    Measured {
+        texture: "direct 32, codebooks and track",
         budget_instructions: 1300,
     },
     Measured {

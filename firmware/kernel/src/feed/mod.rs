@@ -88,7 +88,8 @@ impl Feed {
 
     /// The next sample at `point` of the texture with this `material`: mean 0, variance 1, in steps of 2⁻²⁵, saturated
     /// at full scale.
-    #[inline]
+    // Not inlined, because frames and run-ups share it and its code is in a small memory.
+    #[inline(never)]
     pub fn next_sample(&mut self, material: &Material<'_>, point: &GridPoint) -> i32 {
         let source = match &material.codebooks {
             Some(codebooks) => {

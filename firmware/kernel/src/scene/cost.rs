@@ -26,6 +26,22 @@ pub const DIRECT: StageCost = StageCost {
     each: 107,
 };
 
+/// A voice of a fed lattice, as [`LATTICE`]. Its excitation is one load, because the update makes it.
+pub const FED_LATTICE: StageCost = StageCost {
+    base: 151,
+    each: 11,
+};
+
+/// A voice of a fed direct form, as [`DIRECT`].
+pub const FED_DIRECT: StageCost = StageCost {
+    base: 212,
+    each: 107,
+};
+
+/// Instructions of the update per sample of a fed voice: a sample of the noise and of two codebooks in a cross-fade, the
+/// choice of a piece, and the level. QEMU's count of updates holds it.
+pub const FEED: u32 = 450;
+
 /// Stick-slip of a voice, in addition to the voice.
 pub const STICK_SLIP: StageCost = StageCost { base: 46, each: 0 };
 
@@ -119,11 +135,12 @@ impl Term {
 
     pub(super) fn voice(surface: u8, texture: &Texture<'_>) -> Self {
         let (structure, order) = (texture.structure(), texture.max_order());
-        let (cost, count) = match structure {
-            Structure::NormalisedLattice => (LATTICE, order),
-            Structure::DirectForm16 | Structure::DirectForm32 => {
-                (DIRECT, order.div_ceil(TURN_TAPS))
-            }
+        let turns = order.div_ceil(TURN_TAPS);
+        let (cost, count) = match (structure, texture.is_fed()) {
+            (Structure::NormalisedLattice, false) => (LATTICE, order),
+            (Structure::NormalisedLattice, true) => (FED_LATTICE, order),
+            (Structure::DirectForm16 | Structure::DirectForm32, false) => (DIRECT, turns),
+            (Structure::DirectForm16 | Structure::DirectForm32, true) => (FED_DIRECT, turns),
         };
         Self {
             item: Item::Voice { surface, structure },

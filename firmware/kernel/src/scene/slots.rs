@@ -16,7 +16,7 @@
 use model_format::Texture;
 
 use super::block::{Block, SLOTS, Stage, VoiceStage};
-use super::cost::Term;
+use super::cost::{FEED, Term};
 use super::plan::{Plan, PlannedTexture};
 use super::stick_slip::StickSlipFrame;
 use crate::arithmetic::Arithmetic;
@@ -32,10 +32,11 @@ use crate::synthesis::{Frame, Playback};
 ///
 /// A device decides a block in less than 2 ms, which at 400 MHz is 800 000 cycles, or 400 000 instructions at two
 /// cycles per instruction, which is pessimistic. While one of two voices is run up, the ten ticks of a block take at
-/// most 65 000 of them, with all effects and a lattice of 400 stages; the frames of both voices take 65 000, and two
-/// changes of texture 20 000. With this a third is left over.
+/// most 65 000 of them, with all effects and a lattice of 400 stages; the frames of both voices take 65 000, their
+/// excitations 9000 if both are fed ([`FEED`]), and two changes of texture 20 000. With this a third is left over.
 ///
-/// A direct form of up to 40 coefficients is so run up in 16 blocks or 32 ms, one of 400 in 65 blocks or 130 ms.
+/// A direct form of up to 40 coefficients is so run up in 16 blocks or 32 ms, one of 400 in 65 blocks or 130 ms; a fed
+/// one in 39 or 88 blocks, because the excitation of each sample is made then.
 pub const RUN_UP_INSTRUCTIONS: u32 = 100_000;
 
 /// Storage of the voices. On a device it is shared with the tick; the director never asks for a part that the tick uses
@@ -198,7 +199,8 @@ impl<'a> Slots<'a> {
         else {
             return;
         };
-        let cost = Term::voice(surface, &texture).instructions();
+        let feed = if texture.is_fed() { FEED } else { 0 };
+        let cost = Term::voice(surface, &texture).instructions() + feed;
         let samples = *instructions / cost;
         if samples == 0 {
             return;

@@ -1,21 +1,19 @@
 //! Fed textures: excitation from codebooks of a residual, from a level track, or both.
 
-use std::f64::consts::{LN_2, LN_10};
+use std::f64::consts::{FRAC_PI_2, LN_2, LN_10, PI};
 
-use model_format::scene::Scene;
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, Library, ModulationSpec, NodeFlags, NodeSpec,
-    PartsSpec, Structure, Texture, TextureSpec, encode_uncertified, encode_with_scenes_uncertified,
+    CodeSpec, CodebookSpec, ExcitationSpec, ModulationSpec, NodeFlags, NodeSpec, OutputSample,
+    PartsSpec, Structure, Texture, TextureSpec, encode_uncertified,
 };
 use proptest::prelude::*;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::feed::{FED_FRACTION_BITS, Feed, Material};
 use stylus_kernel::grid::GridPoint;
-use stylus_kernel::scene::{Plan, ScenePlayer};
 use stylus_kernel::{MAX_FED_SAMPLES, Synthesis};
 
 use crate::models::{STRUCTURES, fixture, motion, texture};
-use crate::scenes::{at, side_by_side, texture_of};
+use crate::scenes::texture_of;
 
 /// One standard deviation of a fed excitation.
 pub const SIGMA: f64 = (1u32 << FED_FRACTION_BITS) as f64;
@@ -126,7 +124,7 @@ fn fed(spec: TextureSpec, parts: PartsSpec) -> TextureSpec {
 }
 
 /// A model of order 400 of `structure` at four nodes, fed by `parts`.
-fn fed_h3(structure: Structure, parts: PartsSpec) -> TextureSpec {
+pub fn fed_h3(structure: Structure, parts: PartsSpec) -> TextureSpec {
     fed(
         texture_of("fed", structure, &fixture("H3").node(structure, 4.0)),
         parts,
@@ -134,7 +132,7 @@ fn fed_h3(structure: Structure, parts: PartsSpec) -> TextureSpec {
 }
 
 /// A texture that puts out its excitation at an RMS of 1 m/s².
-fn bare(parts: PartsSpec) -> TextureSpec {
+pub fn bare(parts: PartsSpec) -> TextureSpec {
     let node = NodeSpec {
         output_power: 1.0,
         prediction_error_power: 1.0,
@@ -147,7 +145,7 @@ fn bare(parts: PartsSpec) -> TextureSpec {
     )
 }
 
-fn encoded(spec: TextureSpec) -> Vec<u8> {
+pub fn encoded(spec: TextureSpec) -> Vec<u8> {
     encode_uncertified(&[spec]).expect("a valid library")
 }
 
@@ -159,58 +157,643 @@ pub fn excitation(texture: &Texture<'_>, seed: u64) -> impl Iterator<Item = f64>
     std::iter::repeat_with(move || f64::from(feed.next_sample(&material, &point)) / SIGMA)
 }
 
-fn rms(samples: &[f64]) -> f64 {
-    (samples.iter().map(|x| x * x).sum::<f64>() / samples.len() as f64).sqrt()
+/// A piece of the excitation of [`steady`]: the sample at which it comes up, and its sign.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Join {
+    at: usize,
+    negative: bool,
 }
 
-/// 60 s; the standard deviation of a level with a track is about 0.1 dB.
+/// A codebook of ones, so that signs and joins are seen.
+pub fn steady() -> CodebookSpec {
+    let codes = vec![127; 1000];
+    CodebookSpec { peak: 1.0, codes }
+}
+
+/// Samples of a cross-fade at 5 kHz, and between the beginnings of pieces.
+const FADE: usize = 25;
+const PIECES: std::ops::RangeInclusive<usize> = 100..=400;
+
+/// The pieces of so many samples of `signal`, which is the excitation of [`steady`]. Each must be ±1 after a cross-fade
+/// of cosine and sine.
+fn joins(signal: &[f64]) -> Vec<Join> {
+    let mut joins = vec![Join {
+        at: 0,
+        negative: signal[0] < 0.0,
+    }];
+    let mut n = 1;
+    while n + FADE < signal.len() {
+        let before = if joins[joins.len() - 1].negative {
+            -1.0
+        } else {
+            1.0
+        };
+        if (signal[n] - before).abs() < 1e-6 {
+            n += 1;
+            continue;
+        }
+        let after = signal[n + FADE].signum();
+        for (step, &found) in signal[n..n + FADE].iter().enumerate() {
+            let angle = (step as f64 + 0.5) / FADE as f64 * FRAC_PI_2;
+            let expected = angle.cos() * before + angle.sin() * after;
+            assert!(
+                (found - expected).abs() < 1e-6,
+                "{found} for {expected} at {step}"
+            );
+        }
+        joins.push(Join {
+            at: n,
+            negative: after < 0.0,
+        });
+        n += FADE;
+    }
+    joins
+}
+
+fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (sum, count) = values
+        .into_iter()
+        .fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
+    sum / count
+}
+
+pub fn mean_square(samples: &[f64]) -> f64 {
+    mean(samples.iter().map(|x| x * x))
+}
+
+fn kurtosis(samples: &[f64]) -> f64 {
+    mean(samples.iter().map(|x| x.powi(4))) / mean_square(samples).powi(2)
+}
+
+/// Mean and its standard deviation, from means over blocks that are long enough to be independent.
+fn mean_with_error(values: &[f64], block: usize) -> (f64, f64) {
+    let means: Vec<f64> = values
+        .chunks_exact(block)
+        .map(|one| mean(one.iter().copied()))
+        .collect();
+    let all = mean(means.iter().copied());
+    let variance = mean(means.iter().map(|x| (x - all).powi(2)));
+    (all, (variance / (means.len() - 1) as f64).sqrt())
+}
+
+pub fn decibels(power: f64) -> f64 {
+    10.0 * power.log10()
+}
+
+/// Samples of a synthesis of `texture`, m/s².
+fn played(texture: Texture<'_>, seed: u64, blocks: u32) -> (Vec<f64>, u32) {
+    let mut synthesis: Synthesis<'_> = Synthesis::new(texture, seed);
+    let mut samples = Vec::new();
+    for _ in 0..blocks {
+        synthesis.follow(motion(75.0, 0.75), 10);
+        let block = (0..10).map(|_| synthesis.next_sample().metres_per_second_squared().0);
+        samples.extend(block.map(f64::from));
+    }
+    (samples, synthesis.saturations())
+}
+
+/// The level of the plain texture is that of its structure's round-off; 120 s, in which a track's level has a standard
+/// deviation of 0.1 dB.
 #[test]
 fn a_fed_texture_has_the_level_of_its_node_in_all_structures() {
     for structure in STRUCTURES {
+        let plain = encoded(fed_h3(structure, PartsSpec::default()));
+        let (samples, _) = played(texture(&plain), 3, 60_000);
+        let plain = mean_square(&samples[5000..]);
         for parts in all_parts() {
             let bytes = encoded(fed_h3(structure, parts));
-            let mut synthesis: Synthesis<'_> = Synthesis::new(texture(&bytes), 3);
-            let mut samples = Vec::new();
-            for _ in 0..30_000 {
-                synthesis.follow(motion(75.0, 0.75), 10);
-                samples.extend(
-                    (0..10)
-                        .map(|_| f64::from(synthesis.next_sample().metres_per_second_squared().0)),
-                );
-            }
-            let level_db = 20.0 * (rms(&samples[5000..]) / 2.0).log10();
+            let (samples, saturations) = played(texture(&bytes), 3, 60_000);
+            let level_db = decibels(mean_square(&samples[5000..]) / plain);
             println!("{structure}: {level_db:+.2} dB");
-            assert!(level_db.abs() < 0.5, "{structure}: {level_db} dB");
-            assert_eq!(synthesis.saturations(), 0);
+            assert!(level_db.abs() < 0.6, "{structure}: {level_db} dB");
+            assert_eq!(saturations, 0);
         }
     }
 }
 
 #[test]
-fn a_scene_of_one_texture_plays_what_the_texture_does() {
-    for structure in STRUCTURES {
-        for parts in all_parts() {
-            let bytes = encoded(fed_h3(structure, parts));
-            let mut alone: Synthesis<'_> = Synthesis::new(texture(&bytes), 3);
-            let mut scene: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture(&bytes)), 3);
-            let mut heard = 0;
-            for block in 0..400u16 {
-                let motion = motion(60.0 + f32::from(block % 30), 0.75);
-                scene.follow(at(0.0, motion), 10);
-                // A direct form is silent while it is run up, and the scene's runs at other motions.
-                if scene.block().stages().is_empty() {
-                    continue;
-                }
-                if structure != Structure::NormalisedLattice {
-                    break;
-                }
-                alone.follow(motion, 10);
-                for _ in 0..10 {
-                    assert_eq!(alone.next_sample(), scene.next_sample());
-                }
-                heard += 1;
+fn pieces_take_20_to_80_ms_of_either_sign_and_are_joined_by_cosine_and_sine() {
+    let parts = PartsSpec {
+        excitation: Some(everywhere(steady(), 4)),
+        ..PartsSpec::default()
+    };
+    let bytes = encoded(bare(parts));
+    let signal: Vec<f64> = excitation(&texture(&bytes), 5).take(3_000_000).collect();
+    let joins = joins(&signal);
+    // Neighbours of one sign are joined too, by a swell.
+    let lengths: Vec<usize> = joins
+        .windows(2)
+        .map(|pair| pair[1].at - pair[0].at)
+        .collect();
+    assert!(lengths.iter().all(|length| PIECES.contains(length)));
+    assert_eq!(lengths.iter().min(), Some(PIECES.start()));
+    assert_eq!(lengths.iter().max(), Some(PIECES.end()));
+    let count = lengths.len() as f64;
+    // Uniform over 301 lengths, of mean 250 and standard deviation 86.9.
+    let average = mean(lengths.iter().map(|&length| length as f64));
+    assert!(
+        (average - 250.0).abs() < 4.5 * 86.9 / count.sqrt(),
+        "{average}"
+    );
+    uniform(lengths.iter().map(|length| (length - 100) * 10 / 301), 10);
+    let negative = joins.iter().filter(|join| join.negative).count() as f64;
+    assert!(
+        (negative / count - 0.5).abs() < 4.5 * 0.5 / count.sqrt(),
+        "{negative} of {count}"
+    );
+    // No sign follows from the one before.
+    let turns = joins
+        .windows(2)
+        .filter(|pair| pair[0].negative != pair[1].negative)
+        .count() as f64;
+    assert!(
+        (turns / count - 0.5).abs() < 4.5 * 0.5 / count.sqrt(),
+        "{turns} of {count}"
+    );
+}
+
+/// Checks that `bins` are uniform on 0 to `count` - 1, by χ² at a level that chance exceeds once in a million.
+fn uniform(bins: impl Iterator<Item = usize>, count: usize) {
+    let mut counts = vec![0.0; count];
+    for bin in bins {
+        counts[bin] += 1.0;
+    }
+    let expected = counts.iter().sum::<f64>() / count as f64;
+    let square: f64 = counts
+        .iter()
+        .map(|found| (found - expected).powi(2) / expected)
+        .sum();
+    let degrees = (count - 1) as f64;
+    // The cube root of χ² over its degrees is nearly Gaussian (Wilson and Hilferty, 1931).
+    let spread = 2.0 / (9.0 * degrees);
+    let z = ((square / degrees).cbrt() - (1.0 - spread)) / spread.sqrt();
+    assert!(z < 4.75, "{counts:?}: {z} standard deviations");
+}
+
+/// The magnitude of a code tells its place in the codebook: eight samples of each.
+#[test]
+fn pieces_begin_anywhere_in_a_codebook_and_go_on_at_its_beginning_after_its_end() {
+    let samples: Vec<f64> = (0..1024).map(|n| share((n / 8) as i8)).collect();
+    let codebook = codebook(&samples);
+    let values = values(&codebook);
+    let with = |codebook| {
+        let parts = PartsSpec {
+            excitation: Some(everywhere(codebook, 4)),
+            ..PartsSpec::default()
+        };
+        encoded(bare(parts))
+    };
+    let (bytes, steady) = (with(codebook), with(steady()));
+    let count = 3_000_000;
+    let signal: Vec<f64> = excitation(&texture(&bytes), 6).take(count).collect();
+    // Choices do not depend on what a codebook holds. The one of ones is shorter, but its shares are the same.
+    let ones: Vec<f64> = excitation(&texture(&steady), 6).take(count).collect();
+    let joins = joins(&ones);
+    let mut starts = Vec::new();
+    let mut wrapped = 0;
+    for pair in joins.windows(2) {
+        // The piece alone, after its cross-fade and before the next.
+        let alone = &signal[pair[0].at + FADE..pair[1].at];
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-5;
+        let sign = if pair[0].negative { -1.0 } else { 1.0 };
+        let fits = (0..1024).filter(|begin| {
+            let places = (0..alone.len()).map(|n| (begin + n) % 1024);
+            places
+                .zip(alone)
+                .all(|(place, &x)| near(sign * values[place], x))
+        });
+        let fits: Vec<usize> = fits.collect();
+        let [begin] = fits[..] else {
+            panic!("{} places fit {} samples", fits.len(), alone.len());
+        };
+        starts.push((begin + 1024 - FADE) % 1024);
+        wrapped += usize::from(begin + alone.len() > 1024);
+    }
+    assert!(wrapped > starts.len() / 10, "{wrapped}");
+    uniform(starts.into_iter().skip(1).map(|start| start / 64), 16);
+}
+
+/// Two minutes. A piece takes at most 400 samples and a piece of a track 5000, so that means over 2 and 20 s are
+/// independent.
+#[test]
+fn an_excitation_has_a_variance_of_one_and_no_mean() {
+    for (parts, block) in all_parts().into_iter().zip([10_000, 50_000, 50_000]) {
+        let bytes = encoded(bare(parts.clone()));
+        let texture = texture(&bytes);
+        let signal: Vec<f64> = excitation(&texture, 7).take(6_000_000).collect();
+        let squares: Vec<f64> = signal.iter().map(|x| x * x).collect();
+        let (power, error) = mean_with_error(&squares, block);
+        // The mean squares of its parts as they are stored, which may differ from 1 by 2 %.
+        let codebooks = parts.excitation.iter().flat_map(|spec| &spec.codebooks);
+        let source: f64 = codebooks
+            .map(|codebook| mean_square(&values(codebook)))
+            .product();
+        let level = parts
+            .modulation
+            .as_ref()
+            .map_or(1.0, |track| f64::from(track.mean_square()));
+        println!(
+            "variance {power:.4} with {error:.4}, of parts {:.4}",
+            source * level
+        );
+        // Joins of a track's pieces go between entries that are no neighbours, which takes up to 0.5 %.
+        assert!(
+            (power - source * level).abs() < 4.5 * error + 0.005,
+            "{power} {error}"
+        );
+        assert!(error < 0.02, "{error}");
+        let (mean, error) = mean_with_error(&signal, block);
+        assert!(mean.abs() < 4.5 * error, "{mean} {error}");
+    }
+}
+
+/// Of all joins of many minutes: the power at each sample of the cross-fade, and that of the spectrum of a window
+/// around it, beside windows of the same length between joins. A codebook of independent samples is white.
+#[test]
+fn joins_have_neither_a_step_in_level_nor_a_spectrum_of_their_own() {
+    const WINDOW: usize = 50;
+    let with = |codebook| {
+        let parts = PartsSpec {
+            excitation: Some(everywhere(codebook, 4)),
+            ..PartsSpec::default()
+        };
+        encoded(bare(parts))
+    };
+    let count = 6_000_000;
+    let (ones, noise) = (
+        with(steady()),
+        with(codebook(&gaussian(3).take(8000).collect::<Vec<_>>())),
+    );
+    let ones: Vec<f64> = excitation(&texture(&ones), 8).take(count).collect();
+    let noise: Vec<f64> = excitation(&texture(&noise), 8).take(count).collect();
+    let joins = joins(&ones);
+    // A window around each cross-fade, and one of the same length before it, where there is no other.
+    let cut = |at: usize| noise[at..at + WINDOW].to_vec();
+    let around: Vec<Vec<f64>> = joins[1..].iter().map(|join| cut(join.at - 12)).collect();
+    let between: Vec<Vec<f64>> = joins[1..]
+        .iter()
+        .map(|join| cut(join.at - 12 - WINDOW))
+        .collect();
+    let windows = around.len() as f64;
+    for n in 0..WINDOW {
+        let power = mean(around.iter().map(|window| window[n].powi(2)));
+        // The square of a Gaussian sample has a standard deviation of √2.
+        assert!(
+            (power - 1.0).abs() < 4.5 * (2.0 / windows).sqrt(),
+            "sample {n}: {power}"
+        );
+    }
+    let periodogram = |windows: &[Vec<f64>], bin: usize| {
+        mean(windows.iter().map(|window| {
+            let turns = |n: usize| 2.0 * PI * (bin * n) as f64 / WINDOW as f64;
+            let (re, im) = window
+                .iter()
+                .enumerate()
+                .fold((0.0, 0.0), |(re, im), (n, x)| {
+                    let hann = 1.0 - (2.0 * PI * (n as f64 + 0.5) / WINDOW as f64).cos();
+                    (
+                        re + hann * x * turns(n).cos(),
+                        im + hann * x * turns(n).sin(),
+                    )
+                });
+            (re * re + im * im) / (1.5 * WINDOW as f64)
+        }))
+    };
+    for bin in 0..=WINDOW / 2 {
+        let (join, other) = (periodogram(&around, bin), periodogram(&between, bin));
+        let off = decibels(join / other);
+        // A periodogram's standard deviation is its mean, at both ends √2 times that; of a quotient of two √2 times.
+        let bound = 4.5 * 4.343 * 2.0 / windows.sqrt();
+        assert!(off.abs() < bound, "bin {bin}: {off:+.2} dB of {bound:.2}");
+    }
+}
+
+/// Of the noise that is multiplied nothing is left in the quotient with the same noise alone.
+fn levels_of(track: &ModulationSpec, seed: u64, samples: usize) -> Vec<f64> {
+    let parts = PartsSpec {
+        modulation: Some(track.clone()),
+        ..PartsSpec::default()
+    };
+    let bytes = encoded(bare(parts));
+    let noise = gaussian(seed);
+    let texture = texture(&bytes);
+    let pairs = excitation(&texture, seed).zip(noise).take(samples);
+    // Where the noise is near zero its steps are coarse: those samples have no level.
+    pairs
+        .map(|(fed, noise)| {
+            if noise.abs() > 0.01 {
+                fed / noise
+            } else {
+                f64::NAN
             }
-            assert!(heard > 300 || structure != Structure::NormalisedLattice);
+        })
+        .collect()
+}
+
+/// Value of an entry of a track by the formula of the format.
+fn amplitude(entry: i8) -> f64 {
+    (LN_10 * f64::from(entry) / 80.0).exp()
+}
+
+#[test]
+fn a_level_track_multiplies_the_noise_of_the_same_seed_in_straight_lines_between_its_entries() {
+    let track = track(100, 200, 4.0);
+    let amplitudes: Vec<f64> = track
+        .entries
+        .iter()
+        .map(|&entry| amplitude(entry))
+        .collect();
+    let levels = levels_of(&track, 11, 500_000);
+    // The entries that are played: at each step, the line back from the next one's beginning is straight.
+    let mut played = Vec::new();
+    for step in levels.chunks_exact(100) {
+        let known: Vec<(f64, f64)> = step
+            .iter()
+            .enumerate()
+            .filter(|(_, level)| level.is_finite())
+            .map(|(n, &level)| (n as f64 / 100.0, level))
+            .collect();
+        // The line of least squares.
+        let (x, y) = (
+            mean(known.iter().map(|p| p.0)),
+            mean(known.iter().map(|p| p.1)),
+        );
+        let slope = known.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>()
+            / known.iter().map(|p| (p.0 - x).powi(2)).sum::<f64>();
+        for &(at, level) in &known {
+            assert!((level - (y + slope * (at - x))).abs() < 1e-3 * level.max(0.1));
+        }
+        played.push((y - slope * x, y + slope * (1.0 - x)));
+    }
+    for pair in played.windows(2) {
+        assert!((pair[0].1 - pair[1].0).abs() < 2e-3, "a step in level");
+    }
+    // The entries follow each other in the track but at the beginnings of pieces.
+    let index = |level: f64| -> Vec<usize> {
+        (0..amplitudes.len())
+            .filter(|&n| (amplitudes[n] - level).abs() < 3e-3)
+            .collect()
+    };
+    let mut lengths = Vec::new();
+    let mut at = index(played[0].0);
+    let mut length = 1;
+    for &(_, level) in &played {
+        let next: Vec<usize> = at.iter().map(|n| (n + 1) % amplitudes.len()).collect();
+        let here = index(level);
+        assert!(!here.is_empty(), "{level} is no entry");
+        at = here.iter().copied().filter(|n| next.contains(n)).collect();
+        length += 1;
+        if at.is_empty() {
+            lengths.push(length - 1);
+            (at, length) = (here, 1);
+        }
+    }
+    // 0.2 to 1 s in entries of 20 ms. An entry that is met by chance hides a join, or the true one.
+    let fits = lengths
+        .iter()
+        .filter(|length| (10..=50).contains(*length))
+        .count();
+    assert!(fits * 20 > lengths.len() * 19, "{lengths:?}");
+    assert!(lengths.iter().all(|&length| length <= 101));
+}
+
+/// The covariance of levels some entries apart is that of the track's own entries, in the share of pairs that lie in
+/// one piece; pairs of different pieces are independent.
+#[test]
+fn levels_have_the_autocorrelation_of_their_track() {
+    let track = track(25, 4000, 3.0);
+    let amplitudes: Vec<f64> = track
+        .entries
+        .iter()
+        .map(|&entry| amplitude(entry))
+        .collect();
+    let levels = levels_of(&track, 12, 5_000_000);
+    // At the entries themselves, every 25 samples; gaps of the quotient are taken from the samples beside them.
+    let at_entries: Vec<f64> = levels
+        .chunks_exact(25)
+        .map(|step| {
+            let known = step.iter().copied().filter(|level| level.is_finite());
+            known
+                .into_iter()
+                .next()
+                .expect("no noise is near zero for so long")
+        })
+        .collect();
+    let covariance = |values: &[f64], lag: usize| -> Vec<f64> {
+        let center = mean(values.iter().copied());
+        let cyclic = values.iter().cycle().skip(lag);
+        values
+            .iter()
+            .zip(cyclic)
+            .map(|(a, b)| (a - center) * (b - center))
+            .collect()
+    };
+    // Pieces of 40 to 200 entries.
+    let mean_length = 120.0;
+    for lag in [0, 1, 2, 3, 5, 8, 13, 20, 30] {
+        let track = mean(covariance(&amplitudes, lag));
+        let expected = track * (1.0 - lag as f64 / mean_length);
+        let (found, error) = mean_with_error(&covariance(&at_entries, lag), 2000);
+        println!("lag {lag}: {found:.4} of {expected:.4} with {error:.4}");
+        assert!(
+            (found - expected).abs() < 4.5 * error + 0.01 * track.abs(),
+            "lag {lag}"
+        );
+    }
+}
+
+#[test]
+fn the_kurtosis_of_excitation_and_output_rises_with_the_codebooks() {
+    let shapes = [0.0, 0.3, 1.0, 3.0].map(|power: f64| {
+        let pairs: Vec<f64> = gaussian(1).take(16_000).collect();
+        let samples: Vec<f64> = pairs
+            .chunks(2)
+            .map(|x| x[0] * (power * x[1]).exp())
+            .collect();
+        let largest = samples
+            .iter()
+            .fold(0.0, |largest: f64, x| largest.max(x.abs()));
+        // Peaks are cut so that the codebook may be stored.
+        let bound = 25.0 * mean_square(&samples).sqrt();
+        codebook(
+            &samples
+                .iter()
+                .map(|x| x.clamp(-bound, bound).min(largest))
+                .collect::<Vec<_>>(),
+        )
+    });
+    let mut before = [0.0; 2];
+    for shape in shapes {
+        let stored = kurtosis(&values(&shape));
+        let parts = PartsSpec {
+            excitation: Some(everywhere(shape, 4)),
+            ..PartsSpec::default()
+        };
+        let bytes = encoded(bare(parts.clone()));
+        let signal: Vec<f64> = excitation(&texture(&bytes), 9).take(3_000_000).collect();
+        let found = kurtosis(&signal);
+        // A sum of two pieces has 3/4 of the excess in the mean over a fade, which takes 25 of 250 samples.
+        let expected = 3.0 + (stored - 3.0) * (1.0 - 0.1 / 4.0);
+        assert!(
+            (found / expected - 1.0).abs() < 0.06,
+            "{found} of {expected}"
+        );
+        let bytes = encoded(fed_h3(Structure::NormalisedLattice, parts));
+        let (samples, saturations) = played(texture(&bytes), 9, 60_000);
+        let heard = kurtosis(&samples[5000..]);
+        println!("kurtosis: codebook {stored:.1}, excitation {found:.1}, output {heard:.2}");
+        assert!(
+            found > before[0] && heard > before[1],
+            "{heard} after {before:?}"
+        );
+        assert_eq!(saturations, 0);
+        before = [found, heard];
+    }
+}
+
+/// Ones at one node, sparse impulses at another, noise at two: the pieces of each are told apart by their values.
+#[test]
+fn the_codebook_of_a_piece_is_drawn_by_the_weights_of_the_nodes() {
+    let sparse = CodebookSpec {
+        peak: 2.0,
+        codes: (0..1000)
+            .map(|n| if n % 4 == 0 { 127 } else { 0 })
+            .collect(),
+    };
+    let excitation = ExcitationSpec {
+        codebooks: vec![steady(), sparse],
+        of_nodes: vec![1, 2, 0, 0],
+    };
+    let parts = PartsSpec {
+        excitation: Some(excitation),
+        ..PartsSpec::default()
+    };
+    let bytes = encoded(bare(parts));
+    let texture = texture(&bytes);
+    // The grid spans 50 to 100 mm/s and 0.5 to 1 N.
+    let (speed, force) = (65.0, 0.625);
+    let weights = [0.7 * 0.75, 0.7 * 0.25, 0.3];
+    let material = Material::of(&texture);
+    let point = GridPoint::locate(&texture, motion(speed, force));
+    let mut feed = Feed::new(4);
+    let mut samples = [0.0; 3];
+    let count = 2_000_000;
+    let mut history = [0.0; 8];
+    for n in 0..count {
+        history[n % 8] = f64::from(feed.next_sample(&material, &point)) / SIGMA;
+        let magnitudes = || history.iter().map(|x| x.abs());
+        let near = |value: f64| magnitudes().filter(|x| (x - value).abs() < 1e-5).count();
+        // Neither a fade nor a piece of noise has eight samples in a row of such values.
+        if near(1.0) == 8 {
+            samples[0] += 1.0;
+        } else if near(0.0) == 6 && near(2.0) == 2 {
+            samples[1] += 1.0;
+        } else {
+            samples[2] += 1.0;
+        }
+    }
+    // A fade and the window take 32 samples of a piece's 250 from the first two, but a piece that follows its like
+    // by noise is no fade.
+    let clear = 1.0 - 32.0 / 250.0;
+    let pieces = count as f64 / 250.0;
+    for (found, weight) in samples.iter().zip(weights).take(2) {
+        let share = found / count as f64 / clear;
+        let bound = 4.5 * (weight * (1.0 - weight) * 1.2 / pieces).sqrt();
+        assert!(
+            (share - weight).abs() < bound,
+            "{share} of {weight} within {bound}"
+        );
+    }
+    // On a node alone, at the edge and beyond it, only its own codebook sounds.
+    let beyond = GridPoint::locate(&texture, motion(20.0, 0.1));
+    let mut feed = Feed::new(4);
+    let alone = (0..100_000).map(|_| f64::from(feed.next_sample(&material, &beyond)) / SIGMA);
+    joins(&alone.collect::<Vec<_>>());
+}
+
+#[test]
+fn noise_beside_codebooks_is_that_of_the_seed_without_them() {
+    let parts = PartsSpec {
+        excitation: Some(ExcitationSpec {
+            codebooks: vec![steady()],
+            of_nodes: vec![0, 0, 1, 1],
+        }),
+        ..PartsSpec::default()
+    };
+    let bytes = encoded(bare(parts));
+    let texture = texture(&bytes);
+    let (material, slow) = (
+        Material::of(&texture),
+        GridPoint::locate(&texture, motion(50.0, 0.7)),
+    );
+    let mut feed = Feed::new(21);
+    for noise in gaussian(21).take(20_000) {
+        let sample = f64::from(feed.next_sample(&material, &slow)) / SIGMA;
+        assert!(
+            (sample - noise).abs() <= 0.51 / SIGMA,
+            "{sample} for {noise}"
+        );
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// With a motion that stays, and after the first level's ramp.
+    #[test]
+    fn samples_do_not_depend_on_where_blocks_are_cut(
+        seed: u64, structure in prop::sample::select(&STRUCTURES[..]), which in 0usize..3,
+        cuts in prop::collection::vec((1u32..=MAX_FED_SAMPLES as u32, any::<bool>()), 1..40),
+    ) {
+        let bytes = encoded(fed_h3(structure, all_parts()[which].clone()));
+        let begin = || {
+            let mut synthesis: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
+            synthesis.follow(motion(75.0, 0.75), 1);
+            synthesis.next_sample();
+            synthesis
+        };
+        let (mut one, mut other) = (begin(), begin());
+        for (samples, in_pairs) in cuts {
+            other.follow(motion(75.0, 0.75), samples);
+            for n in 0..samples {
+                one.follow(motion(75.0, 0.75), 1);
+                let expected = one.next_sample();
+                let played = if in_pairs && n % 2 == 0 && n + 1 < samples {
+                    let [played, ahead] = other.clone().next_two_samples();
+                    let mut again = other.clone();
+                    again.next_sample();
+                    prop_assert_eq!(again.next_sample(), ahead);
+                    other.next_sample();
+                    played
+                } else {
+                    other.next_sample()
+                };
+                prop_assert_eq!(played, expected);
+            }
+        }
+    }
+
+    /// A late update: the filter has no more excitation, so that its energy falls, and with no filter there is silence.
+    #[test]
+    fn without_an_update_the_excitation_ends(seed: u64, which in 0usize..3, samples in 1u32..=MAX_FED_SAMPLES as u32) {
+        let bytes = encoded(bare(all_parts()[which].clone()));
+        let mut synthesis: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
+        synthesis.follow(motion(75.0, 0.75), samples);
+        for _ in 0..samples {
+            synthesis.next_sample();
+        }
+        prop_assert!((0..500).all(|_| synthesis.next_sample() == OutputSample::SILENCE));
+        // It goes on as if nothing had been missed.
+        let mut on_time: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
+        on_time.follow(motion(75.0, 0.75), samples);
+        for _ in 0..samples {
+            on_time.next_sample();
+        }
+        for one in [&mut synthesis, &mut on_time] {
+            one.follow(motion(75.0, 0.75), 10);
+        }
+        for _ in 0..10 {
+            prop_assert_eq!(synthesis.next_sample(), on_time.next_sample());
         }
     }
 }

@@ -3,6 +3,8 @@
 mod arithmetic;
 mod direct;
 mod fed;
+mod fed_lattice;
+mod fed_scene;
 mod grid;
 mod hard;
 mod lattice;

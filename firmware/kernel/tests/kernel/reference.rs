@@ -27,6 +27,13 @@ impl FloatLattice {
         }
     }
 
+    /// Takes these backward signals over, `g[0]` first.
+    pub fn begin(&mut self, backward: &[i32]) {
+        for (own, &given) in self.backward.iter_mut().zip(backward) {
+            *own = f64::from(given);
+        }
+    }
+
     pub fn filter(&mut self, excitation: f64) -> f64 {
         let mut f = excitation;
         for (stage, &(cos, sin)) in self.rotations.iter().enumerate().rev() {

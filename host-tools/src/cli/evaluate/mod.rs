@@ -13,6 +13,7 @@ use host_tools::evaluation::evaluate::Evaluation;
 use host_tools::evaluation::held_out::Judge;
 use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::Around;
+use host_tools::evaluation::played::Played;
 use host_tools::fit::Order;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
@@ -61,6 +62,15 @@ pub struct Arguments {
     /// Least duration of each synthesis, in seconds [default: 10; 5 with --leave-one-out]
     #[arg(long, value_name = "S", value_parser = positive)]
     synthesis: Option<f64>,
+    /// What of each texture is played: all parts as fitted, Gaussian noise alone, or the residual and its level without
+    /// what is locked to place
+    #[arg(
+        long,
+        value_enum,
+        default_value = "fitted",
+        conflicts_with = "leave_one_out"
+    )]
+    excitation: Played,
     /// Seed of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -89,6 +99,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
         seed: arguments.seed,
         in_sample: true,
+        played: arguments.excitation,
     };
     let record = FitRecord::beside(path, &bytes)?;
     let takes = arguments.takes.as_deref();

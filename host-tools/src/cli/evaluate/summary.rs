@@ -4,7 +4,8 @@ use host_tools::dsp::spectrum::AMPLITUDE_JND_DB;
 use host_tools::evaluation::evaluate::Evaluation;
 use host_tools::evaluation::results::{Scores, TrialEvaluation};
 use host_tools::evaluation::summary::{
-    FEEL_COLUMNS, SPECTRA_COLUMNS, TAKE_COLUMNS, TextureEvaluation, take_cells,
+    FEEL_COLUMNS, LIVELINESS_COLUMNS, LIVELINESS_EXPLANATION, SPECTRA_COLUMNS, TAKE_COLUMNS,
+    TextureEvaluation, take_cells,
 };
 
 use crate::cli::table::table;
@@ -20,16 +21,17 @@ pub fn summary(evaluation: &Evaluation) -> String {
         ""
     };
     format!(
-        "Held out: {}\n\nSpectra\n{}\n\nWhat is felt\n{}\n\n\
+        "Held out: {}\n\nSpectra\n{}\n\nWhat is felt\n{}\n\nWhat the spectrum does not show\n{}\n\n\
          {}\n{}\n\
          C: equation (6), amplitudes smoothed by a {}; LSD: log-spectral distance; |band|: mean error of third \
          octaves\n\
          level error: RMS error of third octaves in JND of {AMPLITUDE_JND_DB} dB, less the scatter of noise (another \
          seed 0, -6 dB 2.7)\nbalance: power below 100 Hz over that above; kurtosis: 3 for Gaussian noise; modulation: \
-         the envelope's 8 to 64 Hz over its mean{origin}",
+         the envelope's 8 to 64 Hz over its mean\n{LIVELINESS_EXPLANATION}{origin}",
         evaluation.held_out,
         table_of(&SPECTRA_COLUMNS, &spectra),
         table_of(&FEEL_COLUMNS, &felt),
+        table_of(&LIVELINESS_COLUMNS, &evaluation.liveliness_cells()),
         evaluation.judged_hz(),
         evaluation.other_in_words(),
         evaluation.smoothing

@@ -4,7 +4,8 @@
 //! **At rest** ([`still`]): the nodes of textures, played by the kernel and its variants, against recordings that the
 //! fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
 //! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]):
-//! instructions counted on QEMU, and cycles of the Cortex-M4's published timings, from `cargo tasks costs`.
+//! instructions counted on QEMU, and cycles of the Cortex-M4's published timings, from `cargo tasks costs`. **Parts**
+//! ([`PartsRow`]): excitation, modulation and lines of the lattice, which no spectrum shows.
 //!
 //! The error of a choice is the root of the sum of squares of its error at rest and its error in motion, in
 //! third-octave bands: the one is of the models, the other of following the hand, and they do not know of each other.
@@ -17,6 +18,7 @@ mod material;
 pub mod moving;
 mod options;
 mod pareto;
+mod parts;
 mod players;
 mod prepared;
 mod results;
@@ -26,6 +28,7 @@ mod structure;
 
 pub use material::Material;
 pub use options::{CLOCKS_HZ, INTERVALS, ORDERS, Options};
+pub use parts::{PARTS_COLUMNS, PartsRow};
 pub use prepared::Prepared;
 pub use results::{Filter, Frontier, Point, interval_ms, share};
 pub use structure::{FilterStructure, Voice};

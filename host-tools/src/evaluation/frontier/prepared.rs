@@ -1,12 +1,13 @@
 //! Everything that is fitted and read before anything is played.
 
+use model_format::PartsSpec;
 use rayon::prelude::*;
 
 use crate::dsp::spectrum;
 use crate::evaluation::stress::cases::Case;
-use crate::fit;
 use crate::fit::Order;
 use crate::fit::lines::Lines;
+use crate::fit::{self, FittedTexture};
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
@@ -29,7 +30,10 @@ pub(super) struct Fitted {
 /// Fits and held-out recordings, before anything is played.
 pub struct Prepared {
     pub(super) names: Vec<String>,
+    /// Without optional parts.
     pub(super) fitted: Vec<Fitted>,
+    /// Models of the highest order with their optional parts, in the order of [`Prepared::names`].
+    pub(super) with_parts: Vec<Grid>,
     /// Recordings held out, each with its texture's and its node's index.
     pub(super) held_out: Vec<(usize, usize, Vec<f64>)>,
     pub(super) take_cost: f64,
@@ -59,8 +63,11 @@ impl Prepared {
         let names = highest.textures.iter().map(|texture| texture.name.clone());
         let names: Vec<String> = names.collect();
         let grids = |fit: &fit::Fit| -> Vec<Grid> {
-            let grids = fit.textures.iter().map(|texture| texture.grid.clone());
-            grids.collect()
+            let without_parts = |texture: &FittedTexture| Grid {
+                parts: PartsSpec::default(),
+                ..texture.grid.clone()
+            };
+            fit.textures.iter().map(without_parts).collect()
         };
         let mut fitted: Vec<Fitted> = options
             .orders
@@ -76,9 +83,11 @@ impl Prepared {
         for order in [Order::Bayesian, Order::Auto] {
             fitted.push(Fitted::new(order, grids(&fit_at(order)?)));
         }
+        let with_parts = highest.textures.into_iter().map(|texture| texture.grid);
         let mut prepared = Self {
             names,
             fitted,
+            with_parts: with_parts.collect(),
             held_out: Vec::new(),
             take_cost: f64::NAN,
             take_band_error_db: f64::NAN,

@@ -9,6 +9,7 @@ use model_format::SAMPLE_RATE_HZ;
 use super::costs::Cost;
 use super::hard::HardCases;
 use super::options::CLOCKS_HZ;
+use super::parts::PartsRow;
 use super::still::Still;
 use super::structure::FilterStructure;
 
@@ -126,4 +127,6 @@ pub struct Frontier {
     pub filters: Vec<Filter>,
     /// Filters by intervals.
     pub points: Vec<Point>,
+    /// Choices of optional parts, from none to all.
+    pub parts: Vec<PartsRow>,
 }

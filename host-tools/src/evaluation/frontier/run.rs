@@ -14,6 +14,7 @@ use super::fronts::mark_fronts;
 use super::hard::{self, HardCases, Verdict};
 use super::moving::{self, Frames, Moving};
 use super::options::{INTERVALS, Options};
+use super::parts::choices;
 use super::prepared::{Fitted, Prepared};
 use super::results::{Filter, Frontier, Point};
 use super::still::{self, Node, Playing, Still};
@@ -25,7 +26,8 @@ impl Prepared {
         let filters = FilterStructure::ALL.len() * self.fitted.len();
         let references = self.fitted.len() * self.names.len();
         let moving = self.names.len() * INTERVALS.len();
-        references + filters * (self.held_out.len() + moving + self.cases.len())
+        let parts = choices(&self.with_parts).len() * self.held_out.len();
+        references + parts + filters * (self.held_out.len() + moving + self.cases.len())
     }
 
     /// Plays everything, telling `progress` of each piece of work done. The result does not depend on the number of
@@ -93,6 +95,7 @@ impl Prepared {
             peers: Costs::measured().table().peers.clone(),
             filters,
             points,
+            parts: self.parts(options, &progress)?,
         };
         mark_fronts(&mut frontier);
         Ok(frontier)

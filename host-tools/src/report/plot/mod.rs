@@ -16,6 +16,7 @@ mod scene;
 mod spectra;
 #[cfg(feature = "spectrograms")]
 mod spectrogram;
+mod waveforms;
 
 use std::path::Path;
 
@@ -34,6 +35,7 @@ pub use scene::{SceneRegion, SceneView, scene};
 pub use spectra::{SpectraView, time_and_frequency};
 #[cfg(feature = "spectrograms")]
 pub use spectrogram::spectrograms;
+pub use waveforms::waveforms;
 
 /// The heading of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -63,7 +63,7 @@ fn play<M: Arithmetic>(name: &str, output: &mut Output) {
         output.line(format_args!("{} {name} {}", report::VECTOR, vector.texture));
         let mut words = Words::new(output);
         let sink = |sample: model_format::OutputSample| words.push(sample.0.cast_unsigned());
-        let played = run::<M>(LIBRARY, vector.texture, vector.seed, vector.samples, sink);
+        let played = run::<M>(LIBRARY, vector, sink);
         words.finish();
         let full_scale = played.expect("the library holds every vector");
         output.line(format_args!("{} {full_scale}", report::FULL_SCALE));

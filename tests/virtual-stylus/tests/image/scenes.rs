@@ -10,8 +10,8 @@ use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneName, StickSlip, Surface, Tap,
 };
 use model_format::{
-    CodeSpec, Laws, Library, LineSpec, LinesSpec, NodeFlags, NodeSpec, PartsSpec, Provenance,
-    Structure, TextureSpec, encode_with_scenes,
+    CodeSpec, CodebookSpec, ExcitationSpec, Laws, Library, LineSpec, LinesSpec, ModulationSpec,
+    NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec, encode_with_scenes,
 };
 use stylus_kernel::arithmetic::TURN_TAPS;
 use stylus_kernel::scene::Plan;
@@ -32,8 +32,13 @@ const LATTICE: u8 = 0;
 const SHORT_LATTICE: u8 = 1;
 const DIRECT: u8 = 2;
 const SHORT_DIRECT: u8 = 3;
-const FOUR_LINES: u8 = 4;
-const ONE_LINE: u8 = 5;
+const FED_LATTICE: u8 = 4;
+const FED_SHORT_LATTICE: u8 = 5;
+const FED_DIRECT: u8 = 6;
+const FED_SHORT_DIRECT: u8 = 7;
+const FOUR_LINES: u8 = 8;
+const ONE_LINE: u8 = 9;
+const FED_FOUR_LINES: u8 = 10;
 
 /// Orders of the long textures and of the short ones.
 const ORDERS: [u32; 2] = [400, 200];
@@ -102,6 +107,31 @@ fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
     spec
 }
 
+/// The same texture with codebooks and a level track: half of its nodes have a codebook, and half noise.
+fn fed(name: &str, spec: &TextureSpec) -> TextureSpec {
+    let codebook = CodebookSpec {
+        peak: 2.0,
+        codes: [127, 0, -127, 0, 0, 0, 0, 0].repeat(125),
+    };
+    let entries = (0..40).map(|n| if n % 2 == 0 { 1 } else { -1 });
+    let modulation = ModulationSpec {
+        step_samples: 25,
+        entries: entries.collect(),
+    };
+    TextureSpec {
+        name: name.to_owned(),
+        parts: PartsSpec {
+            excitation: Some(ExcitationSpec {
+                codebooks: vec![codebook],
+                of_nodes: vec![1, 0, 0, 1],
+            }),
+            modulation: Some(modulation),
+            ..spec.parts.clone()
+        },
+        ..spec.clone()
+    }
+}
+
 fn name(name: &str) -> SceneName {
     SceneName::try_from(name).expect("short")
 }
@@ -158,6 +188,16 @@ fn everything() -> Scene {
     scene
 }
 
+/// As [`everything`], of fed textures.
+fn fed_everything() -> Scene {
+    let mut scene = everything();
+    scene.name = name("fed everything");
+    for (surface, texture) in scene.surfaces.iter_mut().zip([FED_FOUR_LINES, FED_DIRECT]) {
+        surface.texture = Some(texture);
+    }
+    scene
+}
+
 fn scenes() -> Vec<Scene> {
     let lattice = || Surface::of_texture(LATTICE);
     let constant = |mut scene: Scene| {
@@ -191,7 +231,23 @@ fn scenes() -> Vec<Scene> {
         ),
         two("sticky transition", sticky_both, 0.0),
         two("away from the transition", both, 500.0),
+        of_surface("fed", Surface::of_texture(FED_LATTICE)),
+        of_surface("short fed", Surface::of_texture(FED_SHORT_LATTICE)),
+        of_surface("fed direct", Surface::of_texture(FED_DIRECT)),
+        of_surface("short fed direct", Surface::of_texture(FED_SHORT_DIRECT)),
+        of_surface("fed four lines", Surface::of_texture(FED_FOUR_LINES)),
+        two(
+            "fed transition",
+            [FED_LATTICE, FED_DIRECT].map(Surface::of_texture),
+            0.0,
+        ),
+        two(
+            "fed beside plain",
+            [LATTICE, FED_SHORT_LATTICE].map(Surface::of_texture),
+            0.0,
+        ),
         everything(),
+        fed_everything(),
     ]
 }
 
@@ -200,14 +256,22 @@ pub fn bytes() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
     BYTES.get_or_init(|| {
         use Structure::{DirectForm16, NormalisedLattice};
-        let textures = [
+        let plain = [
             texture("lattice", NormalisedLattice, ORDERS[0]),
             texture("short lattice", NormalisedLattice, ORDERS[1]),
             texture("direct", DirectForm16, ORDERS[0]),
             texture("short direct", DirectForm16, ORDERS[1]),
-            lined(texture("four lines", NormalisedLattice, ORDERS[0]), 4),
-            lined(texture("one line", NormalisedLattice, ORDERS[0]), 1),
         ];
+        let fed = plain
+            .each_ref()
+            .map(|spec| fed(&format!("fed {}", spec.name), spec));
+        let four_lines = lined(texture("four lines", NormalisedLattice, ORDERS[0]), 4);
+        let lined = [
+            four_lines.clone(),
+            lined(texture("one line", NormalisedLattice, ORDERS[0]), 1),
+            self::fed("fed four lines", &four_lines),
+        ];
+        let textures = [&plain[..], &fed, &lined].concat();
         encode_with_scenes(&textures, &scenes()).expect("within the limits")
     })
 }
@@ -324,6 +388,55 @@ fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_comp
         .iter()
         .filter(|&&code| code != MID_SCALE);
     assert!(sounding.count() > CODES * 4_000, "the scenes are heard");
+}
+
+/// The bits of two fed voices with all effects, over the transition and back, and of an update that is never late.
+#[test]
+fn a_scene_of_fed_textures_is_put_out_as_the_host_computes_it() {
+    let mut device = started();
+    device.stylus.set_pins(tapping()).expect("the run goes on");
+    let start = device.stylus.now_ns();
+    let knots = [(0, 40.0), (500, 110.0), (900, -90.0), (1_500, 160.0)];
+    let speeds = knots.map(|(ms, speed)| (start + ms * MS, speed));
+    let motion = Motion::linear(&speeds, 0.01).expect("instants that rise");
+    device.stylus.set_motion(motion).expect("the run goes on");
+    device
+        .request::<RecordStartEndpoint>(&())
+        .expect("nothing is recorded");
+    device.run_for(60 * MS);
+    let asked = device.status().tick.ticks;
+    device
+        .play_scene("fed everything", MotionSource::Sensors, 5)
+        .expect("it is there");
+    device.stylus.audit_ticks(997).expect("the run goes on");
+    device.run_for(1_300 * MS);
+    let stopped = device
+        .request::<RecordStopEndpoint>(&())
+        .expect("it is recorded");
+    assert_eq!(stopped.lost_blocks, 0);
+    let status = device.status();
+    let counted = (
+        status.tick.missed,
+        status.tick.late_frames,
+        status.output.saturations,
+    );
+    assert_eq!(counted, (0, 0, 0));
+    for audit in device.stylus.take_audits().expect("the run goes on") {
+        let from_flash = (audit.flash_fetches, audit.flash_reads);
+        assert_eq!(from_flash, (0, 0), "{audit:x?}");
+    }
+    let recorded = Recorded::of(&device.blocks);
+    let codes = latched(&mut device);
+    let library = Library::decode(bytes()).expect("a valid library");
+    let heard = Heard::of_scene(plan(&library, "fed everything"), 5);
+    let (began, same_until) = explain(&heard, &recorded, &codes, asked);
+    let end = recorded.first_tick + recorded.samples.len() as u64;
+    assert_eq!(same_until, end, "codes differ, with {began:?}");
+    let sounding = codes[began.unmuted as usize..end as usize]
+        .as_flattened()
+        .iter()
+        .filter(|&&code| code != MID_SCALE);
+    assert!(sounding.count() > CODES * 3_000, "the scene is heard");
 }
 
 #[test]
@@ -494,6 +607,21 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
         2 * (sticky - lattice.within)
     );
     assert_eq!(both - four, tap - lattice.within);
+
+    // A fed voice's excitation is made below the tick, whose path is shorter for it.
+    let fed = count_scene(&mut device, "fed");
+    assert!(fed.within <= lattice.within, "{fed:?}, plain {lattice:?}");
+    covers(cost::FED_LATTICE, ORDERS[0], of_voice(fed.within));
+    let short_fed = of_voice(count_scene(&mut device, "short fed").within);
+    covers(cost::FED_LATTICE, ORDERS[1], short_fed);
+    let fed_direct = of_voice(count_scene(&mut device, "fed direct").within);
+    covers(cost::FED_DIRECT, turns[0], fed_direct);
+    let short_fed_direct = of_voice(count_scene(&mut device, "short fed direct").within);
+    covers(cost::FED_DIRECT, turns[1], short_fed_direct);
+    let two_fed = count_scene(&mut device, "fed transition").within;
+    assert_eq!(two_fed, fed.within + fed_direct);
+    let beside = count_scene(&mut device, "fed beside plain").within;
+    assert_eq!(beside, lattice.within + short_fed);
 
     // Without contact the list of stages is empty: neither noise nor filter runs.
     device

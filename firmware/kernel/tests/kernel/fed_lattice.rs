@@ -1,0 +1,183 @@
+//! Filters in the steps of a fed excitation: accuracy, peaks, energy.
+
+use model_format::limits::MAX_ORDER;
+use model_format::{PartsSpec, Structure};
+use proptest::collection::vec;
+use proptest::prelude::*;
+use stylus_kernel::Synthesis;
+use stylus_kernel::arithmetic::Portable;
+use stylus_kernel::excitation::Excitation;
+use stylus_kernel::feed::{FED_FRACTION_BITS, FED_HEADROOM_BITS};
+use stylus_kernel::lattice::LatticeState;
+use stylus_kernel::rotation::Rotation;
+
+use crate::fed::{encoded, everywhere, impulsive, spikes, values};
+use crate::lattice::{sample, state, theta_code};
+use crate::models::{Model, STRUCTURES, fixtures, motion, rotation, texture};
+use crate::reference::{Deviation, FloatLattice};
+use crate::scenes::texture_of;
+
+const SIGMA: f64 = (1u32 << FED_FRACTION_BITS) as f64;
+
+fn is_full_scale(signal: i32) -> bool {
+    signal == i32::MAX || signal == i32::MIN
+}
+
+/// 12 s. The state begins as a texture's does.
+#[test]
+fn noise_of_the_arithmetic_is_90_db_below_the_signal_with_a_fed_excitation() {
+    for model in fixtures() {
+        let rotations = model.rotations();
+        let mut source = Excitation::new(2);
+        let mut state = LatticeState::fed_stationary(MAX_ORDER, &mut source);
+        let mut reference = FloatLattice::new(&rotations);
+        reference.begin(state.backward(MAX_ORDER));
+        let mut deviation = Deviation::default();
+        for _ in 0..60_000 {
+            let excitation = source.next_sample() >> FED_HEADROOM_BITS;
+            let output = state.filter::<Portable>(&rotations, excitation);
+            deviation.add(reference.filter(f64::from(excitation)), f64::from(output));
+        }
+        let snr_db = deviation.snr_db();
+        println!("{}: SNR {snr_db:.1} dB", model.name);
+        assert!(snr_db > 90.0, "{}: SNR {snr_db} dB", model.name);
+    }
+}
+
+/// The largest signal of any stage, standard deviations.
+fn largest_signal(model: &Model, excitation: impl IntoIterator<Item = f64>) -> f64 {
+    let rotations = model.rotations();
+    let mut state = LatticeState::fed_stationary(MAX_ORDER, &mut Excitation::new(4));
+    let mut largest = 0;
+    for x in excitation {
+        state.filter::<Portable>(&rotations, (x * SIGMA) as i32);
+        let signals = state.backward(MAX_ORDER).iter().map(|g| g.unsigned_abs());
+        largest = signals.fold(largest, u32::max);
+    }
+    f64::from(largest) / SIGMA
+}
+
+/// Full scale is 64. The lattice's signals have the energy of what excites it, so that an impulse adds at most itself
+/// to a signal of variance 1.
+#[test]
+fn impulses_of_40_standard_deviations_do_not_saturate_the_fixtures() {
+    for model in fixtures() {
+        // Of both signs, as often as a variance of 1 allows and four times as often.
+        for every in [1600, 400] {
+            let impulses = (0..20_000).map(|n| match (n % every, n / every % 2) {
+                (100, 0) => 40.0,
+                (100, _) => -40.0,
+                _ => 0.0,
+            });
+            let largest = largest_signal(&model, impulses);
+            println!("{}: {largest:.1} with an impulse in {every}", model.name);
+            assert!(largest < 48.0, "{}: {largest}", model.name);
+        }
+        // Two impulses in a row, one after the other.
+        for gap in [1, 2, 7] {
+            let impulses = (0..3000).map(|n| {
+                if n == 100 || n == 100 + gap {
+                    32.0
+                } else {
+                    0.0
+                }
+            });
+            let largest = largest_signal(&model, impulses);
+            assert!(
+                largest < 63.9,
+                "{}: {largest} at a gap of {gap}",
+                model.name
+            );
+        }
+    }
+}
+
+/// A minute of each, with the cross-fades of two peaks that a codebook of impulses has.
+#[test]
+fn codebooks_with_the_highest_peaks_do_not_saturate_the_fixtures_in_any_structure() {
+    let steep = spikes();
+    assert!(steep.peak > 31.9 && values(&steep).iter().any(|x| x.abs() > 31.9));
+    for model in fixtures() {
+        for structure in STRUCTURES {
+            // Direct forms of 16 bits are unstable for most of these models.
+            if structure == Structure::DirectForm16 {
+                continue;
+            }
+            for codebook in [steep.clone(), impulsive(8000)] {
+                let mut spec = texture_of("fed", structure, &model.node(structure, 4.0));
+                spec.parts = PartsSpec {
+                    excitation: Some(everywhere(codebook, 4)),
+                    ..PartsSpec::default()
+                };
+                let bytes = encoded(spec);
+                let mut synthesis: Synthesis<'_> = Synthesis::new(texture(&bytes), 1);
+                for _ in 0..30_000 {
+                    synthesis.follow(motion(75.0, 0.75), 10);
+                    for _ in 0..10 {
+                        synthesis.next_sample();
+                    }
+                }
+                assert_eq!(synthesis.saturations(), 0, "{}, {structure}", model.name);
+            }
+        }
+    }
+}
+
+/// The same texture in both structures; the direct form's history has the headroom that the lattice's signals have.
+#[test]
+fn a_fed_direct_form_plays_what_the_fed_lattice_plays() {
+    for model in fixtures() {
+        let play = |structure| {
+            let mut spec = texture_of("fed", structure, &model.node(structure, 4.0));
+            spec.parts = PartsSpec {
+                excitation: Some(everywhere(impulsive(4000), 4)),
+                ..PartsSpec::default()
+            };
+            let bytes = encoded(spec);
+            let mut synthesis: Synthesis<'_> = Synthesis::from_rest(texture(&bytes), 1);
+            let mut samples = Vec::new();
+            for _ in 0..2000 {
+                synthesis.follow(motion(75.0, 0.75), 10);
+                samples.extend((0..10).map(|_| f64::from(synthesis.next_sample().0)));
+            }
+            samples
+        };
+        let [lattice, direct] = [Structure::NormalisedLattice, Structure::DirectForm32].map(play);
+        let mut deviation = Deviation::default();
+        for (&lattice, &direct) in lattice.iter().zip(&direct).skip(10_000) {
+            deviation.add(lattice, direct);
+        }
+        let difference_db = deviation.snr_db();
+        println!("{}: {difference_db:.1} dB", model.name);
+        // The lattice's θ have 16 bits.
+        assert!(difference_db > 58.0, "{}: {difference_db} dB", model.name);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    /// With any words and rotations: all signals of the state together have no more energy than was put in.
+    #[test]
+    fn no_signal_has_more_energy_than_was_fed(
+        pool in vec(theta_code(), 400),
+        order in 1usize..60,
+        backward in vec(sample(), 60),
+        excitation in vec(prop_oneof![sample(), Just(40 << FED_FRACTION_BITS)], 1..200),
+    ) {
+        let square = |x: i32| u128::from(x.unsigned_abs()).pow(2);
+        let energy = |signals: &[i32]| signals.iter().map(|&x| square(x)).sum::<u128>();
+        let mut state = state(&backward[..order]);
+        let mut fed = energy(&backward[..order]);
+        let mut codes = pool.iter().cycle();
+        for &excitation in &excitation {
+            let rotations: Vec<Rotation> =
+                codes.by_ref().take(order).map(|&code| rotation(code)).collect();
+            let output = state.filter::<Portable>(&rotations, excitation);
+            fed += square(excitation);
+            prop_assert!(energy(state.backward(order)) <= fed);
+            prop_assert!(square(output) <= fed);
+            prop_assert!(!is_full_scale(output) || fed >= square(i32::MAX));
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! `stylus compare`
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use host_tools::dsp::reduction::Reduction;
+use host_tools::evaluation::evaluate;
+use host_tools::evaluation::listening;
+use host_tools::evaluation::listening::{Answers, CONFIDENCE, Pair, Score, plan, score};
+use host_tools::fit::record::FitRecord;
+use host_tools::report::listening_page;
+use host_tools::support::error::{Error, Result};
+
+use super::input::{Recordings, positive};
+use super::table::table;
+use crate::cli::evaluate::takes::choose;
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::{note, print};
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    recordings: Recordings,
+    /// Library to compare with the recordings
+    #[arg(long, value_name = "LIB", required = true)]
+    library: Option<PathBuf>,
+    /// HTML file to write
+    #[arg(long, value_name = "HTML", required = true)]
+    out: Option<PathBuf>,
+    /// Other takes of the same trials, as a folder or a list, which are heard instead
+    #[arg(long, value_name = "DIR")]
+    takes: Option<PathBuf>,
+    /// Pairs of kinds; 'fitted' is a texture with all its parts, 'gaussian' its filter with Gaussian noise
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Pair::value_variants().to_vec())]
+    pairs: Vec<Pair>,
+    /// Trials per pair, 1 to 200
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=200))]
+    trials: u16,
+    /// Duration of a sound, in seconds, at most 10; less where recordings do not hold two of it
+    #[arg(long, value_name = "S", value_parser = excerpt, default_value_t = 1.5)]
+    segment: f64,
+    /// Reduction from three axes to one; the same as for the fit
+    #[arg(long, value_enum, default_value = "pca")]
+    reduce: Reduction,
+    /// Seed of order, places and X: the same seed gives the same page
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Score saved answers instead, those of all files together
+    #[arg(long, value_name = "CSV", num_args = 1.., exclusive = true)]
+    score: Vec<PathBuf>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    if !arguments.score.is_empty() {
+        let files = arguments.score.iter().map(|path| Answers::read(path));
+        return print(&scores(&score(&files.collect::<Result<Vec<_>>>()?)?));
+    }
+    let (Some(path), Some(out)) = (&arguments.library, &arguments.out) else {
+        return Err(Error::Request(
+            "a page needs --library and --out, and scores need --score".into(),
+        ));
+    };
+    let set = arguments.recordings.open()?;
+    let bytes = read_library(path)?;
+    let library = decode_library(path, &bytes)?;
+    let record = FitRecord::beside(path, &bytes)?;
+    let takes = arguments.takes.as_deref();
+    let chosen = choose(&set, takes, record.as_ref(), arguments.reduce)?;
+    let evaluate = evaluate::Options {
+        reduction: arguments.reduce,
+        seed: arguments.seed,
+        ..evaluate::Options::default()
+    };
+    let prepared = evaluate::prepare(&set, &library, chosen.judges, record.as_ref(), &evaluate)?;
+    let mut pairs: Vec<Pair> = Vec::new();
+    for pair in &arguments.pairs {
+        if !pairs.contains(pair) {
+            pairs.push(*pair);
+        }
+    }
+    let options = listening::Options {
+        pairs,
+        trials: usize::from(arguments.trials),
+        excerpt_s: arguments.segment,
+        seed: arguments.seed,
+    };
+    let plan = plan(&set, &library, &prepared, &evaluate, &options)?;
+    for pair in &plan.left_out {
+        note(&format!(
+            "{}: left out, because no texture that is heard plays anything but Gaussian noise",
+            pair.name()
+        ));
+    }
+    if plan.excerpt_s.0 < arguments.segment - 0.01 {
+        note(&format!(
+            "sounds take {:.1} s and more, not {} s: held-out recordings do not hold two of it",
+            plan.excerpt_s.0, arguments.segment
+        ));
+    }
+    let size = listening_page::write(&plan, out)?;
+    let origin = if plan.simulated {
+        ", of SIMULATED recordings"
+    } else {
+        ""
+    };
+    print(&format!(
+        "{}: {} trials, {} sounds, {:.1} MB{origin}",
+        out.display(),
+        plan.trials.len(),
+        plan.sounds.len(),
+        size as f64 / 1e6
+    ))
+}
+
+/// Parses the duration of a sound, s.
+fn excerpt(text: &str) -> std::result::Result<f64, String> {
+    let least = listening::SHORTEST_EXCERPT_S;
+    match positive(text) {
+        Ok(seconds) if (least..=10.0).contains(&seconds) => Ok(seconds),
+        _ => Err(format!("must be {least} to 10 seconds")),
+    }
+}
+
+/// Table of scores, and an explanation of its columns.
+fn scores(scores: &[Score]) -> String {
+    let header = [
+        "pair",
+        "files",
+        "trials",
+        "right",
+        "share",
+        "95 % interval",
+        "told apart",
+    ];
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let row = |score: &Score| {
+        vec![
+            score.pair.clone(),
+            score.files.to_string(),
+            score.trials.to_string(),
+            score.correct.to_string(),
+            percent(score.proportion),
+            format!(
+                "{} to {}",
+                percent(score.interval.0),
+                percent(score.interval.1)
+            ),
+            if score.is_told_apart {
+                "yes"
+            } else {
+                "not shown"
+            }
+            .to_owned(),
+        ]
+    };
+    let rows: Vec<Vec<String>> = scores.iter().map(row).collect();
+    let origin = if scores.iter().any(|score| score.simulated) {
+        "\nThe recordings are SIMULATED."
+    } else {
+        ""
+    };
+    format!(
+        "{}\n\nchance: 50 %; interval: exact (Clopper and Pearson), with a confidence of {:.0} %, as if all trials were \
+         independent;\ntold apart: the whole interval lies above chance{origin}",
+        table(&header, &rows),
+        100.0 * CONFIDENCE
+    )
+}

@@ -1,0 +1,345 @@
+use std::f64::consts::TAU;
+
+use proptest::prelude::*;
+
+use super::*;
+
+const RATE_HZ: f64 = 5000.0;
+
+/// Uniform numbers in [0, 1) by `SplitMix64` (Steele, Lea and Flood, 2014), which is written in a line of any language.
+fn uniform(seed: u64) -> impl Iterator<Item = f64> {
+    let mut state = seed;
+    std::iter::repeat_with(move || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    })
+}
+
+/// Gaussian noise after Box and Muller, a number from each two.
+fn noise(seed: u64, len: usize) -> Vec<f64> {
+    let mut uniform = uniform(seed);
+    std::iter::repeat_with(|| {
+        let (a, b) = (uniform.next().unwrap(), uniform.next().unwrap());
+        (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
+    })
+    .take(len)
+    .collect()
+}
+
+fn turn(hz: f64, n: usize) -> f64 {
+    TAU * hz * n as f64 / RATE_HZ
+}
+
+fn made(len: usize, sample: impl Fn(usize) -> f64) -> Vec<f64> {
+    (0..len).map(sample).collect()
+}
+
+fn measures(signal: &[f64]) -> Liveliness {
+    Liveliness::of(&[signal], RATE_HZ, None)
+}
+
+fn near(found: Option<f64>, expected: f64, tolerance: f64) {
+    let found = found.unwrap();
+    assert!(
+        (found - expected).abs() <= tolerance * expected.abs(),
+        "{found} is not {expected}"
+    );
+}
+
+/// Noise, a resonance, modulated noise, and noise with an impulse of 26 dB every 25 ms; 4 s each.
+fn synthetic() -> [Vec<f64>; 4] {
+    let len = 20_000;
+    let resonance = {
+        let (radius, angle) = (0.97f64, TAU * 90.0 / RATE_HZ);
+        let mut past = (0.0, 0.0);
+        noise(2, len)
+            .into_iter()
+            .map(|e| {
+                let y = e + 2.0 * radius * angle.cos() * past.0 - radius * radius * past.1;
+                past = (y, past.0);
+                y
+            })
+            .collect()
+    };
+    let carrier = noise(3, len);
+    let modulated = made(len, |n| {
+        carrier[n] * (0.5 * turn(3.0, n).sin() + 0.4 * turn(20.0, n).sin()).exp()
+    });
+    let (impulses, ground) = (noise(4, len), noise(5, len));
+    let impulsive = made(len, |n| {
+        if n % 125 == 0 {
+            20.0 * impulses[n]
+        } else {
+            ground[n]
+        }
+    });
+    [noise(1, len), resonance, modulated, impulsive]
+}
+
+/// Computed with SciPy 1.17 and NumPy: `stats.kurtosis`, `linalg.solve_toeplitz` and `signal.lfilter` for the residual,
+/// `fft.rfft` and `signal.hilbert` for the band, `signal.welch` for the envelope's spectrum.
+#[test]
+fn measures_are_those_that_scipy_finds() {
+    let expected = [
+        (3.004_063, 3.859_443, 2.959_859, 0.353_217, 0.173_734),
+        (2.893_078, 3.624_720, 2.955_298, 1.547_631, 0.394_141),
+        (5.979_585, 7.398_674, 3.838_743, 2.984_425, 0.361_515),
+        (189.737_821, 25.761_308, 80.568_718, 2.897_770, 0.579_612),
+    ];
+    for (signal, (kurtosis, crest, residual, spread, modulation)) in
+        synthetic().iter().zip(expected)
+    {
+        let found = measures(signal);
+        near(found.kurtosis, kurtosis, 1e-5);
+        near(found.crest_factor, crest, 1e-5);
+        near(found.residual_kurtosis, residual, 1e-4);
+        near(found.level_spread_db, spread, 1e-5);
+        // Welch's last segments differ: here one more ends with the signal.
+        near(found.modulation, modulation, 0.03);
+    }
+}
+
+/// The band by a Butterworth filter, forwards and backwards, in the place of a transform's bins: the measure is the
+/// signal's and not the filter's. SciPy 1.17, `signal.sosfiltfilt` of order 4.
+#[test]
+fn the_modulation_does_not_depend_on_the_kind_of_the_bands_filter() {
+    for (signal, expected) in synthetic()
+        .iter()
+        .zip([0.176_388, 0.381_969, 0.370_717, 0.569_032])
+    {
+        near(measures(signal).modulation, expected, 0.06);
+    }
+}
+
+#[test]
+fn gaussian_noise_has_the_measures_of_its_closed_forms() {
+    let found = measures(&noise(11, 500_000));
+    near(found.kurtosis, 3.0, 0.02);
+    // The median of kurtosis in 250 samples, whose mean is 3 · 249 / 251, is a little lower.
+    near(found.residual_kurtosis, 2.94, 0.01);
+    // The logarithm of a mean of 250 squares has the variance ψ′(125) = 1/125 + 1/(2 · 125²) + ...
+    let trigamma: f64 = 1.0 / 125.0 + 0.5 / 125f64.powi(2);
+    near(
+        found.level_spread_db,
+        10.0 / 10f64.ln() * trigamma.sqrt(),
+        0.03,
+    );
+    // Rice: the envelope's variance over its squared mean is 4/π - 1. Its spectrum is that of the squared envelope, a
+    // triangle over the band's width B to first order (0.915 of the power), and 8 to 64 Hz is a part of it.
+    let band_hz = MODULATION_BAND_HZ.1 - MODULATION_BAND_HZ.0;
+    let centre_hz = f64::midpoint(MODULATION_HZ.0, MODULATION_HZ.1);
+    let width_hz = MODULATION_HZ.1 - MODULATION_HZ.0;
+    let share = 2.0 * width_hz / band_hz * (1.0 - centre_hz / band_hz);
+    let pi = std::f64::consts::PI;
+    near(
+        found.modulation,
+        (pi / 16.0 / (pi / 4.0) * share).sqrt(),
+        0.04,
+    );
+    assert_eq!(found.line_range_db, None);
+    assert_eq!(strongest_line_hz(&[&noise(11, 500_000)], RATE_HZ), None);
+}
+
+#[test]
+fn a_sine_has_a_kurtosis_of_three_halves_a_crest_of_the_root_of_two_and_a_steady_line() {
+    let sine = made(20_000, |n| 0.7 * turn(213.3, n).sin());
+    let line_hz = strongest_line_hz(&[&sine], RATE_HZ);
+    near(line_hz, 213.3, 1e-3);
+    let found = Liveliness::of(&[&sine], RATE_HZ, line_hz);
+    near(found.kurtosis, 1.5, 1e-3);
+    near(found.crest_factor, 2f64.sqrt(), 1e-3);
+    assert!(found.modulation.unwrap() < 5e-3, "{found:?}");
+    assert!(found.level_spread_db.unwrap() < 0.3, "{found:?}");
+    assert!(found.line_range_db.unwrap() < 0.05, "{found:?}");
+    assert_eq!(found.residual_kurtosis, None);
+}
+
+/// A carrier whose amplitude is 1 + m sin: the RMS of the envelope's swing is m/√2 of its mean.
+#[test]
+fn the_modulation_of_a_modulated_tone_is_what_it_was_modulated_by() {
+    let tone = |depth: f64, hz: f64| {
+        let tone = made(50_000, |n| {
+            (1.0 + depth * turn(hz, n).sin()) * turn(300.0, n).sin()
+        });
+        measures(&tone).modulation
+    };
+    near(tone(0.5, 20.0), 0.5 / 2f64.sqrt(), 0.01);
+    near(tone(0.2, 50.0), 0.2 / 2f64.sqrt(), 0.01);
+    assert!(tone(0.5, 2.0).unwrap() < 0.05);
+    assert!(tone(0.5, 150.0).unwrap() < 0.02);
+}
+
+/// Noise whose level alternates by ±a dB from window to window has the deviation a beside its own.
+#[test]
+fn the_spread_of_levels_is_what_was_put_in() {
+    let carrier = noise(21, 100_000);
+    let own = measures(&carrier).level_spread_db.unwrap();
+    for step_db in [3.0, 7.0] {
+        let gain = 10f64.powf(step_db / 20.0);
+        let stepped = made(carrier.len(), |n| {
+            carrier[n] * if n / 250 % 2 == 0 { gain } else { 1.0 / gain }
+        });
+        near(measures(&stepped).level_spread_db, own.hypot(step_db), 0.01);
+    }
+}
+
+/// One sample in m, of variance m: the kurtosis is 3 m.
+#[test]
+fn rare_impulses_raise_the_kurtosis_by_their_rarity() {
+    let impulses = noise(31, 400_000);
+    for m in [10usize, 50] {
+        let rare = made(
+            impulses.len(),
+            |n| if n % m == 0 { impulses[n] } else { 0.0 },
+        );
+        near(measures(&rare).kurtosis, 3.0 * m as f64, 0.03);
+    }
+}
+
+/// Slow changes of level raise the signal's kurtosis and leave the residual's within windows.
+#[test]
+fn the_residual_within_windows_tells_impulses_from_slow_changes_of_level() {
+    let carrier = noise(41, 100_000);
+    let slow = made(carrier.len(), |n| {
+        carrier[n] * (1.5 * turn(0.5, n).sin()).exp()
+    });
+    let found = measures(&slow);
+    assert!(found.kurtosis.unwrap() > 5.0, "{found:?}");
+    near(found.residual_kurtosis, 2.94, 0.02);
+}
+
+#[test]
+fn the_line_is_the_strongest_and_its_range_that_of_its_amplitude() {
+    let ground = noise(51, 30_000);
+    let stepped = made(ground.len(), |n| {
+        let amplitude = if n < 15_000 { 4.0 } else { 2.0 };
+        0.05 * ground[n] + amplitude * turn(171.0, n).sin() + 0.8 * turn(412.0, n).sin()
+    });
+    let line_hz = strongest_line_hz(&[&stepped], RATE_HZ);
+    near(line_hz, 171.0, 2e-3);
+    let of = |near_hz| Liveliness::of(&[&stepped], RATE_HZ, Some(near_hz)).line_range_db;
+    near(of(171.0), 20.0 * 2f64.log10(), 0.02);
+    // Another signal's line is sought near its place.
+    near(of(168.0), 20.0 * 2f64.log10(), 0.02);
+    assert!(of(412.0).unwrap() < 0.2);
+    // A tone that is made of noise fluctuates.
+    let (radius, angle) = (0.9998f64, TAU * 171.0 / RATE_HZ);
+    let mut past = (0.0, 0.0);
+    let tone: Vec<f64> = ground
+        .iter()
+        .map(|e| {
+            let y = e + 2.0 * radius * angle.cos() * past.0 - radius * radius * past.1;
+            past = (y, past.0);
+            y
+        })
+        .collect();
+    let found = Liveliness::of(&[&tone], RATE_HZ, strongest_line_hz(&[&tone], RATE_HZ));
+    assert!(found.line_range_db.unwrap() > 3.0, "{found:?}");
+}
+
+#[test]
+fn nothing_is_measured_of_silence_of_one_value_and_of_too_few_samples() {
+    for signal in [
+        vec![],
+        vec![0.0; 10_000],
+        vec![3.7; 10_000],
+        vec![-1e300; 300],
+        vec![5.0],
+    ] {
+        assert_eq!(measures(&signal), Liveliness::default());
+        assert_eq!(strongest_line_hz(&[&signal], RATE_HZ), None);
+    }
+    assert_eq!(
+        Liveliness::of(&[], RATE_HZ, Some(100.0)),
+        Liveliness::default()
+    );
+    let short = measures(&noise(1, 400));
+    assert!(
+        short.kurtosis.is_some() && short.modulation.is_none(),
+        "{short:?}"
+    );
+    assert_eq!(short.level_spread_db, None);
+}
+
+#[test]
+fn a_dropout_counts_for_sixty_decibels_and_not_for_infinity() {
+    let noise = noise(61, 10_000);
+    // Of no mean, so that silence stays silence.
+    let mut signal = made(10_000, |n| {
+        noise[n / 2] * if n % 2 == 0 { 1.0 } else { -1.0 }
+    });
+    signal[2500..5000].fill(0.0);
+    let found = measures(&signal);
+    let spread_db = found.level_spread_db.unwrap();
+    // A quarter of all windows is 60 dB below the mean of all.
+    let expected = (0.25f64 * 0.75).sqrt() * (60.0 + 10.0 * (4.0f64 / 3.0).log10());
+    assert!(
+        (spread_db - expected).abs() < 0.3,
+        "{spread_db}, {expected}"
+    );
+}
+
+#[test]
+fn clipped_noise_is_flatter_than_noise() {
+    let clipped: Vec<f64> = noise(71, 20_000)
+        .iter()
+        .map(|x| x.clamp(-0.5, 0.5))
+        .collect();
+    let found = measures(&clipped);
+    assert!(found.kurtosis.unwrap() < 1.6, "{found:?}");
+    assert!(found.crest_factor.unwrap() < 1.3, "{found:?}");
+}
+
+#[test]
+fn blocks_are_measured_together_and_no_window_crosses_a_join() {
+    let (low, high) = (noise(81, 10_000), noise(82, 10_000));
+    let high: Vec<f64> = high.iter().map(|x| 10.0 * x).collect();
+    let found = Liveliness::of(&[&low, &high], RATE_HZ, None);
+    assert!(
+        (found.level_spread_db.unwrap() - 10.0).abs() < 0.1,
+        "{found:?}"
+    );
+    // Two Gaussian numbers of variances 1 and 100, in equal parts.
+    near(
+        found.kurtosis,
+        3.0 * 0.5 * (1.0 + 1e4) / 50.5f64.powi(2),
+        0.05,
+    );
+}
+
+proptest! {
+    #[test]
+    fn measures_do_not_depend_on_gain_sign_or_offset(seed in 0u64..10_000, log_gain in -6.0..6.0f64, offset in -3.0..3.0f64) {
+        let signal = noise(seed, 5000);
+        let gain = 10f64.powf(log_gain);
+        let other: Vec<f64> = signal.iter().map(|x| -gain * (x + offset)).collect();
+        let (a, b) = (measures(&signal), measures(&other));
+        for (a, b) in [
+            (a.kurtosis, b.kurtosis),
+            (a.residual_kurtosis, b.residual_kurtosis),
+            (a.crest_factor, b.crest_factor),
+            (a.modulation, b.modulation),
+            (a.level_spread_db, b.level_spread_db),
+        ] {
+            prop_assert!((a.unwrap() / b.unwrap() - 1.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn any_signal_has_finite_measures_or_none(
+        values in prop::collection::vec(prop::sample::select(vec![0.0, 1.0, -1.0, 1e-9, 1e9, 1e-200, 1e150]), 0..6000),
+        cut in 0usize..6000,
+    ) {
+        let (a, b) = values.split_at(cut.min(values.len()));
+        let line_hz = strongest_line_hz(&[a, b], RATE_HZ);
+        let found = Liveliness::of(&[a, b], RATE_HZ, line_hz.or(Some(100.0)));
+        let all = [
+            found.kurtosis, found.residual_kurtosis, found.crest_factor,
+            found.modulation, found.level_spread_db, found.line_range_db, line_hz,
+        ];
+        prop_assert!(all.iter().flatten().all(|value| value.is_finite()), "{:?}", found);
+    }
+}

@@ -1,0 +1,275 @@
+//! Answers of a listening test as a page saves them, and their score.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::{CHANCE, CONFIDENCE};
+use crate::dsp::binomial::clopper_pearson;
+use crate::support::bounded_file::{Limit, MIB};
+use crate::support::error::{Error, Result};
+
+/// Largest file of answers.
+const LIMIT: Limit = Limit {
+    of: "a file of answers",
+    bytes: 16 * MIB,
+};
+
+/// A row of a file of answers.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+struct Row {
+    trial: u32,
+    pair: String,
+    a: String,
+    b: String,
+    x: String,
+    answer: String,
+    correct: u8,
+    replays: u32,
+    seconds: f64,
+    page: String,
+    origin: String,
+}
+
+/// The answers of one file.
+#[derive(Clone, Debug)]
+pub struct Answers {
+    path: PathBuf,
+    rows: Vec<Row>,
+}
+
+/// The score of a pair, or of all.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Score {
+    /// The pair; `all` for all.
+    pub pair: String,
+    /// Files with answers to it.
+    pub files: usize,
+    /// Trials answered.
+    pub trials: u32,
+    /// Right answers.
+    pub correct: u32,
+    /// Proportion of right answers.
+    pub proportion: f64,
+    /// The exact interval of the proportion at [`CONFIDENCE`].
+    pub interval: (f64, f64),
+    /// Proportion by chance.
+    pub chance: f64,
+    /// True if the interval lies above chance.
+    pub is_told_apart: bool,
+    /// True if any recording behind it is simulated.
+    pub simulated: bool,
+}
+
+impl Answers {
+    /// Reads a file that a page has saved.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a row that is none or contradicts itself, or a trial that is there twice.
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = LIMIT.read(path)?;
+        let mut reader = csv::Reader::from_reader(bytes.as_slice());
+        let mut rows: Vec<Row> = Vec::new();
+        let mut seen = BTreeSet::new();
+        for (index, row) in reader.deserialize().enumerate() {
+            let line = index as u64 + 2;
+            let failed = |problem: String| Error::Line {
+                path: path.to_owned(),
+                line,
+                problem,
+            };
+            let row: Row = row.map_err(|failure| {
+                failed(format!(
+                    "{failure}; give a file that the page of `stylus compare` saved"
+                ))
+            })?;
+            row.check().map_err(&failed)?;
+            if !seen.insert((row.page.clone(), row.trial)) {
+                return Err(failed(format!(
+                    "trial {} of this page is there twice; give each listener's file once",
+                    row.trial
+                )));
+            }
+            rows.push(row);
+        }
+        if rows.is_empty() {
+            return Err(Error::file(path, "has no answers"));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            rows,
+        })
+    }
+}
+
+impl Row {
+    /// Returns what is wrong with the row.
+    fn check(&self) -> std::result::Result<(), String> {
+        let chosen = match self.answer.as_str() {
+            "A" => &self.a,
+            "B" => &self.b,
+            other => return Err(format!("the answer is '{other}'; it must be A or B")),
+        };
+        let is_right = *chosen == self.x;
+        if self.a == self.b || (self.x != self.a && self.x != self.b) {
+            return Err(format!(
+                "X is '{}', A '{}' and B '{}'; X must be one of two that differ",
+                self.x, self.a, self.b
+            ));
+        }
+        if u8::from(is_right) != self.correct {
+            return Err(format!(
+                "'correct' is {}, but the answer {} to X = '{}' is {}; the file was changed",
+                self.correct,
+                self.answer,
+                self.x,
+                if is_right { "right" } else { "wrong" }
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Scores the answers of all files together: each pair, in the order of its first answer, and all of them if there are
+/// several.
+///
+/// # Errors
+/// Two files with the same answers.
+pub fn score(files: &[Answers]) -> Result<Vec<Score>> {
+    for (index, file) in files.iter().enumerate() {
+        // Times tell two listeners apart who gave the same answers.
+        let same = |other: &&Answers| other.rows == file.rows;
+        if let Some(other) = files[..index].iter().find(same) {
+            return Err(Error::file(
+                &file.path,
+                format!(
+                    "has the answers of {}; give each listener's file once",
+                    other.path.display()
+                ),
+            ));
+        }
+    }
+    let mut pairs: Vec<&str> = Vec::new();
+    for row in files.iter().flat_map(|file| &file.rows) {
+        if !pairs.contains(&row.pair.as_str()) {
+            pairs.push(&row.pair);
+        }
+    }
+    let mut scores: Vec<Score> = pairs
+        .iter()
+        .map(|&pair| Score::of(files, pair, |row| row.pair == pair))
+        .collect();
+    if pairs.len() > 1 {
+        scores.push(Score::of(files, "all", |_| true));
+    }
+    Ok(scores)
+}
+
+impl Score {
+    fn of(files: &[Answers], pair: &str, is_of: impl Fn(&Row) -> bool) -> Self {
+        let rows: Vec<&Row> = files
+            .iter()
+            .flat_map(|file| file.rows.iter().filter(|row| is_of(row)))
+            .collect();
+        let trials = rows.len() as u32;
+        let correct = rows.iter().map(|row| u32::from(row.correct)).sum();
+        let interval = clopper_pearson(correct, trials, CONFIDENCE);
+        let with = |file: &&Answers| file.rows.iter().any(&is_of);
+        Self {
+            pair: pair.to_owned(),
+            files: files.iter().filter(with).count(),
+            trials,
+            correct,
+            proportion: f64::from(correct) / f64::from(trials),
+            interval,
+            chance: CHANCE,
+            is_told_apart: interval.0 > CHANCE,
+            simulated: rows.iter().any(|row| row.origin == "SIMULATED"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = "trial,pair,a,b,x,answer,correct,replays,seconds,surface,page,origin\n";
+
+    fn file(folder: &Path, name: &str, rows: &[String]) -> PathBuf {
+        let path = folder.join(name);
+        std::fs::write(&path, format!("{HEADER}{}", rows.concat())).unwrap();
+        path
+    }
+
+    fn row(trial: u32, pair: &str, x: &str, answer: &str, correct: u8) -> String {
+        format!(
+            "{trial},{pair},recording,gaussian,{x},{answer},{correct},0,2.5,\"felt, 1 N\",p1,recorded\n"
+        )
+    }
+
+    #[test]
+    fn answers_of_several_listeners_are_counted_together_and_by_pair() {
+        let folder = tempfile::tempdir().unwrap();
+        let one: Vec<String> = (0..10)
+            .map(|n| row(n, "recording-gaussian", "recording", "A", 1))
+            .chain((10..14).map(|n| row(n, "recording-fitted", "gaussian", "A", 0)))
+            .collect();
+        let two: Vec<String> = (0..10)
+            .map(|n| row(n, "recording-gaussian", "gaussian", "A", 0))
+            .collect();
+        let files = [("one.csv", one), ("two.csv", two)]
+            .map(|(name, rows)| Answers::read(&file(folder.path(), name, &rows)).unwrap());
+        let scores = score(&files).unwrap();
+        let counts: Vec<(&str, usize, u32, u32)> = scores
+            .iter()
+            .map(|s| (s.pair.as_str(), s.files, s.trials, s.correct))
+            .collect();
+        assert_eq!(
+            counts,
+            [
+                ("recording-gaussian", 2, 20, 10),
+                ("recording-fitted", 1, 4, 0),
+                ("all", 2, 24, 10)
+            ]
+        );
+        assert_eq!(scores[0].interval, clopper_pearson(10, 20, CONFIDENCE));
+        assert!(!scores[0].is_told_apart && !scores[0].simulated);
+    }
+
+    #[test]
+    fn rows_that_contradict_themselves_are_refused_with_their_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let good = || row(1, "recording-gaussian", "recording", "A", 1);
+        for (bad, word) in [
+            (row(2, "recording-gaussian", "recording", "A", 0), "changed"),
+            (row(2, "recording-gaussian", "recording", "C", 0), "A or B"),
+            (row(2, "recording-gaussian", "fitted", "A", 0), "one of two"),
+            (good(), "twice"),
+            ("2,short\n".into(), "compare"),
+        ] {
+            let path = file(folder.path(), "bad.csv", &[good(), bad]);
+            let message = Answers::read(&path).unwrap_err().to_string();
+            assert!(
+                message.contains("line 3") && message.contains(word),
+                "{message}"
+            );
+        }
+        let empty = file(folder.path(), "empty.csv", &[]);
+        let message = Answers::read(&empty).unwrap_err().to_string();
+        assert!(message.contains("no answers"), "{message}");
+    }
+
+    #[test]
+    fn one_file_does_not_count_twice() {
+        let folder = tempfile::tempdir().unwrap();
+        let rows = [row(1, "recording-gaussian", "recording", "A", 1)];
+        let files = ["one.csv", "copy.csv"]
+            .map(|name| Answers::read(&file(folder.path(), name, &rows)).unwrap());
+        let message = score(&files).unwrap_err().to_string();
+        assert!(
+            message.contains("copy.csv") && message.contains("one.csv"),
+            "{message}"
+        );
+    }
+}

@@ -1,0 +1,23 @@
+//! Listening tests: trials of A, B and X in which X is of the kind of A or of B, and a listener says which.
+//!
+//! Two excerpts of one noise differ in every sample, and a listener who compares waveforms would tell any two apart. So
+//! X is never the excerpt that A or B is: it is another excerpt of the same kind, at the same speed and force. All
+//! excerpts of a page have one RMS, so that level does not tell. What is compared is not fitted: recordings are
+//! excerpts of what was held out.
+//!
+//! A listener who hears no difference answers right in half of the trials. The exact interval of the proportion
+//! ([`clopper_pearson`](crate::dsp::binomial::clopper_pearson)) says whether more than that was heard.
+
+mod answers;
+mod excerpts;
+mod plan;
+
+pub use answers::{Answers, Score, score};
+pub use excerpts::{FADE_S, SHORTEST_EXCERPT_S};
+pub use plan::{Kind, Options, Pair, Plan, Trial, plan};
+
+/// Proportion of right answers by chance.
+pub const CHANCE: f64 = 0.5;
+
+/// Confidence of intervals.
+pub const CONFIDENCE: f64 = 0.95;

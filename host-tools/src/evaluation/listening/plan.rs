@@ -1,0 +1,389 @@
+//! The plan of a listening test: what is heard in which trial, decided by the seed alone.
+
+use clap::ValueEnum;
+use model_format::Library;
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use serde::Serialize;
+
+use super::excerpts;
+use crate::evaluation::evaluate;
+use crate::evaluation::evaluate::Evaluation;
+use crate::evaluation::held_out::JudgeKind;
+use crate::evaluation::played::Played;
+use crate::recording::RecordingSet;
+use crate::support::error::{Error, Result};
+
+/// A kind of signal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// What was recorded and not fitted.
+    Recording,
+    /// The texture's filter, excited by Gaussian noise.
+    Gaussian,
+    /// The texture with all its parts.
+    Fitted,
+}
+
+/// Two kinds that are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pair {
+    /// A recording and the texture as fitted.
+    RecordingFitted,
+    /// A recording and Gaussian noise through the filter.
+    RecordingGaussian,
+    /// Gaussian noise through the filter and the texture as fitted.
+    GaussianFitted,
+}
+
+/// Options of a test.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The pairs; each has as many trials.
+    pub pairs: Vec<Pair>,
+    /// Trials per pair.
+    pub trials: usize,
+    /// Duration of an excerpt, s, at most.
+    pub excerpt_s: f64,
+    /// Seed of the order, the places and the choices of X.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            pairs: Pair::value_variants().to_vec(),
+            trials: 12,
+            excerpt_s: 1.5,
+            seed: 1,
+        }
+    }
+}
+
+/// One trial: three excerpts, and what they are.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trial {
+    /// The pair.
+    pub pair: Pair,
+    /// The kind of A.
+    pub a: Kind,
+    /// The kind of B.
+    pub b: Kind,
+    /// The kind of X: that of A, or that of B.
+    pub x: Kind,
+    /// Texture, speed and force.
+    pub surface: String,
+    /// Indices of the excerpts of A, B and X; all three differ.
+    pub sounds: [usize; 3],
+}
+
+/// A test.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The trials in their order.
+    pub trials: Vec<Trial>,
+    /// All excerpts, 5 kHz, each with an RMS of 1.
+    pub sounds: Vec<Vec<f64>>,
+    /// Shortest and longest duration of an excerpt, s.
+    pub excerpt_s: (f64, f64),
+    /// Pairs that no texture has, because it is as fitted when it plays Gaussian noise.
+    pub left_out: Vec<Pair>,
+    /// The data that were held out, in words.
+    pub held_out: String,
+    /// True if any recording behind it is simulated.
+    pub simulated: bool,
+    /// The seed.
+    pub seed: u64,
+}
+
+impl Kind {
+    /// The kind's name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Recording => "recording",
+            Self::Gaussian => "gaussian",
+            Self::Fitted => "fitted",
+        }
+    }
+}
+
+impl Pair {
+    /// Both kinds.
+    pub fn kinds(self) -> [Kind; 2] {
+        match self {
+            Self::RecordingFitted => [Kind::Recording, Kind::Fitted],
+            Self::RecordingGaussian => [Kind::Recording, Kind::Gaussian],
+            Self::GaussianFitted => [Kind::Gaussian, Kind::Fitted],
+        }
+    }
+
+    /// The pair's name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::RecordingFitted => "recording-fitted",
+            Self::RecordingGaussian => "recording-gaussian",
+            Self::GaussianFitted => "gaussian-fitted",
+        }
+    }
+}
+
+/// Excerpts of a trial of the set, by kind; none of the texture as fitted if that is Gaussian noise.
+struct Heard {
+    surface: String,
+    recording: Vec<Vec<f64>>,
+    gaussian: Vec<Vec<f64>>,
+    fitted: Vec<Vec<f64>>,
+}
+
+impl Heard {
+    fn of(&self, kind: Kind) -> &[Vec<f64>] {
+        match kind {
+            Kind::Recording => &self.recording,
+            Kind::Gaussian => &self.gaussian,
+            Kind::Fitted => &self.fitted,
+        }
+    }
+
+    /// True if a trial of this pair can be made: each kind has an excerpt beside the one that X takes.
+    fn has(&self, pair: Pair) -> bool {
+        pair.kinds().iter().all(|kind| self.of(*kind).len() >= 2)
+    }
+}
+
+/// Plans a test of the trials of `set`, which `evaluation` has prepared. Speeds and forces of a texture take turns, and
+/// so do textures.
+///
+/// # Errors
+/// No trial, speed or pair to compare; recordings that are not held out; a recording that cannot be used any more.
+pub fn plan(
+    set: &RecordingSet,
+    library: &Library<'_>,
+    evaluation: &Evaluation,
+    evaluate: &evaluate::Options,
+    options: &Options,
+) -> Result<Plan> {
+    let is_nothing = |index: &usize| evaluation.judges[*index].kind() == JudgeKind::Nothing;
+    if (0..set.trials.len()).any(|index| is_nothing(&index)) {
+        return Err(Error::Request(
+            "nothing is known to be held out, because beside the library there is no record of what it was fitted to; \
+             fit it again, which writes the record, or give --takes"
+                .into(),
+        ));
+    }
+    let mut generator = Pcg64::seed_from_u64(options.seed);
+    let mut order = in_turns(set, &mut generator);
+    order.truncate(options.trials);
+    let mut heard = Vec::new();
+    for index in order {
+        let read = read(set, library, evaluation, evaluate, options, index)?;
+        heard.extend(read);
+    }
+    let mut trials = Vec::new();
+    let mut sounds: Vec<Vec<f64>> = Vec::new();
+    let mut left_out = Vec::new();
+    for &pair in &options.pairs {
+        let able: Vec<&Heard> = heard.iter().filter(|heard| heard.has(pair)).collect();
+        if able.is_empty() {
+            left_out.push(pair);
+            continue;
+        }
+        for number in 0..options.trials {
+            let heard = able[number % able.len()];
+            trials.push(trial(pair, heard, &mut sounds, &mut generator));
+        }
+    }
+    if trials.is_empty() {
+        return Err(Error::Request(format!(
+            "there is nothing to compare: no recording holds two excerpts of {} s that were not fitted, or no texture \
+             has what --pairs asks for",
+            excerpts::SHORTEST_EXCERPT_S
+        )));
+    }
+    trials.shuffle(&mut generator);
+    let seconds = |samples: usize| samples as f64 / f64::from(model_format::SAMPLE_RATE_HZ);
+    let lengths = || sounds.iter().map(Vec::len);
+    Ok(Plan {
+        excerpt_s: (
+            seconds(lengths().min().unwrap_or(0)),
+            seconds(lengths().max().unwrap_or(0)),
+        ),
+        trials,
+        sounds,
+        left_out,
+        held_out: evaluation.held_out.clone(),
+        simulated: evaluation.simulated,
+        seed: options.seed,
+    })
+}
+
+/// Indices of the set's trials, shuffled, textures by turns.
+fn in_turns(set: &RecordingSet, generator: &mut Pcg64) -> Vec<usize> {
+    let mut of_textures: Vec<Vec<usize>> = set
+        .textures()
+        .into_iter()
+        .map(|name| {
+            let trials = set.trials.iter().enumerate();
+            let own = trials.filter(|(_, trial)| trial.texture == name);
+            let mut own: Vec<usize> = own.map(|(index, _)| index).collect();
+            own.shuffle(generator);
+            own
+        })
+        .collect();
+    of_textures.shuffle(generator);
+    let longest = of_textures.iter().map(Vec::len).max().unwrap_or(0);
+    (0..longest)
+        .flat_map(|turn| of_textures.iter().filter_map(move |own| own.get(turn)))
+        .copied()
+        .collect()
+}
+
+/// The excerpts of a trial of the set; `None` if it is silent or too short.
+fn read(
+    set: &RecordingSet,
+    library: &Library<'_>,
+    evaluation: &Evaluation,
+    evaluate: &evaluate::Options,
+    options: &Options,
+    index: usize,
+) -> Result<Option<Heard>> {
+    let comparison = evaluation.compare(set, library, index, evaluate)?;
+    let Some(samples) = excerpts::samples(&comparison.judged, options.excerpt_s) else {
+        return Ok(None);
+    };
+    let judged: Vec<&[f64]> = comparison.judged.iter().map(Vec::as_slice).collect();
+    let recording = excerpts::excerpts(&judged, samples);
+    let played = excerpts::excerpts(&[&comparison.synthesised], samples);
+    let versions = comparison.versions.iter();
+    let gaussian = versions
+        .filter(|version| version.played == Played::Gaussian)
+        .map(|version| excerpts::excerpts(&[&version.synthesised], samples))
+        .next();
+    let (gaussian, fitted) = match gaussian {
+        Some(gaussian) => (gaussian, played),
+        None => (played, Vec::new()),
+    };
+    let trial = &set.trials[index];
+    Ok(Some(Heard {
+        surface: format!(
+            "{}, {} mm/s, {} N",
+            trial.texture, trial.speed_mm_s, trial.force_n
+        ),
+        recording,
+        gaussian,
+        fitted,
+    }))
+}
+
+/// A trial of `pair`: which is A and which kind X has are thrown like a coin, and no excerpt is heard twice in it.
+fn trial(pair: Pair, heard: &Heard, sounds: &mut Vec<Vec<f64>>, generator: &mut Pcg64) -> Trial {
+    let [mut a, mut b] = pair.kinds();
+    if generator.random_bool(0.5) {
+        std::mem::swap(&mut a, &mut b);
+    }
+    let x = if generator.random_bool(0.5) { a } else { b };
+    let mut index_of = |excerpt: &Vec<f64>| {
+        // An excerpt of several trials is kept once.
+        let known = sounds.iter().position(|sound| sound == excerpt);
+        known.unwrap_or_else(|| {
+            sounds.push(excerpt.clone());
+            sounds.len() - 1
+        })
+    };
+    let (own, other) = (heard.of(x), heard.of(if x == a { b } else { a }));
+    let shown = generator.random_range(0..own.len());
+    // Another one than is shown.
+    let as_x = (shown + generator.random_range(1..own.len())) % own.len();
+    let beside = generator.random_range(0..other.len());
+    let (own, as_x, other) = (
+        index_of(&own[shown]),
+        index_of(&own[as_x]),
+        index_of(&other[beside]),
+    );
+    Trial {
+        pair,
+        a,
+        b,
+        x,
+        surface: heard.surface.clone(),
+        sounds: if x == a {
+            [own, other, as_x]
+        } else {
+            [other, own, as_x]
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn heard() -> Heard {
+        let of = |kind: usize| {
+            let excerpt = |n: usize| vec![kind as f64, n as f64];
+            (0..3).map(excerpt).collect::<Vec<_>>()
+        };
+        Heard {
+            surface: "denim, 120 mm/s, 1 N".into(),
+            recording: of(0),
+            gaussian: of(1),
+            fitted: of(2),
+        }
+    }
+
+    fn planned(seed: u64, count: usize) -> (Vec<Trial>, Vec<Vec<f64>>) {
+        let mut generator = Pcg64::seed_from_u64(seed);
+        let mut sounds = Vec::new();
+        let trials = (0..count)
+            .map(|n| {
+                let pair = Pair::value_variants()[n % 3];
+                trial(pair, &heard(), &mut sounds, &mut generator)
+            })
+            .collect();
+        (trials, sounds)
+    }
+
+    proptest! {
+        #[test]
+        fn x_is_another_excerpt_of_the_kind_of_a_or_b(seed: u64) {
+            let (trials, sounds) = planned(seed, 30);
+            for trial in &trials {
+                prop_assert!(trial.x == trial.a || trial.x == trial.b);
+                let kinds = [trial.a, trial.b, trial.x];
+                for (kind, sound) in kinds.into_iter().zip(trial.sounds) {
+                    prop_assert_eq!(sounds[sound][0] as usize, kind as usize);
+                }
+                let [a, b, x] = trial.sounds;
+                prop_assert!(a != b && b != x && a != x);
+                let mut pair = trial.pair.kinds().map(Kind::name);
+                let mut played = [trial.a, trial.b].map(Kind::name);
+                pair.sort_unstable();
+                played.sort_unstable();
+                prop_assert_eq!(pair, played);
+            }
+        }
+
+        #[test]
+        fn a_seed_decides_all(seed: u64) {
+            prop_assert_eq!(planned(seed, 12), planned(seed, 12));
+        }
+    }
+
+    #[test]
+    fn coins_are_fair() {
+        let (trials, _) = planned(5, 4000);
+        let share = |is: fn(&Trial) -> bool| {
+            trials.iter().filter(|trial| is(trial)).count() as f64 / trials.len() as f64
+        };
+        for share in [
+            share(|trial| trial.x == trial.a),
+            share(|trial| trial.a == trial.pair.kinds()[0]),
+            share(|trial| (trial.x == trial.a) == (trial.a == trial.pair.kinds()[0])),
+        ] {
+            assert!((share - 0.5).abs() < 0.04, "{share}");
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! What of a texture is played: all of it, or without the parts that are stored beside its filter.
+
+use clap::ValueEnum;
+use model_format::{Library, PartsSpec, Texture, TextureSpec, encode_uncertified};
+use serde::Serialize;
+
+use crate::scene::texture_spec;
+use crate::support::error::{Error, Result};
+
+/// A choice of a texture's parts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Played {
+    /// All parts, as fitted.
+    #[default]
+    Fitted,
+    /// The filter alone, excited by Gaussian noise.
+    Gaussian,
+    /// The recording's own excitation and its level, without the lines that are locked to place.
+    Residual,
+}
+
+/// A version of a texture that was played beside the synthesis.
+#[derive(Clone, Debug)]
+pub struct Version {
+    /// The choice.
+    pub played: Played,
+    /// The parts that are left, in words.
+    pub parts: String,
+    /// What was played, m/s², after warming up.
+    pub synthesised: Vec<f64>,
+}
+
+impl Played {
+    /// The parts that are played of those stored.
+    pub fn of(self, stored: &PartsSpec) -> PartsSpec {
+        match self {
+            Self::Fitted => stored.clone(),
+            Self::Gaussian => PartsSpec::default(),
+            Self::Residual => PartsSpec {
+                lines: None,
+                ..stored.clone()
+            },
+        }
+    }
+
+    /// The other choices that play something else, each once.
+    pub fn beside(self, stored: &PartsSpec) -> Vec<Self> {
+        let mut known = vec![self.of(stored)];
+        let mut beside = Vec::new();
+        for choice in [Self::Gaussian, Self::Residual, Self::Fitted] {
+            let parts = choice.of(stored);
+            if !known.contains(&parts) {
+                known.push(parts);
+                beside.push(choice);
+            }
+        }
+        beside
+    }
+}
+
+/// The parts that a texture has.
+pub fn parts(texture: &Texture<'_>) -> PartsSpec {
+    texture_spec(texture).parts
+}
+
+/// Parts in words: `Gaussian` where there are none.
+pub fn in_words(parts: &PartsSpec) -> String {
+    let PartsSpec {
+        excitation,
+        modulation,
+        lines,
+    } = parts;
+    let names = [
+        ("residual", excitation.is_some()),
+        ("Gaussian", excitation.is_none()),
+        ("modulation", modulation.is_some()),
+        ("place", lines.is_some()),
+    ];
+    let there = names.iter().filter(|(_, is_there)| *is_there);
+    there.map(|(name, _)| *name).collect::<Vec<_>>().join(" + ")
+}
+
+/// Calls `work` with `texture` as `played` chooses.
+///
+/// # Errors
+/// Those of `work`; parts that make no library.
+pub fn with<T>(
+    texture: &Texture<'_>,
+    played: Played,
+    work: impl FnOnce(Texture<'_>) -> Result<T>,
+) -> Result<T> {
+    let spec = texture_spec(texture);
+    let parts = played.of(&spec.parts);
+    if parts == spec.parts {
+        return work(*texture);
+    }
+    let bytes = encode_uncertified(&[TextureSpec { parts, ..spec }])
+        .map_err(|failure| Error::Model(failure.to_string()))?;
+    let library =
+        Library::decode_uncertified(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    work(library.textures().next().expect("one was encoded"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_format::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, ModulationSpec};
+
+    fn all() -> PartsSpec {
+        PartsSpec {
+            excitation: Some(ExcitationSpec {
+                codebooks: vec![CodebookSpec {
+                    peak: 8.0,
+                    codes: vec![1; 1000],
+                }],
+                of_nodes: vec![1],
+            }),
+            modulation: Some(ModulationSpec {
+                step_samples: 100,
+                entries: vec![0; 20],
+            }),
+            lines: Some(LinesSpec {
+                lines: vec![LineSpec {
+                    wavelength_mm: 0.5,
+                    phase: 0,
+                    amplitudes: vec![1.0],
+                }],
+            }),
+        }
+    }
+
+    #[test]
+    fn a_choice_leaves_out_its_parts_and_nothing_is_played_twice() {
+        let stored = all();
+        assert_eq!(Played::Fitted.of(&stored), stored);
+        assert_eq!(Played::Gaussian.of(&stored), PartsSpec::default());
+        let residual = Played::Residual.of(&stored);
+        assert!(residual.lines.is_none() && residual.excitation == stored.excitation);
+        let beside = |played: Played, stored: &PartsSpec| played.beside(stored);
+        assert_eq!(
+            beside(Played::Fitted, &stored),
+            [Played::Gaussian, Played::Residual]
+        );
+        assert_eq!(beside(Played::Fitted, &residual), [Played::Gaussian]);
+        assert_eq!(beside(Played::Gaussian, &residual), [Played::Residual]);
+        assert_eq!(beside(Played::Fitted, &PartsSpec::default()), []);
+    }
+
+    #[test]
+    fn parts_are_named_as_they_are_played() {
+        let stored = all();
+        let words = |played: Played| in_words(&played.of(&stored));
+        assert_eq!(words(Played::Fitted), "residual + modulation + place");
+        assert_eq!(words(Played::Residual), "residual + modulation");
+        assert_eq!(words(Played::Gaussian), "Gaussian");
+    }
+}

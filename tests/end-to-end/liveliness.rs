@@ -1,0 +1,202 @@
+//! What a spectrum does not show, from the command line: textures with an excitation and a level of their own, which are
+//! written by hand, against recordings made by the same rule.
+
+mod support;
+
+use model_format::{
+    CodebookSpec, ExcitationSpec, Library, ModulationSpec, PartsSpec, TextureSpec,
+    encode_uncertified,
+};
+use serde_json::Value;
+use support::{Bench, RATE_HZ, all_pole, json, noise, wav};
+
+const POLES: [f64; 2] = [-0.6, 0.7];
+
+/// Impulsive noise of unit variance: Gaussian numbers to the power of 3/2.
+fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
+    let raw: Vec<f64> = noise(seed, samples)
+        .iter()
+        .map(|x| x.signum() * x.abs().powf(1.5))
+        .collect();
+    let rms = (raw.iter().map(|x| x * x).sum::<f64>() / samples as f64).sqrt();
+    raw.iter().map(|x| x / rms).collect()
+}
+
+/// Levels in steps of 0.25 dB, one each 20 ms: a smoothed walk of 3.5 dB, of a mean square of 1.
+fn levels(seed: u64, entries: usize) -> Vec<i8> {
+    let mut state = 0.0;
+    let decibels: Vec<f64> = noise(seed, entries + 50)
+        .iter()
+        .map(|x| {
+            state = 0.7 * state + 2.5 * x;
+            state
+        })
+        .skip(50)
+        .collect();
+    let square = decibels.iter().map(|db| 10f64.powf(db / 10.0)).sum::<f64>() / entries as f64;
+    let offset_db = 10.0 * square.log10();
+    decibels
+        .iter()
+        .map(|db| (4.0 * (db - offset_db)).round().clamp(-127.0, 127.0) as i8)
+        .collect()
+}
+
+/// 8 s of a surface: impulsive noise, its level and a filter.
+fn recording(seed: u64) -> Vec<f64> {
+    let levels = levels(seed + 1000, 410);
+    let source = impulsive(seed, 40_000);
+    let excited: Vec<f64> = source
+        .iter()
+        .enumerate()
+        .map(|(n, x)| {
+            let (at, share) = (n / 100, (n % 100) as f64 / 100.0);
+            let amplitude = |at: usize| 10f64.powf(f64::from(levels[at]) * 0.25 / 20.0);
+            x * (amplitude(at) + share * (amplitude(at + 1) - amplitude(at)))
+        })
+        .collect();
+    all_pole(&POLES, &excited)
+}
+
+/// Codes of the mu-law with mu = 255.
+fn codebook(samples: &[f64]) -> CodebookSpec {
+    let peak = samples.iter().fold(0.0f64, |peak, x| peak.max(x.abs()));
+    let code = |x: &f64| {
+        let magnitude = 127.0 * (1.0 + 255.0 * x.abs() / peak).ln() / 256f64.ln();
+        (x.signum() * magnitude.round()) as i8
+    };
+    CodebookSpec {
+        peak: peak as f32,
+        codes: samples.iter().map(code).collect(),
+    }
+}
+
+/// Two takes, and a library of the first, plain and with parts.
+fn bench() -> Bench {
+    let bench = Bench::new();
+    for (folder, seed) in [("set", 1), ("takes", 2)] {
+        bench.write(
+            &format!("{folder}/a.wav"),
+            wav(&[&recording(seed)], RATE_HZ),
+        );
+        bench.write(
+            &format!("{folder}/trials.csv"),
+            "file,texture,speed_mm_s,force_n\na.wav,felt,100,1\n",
+        );
+    }
+    bench.succeed("fit set --out plain.lib --order 20");
+    let bytes = std::fs::read(bench.path("plain.lib")).unwrap();
+    let library = Library::decode(&bytes).unwrap();
+    let texture = library.textures().next().unwrap();
+    let spec = host_tools::scene::texture_spec(&texture);
+    let parts = PartsSpec {
+        excitation: Some(ExcitationSpec {
+            codebooks: vec![codebook(&impulsive(77, 8000))],
+            of_nodes: vec![1; spec.nodes.len()],
+        }),
+        modulation: Some(ModulationSpec {
+            step_samples: 100,
+            entries: levels(78, 400),
+        }),
+        lines: None,
+    };
+    for (name, parts) in [("plain.lib", PartsSpec::default()), ("fed.lib", parts)] {
+        let bytes = encode_uncertified(&[TextureSpec {
+            parts,
+            ..spec.clone()
+        }]);
+        std::fs::remove_file(bench.path("plain.lib.fit.json")).ok();
+        bench.write(name, bytes.unwrap());
+    }
+    bench
+}
+
+/// The figures of one signal of the only texture.
+fn of<'j>(evaluation: &'j Value, role: &str) -> &'j Value {
+    let rows = evaluation["textures"][0]["liveliness"].as_array().unwrap();
+    let is = |row: &&Value| row["role"] == role || row["role"]["version"] == role;
+    rows.iter()
+        .find(is)
+        .unwrap_or_else(|| panic!("{role}: {rows:?}"))
+}
+
+fn evaluated(bench: &Bench, library: &str, more: &str) -> (String, Value) {
+    let said = bench.succeed(&format!(
+        "evaluate set --library {library} --takes takes --synthesis 40 --json e.json {more}"
+    ));
+    let text = std::fs::read_to_string(bench.path("e.json")).unwrap();
+    (said, json(&text))
+}
+
+#[test]
+fn a_texture_with_parts_has_the_recordings_kurtosis_modulation_and_levels_and_without_them_it_has_not()
+ {
+    let bench = bench();
+    let (said, evaluation) = evaluated(&bench, "fed.lib", "");
+    let number = |role: &str, measure: &str| {
+        of(&evaluation, role)["differences"][measure]
+            .as_f64()
+            .unwrap()
+    };
+    for (measure, most) in [
+        ("kurtosis_octaves", 0.9),
+        ("residual_kurtosis_octaves", 0.3),
+        ("modulation_db", 1.5),
+        ("level_spread_db", 2.0),
+    ] {
+        let (synthesis, gaussian) = (number("synthesis", measure), number("gaussian", measure));
+        assert!(synthesis < most, "{measure}: {synthesis}");
+        assert!(
+            gaussian > 1.5 * synthesis,
+            "{measure}: {gaussian}, {synthesis}"
+        );
+    }
+    assert_eq!(
+        of(&evaluation, "synthesis")["parts"],
+        "residual + modulation"
+    );
+    for row in [
+        "recording",
+        "synthesis: residual + modulation",
+        "Gaussian",
+        "other recording",
+    ] {
+        assert!(said.contains(row), "{said}");
+    }
+    // The texture without its parts plays what a texture that never had any plays.
+    let (_, stripped) = evaluated(&bench, "fed.lib", "--excitation gaussian");
+    let (_, plain) = evaluated(&bench, "plain.lib", "");
+    let synthesis = |of_all: &Value| of(of_all, "synthesis")["median"].clone();
+    assert_eq!(synthesis(&stripped), synthesis(&plain));
+    assert_eq!(synthesis(&stripped), of(&evaluation, "gaussian")["median"]);
+    // A texture without parts has no other version.
+    let rows = plain["textures"][0]["liveliness"].as_array().unwrap();
+    assert_eq!(rows.len(), 3, "{rows:?}");
+}
+
+#[test]
+fn the_report_draws_all_versions_beside_the_recording() {
+    let bench = bench();
+    bench.succeed("evaluate set --library fed.lib --takes takes --synthesis 4 --report out");
+    let page = std::fs::read_to_string(bench.path("out/index.html")).unwrap();
+    let picture = std::fs::read_to_string(bench.path("out/felt-waveforms.svg")).unwrap();
+    for name in ["recording", "synthesis: residual + modulation", "Gaussian"] {
+        assert_eq!(picture.matches(&format!("\n{name}\n")).count(), 2, "{name}");
+    }
+    assert!(page.contains("What the spectrum does not show, of this trial"));
+}
+
+#[test]
+fn a_page_for_listening_compares_every_pair_of_recording_gaussian_and_fitted() {
+    let bench = bench();
+    let said = bench
+        .succeed("compare set --library fed.lib --takes takes --out page.html --trials 4 --seed 3");
+    assert!(said.contains("12 trials"), "{said}");
+    let text = std::fs::read_to_string(bench.path("page.html")).unwrap();
+    let (_, rest) = text.split_once("id=\"plan\">").unwrap();
+    let plan = json(rest.split_once("</script>").unwrap().0);
+    for pair in ["recording-fitted", "recording-gaussian", "gaussian-fitted"] {
+        let trials = plan["trials"].as_array().unwrap();
+        let own = trials.iter().filter(|trial| trial["pair"] == pair);
+        assert_eq!(own.count(), 4, "{pair}");
+    }
+}
