@@ -248,7 +248,7 @@ fn a_tool_that_rests_or_lifts_is_silent_without_a_constant_output() {
     assert_eq!(lifted.next_sample(), OutputSample::SILENCE);
 }
 
-/// Peak of a line at each speed, as a share of its amplitude.
+/// Peak of a line at each speed, from its RMS, as a share of its amplitude.
 #[test]
 fn a_line_fades_from_0_40_of_the_sample_rate_and_is_silent_from_0_44_on() {
     let wavelength_mm = 0.05;
@@ -260,9 +260,7 @@ fn a_line_fades_from_0_40_of_the_sample_rate_and_is_silent_from_0_44_on() {
         let share: f64 = hundredths / 100.0;
         let speed = share * RATE * f64::from(wavelength_mm);
         let samples = played(only_texture(&bytes), 0.5, |t| speed * t);
-        let peak = samples[2 * BLOCK..]
-            .iter()
-            .fold(0.0f64, |peak, x| peak.max(x.abs()));
+        let peak = 10f64.powf(level_db(&samples[2 * BLOCK..]) / 20.0);
         let expected = ((0.44 - share) / 0.04).clamp(0.0, 1.0);
         assert!(
             (peak - expected).abs() < 0.01,
