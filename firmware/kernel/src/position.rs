@@ -105,7 +105,8 @@ impl Track {
         let expected = distance_steps(speed_mm_s, samples, sample_rate_hz);
         let from = match self.passage {
             Some(before) => before.with_left(left, self.samples),
-            None => told.unwrap_or_default(),
+            // As if the tool had come at its speed, so that a line that is too fast is silent at once.
+            None => told.map_or(Position::ORIGIN, |told| told.ahead(-expected)),
         };
         let to = told.unwrap_or(from.ahead(expected));
         let explained = (2 * expected.unsigned_abs()).saturating_add(SLACK_STEPS);

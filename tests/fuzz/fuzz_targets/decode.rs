@@ -11,6 +11,7 @@ use model_format::{
     FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Problem, Texture,
     encode_with_scenes_uncertified,
 };
+use stylus_kernel::position::Position;
 use stylus_kernel::proof::Proof;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
@@ -91,9 +92,14 @@ fn play(texture: Texture<'_>) {
         (-f32::MAX, f32::MAX),
     ] {
         let motion = Motion::new(MillimetresPerSecond(speed), Newton(force));
-        synthesis.follow(motion.expect("axes are finite"), UPDATE_INTERVAL_SAMPLES);
-        for _ in 0..UPDATE_INTERVAL_SAMPLES {
-            synthesis.next_sample();
+        let motion = motion.expect("axes are finite");
+        // By the speed, and to places that no hand reaches in a block.
+        for position in [None, Some(0.3), Some(f32::MAX), Some(-1.0e9), None] {
+            let position = position.map(Position::from_mm);
+            synthesis.follow_to(motion, position, UPDATE_INTERVAL_SAMPLES);
+            for _ in 1..UPDATE_INTERVAL_SAMPLES {
+                synthesis.next_sample();
+            }
         }
     }
     synthesis.follow(Motion::REST, 1);

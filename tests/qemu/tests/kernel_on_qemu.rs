@@ -122,6 +122,19 @@ fn the_excitation_of_a_fed_voice_takes_an_update_what_the_model_says_and_the_sam
     }
 }
 
+/// Four lines that are locked to place, on a lattice of the same order.
+#[test]
+fn four_lines_take_at_most_200_instructions_more_than_none() {
+    for processor in Processor::ALL {
+        let samples = &report(processor).samples;
+        let [none, four] = ["lattice", "lattice, four lines"].map(|texture| {
+            let cost = samples.iter().find(|cost| cost.texture == texture);
+            cost.expect("it is measured").most
+        });
+        assert!((none + 1..=none + 200).contains(&four), "{none}, {four}");
+    }
+}
+
 /// Two counts agree: the image's by its timer, in virtual time, and the trace's, by instruction. They differ by the
 /// call and return of the traced function.
 #[test]

@@ -4,12 +4,13 @@
 //! velocity and acceleration with fading memory interpolates between counts, once per update of 2 ms, and looks
 //! [`LEAD_TICKS`] ahead. Its estimate is never outside of the present count, so that the surface is the same forwards
 //! and backwards. The gains are those of the polynomial of degree 2 with weights that fall by θ per update
-//! (Morrison, *Introduction to Sequential Smoothing and Prediction*, 1969, chapter 13): θ is 0.8, a memory of 10 ms, and
+//! (Morrison, *Introduction to Sequential Smoothing and Prediction*, 1969, chapter 13): θ is 0.85, a memory of 13 ms, and
 //! 0.6 when the prediction misses by two counts, because a hand that turns would otherwise outrun it.
 //!
 //! It has no lag at constant speed and acceleration. With counts of 0.01 mm and at 20 to 300 mm/s the position felt is
-//! off by 2.5 to 4.5 µm RMS and by less than a count, so that the phase noise of a line of 0.5 mm is 1.8° to 3.3° RMS. A
-//! turn within 0.3 s at 100 mm/s is off by 2 to 3 counts for a moment, because nobody knows the jerk ahead.
+//! off by 1.5 to 5 µm RMS and by a count at most, so that the phase noise of a line of 0.6 mm is 1° to 3° RMS. A turn at
+//! 100 mm/s is off by a count if it takes 0.9 s, and by 2 to 3 counts for a moment if it takes 0.3 s, because nobody
+//! knows the jerk ahead. `firmware/app/tests/app/lines.rs` holds these figures.
 //!
 //! **From the host.** Its positions come at up to 1 kHz, and up to a millisecond late or early. The position goes on at
 //! the speed that the host told last, and takes up a fifth of the difference per update. Without positions it is the
@@ -38,8 +39,8 @@ const STEPS_PER_MM: f32 = (1u64 << Position::FRACTION_BITS) as f32;
 #[derive(Clone, Copy)]
 struct Gains([f32; 3]);
 
-/// Gains of a steady hand, θ = 0.8.
-const STEADY: Gains = Gains::of_memory(0.8);
+/// Gains of a steady hand, θ = 0.85.
+const STEADY: Gains = Gains::of_memory(0.85);
 
 /// Gains of a hand that turns, θ = 0.6.
 const TURNING: Gains = Gains::of_memory(0.6);
@@ -136,7 +137,7 @@ impl Tracker {
 }
 
 impl Tracked {
-    /// Takes the encoder's `counts`, which wrap. The sum is exact.
+    /// Takes the encoder's `counts`, which wrap. The sum is exact, so that a place is the same in both directions.
     fn count(&mut self, counts: i32, config: &InputConfig) {
         let step = (config.path_per_count * STEPS_PER_MM) as i64;
         let more = i64::from(counts.wrapping_sub(self.counts));

@@ -5,6 +5,7 @@ mod direct_forms;
 mod double_faults;
 mod inputs;
 mod lease;
+mod lines;
 mod player;
 mod power_cut;
 mod proposals;

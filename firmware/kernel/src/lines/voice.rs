@@ -200,3 +200,54 @@ fn amplitude(line: &Line<'_>, point: &GridPoint, gain: u32) -> u32 {
     let steps = (faded * u64::from(gain)) / u64::from(ONE);
     steps.min(u64::from(MAX_AMPLITUDE)) as u32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The wavelength as the fraction that the float is: mantissa · 2^exponent.
+    fn fraction(wavelength_mm: f32) -> (i128, i32) {
+        let bits = wavelength_mm.to_bits();
+        let mantissa = i128::from(bits & 0x007f_ffff | 0x0080_0000);
+        (mantissa, (bits >> 23).cast_signed() - 150)
+    }
+
+    proptest! {
+        /// Against the turns as a fraction of integers of 128 bits, over 1000 km.
+        #[test]
+        fn a_phase_is_that_of_the_position_over_a_thousand_kilometres(
+            bits in 0.02f32.to_bits()..=1000f32.to_bits(), mm in -1e9f64..1e9,
+        ) {
+            let wavelength_mm = f32::from_bits(bits);
+            let position = Position::from_exact_mm(mm);
+            let phase = Turns::of(wavelength_mm).phase(position);
+            // Turns in steps of 2⁻³², from steps of 2⁻³² mm: steps / wavelength, by parts because it needs 90 digits.
+            let (mantissa, exponent) = fraction(wavelength_mm);
+            let scaled = i128::from(position.steps()) << (-exponent).clamp(0, 40);
+            let exact = scaled.div_euclid(mantissa);
+            let off = phase.wrapping_sub(exact as u32).cast_signed();
+            // 3·10⁻¹² of the turns, and a step.
+            let turns = (mm / f64::from(wavelength_mm)).abs();
+            let bound = 2.0 + turns * 4e-12 * libm::exp2(32.0);
+            prop_assert!(f64::from(off).abs() <= bound, "{off}, {bound}, {turns} turns");
+        }
+
+        /// Whole turns of a block's way are counted right, and forwards is backwards.
+        #[test]
+        fn the_turns_of_a_way_are_those_of_its_length(
+            bits in 0.02f32.to_bits()..=1000f32.to_bits(), mm in -1e6f64..1e6, way_mm in -256f64..256.0,
+        ) {
+            let turns = Turns::of(f32::from_bits(bits));
+            let [from, to] = [mm, mm + way_mm].map(Position::from_exact_mm);
+            let exact = turns.phase(to).wrapping_sub(turns.phase(from));
+            let steps = to.since(from);
+            prop_assume!(steps.unsigned_abs() <= LONGEST);
+            let way = turns.way(steps, exact);
+            prop_assert_eq!(way as u32, exact);
+            let expected = steps as f64 / f64::from(f32::from_bits(bits));
+            prop_assert!((way as f64 - expected).abs() < 3.0 + expected.abs() * 1e-11, "{} {}", way, expected);
+            prop_assert_eq!(turns.way(-steps, exact.wrapping_neg()), -way);
+        }
+    }
+}

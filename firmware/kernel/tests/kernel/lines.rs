@@ -2,13 +2,17 @@
 
 use std::f64::consts::TAU;
 
+use model_format::scene::{Region, Scene, Surface};
 use model_format::{
-    Library, LineSpec, LinesSpec, OutputSample, SAMPLE_RATE_HZ, Structure, Texture, encode,
+    FadeLaw, Library, LineSpec, LinesSpec, OutputSample, SAMPLE_RATE_HZ, Structure, Texture,
+    encode, encode_with_scenes,
 };
 use stylus_kernel::position::Position;
+use stylus_kernel::scene::cost::Item;
+use stylus_kernel::scene::{Interaction, Plan, ScenePlayer, Stage};
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
-use crate::models::{motion, silent_node, spec};
+use crate::models::{fixture, motion, silent_node, spec};
 
 const RATE: f64 = SAMPLE_RATE_HZ as f64;
 const BLOCK: usize = UPDATE_INTERVAL_SAMPLES as usize;
@@ -86,6 +90,453 @@ fn lines_are_the_sines_of_the_position() {
         assert!(
             (sample - exact).abs() < 2e-5,
             "sample {n}: {sample}, not {exact}"
+        );
+    }
+}
+
+/// Times, in samples, at which `samples` rise through zero, by the sine through both neighbours.
+fn rises(samples: &[f64], amplitude: f64) -> Vec<f64> {
+    let angle = |sample: f64| (sample / amplitude).clamp(-1.0, 1.0).asin();
+    let pairs = samples.windows(2).enumerate();
+    pairs
+        .filter(|(_, pair)| pair[0] < 0.0 && pair[1] >= 0.0)
+        .map(|(n, pair)| n as f64 - angle(pair[0]) / (angle(pair[1]) - angle(pair[0])))
+        .collect()
+}
+
+/// The largest error of the frequency of a line of `wavelength_mm`, as a share of speed over wavelength, in windows of
+/// `window` samples: the turns between the first and the last rise through zero, against the way between them.
+fn frequency_error(
+    samples: &[f64],
+    wavelength_mm: f64,
+    window: usize,
+    position_mm: impl Fn(f64) -> f64,
+) -> f64 {
+    let chunks = samples.chunks_exact(window).enumerate();
+    chunks
+        .map(|(index, chunk)| {
+            let rises = rises(chunk, 1.0);
+            let turns = (rises.len() - 1) as f64;
+            let time = |rise: f64| (index * window) as f64 / RATE + rise / RATE;
+            let [first, last] =
+                [rises[0], rises[rises.len() - 1]].map(|rise| position_mm(time(rise)));
+            (turns * wavelength_mm / (last - first).abs() - 1.0).abs()
+        })
+        .fold(0.0, f64::max)
+}
+
+fn level_db(window: &[f64]) -> f64 {
+    let square: f64 = window.iter().map(|x| x * x).sum();
+    10.0 * (2.0 * square / window.len() as f64).log10()
+}
+
+const HALF_SECOND: usize = SAMPLE_RATE_HZ as usize / 2;
+
+#[test]
+fn a_lines_frequency_is_speed_over_wavelength_and_its_level_steady_at_all_speeds() {
+    for wavelength_mm in [0.61f32, 2.0] {
+        let bytes = silent_but_for(&[(wavelength_mm, 0.3, 1.0)]);
+        let texture = only_texture(&bytes);
+        for speed in [20.0, 37.7, 100.0, 299.3, 300.0] {
+            let told = played(texture, 4.0, |t| speed * t);
+            let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 1);
+            let by_speed: Vec<f64> = (0..told.len())
+                .map(|n| {
+                    if n.is_multiple_of(BLOCK) {
+                        synthesis.follow(motion(speed as f32, 1.0), UPDATE_INTERVAL_SAMPLES);
+                    }
+                    m_s2(synthesis.next_sample())
+                })
+                .collect();
+            for samples in [told, by_speed] {
+                let samples = &samples[2 * BLOCK..];
+                let error = frequency_error(samples, f64::from(wavelength_mm), HALF_SECOND, |t| {
+                    speed * t
+                });
+                assert!(error < 1e-4, "{speed} mm/s, {wavelength_mm} mm: {error}");
+                for window in samples.chunks_exact(HALF_SECOND) {
+                    let level = level_db(window);
+                    // A window of a few periods that are not whole has not the mean level.
+                    let periods = speed / f64::from(wavelength_mm) / 2.0;
+                    let bound = (0.5f64).min(0.02 + 1.5 / periods);
+                    assert!(
+                        level.abs() < bound,
+                        "{speed} mm/s, {wavelength_mm} mm: {level} dB"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// From 20 to 300 mm/s and back within 4 s, in windows of 0.1 s.
+#[test]
+fn a_lines_frequency_follows_the_speed_in_acceleration() {
+    let position_mm = |t: f64| {
+        if t < 2.0 {
+            20.0 * t + 70.0 * t * t
+        } else {
+            320.0 + 300.0 * (t - 2.0) - 70.0 * (t - 2.0).powi(2)
+        }
+    };
+    for wavelength_mm in [0.25f32, 0.61] {
+        let bytes = silent_but_for(&[(wavelength_mm, 0.3, 1.0)]);
+        let samples = played(only_texture(&bytes), 4.0, position_mm);
+        let window = SAMPLE_RATE_HZ as usize / 10;
+        let from = window;
+        let error = frequency_error(&samples[from..], f64::from(wavelength_mm), window, |t| {
+            position_mm(t + from as f64 / RATE)
+        });
+        assert!(error < 1e-3, "{wavelength_mm} mm: {error}");
+    }
+}
+
+/// A hand that goes to and fro 30 mm at 1.5 Hz feels the same at the same place: the place that the sample tells of is
+/// off by a small part of a count of 0.01 mm, in both directions.
+#[test]
+fn a_line_retraces_when_the_tool_reverses() {
+    let wavelength_mm = 0.61;
+    let bytes = silent_but_for(&[(wavelength_mm, 0.1, 1.0)]);
+    let position_mm = |t: f64| 30.0 * (TAU * 1.5 * t).sin();
+    let samples = played(only_texture(&bytes), 3.0, position_mm);
+    let speed = |t: f64| 30.0 * TAU * 1.5 * (TAU * 1.5 * t).cos();
+    let (mut forwards, mut backwards) = (0, 0);
+    for (n, sample) in samples.iter().enumerate().skip(2 * BLOCK) {
+        let t = n as f64 / RATE;
+        // Near the turn the line fades with the speed.
+        if speed(t).abs() < 20.0 {
+            continue;
+        }
+        *(if speed(t) > 0.0 {
+            &mut forwards
+        } else {
+            &mut backwards
+        }) += 1;
+        let turns = |x: f64| x / f64::from(wavelength_mm) + 6553.0 / 65_536.0;
+        let near = [-0.003, 0.0, 0.003].map(|off| (TAU * turns(position_mm(t) + off)).sin());
+        let [low, high] = [
+            near.into_iter().fold(2.0, f64::min),
+            near.into_iter().fold(-2.0, f64::max),
+        ];
+        assert!(
+            (low - 1e-3..=high + 1e-3).contains(sample),
+            "{t} s: {sample}, not {near:?}"
+        );
+    }
+    assert!(forwards > 5000 && backwards > 5000);
+}
+
+#[test]
+fn a_tool_that_rests_or_lifts_is_silent_without_a_constant_output() {
+    let bytes = silent_but_for(&[(0.61, 0.1, 1.0), (50.0, 0.9, 3.0)]);
+    // It stops at a place at which neither line is at zero.
+    let samples = played(only_texture(&bytes), 2.0, |t| 80.0 * t.min(1.0013));
+    let rest = samples
+        .iter()
+        .rposition(|&sample| sample != 0.0)
+        .expect("it moved");
+    let stops = (1.0013 * RATE) as usize;
+    assert!(
+        (stops..=stops + 2 * BLOCK).contains(&rest),
+        "{rest}, and it stops at {stops}"
+    );
+    let mut lifted: Synthesis<'_> = Synthesis::new(only_texture(&bytes), 1);
+    lifted.follow(motion(80.0, 1.0), UPDATE_INTERVAL_SAMPLES);
+    (0..BLOCK).for_each(|_| _ = lifted.next_sample());
+    lifted.follow(motion(80.0, 0.0), UPDATE_INTERVAL_SAMPLES);
+    (1..BLOCK).for_each(|_| _ = lifted.next_sample());
+    assert_eq!(lifted.next_sample(), OutputSample::SILENCE);
+}
+
+/// Peak of a line at each speed, from its RMS, as a share of its amplitude.
+#[test]
+fn a_line_fades_from_0_40_of_the_sample_rate_and_is_silent_from_0_44_on() {
+    let wavelength_mm = 0.05;
+    let bytes = silent_but_for(&[(wavelength_mm, 0.0, 1.0)]);
+    let mut before = 2.0;
+    for hundredths in [
+        30.0, 39.9, 40.5, 41.0, 42.0, 43.0, 43.9, 44.0, 44.1, 50.0, 70.0, 99.0, 100.0, 250.0,
+    ] {
+        let share: f64 = hundredths / 100.0;
+        let speed = share * RATE * f64::from(wavelength_mm);
+        let samples = played(only_texture(&bytes), 0.5, |t| speed * t);
+        let peak = 10f64.powf(level_db(&samples[2 * BLOCK..]) / 20.0);
+        let expected = ((0.44 - share) / 0.04).clamp(0.0, 1.0);
+        assert!(
+            (peak - expected).abs() < 0.01,
+            "{share}: {peak}, not {expected}"
+        );
+        assert!(peak <= before + 1e-3);
+        if share >= 0.4401 {
+            assert!(samples.iter().all(|&sample| sample == 0.0), "{share}");
+        }
+        before = peak;
+    }
+}
+
+/// No two neighbouring samples differ by more than the line's own slope and the ramp of a block.
+fn never_clicks(samples: &[f64], frequency_hz: f64) {
+    let steepest = TAU * frequency_hz / RATE + 1.0 / f64::from(UPDATE_INTERVAL_SAMPLES);
+    for (n, pair) in samples.windows(2).enumerate() {
+        let step = (pair[1] - pair[0]).abs();
+        assert!(
+            step < 1.02 * steepest,
+            "sample {n}: {step}, at most {steepest}"
+        );
+    }
+}
+
+#[test]
+fn a_jump_of_the_position_does_not_click_and_the_line_goes_on_at_the_new_place() {
+    let wavelength_mm = 0.61f32;
+    let bytes = silent_but_for(&[(wavelength_mm, 0.0, 1.0)]);
+    for jump_mm in [-1000.0, -3.3, 0.8, 1.17, 40.0, 1.0e9] {
+        let jump = |t: f64| if t > 0.5021 { jump_mm } else { 0.0 };
+        let smooth = |t: f64| 120.0 * t;
+        let texture = only_texture(&bytes);
+        let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 1);
+        let mut samples = Vec::new();
+        for block in 0..500 {
+            let end = ((block + 1) * BLOCK - 1) as f64 / RATE;
+            let position = Position::from_exact_mm(smooth(end) + jump(end));
+            synthesis.follow_to(motion(120.0, 1.0), Some(position), UPDATE_INTERVAL_SAMPLES);
+            samples.extend((0..BLOCK).map(|_| m_s2(synthesis.next_sample())));
+        }
+        never_clicks(&samples[BLOCK..], 120.0 / f64::from(wavelength_mm));
+        // Two blocks later it is the sine of the new place.
+        for n in (252 + 2) * BLOCK..samples.len() {
+            let t = n as f64 / RATE;
+            let exact = (TAU * (smooth(t) + jump(t)) / f64::from(wavelength_mm)).sin();
+            let tolerance = 1e-3 + jump_mm.abs() * 1e-10;
+            assert!(
+                (samples[n] - exact).abs() < tolerance,
+                "{jump_mm} mm: sample {n}"
+            );
+        }
+    }
+}
+
+#[test]
+fn blocks_that_are_cut_short_do_not_click() {
+    let bytes = silent_but_for(&[(0.61, 0.0, 1.0)]);
+    let mut synthesis: Synthesis<'_> = Synthesis::new(only_texture(&bytes), 1);
+    let mut samples = Vec::new();
+    for block in 0..2000usize {
+        let elsewhere = if block.is_multiple_of(97) { 30.0 } else { 0.0 };
+        let position = Position::from_exact_mm(0.02 * samples.len() as f64 + 0.2 + elsewhere);
+        synthesis.follow_to(motion(100.0, 1.0), Some(position), UPDATE_INTERVAL_SAMPLES);
+        let length = 1 + block * 7 % BLOCK;
+        samples.extend((0..length).map(|_| m_s2(synthesis.next_sample())));
+    }
+    // Blocks that end early let the phase catch up at up to the highest frequency that a line has.
+    never_clicks(&samples, 0.44 * RATE);
+}
+
+#[test]
+fn amplitudes_are_means_over_the_grid_with_the_textures_fade_below_it() {
+    for (fade, at_half) in [
+        (FadeLaw::Amplitude, 0.5f64),
+        (FadeLaw::Power, 0.5f64.sqrt()),
+    ] {
+        let silent = vec![silent_node(Structure::NormalisedLattice); 4];
+        let mut spec = spec(
+            Structure::NormalisedLattice,
+            &[40.0, 80.0],
+            &[1.0, 2.0],
+            silent,
+        );
+        spec.laws.fade = fade;
+        let amplitudes = vec![1.0, 2.0, 4.0, 8.0];
+        let line = LineSpec {
+            wavelength_mm: 0.61,
+            phase: 0,
+            amplitudes,
+        };
+        spec.parts.lines = Some(LinesSpec { lines: vec![line] });
+        let bytes = encode(&[spec]).expect("a valid library");
+        for (speed, force, amplitude) in [
+            (40.0, 1.0, 1.0),
+            (40.0, 2.0, 2.0),
+            (80.0, 1.5, 6.0),
+            (60.0, 1.0, 2.5),
+            (60.0, 1.5, 3.75),
+            (200.0, 9.0, 8.0),
+            (20.0, 1.0, at_half),
+            (20.0, 0.5, at_half * at_half),
+        ] {
+            let mut synthesis: Synthesis<'_> = Synthesis::new(only_texture(&bytes), 1);
+            let samples: Vec<f64> = (0..4 * HALF_SECOND)
+                .map(|n| {
+                    if n.is_multiple_of(BLOCK) {
+                        synthesis.follow(motion(speed, force), UPDATE_INTERVAL_SAMPLES);
+                    }
+                    m_s2(synthesis.next_sample())
+                })
+                .collect();
+            let peak = samples[BLOCK..]
+                .iter()
+                .fold(0.0f64, |peak, x| peak.max(x.abs()));
+            assert!(
+                (peak / amplitude - 1.0).abs() < 0.01,
+                "{speed}, {force}: {peak}, not {amplitude}"
+            );
+        }
+    }
+}
+
+/// The texture's own output and the lines do not know of each other.
+#[test]
+fn lines_are_added_to_what_the_texture_plays_without_them_bit_for_bit() {
+    let node = fixture("H1b").node(Structure::NormalisedLattice, 4.0);
+    let plain = spec(Structure::NormalisedLattice, &[10.0], &[0.5], vec![node]);
+    let mut lined = plain.clone();
+    let alone = silent_but_for(&[(0.61, 0.25, 1.5), (2.0, 0.0, 0.5)]);
+    lined.parts.lines = only_texture(&alone).lines().map(Into::into);
+    let [plain, lined] = [plain, lined].map(|spec| encode(&[spec]).expect("valid"));
+    let samples = |bytes: &[u8]| {
+        let mut synthesis: Synthesis<'_> = Synthesis::new(only_texture(bytes), 7);
+        let mut samples = Vec::new();
+        for block in 0..300u32 {
+            synthesis.follow(motion(20.0 + block as f32, 1.0), UPDATE_INTERVAL_SAMPLES);
+            for _ in 0..BLOCK / 2 {
+                samples.extend(synthesis.next_two_samples());
+            }
+        }
+        (samples, synthesis.saturations())
+    };
+    let [plain, lined, alone] = [plain, lined, alone].map(|bytes| samples(&bytes));
+    assert_eq!((plain.1, lined.1), (0, 0));
+    for ((plain, lined), alone) in plain.0.iter().zip(&lined.0).zip(&alone.0) {
+        assert_eq!(plain.0 + alone.0, lined.0);
+    }
+}
+
+#[test]
+fn a_scene_of_one_surface_plays_its_textures_lines_and_only_then_has_a_stage_for_them() {
+    let lined = silent_but_for(&[(0.61, 0.25, 1.5), (2.0, 0.0, 0.5)]);
+    let texture = only_texture(&lined);
+    let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 3);
+    let mut player: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture), 3);
+    for block in 0..400u32 {
+        let speed = if block < 300 {
+            30.0 + block as f32
+        } else {
+            0.0
+        };
+        let position = Position::from_exact_mm(0.3 * f64::from(block));
+        let told = block.is_multiple_of(3).then_some(position);
+        let motion = motion(speed, 1.0);
+        synthesis.follow_to(motion, told, UPDATE_INTERVAL_SAMPLES);
+        player.follow(
+            Interaction::touching(motion).reaching(told),
+            UPDATE_INTERVAL_SAMPLES,
+        );
+        let stages = player.block().stages();
+        assert_eq!(
+            stages
+                .iter()
+                .filter(|stage| matches!(stage, Stage::Lines(_)))
+                .count(),
+            1
+        );
+        for _ in 0..BLOCK {
+            assert_eq!(player.next_sample(), synthesis.next_sample());
+        }
+    }
+    // In the air there is neither voice nor line.
+    for _ in 0..2 {
+        player.follow(Interaction::NONE, UPDATE_INTERVAL_SAMPLES);
+        (0..BLOCK).for_each(|_| _ = player.next_sample());
+    }
+    assert!(player.block().stages().is_empty());
+    let plain = spec(
+        Structure::NormalisedLattice,
+        &[10.0],
+        &[0.5],
+        vec![fixture("H1b").node(Structure::NormalisedLattice, 1.0)],
+    );
+    let plain = encode(&[plain]).expect("valid");
+    let mut player: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(only_texture(&plain)), 3);
+    player.follow(
+        Interaction::touching(motion(80.0, 1.0)),
+        UPDATE_INTERVAL_SAMPLES,
+    );
+    assert!(matches!(player.block().stages(), [Stage::Voice(_)]));
+}
+
+/// Two surfaces with lines: each has the weight of its surface across the transition, and its gain.
+#[test]
+fn lines_of_two_surfaces_share_a_transition_and_have_the_gain_of_their_surface() {
+    let silent = || vec![silent_node(Structure::NormalisedLattice)];
+    let lined = |name: &str, wavelength_mm| {
+        let mut spec = spec(Structure::NormalisedLattice, &[10.0], &[0.5], silent());
+        spec.name = name.to_owned();
+        let line = LineSpec {
+            wavelength_mm,
+            phase: 0,
+            amplitudes: vec![1.0],
+        };
+        spec.parts.lines = Some(LinesSpec { lines: vec![line] });
+        spec
+    };
+    let mut scene = Scene::of_surface(
+        "two".try_into().expect("short"),
+        SAMPLE_RATE_HZ,
+        Surface::of_texture(0),
+    );
+    let mut second = Surface::of_texture(1);
+    second.gain = 0.5;
+    scene.surfaces.push(second).expect("room");
+    for (start_mm, end_mm, surface) in [(-100.0, 0.0, 0), (0.0, 100.0, 1)] {
+        scene
+            .regions
+            .push(Region {
+                start_mm,
+                end_mm,
+                surface,
+            })
+            .expect("room");
+    }
+    scene.transition_mm = 40.0;
+    let bytes = encode_with_scenes(&[lined("one", 0.61), lined("other", 1.9)], &[scene.clone()])
+        .expect("valid");
+    let library = Library::decode(&bytes).expect("valid");
+    let plan = Plan::new(&scene, &library).expect("valid");
+    let items: Vec<_> = plan
+        .worst_case()
+        .terms()
+        .iter()
+        .map(|term| term.item)
+        .collect();
+    assert!(
+        [0, 1]
+            .iter()
+            .all(|&surface| items.contains(&Item::Lines { surface }))
+    );
+    let mut player: ScenePlayer<'_> = ScenePlayer::new(plan, 3);
+    let mut samples = Vec::new();
+    let x = |t: f64| -60.0 + 60.0 * t;
+    for block in 0..1000 {
+        let (begin, end) = (
+            (block * BLOCK) as f64 / RATE,
+            ((block + 1) * BLOCK - 1) as f64 / RATE,
+        );
+        let told = Position::from_exact_mm(x(end));
+        let interaction =
+            Interaction::new(motion(60.0, 1.0), x(begin) as f32, true).expect("finite");
+        player.follow(interaction.reaching(Some(told)), UPDATE_INTERVAL_SAMPLES);
+        samples.extend((0..BLOCK).map(|_| m_s2(player.next_sample())));
+    }
+    // Sine and cosine of the share of the transition; the position of regions is that of the block's beginning.
+    for (n, sample) in samples.iter().enumerate().skip(2 * BLOCK) {
+        let t = n as f64 / RATE;
+        let share = ((x(t) + 20.0) / 40.0).clamp(0.0, 1.0) * TAU / 4.0;
+        let exact = share.cos() * (TAU * x(t) / f64::from(0.61f32)).sin()
+            + 0.5 * share.sin() * (TAU * x(t) / f64::from(1.9f32)).sin();
+        assert!(
+            (sample - exact).abs() < 0.01,
+            "{} mm: {sample}, not {exact}",
+            x(t)
         );
     }
 }

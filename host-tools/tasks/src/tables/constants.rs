@@ -38,6 +38,7 @@ pub fn scene_stages() -> String {
         ("voice, normalised lattice", cost::LATTICE, "stage"),
         ("voice, direct form", cost::DIRECT, taps.as_str()),
         ("stick-slip", cost::STICK_SLIP, ""),
+        ("lines that are locked to place", cost::LINES, "line"),
         ("tap, while it rings", cost::TAP, ""),
         ("equaliser", cost::EQUALISER, "section"),
         ("fade while scenes are exchanged", cost::FADE_OUT, ""),
