@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use crate::error::{DecodeError, Place, Problem};
-use crate::library::part::{self, fine_theta, levels};
+use crate::library::part::{self, excitation, fine_theta, levels, modulation};
 use crate::library::{Coefficients, Laws, Library, NodeFlags, PartsSpec, theta};
 use crate::limits;
 use crate::scene::Scene;
@@ -396,11 +396,18 @@ fn append_parts(
         .collect();
     let fine_theta = fine_theta::part(&fractions)
         .map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
-    let parts: Vec<_> = [levels::part(texture.laws), fine_theta]
-        .into_iter()
-        .flatten()
-        .collect();
     let malformed = |_| Problem::MalformedParts.at(Place::Texture(index));
+    let excitation = texture.parts.excitation.as_ref().map(excitation::part);
+    let modulation = texture.parts.modulation.as_ref().map(modulation::part);
+    let parts: Vec<_> = [
+        levels::part(texture.laws),
+        fine_theta,
+        excitation.transpose().map_err(malformed)?,
+        modulation.transpose().map_err(malformed)?,
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
     part::append(&parts, bytes).map_err(malformed)
 }
 

@@ -210,6 +210,112 @@ pub enum Problem {
         /// Number of the stage, from 1.
         stage: usize,
     },
+    /// An excitation that does not parse.
+    #[error("its excitation ends within a codebook: the bytes were damaged")]
+    MalformedExcitation,
+    /// An excitation that takes too many bytes; their number.
+    #[error(
+        "its excitation takes {0} bytes; there may be {max}: fit it with shorter or fewer codebooks",
+        max = limits::MAX_EXCITATION_BYTES
+    )]
+    ExcitationBytes(usize),
+    /// An excitation without codebooks, or with too many; their number.
+    #[error(
+        "{0} codebooks; there must be 1 to {max}, and a texture with a Gaussian excitation has no such part",
+        max = limits::MAX_CODEBOOKS
+    )]
+    CodebookCount(usize),
+    /// A codebook that is too short.
+    #[error(
+        "codebook {number} has {length} samples; there must be at least {min}: fit from a longer recording",
+        min = limits::MIN_CODEBOOK_SAMPLES
+    )]
+    CodebookLength {
+        /// Number of the codebook, from 1.
+        number: usize,
+        /// Its samples.
+        length: usize,
+    },
+    /// A codebook's peak that is not positive, or too high.
+    #[error(
+        "codebook {number} has a peak of {peak} standard deviations; it must be above 0 and at most {max}: cut its \
+         peaks",
+        max = limits::MAX_CODEBOOK_PEAK
+    )]
+    CodebookPeak {
+        /// Number of the codebook, from 1.
+        number: usize,
+        /// The peak, standard deviations.
+        peak: f32,
+    },
+    /// A code that the mu-law does not have.
+    #[error("sample {sample} of codebook {number} is -128; codes are -127 to 127")]
+    CodebookCode {
+        /// Number of the codebook, from 1.
+        number: usize,
+        /// Index of the sample.
+        sample: usize,
+    },
+    /// A codebook whose mean square is not 1.
+    #[error(
+        "codebook {number} has a mean square of {power}; it must be {min} to {max}, so that the level is that of the \
+         nodes: scale its peak",
+        min = limits::MIN_FED_POWER,
+        max = limits::MAX_FED_POWER
+    )]
+    CodebookPower {
+        /// Number of the codebook, from 1.
+        number: usize,
+        /// Its mean square.
+        power: f32,
+    },
+    /// More or fewer sources of excitation than nodes.
+    #[error("{found} bytes with the codebooks of nodes where the axes span {nodes}")]
+    CodebooksOfNodes {
+        /// Number of the bytes.
+        found: usize,
+        /// Number of nodes.
+        nodes: usize,
+    },
+    /// A node with a codebook that is not there.
+    #[error("it has codebook {codebook}, and the texture has {count}")]
+    UnknownCodebook {
+        /// Number of the codebook, from 1.
+        codebook: usize,
+        /// Number of the texture's codebooks.
+        count: usize,
+    },
+    /// A codebook that no node has; its number, from 1.
+    #[error("no node has codebook {0}: leave it out")]
+    UnusedCodebook(usize),
+    /// A level track that does not parse.
+    #[error("its level track does not parse: the bytes were damaged")]
+    MalformedModulation,
+    /// A distance of entries that is too small or too large, samples.
+    #[error(
+        "{0} samples from one entry of the level track to the next; there must be {min} to {max}",
+        min = limits::MIN_MODULATION_STEP_SAMPLES,
+        max = limits::MAX_MODULATION_STEP_SAMPLES
+    )]
+    ModulationStep(u32),
+    /// Too few or too many entries; their number.
+    #[error(
+        "{0} entries of the level track; there must be {min} to {max}",
+        min = limits::MIN_MODULATION_ENTRIES,
+        max = limits::MAX_MODULATION_ENTRIES
+    )]
+    ModulationLength(usize),
+    /// A level track whose mean square is not 1.
+    #[error(
+        "the level track has a mean square of {0} as it is played; it must be {min} to {max}, so that the level is \
+         that of the nodes: shift its entries",
+        min = limits::MIN_FED_POWER,
+        max = limits::MAX_FED_POWER
+    )]
+    ModulationPower(f32),
+    /// A level track that says what holds without it.
+    #[error("all entries of the level track are 0 dB: leave it out")]
+    FlatModulation,
     /// Bytes after a texture's optional parts, within its string; their number.
     #[error("{0} bytes are left over after its optional parts")]
     LeftOverOfTexture(usize),

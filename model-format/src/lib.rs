@@ -22,8 +22,9 @@ pub use encode::{
 };
 pub use error::{DecodeError, Place, Problem};
 pub use library::{
-    Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Coefficients, Decoder, FadeLaw, Laws,
-    LevelLaw, Library, Node, NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL, Workspace,
+    Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Codebook, Coefficients, Decoder, Excitation,
+    FadeLaw, LEVEL_FRACTION_BITS, Laws, LevelLaw, Library, MU_LAW_FRACTION_BITS, Modulation, Node,
+    NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL, Workspace, level_amplitude, mu_law,
 };
 #[cfg(feature = "alloc")]
 pub use library::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, ModulationSpec, PartsSpec};

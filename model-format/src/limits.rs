@@ -21,6 +21,37 @@ pub const MAX_TEXTURES: usize = 256;
 /// Most stages of a lattice, from the first, that may have a finer θ.
 pub const MAX_FINE_STAGES: usize = 32;
 
+/// Most bytes of a texture's excitation, its codebooks and the byte of each node.
+pub const MAX_EXCITATION_BYTES: usize = 16 * 1024;
+
+/// Most codebooks of a texture.
+pub const MAX_CODEBOOKS: usize = 4;
+
+/// Fewest samples of a codebook: 0.2 s at 5 kHz.
+pub const MIN_CODEBOOK_SAMPLES: usize = 1000;
+
+/// Highest peak of a codebook, standard deviations. A fed excitation has its full scale at 64.
+pub const MAX_CODEBOOK_PEAK: f32 = 40.0;
+
+/// Fewest and most samples from one entry of a level track to the next.
+pub const MIN_MODULATION_STEP_SAMPLES: u32 = 25;
+
+/// See [`MIN_MODULATION_STEP_SAMPLES`].
+pub const MAX_MODULATION_STEP_SAMPLES: u32 = 500;
+
+/// Fewest entries of a level track.
+pub const MIN_MODULATION_ENTRIES: usize = 20;
+
+/// Most entries of a level track.
+pub const MAX_MODULATION_ENTRIES: usize = 4096;
+
+/// Lowest mean square of a codebook and of a level track. The level of a node, and with it every limit on output, rests
+/// on an excitation of variance 1.
+pub const MIN_FED_POWER: f32 = 0.98;
+
+/// Highest mean square of a codebook and of a level track; see [`MIN_FED_POWER`].
+pub const MAX_FED_POWER: f32 = 1.02;
+
 /// Longest name of a texture, bytes of UTF-8.
 pub const MAX_NAME_BYTES: usize = 48;
 

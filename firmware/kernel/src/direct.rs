@@ -25,7 +25,8 @@ use model_format::{Coefficients, OutputSample, Texture};
 
 use crate::arithmetic::{Arithmetic, TURN_TAPS, Turn};
 use crate::excitation;
-use crate::fixed::{saturate, shift_toward_zero};
+use crate::feed::{FED_FRACTION_BITS, FED_HEADROOM_BITS};
+use crate::fixed::{is_full_scale, saturate, shift_toward_zero};
 use crate::grid::{GridPoint, ONE};
 use crate::level::{Levels, Ramp, rms_at};
 
@@ -87,7 +88,11 @@ impl DirectFrame {
             turns: texture.max_order().div_ceil(TURN_TAPS),
             exponent,
             point: None,
-            scale_bits: scale_bits(texture.max_output_power()),
+            scale_bits: if texture.is_fed() {
+                scale_bits(texture.max_output_power()).saturating_sub(FED_HEADROOM_BITS)
+            } else {
+                scale_bits(texture.max_output_power())
+            },
             deviation: Ramp::new(),
             fade: Ramp::new(),
         }
@@ -176,6 +181,26 @@ impl DirectFrame {
         let driven = i64::from(excitation) * i64::from(self.deviation.value(left));
         driven >> (excitation::FRACTION_BITS - SUM_FRACTION_BITS)
     }
+
+    /// As [`DirectFrame::driven`], in the steps of a fed excitation. It is below 2⁵⁷ in magnitude, and the sum of the
+    /// predictor's products at most 2⁶², so that both together have room.
+    #[inline(always)]
+    fn fed(&self, excitation: i32, left: u32) -> i64 {
+        let driven = i64::from(excitation) * i64::from(self.deviation.value(left));
+        driven >> (FED_FRACTION_BITS - SUM_FRACTION_BITS)
+    }
+
+    /// The output of a filter at `filtered`, in steps of the history, at the fade with `left` samples of its ramp to
+    /// come.
+    #[inline(always)]
+    fn output(&self, filtered: i32, left: u32) -> i64 {
+        let faded = i64::from(filtered) * i64::from(self.fade.value(left));
+        // Truncating twice toward zero is truncating once. A scene's gain may make the fade larger than one, and so the
+        // product longer than a word. The mask tells the compiler that no shift is as wide as a word, which takes it
+        // half the instructions.
+        let faded = shift_toward_zero(faded, ONE.ilog2());
+        shift_toward_zero(faded, self.scale_bits & 31)
+    }
 }
 
 impl DirectState {
@@ -235,12 +260,29 @@ impl DirectState {
         left: u32,
     ) -> (OutputSample, bool) {
         let (filtered, saturated) = self.filter::<A>(frame, frame.driven(excitation, left));
-        let faded = i64::from(filtered) * i64::from(frame.fade.value(left));
-        // Truncating twice toward zero is truncating once. The mask is for the compiler, as above. A scene's gain may
-        // make the fade larger than one, and so the product longer than a word.
-        let faded = shift_toward_zero(faded, ONE.ilog2());
-        let output = shift_toward_zero(faded, frame.scale_bits & 31);
-        (OutputSample(output as i32), saturated)
+        (OutputSample(frame.output(filtered, left) as i32), saturated)
+    }
+
+    /// As [`DirectState::run`], of a fed texture: a step of `excitation` is 2⁻²⁵.
+    #[inline]
+    pub fn run_fed<A: Arithmetic>(&mut self, frame: &DirectFrame, excitation: i32) {
+        self.filter::<A>(frame, frame.fed(excitation, 0));
+    }
+
+    /// As [`DirectState::next_sample`], of a fed texture: a step of `excitation` is 2⁻²⁵. The flag is true if
+    /// excitation, filter or output are at full scale.
+    #[inline]
+    pub fn next_fed_sample<A: Arithmetic>(
+        &mut self,
+        frame: &DirectFrame,
+        excitation: i32,
+        left: u32,
+    ) -> (OutputSample, bool) {
+        let (filtered, saturated) = self.filter::<A>(frame, frame.fed(excitation, left));
+        // A gain above one may take a history of full scale beyond the output's.
+        let (output, over) = saturate(frame.output(filtered, left));
+        let full = is_full_scale(excitation);
+        (OutputSample(output), saturated | over | full)
     }
 
     #[inline(always)]

@@ -29,6 +29,16 @@ pub fn saturate(value: i64) -> (i32, bool) {
     (kept, saturated)
 }
 
+/// Returns whether `signal` is at either end of its range.
+#[inline(always)]
+#[expect(
+    clippy::needless_bitwise_bool,
+    reason = "a lazy operator may become a branch, whose path would depend on the data"
+)]
+pub fn is_full_scale(signal: i32) -> bool {
+    (signal == i32::MAX) | (signal == i32::MIN)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

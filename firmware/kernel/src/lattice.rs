@@ -16,7 +16,8 @@ use model_format::{OutputSample, Texture};
 
 use crate::arithmetic::Arithmetic;
 use crate::excitation::Excitation;
-use crate::fixed::shift_toward_zero;
+use crate::feed::{FED_HEADROOM_BITS, gaussian_sample};
+use crate::fixed::{is_full_scale, saturate, shift_toward_zero};
 use crate::grid::{GridPoint, ONE};
 use crate::level::{Levels, Ramp, rms_at};
 use crate::rotation::Rotation;
@@ -24,6 +25,9 @@ use crate::theta::interpolate;
 
 /// Digits after the point of the gain in m/s²: full scale of the lattice times full gain is that of the output.
 pub(crate) const GAIN_FRACTION_BITS: u32 = 23;
+
+/// Digits that a product of lattice and gain loses to become a sample of the output.
+const OUTPUT_SHIFT: u32 = 31;
 
 /// The frame of a motion: rotations of all stages, and the level.
 #[derive(Clone, Debug)]
@@ -83,13 +87,19 @@ impl LatticeFrame {
     #[inline(always)]
     fn output(&self, filtered: i32, left: u32) -> (OutputSample, bool) {
         let gain = self.gain.value(left);
-        let output = shift_toward_zero(i64::from(filtered) * i64::from(gain), 31);
-        #[expect(
-            clippy::needless_bitwise_bool,
-            reason = "a lazy operator may become a branch, whose path would depend on the data"
-        )]
-        let at_full_scale = (filtered == i32::MAX) | (filtered == i32::MIN);
-        (OutputSample(output as i32), at_full_scale)
+        let output = shift_toward_zero(i64::from(filtered) * i64::from(gain), OUTPUT_SHIFT);
+        (OutputSample(output as i32), is_full_scale(filtered))
+    }
+
+    /// As [`LatticeFrame::output`], of a lattice in the steps of a fed excitation. The flag is true if excitation,
+    /// lattice or output are at full scale.
+    #[inline(always)]
+    fn fed_output(&self, excitation: i32, filtered: i32, left: u32) -> (OutputSample, bool) {
+        let product = i64::from(filtered) * i64::from(self.gain.value(left));
+        let output = shift_toward_zero(product, OUTPUT_SHIFT - FED_HEADROOM_BITS);
+        let (output, saturated) = saturate(output);
+        let full = is_full_scale(excitation) | is_full_scale(filtered);
+        (OutputSample(output), saturated | full)
     }
 }
 
@@ -112,6 +122,15 @@ impl LatticeState {
         let mut state = Self::new();
         for backward in &mut state.backward[..stages.min(MAX_ORDER)] {
             *backward = source.next_sample();
+        }
+        state
+    }
+
+    /// As [`LatticeState::stationary`], in the steps of a fed excitation.
+    pub fn fed_stationary(stages: usize, source: &mut Excitation) -> Self {
+        let mut state = Self::new();
+        for backward in &mut state.backward[..stages.min(MAX_ORDER)] {
+            *backward = gaussian_sample(source);
         }
         state
     }
@@ -168,6 +187,18 @@ impl LatticeState {
     ) -> (OutputSample, bool) {
         let filtered = self.filter::<A>(frame.rotations(), excitation);
         frame.output(filtered, left)
+    }
+
+    /// As [`LatticeState::next_sample`], of a fed texture: a step of `excitation` is 2⁻²⁵.
+    #[inline]
+    pub fn next_fed_sample<A: Arithmetic>(
+        &mut self,
+        frame: &LatticeFrame,
+        excitation: i32,
+        left: u32,
+    ) -> (OutputSample, bool) {
+        let filtered = self.filter::<A>(frame.rotations(), excitation);
+        frame.fed_output(excitation, filtered, left)
     }
 
     /// The next two samples, as two calls of [`LatticeState::next_sample`] give them.

@@ -4,6 +4,7 @@
 pub mod arithmetic;
 pub mod direct;
 pub mod excitation;
+pub mod feed;
 mod fixed;
 pub mod grid;
 pub mod lattice;
@@ -19,4 +20,4 @@ pub mod variants;
 
 pub use grid::{Motion, MotionError};
 pub use level::Levels;
-pub use synthesis::{Frame, Playback, Scale, Synthesis, UPDATE_INTERVAL_SAMPLES};
+pub use synthesis::{Frame, MAX_FED_SAMPLES, Playback, Scale, Synthesis, UPDATE_INTERVAL_SAMPLES};

@@ -11,6 +11,7 @@ use model_format::{OutputSample, Structure, Texture};
 use crate::arithmetic::{Arithmetic, Portable};
 use crate::direct::{self, DirectFrame, DirectState};
 use crate::excitation::Excitation;
+use crate::feed::{Feed, Material};
 use crate::grid::{GridPoint, Motion, ONE};
 use crate::lattice::{LatticeFrame, LatticeState};
 use crate::level::Levels;
@@ -18,9 +19,20 @@ use crate::level::Levels;
 /// Update interval of the coefficients, samples: 2 ms at 5 kHz.
 pub const UPDATE_INTERVAL_SAMPLES: u32 = 10;
 
-/// Coefficients and levels of a motion.
+/// Most samples of a fed texture's frame.
+///
+/// A device's frames take [`UPDATE_INTERVAL_SAMPLES`], and none of the host's programs more than 50.
+pub const MAX_FED_SAMPLES: usize = 64;
+
+/// Coefficients and levels of a motion, and the excitation of a fed texture.
 #[derive(Clone, Debug)]
-pub struct Frame(FrameOf);
+#[repr(C)]
+pub struct Frame {
+    filter: FrameOf,
+    /// The excitation of a fed texture in steps of 2⁻²⁵, the last sample at index 1. Index 0 is that of samples after
+    /// the last, and always 0.
+    words: [i32; MAX_FED_SAMPLES + 1],
+}
 
 /// Scale that all frames of a texture share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,14 +81,18 @@ impl Frame {
 
     /// A silent frame for `texture`, whose [`Scale`] is known.
     pub fn silent_at(texture: &Texture<'_>, scale: Scale) -> Self {
-        Self(match texture.structure() {
+        let filter = match texture.structure() {
             Structure::NormalisedLattice => {
                 FrameOf::Lattice(LatticeFrame::silent(texture.max_order()))
             }
             Structure::DirectForm16 | Structure::DirectForm32 => {
                 FrameOf::Direct(DirectFrame::silent_at(texture, scale.exponent))
             }
-        })
+        };
+        Self {
+            filter,
+            words: [0; MAX_FED_SAMPLES + 1],
+        }
     }
 
     /// Makes this the frame of `motion` on `texture`, the one that it was made for. Levels go from `from`, those of the
@@ -102,7 +118,21 @@ impl Frame {
     ) {
         let mut point = GridPoint::locate(texture, motion);
         point.fade = ((u64::from(point.fade) * u64::from(gain)) / u64::from(ONE)) as u32;
-        each_frame!(&mut self.0, frame => frame.update(texture, &point, from, samples));
+        each_frame!(&mut self.filter, frame => frame.update(texture, &point, from, samples));
+    }
+
+    /// Takes the excitation of `samples` samples at `motion` from `feed`, that of `texture`, which is fed.
+    ///
+    /// The frame then holds the excitation of so many samples and is played once. Of more than [`MAX_FED_SAMPLES`] the
+    /// last so many are taken, and the first have an excitation of 0; and so have samples after the last, as those of a
+    /// late update. The filter then rings out.
+    pub fn feed(&mut self, feed: &mut Feed, texture: &Texture<'_>, motion: Motion, samples: u32) {
+        let (material, point) = (Material::of(texture), GridPoint::locate(texture, motion));
+        let samples = (samples as usize).min(MAX_FED_SAMPLES);
+        for word in self.words[1..=samples].iter_mut().rev() {
+            *word = feed.next_sample(&material, &point);
+        }
+        self.words[samples + 1..].fill(0);
     }
 
     /// Makes this a silent frame with the coefficients of `motion`, for [`Playback::run_up`].
@@ -112,7 +142,7 @@ impl Frame {
 
     /// The levels with `left` samples of their ramps to come; `left` is 0 at the end of the frame.
     pub fn levels(&self, left: u32) -> Levels {
-        each_frame!(&self.0, frame => frame.levels(left))
+        each_frame!(&self.filter, frame => frame.levels(left))
     }
 }
 
@@ -140,13 +170,23 @@ pub struct Playback {
 enum State {
     Lattice(LatticeState),
     Direct(DirectState),
+    /// A lattice of a fed texture.
+    FedLattice(LatticeState),
+    /// A direct form of a fed texture.
+    FedDirect(DirectState),
 }
 
 impl State {
     fn at_rest(texture: &Texture<'_>) -> Self {
-        match texture.structure() {
-            Structure::NormalisedLattice => Self::Lattice(LatticeState::new()),
-            Structure::DirectForm16 | Structure::DirectForm32 => Self::Direct(DirectState::new()),
+        match (texture.structure(), texture.is_fed()) {
+            (Structure::NormalisedLattice, false) => Self::Lattice(LatticeState::new()),
+            (Structure::NormalisedLattice, true) => Self::FedLattice(LatticeState::new()),
+            (Structure::DirectForm16 | Structure::DirectForm32, false) => {
+                Self::Direct(DirectState::new())
+            }
+            (Structure::DirectForm16 | Structure::DirectForm32, true) => {
+                Self::FedDirect(DirectState::new())
+            }
         }
     }
 
@@ -154,8 +194,13 @@ impl State {
     fn beginning(texture: &Texture<'_>, excitation: &mut Excitation) -> (Self, u32) {
         match texture.structure() {
             Structure::NormalisedLattice => {
-                let state = LatticeState::stationary(texture.max_order(), excitation);
-                (Self::Lattice(state), 0)
+                let stages = texture.max_order();
+                let state = if texture.is_fed() {
+                    Self::FedLattice(LatticeState::fed_stationary(stages, excitation))
+                } else {
+                    Self::Lattice(LatticeState::stationary(stages, excitation))
+                };
+                (state, 0)
             }
             Structure::DirectForm16 | Structure::DirectForm32 => {
                 (Self::at_rest(texture), direct::RUN_UP_SAMPLES)
@@ -190,10 +235,27 @@ impl Playback {
         }
     }
 
-    /// Changes to the beginning of `texture`. The excitation goes on.
-    pub fn restart(&mut self, texture: &Texture<'_>) {
+    /// Changes to the beginning of `texture`. The excitation goes on, whether it is made here or by `feed`.
+    ///
+    /// `feed` is that of all fed textures of this playback. It begins with this texture, if it is fed.
+    pub fn restart(&mut self, texture: &Texture<'_>, feed: &mut Feed) {
+        if self.is_fed() {
+            self.excitation = feed.gaussian().clone();
+        }
         (self.state, self.cold) = State::beginning(texture, &mut self.excitation);
         self.left = 0;
+        self.begin_feed(feed);
+    }
+
+    /// Begins `feed` with the texture that this was made for, if it is fed.
+    pub fn begin_feed(&self, feed: &mut Feed) {
+        if self.is_fed() {
+            feed.begin(self.excitation.clone());
+        }
+    }
+
+    fn is_fed(&self) -> bool {
+        matches!(self.state, State::FedLattice(_) | State::FedDirect(_))
     }
 
     /// Number of samples that are still to be run up before the texture may be heard: 0 for a lattice.
@@ -203,16 +265,35 @@ impl Playback {
 
     /// Runs the state up by at most `samples` samples, at the end of the ramps of `frame`, a frame of the texture.
     ///
-    /// Samples at full scale do not count, because nobody hears them.
-    pub fn run_up<A: Arithmetic>(&mut self, frame: &Frame, samples: u32) {
-        let (FrameOf::Direct(frame), State::Direct(state)) = (&frame.0, &mut self.state) else {
+    /// Samples at full scale do not count, because nobody hears them. The excitation of a fed texture is that of `feed`
+    /// at `motion`.
+    pub fn run_up<A: Arithmetic>(
+        &mut self,
+        frame: &Frame,
+        texture: &Texture<'_>,
+        motion: Motion,
+        feed: &mut Feed,
+        samples: u32,
+    ) {
+        let FrameOf::Direct(frame) = &frame.filter else {
             return;
         };
         let samples = samples.min(self.cold);
-        self.cold -= samples;
-        for _ in 0..samples {
-            state.run::<A>(frame, self.excitation.next_sample());
+        match &mut self.state {
+            State::Direct(state) => {
+                for _ in 0..samples {
+                    state.run::<A>(frame, self.excitation.next_sample());
+                }
+            }
+            State::FedDirect(state) => {
+                let (material, point) = (Material::of(texture), GridPoint::locate(texture, motion));
+                for _ in 0..samples {
+                    state.run_fed::<A>(frame, feed.next_sample(&material, &point));
+                }
+            }
+            State::Lattice(_) | State::FedLattice(_) => return,
         }
+        self.cold -= samples;
     }
 
     /// Begins a frame whose ramps take `samples` samples.
@@ -226,14 +307,34 @@ impl Playback {
     /// `A` is the processor's arithmetic; all give the same bits.
     #[inline]
     pub fn next_sample<A: Arithmetic>(&mut self, frame: &Frame) -> OutputSample {
-        self.left = self.left.saturating_sub(1);
-        let (left, excitation) = (self.left, self.excitation.next_sample());
-        let (output, saturated) = match (&frame.0, &mut self.state) {
+        let before = self.left;
+        self.left = before.saturating_sub(1);
+        let left = self.left;
+        let (output, saturated) = match (&frame.filter, &mut self.state) {
             (FrameOf::Lattice(frame), State::Lattice(state)) => {
-                state.next_sample::<A>(frame, excitation, left)
+                state.next_sample::<A>(frame, self.excitation.next_sample(), left)
             }
             (FrameOf::Direct(frame), State::Direct(state)) => {
-                state.next_sample::<A>(frame, excitation, left)
+                state.next_sample::<A>(frame, self.excitation.next_sample(), left)
+            }
+            _ => return self.next_fed_sample::<A>(frame, before),
+        };
+        self.saturations = self.saturations.saturating_add(u32::from(saturated));
+        output
+    }
+
+    /// The next sample of a fed texture, with `before` samples of the frame's ramps to come before it. It takes the
+    /// excitation that the frame was fed with.
+    #[inline(never)]
+    fn next_fed_sample<A: Arithmetic>(&mut self, frame: &Frame, before: u32) -> OutputSample {
+        let excitation = frame.words.get(before as usize).copied().unwrap_or(0);
+        let left = self.left;
+        let (output, saturated) = match (&frame.filter, &mut self.state) {
+            (FrameOf::Lattice(frame), State::FedLattice(state)) => {
+                state.next_fed_sample::<A>(frame, excitation, left)
+            }
+            (FrameOf::Direct(frame), State::FedDirect(state)) => {
+                state.next_fed_sample::<A>(frame, excitation, left)
             }
             _ => (OutputSample::SILENCE, false),
         };
@@ -247,7 +348,8 @@ impl Playback {
     /// first is put out.
     #[inline]
     pub fn next_two_samples<A: Arithmetic>(&mut self, frame: &Frame) -> [OutputSample; 2] {
-        let (FrameOf::Lattice(lattice), State::Lattice(state)) = (&frame.0, &mut self.state) else {
+        let (FrameOf::Lattice(lattice), State::Lattice(state)) = (&frame.filter, &mut self.state)
+        else {
             return [self.next_sample::<A>(frame), self.next_sample::<A>(frame)];
         };
         let left = [1, 2].map(|played| self.left.saturating_sub(played));
@@ -278,6 +380,8 @@ pub struct Synthesis<'a, A: Arithmetic = Portable> {
     texture: Texture<'a>,
     frame: Frame,
     playback: Playback,
+    /// The excitation, if the texture is fed.
+    feed: Feed,
     arithmetic: PhantomData<A>,
 }
 
@@ -285,19 +389,22 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
     /// Plays `texture`: it is silent until [`Synthesis::follow`] gives it a motion, and then at its level. The same
     /// `seed` gives the same samples on every machine.
     pub fn new(texture: Texture<'a>, seed: u64) -> Self {
-        Self::of_playback(texture, Playback::new(&texture, seed))
+        Self::of_playback(texture, Playback::new(&texture, seed), seed)
     }
 
     /// Plays `texture` from an empty state; see [`Playback::from_rest`].
     pub fn from_rest(texture: Texture<'a>, seed: u64) -> Self {
-        Self::of_playback(texture, Playback::from_rest(&texture, seed))
+        Self::of_playback(texture, Playback::from_rest(&texture, seed), seed)
     }
 
-    fn of_playback(texture: Texture<'a>, playback: Playback) -> Self {
+    fn of_playback(texture: Texture<'a>, playback: Playback, seed: u64) -> Self {
+        let mut feed = Feed::new(seed);
+        playback.begin_feed(&mut feed);
         Self {
             texture,
             frame: Frame::silent(&texture),
             playback,
+            feed,
             arithmetic: PhantomData,
         }
     }
@@ -306,20 +413,27 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
     /// samples. It is called once per update interval, see [`UPDATE_INTERVAL_SAMPLES`] and [`Frame::update`].
     ///
     /// The first motion that a cold texture sounds at runs it up as a whole, which takes the time of
-    /// [`direct::RUN_UP_SAMPLES`] samples.
+    /// [`direct::RUN_UP_SAMPLES`] samples. A fed texture is followed at least every [`MAX_FED_SAMPLES`] samples, see
+    /// [`Frame::feed`].
     pub fn follow(&mut self, motion: Motion, samples: u32) {
         if self.playback.cold() > 0 {
             self.run_up(motion);
         }
         let from = self.frame.levels(self.playback.left());
         self.frame.update(&self.texture, motion, from, samples);
+        if self.playback.is_fed() {
+            self.frame
+                .feed(&mut self.feed, &self.texture, motion, samples);
+        }
         self.playback.begin_frame(samples);
     }
 
     fn run_up(&mut self, motion: Motion) {
         if GridPoint::locate(&self.texture, motion).fade > 0 {
             self.frame.prepare(&self.texture, motion);
-            self.playback.run_up::<A>(&self.frame, u32::MAX);
+            let (frame, texture, feed) = (&self.frame, &self.texture, &mut self.feed);
+            self.playback
+                .run_up::<A>(frame, texture, motion, feed, u32::MAX);
         }
     }
 

@@ -5,7 +5,7 @@
 
 use core::borrow::BorrowMut;
 
-use super::check::{CertificateCheck, Demand, NodesCheck, check_header};
+use super::check::{CertificateCheck, Demand, FedCheck, NodesCheck, check_header};
 use super::names::Names;
 use super::texture::Texture;
 use super::view::Library;
@@ -110,8 +110,18 @@ enum Stage<'a> {
     Nodes(NodesCheck<'a>),
     /// Certificate of a texture.
     Certificate(CertificateCheck<'a>),
+    /// Codebooks and level track of a texture.
+    Fed(FedCheck<'a>),
     /// The next scene, or the end.
     Scene,
+}
+
+impl<'a> Stage<'a> {
+    /// The stage after a certificate that was found valid.
+    fn after_certificate(certificate: &CertificateCheck<'a>) -> Self {
+        let (texture, index) = certificate.texture();
+        FedCheck::new(texture, index).map_or(Self::Texture, Self::Fed)
+    }
 }
 
 impl<'a> Decoder<'a> {
@@ -186,7 +196,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
                     let mut certificate =
                         CertificateCheck::new(texture, index, self.demand, largest_theta);
                     self.stage = if certificate.step()? {
-                        Stage::Texture
+                        Stage::after_certificate(&certificate)
                     } else {
                         Stage::Certificate(certificate)
                     };
@@ -194,6 +204,11 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
             }
             Stage::Certificate(certificate) => {
                 if certificate.step()? {
+                    self.stage = Stage::after_certificate(certificate);
+                }
+            }
+            Stage::Fed(fed) => {
+                if fed.step()? {
                     self.stage = Stage::Texture;
                 }
             }

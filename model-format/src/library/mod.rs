@@ -30,6 +30,7 @@ pub use node::{Coefficients, Node, NodeFlags};
 pub use part::PartKind;
 #[cfg(feature = "alloc")]
 pub use part::PartsSpec;
+pub use part::excitation::{Codebook, Excitation, MU_LAW_FRACTION_BITS, mu_law};
 #[cfg(feature = "alloc")]
 pub use part::excitation::{CodebookSpec, ExcitationSpec};
 pub use part::levels::{FadeLaw, Laws, LevelLaw};
@@ -37,5 +38,6 @@ pub use part::levels::{FadeLaw, Laws, LevelLaw};
 pub use part::lines::{LineSpec, LinesSpec};
 #[cfg(feature = "alloc")]
 pub use part::modulation::ModulationSpec;
+pub use part::modulation::{LEVEL_FRACTION_BITS, Modulation, level_amplitude};
 pub use texture::Texture;
 pub use view::{Library, Outline};

@@ -3,8 +3,10 @@
 use super::axis::Axis;
 use super::certificate::Certificate;
 use super::node::{Coefficients, Node, NodeFlags};
+use super::part::excitation::{Excitation, ExcitationPart};
 use super::part::fine_theta::FineTheta;
 use super::part::levels::{FadeLaw, Laws, LevelLaw, LevelsPart};
+use super::part::modulation::{Modulation, ModulationPart};
 use super::part::{PartKind, Parts};
 use crate::error::{DecodeError, Place, Problem};
 use crate::units::{MillimetresPerSecond, Newton};
@@ -169,6 +171,23 @@ impl<'a> Texture<'a> {
     /// Law of the level below the lowest speed and force of the grid.
     pub fn fade_law(&self) -> FadeLaw {
         self.laws.fade
+    }
+
+    /// Codebooks of the excitation, if there are any; it is Gaussian noise otherwise.
+    pub fn excitation(&self) -> Option<Excitation<'a>> {
+        let (nodes, forces) = (self.nodes.len() / NodeRecord::BYTES, self.force_axis.len());
+        let view = |part: ExcitationPart<'a>| part.view(nodes, forces);
+        self.parts.excitation.and_then(view)
+    }
+
+    /// Level track of the excitation, if there is one; its level is steady otherwise.
+    pub fn modulation(&self) -> Option<Modulation<'a>> {
+        self.parts.modulation.and_then(ModulationPart::view)
+    }
+
+    /// Returns whether the excitation has codebooks or a level track.
+    pub fn is_fed(&self) -> bool {
+        self.parts.excitation.is_some() || self.parts.modulation.is_some()
     }
 
     /// Number of stages, from the first, that have a finer θ than their 16-bit code; 0 without the part that holds

@@ -21,6 +21,7 @@ use super::plan::{Plan, PlannedTexture};
 use super::stick_slip::StickSlipFrame;
 use crate::arithmetic::Arithmetic;
 use crate::excitation::hashed;
+use crate::feed::Feed;
 use crate::grid::Motion;
 use crate::level::Levels;
 use crate::synthesis::{Frame, Playback};
@@ -78,10 +79,12 @@ pub(super) struct Slots<'a> {
     seed: u64,
 }
 
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Slot<'a> {
     /// The texture whose state the playback holds.
     texture: Option<PlannedTexture<'a>>,
+    /// The excitation of fed textures.
+    feed: Feed,
     /// The surface that sounds here, or last did.
     surface: Option<u8>,
     /// Index of the frame that is played, or last was.
@@ -106,7 +109,7 @@ impl<'a> Slots<'a> {
     /// Slots that are all free.
     pub(super) fn new(seed: u64) -> Self {
         Self {
-            slots: [Slot::default(), Slot::default()],
+            slots: core::array::from_fn(|index| Slot::new(seed_of(seed, index))),
             seed,
         }
     }
@@ -205,7 +208,7 @@ impl<'a> Slots<'a> {
         (slot.motion, slot.gain) = (Some(motion), 0);
         if let Some(playback) = playback {
             let before = playback.cold();
-            playback.run_up::<V::Arithmetic>(frame, samples);
+            playback.run_up::<V::Arithmetic>(frame, &texture, motion, &mut slot.feed, samples);
             *instructions -= (before - playback.cold()) * cost;
             slot.cold = playback.cold() > 0;
         }
@@ -256,9 +259,10 @@ impl<'a> Slots<'a> {
         (slot.texture, slot.made, slot.motion) = (Some(texture), [false; 2], None);
         let playback = voices.playback(index);
         if let Some(playback) = playback {
-            playback.restart(&texture.texture);
+            playback.restart(&texture.texture, &mut slot.feed);
         } else {
-            *playback = Some(Playback::new(&texture.texture, seed_of(self.seed, index)));
+            let new = playback.insert(Playback::new(&texture.texture, seed_of(self.seed, index)));
+            new.begin_feed(&mut slot.feed);
         }
         slot.cold = playback
             .as_ref()
@@ -289,7 +293,9 @@ impl<'a> Slots<'a> {
         };
         let left_of_frame = slot.left(left);
         let goes_on = slot.played && left_of_frame == 0;
-        let begins = !(goes_on && slot.gain == gain && slot.motion == Some(motion));
+        // A frame of a fed texture holds the excitation of one block.
+        let fed = texture.is_fed();
+        let begins = fed || !(goes_on && slot.gain == gain && slot.motion == Some(motion));
         if begins {
             let from = if slot.made[slot.buffer] {
                 voices.levels(index, slot.buffer, left_of_frame)
@@ -302,9 +308,11 @@ impl<'a> Slots<'a> {
                 slot.made[slot.buffer] = true;
                 *frame = None;
             }
-            frame
-                .get_or_insert_with(|| Frame::silent_at(&texture, scale))
-                .update_scaled(&texture, motion, gain, from, samples);
+            let frame = frame.get_or_insert_with(|| Frame::silent_at(&texture, scale));
+            frame.update_scaled(&texture, motion, gain, from, samples);
+            if fed {
+                frame.feed(&mut slot.feed, &texture, motion, samples);
+            }
             (slot.motion, slot.gain) = (Some(motion), gain);
         }
         let voice = VoiceStage {
@@ -329,6 +337,23 @@ impl<'a> Slots<'a> {
 }
 
 impl Slot<'_> {
+    /// A free slot with the noise of `seed`.
+    fn new(seed: u64) -> Self {
+        Self {
+            texture: None,
+            feed: Feed::new(seed),
+            surface: None,
+            buffer: 0,
+            made: [false; 2],
+            cold: false,
+            played: false,
+            began: false,
+            motion: None,
+            gain: 0,
+            stick_slip: None,
+        }
+    }
+
     /// Returns whether the slot is audible at the end of the block that is played, of which `left` samples are left
     /// out.
     fn sounds(&self, left: u32) -> bool {

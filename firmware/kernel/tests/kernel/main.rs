@@ -2,6 +2,7 @@
 
 mod arithmetic;
 mod direct;
+mod fed;
 mod grid;
 mod hard;
 mod lattice;

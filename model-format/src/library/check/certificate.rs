@@ -53,6 +53,11 @@ impl<'a> CertificateCheck<'a> {
         }
     }
 
+    /// The texture, and its index.
+    pub const fn texture(&self) -> (Texture<'a>, usize) {
+        (self.texture, self.index)
+    }
+
     /// Takes one step; returns true if the certificate holds.
     pub fn step(&mut self) -> Result<bool, DecodeError> {
         let here = |problem: Problem| Err(problem.at(Place::Texture(self.index)));

@@ -1,8 +1,58 @@
 //! Part of kind 3: codebooks of the prediction residual, from which the excitation is pieced together.
+//!
+//! The content is a byte with the number K of codebooks; per codebook a varint n, the peak as `f32` in standard
+//! deviations, and n bytes of codes; then a byte per node, speed-major: 0 for Gaussian noise, k for codebook number k.
+//!
+//! A code c stands for sign(c) · peak · (256^(|c|/127) - 1)/255, the mu-law with mu = 255. A codebook's mean square is
+//! 1 within 2 %, because the level of a node is that of an excitation of variance 1.
 
+#[cfg(feature = "alloc")]
 use alloc::vec::Vec;
 
+use crate::error::Problem;
+use crate::limits::{
+    MAX_CODEBOOK_PEAK, MAX_CODEBOOKS, MAX_EXCITATION_BYTES, MAX_FED_POWER, MIN_CODEBOOK_SAMPLES,
+    MIN_FED_POWER,
+};
+use crate::wire::Reader;
+
+use super::powers::exp;
+#[cfg(feature = "alloc")]
+use super::spec::PartSpec;
+
+/// Kind of this part.
+pub(crate) const KIND: u32 = 3;
+
+/// Digits after the point of [`mu_law`].
+pub const MU_LAW_FRACTION_BITS: u32 = 30;
+
+/// Code of the peak.
+const MAX_CODE: usize = 127;
+
+/// Magnitudes of the codes 0 to 127, as shares of the peak in steps of 2⁻³⁰.
+static MU_LAW: [u32; MAX_CODE + 1] = {
+    let step = exp(8.0 * core::f64::consts::LN_2 / MAX_CODE as f64);
+    let mut table = [0; MAX_CODE + 1];
+    let (mut power, mut code) = (1.0, 0);
+    while code <= MAX_CODE {
+        let share = (power - 1.0) / 255.0;
+        table[code] = (share * (1u64 << MU_LAW_FRACTION_BITS) as f64 + 0.5) as u32;
+        power *= step;
+        code += 1;
+    }
+    table
+};
+
+/// Value of a code by the mu-law, as a share of the peak in steps of 2⁻³⁰. The code -128, which no library has, counts
+/// as -127.
+#[inline]
+pub fn mu_law(code: i8) -> i32 {
+    let magnitude = MU_LAW[usize::from(code.unsigned_abs()).min(MAX_CODE)] as i32;
+    if code < 0 { -magnitude } else { magnitude }
+}
+
 /// Codebooks of a texture, and the one that each node has.
+#[cfg(feature = "alloc")]
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExcitationSpec {
     /// The codebooks.
@@ -12,6 +62,7 @@ pub struct ExcitationSpec {
 }
 
 /// A codebook: successive samples of a prediction residual whose level was made even, with a mean square of 1.
+#[cfg(feature = "alloc")]
 #[derive(Clone, Debug, PartialEq)]
 pub struct CodebookSpec {
     /// Magnitude of the codes ±127, standard deviations.
@@ -19,4 +70,245 @@ pub struct CodebookSpec {
     /// Samples at the texture's rate, by the mu-law with mu = 255:
     /// sign(c) · peak · (256^(|c| / 127) - 1) / 255. No code is -128.
     pub codes: Vec<i8>,
+}
+
+#[cfg(feature = "alloc")]
+impl CodebookSpec {
+    /// Mean square of the samples, which a library demands to be 1 within 2 %; 0 without samples.
+    pub fn mean_square(&self) -> f32 {
+        let sum = self.codes.iter().map(|&code| square(code)).sum();
+        mean_square(sum, self.codes.len(), self.peak)
+    }
+}
+
+/// Codebooks of a decoded texture, and the one that each node has.
+#[derive(Clone, Copy, Debug)]
+pub struct Excitation<'a> {
+    codebooks: [Codebook<'a>; MAX_CODEBOOKS],
+    count: usize,
+    of_nodes: &'a [u8],
+    /// Number of forces of the grid.
+    forces: usize,
+}
+
+/// A codebook of a decoded texture.
+#[derive(Clone, Copy, Debug)]
+pub struct Codebook<'a> {
+    peak: f32,
+    codes: &'a [u8],
+}
+
+impl<'a> Excitation<'a> {
+    /// The codebooks, at least one.
+    pub fn codebooks(&self) -> &[Codebook<'a>] {
+        &self.codebooks[..self.count]
+    }
+
+    /// The source of the excitation at the indices (`speed`, `force`) of the grid: 0 for Gaussian noise, k for codebook
+    /// number k, from 1.
+    pub fn of_node(&self, speed: usize, force: usize) -> usize {
+        let source = self.of_nodes.get(speed * self.forces + force);
+        source.copied().map_or(0, usize::from)
+    }
+}
+
+impl<'a> Codebook<'a> {
+    const EMPTY: Self = Self {
+        peak: 0.0,
+        codes: &[],
+    };
+
+    /// Magnitude of the codes ±127, standard deviations.
+    pub fn peak(&self) -> f32 {
+        self.peak
+    }
+
+    /// Samples of the codebook, an `i8` each; see [`mu_law`].
+    pub fn codes(&self) -> &'a [u8] {
+        self.codes
+    }
+}
+
+/// The part's content.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ExcitationPart<'a>(pub &'a [u8]);
+
+impl<'a> ExcitationPart<'a> {
+    /// Parses the content for a grid of `forces` forces, and checks all but its codes and the sources of nodes.
+    fn read(self, nodes: usize, forces: usize) -> Result<Excitation<'a>, Problem> {
+        let bytes = self.0.len();
+        if bytes > MAX_EXCITATION_BYTES {
+            return Err(Problem::ExcitationBytes(bytes));
+        }
+        let mut reader = Reader(self.0);
+        let count = usize::from(reader.byte().ok_or(Problem::MalformedExcitation)?);
+        if !(1..=MAX_CODEBOOKS).contains(&count) {
+            return Err(Problem::CodebookCount(count));
+        }
+        let mut codebooks = [Codebook::EMPTY; MAX_CODEBOOKS];
+        for (number, codebook) in (1..).zip(&mut codebooks[..count]) {
+            *codebook = codebook_of(number, &mut reader)?;
+        }
+        let found = reader.0.len();
+        if found != nodes {
+            return Err(Problem::CodebooksOfNodes { found, nodes });
+        }
+        Ok(Excitation {
+            codebooks,
+            count,
+            of_nodes: reader.0,
+            forces,
+        })
+    }
+
+    /// The view of a part that was found valid.
+    pub fn view(self, nodes: usize, forces: usize) -> Option<Excitation<'a>> {
+        self.read(nodes, forces).ok()
+    }
+
+    /// Checks all of the part, in a texture of `nodes` nodes, but its codes and the sources of nodes.
+    pub fn check(self, nodes: usize) -> Result<(), Problem> {
+        self.read(nodes, 1).map(|_| ())
+    }
+}
+
+/// Codebook `number`, which `reader` is at, without a look at its codes.
+fn codebook_of<'a>(number: usize, reader: &mut Reader<'a>) -> Result<Codebook<'a>, Problem> {
+    let malformed = Problem::MalformedExcitation;
+    let length = reader.varint().ok_or(malformed)? as usize;
+    if length < MIN_CODEBOOK_SAMPLES {
+        return Err(Problem::CodebookLength { number, length });
+    }
+    let peak = reader.f32().ok_or(malformed)?;
+    // A NaN fails both.
+    if !(peak > 0.0 && peak <= MAX_CODEBOOK_PEAK) {
+        return Err(Problem::CodebookPeak { number, peak });
+    }
+    let (codes, rest) = reader.0.split_at_checked(length).ok_or(malformed)?;
+    reader.0 = rest;
+    Ok(Codebook { peak, codes })
+}
+
+/// The square of a code's share of the peak, in steps of 2⁻³².
+#[inline]
+fn square(code: i8) -> u64 {
+    let share = u64::from(mu_law(code).unsigned_abs());
+    (share * share) >> (2 * MU_LAW_FRACTION_BITS - 32)
+}
+
+/// Mean square of `count` samples whose shares' squares add up to `sum`, in steps of 2⁻³².
+fn mean_square(sum: u64, count: usize, peak: f32) -> f32 {
+    const UNIT: f32 = (1u64 << 32) as f32;
+    peak * peak * (sum as f32 / UNIT) / count.max(1) as f32
+}
+
+/// The check of a part's codes and sources of nodes, in steps.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::library) struct ExcitationCheck {
+    /// Index of the codebook that is looked at; the number of codebooks while the nodes are.
+    codebook: usize,
+    /// The codes or nodes that were looked at.
+    at: usize,
+    /// Sum of the squares of these codes, see [`square`].
+    sum: u64,
+    /// A bit for each codebook that a node has.
+    used: u8,
+}
+
+impl ExcitationCheck {
+    /// Looks at some more of `excitation`, at most `room` bytes. Returns the number of bytes; none are left if that is
+    /// below `room`.
+    ///
+    /// # Errors
+    /// A fault, with the index of the node if it is a node's.
+    pub fn step(
+        &mut self,
+        excitation: &Excitation<'_>,
+        room: usize,
+    ) -> Result<usize, (Option<usize>, Problem)> {
+        let mut taken = 0;
+        while let Some(codebook) = excitation.codebooks().get(self.codebook) {
+            let end = codebook.codes.len().min(self.at + room - taken);
+            taken += end - self.at;
+            self.codes(&codebook.codes[self.at..end])
+                .map_err(|problem| (None, problem))?;
+            self.at = end;
+            if end < codebook.codes.len() {
+                return Ok(taken);
+            }
+            self.end_of_codebook(codebook)
+                .map_err(|problem| (None, problem))?;
+        }
+        let end = excitation.of_nodes.len().min(self.at + room - taken);
+        taken += end - self.at;
+        self.nodes(&excitation.of_nodes[self.at..end], excitation.count)
+            .map_err(|(index, problem)| (Some(self.at + index), problem))?;
+        self.at = end;
+        if taken < room {
+            let unused = (0..excitation.count).find(|codebook| self.used >> codebook & 1 == 0);
+            if let Some(codebook) = unused {
+                return Err((None, Problem::UnusedCodebook(codebook + 1)));
+            }
+        }
+        Ok(taken)
+    }
+
+    fn codes(&mut self, codes: &[u8]) -> Result<(), Problem> {
+        let mut sum = 0;
+        let mut lowest = 0;
+        for &code in codes {
+            let code = code.cast_signed();
+            lowest = lowest.min(code);
+            sum += square(code);
+        }
+        self.sum += sum;
+        if lowest == i8::MIN {
+            let is_it = |&code: &u8| code.cast_signed() == i8::MIN;
+            let sample = self.at + codes.iter().position(is_it).unwrap_or(0);
+            let number = self.codebook + 1;
+            return Err(Problem::CodebookCode { number, sample });
+        }
+        Ok(())
+    }
+
+    fn end_of_codebook(&mut self, codebook: &Codebook<'_>) -> Result<(), Problem> {
+        let number = self.codebook + 1;
+        let power = mean_square(self.sum, codebook.codes.len(), codebook.peak);
+        if !(MIN_FED_POWER..=MAX_FED_POWER).contains(&power) {
+            return Err(Problem::CodebookPower { number, power });
+        }
+        (self.codebook, self.at, self.sum) = (number, 0, 0);
+        Ok(())
+    }
+
+    fn nodes(&mut self, of_nodes: &[u8], count: usize) -> Result<(), (usize, Problem)> {
+        for (index, &source) in of_nodes.iter().enumerate() {
+            let source = usize::from(source);
+            if source > count {
+                return Err((
+                    index,
+                    Problem::UnknownCodebook {
+                        codebook: source,
+                        count,
+                    },
+                ));
+            }
+            // Bit 0 is that of Gaussian noise, and falls off.
+            self.used |= ((1u16 << source) >> 1) as u8;
+        }
+        Ok(())
+    }
+}
+
+/// The part of a texture with these codebooks.
+#[cfg(feature = "alloc")]
+pub(crate) fn part(spec: &ExcitationSpec) -> postcard::Result<PartSpec> {
+    let mut content = alloc::vec![spec.codebooks.len().min(usize::from(u8::MAX)) as u8];
+    for codebook in &spec.codebooks {
+        content.extend(postcard::to_allocvec(&(codebook.codes.len() as u32))?);
+        content.extend(codebook.peak.to_le_bytes());
+        content.extend(codebook.codes.iter().map(|code| code.cast_unsigned()));
+    }
+    content.extend(&spec.of_nodes);
+    Ok((KIND, content))
 }

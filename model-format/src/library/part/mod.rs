@@ -4,6 +4,8 @@
 //! |---|---|---|
 //! | 1 | [`levels`] | laws of the level between nodes and below the grid |
 //! | 2 | [`fine_theta`] | 8 more binary digits of θ for the first stages of a lattice |
+//! | 3 | [`excitation`] | codebooks of the prediction residual |
+//! | 4 | [`modulation`] | a track of the excitation's level |
 //!
 //! A texture ends with a varint of the number of its parts, and each part is a varint of its kind and a string of its
 //! content. Kinds ascend, so that none comes twice. An unknown kind is refused, because a reader that left it out would
@@ -13,22 +15,23 @@
 //! A new kind is a file here with its `KIND`, its reader, its check and its writer; a field of [`Parts`] and the lines
 //! that name it below; and a row in the package's README.
 
-#[cfg(feature = "alloc")]
 pub(crate) mod excitation;
 pub(crate) mod fine_theta;
 pub(crate) mod levels;
 #[cfg(feature = "alloc")]
 pub(crate) mod lines;
-#[cfg(feature = "alloc")]
 pub(crate) mod modulation;
+mod powers;
 #[cfg(feature = "alloc")]
 mod spec;
 
 use crate::error::Problem;
 use crate::wire::{Reader, Structure};
 
+use excitation::ExcitationPart;
 use fine_theta::FineTheta;
 use levels::LevelsPart;
+use modulation::ModulationPart;
 
 #[cfg(feature = "alloc")]
 pub(crate) use spec::PartSpec;
@@ -42,6 +45,10 @@ pub enum PartKind {
     Levels,
     /// Fractions of θ of a lattice's first stages.
     FineTheta,
+    /// Codebooks of the prediction residual.
+    Excitation,
+    /// A track of the excitation's level.
+    Modulation,
 }
 
 impl core::fmt::Display for PartKind {
@@ -49,6 +56,8 @@ impl core::fmt::Display for PartKind {
         f.write_str(match self {
             Self::Levels => "levels",
             Self::FineTheta => "fine theta",
+            Self::Excitation => "excitation",
+            Self::Modulation => "modulation",
         })
     }
 }
@@ -58,6 +67,8 @@ impl core::fmt::Display for PartKind {
 pub(super) struct Parts<'a> {
     pub levels: Option<LevelsPart<'a>>,
     pub fine_theta: Option<FineTheta<'a>>,
+    pub excitation: Option<ExcitationPart<'a>>,
+    pub modulation: Option<ModulationPart<'a>>,
 }
 
 impl<'a> Parts<'a> {
@@ -74,6 +85,8 @@ impl<'a> Parts<'a> {
             match kind {
                 levels::KIND => parts.levels = Some(LevelsPart(content)),
                 fine_theta::KIND => parts.fine_theta = Some(FineTheta(content)),
+                excitation::KIND => parts.excitation = Some(ExcitationPart(content)),
+                modulation::KIND => parts.modulation = Some(ModulationPart(content)),
                 unknown => return Err(Problem::UnknownPart(unknown)),
             }
             if kind <= last {
@@ -89,19 +102,28 @@ impl<'a> Parts<'a> {
         if let Some(levels) = self.levels {
             levels.check()?;
         }
-        match self.fine_theta {
-            Some(fine_theta) => fine_theta.check(structure, nodes),
-            None => Ok(()),
+        if let Some(fine_theta) = self.fine_theta {
+            fine_theta.check(structure, nodes)?;
         }
+        if let Some(excitation) = self.excitation {
+            excitation.check(nodes)?;
+        }
+        if let Some(modulation) = self.modulation {
+            modulation.check()?;
+        }
+        Ok(())
     }
 
     /// The parts that are there, kinds ascending, each with the length of its content, bytes.
     pub fn lengths(&self) -> impl Iterator<Item = (PartKind, usize)> + use<> {
-        let levels = self.levels.map(|part| (PartKind::Levels, part.0.len()));
-        let fine_theta = self
-            .fine_theta
-            .map(|part| (PartKind::FineTheta, part.0.len()));
-        [levels, fine_theta].into_iter().flatten()
+        let of = |kind, content: Option<&[u8]>| content.map(|content| (kind, content.len()));
+        let parts = [
+            of(PartKind::Levels, self.levels.map(|part| part.0)),
+            of(PartKind::FineTheta, self.fine_theta.map(|part| part.0)),
+            of(PartKind::Excitation, self.excitation.map(|part| part.0)),
+            of(PartKind::Modulation, self.modulation.map(|part| part.0)),
+        ];
+        parts.into_iter().flatten()
     }
 }
 

@@ -1,12 +1,199 @@
 //! Part of kind 4: a track of the excitation's level, from which its slow changes are pieced together.
+//!
+//! The content is a varint of the samples from one entry to the next, then a byte per entry: the level in steps of
+//! 0.25 dB. Between entries the amplitude goes in a straight line. The mean square of the amplitude on these lines, the
+//! last entry joined to the first, is 1 within 2 %, because the level of a node is that of an excitation of variance 1.
 
+#[cfg(feature = "alloc")]
 use alloc::vec::Vec;
 
-/// Level track of a texture, with a mean squared amplitude of 1.
+use crate::error::Problem;
+use crate::limits::{
+    MAX_FED_POWER, MAX_MODULATION_ENTRIES, MAX_MODULATION_STEP_SAMPLES, MIN_FED_POWER,
+    MIN_MODULATION_ENTRIES, MIN_MODULATION_STEP_SAMPLES,
+};
+use crate::wire::Reader;
+
+use super::powers::exp;
+#[cfg(feature = "alloc")]
+use super::spec::PartSpec;
+
+/// Kind of this part.
+pub(crate) const KIND: u32 = 4;
+
+/// Digits after the point of [`level_amplitude`].
+pub const LEVEL_FRACTION_BITS: u32 = 16;
+
+/// Amplitudes of the entries -128 to 127, in steps of 2⁻¹⁶.
+static AMPLITUDES: [u32; 256] = {
+    /// Entries per factor of ten in amplitude.
+    const PER_DECADE: f64 = 80.0;
+    let step = exp(core::f64::consts::LN_10 / PER_DECADE);
+    let mut table = [0; 256];
+    let (mut up, mut down, mut entry) = (1.0, 1.0, 0);
+    while entry <= 128 {
+        let unit = (1u32 << LEVEL_FRACTION_BITS) as f64;
+        if entry < 128 {
+            table[128 + entry] = (up * unit + 0.5) as u32;
+        }
+        table[128 - entry] = (down * unit + 0.5) as u32;
+        up *= step;
+        down /= step;
+        entry += 1;
+    }
+    table
+};
+
+/// Amplitude of an entry of a level track, 10^(entry / 80), in steps of 2⁻¹⁶.
+#[inline]
+pub fn level_amplitude(entry: i8) -> u32 {
+    AMPLITUDES[usize::from(entry.cast_unsigned() ^ 0x80)]
+}
+
+/// Level track of a texture.
+///
+/// The mean square of the amplitude as it is played, in straight lines between entries, is 1 within 2 %; see
+/// [`ModulationSpec::mean_square`]. It is a little below the mean of the entries' squares.
+#[cfg(feature = "alloc")]
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModulationSpec {
     /// Samples from one entry to the next.
     pub step_samples: u16,
     /// Levels of the excitation, in steps of 0.25 dB.
     pub entries: Vec<i8>,
+}
+
+#[cfg(feature = "alloc")]
+impl ModulationSpec {
+    /// Mean square of the amplitude as it is played, which a library demands to be 1 within 2 %; 0 without entries.
+    pub fn mean_square(&self) -> f32 {
+        let next = self.entries.iter().cycle().skip(1);
+        let pairs = self.entries.iter().zip(next);
+        let sum = pairs.map(|(&from, &to)| squares(level_amplitude(from), level_amplitude(to)));
+        mean_square(sum.sum(), self.entries.len())
+    }
+}
+
+/// Level track of a decoded texture.
+#[derive(Clone, Copy, Debug)]
+pub struct Modulation<'a> {
+    step_samples: u16,
+    entries: &'a [u8],
+}
+
+impl<'a> Modulation<'a> {
+    /// Samples from one entry to the next.
+    pub fn step_samples(&self) -> u16 {
+        self.step_samples
+    }
+
+    /// The entries, an `i8` each, in steps of 0.25 dB; see [`level_amplitude`].
+    pub fn entries(&self) -> &'a [u8] {
+        self.entries
+    }
+}
+
+/// The part's content.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ModulationPart<'a>(pub &'a [u8]);
+
+impl<'a> ModulationPart<'a> {
+    /// Parses the content, and checks all but the levels of entries.
+    fn read(self) -> Result<Modulation<'a>, Problem> {
+        let mut reader = Reader(self.0);
+        let step = reader.varint().ok_or(Problem::MalformedModulation)?;
+        if !(MIN_MODULATION_STEP_SAMPLES..=MAX_MODULATION_STEP_SAMPLES).contains(&step) {
+            return Err(Problem::ModulationStep(step));
+        }
+        let entries = reader.0;
+        if !(MIN_MODULATION_ENTRIES..=MAX_MODULATION_ENTRIES).contains(&entries.len()) {
+            return Err(Problem::ModulationLength(entries.len()));
+        }
+        Ok(Modulation {
+            step_samples: step as u16,
+            entries,
+        })
+    }
+
+    /// The view of a part that was found valid.
+    pub fn view(self) -> Option<Modulation<'a>> {
+        self.read().ok()
+    }
+
+    /// Checks all of the part but the levels of entries.
+    pub fn check(self) -> Result<(), Problem> {
+        self.read().map(|_| ())
+    }
+}
+
+/// Three times the mean square on the straight line between two amplitudes, in steps of 2⁻³².
+#[inline]
+fn squares(from: u32, to: u32) -> u64 {
+    // Each is below 2²², so that 4096 such sums are far from the end of 64 bits.
+    let (from, to) = (u64::from(from), u64::from(to));
+    from * from + from * to + to * to
+}
+
+/// Mean square of `count` entries whose [`squares`] add up to `sum`.
+fn mean_square(sum: u64, count: usize) -> f32 {
+    const UNIT: f32 = 3.0 * (1u64 << (2 * LEVEL_FRACTION_BITS)) as f32;
+    sum as f32 / UNIT / count.max(1) as f32
+}
+
+/// The check of a part's entries, in steps.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::library) struct ModulationCheck {
+    /// The entries that were looked at.
+    at: usize,
+    /// Sum of their squares, see [`squares`].
+    sum: u64,
+    /// True if any of them is not 0.
+    changes: bool,
+}
+
+impl ModulationCheck {
+    /// Looks at some more entries of `modulation`, at most `room`. Returns true if none are left.
+    ///
+    /// # Errors
+    /// A fault of all entries.
+    pub fn step(&mut self, modulation: &Modulation<'_>, room: usize) -> Result<bool, Problem> {
+        let entries = modulation.entries;
+        let end = entries.len().min(self.at + room);
+        let mut sum = 0;
+        let mut bits = 0;
+        if let Some(&first) = entries.get(self.at) {
+            let mut from = level_amplitude(first.cast_signed());
+            for &entry in &entries[self.at + 1..end] {
+                let to = level_amplitude(entry.cast_signed());
+                sum += squares(from, to);
+                (from, bits) = (to, bits | entry);
+            }
+            // The entry after the last of these, or after the last of all the first.
+            let next = entries.get(end).unwrap_or(&entries[0]);
+            sum += squares(from, level_amplitude(next.cast_signed()));
+            bits |= first;
+        }
+        self.sum += sum;
+        self.changes |= bits != 0;
+        self.at = end;
+        if end < entries.len() {
+            return Ok(false);
+        }
+        let power = mean_square(self.sum, entries.len());
+        if !(MIN_FED_POWER..=MAX_FED_POWER).contains(&power) {
+            return Err(Problem::ModulationPower(power));
+        }
+        if !self.changes {
+            return Err(Problem::FlatModulation);
+        }
+        Ok(true)
+    }
+}
+
+/// The part of a texture with this track.
+#[cfg(feature = "alloc")]
+pub(crate) fn part(spec: &ModulationSpec) -> postcard::Result<PartSpec> {
+    let mut content = postcard::to_allocvec(&u32::from(spec.step_samples))?;
+    content.extend(spec.entries.iter().map(|entry| entry.cast_unsigned()));
+    Ok((KIND, content))
 }

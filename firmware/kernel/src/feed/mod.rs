@@ -1,0 +1,146 @@
+//! The excitation of a fed texture: one with codebooks of its recordings' residual, or with a track of their level.
+//!
+//! ```text
+//! excitation(n) = source(n) · level(n)
+//! source = Gaussian noise, or pieces of a codebook       level = 1, or pieces of a level track
+//! ```
+//! Both factors have a mean square of 1 and are independent, so that the product has; see
+//! [`model_format::limits::MIN_FED_POWER`]. A [`Feed`] makes the excitation below the tick, because codebooks lie where
+//! the library is, in a memory that no tick reads. It goes to the tick with the frame of its block, as a word per
+//! sample; see [`crate::Frame::feed`].
+//!
+//! **Scale.** A step is 2⁻²⁵ of a standard deviation, and full scale 64 of them, eight times a plain texture's. The
+//! highest peak of a codebook is 40 ([`model_format::limits::MAX_CODEBOOK_PEAK`]).
+//!
+//! **Same bits.** The samples follow from the seed, the texture and the motion at each sample. They do not depend on
+//! the lengths of blocks. Random choices come from a generator of their own, so that the Gaussian noise is that of the
+//! same seed without them.
+
+mod level;
+mod pieces;
+
+use model_format::{Excitation as Codebooks, Modulation, Texture};
+use rand_core::Rng;
+use rand_pcg::Pcg32;
+
+use crate::excitation::{self, Excitation, hashed};
+use crate::fixed::{saturate, shift_toward_zero};
+use crate::grid::GridPoint;
+use level::Level;
+use model_format::LEVEL_FRACTION_BITS;
+use pieces::Pieces;
+
+/// Binary digits after the point of a fed excitation: one standard deviation is 2²⁵, a 64th of full scale.
+pub const FED_FRACTION_BITS: u32 = 25;
+
+/// Digits that a fed excitation has fewer than a Gaussian one.
+pub const FED_HEADROOM_BITS: u32 = excitation::FRACTION_BITS - FED_FRACTION_BITS;
+
+/// The content of a texture that a [`Feed`] plays from, parsed once for a block.
+#[derive(Clone, Copy, Debug)]
+pub struct Material<'a> {
+    codebooks: Option<Codebooks<'a>>,
+    modulation: Option<Modulation<'a>>,
+    sample_rate_hz: u32,
+}
+
+impl<'a> Material<'a> {
+    /// The content of `texture`.
+    pub fn of(texture: &Texture<'a>) -> Self {
+        Self {
+            codebooks: texture.excitation(),
+            modulation: texture.modulation(),
+            sample_rate_hz: texture.sample_rate_hz(),
+        }
+    }
+}
+
+/// The source of a fed texture's excitation.
+#[derive(Clone, Debug)]
+pub struct Feed {
+    gaussian: Excitation,
+    draws: Draws,
+    pieces: Pieces,
+    level: Level,
+}
+
+impl Feed {
+    /// A source that gives the same excitation for the same seed, always and everywhere.
+    pub fn new(seed: u64) -> Self {
+        Self {
+            gaussian: Excitation::new(seed),
+            draws: Draws::new(seed),
+            pieces: Pieces::NONE,
+            level: Level::NONE,
+        }
+    }
+
+    /// Begins another texture, whose Gaussian noise is `gaussian`. The random choices go on.
+    pub fn begin(&mut self, gaussian: Excitation) {
+        self.gaussian = gaussian;
+        (self.pieces, self.level) = (Pieces::NONE, Level::NONE);
+    }
+
+    /// The Gaussian noise, as far as it was used.
+    pub fn gaussian(&self) -> &Excitation {
+        &self.gaussian
+    }
+
+    /// The next sample at `point` of the texture with this `material`: mean 0, variance 1, in steps of 2⁻²⁵, saturated
+    /// at full scale.
+    #[inline]
+    pub fn next_sample(&mut self, material: &Material<'_>, point: &GridPoint) -> i32 {
+        let source = match &material.codebooks {
+            Some(codebooks) => {
+                let (gaussian, draws) = (&mut self.gaussian, &mut self.draws);
+                let rate = material.sample_rate_hz;
+                self.pieces
+                    .next_sample(codebooks, rate, point, gaussian, draws)
+            }
+            None => gaussian_sample(&mut self.gaussian),
+        };
+        let Some(modulation) = &material.modulation else {
+            return source;
+        };
+        let rate = material.sample_rate_hz;
+        let level = self.level.next_sample(modulation, rate, &mut self.draws);
+        let product = i64::from(source) * i64::from(level);
+        saturate(shift_toward_zero(product, LEVEL_FRACTION_BITS)).0
+    }
+}
+
+/// The next sample of Gaussian noise in the steps of a fed excitation, rounded.
+#[inline]
+pub(crate) fn gaussian_sample(source: &mut Excitation) -> i32 {
+    const HALF: i32 = 1 << (FED_HEADROOM_BITS - 1);
+    (source.next_sample() + HALF) >> FED_HEADROOM_BITS
+}
+
+/// The random choices of a feed.
+#[derive(Clone, Debug)]
+struct Draws(Pcg32);
+
+impl Draws {
+    fn new(seed: u64) -> Self {
+        /// Any odd increment gives the full period; this is not the Gaussian noise's.
+        const STREAM: u64 = 0x5851_f42d_4c95_7f2d;
+        /// Digits of √2, so that the state is not the Gaussian noise's either, for this or a related seed.
+        const OTHER: u64 = 0x6a09_e667_f3bc_c908;
+        Self(Pcg32::new(hashed(seed ^ OTHER), STREAM))
+    }
+
+    /// 32 uniform bits.
+    fn bits(&mut self) -> u32 {
+        self.0.next_u32()
+    }
+
+    /// A number from 0 to `count` - 1, all alike but for 2⁻³² · `count`; 0 for none.
+    fn below(&mut self, count: u32) -> u32 {
+        share(self.bits(), count)
+    }
+}
+
+/// The share of `count` that `bits` are of 2³².
+fn share(bits: u32, count: u32) -> u32 {
+    ((u64::from(bits) * u64::from(count)) >> 32) as u32
+}

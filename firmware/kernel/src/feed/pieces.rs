@@ -1,0 +1,183 @@
+//! Pieces of codebooks, joined by cross-fades of equal power.
+//!
+//! A piece takes 20 to 80 ms. It begins anywhere in its codebook, goes on at its beginning after its end, and has a
+//! random sign. The codebook is that of one of the four nodes around the motion, with the weights of interpolation as
+//! probabilities; a node without codebook gives a piece of Gaussian noise. Two neighbouring pieces overlap for 5 ms, in
+//! which their amplitudes are the cosine and the sine of an angle from 0 to a quarter turn. They are independent, so
+//! that the variance stays 1.
+
+use model_format::{Codebook, Excitation as Codebooks, MU_LAW_FRACTION_BITS, mu_law};
+
+use super::{Draws, FED_FRACTION_BITS, gaussian_sample, share};
+use crate::excitation::Excitation;
+use crate::fixed::shift_toward_zero;
+use crate::grid::{GridPoint, ONE};
+use crate::rotation::{Rotation, THETA_QUARTER_TURN};
+
+/// Pieces per second at most and at least: 20 ms and 80 ms.
+const SHORTEST_PER_S: u32 = 50;
+const LONGEST_MS: u32 = 80;
+
+/// Cross-fades per second: 5 ms.
+const FADES_PER_S: u32 = 200;
+
+/// A piece that is played.
+#[derive(Clone, Copy, Debug)]
+enum Piece {
+    /// Gaussian noise.
+    Gaussian,
+    /// Samples of a codebook.
+    Codebook {
+        /// Index of the codebook.
+        index: u8,
+        /// Index of the next sample.
+        at: u32,
+        /// True if the samples are negated.
+        negative: bool,
+    },
+}
+
+/// The state of the pieces.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pieces {
+    /// The piece that is played; none before the first sample.
+    piece: Option<Piece>,
+    /// Samples until the next piece begins.
+    left: u32,
+    /// The piece that comes up, with the samples of the cross-fade that are done.
+    next: Option<(Piece, u32)>,
+}
+
+impl Pieces {
+    /// No piece.
+    pub const NONE: Self = Self {
+        piece: None,
+        left: 0,
+        next: None,
+    };
+
+    /// The next sample in steps of 2⁻²⁵, of at most √2 times the highest peak.
+    #[inline]
+    pub fn next_sample(
+        &mut self,
+        codebooks: &Codebooks<'_>,
+        sample_rate_hz: u32,
+        point: &GridPoint,
+        gaussian: &mut Excitation,
+        draws: &mut Draws,
+    ) -> i32 {
+        if self.left == 0 {
+            self.draw(codebooks, sample_rate_hz, point, draws);
+        }
+        self.left -= 1;
+        let piece = self.piece.get_or_insert(Piece::Gaussian);
+        let sample = piece.next_sample(codebooks, gaussian);
+        let Some((next, done)) = &mut self.next else {
+            return sample;
+        };
+        let samples = fade_samples(sample_rate_hz);
+        // The middle of the sample's share of a quarter turn, so that the fade is the same in both directions.
+        let steps = u64::from(2 * *done + 1) * THETA_QUARTER_TURN as u64;
+        let rotation = Rotation::from_theta((steps / u64::from(2 * samples)) as i32);
+        let other = next.next_sample(codebooks, gaussian);
+        let (fading, rising) = (i64::from(sample), i64::from(other));
+        let sum = i64::from(rotation.cos) * fading + i64::from(rotation.sin) * rising;
+        *done += 1;
+        if *done >= samples {
+            (self.piece, self.next) = (Some(*next), None);
+        }
+        shift_toward_zero(sum, 31) as i32
+    }
+
+    /// Draws the next piece and its length.
+    #[inline(never)]
+    fn draw(
+        &mut self,
+        codebooks: &Codebooks<'_>,
+        sample_rate_hz: u32,
+        point: &GridPoint,
+        draws: &mut Draws,
+    ) {
+        let source = source_at(codebooks, point, draws.below(ONE));
+        let at = draws.bits();
+        let length_and_sign = draws.bits();
+        let drawn = match source
+            .checked_sub(1)
+            .and_then(|index| codebooks.codebooks().get(index))
+        {
+            Some(codebook) => Piece::Codebook {
+                index: (source - 1) as u8,
+                at: share(at, codebook.codes().len() as u32),
+                negative: length_and_sign >> 31 == 1,
+            },
+            None => Piece::Gaussian,
+        };
+        let (shortest, longest) = piece_samples(sample_rate_hz);
+        self.left = shortest + share(length_and_sign << 1, longest - shortest + 1);
+        match self.piece {
+            // Noise goes on as noise.
+            Some(Piece::Gaussian) if matches!(drawn, Piece::Gaussian) => {}
+            Some(_) => self.next = Some((drawn, 0)),
+            None => self.piece = Some(drawn),
+        }
+    }
+}
+
+impl Piece {
+    #[inline]
+    fn next_sample(&mut self, codebooks: &Codebooks<'_>, gaussian: &mut Excitation) -> i32 {
+        let Self::Codebook {
+            index,
+            at,
+            negative,
+        } = self
+        else {
+            return gaussian_sample(gaussian);
+        };
+        let Some(codebook) = codebooks.codebooks().get(usize::from(*index)) else {
+            return 0;
+        };
+        let Some(&code) = codebook.codes().get(*at as usize) else {
+            return 0;
+        };
+        *at += 1;
+        if *at as usize == codebook.codes().len() {
+            *at = 0;
+        }
+        let sample = value(codebook, code.cast_signed());
+        if *negative { -sample } else { sample }
+    }
+}
+
+/// Value of a code in steps of 2⁻²⁵.
+#[inline]
+fn value(codebook: &Codebook<'_>, code: i8) -> i32 {
+    // A power of two scales a float exactly.
+    let peak = (codebook.peak() * (1u32 << FED_FRACTION_BITS) as f32) as i32;
+    let product = i64::from(mu_law(code)) * i64::from(peak);
+    shift_toward_zero(product, MU_LAW_FRACTION_BITS) as i32
+}
+
+/// The source of the node at `point` that holds `place`, below [`ONE`], when the four nodes lie beside each other by
+/// their weights: 0 for Gaussian noise, k for codebook number k, from 1.
+fn source_at(codebooks: &Codebooks<'_>, point: &GridPoint, place: u32) -> usize {
+    let mut end = 0;
+    for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {
+        end += weight;
+        if place < end {
+            return codebooks.of_node(speed, force);
+        }
+    }
+    0
+}
+
+/// Samples of a cross-fade.
+fn fade_samples(sample_rate_hz: u32) -> u32 {
+    (sample_rate_hz / FADES_PER_S).max(1)
+}
+
+/// Fewest and most samples from the beginning of one piece to that of the next. A piece is longer than its cross-fade.
+fn piece_samples(sample_rate_hz: u32) -> (u32, u32) {
+    let shortest = (sample_rate_hz / SHORTEST_PER_S).max(fade_samples(sample_rate_hz) + 1);
+    (shortest, (sample_rate_hz * LONGEST_MS / 1000).max(shortest))
+}
