@@ -175,6 +175,7 @@ fn read(trial: &Trial, judge: &Judge, reduction: Reduction) -> Result<Comparison
     let Signal {
         samples: own,
         mut source_rate_hz,
+        ..
     } = fit::signal(trial, reduction)?;
     let blocks = Blocks::of(own.len());
     let fitted = blocks.fitted().map(|block| own[block].to_vec()).collect();

@@ -1,5 +1,7 @@
 //! One trial: from its file to the statistics that a model is fitted to.
 
+use std::ops::Range;
+
 use model_format::SAMPLE_RATE_HZ;
 
 use crate::dsp::autocorrelation::Autocorrelation;
@@ -45,15 +47,32 @@ impl Analysis {
     }
 }
 
-/// Reads `trial` and keeps what triage does not cut; with the verdicts, and the duration that was cut, s.
-fn triaged(trial: &Trial) -> Result<(Samples, Vec<Verdict>, f64)> {
+/// A trial without what triage cuts.
+struct Triaged {
+    samples: Samples,
+    verdicts: Vec<Verdict>,
+    /// Duration that was cut, s.
+    cut_s: f64,
+    /// Stretches of the samples left that are no surface's.
+    flaws: Vec<Range<usize>>,
+}
+
+/// Reads `trial` and keeps what triage does not cut.
+fn triaged(trial: &Trial) -> Result<Triaged> {
     let mut samples = recording::read(trial)?;
     let verdicts = triage::samples(&samples);
     let length = |samples: &Samples| samples.axes.first().map_or(0, Vec::len);
     let before = length(&samples);
-    samples.axes = triage::kept(samples.axes, &triage::usable(&verdicts, before));
+    let parts = triage::usable(&verdicts, before);
+    let flaws = triage::kept_spans(&triage::flaws(&samples, &verdicts), &parts);
+    samples.axes = triage::kept(samples.axes, &parts);
     let cut_s = (before - length(&samples)) as f64 / f64::from(SAMPLE_RATE_HZ);
-    Ok((samples, verdicts, cut_s))
+    Ok(Triaged {
+        samples,
+        verdicts,
+        cut_s,
+        flaws,
+    })
 }
 
 /// A trial reduced to one axis, without what triage cuts.
@@ -63,6 +82,8 @@ pub struct Signal {
     pub samples: Vec<f64>,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,
+    /// Stretches of the samples that are no surface's: clipped peaks, joints, and what triage would have cut.
+    pub flaws: Vec<Range<usize>>,
 }
 
 /// Reads `trial` as a fit does. What judges a fit is read by this too, so that both mean the same samples.
@@ -70,12 +91,15 @@ pub struct Signal {
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
 pub fn signal(trial: &Trial, reduction: Reduction) -> Result<Signal> {
-    let (mut samples, ..) = triaged(trial)?;
+    let Triaged {
+        mut samples, flaws, ..
+    } = triaged(trial)?;
     let reduced = reduce(&mut samples.axes, reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
     Ok(Signal {
         samples: reduced.signal,
         source_rate_hz: samples.source_rate_hz,
+        flaws,
     })
 }
 
@@ -96,7 +120,12 @@ pub fn analyse_with_signal(
     options: &Options,
     max_order: usize,
 ) -> Result<(Analysis, Vec<f64>)> {
-    let (mut samples, mut verdicts, cut_s) = triaged(trial)?;
+    let Triaged {
+        mut samples,
+        mut verdicts,
+        cut_s,
+        ..
+    } = triaged(trial)?;
     let mean = |axis: &Vec<f64>| (axis.iter().sum::<f64>() / axis.len().max(1) as f64).abs();
     let mean_m_s2 = samples.axes.iter().map(mean).fold(0.0, f64::max);
     let reduced = reduce(&mut samples.axes, options.reduction)

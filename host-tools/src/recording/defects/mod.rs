@@ -9,7 +9,7 @@ mod overflow;
 mod quantisation;
 mod spikes;
 
-pub use clipping::clipped_share;
+pub use clipping::{Clip, clipped_share};
 pub use holds::Hold;
 pub use spikes::Spike;
 
@@ -27,6 +27,8 @@ pub struct Truncation {
 pub struct Defects {
     /// Share of clipped samples on the worst axis.
     pub clipped_share: f64,
+    /// Stretches at the highest or lowest value, of all axes.
+    pub clips: Vec<Clip>,
     /// Stretches in which the value does not change, of all axes, in the order of time.
     pub holds: Vec<Hold>,
     /// Single samples far off their neighbours, of all axes, in the order of time.
@@ -60,6 +62,10 @@ impl Defects {
         spikes.dedup_by(|next, first| next.time_s - first.time_s < spikes::REACH as f64 / rate_hz);
         Self {
             clipped_share: clipped_share(axes),
+            clips: axes
+                .iter()
+                .flat_map(|axis| clipping::clips(axis, rate_hz))
+                .collect(),
             holds,
             spikes,
             overflows: axes

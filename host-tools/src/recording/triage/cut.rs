@@ -51,6 +51,27 @@ pub fn kept(axes: Vec<Vec<f64>>, parts: &[Span]) -> Vec<Vec<f64>> {
     axes.into_iter().map(|axis| kept_of(&axis, parts)).collect()
 }
 
+/// Returns where `spans` of a trial are in its `parts` joined to one recording, with every joint as a span of its own.
+pub fn kept_spans(spans: &[Span], parts: &[Span]) -> Vec<Span> {
+    let mut moved = Vec::new();
+    let mut length = 0;
+    for part in parts {
+        let joint = length.min(JOINT);
+        let begin = length - joint;
+        if joint > 0 {
+            moved.push(begin..begin + joint.min(part.len()));
+        }
+        for span in spans {
+            let (start, end) = (span.start.max(part.start), span.end.min(part.end));
+            if start < end {
+                moved.push(begin + start - part.start..begin + end - part.start);
+            }
+        }
+        length = begin + part.len().max(joint);
+    }
+    moved
+}
+
 fn kept_of(axis: &[f64], parts: &[Span]) -> Vec<f64> {
     let count: usize = parts.iter().map(ExactSizeIterator::len).sum();
     let mean = parts
@@ -104,6 +125,21 @@ mod tests {
         let many = (0..100).map(|n| 100 * n..100 * n + 10).collect();
         assert_eq!(usable(&silent(many), 10_000), [0..10_000]);
         assert_eq!(usable(&[], 100), [0..100]);
+    }
+
+    #[test]
+    fn spans_move_with_the_samples_that_they_are_of() {
+        let axis: Vec<f64> = (0..10_000).map(f64::from).collect();
+        let parts = [0..4000, 6000..10_000];
+        let joined = kept(vec![axis], &parts).remove(0);
+        let moved = kept_spans(&[100..110, 3999..6001, 7000..7003], &parts);
+        assert_eq!(
+            moved,
+            [100..110, 3999..4000, 3950..4000, 3950..3951, 4950..4953]
+        );
+        let value = |index: usize| (joined[index] - joined[100]).round();
+        assert_eq!(value(4950), 6900.0);
+        assert_eq!(kept_spans(&[5..9], &[0..10_000]), [5..9]);
     }
 
     #[test]

@@ -65,14 +65,31 @@ fn of_file(samples: &Samples) -> Vec<Verdict> {
     verdicts
 }
 
+/// Samples at the models' rate, of `length`, that a time of the file and a margin take.
+fn span(start_s: f64, seconds: f64, margin: usize, length: usize) -> Span {
+    let at = |time_s: f64| (time_s * f64::from(SAMPLE_RATE_HZ)) as usize;
+    at(start_s).saturating_sub(margin).min(length)..(at(start_s + seconds) + margin + 1).min(length)
+}
+
+/// Returns the stretches of a trial with these `verdicts` that are no surface's, whatever a fit uses: what triage would
+/// cut, and every clipped peak, even if too few of them are there for a verdict. In the order of their starts.
+pub fn flaws(samples: &Samples, verdicts: &[Verdict]) -> Vec<Span> {
+    let length = samples.axes.first().map_or(0, Vec::len);
+    let clips = samples.defects.clips.iter();
+    let clips = clips.map(|clip| span(clip.start_s, clip.seconds, SPIKE_REACH, length));
+    let found = verdicts
+        .iter()
+        .flat_map(|verdict| verdict.spans().iter().cloned());
+    let mut flaws: Vec<Span> = found.chain(clips).collect();
+    flaws.sort_by_key(|flaw| flaw.start);
+    flaws
+}
+
 /// Verdicts on what shows at the file's own rate only.
 fn of_defects(samples: &Samples) -> Vec<Verdict> {
     let defects = &samples.defects;
     let length = samples.axes.first().map_or(0, Vec::len);
-    let span = |start_s: f64, seconds: f64, margin: usize| {
-        let at = |time_s: f64| (time_s * f64::from(SAMPLE_RATE_HZ)) as usize;
-        at(start_s).saturating_sub(margin)..(at(start_s + seconds) + margin + 1).min(length)
-    };
+    let span = |start_s, seconds, margin| span(start_s, seconds, margin, length);
     let holds = |is_zero: bool| -> Vec<Span> {
         let alike = defects.holds.iter().filter(|hold| hold.is_zero == is_zero);
         alike
