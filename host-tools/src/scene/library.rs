@@ -1,11 +1,10 @@
 //! Scenes in an existing library.
 
 use model_format::scene::Scene;
-use model_format::{
-    Certificate, Library, NodeSpec, PartsSpec, Texture, TextureSpec, encode_with_scenes,
-};
+use model_format::{Certificate, Library, NodeSpec, Texture, TextureSpec, encode_with_scenes};
 
 use crate::support::error::{Error, Result};
+use crate::texture::parts;
 
 /// Encodes `library` with `scenes`. Scenes of the same name are replaced; all others stay the same.
 ///
@@ -31,7 +30,7 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
         structure: texture.structure(),
         provenance: texture.provenance(),
         laws: texture.laws(),
-        parts: PartsSpec::default(),
+        parts: parts::of_texture(texture),
         speed_axis_mm_s: texture.speed_axis().values().collect(),
         force_axis_n: texture.force_axis().values().collect(),
         nodes: texture

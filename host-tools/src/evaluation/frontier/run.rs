@@ -1,13 +1,12 @@
 //! The comparison itself: every structure at every order, at rest, in motion and on the hard cases.
 
-use model_format::Library;
+use model_format::{Library, PartsSpec};
 use rayon::prelude::*;
 
 use crate::support::error::{Error, Result};
 use crate::texture::certificate;
 use crate::texture::grid::Grid;
 use crate::texture::library::uncertified_library;
-use crate::texture::parts::{Between, on_grid};
 use crate::texture::quantise::StructureChoice;
 
 use super::costs::{Core, Cost, Costs};
@@ -136,7 +135,8 @@ impl Prepared {
                     forces_n: vec![force_n],
                     models: vec![model.clone()],
                     laws: grid.laws,
-                    parts: on_grid(&grid.parts, &[Between::at(*node)]),
+                    // Structures are compared with an excitation of their own.
+                    parts: PartsSpec::default(),
                 };
                 let played =
                     match uncertified_library(&self.names[*texture], &alone, structure.stored_as())
