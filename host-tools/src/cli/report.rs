@@ -60,7 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             ..fit::Options::default()
         };
         let (fit, bytes) = super::fit::fit_library(&set, &options)?;
-        let record = FitRecord::of(&set, &options, &fit.excitations, &bytes)?;
+        let record = FitRecord::of(&set, &options, &bytes)?.with_account_of(&fit);
         (bytes, Some(record))
     };
     let path = arguments.library.clone().unwrap_or_default();

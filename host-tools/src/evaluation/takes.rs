@@ -40,7 +40,7 @@ pub fn takes(
     record: Option<&FitRecord>,
     reduction: Reduction,
 ) -> Result<Vec<Take>> {
-    let of_set = FitRecord::of(set, &fit::Options::default(), &[], &[])?;
+    let of_set = FitRecord::of(set, &fit::Options::default(), &[])?;
     let take = |trial: &Trial| {
         let mut seen = None;
         let mut signal = None;

@@ -48,8 +48,36 @@ pub use trial_report::TrialReport;
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) -> Result<Fit> {
     let analyses = analyse_set(set, options, &progress)?;
     let mut fit = fit_analysed(set, &analyses, options)?;
-    excitation::add(set, &mut fit, options, || ())?;
+    add_excitation(set, &mut fit, options)?;
     Ok(fit)
+}
+
+/// Adds what excites the models of `fit` to it: the residual is that of each trial without its texture's lines.
+fn add_excitation(set: &RecordingSet, fit: &mut Fit, options: &Options) -> Result<()> {
+    let has_lines = |name: &str| {
+        let mut textures = fit.textures.iter();
+        textures.any(|texture| texture.name == name && texture.grid.parts.lines.is_some())
+    };
+    let trials = set.trials.iter().zip(&fit.trials);
+    let lined: Vec<bool> = trials
+        .map(|(trial, report)| report.used && has_lines(&trial.texture))
+        .collect();
+    if !lined.contains(&true) {
+        return excitation::add(set, fit, options, || ());
+    }
+    let without_lines = signals_without_lines(set, &lined, options, || ())?;
+    let read = |index: usize, trial: &Trial| {
+        let whole = signal(trial, options.reduction)?;
+        Ok(if lined[index] {
+            Signal {
+                samples: without_lines[index].clone(),
+                ..whole
+            }
+        } else {
+            whole
+        })
+    };
+    excitation::add_from(set, fit, options, read, || ())
 }
 
 /// Reads and analyses every trial of `set` for models of the highest order of `options`, telling `progress` of each

@@ -81,20 +81,16 @@ pub struct FittedTrial {
 }
 
 impl FitRecord {
-    /// The record of a fit of `set` with `options` that gave the library `bytes` with these `excitations`.
+    /// The record of a fit of `set` with `options` that gave the library `bytes`, without an account of
+    /// excitations and lines.
     ///
     /// # Errors
     /// A recording that cannot be read any more.
-    pub fn of(
-        set: &RecordingSet,
-        options: &Options,
-        excitations: &[ExcitationReport],
-        bytes: &[u8],
-    ) -> Result<Self> {
+    pub fn of(set: &RecordingSet, options: &Options, bytes: &[u8]) -> Result<Self> {
         Ok(Self {
             library: content_hash(bytes),
             options: options.clone(),
-            excitations: excitations.to_vec(),
+            excitations: Vec::new(),
             trials: set
                 .trials
                 .iter()
@@ -102,6 +98,16 @@ impl FitRecord {
                 .collect::<Result<_>>()?,
             lines: Vec::new(),
         })
+    }
+
+    /// The record with what `fit` says of its textures' excitations and lines.
+    #[must_use]
+    pub fn with_account_of(self, fit: &Fit) -> Self {
+        Self {
+            excitations: fit.excitations.clone(),
+            lines: FoundLines::of(fit),
+            ..self
+        }
     }
 
     /// Returns the path of the record of the library at `library`.
@@ -243,7 +249,7 @@ mod tests {
             trials: vec![trial(fitted.clone(), 1.0, Some(2.0))],
             is_listed: true,
         };
-        let record = FitRecord::of(&set, &Options::default(), &[], b"library").unwrap();
+        let record = FitRecord::of(&set, &Options::default(), b"library").unwrap();
         for (file, start_s, duration_s, used) in [
             (&fitted, 1.0, Some(2.0), true),
             (&copy, 0.0, None, true),
@@ -266,7 +272,7 @@ mod tests {
             trials: Vec::new(),
             is_listed: true,
         };
-        let record = FitRecord::of(&set, &Options::default(), &[], b"one").unwrap();
+        let record = FitRecord::of(&set, &Options::default(), b"one").unwrap();
         std::fs::write(FitRecord::path_for(&library), record.to_text().unwrap()).unwrap();
         assert!(FitRecord::beside(&library, b"one").unwrap().is_some());
         assert!(FitRecord::beside(&library, b"two").unwrap().is_none());

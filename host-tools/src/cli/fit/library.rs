@@ -5,7 +5,7 @@ use std::path::Path;
 use host_tools::evaluation::budget;
 use host_tools::evaluation::budget::Concession;
 use host_tools::fit;
-use host_tools::fit::record::{FitRecord, FoundLines};
+use host_tools::fit::record::FitRecord;
 use host_tools::fit::{ExcitationChoice, Fit, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::{Error, Result};
@@ -32,10 +32,7 @@ pub fn write_library(
     fit: &Fit,
     options: &fit::Options,
 ) -> Result<FitRecord> {
-    let record = FitRecord {
-        lines: FoundLines::of(fit),
-        ..FitRecord::of(set, options, &fit.excitations, bytes)?
-    };
+    let record = FitRecord::of(set, options, bytes)?.with_account_of(fit);
     atomic_file::write(path, bytes)?;
     atomic_file::write(&FitRecord::path_for(path), record.to_text()?.as_bytes())?;
     Ok(record)

@@ -287,9 +287,12 @@ pub fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
         "step ms",
         "dB",
     ];
-    let joined = |values: Vec<String>| match values.is_empty() {
-        true => "none".to_owned(),
-        false => values.join(", "),
+    let joined = |values: Vec<String>| {
+        if values.is_empty() {
+            "none".to_owned()
+        } else {
+            values.join(", ")
+        }
     };
     let row = |texture: &TextureSummary| {
         let each = |of: &dyn Fn(&CodebookSummary) -> String| {

@@ -57,11 +57,12 @@ pub fn add(
     options: &Options,
     progress: impl Fn() + Sync,
 ) -> Result<()> {
-    let read = |trial: &Trial| signal(trial, options.reduction);
+    let read = |_, trial: &Trial| signal(trial, options.reduction);
     add_from(set, fit, options, read, progress)
 }
 
-/// As [`add`], with the signal of a trial from `read`: of what is left of it if something else plays a part of it.
+/// As [`add`], with the signal of a trial from `read`, which gets its index in the set: what is left of the recording if
+/// something else plays a part of it.
 ///
 /// # Errors
 /// Those of [`add`] and of `read`.
@@ -69,7 +70,7 @@ pub fn add_from(
     set: &RecordingSet,
     fit: &mut Fit,
     options: &Options,
-    read: impl Fn(&Trial) -> Result<Signal> + Sync,
+    read: impl Fn(usize, &Trial) -> Result<Signal> + Sync,
     progress: impl Fn() + Sync,
 ) -> Result<()> {
     if options.excitation == ExcitationChoice::Gaussian
@@ -118,7 +119,7 @@ fn traces(
     index: usize,
     set: &RecordingSet,
     options: &Options,
-    read: &(impl Fn(&Trial) -> Result<Signal> + Sync),
+    read: &(impl Fn(usize, &Trial) -> Result<Signal> + Sync),
     progress: &(impl Fn() + Sync),
 ) -> Result<Vec<Trace>> {
     let nodes = &fit.specs[index].nodes;
@@ -127,8 +128,9 @@ fn traces(
         .trials
         .par_iter()
         .zip(&fit.trials)
-        .filter(|(trial, report)| trial.texture == texture.name && report.used)
-        .map(|(trial, report)| {
+        .enumerate()
+        .filter(|(_, (trial, report))| trial.texture == texture.name && report.used)
+        .map(|(index, (trial, report))| {
             let place = |axis: &[f32], value: f64| axis.partition_point(|&v| v < value as f32);
             let at = (
                 place(&grid.speeds_mm_s, trial.speed_mm_s),
@@ -136,7 +138,7 @@ fn traces(
             );
             let trace = match nodes.get(grid.index(at.0, at.1)) {
                 Some(node) if node.output_power > 0.0 => {
-                    let signal = read(trial)?;
+                    let signal = read(index, trial)?;
                     Trace::of(
                         &signal,
                         at,
