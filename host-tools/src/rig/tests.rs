@@ -387,6 +387,46 @@ fn a_scene_draws_for_the_effects_it_names_and_for_nothing_else() {
     }
 }
 
+/// A line of the drum's section, which [`PROTOCOL`] ends with.
+const WANDER: &str = "\nwander = { rms = 0.02, correlation_s = 0.1 }\n";
+
+#[test]
+fn a_drum_that_hardly_wanders_gives_the_samples_of_one_that_does_not() {
+    let steady = trials(&[PROTOCOL, TOOL, STRIP, WEAVE], 3);
+    let hardly = "\nwander = { rms = 1e-9, correlation_s = 0.1 }\n";
+    let hardly = trials(&[PROTOCOL, hardly, TOOL, STRIP, WEAVE], 3);
+    for (steady, hardly) in steady.iter().zip(&hardly) {
+        let scale = steady.rms_m_s2();
+        for (a, b) in steady
+            .samples_m_s2
+            .iter()
+            .flatten()
+            .zip(hardly.samples_m_s2.iter().flatten())
+        {
+            assert!((a - b).abs() <= 1e-3 * scale, "{a} {b}");
+        }
+    }
+}
+
+#[test]
+fn a_wander_draws_once_for_each_trial_that_is_felt() {
+    drawn::take();
+    trials(&[PROTOCOL, WANDER, TOOL, STRIP, WEAVE], 5);
+    assert_eq!(drawn::take()["wander"], 12);
+}
+
+#[test]
+fn the_rig_with_weaves_is_sound() {
+    let text = include_str!("../../rigs/weave-rig.toml");
+    let rig = RigFile::from_toml(Path::new("rigs/weave-rig.toml"), text).unwrap();
+    assert!(
+        rig.description()
+            .textures
+            .iter()
+            .all(|texture| !texture.weaves.is_empty())
+    );
+}
+
 #[test]
 fn hum_has_its_frequency_and_amplitude() {
     for trial in trials(&[PROTOCOL, STRIP, HUM], 1) {

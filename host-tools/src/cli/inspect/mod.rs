@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use scene::{SceneSummary, scene_table};
 pub use texture::{TextureSummary, texture_table};
-use texture::{excitation_table, storage_table};
+use texture::{excitation_table, line_table, storage_table};
 
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, print_json};
@@ -58,6 +58,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(excitations) = excitation_table(&textures) {
         print(&format!("\n{excitations}"))?;
         print("\npeak: standard deviations; dB: lowest to highest level of the track\n")?;
+    }
+    if let Some(lines) = line_table(&textures) {
+        print(&format!("\n{lines}"))?;
     }
     if scenes.is_empty() {
         return Ok(());

@@ -2,7 +2,7 @@
 
 use host_tools::texture::parts::of_texture;
 use model_format::{
-    CodebookSpec, ExcitationSpec, LEVEL_FRACTION_BITS, NodeFlags, PartsSpec, Texture,
+    CodebookSpec, ExcitationSpec, LEVEL_FRACTION_BITS, NodeFlags, PartKind, PartsSpec, Texture,
     level_amplitude,
 };
 use serde::Serialize;
@@ -41,6 +41,9 @@ pub struct TextureSummary {
     /// The track of the level.
     #[serde(skip_serializing_if = "Option::is_none")]
     level_track: Option<TrackSummary>,
+    /// Lines that are locked to place.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    lines: Vec<LineSummary>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     nodes: Vec<NodeSummary>,
 }
@@ -66,6 +69,15 @@ struct TrackSummary {
     step_s: f64,
     /// Lowest and highest level, dB.
     range_db: [f64; 2],
+}
+
+#[derive(Serialize)]
+struct LineSummary {
+    wavelength_mm: f32,
+    phase_turns: f64,
+    /// Lowest and highest amplitude of a node, m/s².
+    amplitude_m_s2: [f32; 2],
+    bytes: usize,
 }
 
 #[derive(Serialize)]
@@ -136,6 +148,7 @@ impl TextureSummary {
                 .collect(),
             codebooks: codebook_summaries(texture),
             level_track: track_summary(texture),
+            lines: line_summaries(texture),
             nodes,
         }
     }
@@ -176,6 +189,56 @@ fn track_summary(texture: &Texture<'_>) -> Option<TrackSummary> {
             level_db(track.entries.iter().max()),
         ],
     })
+}
+
+fn line_summaries(texture: &Texture<'_>) -> Vec<LineSummary> {
+    let Some(lines) = texture.lines() else {
+        return Vec::new();
+    };
+    let bytes = texture
+        .parts()
+        .find(|(kind, _)| *kind == PartKind::Lines)
+        .map_or(0, |(_, bytes)| bytes);
+    lines
+        .iter()
+        .map(|line| LineSummary {
+            wavelength_mm: line.wavelength_mm(),
+            phase_turns: f64::from(line.phase()) / 65_536.0,
+            amplitude_m_s2: [
+                line.amplitudes().fold(f32::INFINITY, f32::min),
+                line.amplitudes().fold(0.0, f32::max),
+            ],
+            // All lines take as many.
+            bytes: bytes / lines.len(),
+        })
+        .collect()
+}
+
+/// Table of the lines that are locked to place, one per row; none if no texture has any.
+pub fn line_table(textures: &[TextureSummary]) -> Option<String> {
+    let header = [
+        "texture",
+        "locked to place, mm",
+        "amplitude m/s²",
+        "phase, turns",
+        "bytes",
+    ];
+    let of_texture = |texture: &TextureSummary| -> Vec<Vec<String>> {
+        let lines = texture.lines.iter();
+        let row = |line: &LineSummary| {
+            let [low, high] = line.amplitude_m_s2;
+            vec![
+                texture.name.clone(),
+                format!("{:.4}", line.wavelength_mm),
+                format!("{low:.3} to {high:.3}"),
+                format!("{:.3}", line.phase_turns),
+                line.bytes.to_string(),
+            ]
+        };
+        lines.map(row).collect()
+    };
+    let rows: Vec<Vec<String>> = textures.iter().flat_map(of_texture).collect();
+    (!rows.is_empty()).then(|| table(&header, &rows))
 }
 
 fn node_summaries(texture: &Texture<'_>) -> Vec<NodeSummary> {

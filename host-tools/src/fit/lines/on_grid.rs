@@ -1,13 +1,11 @@
 //! Lines of trials as a part of a texture: an amplitude for each node.
 
+use model_format::limits::{MAX_LINE_AMPLITUDE, MAX_WAVELENGTH_MM, MIN_WAVELENGTH_MM};
 use model_format::{LineSpec, LinesSpec};
 
 use crate::texture::grid::Grid;
 
 use super::findings::TrialLines;
-
-/// Largest amplitude that a library holds, m/s².
-const MOST_AMPLITUDE_M_S2: f64 = 256.0;
 
 /// A trial of a grid, as far as its lines need it.
 pub struct LineMember<'a> {
@@ -43,9 +41,11 @@ pub fn lines_on(grid: &Grid, members: &[LineMember<'_>]) -> Option<LinesSpec> {
                 })
                 .collect();
             let amplitudes = filled(grid, &known);
-            let is_heard = amplitudes.iter().any(|&a| a > 0.0);
-            is_heard.then(|| LineSpec {
-                wavelength_mm: line.wavelength_mm as f32,
+            let wavelength_mm = line.wavelength_mm as f32;
+            let is_held = (MIN_WAVELENGTH_MM..=MAX_WAVELENGTH_MM).contains(&wavelength_mm)
+                && amplitudes.iter().any(|&a| a > 0.0);
+            is_held.then(|| LineSpec {
+                wavelength_mm,
                 phase: (line.phase_turns.rem_euclid(1.0) * 65_536.0).round() as u32 as u16,
                 amplitudes,
             })
@@ -88,7 +88,7 @@ fn filled(grid: &Grid, known: &[Option<f64>]) -> Vec<f32> {
                 .map(|f| along_speed[grid.index(speed, f)])
                 .collect();
             let amplitude = between(forces, &row, node % forces.len()).unwrap_or(0.0);
-            amplitude.clamp(0.0, MOST_AMPLITUDE_M_S2) as f32
+            amplitude.clamp(0.0, f64::from(MAX_LINE_AMPLITUDE)) as f32
         })
         .collect()
 }
@@ -115,11 +115,9 @@ mod tests {
     fn what_no_trial_tells_lies_between_its_neighbours_or_is_that_of_the_nearest() {
         let axis = [10.0, 20.0, 40.0, 80.0];
         let known = [None, Some(1.0), None, Some(4.0)];
-        let at = |i| between(&axis, &known, i);
-        assert_eq!(
-            [at(0), at(1), at(2), at(3)],
-            [Some(1.0), Some(1.0), Some(2.0), Some(4.0)]
-        );
+        for (at, expected) in [1.0, 1.0, 2.0, 4.0].into_iter().enumerate() {
+            assert!((between(&axis, &known, at).unwrap() - expected).abs() < 1e-6);
+        }
         assert_eq!(between(&axis, &[None; 4], 2), None);
     }
 }

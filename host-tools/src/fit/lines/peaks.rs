@@ -25,6 +25,9 @@ const CLOSE_CELLS: f64 = 5.0;
 /// about half independent, by their median, which is half as exact as their mean.
 const BACKGROUND_DEGREES: f64 = 12.0;
 
+/// Least background as a share of the strongest line's power: 70 dB below it.
+const FLOOR_SHARE: f64 = 1e-7;
+
 /// Least ratio of a peak to its background that is kept.
 const LEAST_RATIO: f64 = 6.0;
 
@@ -48,6 +51,8 @@ pub(super) struct LineSpectrum {
     cell_hz: f64,
     /// Sum of the window's squares.
     window_energy: f64,
+    /// Least background, below which the skirts of the strongest line would be lines.
+    floor: f64,
 }
 
 impl LineSpectrum {
@@ -70,12 +75,23 @@ impl LineSpectrum {
             .process(&mut padded, &mut bins)
             .expect("lengths come from the plan");
         let rate_hz = f64::from(SAMPLE_RATE_HZ);
+        let power: Vec<f64> = bins.iter().map(Complex::norm_sqr).collect();
+        let strongest = power.iter().copied().fold(0.0, f64::max);
         Some(Self {
-            power: bins.iter().map(Complex::norm_sqr).collect(),
+            floor: FLOOR_SHARE * strongest,
+            power,
             step_hz: rate_hz / length as f64,
             cell_hz: rate_hz / signal.len() as f64,
             window_energy,
         })
+    }
+
+    /// The same with a background of at least that of `first`, which is the spectrum before lines were removed.
+    pub(super) fn with_floor_of(self, first: &Self) -> Self {
+        Self {
+            floor: self.floor.max(first.floor),
+            ..self
+        }
     }
 
     /// Width of a cell, Hz.
@@ -127,10 +143,7 @@ impl LineSpectrum {
         let both: Vec<f64> = left(close).iter().chain(right(close)).copied().collect();
         let mean = |powers: &[f64]| median(powers).map_or(0.0, |median| median / LN_2);
         let background = mean(left(far)).max(mean(right(far))).max(mean(&both));
-        // Nothing around a peak is as far below it as float64 tells.
-        background
-            .max(1e-28 * self.power[bin])
-            .max(f64::MIN_POSITIVE)
+        background.max(self.floor).max(f64::MIN_POSITIVE)
     }
 
     /// Place of the maximum of a parabola through three levels, in steps from `bin`.

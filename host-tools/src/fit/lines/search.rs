@@ -13,7 +13,7 @@
 //! which it could be seen, and two, show it. In noise the expected share of speeds that do is at most b, so by Markov's
 //! inequality half of them do with a chance of at most 2b, *however the trials depend on each other*: they are strokes
 //! over one surface, whose irregularities return. With M wavelengths that can be told apart, b = level / 2M holds the
-//! level for a texture as a whole.
+//! level for a search, and half of it that of a texture, which is searched twice.
 
 use std::ops::ControlFlow;
 
@@ -21,9 +21,13 @@ use model_format::SAMPLE_RATE_HZ;
 
 use super::peaks::{LineSpectrum, Peak};
 use super::sine::{amplitudes, refined, steady_turns, subtract};
+use super::track::{at_even_places, followed};
 
 /// Chance of any line in a texture that has none.
 pub(super) const LEVEL: f64 = 1e-3;
+
+/// Searches of one texture, with different errors of the listed speeds, which share the level.
+const SEARCHES: f64 = 2.0;
 
 /// Frequencies of lines, Hz: from above the hand's motion to where the device fades them out.
 pub(super) const LOWEST_HZ: f64 = 12.0;
@@ -55,17 +59,21 @@ pub(super) struct Heard {
     signal: Vec<f64>,
     peaks: Vec<Peak>,
     cell_hz: f64,
+    /// Spectrum before anything was removed.
+    first: LineSpectrum,
 }
 
 impl Heard {
     /// Hears `signal`; `None` if it is too short or silent.
     pub(super) fn of(speed_mm_s: f64, signal: &[f64]) -> Option<Self> {
+        let first = LineSpectrum::of(signal)?;
         let mut heard = Self {
             speed_mm_s,
             speed_ratio: None,
             signal: signal.to_vec(),
             peaks: Vec::new(),
-            cell_hz: LineSpectrum::of(signal)?.cell_hz(),
+            cell_hz: first.cell_hz(),
+            first,
         };
         heard.hear_again();
         Some(heard)
@@ -73,7 +81,9 @@ impl Heard {
 
     fn hear_again(&mut self) {
         let spectrum = LineSpectrum::of(&self.signal);
-        self.peaks = spectrum.map_or_else(Vec::new, |s| s.peaks(LOWEST_HZ, HIGHEST_HZ));
+        self.peaks = spectrum.map_or_else(Vec::new, |s| {
+            s.with_floor_of(&self.first).peaks(LOWEST_HZ, HIGHEST_HZ)
+        });
     }
 
     /// Highest peak over its background within `within_hz` of `frequency_hz`, and the logarithm of its chance among
@@ -102,6 +112,18 @@ impl Heard {
         subtract(&mut self.signal, amplitude, &turns);
         self.hear_again();
         exact_hz
+    }
+
+    /// Brings the samples to even places, if the phase of the sine at `frequency_hz` tells that the speed wandered. So
+    /// other lines of the surface are as narrow as their first one, and none of them leaves a residue for a line.
+    fn straighten(&mut self, frequency_hz: f64) {
+        let exact_hz = refined(&self.signal, frequency_hz, self.cell_hz);
+        // Places in wavelengths.
+        let mut places = steady_turns(exact_hz, self.signal.len());
+        let step = exact_hz / f64::from(SAMPLE_RATE_HZ);
+        if followed(&self.signal, &mut places, 1.0).is_some() {
+            self.signal = at_even_places(&self.signal, &places, step);
+        }
     }
 
     fn actual_speed_mm_s(&self) -> f64 {
@@ -140,9 +162,23 @@ pub(super) struct Outcome {
 
 /// Support of a hypothesis.
 struct Support {
+    /// Mean evidence of a speed, none of which counts beyond [`MOST_EVIDENCE`].
     score: f64,
+    /// Sum of all evidence.
+    evidence: f64,
     shown_by: Vec<(usize, Peak)>,
     speeds: (usize, usize),
+}
+
+impl Support {
+    /// Returns whether this support of the first hypothesis is better than `other` of the second: by its score; of
+    /// equal ones, that of time, and then the one with more evidence.
+    fn is_better(&self, (own, held): (Hypothesis, Hypothesis), other: &Self) -> bool {
+        let is_of_time = |hypothesis| matches!(hypothesis, Hypothesis::Time(_));
+        let key =
+            |support: &Self, hypothesis| (support.score, is_of_time(hypothesis), support.evidence);
+        key(self, own) > key(other, held)
+    }
 }
 
 /// The search over the trials of one texture.
@@ -204,6 +240,7 @@ impl Search<'_> {
         let mut shown_by = Vec::with_capacity(support.shown_by.len());
         for (index, peak) in &support.shown_by {
             let trial = &mut self.trials[*index];
+            trial.straighten(peak.frequency_hz);
             let exact_hz = trial.remove(peak.frequency_hz);
             // The first line tells the speed for those after it.
             let listed_hz = trial.speed_mm_s / wavelength_mm;
@@ -217,26 +254,33 @@ impl Search<'_> {
     fn best(&self, known_mm: &[f64]) -> Option<(Hypothesis, Support)> {
         let longest = self.trials.iter().map(|trial| trial.signal.len()).max()?;
         let longest_s = longest as f64 / f64::from(SAMPLE_RATE_HZ);
-        let ln_bound = (LEVEL / (2.0 * 2.0 * HIGHEST_HZ * longest_s)).ln();
+        let ln_bound = (LEVEL / SEARCHES / (2.0 * 2.0 * HIGHEST_HZ * longest_s)).ln();
         // Harmonics of what is known are few, and so need less evidence.
-        let ln_harmonic_bound = (LEVEL / (2.0 * f64::from(HARMONICS) * 8.0)).ln();
-        let unknown = self.hypotheses().into_iter().map(|h| (h, ln_bound));
+        let ln_harmonic_bound = (LEVEL / SEARCHES / (2.0 * f64::from(HARMONICS) * 8.0)).ln();
+        // A line's residue, where its trials were not followed closely enough, is no other line.
+        let is_known = |hypothesis: &Hypothesis| match hypothesis {
+            Hypothesis::Place(mm) => known_mm
+                .iter()
+                .any(|known| (mm / known - 1.0).abs() < SAME_LINE),
+            Hypothesis::Time(_) => false,
+        };
+        let unknown = self.hypotheses().into_iter().filter(|h| !is_known(h));
+        let unknown = unknown.map(|h| (h, ln_bound));
         let harmonics = known_mm.iter().flat_map(|wavelength| {
             let of = move |n| Hypothesis::Place(wavelength / f64::from(n));
-            (2..=HARMONICS).map(of).map(|h| (h, ln_harmonic_bound))
+            (2..=HARMONICS)
+                .map(of)
+                .filter(|h| !is_known(h))
+                .map(|h| (h, ln_harmonic_bound))
         });
         let mut best: Option<(Hypothesis, Support)> = None;
         for (hypothesis, ln_bound) in unknown.chain(harmonics) {
             let Some(support) = self.support(hypothesis, ln_bound) else {
                 continue;
             };
-            let is_better = best.as_ref().is_none_or(|(held, other)| {
-                let tie = matches!(
-                    (held, hypothesis),
-                    (Hypothesis::Place(_), Hypothesis::Time(_))
-                );
-                support.score > other.score || (tie && support.score >= other.score)
-            });
+            let is_better = best
+                .as_ref()
+                .is_none_or(|(held, other)| support.is_better((hypothesis, *held), other));
             if is_better {
                 best = Some((hypothesis, support));
             }
@@ -298,18 +342,21 @@ impl Search<'_> {
         if fastest / slowest < LEAST_SPEED_RATIO + 4.0 * self.speed_tolerance {
             return None;
         }
-        let evidence = shown()
-            .map(|speed| (-speed.ln_chance()).min(MOST_EVIDENCE))
-            .sum::<f64>();
+        let evidence = || shown().map(|speed| -speed.ln_chance());
+        let score = evidence().map(|e| e.min(MOST_EVIDENCE)).sum::<f64>() / speeds.len() as f64;
         // A trial shows a line that others have established by less than it takes to establish one.
         let shown_by = shown().flat_map(|speed| speed.shown_by(LN_SHOWN_CHANCE));
         Some(Support {
-            score: evidence / speeds.len() as f64,
+            score,
+            evidence: evidence().sum(),
             shown_by: shown_by.collect(),
             speeds: (count, speeds.len()),
         })
     }
 }
+
+/// Relative difference of wavelengths that are one line.
+const SAME_LINE: f64 = 4e-3;
 
 /// Relative error of a speed that lines have told.
 const EXACT_SPEED: f64 = 2e-4;

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 
+use model_format::limits;
 use rayon::prelude::*;
 use realfft::num_complex::Complex;
 
@@ -14,11 +15,14 @@ use super::search::{Found, HIGHEST_HZ, Heard, LEAST_SPEED_RATIO, Search};
 use super::sine::{amplitudes, subtract};
 use super::track::{followed, steady_mm, turns};
 
-/// Relative errors of listed speeds that are tried, the smallest first: a rig's, and a hand's or a careless list's.
-const SPEED_TOLERANCES: [f64; 2] = [1e-3, 2e-2];
+/// Relative error of the speeds in a rig's list.
+const EXACT_LIST: f64 = 1e-3;
 
-/// Lines that a texture may have.
-const MOST_LINES: usize = 8;
+/// Relative error of the speeds in a list that was not made by a rig.
+const ROUGH_LIST: f64 = 2e-2;
+
+/// Times that the course of a trial's place is corrected at most.
+const FOLLOWED_TIMES: usize = 3;
 
 /// Relative difference of a ratio of wavelengths from a whole number for a harmonic.
 const HARMONIC_TOLERANCE: f64 = 2e-3;
@@ -65,13 +69,19 @@ pub fn separate(
     if fastest < LEAST_SPEED_RATIO * slowest {
         return nothing(NoLines::OneSpeed);
     }
-    let mut time_locked_hz = Vec::new();
-    for tolerance in SPEED_TOLERANCES {
-        let (known, of_time) = search(speeds_mm_s, signals, tolerance);
-        if !known.is_empty() {
-            return removed(speeds_mm_s, signals, fitted, &known, of_time);
-        }
-        time_locked_hz = of_time;
+    // Wider windows for a line's place are taken if more speeds show it there.
+    let speeds = |known: &[Known]| known.iter().map(|line| line.found.speeds.0).max();
+    let (exact, rough) = rayon::join(
+        || search(speeds_mm_s, signals, EXACT_LIST),
+        || search(speeds_mm_s, signals, ROUGH_LIST),
+    );
+    let (known, time_locked_hz) = if speeds(&rough.0) > speeds(&exact.0) {
+        rough
+    } else {
+        exact
+    };
+    if !known.is_empty() {
+        return removed(speeds_mm_s, signals, fitted, &known, time_locked_hz);
     }
     let mut none = nothing(NoLines::NothingStandsOut);
     let findings = Arc::new(Findings {
@@ -100,7 +110,7 @@ fn search(
     let search = Search {
         trials: &mut trials,
         speed_tolerance,
-        most_lines: MOST_LINES,
+        most_lines: limits::MAX_LINES,
     };
     let outcome = search.run();
     let lines = outcome.lines.into_iter().map(|mut found| {
@@ -328,12 +338,18 @@ fn removed_from(
             .map(|&line| turns(place_mm, wavelengths_mm[line]))
             .collect()
     };
-    let fit = amplitudes(signal, ranges, &at(&place_mm));
-    // The line whose phase tells most about place: the strongest for its wavelength.
-    let tells = |i: usize| fit[i].norm() / wavelengths_mm[held[i]];
-    if let Some(best) = (0..held.len()).max_by(|&a, &b| tells(a).total_cmp(&tells(b))) {
-        let wander = followed(signal, &mut place_mm, wavelengths_mm[held[best]]);
-        fitted.was_followed = wander.is_some();
+    // What was followed once, with its harmonics blurred, is followed more closely from there.
+    for _ in 0..FOLLOWED_TIMES {
+        let fit = amplitudes(signal, ranges, &at(&place_mm));
+        // The line whose phase tells most about place: the strongest for its wavelength.
+        let tells = |i: usize| fit[i].norm() / wavelengths_mm[held[i]];
+        let best = (0..held.len()).max_by(|&a, &b| tells(a).total_cmp(&tells(b)));
+        let wander =
+            best.and_then(|best| followed(signal, &mut place_mm, wavelengths_mm[held[best]]));
+        if wander.is_none() {
+            break;
+        }
+        fitted.was_followed = true;
     }
     let turns = at(&place_mm);
     let fit = amplitudes(signal, ranges, &turns);

@@ -151,3 +151,172 @@ fn one_speed_cannot_tell_place_from_time() {
     assert_eq!(findings.none_because, Some(NoLines::OneSpeed));
     assert_eq!(signals, before);
 }
+
+#[test]
+fn what_stays_while_the_speed_changes_is_not_taken() {
+    let (mut generator, mut signals) = surfaces(11, &SPEEDS_MM_S, None);
+    for signal in &mut signals {
+        for (n, amplitude) in [(1.0, 2.0), (2.0, 0.6), (3.0, 1.0), (6.0, 0.3)] {
+            add_line(signal, n * 50.0, amplitude, generator.random());
+        }
+    }
+    let before = signals.clone();
+    let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
+    assert!(findings.lines.is_empty(), "{findings}");
+    assert!(
+        findings
+            .time_locked_hz
+            .iter()
+            .any(|hz| (hz - 50.0).abs() < 0.1),
+        "{findings}"
+    );
+    assert_eq!(signals, before);
+}
+
+#[test]
+fn a_line_at_one_speed_alone_is_not_taken() {
+    let (_, mut signals) = surfaces(12, &SPEEDS_MM_S, None);
+    add_line(&mut signals[3], 213.0, 5.0, 0.0);
+    let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
+    assert!(findings.lines.is_empty(), "{findings}");
+}
+
+#[test]
+fn two_lines_a_percent_apart_are_two_lines() {
+    let (mut generator, mut signals) = surfaces(13, &SPEEDS_MM_S, None);
+    for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
+        for wavelength in [0.5, 0.505] {
+            add_line(signal, v / wavelength, 2.0, generator.random());
+        }
+    }
+    let (findings, shares) = found(&SPEEDS_MM_S, &mut signals);
+    assert_eq!(findings.lines.len(), 2, "{findings}");
+    for (line, wavelength) in findings.lines.iter().zip([0.505, 0.5]) {
+        assert!(
+            (line.wavelength_mm / wavelength - 1.0).abs() < 5e-4,
+            "{findings}"
+        );
+        assert!(line.harmonic_of.is_none());
+    }
+    // Where the recording is long enough to tell them apart by more than four cells.
+    for share in &shares[2..] {
+        for amplitude in &share.amplitudes_m_s2 {
+            assert!((amplitude.unwrap() / 2.0 - 1.0).abs() < 0.1, "{share:?}");
+        }
+    }
+}
+
+#[test]
+fn speeds_that_are_all_wrong_by_one_factor_keep_their_lines_and_a_single_wrong_one_loses_only_its_own()
+ {
+    let (mut generator, signals) = surfaces(14, &SPEEDS_MM_S, None);
+    let mut signals = signals;
+    for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
+        add_line(signal, v / 0.8, 1.0, generator.random());
+    }
+    let tenfold: Vec<f64> = SPEEDS_MM_S.iter().map(|v| 10.0 * v).collect();
+    let (findings, _) = found(&tenfold, &mut signals.clone());
+    assert!(
+        (findings.lines[0].wavelength_mm / 8.0 - 1.0).abs() < 1e-4,
+        "{findings}"
+    );
+    let mut one_wrong = SPEEDS_MM_S;
+    one_wrong[2] = 1000.0;
+    let (findings, shares) = found(&one_wrong, &mut signals);
+    assert!(
+        (findings.lines[0].wavelength_mm / 0.8 - 1.0).abs() < 1e-4,
+        "{findings}"
+    );
+    assert_eq!(findings.lines[0].shown_at_speeds.0, 5);
+    assert!(
+        shares[2].amplitudes_m_s2[0].is_none_or(|a| a < 0.2),
+        "{:?}",
+        shares[2]
+    );
+}
+
+#[test]
+fn a_line_is_followed_through_a_speed_that_wanders() {
+    let (mut generator, mut signals) = surfaces(15, &SPEEDS_MM_S, None);
+    let plain: Vec<f64> = signals.iter().map(|s| rms(s)).collect();
+    for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
+        let (start, slow): (f64, f64) = (generator.random(), generator.random());
+        for (n, x) in signal.iter_mut().enumerate() {
+            let time_s = n as f64 / RATE_HZ;
+            // A deviation of 0.3 % of the speed, once in 1.25 s.
+            let wander = 0.003 * v / (TAU * 0.8) * (TAU * (0.8 * time_s + slow)).sin();
+            let place = v * time_s + wander;
+            *x += 3.0 * (TAU * (place / 0.6 + start)).sin();
+            *x += 1.5 * (TAU * (2.0 * (place / 0.6 + start) + 0.4)).sin();
+        }
+    }
+    let (findings, shares) = found(&SPEEDS_MM_S, &mut signals);
+    assert_eq!(findings.lines.len(), 2, "{findings}");
+    assert!(
+        (findings.lines[0].wavelength_mm / 0.6 - 1.0).abs() < 1e-3,
+        "{findings}"
+    );
+    assert!(findings.followed_trials >= 3, "{findings}");
+    for ((signal, plain), share) in signals.iter().zip(plain).zip(&shares) {
+        assert!(
+            (rms(signal) / plain - 1.0).abs() < 0.05,
+            "{} {plain} {share:?}",
+            rms(signal)
+        );
+        assert!(
+            (share.amplitudes_m_s2[0].unwrap() / 3.0 - 1.0).abs() < 0.06,
+            "{share:?}"
+        );
+    }
+}
+
+#[test]
+fn speeds_known_to_a_percent_alone_are_told_by_the_line() {
+    let (mut generator, mut signals) = surfaces(16, &SPEEDS_MM_S, None);
+    let errors: Vec<f64> = SPEEDS_MM_S
+        .iter()
+        .map(|_| 0.02 * generator.random::<f64>() - 0.01)
+        .collect();
+    for ((signal, v), error) in signals.iter_mut().zip(SPEEDS_MM_S).zip(&errors) {
+        add_line(signal, v * (1.0 + error) / 0.4, 4.0, generator.random());
+    }
+    let (findings, shares) = found(&SPEEDS_MM_S, &mut signals);
+    assert_eq!(findings.lines.len(), 1, "{findings}");
+    assert!(
+        (findings.lines[0].wavelength_mm / 0.4 - 1.0).abs() < 0.01,
+        "{findings}"
+    );
+    assert!(findings.speed_scatter.unwrap() > 1e-3);
+    let base = shares[0].speed_ratio.unwrap() / (1.0 + errors[0]);
+    for (share, error) in shares.iter().zip(&errors) {
+        assert!((share.speed_ratio.unwrap() / (1.0 + error) / base - 1.0).abs() < 1e-3);
+    }
+}
+
+#[test]
+fn silence_constants_and_trials_too_short_have_no_lines() {
+    for samples in [0, 1, 3, 999, 1000, 1001] {
+        for value in [0.0, 1.0, f64::MIN_POSITIVE] {
+            let mut signals = vec![vec![value; samples]; 3];
+            let (findings, _) = found(&[50.0, 100.0, 200.0], &mut signals);
+            assert!(
+                findings.lines.is_empty(),
+                "{samples} of {value}: {findings}"
+            );
+        }
+    }
+    assert!(separate(&[], &mut [], None, Lines::Auto).is_empty());
+}
+
+#[test]
+fn lines_without_noise_are_removed_to_nothing() {
+    let mut signals: Vec<Vec<f64>> = SPEEDS_MM_S.map(|_| vec![0.0; SAMPLES]).to_vec();
+    for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
+        add_line(signal, v / 0.85, 1.0, 0.1);
+    }
+    let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
+    assert_eq!(findings.lines.len(), 1, "{findings}");
+    for signal in &signals {
+        assert!(rms(signal) < 0.01, "{}", rms(signal));
+    }
+}

@@ -19,6 +19,9 @@ const LEAST_WANDER_RAD: f64 = 0.15;
 /// Least power of a line over the noise beside it, both averaged, for its phase to be followed.
 const LEAST_RATIO: f64 = 20.0;
 
+/// Relative deviation of a line's amplitude, per rad of its phase's, beyond which it is two lines that beat.
+const MOST_BEAT: f64 = 0.35;
+
 /// Place at each sample, mm, at a steady speed.
 pub(super) fn steady_mm(speed_mm_s: f64, samples: usize) -> Vec<f64> {
     let step = speed_mm_s / f64::from(SAMPLE_RATE_HZ);
@@ -46,10 +49,7 @@ pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64)
         .map(|(x, place)| x * Complex::cis(-TAU * (place / wavelength_mm).fract()))
         .collect();
     let weights: Vec<f64> = (0..window).map(|n| hann(n, window)).collect();
-    let (sum, energy) = (
-        weights.iter().sum::<f64>(),
-        weights.iter().map(|w| w * w).sum::<f64>(),
-    );
+    let sum = weights.iter().sum::<f64>();
     let centres: Vec<usize> = (0..=(samples - window) / hop).map(|k| k * hop).collect();
     let phasors: Vec<Complex<f64>> = centres
         .iter()
@@ -84,8 +84,15 @@ pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64)
     let wander = rms(&without_straight_line(&times, &phases));
     // A phase in noise wanders by the noise alone.
     let by_noise = (0.5 * noise / power).sqrt();
-    let _ = energy;
     if wander < LEAST_WANDER_RAD + 2.0 * by_noise {
+        return None;
+    }
+    // Two lines close together beat: their phase wanders, and their amplitude as much. A wandering speed leaves the
+    // amplitude alone.
+    let lengths: Vec<f64> = phasors.iter().map(|phasor| phasor.norm()).collect();
+    let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
+    let deviations: Vec<f64> = lengths.iter().map(|length| length / mean - 1.0).collect();
+    if rms(&deviations) > MOST_BEAT * wander.min(1.0) + 2.0 * by_noise {
         return None;
     }
     let corrections: Vec<f64> = phases
@@ -152,4 +159,28 @@ fn without_straight_line(times: &[f64], values: &[f64]) -> Vec<f64> {
 
 fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}
+
+/// Samples of `signal` where its ascending `places` are multiples of `step`, by a cubic through four samples: exact
+/// enough to find a line, which is then fitted to the samples themselves.
+pub(super) fn at_even_places(signal: &[f64], places: &[f64], step: f64) -> Vec<f64> {
+    let last = signal.len() - 1;
+    let at = |index: isize| signal[index.clamp(0, last as isize) as usize];
+    let mut before = 0;
+    (0..signal.len())
+        .map(|n| {
+            let place = step * n as f64;
+            while before + 2 < places.len() && places[before + 1] <= place {
+                before += 1;
+            }
+            let gap = places[before + 1] - places[before];
+            let share = ((place - places[before]) / gap).clamp(-1.0, 2.0);
+            let i = before as isize;
+            let (a, b, c, d) = (at(i - 1), at(i), at(i + 1), at(i + 2));
+            // Catmull and Rom's spline.
+            let (first, second) = (0.5 * (c - a), a - 2.5 * b + 2.0 * c - 0.5 * d);
+            let third = 0.5 * (d - a) + 1.5 * (b - c);
+            b + share * (first + share * (second + share * third))
+        })
+        .collect()
 }

@@ -21,6 +21,7 @@ forces_n = [0.0, 1.0]
 
 [drum]
 circumference_mm = 300.0
+wander = { rms = 0.01, correlation_s = 0.5 }
 
 [tool]
 tip_radius_mm = 1.5
@@ -133,6 +134,16 @@ const OUT_OF_RANGE: &[(&str, &str, &str)] = &[
     ("40,", "20,", "recording.speeds_mm_s[2]"),
     ("40,", "19.5,", "recording.speeds_mm_s[2]"),
     ("40,", "nan,", "recording.speeds_mm_s[2]"),
+    (
+        "wander = { rms = 0.01, correlation_s = 0.5 }",
+        "wander = { rms = 0.2, correlation_s = 0.5 }",
+        "drum.wander.rms",
+    ),
+    (
+        "wander = { rms = 0.01, correlation_s = 0.5 }",
+        "wander = { rms = 0.01, correlation_s = 0.0 }",
+        "drum.wander.correlation_s",
+    ),
     (
         "forces_n = [0.0, 1.0]",
         "forces_n = []",
