@@ -1254,7 +1254,8 @@ fn wavelengths_are_in_their_range_and_none_comes_twice() {
     ] {
         let error = set(value);
         assert!(
-            matches!(error.problem, Problem::Wavelength { line: 1, value: found } if found.to_bits() == value.to_bits())
+            matches!(error.problem, Problem::Wavelength { line: 1, value: found }
+                if found.to_bits() == value.to_bits())
         );
         check_message(error, Place::Texture(0), "must be 0.02 to 1000 mm");
     }
@@ -1289,7 +1290,8 @@ fn amplitudes_of_lines_are_finite_bounded_and_zero_at_rest() {
         for node in [0, 3, 5] {
             let error = set(node, value);
             assert!(
-                matches!(error.problem, Problem::LineAmplitude { line: 1, value: found } if found.to_bits() == value.to_bits())
+                matches!(error.problem, Problem::LineAmplitude { line: 1, value: found }
+                    if found.to_bits() == value.to_bits())
             );
             check_message(error, at(node), "not negative and at most 256");
         }

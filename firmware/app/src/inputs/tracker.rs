@@ -4,13 +4,14 @@
 //! velocity and acceleration with fading memory interpolates between counts, once per update of 2 ms, and looks
 //! [`LEAD_TICKS`] ahead. Its estimate is never outside of the present count, so that the surface is the same forwards
 //! and backwards. The gains are those of the polynomial of degree 2 with weights that fall by θ per update
-//! (Morrison, *Introduction to Sequential Smoothing and Prediction*, 1969, chapter 13): θ is 0.85, a memory of 13 ms, and
-//! 0.6 when the prediction misses by two counts, because a hand that turns would otherwise outrun it.
+//! (Morrison, *Introduction to Sequential Smoothing and Prediction*, 1969): θ is 0.85, a memory of 13 ms, and 0.6 when
+//! the prediction misses by two counts, because a hand that turns would otherwise outrun it.
 //!
 //! It has no lag at constant speed and acceleration. With counts of 0.01 mm and at 20 to 300 mm/s the position felt is
-//! off by 1.5 to 5 µm RMS and by a count at most, so that the phase noise of a line of 0.6 mm is 1° to 3° RMS. A turn at
+//! off by at most 5 µm RMS and by a count, so that the phase noise of a line of 0.6 mm is at most 3° RMS. A turn at
 //! 100 mm/s is off by a count if it takes 0.9 s, and by 2 to 3 counts for a moment if it takes 0.3 s, because nobody
-//! knows the jerk ahead. `firmware/app/tests/app/lines.rs` holds these figures.
+//! knows the jerk ahead. `firmware/app/tests/app/lines.rs` holds these figures. Counts that flicker, because the tool is
+//! at the edge of a count whenever it is read, leave up to twice that.
 //!
 //! **From the host.** Its positions come at up to 1 kHz, and up to a millisecond late or early. The position goes on at
 //! the speed that the host told last, and takes up a fifth of the difference per update. Without positions it is the

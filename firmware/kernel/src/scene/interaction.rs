@@ -38,8 +38,8 @@ impl Interaction {
         contact: false,
     };
 
-    /// An interaction with `motion` at a position on the path, mm from its origin, which is also that of lines locked to
-    /// place unless [`Interaction::reaching`] tells a better one.
+    /// An interaction with `motion` at a position on the path, mm from its origin, which lines that are locked to
+    /// place follow too, unless [`Interaction::reaching`] tells a better one.
     ///
     /// # Errors
     /// A position that is not finite.
