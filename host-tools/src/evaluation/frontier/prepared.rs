@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use crate::dsp::spectrum;
 use crate::evaluation::stress::cases::Case;
-use crate::fit::{self, FittedTexture};
 use crate::fit::Order;
+use crate::fit::{self, FittedTexture};
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
