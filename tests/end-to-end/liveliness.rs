@@ -1,5 +1,5 @@
-//! What a spectrum does not show, from the command line: textures with an excitation and a level of their own, which are
-//! written by hand, against recordings made by the same rule.
+//! Liveliness from the command line: textures with an excitation and a level of their own, which are written by hand,
+//! against recordings made by the same rule.
 
 mod support;
 

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use host_tools::dsp::reduction::Reduction;
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::listening;
@@ -31,7 +30,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     takes: Option<PathBuf>,
     /// Pairs of kinds; 'fitted' is a texture with all its parts, 'gaussian' its filter with Gaussian noise
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Pair::value_variants().to_vec())]
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Pair::ALL)]
     pairs: Vec<Pair>,
     /// Trials per pair, 1 to 200
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=200))]
@@ -160,8 +159,8 @@ fn scores(scores: &[Score]) -> String {
         ""
     };
     format!(
-        "{}\n\nchance: 50 %; interval: exact (Clopper and Pearson), with a confidence of {:.0} %, as if all trials were \
-         independent;\ntold apart: the whole interval lies above chance{origin}",
+        "{}\n\nchance: 50 %; interval: exact (Clopper and Pearson), with a confidence of {:.0} %, as if all trials \
+         were independent;\ntold apart: the whole interval lies above chance{origin}",
         table(&header, &rows),
         100.0 * CONFIDENCE
     )

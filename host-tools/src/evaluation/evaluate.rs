@@ -46,7 +46,7 @@ pub struct Options {
     pub seed: u64,
     /// Compare the library as it is with what it was fitted to, too.
     pub in_sample: bool,
-    /// What of each texture the synthesis plays.
+    /// Parts of each texture that the synthesis plays.
     pub played: Played,
 }
 
@@ -76,7 +76,7 @@ pub struct Evaluation {
     pub simulated: bool,
     /// One line per texture.
     pub textures: Vec<TextureEvaluation>,
-    /// What a spectrum does not show, over all trials.
+    /// Properties that a spectrum does not show, over all trials.
     pub liveliness: Vec<liveliness::Summary>,
     /// Every trial, in the order of the set.
     pub trials: Vec<TrialEvaluation>,

@@ -1,4 +1,4 @@
-//! What a power spectrum does not show of a texture, held out: impulses, changes of level, and a steady line, of the
+//! Properties of a texture that a power spectrum does not show, held out: impulses, changes of level, and a steady line, of the
 //! recording that judges, of what the stylus plays there, and of another recording.
 //!
 //! A synthesis is longer than its judge, and kurtosis, crest factor and ranges grow with duration. So it is measured

@@ -1,6 +1,5 @@
-//! What of a texture is played: all of it, or without the parts that are stored beside its filter.
+//! Choice of what a texture plays: all of it, or without the parts that are stored beside its filter.
 
-use clap::ValueEnum;
 use model_format::{Library, PartsSpec, Texture, TextureSpec, encode_uncertified};
 use serde::Serialize;
 
@@ -8,7 +7,7 @@ use crate::scene::texture_spec;
 use crate::support::error::{Error, Result};
 
 /// A choice of a texture's parts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Played {
     /// All parts, as fitted.
@@ -27,7 +26,7 @@ pub struct Version {
     pub played: Played,
     /// The parts that are left, in words.
     pub parts: String,
-    /// What was played, m/s², after warming up.
+    /// The synthesis, m/s², after warming up.
     pub synthesised: Vec<f64>,
 }
 

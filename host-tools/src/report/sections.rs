@@ -244,8 +244,8 @@ impl<'a> Sections<'a> {
         self.figure(
             &picture,
             &format!("{stem}-waveforms.svg"),
-            "Waveforms and envelopes to one scale, 0.1 s and 2 s from the middle. The recording is drawn whole, whatever \
-             was fitted of it; the figures below are of what was held out.",
+            "Waveforms and envelopes to one scale, 0.1 s and 2 s from the middle of each. The recording is drawn \
+             whatever was fitted of it; the figures below are of what was held out.",
         )?;
         if let Some(liveliness) = &example.judged.liveliness {
             let summaries = summaries(std::iter::once(liveliness));

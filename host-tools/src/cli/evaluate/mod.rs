@@ -62,8 +62,8 @@ pub struct Arguments {
     /// Least duration of each synthesis, in seconds [default: 10; 5 with --leave-one-out]
     #[arg(long, value_name = "S", value_parser = positive)]
     synthesis: Option<f64>,
-    /// What of each texture is played: all parts as fitted, Gaussian noise alone, or the residual and its level without
-    /// what is locked to place
+    /// Parts of each texture that are played: all as fitted, none (Gaussian noise), or the residual and its level
+    /// without lines that are locked to place
     #[arg(
         long,
         value_enum,

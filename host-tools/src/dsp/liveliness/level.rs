@@ -1,6 +1,6 @@
 //! Changes of level: the envelope's modulation, and the spread of the levels of short windows.
 
-use super::mean_square;
+use super::values::mean_square;
 use crate::dsp::analytic::Analytic;
 use crate::dsp::spectrum::PowerSpectrum;
 
@@ -28,8 +28,8 @@ pub(super) fn window_samples(rate_hz: f64) -> Option<usize> {
     (samples >= 2).then_some(samples)
 }
 
-/// RMS of the envelopes' part within [`MODULATION_HZ`] over their mean. Blocks that are too short to resolve it are left
-/// out; `None` if all are, or the band is silent.
+/// RMS of the envelopes' part within [`MODULATION_HZ`] over their mean. Blocks that are too short to resolve it are
+/// left out; `None` if all are, or the band is silent.
 pub(super) fn modulation(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     let least = (SHORTEST_SEGMENT_S * rate_hz).ceil() as usize;
     let (low_hz, high_hz) = MODULATION_BAND_HZ;

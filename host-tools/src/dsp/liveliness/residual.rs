@@ -1,7 +1,8 @@
 //! Kurtosis of the prediction error within short windows: impulses, apart from the level's slower changes.
 
 use super::level::window_samples;
-use super::{mean_square, median, moments};
+use super::moments;
+use super::values::{mean_square, median};
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
 

@@ -312,7 +312,11 @@ fn blocks_are_measured_together_and_no_window_crosses_a_join() {
 
 proptest! {
     #[test]
-    fn measures_do_not_depend_on_gain_sign_or_offset(seed in 0u64..10_000, log_gain in -6.0..6.0f64, offset in -3.0..3.0f64) {
+    fn measures_do_not_depend_on_gain_sign_or_offset(
+        seed in 0u64..10_000,
+        log_gain in -6.0..6.0f64,
+        offset in -3.0..3.0f64,
+    ) {
         let signal = noise(seed, 5000);
         let gain = 10f64.powf(log_gain);
         let other: Vec<f64> = signal.iter().map(|x| -gain * (x + offset)).collect();

@@ -1,7 +1,7 @@
 //! The optional parts of a texture: what they cost, and what they bring that no spectrum shows.
 //!
-//! They are a choice beside structure, order and interval: they add instructions to the tick or the update, and bytes to
-//! the library. What they bring is the distance from a held-out recording in kurtosis, modulation and levels, against
+//! They are a choice beside structure, order and interval: they add instructions to the tick or the update, and bytes
+//! to the library. What they bring is the distance from a held-out recording in kurtosis, modulation and levels, against
 //! that of Gaussian noise through the same filter. The structures are compared without them, because the variants that
 //! are not shipped do not play them.
 
@@ -104,7 +104,7 @@ const CHOICES: [Choice; 5] = [
     PartsSpec::clone,
 ];
 
-/// What one node played.
+/// One node's synthesis, measured.
 struct Node {
     liveliness: TrialLiveliness,
     band_square_db: f64,

@@ -5,10 +5,15 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::{CHANCE, CONFIDENCE};
 use crate::dsp::binomial::clopper_pearson;
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
+
+/// Proportion of right answers by chance.
+pub const CHANCE: f64 = 0.5;
+
+/// Confidence of intervals.
+pub const CONFIDENCE: f64 = 0.95;
 
 /// Largest file of answers.
 const LIMIT: Limit = Limit {

@@ -10,8 +10,8 @@ pub const FADE_S: f64 = 0.02;
 /// Shortest excerpt, s: shorter ones are mostly fades.
 pub const SHORTEST_EXCERPT_S: f64 = 0.2;
 
-/// Samples of excerpts of about `seconds`, of which `blocks` hold at least two that do not overlap; `None` if these would
-/// be shorter than [`SHORTEST_EXCERPT_S`].
+/// Samples of excerpts of about `seconds`, of which `blocks` hold at least two that do not overlap; `None` if these
+/// would be shorter than [`SHORTEST_EXCERPT_S`].
 pub(super) fn samples(blocks: &[Vec<f64>], seconds: f64) -> Option<usize> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let mut lengths: Vec<usize> = blocks.iter().map(Vec::len).collect();
@@ -23,8 +23,8 @@ pub(super) fn samples(blocks: &[Vec<f64>], seconds: f64) -> Option<usize> {
     (samples as f64 >= SHORTEST_EXCERPT_S * rate_hz).then_some(samples)
 }
 
-/// Excerpts of `samples` of a signal in blocks, side by side, each with an RMS of 1 about its mean before its ends fade.
-/// Silent ones are left out.
+/// Excerpts of `samples` of a signal in blocks, side by side, each with an RMS of 1 about its mean before its ends
+/// fade. Silent ones are left out.
 pub(super) fn excerpts(blocks: &[&[f64]], samples: usize) -> Vec<Vec<f64>> {
     let parts = blocks.iter().flat_map(|block| block.chunks_exact(samples));
     parts.filter_map(levelled).collect()
@@ -55,7 +55,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn two_excerpts_fit_side_by_side(lengths in prop::collection::vec(0usize..30_000, 0..6), seconds in 0.2..5.0f64) {
+        fn two_excerpts_fit_side_by_side(
+            lengths in prop::collection::vec(0usize..30_000, 0..6),
+            seconds in 0.2..5.0f64,
+        ) {
             let blocks: Vec<Vec<f64>> = lengths
                 .iter()
                 .map(|&len| (0..len).map(|n| (n as f64 * 0.7).sin()).collect())

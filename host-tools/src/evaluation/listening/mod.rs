@@ -12,12 +12,6 @@ mod answers;
 mod excerpts;
 mod plan;
 
-pub use answers::{Answers, Score, score};
+pub use answers::{Answers, CHANCE, CONFIDENCE, Score, score};
 pub use excerpts::{FADE_S, SHORTEST_EXCERPT_S};
 pub use plan::{Kind, Options, Pair, Plan, Trial, plan};
-
-/// Proportion of right answers by chance.
-pub const CHANCE: f64 = 0.5;
-
-/// Confidence of intervals.
-pub const CONFIDENCE: f64 = 0.95;

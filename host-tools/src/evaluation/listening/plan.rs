@@ -1,6 +1,5 @@
 //! The plan of a listening test: what is heard in which trial, decided by the seed alone.
 
-use clap::ValueEnum;
 use model_format::Library;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -19,7 +18,7 @@ use crate::support::error::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// What was recorded and not fitted.
+    /// A recording that was not fitted.
     Recording,
     /// The texture's filter, excited by Gaussian noise.
     Gaussian,
@@ -28,7 +27,7 @@ pub enum Kind {
 }
 
 /// Two kinds that are compared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pair {
     /// A recording and the texture as fitted.
@@ -55,7 +54,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            pairs: Pair::value_variants().to_vec(),
+            pairs: Pair::ALL.to_vec(),
             trials: 12,
             excerpt_s: 1.5,
             seed: 1,
@@ -111,6 +110,13 @@ impl Kind {
 }
 
 impl Pair {
+    /// All pairs.
+    pub const ALL: [Self; 3] = [
+        Self::RecordingFitted,
+        Self::RecordingGaussian,
+        Self::GaussianFitted,
+    ];
+
     /// Both kinds.
     pub fn kinds(self) -> [Kind; 2] {
         match self {
@@ -339,7 +345,7 @@ mod tests {
         let mut sounds = Vec::new();
         let trials = (0..count)
             .map(|n| {
-                let pair = Pair::value_variants()[n % 3];
+                let pair = Pair::ALL[n % 3];
                 trial(pair, &heard(), &mut sounds, &mut generator)
             })
             .collect();

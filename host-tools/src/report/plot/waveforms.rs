@@ -1,4 +1,4 @@
-//! Waveforms of several signals beside each other, with their envelopes: what a spectrum does not show.
+//! Waveforms of several signals beside each other, with their envelopes.
 
 use plotters::prelude::*;
 
@@ -18,8 +18,8 @@ const ENVELOPE_S: f64 = 0.01;
 /// Shown height of a row, pixels.
 const ROW: u32 = 130;
 
-/// Signals, m/s², each with its name, one below the other: 100 ms of the middle on the left, 2 s on the right, with the
-/// envelope, ± the RMS over windows of 10 ms. All have one scale.
+/// Signals, m/s², each with its name, one below the other: 100 ms of the middle on the left, 2 s on the right, with
+/// the envelope, ± the RMS over windows of 10 ms. All have one scale.
 ///
 /// # Errors
 /// A rate that is not positive, and that the picture cannot be laid out.
