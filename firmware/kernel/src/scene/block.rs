@@ -87,6 +87,14 @@ impl Block {
         let _ = self.stages.push(stage);
     }
 
+    /// The sample of the lines of `slot`, with `left` samples of the block to come.
+    ///
+    /// It is a function of its own, because its registers would cost a tick without lines some instructions.
+    #[inline(never)]
+    pub(super) fn lines_of(&self, slot: u8, left: u32) -> i64 {
+        self.lines[usize::from(slot) % SLOTS].sample(left)
+    }
+
     /// The stages that the tick runs per sample, in their order.
     pub fn stages(&self) -> &[Stage] {
         &self.stages

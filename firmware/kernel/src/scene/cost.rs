@@ -46,7 +46,7 @@ pub const FEED: u32 = 450;
 pub const STICK_SLIP: StageCost = StageCost { base: 46, each: 0 };
 
 /// Lines of a voice, in addition to the voice, with `each` per line.
-pub const LINES: StageCost = StageCost { base: 40, each: 30 };
+pub const LINES: StageCost = StageCost { base: 45, each: 37 };
 
 /// A tap transient.
 pub const TAP: StageCost = StageCost { base: 40, each: 0 };

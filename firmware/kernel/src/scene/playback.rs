@@ -76,9 +76,7 @@ impl ScenePlayback {
                     let state = &mut self.stick_slip[usize::from(stage.slot) % SLOTS];
                     mix += i64::from(state.modulate(frame, voice(*stage), self.left).0);
                 }
-                Stage::Lines(slot) => {
-                    mix += block.lines[usize::from(*slot) % SLOTS].sample(self.left);
-                }
+                Stage::Lines(slot) => mix += block.lines_of(*slot, self.left),
                 Stage::Tap(resonance) => mix += i64::from(self.tap.next_sample(*resonance).0),
                 Stage::Equaliser => {
                     let (input, over) = saturate(mix);
