@@ -4,6 +4,7 @@ use model_format::{Provenance, TextureSpec};
 
 use crate::texture::grid::Grid;
 
+use super::excitation::ExcitationReport;
 use super::trial_report::TrialReport;
 
 /// A fitted texture.
@@ -26,6 +27,8 @@ pub struct Fit {
     pub specs: Vec<TextureSpec>,
     /// The textures before quantisation, in the same order.
     pub textures: Vec<FittedTexture>,
+    /// Their excitations, in the same order; none if the fit was of the models alone.
+    pub excitations: Vec<ExcitationReport>,
     /// Notes for the user, one line each.
     pub warnings: Vec<String>,
 }

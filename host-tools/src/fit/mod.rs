@@ -6,6 +6,7 @@
 mod bands;
 pub mod densify;
 mod estimate;
+pub mod excitation;
 mod fitted;
 mod grid;
 #[cfg(feature = "hatt")]
@@ -29,11 +30,11 @@ use crate::texture::certificate;
 use crate::texture::library::texture_spec;
 
 pub use fitted::{Fit, FittedTexture};
-pub use options::{Estimator, Options, Order};
+pub use options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
 pub use trial::{Analysis, Signal, analyse, analyse_with_signal, signal};
 pub use trial_report::TrialReport;
 
-/// Fits `set`, telling `progress` of each trial done.
+/// Fits `set` with the excitation that its recordings have, telling `progress` of each trial done.
 ///
 /// The result does not depend on the number of threads.
 ///
@@ -41,8 +42,10 @@ pub use trial_report::TrialReport;
 /// The first trial that cannot be used; with [`Options::strict`] the first with a verdict; a texture that the chosen
 /// structure or the library cannot hold.
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) -> Result<Fit> {
-    let analyses = analyse_set(set, options, progress)?;
-    fit_analysed(set, &analyses, options)
+    let analyses = analyse_set(set, options, &progress)?;
+    let mut fit = fit_analysed(set, &analyses, options)?;
+    excitation::add(set, &mut fit, options, || ())?;
+    Ok(fit)
 }
 
 /// Reads and analyses every trial of `set` for models of the highest order of `options`, telling `progress` of each
@@ -64,8 +67,8 @@ pub fn analyse_set(
     analyses.collect()
 }
 
-/// Fits `set` to the analyses of its trials, in the order of the set. They were made with `options`, or with an order
-/// at least as high.
+/// Fits `set` to the analyses of its trials, in the order of the set, with Gaussian excitation of steady level. They
+/// were made with `options`, or with an order at least as high.
 ///
 /// # Errors
 /// With [`Options::strict`] the first trial with a verdict; a texture that the chosen structure or the library cannot
@@ -101,6 +104,7 @@ pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options
         trials,
         specs: Vec::new(),
         textures: Vec::new(),
+        excitations: Vec::new(),
         warnings: Vec::new(),
     };
     for name in set.textures() {

@@ -60,6 +60,32 @@ pub enum Estimator {
     Multitaper,
 }
 
+/// The choice of an excitation's source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum ExcitationChoice {
+    /// Gaussian noise.
+    Gaussian,
+    /// Pieces of the recordings' own prediction residual, wherever there is enough of it.
+    Residual,
+    /// The residual where a test finds it to differ from Gaussian noise, Gaussian noise elsewhere.
+    #[default]
+    Auto,
+}
+
+/// The choice of an excitation's level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum ModulationChoice {
+    /// Steady.
+    None,
+    /// Pieces of the recordings' own level.
+    Track,
+    /// The recordings' level where a test finds that it varies more than that of noise, a steady one elsewhere.
+    #[default]
+    Auto,
+}
+
 /// Options of a fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Options {
@@ -73,10 +99,24 @@ pub struct Options {
     pub reduction: Reduction,
     /// RMS below which a trial is silent, m/s².
     pub silence_floor_m_s2: f64,
+    /// Source of the excitation. A record without this choice is of a fit with Gaussian noise.
+    #[serde(default = "gaussian")]
+    pub excitation: ExcitationChoice,
+    /// Level of the excitation. A record without this choice is of a fit with a steady one.
+    #[serde(default = "steady")]
+    pub modulation: ModulationChoice,
     /// Names of verdicts whose trials are left out, to be filled from their neighbours.
     pub drop: Vec<String>,
     /// Refuse a set in which any trial has a verdict.
     pub strict: bool,
+}
+
+fn gaussian() -> ExcitationChoice {
+    ExcitationChoice::Gaussian
+}
+
+fn steady() -> ModulationChoice {
+    ModulationChoice::None
 }
 
 impl Default for Options {
@@ -87,6 +127,8 @@ impl Default for Options {
             structure: StructureChoice::Lattice,
             reduction: Reduction::Pca,
             silence_floor_m_s2: SILENCE_FLOOR_M_S2,
+            excitation: ExcitationChoice::Auto,
+            modulation: ModulationChoice::Auto,
             drop: Vec::new(),
             strict: false,
         }

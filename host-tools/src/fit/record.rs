@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::excitation::ExcitationReport;
 use super::options::Options;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::bounded_file::{Limit, MIB};
@@ -32,6 +33,9 @@ pub struct FitRecord {
     pub library: String,
     /// Options of the fit.
     pub options: Options,
+    /// The excitation of each texture, and the reasons for it.
+    #[serde(default)]
+    pub excitations: Vec<ExcitationReport>,
     /// The recordings.
     pub trials: Vec<FittedTrial>,
 }
@@ -50,7 +54,8 @@ pub struct FittedTrial {
 }
 
 impl FitRecord {
-    /// The record of a fit of `set` with `options` that gave the library `bytes`.
+    /// The record of a fit of `set` with `options` that gave the library `bytes`, without an account of
+    /// excitations.
     ///
     /// # Errors
     /// A recording that cannot be read any more.
@@ -58,6 +63,7 @@ impl FitRecord {
         Ok(Self {
             library: content_hash(bytes),
             options: options.clone(),
+            excitations: Vec::new(),
             trials: set
                 .trials
                 .iter()

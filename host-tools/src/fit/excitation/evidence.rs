@@ -1,0 +1,169 @@
+//! Tests at a stated level: that the local kurtosis is above a Gaussian's, and that levels vary more than a noise's.
+
+use serde::{Deserialize, Serialize};
+
+/// Chance of a false alarm of each test, at most.
+pub(super) const LEVEL: f64 = 0.01;
+
+/// The standard normal deviate that is exceeded with the chance [`LEVEL`].
+const DEVIATE: f64 = 2.326_347_9;
+
+/// Excess of the mean local kurtosis, over a Gaussian's, that a residual may have and still be called Gaussian.
+/// Gaussian noise whose level follows that of real recordings, with a resolution of 20 ms, reaches 0.31.
+const KURTOSIS_MARGIN: f64 = 0.3;
+
+/// Spread of 50 ms levels, beyond that of steady noise, that is still called steady, dB: below half of the smallest
+/// change of level that is felt.
+const SPREAD_MARGIN_DB: f64 = 1.0;
+
+/// Fewest windows that a test is made of.
+pub(super) const LEAST_WINDOWS: usize = 20;
+
+/// Finding of a test.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Evidence {
+    /// The statistic: mean kurtosis in windows of 10 ms, or standard deviation of the levels of 50 ms in dB.
+    pub value: f64,
+    /// The least value that is significant on as many windows.
+    pub needed: f64,
+    /// Number of windows.
+    pub windows: usize,
+}
+
+impl Evidence {
+    /// Returns whether the test found a difference.
+    pub fn is_significant(&self) -> bool {
+        self.windows >= LEAST_WINDOWS && self.value > self.needed
+    }
+}
+
+/// Sums of a quantity over windows.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Sums {
+    pub count: f64,
+    pub sum: f64,
+    pub square: f64,
+}
+
+impl Sums {
+    pub fn of(values: &[f64]) -> Self {
+        values.iter().fold(Self::default(), |sums, value| Self {
+            count: sums.count + 1.0,
+            sum: sums.sum + value,
+            square: sums.square + value * value,
+        })
+    }
+
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            count: self.count + other.count,
+            sum: self.sum + other.sum,
+            square: self.square + other.square,
+        }
+    }
+
+    /// Mean; 0 of nothing.
+    pub fn mean(&self) -> f64 {
+        self.sum / self.count.max(1.0)
+    }
+
+    /// Sum of the squared deviations from the mean.
+    pub fn scatter(&self) -> f64 {
+        (self.square - self.sum * self.mean()).max(0.0)
+    }
+
+    /// Variance of the mean, by the scatter of the values.
+    pub fn variance_of_mean(&self) -> f64 {
+        self.scatter() / (self.count - 1.0).max(1.0) / self.count.max(1.0)
+    }
+}
+
+/// Expected kurtosis of `samples` Gaussian samples about zero: 3 n / (n + 2), because the sum of squares that it is
+/// divided by is of the same samples.
+pub(super) fn gaussian_kurtosis(samples: usize) -> f64 {
+    let n = samples as f64;
+    3.0 * n / (n + 2.0)
+}
+
+/// Test of the mean local kurtosis of windows of `samples` samples: one-sided, at [`LEVEL`], by the scatter of the
+/// windows. It is significant above a Gaussian's by [`KURTOSIS_MARGIN`].
+pub(super) fn kurtosis(windows: Sums, samples: usize) -> Evidence {
+    let limit = gaussian_kurtosis(samples) + KURTOSIS_MARGIN;
+    Evidence {
+        value: windows.mean(),
+        needed: limit + DEVIATE * windows.variance_of_mean().sqrt(),
+        windows: windows.count as usize,
+    }
+}
+
+/// Levels of one trial's windows, and what noise of its spectrum and local kurtosis would have.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Levels {
+    /// Levels, dB.
+    pub levels_db: Sums,
+    /// Variance of the level of a window of steady noise, dB².
+    pub steady_db2: f64,
+}
+
+/// Test of the spread of levels about the mean of each trial: one-sided, at [`LEVEL`], by the distribution of the
+/// variance (chi-squared, by the cube root of Wilson and Hilferty, 1931).
+pub(super) fn spread(trials: &[Levels]) -> Evidence {
+    let freedom: f64 = trials
+        .iter()
+        .map(|t| (t.levels_db.count - 1.0).max(0.0))
+        .sum();
+    let per_freedom =
+        |of: &dyn Fn(&Levels) -> f64| trials.iter().map(of).sum::<f64>() / freedom.max(1.0);
+    let variance = per_freedom(&|trial| trial.levels_db.scatter());
+    let steady = per_freedom(&|t| t.steady_db2 * (t.levels_db.count - 1.0).max(0.0));
+    let ninth = 2.0 / (9.0 * freedom.max(1.0));
+    let quantile = (1.0 - ninth + DEVIATE * ninth.sqrt()).powi(3);
+    Evidence {
+        value: variance.sqrt(),
+        needed: ((steady + SPREAD_MARGIN_DB.powi(2)) * quantile).sqrt(),
+        windows: freedom as usize,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_give_mean_scatter_and_the_means_variance() {
+        let sums = Sums::of(&[1.0, 2.0]).plus(Sums::of(&[3.0, 6.0]));
+        assert_eq!((sums.mean(), sums.scatter()), (3.0, 14.0));
+        assert!((sums.variance_of_mean() - 14.0 / 3.0 / 4.0).abs() < 1e-12);
+        assert_eq!(Sums::default().mean(), 0.0);
+        assert_eq!(Sums::default().variance_of_mean(), 0.0);
+    }
+
+    #[test]
+    fn few_windows_or_none_prove_nothing() {
+        let none = kurtosis(Sums::default(), 50);
+        assert!(!none.is_significant() && none.value == 0.0);
+        assert!(!kurtosis(Sums::of(&[30.0; LEAST_WINDOWS - 1]), 50).is_significant());
+        assert!(kurtosis(Sums::of(&[30.0; LEAST_WINDOWS]), 50).is_significant());
+        assert!(!spread(&[]).is_significant());
+        let one = Levels {
+            levels_db: Sums::of(&[-20.0, 20.0]),
+            steady_db2: 0.1,
+        };
+        assert!(!spread(&[one]).is_significant());
+        assert!(spread(&[one; 40]).is_significant());
+    }
+
+    /// The 99 % quantiles of chi-squared in tables: 36.19 of 19 degrees, 134.64 of 99.
+    #[test]
+    fn the_spreads_bound_is_that_of_chi_squared() {
+        for (freedom, quantile) in [(19, 36.19), (99, 134.64)] {
+            let levels = Levels {
+                levels_db: Sums::of(&vec![0.0; freedom + 1]),
+                steady_db2: 3.0,
+            };
+            let needed = spread(&[levels]).needed;
+            let exact = (4.0 * quantile / freedom as f64).sqrt();
+            assert!((needed / exact - 1.0).abs() < 2e-3, "{needed} {exact}");
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! Local levels of a residual, and the track of them that a library stores.
+
+use model_format::{LEVEL_FRACTION_BITS, ModulationSpec, SAMPLE_RATE_HZ, level_amplitude, limits};
+
+use super::residual::mean_square;
+use super::trace::Trace;
+
+/// Resolution of a level track.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Resolution {
+    /// Width of the smoothing Hann window, samples; half of it at half height.
+    pub smoothing: usize,
+    /// Samples from one entry to the next.
+    pub step: u16,
+}
+
+/// Beside a codebook, which holds what is faster: 100 ms, in steps of 20 ms.
+pub(super) const BESIDE_CODEBOOK: Resolution = Resolution {
+    smoothing: 500,
+    step: 100,
+};
+
+/// Beside Gaussian noise, so that the envelope is that of the recording up to 64 Hz: 20 ms, in steps of 5 ms.
+pub(super) const BESIDE_NOISE: Resolution = Resolution {
+    smoothing: 100,
+    step: 25,
+};
+
+/// Least power of a residual's level, as a share of its mean power: 50 dB, so that nothing is divided by zero.
+const LEAST_POWER: f64 = 1e-5;
+
+/// Entries per factor of ten in amplitude: steps of 0.25 dB.
+const ENTRIES_PER_DECADE: f64 = 80.0;
+
+/// Highest level of a track, in entries: 20 dB. Higher ones leave a codebook no room for its peaks.
+const HIGHEST: f64 = 80.0;
+
+/// Shortest track, s: pieces of 0.2 to 1 s are taken of it.
+const SHORTEST_S: f64 = 1.0;
+
+/// Largest error of a track's mean square. The format allows 2 %.
+const LARGEST_ERROR: f64 = 0.01;
+
+/// RMS of `residual` around each of its samples, weighed by a Hann window of `smoothing` samples, of which the part
+/// within the residual counts.
+pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
+    let reach = smoothing / 2;
+    let weight = |offset: usize| {
+        let angle = std::f64::consts::PI * offset as f64 / (reach + 1) as f64;
+        0.5 * (1.0 + angle.cos())
+    };
+    let weights: Vec<f64> = (0..=2 * reach).map(|n| weight(n.abs_diff(reach))).collect();
+    let squares: Vec<f64> = residual.iter().map(|x| x * x).collect();
+    let least = (LEAST_POWER * mean_square(residual)).max(f64::MIN_POSITIVE);
+    let local = |n: usize| {
+        let (first, end) = (n.saturating_sub(reach), (n + reach + 1).min(squares.len()));
+        let weights = &weights[first + reach - n..end + reach - n];
+        let sum: f64 = squares[first..end]
+            .iter()
+            .zip(weights)
+            .map(|(x, w)| x * w)
+            .sum();
+        (sum / weights.iter().sum::<f64>()).max(least).sqrt()
+    };
+    (0..residual.len()).map(local).collect()
+}
+
+/// The level track of `traces`, joined in their order, each with its own RMS as unit; with the number of trials in it.
+///
+/// If not all have room, each gives an equal part from its middle; if these would be shorter than a second, fewer
+/// trials, evenly spread, give a second each. `None` if all of them together are too short, or if their levels cannot
+/// be stored with a mean square of 1.
+pub(super) fn track(traces: &[&Trace], resolution: Resolution) -> Option<(ModulationSpec, usize)> {
+    let step = usize::from(resolution.step);
+    let shortest = (SHORTEST_S * f64::from(SAMPLE_RATE_HZ)) as usize / step;
+    let most = limits::MAX_MODULATION_ENTRIES;
+    let amplitudes: Vec<Vec<f64>> = traces
+        .iter()
+        .map(|trace| own_track(trace, resolution))
+        .collect();
+    let total: usize = amplitudes.iter().map(Vec::len).sum();
+    let parts: Vec<&[f64]> = if total <= most {
+        amplitudes.iter().map(Vec::as_slice).collect()
+    } else {
+        let count = amplitudes.len().min(most / shortest).max(1);
+        let share = most / count;
+        let middle = |own: &Vec<f64>| {
+            let first = own.len().saturating_sub(share) / 2;
+            first..own.len().min(first + share)
+        };
+        let chosen = (0..count).map(|n| &amplitudes[n * amplitudes.len() / count]);
+        chosen.map(|own| &own[middle(own)]).collect()
+    };
+    let used = parts.iter().filter(|part| !part.is_empty()).count();
+    let joined: Vec<f64> = parts.into_iter().flatten().copied().collect();
+    if joined.len() < shortest.max(limits::MIN_MODULATION_ENTRIES) {
+        return None;
+    }
+    let spec = ModulationSpec {
+        step_samples: resolution.step,
+        entries: entries(joined)?,
+    };
+    Some((spec, used))
+}
+
+/// Amplitudes of a trial's track, in units of its own RMS, without its flaws.
+fn own_track(trace: &Trace, resolution: Resolution) -> Vec<f64> {
+    let step = usize::from(resolution.step);
+    let levels = local_rms(&trace.residual, resolution.smoothing);
+    let places = (step / 2..levels.len()).step_by(step);
+    let clean = places.filter(|&n| trace.is_clean(&(n..n + 1)));
+    let track: Vec<f64> = clean.map(|n| levels[n]).collect();
+    let unit = mean_square(&track).sqrt();
+    track.into_iter().map(|level| level / unit).collect()
+}
+
+/// Codes of `amplitudes` whose mean square as played is 1. `None` if rounding does not allow it.
+fn entries(mut amplitudes: Vec<f64>) -> Option<Vec<i8>> {
+    /// Searched for the scale of the least error: 0.5 dB to either side.
+    const TRIALS: i32 = 200;
+    let highest = 10f64.powf(HIGHEST / ENTRIES_PER_DECADE);
+    // What is above the highest level is cut, and the rest rises until the mean square is 1 again.
+    for _ in 0..20 {
+        let unit = played_power(&amplitudes).sqrt();
+        if !unit.is_normal() {
+            return None;
+        }
+        for amplitude in &mut amplitudes {
+            *amplitude = (*amplitude / unit).min(highest);
+        }
+    }
+    let code = |amplitude: f64, shift: f64| {
+        let code = (ENTRIES_PER_DECADE * amplitude.log10() + shift).round();
+        code.clamp(f64::from(i8::MIN), HIGHEST) as i8
+    };
+    let coded = |trial: i32| -> Vec<i8> {
+        let shift = 2.0 * f64::from(trial) / f64::from(TRIALS);
+        amplitudes
+            .iter()
+            .map(|&amplitude| code(amplitude, shift))
+            .collect()
+    };
+    let error = |codes: &Vec<i8>| {
+        let played: Vec<f64> = codes.iter().map(|&code| amplitude(code)).collect();
+        (played_power(&played) - 1.0).abs()
+    };
+    let all = (-TRIALS..=TRIALS).map(coded);
+    let judged = all.map(|codes| (error(&codes), codes));
+    let (least, codes) = judged.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    // A track without a change says what its absence says.
+    let changes = codes.iter().any(|&code| code != 0);
+    (changes && least <= LARGEST_ERROR).then_some(codes)
+}
+
+/// Amplitude of an entry.
+pub(super) fn amplitude(entry: i8) -> f64 {
+    f64::from(level_amplitude(entry)) / f64::from(1u32 << LEVEL_FRACTION_BITS)
+}
+
+/// Mean square of amplitudes that are played in straight lines from one to the next, and from the last to the first.
+fn played_power(amplitudes: &[f64]) -> f64 {
+    let next = amplitudes.iter().cycle().skip(1);
+    let pair = |(a, b): (&f64, &f64)| (a * a + a * b + b * b) / 3.0;
+    amplitudes.iter().zip(next).map(pair).sum::<f64>() / amplitudes.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn trace(residual: Vec<f64>) -> Trace {
+        Trace {
+            at: (0, 0),
+            residual,
+            flaws: Vec::new(),
+            judged: crate::fit::excitation::judge::Judged::default(),
+        }
+    }
+
+    /// A tone of 800 Hz whose level changes at 5 Hz, by 1 + 0.8 cos.
+    fn beating(samples: usize) -> Vec<f64> {
+        let envelope = |n: usize| 1.0 + 0.8 * (n as f64 * std::f64::consts::TAU / 1000.0).cos();
+        (0..samples)
+            .map(|n| envelope(n) * (n as f64).sin())
+            .collect()
+    }
+
+    #[test]
+    fn the_local_rms_of_a_steady_signal_is_its_level_up_to_its_ends() {
+        for level in local_rms(&[-2.0; 700], 100) {
+            assert!((level - 2.0).abs() < 1e-12);
+        }
+        assert_eq!(local_rms(&[], 100), Vec::<f64>::new());
+        assert!(local_rms(&[0.0; 10], 4).iter().all(|&level| level > 0.0));
+    }
+
+    #[test]
+    fn a_tone_that_beats_has_its_envelope_as_track() {
+        // 5 Hz under 800 Hz: 1 + 0.8 cos.
+        let envelope = |n: usize| 1.0 + 0.8 * (n as f64 * std::f64::consts::TAU / 1000.0).cos();
+        let signal: Vec<f64> = (0..20_000)
+            .map(|n| envelope(n) * (n as f64).sin())
+            .collect();
+        for resolution in [BESIDE_CODEBOOK, BESIDE_NOISE] {
+            let (spec, trials) = track(&[&trace(signal.clone())], resolution).unwrap();
+            assert_eq!(trials, 1);
+            let step = usize::from(resolution.step);
+            assert_eq!(spec.entries.len(), 20_000 / step);
+            let level = |n: usize| amplitude(spec.entries[n / step]);
+            let dip_db = 20.0 * (level(10_000) / level(10_500)).log10();
+            // A window of 100 ms fills a dip of 200 ms a little.
+            let expected = if resolution == BESIDE_NOISE {
+                18.0
+            } else {
+                11.0
+            };
+            assert!(dip_db > expected && dip_db < 19.5, "{dip_db}");
+        }
+    }
+
+    #[test]
+    fn trials_without_room_give_equal_parts_of_themselves_or_give_way() {
+        let residual = |seconds: usize| beating(5000 * seconds);
+        let long = trace(residual(30));
+        let (spec, trials) = track(&[&long, &long, &long], BESIDE_CODEBOOK).unwrap();
+        assert_eq!((spec.entries.len(), trials), (4095, 3));
+        let many: Vec<Trace> = (0..100).map(|_| trace(residual(2))).collect();
+        let (spec, trials) = track(&many.iter().collect::<Vec<_>>(), BESIDE_CODEBOOK).unwrap();
+        assert_eq!((spec.entries.len(), trials), (81 * 50, 81));
+        assert!(track(&[&trace(residual(1)[..4000].to_vec())], BESIDE_NOISE).is_none());
+    }
+
+    #[test]
+    fn flaws_have_no_entries() {
+        let mut one = trace(beating(20_000));
+        one.residual[9000..9500].fill(0.0);
+        one.flaws.push(8000..10_500);
+        let (spec, _) = track(&[&one], BESIDE_NOISE).unwrap();
+        assert_eq!(spec.entries.len(), 700);
+        // The dips of the beat are 19 dB below its peaks, and silence 50 dB.
+        assert!(spec.entries.iter().all(|&entry| entry > -80));
+    }
+
+    proptest! {
+        /// Levels of any distribution, a single burst too, have a played mean square of 1, or there is no track.
+        #[test]
+        fn a_tracks_played_mean_square_is_one(
+            levels in prop::collection::vec(-60.0f64..20.0, 200..400),
+            burst_db in 0.0f64..60.0,
+        ) {
+            let mut amplitudes: Vec<f64> = levels.iter().map(|db| 10f64.powf(db / 20.0)).collect();
+            amplitudes[100] *= 10f64.powf(burst_db / 20.0);
+            let entries = entries(amplitudes).unwrap();
+            let spec = ModulationSpec { step_samples: 25, entries: entries.clone() };
+            let played: Vec<f64> = entries.iter().map(|&entry| amplitude(entry)).collect();
+            prop_assert!((played_power(&played) - 1.0).abs() <= LARGEST_ERROR);
+            prop_assert!(spec.entries.iter().all(|&entry| f64::from(entry) <= HIGHEST));
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! Regions of a grid whose residuals differ: rectangles of nodes, found by splitting where a test tells sides apart.
+
+use std::ops::Range;
+
+use super::evidence::{Sums, gaussian_kurtosis};
+use super::judge::KURTOSIS_SAMPLES;
+use super::trace::Trace;
+
+/// Standard deviations that two sides must differ by: a chance of 1e-4 per split, so that at most 1 in 100 grids of any
+/// size that are alike throughout is split.
+const DEVIATIONS: f64 = 3.9;
+
+/// Fewest trials on either side of a split, by whose scatter the sides are judged.
+const LEAST_TRIALS: usize = 5;
+
+/// Least ratio of the two sides' kurtosis: 0.5 in log2.
+const LEAST_RATIO: f64 = 1.41;
+
+/// Nodes of a rectangle of the grid.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Region {
+    /// Indices of speeds.
+    pub speeds: Range<usize>,
+    /// Indices of forces.
+    pub forces: Range<usize>,
+}
+
+impl Region {
+    /// Returns whether a node is in the region.
+    pub fn contains(&self, at: (usize, usize)) -> bool {
+        self.speeds.contains(&at.0) && self.forces.contains(&at.1)
+    }
+
+    /// Pairs of regions that it can be divided into.
+    fn divisions(&self) -> impl Iterator<Item = [Self; 2]> {
+        let by_speed = (self.speeds.start + 1..self.speeds.end).map(|at| {
+            [self.speeds.start..at, at..self.speeds.end].map(|speeds| Self {
+                speeds,
+                forces: self.forces.clone(),
+            })
+        });
+        let by_force = (self.forces.start + 1..self.forces.end).map(|at| {
+            [self.forces.start..at, at..self.forces.end].map(|forces| Self {
+                speeds: self.speeds.clone(),
+                forces,
+            })
+        });
+        by_speed.chain(by_force)
+    }
+}
+
+/// Divides a grid of `shape`, speeds and forces, into at most `most` regions, the clearest difference first. One region
+/// if nothing differs.
+pub(super) fn regions(traces: &[Trace], shape: (usize, usize), most: usize) -> Vec<Region> {
+    let mut regions = vec![Region {
+        speeds: 0..shape.0,
+        forces: 0..shape.1,
+    }];
+    while regions.len() < most {
+        let divisions = regions.iter().enumerate().flat_map(|(index, region)| {
+            region
+                .divisions()
+                .map(move |sides| (index, difference(traces, &sides), sides))
+        });
+        let clearest = divisions.max_by(|a, b| a.1.total_cmp(&b.1));
+        match clearest {
+            Some((index, deviations, sides)) if deviations > DEVIATIONS => {
+                regions.splice(index..=index, sides);
+            }
+            _ => break,
+        }
+    }
+    regions
+}
+
+/// Difference of the two sides' log kurtosis in standard deviations, by the scatter of trials or of windows, whichever
+/// is larger; 0 if it is too small to matter, or has too few trials to be judged.
+fn difference(traces: &[Trace], sides: &[Region; 2]) -> f64 {
+    let [a, b] = sides.each_ref().map(|side| {
+        let own = || traces.iter().filter(|trace| side.contains(trace.at));
+        let means: Vec<f64> = own()
+            .map(|trace| trace.judged.kurtosis)
+            .filter(|windows| windows.count > 0.0)
+            .map(|windows| logarithm(&windows))
+            .collect();
+        let windows = own()
+            .map(|trace| trace.judged.kurtosis)
+            .fold(Sums::default(), Sums::plus);
+        (Sums::of(&means), windows)
+    });
+    let least = LEAST_TRIALS as f64;
+    let distance = (a.0.mean() - b.0.mean()).abs();
+    if a.0.count < least || b.0.count < least || distance < LEAST_RATIO.ln() {
+        return 0.0;
+    }
+    let variance = |(trials, windows): &(Sums, Sums)| {
+        // Of the logarithm, by the windows' own scatter.
+        let within = windows.variance_of_mean() / windows.mean().powi(2);
+        trials.variance_of_mean().max(within)
+    };
+    distance / (variance(&a) + variance(&b)).sqrt().max(f64::MIN_POSITIVE)
+}
+
+/// Logarithm of a trial's mean local kurtosis, in units of a Gaussian's.
+fn logarithm(windows: &Sums) -> f64 {
+    (windows.mean() / gaussian_kurtosis(KURTOSIS_SAMPLES))
+        .max(f64::MIN_POSITIVE)
+        .ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::excitation::judge::Judged;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    /// A trial at each node, whose windows' kurtosis has the mean `kurtosis` and a scatter of a third of it.
+    fn grid(
+        shape: (usize, usize),
+        seed: u64,
+        kurtosis: impl Fn(usize, usize) -> f64,
+    ) -> Vec<Trace> {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+        let nodes = (0..shape.0).flat_map(|speed| (0..shape.1).map(move |force| (speed, force)));
+        nodes
+            .map(|at| {
+                let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+                let windows: Vec<f64> = (0..80)
+                    .map(|_| kurtosis(at.0, at.1) * (1.0 + normal() / 3.0))
+                    .collect();
+                Trace {
+                    at,
+                    residual: Vec::new(),
+                    flaws: Vec::new(),
+                    judged: Judged {
+                        kurtosis: Sums::of(&windows),
+                        ..Judged::default()
+                    },
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn halves_that_differ_are_told_apart_where_they_do() {
+        let traces = grid((10, 6), 1, |speed, _| if speed < 4 { 3.0 } else { 7.0 });
+        let found = regions(&traces, (10, 6), 4);
+        let halves = [0..4, 4..10].map(|speeds| Region {
+            speeds,
+            forces: 0..6,
+        });
+        assert_eq!(found, halves);
+        let traces = grid((10, 6), 2, |speed, force| match (speed < 4, force < 3) {
+            (true, _) => 3.0,
+            (false, true) => 6.0,
+            (false, false) => 12.0,
+        });
+        assert_eq!(regions(&traces, (10, 6), 4).len(), 3);
+        assert_eq!(regions(&traces, (10, 6), 2).len(), 2);
+        assert_eq!(regions(&traces, (10, 6), 1).len(), 1);
+    }
+
+    #[test]
+    fn grids_that_are_alike_throughout_or_hardly_recorded_stay_whole() {
+        for seed in 0..200 {
+            assert_eq!(
+                regions(&grid((8, 5), seed, |_, _| 8.0), (8, 5), 4).len(),
+                1,
+                "{seed}"
+            );
+        }
+        let few = grid((2, 2), 1, |speed, _| if speed == 0 { 3.0 } else { 30.0 });
+        assert_eq!(regions(&few, (2, 2), 4).len(), 1);
+        assert_eq!(regions(&[], (3, 3), 4).len(), 1);
+    }
+}

@@ -1,0 +1,454 @@
+//! Properties of the whole choice, from recordings to the parts of a texture.
+
+use std::path::Path;
+
+use model_format::{
+    Library, MillimetresPerSecond, Newton, NodeFlags, Provenance, SAMPLE_RATE_HZ, limits,
+};
+use proptest::prelude::*;
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::residual::mean_square;
+use super::texture::{Axes, parts};
+use super::trace::Trace;
+use crate::dsp::autocorrelation::Autocorrelation;
+use crate::dsp::linear_prediction::{Prediction, corrected};
+use crate::dsp::model::Model;
+use crate::fit::excitation::report::ExcitationReport;
+use crate::fit::options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
+use crate::fit::trial::Signal;
+use crate::fit::{Fit, fit};
+use crate::playing::motion::MotionPath;
+use crate::playing::render::render;
+use crate::recording::{RecordingSet, Trial};
+use crate::scene::with_scenes;
+use crate::texture::grid::Grid;
+use crate::texture::quantise::{StructureChoice, nodes};
+
+fn noise(seed: u64, samples: usize) -> Vec<f64> {
+    let generator = rand_pcg::Pcg64::seed_from_u64(seed);
+    StandardNormal
+        .sample_iter(generator)
+        .take(samples)
+        .collect()
+}
+
+/// Noise of an RMS of 1 with a power spectrum of a surface: two resonances, one of them narrow.
+fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
+    let resonator = |input: &[f64], hz: f64, radius: f64| -> Vec<f64> {
+        let angle = std::f64::consts::TAU * hz / f64::from(SAMPLE_RATE_HZ);
+        let (mut last, mut before) = (0.0, 0.0);
+        let step = |x: &f64| {
+            let y = x + 2.0 * radius * angle.cos() * last - radius * radius * before;
+            (before, last) = (last, y);
+            y
+        };
+        input.iter().map(step).collect()
+    };
+    let signal = resonator(&resonator(excitation, hz, 0.9), 3.0 * hz, 0.98);
+    let rms = mean_square(&signal).sqrt();
+    signal.iter().map(|x| x / rms).collect()
+}
+
+/// Noise with heavy tails and a steady level: the product of a Gaussian and its magnitude.
+fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
+    noise(seed, samples).iter().map(|x| x * x.abs()).collect()
+}
+
+/// Gaussian noise whose level goes up and down by `depth_db`, every 1.5 s.
+fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
+    let level = |n: usize| {
+        let angle = std::f64::consts::TAU * n as f64 / 7500.0;
+        10f64.powf(depth_db / 20.0 * angle.sin())
+    };
+    noise(seed, samples)
+        .iter()
+        .enumerate()
+        .map(|(n, x)| x * level(n))
+        .collect()
+}
+
+fn trace(samples: &[f64], order: usize) -> Trace {
+    let lags = corrected(Autocorrelation::of(samples, order).lags);
+    let model = Model {
+        output_power: lags[0],
+        reflection: Prediction::levinson_durbin(&lags, order).reflection,
+        flags: NodeFlags::NONE,
+    };
+    let grid = Grid {
+        speeds_mm_s: vec![100.0],
+        forces_n: vec![1.0],
+        models: vec![model],
+        laws: model_format::Laws::default(),
+        parts: model_format::PartsSpec::default(),
+    };
+    let node = nodes("test", &grid, StructureChoice::Lattice)
+        .unwrap()
+        .remove(0);
+    let signal = Signal {
+        samples: samples.to_vec(),
+        source_rate_hz: 5000.0,
+        flaws: Vec::new(),
+    };
+    Trace::of(&signal, (0, 0), &node.codes, &[], Estimator::Auto).unwrap()
+}
+
+fn chosen(samples: &[f64], options: &Options) -> super::texture::Parts {
+    let axes = Axes {
+        speeds_mm_s: &[100.0],
+        forces_n: &[1.0],
+    };
+    parts(
+        "test",
+        &[trace(samples, 40)],
+        axes,
+        options,
+        limits::MAX_LIBRARY_BYTES,
+    )
+}
+
+/// Returns whether automatic choice takes a codebook, and a track.
+fn automatic(samples: &[f64]) -> (bool, bool) {
+    let parts = chosen(samples, &Options::default());
+    (parts.excitation.is_some(), parts.modulation.is_some())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+
+    /// Recordings of 2 to 5 s, with one resonance or another.
+    #[test]
+    fn gaussian_textures_get_neither(seed: u64, samples in 10_000usize..25_000, hz in 40.0f64..600.0) {
+        let signal = filtered(&noise(seed, samples), hz);
+        prop_assert_eq!(automatic(&signal), (false, false));
+    }
+
+    #[test]
+    fn impulsive_textures_of_steady_level_get_a_codebook_alone(seed: u64, hz in 40.0f64..600.0) {
+        let signal = filtered(&impulsive(seed, 20_000), hz);
+        prop_assert_eq!(automatic(&signal), (true, false));
+    }
+
+    #[test]
+    fn gaussian_textures_of_changing_level_get_a_track_alone(seed: u64, hz in 40.0f64..600.0) {
+        let signal = filtered(&swelling(seed, 20_000, 6.0), hz);
+        prop_assert_eq!(automatic(&signal), (false, true));
+    }
+}
+
+#[test]
+fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
+    let lively: Vec<f64> = impulsive(1, 20_000)
+        .iter()
+        .zip(swelling(2, 20_000, 6.0))
+        .map(|(a, b)| a * b.abs())
+        .collect();
+    for signal in [filtered(&noise(3, 20_000), 100.0), filtered(&lively, 100.0)] {
+        for excitation in [ExcitationChoice::Gaussian, ExcitationChoice::Residual] {
+            for modulation in [ModulationChoice::None, ModulationChoice::Track] {
+                let options = Options {
+                    excitation,
+                    modulation,
+                    ..Options::default()
+                };
+                let parts = chosen(&signal, &options);
+                assert_eq!(
+                    parts.excitation.is_some(),
+                    excitation == ExcitationChoice::Residual
+                );
+                assert_eq!(
+                    parts.modulation.is_some(),
+                    modulation == ModulationChoice::Track
+                );
+                let asked = parts.report.source.contains("as asked for")
+                    && parts.report.level.contains("as asked for");
+                assert!(asked, "{:?}", parts.report);
+            }
+        }
+    }
+}
+
+/// Peaks of codebook and level together, which the device multiplies, stay in the excitation's range even where two
+/// pieces meet.
+#[test]
+fn the_highest_peak_at_the_highest_level_stays_within_the_excitations_range() {
+    let mut lively = swelling(2, 24_000, 12.0);
+    for (n, x) in lively.iter_mut().enumerate() {
+        *x *= if n % 331 == 0 { 60.0 } else { 1.0 };
+    }
+    let parts = chosen(&filtered(&lively, 100.0), &Options::default());
+    let (excitation, modulation) = (parts.excitation.unwrap(), parts.modulation.unwrap());
+    let peak = excitation
+        .codebooks
+        .iter()
+        .map(|c| f64::from(c.peak))
+        .fold(0.0, f64::max);
+    let level = f64::from(*modulation.entries.iter().max().unwrap()) / 80.0;
+    let highest = peak * 10f64.powf(level) * std::f64::consts::SQRT_2;
+    assert!(highest < 64.0, "{highest}");
+    assert!(parts.report.codebooks[0].cut_samples > 0);
+}
+
+#[test]
+fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
+    let calm = trace(&filtered(&noise(1, 10_000), 100.0), 40);
+    let traces: Vec<Trace> = (0..12)
+        .flat_map(|speed| (0..6).map(move |force| (speed, force)))
+        .map(|at| {
+            let seed = (at.0 * 8 + at.1) as u64;
+            let lively = |power: i32| -> Vec<f64> {
+                let sharpened = noise(seed, 10_000)
+                    .iter()
+                    .map(|x| x.abs().powi(power).copysign(*x))
+                    .collect::<Vec<_>>();
+                filtered(&sharpened, 100.0)
+            };
+            let own = match at.0 {
+                0..4 => calm.clone(),
+                4..8 => trace(&lively(2), 40),
+                _ => trace(&lively(4), 40),
+            };
+            Trace { at, ..own }
+        })
+        .collect();
+    let axis: Vec<f32> = (1..=12).map(|n| 10.0 * n as f32).collect();
+    let axes = Axes {
+        speeds_mm_s: &axis,
+        forces_n: &axis[..6],
+    };
+    let parts = parts(
+        "test",
+        &traces,
+        axes,
+        &Options::default(),
+        limits::MAX_LIBRARY_BYTES,
+    );
+    let excitation = parts.excitation.unwrap();
+    assert_eq!(excitation.codebooks.len(), 2, "{:?}", parts.report);
+    for (node, &source) in excitation.of_nodes.iter().enumerate() {
+        assert_eq!(usize::from(source), node / 6 / 4, "node {node}");
+    }
+    let bytes = excitation
+        .codebooks
+        .iter()
+        .map(|c| c.codes.len() + 7)
+        .sum::<usize>()
+        + 1
+        + 72;
+    assert!(bytes <= limits::MAX_EXCITATION_BYTES, "{bytes}");
+    assert!(excitation.codebooks.iter().all(|c| c.codes.len() == 8000));
+    assert_eq!(parts.report.codebooks[0].speeds_mm_s, [50.0, 80.0]);
+}
+
+fn written(folder: &Path, name: &str, samples: &[f64]) -> Trial {
+    let file = folder.join(format!("{name}.wav"));
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: SAMPLE_RATE_HZ,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut wav = hound::WavWriter::create(&file, spec).unwrap();
+    for &x in samples {
+        wav.write_sample(x as f32).unwrap();
+    }
+    wav.finalize().unwrap();
+    Trial {
+        file,
+        texture: name.into(),
+        speed_mm_s: 100.0,
+        force_n: 1.0,
+        scale_m_s2: 1.0,
+        start_s: 0.0,
+        duration_s: None,
+        sample_rate_hz: None,
+        provenance: Provenance::Recorded,
+    }
+}
+
+fn fitted(name: &str, samples: &[f64], options: &Options) -> (Fit, Vec<u8>) {
+    let folder = tempfile::tempdir().unwrap();
+    let set = RecordingSet {
+        trials: vec![written(folder.path(), name, samples)],
+        is_listed: true,
+    };
+    let fit = fit(&set, options, || ()).unwrap();
+    let bytes = model_format::encode(&fit.specs).unwrap();
+    (fit, bytes)
+}
+
+/// RMS of 60 s of the first texture, over that of its node; 0 for silence.
+fn relative_level(bytes: &[u8]) -> f64 {
+    let library = Library::decode(bytes).unwrap();
+    let texture = library.textures().next().unwrap();
+    let power = f64::from(texture.node(0, 0).output_power);
+    let motion = MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();
+    let rendered = render(texture, &motion, 60.0, 3).unwrap();
+    assert_eq!(rendered.saturations, 0);
+    let samples = rendered.accelerations_m_s2();
+    let played = mean_square(&samples);
+    if power > 0.0 {
+        (played / power).sqrt()
+    } else {
+        played
+    }
+}
+
+fn forced(excitation: ExcitationChoice, modulation: ModulationChoice) -> Options {
+    Options {
+        excitation,
+        modulation,
+        order: Order::AtMost(60),
+        ..Options::default()
+    }
+}
+
+fn account(fit: &Fit) -> &ExcitationReport {
+    &fit.excitations[0]
+}
+
+/// Bad input of all kinds, with every choice: a library that decodes, at the level of its model, or silent.
+#[test]
+fn bad_recordings_are_fitted_without_a_fault_and_at_their_level() {
+    let mut impulse = vec![0.0; 12_000];
+    impulse[6000] = 5.0;
+    let mut impulse_in_noise: Vec<f64> = noise(4, 12_000).iter().map(|x| 1e-2 * x).collect();
+    impulse_in_noise[6000] += 5.0;
+    let clipped: Vec<f64> = filtered(&noise(5, 12_000), 80.0)
+        .iter()
+        .map(|x| x.clamp(-1.5, 1.5))
+        .collect();
+    let held: Vec<f64> = noise(6, 3000).iter().flat_map(|&x| [x; 4]).collect();
+    let alternating: Vec<f64> = (0..12_000)
+        .map(|n| if n % 2 == 0 { 1.0 } else { -1.0 })
+        .collect();
+    let square: Vec<f64> = (0..12_000)
+        .map(|n| if n / 50 % 2 == 0 { 1.0 } else { -1.0 })
+        .collect();
+    let tone: Vec<f64> = (0..12_000).map(|n| (0.3 * f64::from(n)).sin()).collect();
+    let mut half_silent = filtered(&impulsive(7, 12_000), 90.0);
+    half_silent[..7000].fill(0.0);
+    let cases: [(&str, Vec<f64>); 11] = [
+        ("silence", vec![0.0; 12_000]),
+        ("constant", vec![9.81; 12_000]),
+        ("alternating", alternating),
+        ("square", square),
+        ("tone", tone),
+        ("impulse", impulse),
+        ("impulse-in-noise", impulse_in_noise),
+        ("clipped", clipped),
+        ("held", held),
+        ("half-silent", half_silent),
+        ("short", filtered(&impulsive(8, 900), 90.0)),
+    ];
+    for (name, samples) in &cases {
+        for excitation in [
+            ExcitationChoice::Auto,
+            ExcitationChoice::Residual,
+            ExcitationChoice::Gaussian,
+        ] {
+            for modulation in [
+                ModulationChoice::Auto,
+                ModulationChoice::Track,
+                ModulationChoice::None,
+            ] {
+                let (fit, bytes) = fitted(name, samples, &forced(excitation, modulation));
+                let plain = fitted(
+                    name,
+                    samples,
+                    &forced(ExcitationChoice::Gaussian, ModulationChoice::None),
+                );
+                let level_db = 20.0 * (relative_level(&bytes) / relative_level(&plain.1)).log10();
+                let is_silent = fit.specs[0].nodes[0].output_power <= 0.0;
+                // A minute of bursts of a tenth of a second scatters by a decibel and more.
+                let lively = fit.excitations.first().is_some_and(|e| e.track.is_some());
+                let bound = if lively { 2.5 } else { 1.0 };
+                assert!(
+                    is_silent || level_db.abs() < bound,
+                    "{name} {excitation:?} {modulation:?}: {level_db} dB"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_recording_too_short_for_a_codebook_is_said_to_be_and_gets_gaussian_noise() {
+    let options = forced(ExcitationChoice::Residual, ModulationChoice::Track);
+    for samples in [900, 3000, 3900] {
+        let (fit, _) = fitted("short", &filtered(&impulsive(8, samples), 90.0), &options);
+        assert_eq!(fit.specs[0].parts.excitation, None);
+        assert!(
+            account(&fit).source.contains("too short for a codebook"),
+            "{:?}",
+            account(&fit)
+        );
+    }
+    let (fit, _) = fitted("enough", &filtered(&impulsive(8, 6000), 90.0), &options);
+    assert!(
+        fit.specs[0].parts.excitation.is_some(),
+        "{:?}",
+        account(&fit)
+    );
+}
+
+#[test]
+fn clipped_peaks_and_repeated_values_are_not_taken() {
+    let options = forced(ExcitationChoice::Residual, ModulationChoice::None);
+    let sound = filtered(&impulsive(9, 30_000), 90.0);
+    let limit = 0.5 * sound[..15_000].iter().fold(0.0, |a: f64, x| a.max(x.abs()));
+    let clipped: Vec<f64> = sound.iter().map(|x| x.clamp(-limit, limit)).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let trial = written(folder.path(), "clipped", &clipped);
+    let signal = crate::fit::signal(&trial, options.reduction).unwrap();
+    let at_limit: Vec<usize> = (0..15_000).filter(|&n| clipped[n].abs() >= limit).collect();
+    let in_runs = at_limit
+        .windows(3)
+        .filter(|run| run[2] - run[0] == 2)
+        .map(|run| run[1]);
+    let mut runs = 0;
+    for n in in_runs {
+        runs += 1;
+        assert!(
+            signal.flaws.iter().any(|flaw| flaw.contains(&n)),
+            "sample {n} is clipped"
+        );
+    }
+    assert!(runs > 5, "{runs}");
+    let held: Vec<f64> = sound.iter().flat_map(|&x| [x; 2]).collect();
+    let (fit, _) = fitted("held", &held, &options);
+    assert_eq!(fit.specs[0].parts.excitation, None, "{:?}", account(&fit));
+}
+
+/// The library of a texture that needs nothing is that of a plain fit, bit for bit; one that needs all keeps it.
+#[test]
+fn parts_cost_nothing_where_they_are_not_needed_and_go_with_the_texture_where_they_are() {
+    let plain = forced(ExcitationChoice::Gaussian, ModulationChoice::None);
+    let automatic = forced(ExcitationChoice::Auto, ModulationChoice::Auto);
+    let calm = filtered(&noise(10, 12_000), 90.0);
+    assert_eq!(
+        fitted("calm", &calm, &plain).1,
+        fitted("calm", &calm, &automatic).1
+    );
+    let lively: Vec<f64> = impulsive(11, 24_000)
+        .iter()
+        .zip(swelling(12, 24_000, 8.0))
+        .map(|(a, b)| a * b)
+        .collect();
+    let (fit, bytes) = fitted("lively", &filtered(&lively, 90.0), &automatic);
+    let parts = &fit.specs[0].parts;
+    assert!(
+        parts.excitation.is_some() && parts.modulation.is_some(),
+        "{:?}",
+        account(&fit)
+    );
+    assert_eq!(&fit.textures[0].grid.parts, parts);
+    let library = Library::decode(&bytes).unwrap();
+    assert_eq!(with_scenes(&library, &[]).unwrap(), bytes);
+    assert!(
+        relative_level(&bytes) > 0.9 && relative_level(&bytes) < 1.1,
+        "{}",
+        relative_level(&bytes)
+    );
+}

@@ -1,0 +1,300 @@
+//! The choice of a texture's excitation, from the traces of its trials.
+
+use model_format::{ExcitationSpec, ModulationSpec, SAMPLE_RATE_HZ, limits};
+
+use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
+
+use super::codebook::{Coded, coded};
+use super::evidence::{Evidence, LEAST_WINDOWS, LEVEL, Sums, kurtosis, spread};
+use super::judge::KURTOSIS_SAMPLES;
+use super::level::{BESIDE_CODEBOOK, BESIDE_NOISE, amplitude, track};
+use super::material::{LEAST_STRETCHES, MOST_STRETCHES, STRETCH_SAMPLES, choose};
+use super::regions::{Region, regions};
+use super::report::{CodebookReport, ExcitationReport, TrackReport};
+use super::trace::Trace;
+
+/// Highest product of a codebook's peak and a track's level, standard deviations. Two pieces that both peak where they
+/// are joined reach 1.41 times this, which is still below the excitation's full scale of 64.
+const HIGHEST_PEAK: f64 = 45.0;
+
+/// Bytes of a part beside its codes, entries and nodes; and of a codebook beside its codes. Not fewer than they are.
+const HEADER_BYTES: usize = 16;
+
+/// Excitation and level of a texture, with the account of them.
+#[derive(Clone, Debug)]
+pub(super) struct Parts {
+    pub excitation: Option<ExcitationSpec>,
+    pub modulation: Option<ModulationSpec>,
+    pub report: ExcitationReport,
+}
+
+/// Grid of a texture.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Axes<'a> {
+    pub speeds_mm_s: &'a [f32],
+    pub forces_n: &'a [f32],
+}
+
+/// A codebook for a region.
+struct OfRegion {
+    region: Region,
+    coded: Coded,
+    kurtosis: Evidence,
+    trials: usize,
+}
+
+/// Chooses the excitation of texture `name`, which may take `room` bytes of the library.
+pub(super) fn parts(
+    name: &str,
+    traces: &[Trace],
+    axes: Axes<'_>,
+    options: &Options,
+    room: usize,
+) -> Parts {
+    let all: Vec<&Trace> = traces.iter().collect();
+    let kurtosis = kurtosis_of(&all);
+    let levels: Vec<_> = traces.iter().map(|trace| trace.judged.levels).collect();
+    let spread_db = spread(&levels);
+    let is_level_wanted = match options.modulation {
+        ModulationChoice::None => false,
+        ModulationChoice::Track => true,
+        ModulationChoice::Auto => spread_db.is_significant(),
+    };
+    // A codebook has its level taken out only if a track puts it back.
+    let beside = is_level_wanted
+        .then(|| track(&all, BESIDE_CODEBOOK))
+        .flatten();
+    let beside = beside.filter(|(spec, _)| HEADER_BYTES + spec.entries.len() <= room);
+    let taken = beside
+        .as_ref()
+        .map_or(0, |(spec, _)| HEADER_BYTES + spec.entries.len());
+    let highest_level = beside.as_ref().map_or(1.0, |(spec, _)| highest(spec));
+    let budget = Budget {
+        bytes: room.saturating_sub(taken).min(limits::MAX_EXCITATION_BYTES),
+        nodes: axes.speeds_mm_s.len() * axes.forces_n.len(),
+    };
+    let (codebooks, source) = match options.excitation {
+        ExcitationChoice::Gaussian => (Vec::new(), "Gaussian noise, as asked for".to_owned()),
+        choice => {
+            let highest_peak = HIGHEST_PEAK / highest_level;
+            let wanted = Wanted {
+                is_forced: choice == ExcitationChoice::Residual,
+                is_level_apart: beside.is_some(),
+                highest_peak,
+            };
+            let found = codebooks(traces, axes, wanted, budget);
+            let source = reason_of_source(&found, kurtosis, wanted, budget);
+            (found, source)
+        }
+    };
+    let chosen = if codebooks.is_empty() && is_level_wanted {
+        let alone = track(&all, BESIDE_NOISE);
+        alone.filter(|(spec, _)| HEADER_BYTES + spec.entries.len() <= room)
+    } else {
+        beside
+    };
+    let level = reason_of_level(
+        chosen.is_some(),
+        is_level_wanted,
+        spread_db,
+        options.modulation,
+    );
+    let report = ExcitationReport {
+        texture: name.to_owned(),
+        kurtosis,
+        spread_db,
+        codebooks: codebooks
+            .iter()
+            .map(|own| codebook_report(own, axes))
+            .collect(),
+        track: chosen
+            .as_ref()
+            .map(|(spec, trials)| track_report(spec, *trials)),
+        source,
+        level,
+    };
+    Parts {
+        excitation: excitation(codebooks, axes),
+        modulation: chosen.map(|(spec, _)| spec),
+        report,
+    }
+}
+
+/// Bytes for codebooks, of a grid of so many nodes.
+#[derive(Clone, Copy)]
+struct Budget {
+    bytes: usize,
+    nodes: usize,
+}
+
+impl Budget {
+    /// Stretches that each of `count` codebooks may have.
+    fn stretches(self, count: usize) -> usize {
+        let codes = self.bytes.saturating_sub(HEADER_BYTES + self.nodes) / count.max(1);
+        (codes.saturating_sub(HEADER_BYTES) / STRETCH_SAMPLES).min(MOST_STRETCHES)
+    }
+
+    /// Most codebooks that all are long enough.
+    fn codebooks(self) -> usize {
+        let long_enough = |&count: &usize| self.stretches(count) >= LEAST_STRETCHES;
+        (1..=limits::MAX_CODEBOOKS)
+            .filter(long_enough)
+            .max()
+            .unwrap_or(0)
+    }
+}
+
+/// Demands on codebooks.
+#[derive(Clone, Copy)]
+struct Wanted {
+    /// True if no test is asked.
+    is_forced: bool,
+    /// True if a level track is kept beside.
+    is_level_apart: bool,
+    /// Highest peak, standard deviations.
+    highest_peak: f64,
+}
+
+/// Codebooks of the regions that want one, and have the material for it.
+fn codebooks(traces: &[Trace], axes: Axes<'_>, wanted: Wanted, budget: Budget) -> Vec<OfRegion> {
+    let shape = (axes.speeds_mm_s.len(), axes.forces_n.len());
+    let regions = regions(traces, shape, budget.codebooks());
+    let members = |region: &Region| -> Vec<&Trace> {
+        traces
+            .iter()
+            .filter(|trace| region.contains(trace.at))
+            .collect()
+    };
+    let wanting: Vec<(Region, Vec<&Trace>, Evidence)> = regions
+        .into_iter()
+        .map(|region| {
+            let own = members(&region);
+            let kurtosis = kurtosis_of(&own);
+            (region, own, kurtosis)
+        })
+        .filter(|(.., kurtosis)| wanted.is_forced || kurtosis.is_significant())
+        .collect();
+    let most = budget.stretches(wanting.len());
+    let made = wanting.into_iter().filter_map(|(region, own, kurtosis)| {
+        let material = choose(&own, wanted.is_level_apart, most)?;
+        Some(OfRegion {
+            region,
+            coded: coded(&material.samples, wanted.highest_peak)?,
+            kurtosis,
+            trials: material.trials,
+        })
+    });
+    made.collect()
+}
+
+fn kurtosis_of(traces: &[&Trace]) -> Evidence {
+    let windows = traces.iter().map(|trace| trace.judged.kurtosis);
+    kurtosis(windows.fold(Sums::default(), Sums::plus), KURTOSIS_SAMPLES)
+}
+
+/// Highest amplitude of a track.
+fn highest(spec: &ModulationSpec) -> f64 {
+    spec.entries.iter().copied().max().map_or(1.0, amplitude)
+}
+
+fn excitation(codebooks: Vec<OfRegion>, axes: Axes<'_>) -> Option<ExcitationSpec> {
+    let (speeds, forces) = (axes.speeds_mm_s.len(), axes.forces_n.len());
+    let nodes = (0..speeds).flat_map(|speed| (0..forces).map(move |force| (speed, force)));
+    let number = |at: (usize, usize)| {
+        let own = codebooks.iter().position(|own| own.region.contains(at));
+        own.map_or(0, |index| index as u8 + 1)
+    };
+    let of_nodes = nodes.map(number).collect();
+    let codebooks: Vec<_> = codebooks.into_iter().map(|own| own.coded.spec).collect();
+    (!codebooks.is_empty()).then_some(ExcitationSpec {
+        codebooks,
+        of_nodes,
+    })
+}
+
+fn codebook_report(own: &OfRegion, axes: Axes<'_>) -> CodebookReport {
+    let Region { speeds, forces } = &own.region;
+    let ends =
+        |axis: &[f32], range: &std::ops::Range<usize>| [axis[range.start], axis[range.end - 1]];
+    CodebookReport {
+        speeds_mm_s: ends(axes.speeds_mm_s, speeds),
+        forces_n: ends(axes.forces_n, forces),
+        kurtosis: own.kurtosis,
+        trials: own.trials,
+        seconds: own.coded.spec.codes.len() as f64 / f64::from(SAMPLE_RATE_HZ),
+        peak: own.coded.spec.peak,
+        cut_samples: own.coded.cut,
+        snr_db: own.coded.snr_db,
+    }
+}
+
+fn track_report(spec: &ModulationSpec, trials: usize) -> TrackReport {
+    let level_db = |entry: Option<&i8>| 20.0 * amplitude(entry.copied().unwrap_or(0)).log10();
+    TrackReport {
+        trials,
+        entries: spec.entries.len(),
+        step_s: f64::from(spec.step_samples) / f64::from(SAMPLE_RATE_HZ),
+        range_db: [
+            level_db(spec.entries.iter().min()),
+            level_db(spec.entries.iter().max()),
+        ],
+    }
+}
+
+/// Says a test's result: `8.91 where 3.4 is significant at 1 %`.
+fn said(evidence: Evidence, unit: &str) -> String {
+    if evidence.windows < LEAST_WINDOWS {
+        return format!("{} windows are too few to judge", evidence.windows);
+    }
+    let per_cent = 100.0 * LEVEL;
+    format!(
+        "{:.2}{unit} where more than {:.2}{unit} is significant at {per_cent:.0} %",
+        evidence.value, evidence.needed
+    )
+}
+
+fn reason_of_source(found: &[OfRegion], all: Evidence, wanted: Wanted, budget: Budget) -> String {
+    if let [first, ..] = found {
+        let codebooks = if found.len() == 1 {
+            "codebook"
+        } else {
+            "codebooks"
+        };
+        let why = if wanted.is_forced {
+            "as asked for".to_owned()
+        } else {
+            format!("local kurtosis {}", said(first.kurtosis, ""))
+        };
+        return format!("{} {codebooks} of the residual: {why}", found.len());
+    }
+    let why = if !wanted.is_forced && !all.is_significant() {
+        format!("local kurtosis {}", said(all, ""))
+    } else if budget.codebooks() == 0 {
+        "the library has no room for a codebook".to_owned()
+    } else {
+        let least_s = (LEAST_STRETCHES * STRETCH_SAMPLES) as f64 / f64::from(SAMPLE_RATE_HZ);
+        format!(
+            "too short for a codebook, which takes {least_s} s that are sound and not quiet: record for longer"
+        )
+    };
+    format!("Gaussian noise: {why}")
+}
+
+fn reason_of_level(
+    is_kept: bool,
+    is_wanted: bool,
+    spread: Evidence,
+    choice: ModulationChoice,
+) -> String {
+    let tested = || format!("spread of 50 ms levels {}", said(spread, " dB"));
+    match (is_kept, choice) {
+        (true, ModulationChoice::Auto) => format!("that of the recordings: {}", tested()),
+        (true, _) => "that of the recordings, as asked for".to_owned(),
+        (false, ModulationChoice::None) => "steady, as asked for".to_owned(),
+        (false, ModulationChoice::Auto) if !is_wanted => format!("steady: {}", tested()),
+        (false, _) => {
+            "steady: too short for a level track of 1 s, or no room for it in the library"
+                .to_owned()
+        }
+    }
+}

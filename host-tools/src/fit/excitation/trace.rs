@@ -1,0 +1,92 @@
+//! The residual of one trial: by the model of its node, and in data that was not fitted.
+
+use std::ops::Range;
+
+use model_format::{CodeSpec, SAMPLE_RATE_HZ};
+
+use crate::fit::options::Estimator;
+use crate::fit::trial::Signal;
+use crate::recording::triage::Verdict;
+
+use super::judge::{self, Judged};
+use super::residual::{mean_square, predictor, residual};
+
+/// Longest part of a trial that is looked at, samples: a minute, thirty times what a codebook holds.
+const LONGEST: usize = 60 * SAMPLE_RATE_HZ as usize;
+
+/// Samples after a flaw in which its residual is not the surface's: 20 ms. The predictor remembers longer, but little.
+const AFTER_FLAW: usize = 100;
+
+/// A residual whose share of the signal's power is below this is round-off.
+const ROUND_OFF: f64 = 1e-12;
+
+/// A trial's residual, and what tests found in it.
+#[derive(Clone, Debug)]
+pub(super) struct Trace {
+    /// Indices of its speed and force on the grid.
+    pub at: (usize, usize),
+    /// Residual of the node's stored coefficients, with a mean square of 1.
+    pub residual: Vec<f64>,
+    /// Stretches of the residual that are no surface's.
+    pub flaws: Vec<Range<usize>>,
+    /// Statistics in data that was not fitted.
+    pub judged: Judged,
+}
+
+impl Trace {
+    /// The trace of a trial `at` a node with these `codes`. `None` if it has no residual that a surface made: by one of
+    /// its `verdicts`, or because it is too short, silent, or predicted to its round-off.
+    pub fn of(
+        signal: &Signal,
+        at: (usize, usize),
+        codes: &CodeSpec,
+        verdicts: &[Verdict],
+        estimator: Estimator,
+    ) -> Option<Self> {
+        if !verdicts.iter().all(leaves_the_residual) {
+            return None;
+        }
+        let samples = &signal.samples[..signal.samples.len().min(LONGEST)];
+        let predictor = predictor(codes);
+        let order = predictor.len();
+        let mut residual = residual(samples, &predictor);
+        let power = mean_square(&residual);
+        if power.is_nan() || power <= ROUND_OFF * mean_square(samples) {
+            return None;
+        }
+        let scale = 1.0 / power.sqrt();
+        residual.iter_mut().for_each(|x| *x *= scale);
+        let moved = |flaw: &Range<usize>| {
+            flaw.start.saturating_sub(order)..(flaw.end + AFTER_FLAW).saturating_sub(order)
+        };
+        Some(Self {
+            at,
+            flaws: signal.flaws.iter().map(moved).collect(),
+            judged: judge::held_out(samples, order, estimator),
+            residual,
+        })
+    }
+
+    /// Returns whether none of `samples` is in a flaw.
+    pub fn is_clean(&self, samples: &Range<usize>) -> bool {
+        let apart = |flaw: &Range<usize>| flaw.end <= samples.start || samples.end <= flaw.start;
+        self.flaws.iter().all(apart)
+    }
+}
+
+/// Returns whether the residual of a trial with this verdict is the surface's, apart from the verdict's spans and from
+/// clipped peaks: not that of a copy, of a converter's steps, or of a band without a signal.
+fn leaves_the_residual(verdict: &Verdict) -> bool {
+    !matches!(
+        verdict,
+        Verdict::Silent
+            | Verdict::ClippedBefore { .. }
+            | Verdict::Overflow { .. }
+            | Verdict::Repeated { .. }
+            | Verdict::Coarse { .. }
+            | Verdict::EmptyBand { .. }
+            | Verdict::SensorNoise { .. }
+            | Verdict::Duplicate { .. }
+            | Verdict::WrongRate { .. }
+    )
+}
