@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let fit_options = fit::Options::default();
     let (fit, bytes) = super::fit::fit_library(&set, &fit_options)?;
     let path = out.join("textures.lib");
-    let record = super::fit::write_library(&path, &bytes, &set, &fit_options)?;
+    let record = super::fit::write_library(&path, &bytes, &set, &fit, &fit_options)?;
     let library = decode_library(&path, &bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()

@@ -6,7 +6,7 @@ use host_tools::evaluation::budget;
 use host_tools::evaluation::budget::Concession;
 use host_tools::fit;
 use host_tools::fit::record::FitRecord;
-use host_tools::fit::{Fit, Order};
+use host_tools::fit::{ExcitationChoice, Fit, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::{atomic_file, progress};
@@ -22,16 +22,20 @@ pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, V
     Ok((fit, bytes))
 }
 
-/// Writes a library of a fit of `set` with `options`, and beside it the record of the fit.
+/// Writes a library of `fit`, made of `set` with `options`, and beside it the record of the fit.
 ///
 /// The library is written first: a record that is missing, or of an earlier library, is not believed.
 pub fn write_library(
     path: &Path,
     bytes: &[u8],
     set: &RecordingSet,
+    fit: &Fit,
     options: &fit::Options,
 ) -> Result<FitRecord> {
-    let record = FitRecord::of(set, options, bytes)?;
+    let record = FitRecord {
+        excitations: fit.excitations.clone(),
+        ..FitRecord::of(set, options, bytes)?
+    };
     atomic_file::write(path, bytes)?;
     atomic_file::write(&FitRecord::path_for(path), record.to_text()?.as_bytes())?;
     Ok(record)
@@ -49,6 +53,9 @@ pub fn concessions(
     let unbounded = fit::Options {
         order: budget::capped(order, model_format::limits::MAX_ORDER),
         structure: StructureChoice::Lattice,
+        // The models are compared, not what excites them.
+        excitation: ExcitationChoice::Gaussian,
+        modulation: ModulationChoice::None,
         ..options.clone()
     };
     let bar = progress::bar(set.trials.len() as u64, "fitting without bounds");

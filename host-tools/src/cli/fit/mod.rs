@@ -11,14 +11,14 @@ use host_tools::evaluation::budget;
 use host_tools::evaluation::budget::Budget;
 use host_tools::evaluation::frontier::costs;
 use host_tools::fit;
-use host_tools::fit::{Estimator, Order};
+use host_tools::fit::{Estimator, ExcitationChoice, ModulationChoice, Order};
 use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
 use host_tools::support::error::Result;
 use host_tools::texture::quantise::StructureChoice;
 
 use library::{concessions, encoded};
 pub use library::{fit_library, write_library};
-use report::{FitReport, energy_kept, given_up, show_verdicts};
+use report::{FitReport, energy_kept, excitations, given_up, show_verdicts};
 
 use crate::cli::input::{Recordings, not_negative, positive};
 use crate::cli::inspect::{TextureSummary, texture_table};
@@ -71,6 +71,12 @@ pub struct Arguments {
     /// RMS below which a trial counts as silent, in m/s²
     #[arg(long, value_name = "M_S2", value_parser = not_negative, default_value_t = SILENCE_FLOOR_M_S2)]
     silence_floor: f64,
+    /// Source of the excitation: noise, pieces of the recordings' own residual, or what a test finds
+    #[arg(long, value_enum, default_value = "auto")]
+    excitation: ExcitationChoice,
+    /// Level of the excitation: steady, pieces of the recordings' own level, or what a test finds
+    #[arg(long, value_enum, default_value = "auto")]
+    modulation: ModulationChoice,
     /// Verdicts of trials to leave out; their nodes are filled from neighbours
     #[arg(long, value_delimiter = ',', value_parser = clap::builder::PossibleValuesParser::new(Verdict::NAMES))]
     drop: Vec<String>,
@@ -103,6 +109,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         structure: arguments.structure,
         reduction: arguments.reduce,
         silence_floor_m_s2: arguments.silence_floor,
+        excitation: arguments.excitation,
+        modulation: arguments.modulation,
         drop: arguments.drop.clone(),
         strict: arguments.strict,
     };
@@ -119,7 +127,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(denser) = &denser {
         bytes = encoded(&denser.densified.specs)?;
     }
-    write_library(&arguments.out, &bytes, &set, &options)?;
+    write_library(&arguments.out, &bytes, &set, &fit, &options)?;
     let library = decode_library(&arguments.out, &bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()
@@ -132,6 +140,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             warnings: &fit.warnings,
             textures,
             trials: &fit.trials,
+            excitations: &fit.excitations,
             added_lines: denser.as_ref().map(|d| d.densified.lines.as_slice()),
             removed_nodes: denser.as_ref().and_then(|d| d.test.as_ref()),
             budget: concessions.as_deref(),
@@ -141,6 +150,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&texture_table(&textures))?;
     if let Some(denser) = &denser {
         print(&format!("\n{}", densify::summary(denser)))?;
+    }
+    if !fit.excitations.is_empty() {
+        print(&format!("\n{}", excitations(&fit.excitations)))?;
     }
     if let (Some(concessions), Some(budget)) = (&concessions, &budget) {
         print(&format!("\n{}", given_up(concessions, budget)))?;

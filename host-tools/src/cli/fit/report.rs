@@ -3,6 +3,7 @@
 use host_tools::evaluation::budget::{Budget, Concession};
 use host_tools::evaluation::leave_one_out::LeaveOneOut;
 use host_tools::fit::densify::AddedLine;
+use host_tools::fit::excitation::{CodebookReport, ExcitationReport};
 use host_tools::fit::{Fit, TrialReport};
 
 use crate::cli::inspect::TextureSummary;
@@ -20,6 +21,7 @@ pub struct FitReport<'a> {
     pub warnings: &'a [String],
     pub textures: Vec<TextureSummary>,
     pub trials: &'a [TrialReport],
+    pub excitations: &'a [ExcitationReport],
     #[serde(skip_serializing_if = "Option::is_none")]
     pub added_lines: Option<&'a [AddedLine]>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -73,6 +75,52 @@ pub fn given_up(concessions: &[Concession], budget: &Budget) -> String {
         budget.cycles,
         budget.core,
         table(&header, &rows),
+    )
+}
+
+/// Lines on what excites each texture's models, and why.
+pub fn excitations(reports: &[ExcitationReport]) -> String {
+    let texts: Vec<String> = reports.iter().map(excitation).collect();
+    texts.join("\n")
+}
+
+fn excitation(report: &ExcitationReport) -> String {
+    let mut lines = vec![
+        format!("excitation of '{}'", report.texture),
+        format!("  source: {}", report.source),
+    ];
+    lines.extend(report.codebooks.iter().map(codebook));
+    lines.push(format!("  level: {}", report.level));
+    lines.extend(report.track.as_ref().map(|track| {
+        let [low, high] = track.range_db;
+        format!(
+            "    track of {:.1} s in steps of {:.0} ms, {low:+.1} to {high:+.1} dB, of {} trial(s)",
+            track.entries as f64 * track.step_s,
+            1000.0 * track.step_s,
+            track.trials
+        )
+    }));
+    lines.join("\n")
+}
+
+fn codebook(codebook: &CodebookReport) -> String {
+    let range = |[low, high]: [f32; 2]| {
+        if low < high {
+            format!("{low} to {high}")
+        } else {
+            low.to_string()
+        }
+    };
+    format!(
+        "    codebook for {} mm/s, {} N: {:.1} s of {} trial(s), peak {:.1} standard deviations, {} peak(s) cut, \
+         SNR {:.0} dB",
+        range(codebook.speeds_mm_s),
+        range(codebook.forces_n),
+        codebook.seconds,
+        codebook.trials,
+        codebook.peak,
+        codebook.cut_samples,
+        codebook.snr_db
     )
 }
 

@@ -9,8 +9,8 @@ use host_tools::support::error::Result;
 use serde::Serialize;
 
 use scene::{SceneSummary, scene_table};
-use texture::storage_table;
 pub use texture::{TextureSummary, texture_table};
+use texture::{excitation_table, storage_table};
 
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, print_json};
@@ -55,6 +55,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&texture_table(&textures))?;
     print("\norder: lowest / middle / highest of the nodes\n")?;
     print(&storage_table(&textures))?;
+    if let Some(excitations) = excitation_table(&textures) {
+        print(&format!("\n{excitations}"))?;
+        print("\npeak: standard deviations; dB: lowest to highest level of the track\n")?;
+    }
     if scenes.is_empty() {
         return Ok(());
     }

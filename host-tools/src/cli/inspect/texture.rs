@@ -1,6 +1,10 @@
 //! Summary of a texture: its grid, its orders and its nodes.
 
-use model_format::{NodeFlags, Texture};
+use host_tools::texture::parts::of_texture;
+use model_format::{
+    CodebookSpec, ExcitationSpec, LEVEL_FRACTION_BITS, NodeFlags, PartsSpec, Texture,
+    level_amplitude,
+};
 use serde::Serialize;
 
 use crate::cli::table::table;
@@ -31,6 +35,12 @@ pub struct TextureSummary {
     coefficient_bytes: usize,
     /// The optional parts.
     parts: Vec<PartSummary>,
+    /// The codebooks of the residual.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    codebooks: Vec<CodebookSummary>,
+    /// The track of the level.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    level_track: Option<TrackSummary>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     nodes: Vec<NodeSummary>,
 }
@@ -39,6 +49,23 @@ pub struct TextureSummary {
 struct PartSummary {
     part: String,
     bytes: usize,
+}
+
+#[derive(Serialize)]
+struct CodebookSummary {
+    seconds: f64,
+    /// Highest peak, standard deviations.
+    peak: f32,
+    /// Number of nodes that have it.
+    nodes: usize,
+}
+
+#[derive(Serialize)]
+struct TrackSummary {
+    seconds: f64,
+    step_s: f64,
+    /// Lowest and highest level, dB.
+    range_db: [f64; 2],
 }
 
 #[derive(Serialize)]
@@ -107,9 +134,48 @@ impl TextureSummary {
                     bytes,
                 })
                 .collect(),
+            codebooks: codebook_summaries(texture),
+            level_track: track_summary(texture),
             nodes,
         }
     }
+}
+
+fn codebook_summaries(texture: &Texture<'_>) -> Vec<CodebookSummary> {
+    let rate_hz = f64::from(texture.sample_rate_hz());
+    let PartsSpec { excitation, .. } = of_texture(texture);
+    let of = |part: &ExcitationSpec| -> Vec<CodebookSummary> {
+        let nodes = |number: usize| {
+            part.of_nodes
+                .iter()
+                .filter(move |&&n| usize::from(n) == number)
+        };
+        let codebooks = part.codebooks.iter().enumerate();
+        let summary = |(index, codebook): (usize, &CodebookSpec)| CodebookSummary {
+            seconds: codebook.codes.len() as f64 / rate_hz,
+            peak: codebook.peak,
+            nodes: nodes(index + 1).count(),
+        };
+        codebooks.map(summary).collect()
+    };
+    excitation.as_ref().map(of).unwrap_or_default()
+}
+
+fn track_summary(texture: &Texture<'_>) -> Option<TrackSummary> {
+    let track = of_texture(texture).modulation?;
+    let step_s = f64::from(track.step_samples) / f64::from(texture.sample_rate_hz());
+    let level_db = |entry: Option<&i8>| {
+        let unit = f64::from(1u32 << LEVEL_FRACTION_BITS);
+        20.0 * (f64::from(level_amplitude(*entry.expect("no track is empty"))) / unit).log10()
+    };
+    Some(TrackSummary {
+        seconds: track.entries.len() as f64 * step_s,
+        step_s,
+        range_db: [
+            level_db(track.entries.iter().min()),
+            level_db(track.entries.iter().max()),
+        ],
+    })
 }
 
 fn node_summaries(texture: &Texture<'_>) -> Vec<NodeSummary> {
@@ -207,4 +273,47 @@ pub fn storage_table(textures: &[TextureSummary]) -> String {
         ]
     };
     table(&header, &textures.iter().map(row).collect::<Vec<_>>())
+}
+
+/// Table of what excites the textures that have more than steady Gaussian noise; `None` if none has.
+pub fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
+    let header = [
+        "texture",
+        "codebooks",
+        "seconds",
+        "peak",
+        "nodes",
+        "level track s",
+        "step ms",
+        "dB",
+    ];
+    let joined = |values: Vec<String>| {
+        if values.is_empty() {
+            "none".to_owned()
+        } else {
+            values.join(", ")
+        }
+    };
+    let row = |texture: &TextureSummary| {
+        let each = |of: &dyn Fn(&CodebookSummary) -> String| {
+            joined(texture.codebooks.iter().map(of).collect())
+        };
+        let track = texture.level_track.as_ref();
+        let of_track =
+            |of: &dyn Fn(&TrackSummary) -> String| track.map_or_else(|| "none".to_owned(), of);
+        vec![
+            texture.name.clone(),
+            texture.codebooks.len().to_string(),
+            each(&|codebook| format!("{:.1}", codebook.seconds)),
+            each(&|codebook| format!("{:.1}", codebook.peak)),
+            each(&|codebook| codebook.nodes.to_string()),
+            of_track(&|track| format!("{:.1}", track.seconds)),
+            of_track(&|track| format!("{:.0}", 1000.0 * track.step_s)),
+            of_track(&|track| format!("{:+.1} to {:+.1}", track.range_db[0], track.range_db[1])),
+        ]
+    };
+    let fed =
+        |texture: &&TextureSummary| !texture.codebooks.is_empty() || texture.level_track.is_some();
+    let rows: Vec<Vec<String>> = textures.iter().filter(fed).map(row).collect();
+    (!rows.is_empty()).then(|| table(&header, &rows))
 }
