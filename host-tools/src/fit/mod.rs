@@ -120,8 +120,8 @@ pub fn analyse_set(
     Ok(analyses.into_iter().flatten().collect())
 }
 
-/// Fits `set` to the analyses of its trials, in the order of the set, with Gaussian excitation of steady level. They were made with `options`, or with an order
-/// at least as high.
+/// Fits `set` to the analyses of its trials, in the order of the set, with Gaussian excitation of steady level. They
+/// were made with `options`, or with an order at least as high.
 ///
 /// # Errors
 /// With [`Options::strict`] the first trial with a verdict; a texture that the chosen structure or the library cannot

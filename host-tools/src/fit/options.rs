@@ -101,11 +101,11 @@ pub struct Options {
     pub reduction: Reduction,
     /// RMS below which a trial is silent, m/s².
     pub silence_floor_m_s2: f64,
-    /// Source of the excitation.
-    #[serde(default)]
+    /// Source of the excitation. A record without this choice is of a fit with Gaussian noise.
+    #[serde(default = "gaussian")]
     pub excitation: ExcitationChoice,
-    /// Level of the excitation.
-    #[serde(default)]
+    /// Level of the excitation. A record without this choice is of a fit with a steady one.
+    #[serde(default = "steady")]
     pub modulation: ModulationChoice,
     /// Names of verdicts whose trials are left out, to be filled from their neighbours.
     pub drop: Vec<String>,
@@ -114,6 +114,14 @@ pub struct Options {
     pub lines: Lines,
     /// Refuse a set in which any trial has a verdict.
     pub strict: bool,
+}
+
+fn gaussian() -> ExcitationChoice {
+    ExcitationChoice::Gaussian
+}
+
+fn steady() -> ModulationChoice {
+    ModulationChoice::None
 }
 
 impl Default for Options {

@@ -80,7 +80,7 @@ pub fn given_up(concessions: &[Concession], budget: &Budget) -> String {
     )
 }
 
-/// What excites each texture's models and why, a few lines each.
+/// Lines on what excites each texture's models, and why.
 pub fn excitations(reports: &[ExcitationReport]) -> String {
     let texts: Vec<String> = reports.iter().map(excitation).collect();
     texts.join("\n")

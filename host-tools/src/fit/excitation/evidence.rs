@@ -8,8 +8,8 @@ pub(super) const LEVEL: f64 = 0.01;
 /// The standard normal deviate that is exceeded with the chance [`LEVEL`].
 const DEVIATE: f64 = 2.326_347_9;
 
-/// Excess of the mean local kurtosis, over a Gaussian's, that a residual may have and still be called Gaussian. Gaussian
-/// noise whose level follows that of real recordings, with a resolution of 20 ms, reaches 0.31.
+/// Excess of the mean local kurtosis, over a Gaussian's, that a residual may have and still be called Gaussian.
+/// Gaussian noise whose level follows that of real recordings, with a resolution of 20 ms, reaches 0.31.
 const KURTOSIS_MARGIN: f64 = 0.3;
 
 /// Spread of 50 ms levels, beyond that of steady noise, that is still called steady, dB: below half of the smallest

@@ -37,8 +37,8 @@ pub(super) struct Judged {
     pub levels: Levels,
 }
 
-/// Judges `signal`, with models of `order` at most. Nothing is found in a signal that is too short, or that is predicted
-/// to its round-off.
+/// Judges `signal`, with models of `order` at most. Nothing is found in a signal that is too short, or that is
+/// predicted to its round-off.
 pub(super) fn held_out(signal: &[f64], order: usize, estimator: Estimator) -> Judged {
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();

@@ -68,8 +68,8 @@ pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
 /// The level track of `traces`, joined in their order, each with its own RMS as unit; with the number of trials in it.
 ///
 /// If not all have room, each gives an equal part from its middle; if these would be shorter than a second, fewer
-/// trials, evenly spread, give a second each. `None` if all of them together are too short, or if their levels cannot be
-/// stored with a mean square of 1.
+/// trials, evenly spread, give a second each. `None` if all of them together are too short, or if their levels cannot
+/// be stored with a mean square of 1.
 pub(super) fn track(traces: &[&Trace], resolution: Resolution) -> Option<(ModulationSpec, usize)> {
     let step = usize::from(resolution.step);
     let shortest = (SHORTEST_S * f64::from(SAMPLE_RATE_HZ)) as usize / step;

@@ -61,8 +61,8 @@ pub fn add(
     add_from(set, fit, options, read, progress)
 }
 
-/// As [`add`], with the signal of a trial from `read`, which gets its index in the set: what is left of the recording if
-/// something else plays a part of it.
+/// As [`add`], with the signal of a trial from `read`, which gets its index in the set: what is left of the recording
+/// if something else plays a part of it.
 ///
 /// # Errors
 /// Those of [`add`] and of `read`.
@@ -112,7 +112,7 @@ fn bytes_per_texture(fit: &Fit) -> Result<usize> {
     Ok(left / fit.specs.len().max(1))
 }
 
-/// What is known of the residuals of all trials of a texture that the fit used and found a sound in.
+/// Traces of all trials of a texture that the fit used, as far as they have a residual.
 fn traces(
     texture: &FittedTexture,
     fit: &Fit,

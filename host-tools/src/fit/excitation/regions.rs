@@ -1,4 +1,4 @@
-//! Regions of a grid whose residuals differ: rectangles of nodes, found by splitting where a test tells two sides apart.
+//! Regions of a grid whose residuals differ: rectangles of nodes, found by splitting where a test tells sides apart.
 
 use std::ops::Range;
 

@@ -421,7 +421,7 @@ fn clipped_peaks_and_repeated_values_are_not_taken() {
     assert_eq!(fit.specs[0].parts.excitation, None, "{:?}", account(&fit));
 }
 
-/// The library of a texture that needs nothing is that of a plain fit, bit for bit; one that needs all keeps it in scenes.
+/// The library of a texture that needs nothing is that of a plain fit, bit for bit; one that needs all keeps it.
 #[test]
 fn parts_cost_nothing_where_they_are_not_needed_and_go_with_the_texture_where_they_are() {
     let plain = forced(ExcitationChoice::Gaussian, ModulationChoice::None);

@@ -20,7 +20,7 @@ const AFTER_FLAW: usize = 100;
 /// A residual whose share of the signal's power is below this is round-off.
 const ROUND_OFF: f64 = 1e-12;
 
-/// What is known of a trial's residual.
+/// A trial's residual, and what tests found in it.
 #[derive(Clone, Debug)]
 pub(super) struct Trace {
     /// Indices of its speed and force on the grid.
