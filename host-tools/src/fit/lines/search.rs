@@ -120,8 +120,9 @@ impl Heard {
         let exact_hz = refined(&self.signal, frequency_hz, self.cell_hz);
         // Places in wavelengths.
         let mut places = steady_turns(exact_hz, self.signal.len());
-        let step = exact_hz / f64::from(SAMPLE_RATE_HZ);
         if followed(&self.signal, &mut places, 1.0).is_some() {
+            let last = places.len() - 1;
+            let step = (places[last] - places[0]) / last as f64;
             self.signal = at_even_places(&self.signal, &places, step);
         }
     }
@@ -257,25 +258,14 @@ impl Search<'_> {
         let ln_bound = (LEVEL / SEARCHES / (2.0 * 2.0 * HIGHEST_HZ * longest_s)).ln();
         // Harmonics of what is known are few, and so need less evidence.
         let ln_harmonic_bound = (LEVEL / SEARCHES / (2.0 * f64::from(HARMONICS) * 8.0)).ln();
-        // A line's residue, where its trials were not followed closely enough, is no other line.
-        let is_known = |hypothesis: &Hypothesis| match hypothesis {
-            Hypothesis::Place(mm) => known_mm
-                .iter()
-                .any(|known| (mm / known - 1.0).abs() < SAME_LINE),
-            Hypothesis::Time(_) => false,
-        };
-        let unknown = self.hypotheses().into_iter().filter(|h| !is_known(h));
-        let unknown = unknown.map(|h| (h, ln_bound));
+        let unknown = self.hypotheses().into_iter().map(|h| (h, ln_bound));
         let harmonics = known_mm.iter().flat_map(|wavelength| {
             let of = move |n| Hypothesis::Place(wavelength / f64::from(n));
-            (2..=HARMONICS)
-                .map(of)
-                .filter(|h| !is_known(h))
-                .map(|h| (h, ln_harmonic_bound))
+            (2..=HARMONICS).map(of).map(|h| (h, ln_harmonic_bound))
         });
         let mut best: Option<(Hypothesis, Support)> = None;
         for (hypothesis, ln_bound) in unknown.chain(harmonics) {
-            let Some(support) = self.support(hypothesis, ln_bound) else {
+            let Some(support) = self.support(hypothesis, ln_bound, known_mm) else {
                 continue;
             };
             let is_better = best
@@ -305,7 +295,7 @@ impl Search<'_> {
     }
 
     /// What the trials say for `hypothesis`; `None` if it is not acceptable.
-    fn support(&self, hypothesis: Hypothesis, ln_bound: f64) -> Option<Support> {
+    fn support(&self, hypothesis: Hypothesis, ln_bound: f64, known_mm: &[f64]) -> Option<Support> {
         let mut speeds: Vec<SpeedSupport> = Vec::new();
         for (index, trial) in self.trials.iter().enumerate() {
             let (frequency_hz, tolerance) = match hypothesis {
@@ -319,7 +309,12 @@ impl Search<'_> {
                 ),
                 Hypothesis::Time(frequency_hz) => (frequency_hz, 0.0),
             };
-            if !(LOWEST_HZ..=HIGHEST_HZ).contains(&frequency_hz) {
+            // What is left of a known line close to its place tells of no other one.
+            let near_hz = RESIDUE_CELLS * trial.cell_hz + SAME_LINE * frequency_hz;
+            let is_residue = known_mm
+                .iter()
+                .any(|known| (trial.actual_speed_mm_s() / known - frequency_hz).abs() < near_hz);
+            if is_residue || !(LOWEST_HZ..=HIGHEST_HZ).contains(&frequency_hz) {
                 continue;
             }
             let at = speeds
@@ -355,8 +350,9 @@ impl Search<'_> {
     }
 }
 
-/// Relative difference of wavelengths that are one line.
-const SAME_LINE: f64 = 4e-3;
+/// Distance from a known line within which its residue lies, cells, and relative to its frequency.
+const RESIDUE_CELLS: f64 = 3.0;
+const SAME_LINE: f64 = 3e-3;
 
 /// Relative error of a speed that lines have told.
 const EXACT_SPEED: f64 = 2e-4;

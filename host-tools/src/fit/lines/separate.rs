@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 
-use model_format::limits;
+use model_format::{SAMPLE_RATE_HZ, limits};
 use rayon::prelude::*;
 use realfft::num_complex::Complex;
 
@@ -20,6 +20,9 @@ const EXACT_LIST: f64 = 1e-3;
 
 /// Relative error of the speeds in a list that was not made by a rig.
 const ROUGH_LIST: f64 = 2e-2;
+
+/// Distance of two lines in a spectrum from which least squares tell their amplitudes, cells.
+const TOLD_APART_CELLS: f64 = 1.5;
 
 /// Times that the course of a trial's place is corrected at most.
 const FOLLOWED_TIMES: usize = 3;
@@ -326,9 +329,7 @@ fn removed_from(
         clean: vec![None; wavelengths_mm.len()],
         was_followed: false,
     };
-    let held: Vec<usize> = (0..wavelengths_mm.len())
-        .filter(|&line| speed_mm_s > 0.0 && speed_mm_s / wavelengths_mm[line] < HIGHEST_HZ)
-        .collect();
+    let held = told_apart(speed_mm_s, signal.len(), wavelengths_mm);
     if held.is_empty() || LineSpectrum::of(signal).is_none() {
         return fitted;
     }
@@ -377,4 +378,20 @@ fn removed_from(
         fitted.clean[line] = Some(clean);
     }
     fitted
+}
+
+/// Lines that a recording of so many samples at `speed_mm_s` can hold and tell from longer ones, which come first.
+fn told_apart(speed_mm_s: f64, samples: usize, wavelengths_mm: &[f64]) -> Vec<usize> {
+    let least_hz = TOLD_APART_CELLS * f64::from(SAMPLE_RATE_HZ) / samples.max(1) as f64;
+    let mut held: Vec<usize> = Vec::new();
+    for (line, wavelength_mm) in wavelengths_mm.iter().enumerate() {
+        let frequency_hz = speed_mm_s / wavelength_mm;
+        let is_alone = held
+            .iter()
+            .all(|&other| (speed_mm_s / wavelengths_mm[other] - frequency_hz).abs() > least_hz);
+        if speed_mm_s > 0.0 && frequency_hz < HIGHEST_HZ && is_alone {
+            held.push(line);
+        }
+    }
+    held
 }

@@ -13,8 +13,12 @@ use super::peaks::hann;
 /// Duration over which a line's phase is averaged, s. Speeds that change faster are not followed.
 const AVERAGE_S: f64 = 0.2;
 
-/// RMS by which a line's phase leaves a straight course before it is followed, rad; less blurs no line by 0.1 dB.
-const LEAST_WANDER_RAD: f64 = 0.15;
+/// RMS by which a line's phase leaves a straight course before it is followed, rad; less leaves a residue 34 dB below
+/// the line.
+const LEAST_WANDER_RAD: f64 = 0.02;
+
+/// The same, over what noise alone makes of a straight course: to follow noise takes it away.
+const LEAST_WANDER_OVER_NOISE: f64 = 3.0;
 
 /// Least power of a line over the noise beside it, both averaged, for its phase to be followed.
 const LEAST_RATIO: f64 = 20.0;
@@ -84,7 +88,7 @@ pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64)
     let wander = rms(&without_straight_line(&times, &phases));
     // A phase in noise wanders by the noise alone.
     let by_noise = (0.5 * noise / power).sqrt();
-    if wander < LEAST_WANDER_RAD + 2.0 * by_noise {
+    if wander < LEAST_WANDER_RAD.max(LEAST_WANDER_OVER_NOISE * by_noise) {
         return None;
     }
     // Two lines close together beat: their phase wanders, and their amplitude as much. A wandering speed leaves the
