@@ -1,5 +1,5 @@
-//! Properties of a texture that a power spectrum does not show, held out: impulses, changes of level, and a steady line, of the
-//! recording that judges, of what the stylus plays there, and of another recording.
+//! Properties of a texture that a power spectrum does not show, held out: impulses, changes of level, and a steady
+//! line, of the recording that judges, of what the stylus plays there, and of another recording.
 //!
 //! A synthesis is longer than its judge, and kurtosis, crest factor and ranges grow with duration. So it is measured
 //! in pieces with as many blocks as the judge has, and the median of the pieces counts. The line is the judge's

@@ -59,7 +59,8 @@ pub struct TrialEvaluation {
     pub recorded_kurtosis: Option<f64>,
     /// Modulation of the judge's envelope.
     pub recorded_modulation: Option<f64>,
-    /// Properties that a spectrum does not show, of the judge and of what was played; none if nothing is held out or heard.
+    /// Properties that a spectrum does not show, of the judge and of what was played; none if nothing is held out or
+    /// heard.
     pub liveliness: Option<TrialLiveliness>,
     /// The synthesis against the judge.
     #[serde(flatten)]

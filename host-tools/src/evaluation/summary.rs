@@ -246,10 +246,12 @@ pub fn liveliness_cells(name: &str, summaries: &[Summary]) -> Vec<Vec<String>> {
 }
 
 /// An explanation of [`LIVELINESS_COLUMNS`].
-pub const LIVELINESS_EXPLANATION: &str = "Medians over trials. Kurtosis: 3 for Gaussian noise; residual kurtosis: of the prediction error in windows of \
-     50 ms, 2.94 for Gaussian noise; crest factor: greatest magnitude over the RMS; modulation: the envelope's 8 to 64 \
-     Hz over its mean, of 100 to 1000 Hz; 50 ms levels: their standard deviation; line's range: of the recording's \
-     strongest narrow line in windows of 0.5 s; off: distance from the recording, which the other recording has, too.";
+pub const LIVELINESS_EXPLANATION: &str = "\
+     Medians over trials. Kurtosis: 3 for Gaussian noise; residual kurtosis: of the prediction error in windows of \
+     50 ms, 2.94 for Gaussian noise; crest factor: greatest magnitude over the RMS; modulation: the envelope's 8 to \
+     64 Hz over its mean, of 100 to 1000 Hz; 50 ms levels: their standard deviation; line's range: of the \
+     recording's strongest narrow line in windows of 0.5 s; off: distance from the recording, which the other \
+     recording has, too.";
 
 /// A number with so many decimals, or a dash.
 fn number(value: Option<f64>, decimals: usize) -> String {

@@ -1,4 +1,5 @@
-//! Measures of properties that a power spectrum does not show: impulses, a level that changes, and a line that fluctuates.
+//! Measures of properties that a power spectrum does not show: impulses, a level that changes, and a line that
+//! fluctuates.
 //!
 //! | measure | definition | Gaussian noise, white |
 //! |---|---|---|

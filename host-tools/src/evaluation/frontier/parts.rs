@@ -1,9 +1,9 @@
 //! The optional parts of a texture: what they cost, and what they bring that no spectrum shows.
 //!
 //! They are a choice beside structure, order and interval: they add instructions to the tick or the update, and bytes
-//! to the library. What they bring is the distance from a held-out recording in kurtosis, modulation and levels, against
-//! that of Gaussian noise through the same filter. The structures are compared without them, because the variants that
-//! are not shipped do not play them.
+//! to the library. They bring nearness to a held-out recording in kurtosis, modulation and levels, against Gaussian
+//! noise through the same filter. The structures are compared without them, because the variants that are not shipped
+//! do not play them.
 
 use model_format::{Library, MillimetresPerSecond, Newton, PartsSpec, SAMPLE_RATE_HZ, Texture};
 use rayon::prelude::*;
@@ -239,4 +239,52 @@ fn of_library<T>(bytes: &[u8], work: impl FnOnce(Texture<'_>) -> Result<T>) -> R
     let library =
         Library::decode_uncertified(bytes).map_err(|failure| Error::Model(failure.to_string()))?;
     work(library.textures().next().expect("one was encoded"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dsp::model::Model;
+    use model_format::{Laws, LineSpec, LinesSpec, ModulationSpec};
+
+    fn grid(parts: PartsSpec) -> Grid {
+        Grid {
+            speeds_mm_s: vec![100.0],
+            forces_n: vec![1.0],
+            models: vec![Model::silent()],
+            laws: Laws::default(),
+            parts,
+        }
+    }
+
+    #[test]
+    fn choices_go_from_none_to_all_and_none_is_there_twice() {
+        let modulation = PartsSpec {
+            modulation: Some(ModulationSpec {
+                step_samples: 100,
+                entries: vec![0; 20],
+            }),
+            ..PartsSpec::default()
+        };
+        let all = PartsSpec {
+            lines: Some(LinesSpec {
+                lines: vec![LineSpec {
+                    wavelength_mm: 1.0,
+                    phase: 0,
+                    amplitudes: vec![1.0],
+                }],
+            }),
+            ..modulation.clone()
+        };
+        let none = PartsSpec::default();
+        assert_eq!(choices(&[grid(none.clone())]), [vec![none.clone()]]);
+        assert_eq!(
+            choices(&[grid(all.clone()), grid(none.clone())]),
+            [
+                vec![none.clone(), none.clone()],
+                vec![modulation, none.clone()],
+                vec![all, none]
+            ]
+        );
+    }
 }
