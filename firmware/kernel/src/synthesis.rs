@@ -32,9 +32,41 @@ pub const MAX_FED_SAMPLES: usize = 64;
 #[repr(C)]
 pub struct Frame {
     filter: FrameOf,
-    /// The excitation of a fed texture in steps of 2⁻²⁵, the last sample at index 1. Index 0 is that of samples after
-    /// the last, and always 0.
-    words: [i32; MAX_FED_SAMPLES + 1],
+    excitation: Words,
+}
+
+/// The excitation of a fed texture for the samples of a frame.
+#[derive(Clone, Debug)]
+struct Words {
+    /// The excitation in steps of 2⁻²⁵, the last sample at index 1. Index 0 is that of samples after the last, and
+    /// always 0.
+    steps: [i32; MAX_FED_SAMPLES + 1],
+    /// Number of samples.
+    samples: u32,
+    /// Number of the frame, which tells it from the one before.
+    number: u32,
+}
+
+/// The place in the words of the frame that is played.
+#[derive(Clone, Copy, Debug, Default)]
+struct Feeding {
+    /// Number of that frame.
+    number: u32,
+    /// Index of the next word.
+    next: u32,
+}
+
+impl Feeding {
+    /// The next word, 0 after the last.
+    #[inline(always)]
+    fn next_word(&mut self, words: &Words) -> i32 {
+        if self.number != words.number {
+            (self.number, self.next) = (words.number, words.samples);
+        }
+        let word = words.steps.get(self.next as usize).copied().unwrap_or(0);
+        self.next = self.next.saturating_sub(1);
+        word
+    }
 }
 
 /// Scale that all frames of a texture share.
@@ -94,7 +126,11 @@ impl Frame {
         };
         Self {
             filter,
-            words: [0; MAX_FED_SAMPLES + 1],
+            excitation: Words {
+                steps: [0; MAX_FED_SAMPLES + 1],
+                samples: 0,
+                number: 0,
+            },
         }
     }
 
@@ -126,16 +162,15 @@ impl Frame {
 
     /// Takes the excitation of `samples` samples at `motion` from `feed`, that of `texture`, which is fed.
     ///
-    /// The frame then holds the excitation of so many samples and is played once. Of more than [`MAX_FED_SAMPLES`] the
-    /// last so many are taken, and the first have an excitation of 0; and so have samples after the last, as those of a
-    /// late update. The filter then rings out.
+    /// The frame then holds the excitation of so many samples, at most [`MAX_FED_SAMPLES`], and is played once. Samples
+    /// after the last, as those of a late update, have an excitation of 0: the filter rings out.
     pub fn feed(&mut self, feed: &mut Feed, texture: &Texture<'_>, motion: Motion, samples: u32) {
         let (material, point) = (Material::of(texture), GridPoint::locate(texture, motion));
         let samples = (samples as usize).min(MAX_FED_SAMPLES);
-        for word in self.words[1..=samples].iter_mut().rev() {
+        for word in self.excitation.steps[1..=samples].iter_mut().rev() {
             *word = feed.next_sample(&material, &point);
         }
-        self.words[samples + 1..].fill(0);
+        (self.excitation.samples, self.excitation.number) = (samples as u32, feed.next_frame());
     }
 
     /// Makes this a silent frame with the coefficients of `motion`, for [`Playback::run_up`].
@@ -163,13 +198,10 @@ pub struct Playback {
     /// Samples of the current frame's ramps that are still to come.
     left: u32,
     saturations: u32,
+    feeding: Feeding,
 }
 
 #[derive(Clone, Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "one state is reserved once, for the largest"
-)]
 enum State {
     Lattice(LatticeState),
     Direct(DirectState),
@@ -223,6 +255,7 @@ impl Playback {
             cold,
             left: 0,
             saturations: 0,
+            feeding: Feeding::default(),
         }
     }
 
@@ -235,6 +268,7 @@ impl Playback {
             cold: 0,
             left: 0,
             saturations: 0,
+            feeding: Feeding::default(),
         }
     }
 
@@ -310,9 +344,6 @@ impl Playback {
     /// `A` is the processor's arithmetic; all give the same bits.
     #[inline]
     pub fn next_sample<A: Arithmetic>(&mut self, frame: &Frame) -> OutputSample {
-        if self.is_fed() {
-            return self.next_fed_sample::<A>(frame);
-        }
         self.left = self.left.saturating_sub(1);
         let (left, excitation) = (self.left, self.excitation.next_sample());
         let (output, saturated) = match (&frame.filter, &mut self.state) {
@@ -322,21 +353,19 @@ impl Playback {
             (FrameOf::Direct(frame), State::Direct(state)) => {
                 state.next_sample::<A>(frame, excitation, left)
             }
-            _ => (OutputSample::SILENCE, false),
+            _ => self.next_fed_sample::<A>(frame, left),
         };
         self.saturations = self.saturations.saturating_add(u32::from(saturated));
         output
     }
 
-    /// The next sample of a fed texture, which takes the excitation that the frame was fed with.
+    /// The next sample of a fed texture, which takes the excitation that the frame was fed with, and whether it is at
+    /// full scale. It is apart from that of a plain texture, so that it does not touch that one's instructions.
     #[cold]
     #[inline(never)]
-    fn next_fed_sample<A: Arithmetic>(&mut self, frame: &Frame) -> OutputSample {
-        let word = frame.words.get(self.left as usize);
-        let excitation = word.copied().unwrap_or(0);
-        self.left = self.left.saturating_sub(1);
-        let left = self.left;
-        let (output, saturated) = match (&frame.filter, &mut self.state) {
+    fn next_fed_sample<A: Arithmetic>(&mut self, frame: &Frame, left: u32) -> (OutputSample, bool) {
+        let excitation = self.feeding.next_word(&frame.excitation);
+        match (&frame.filter, &mut self.state) {
             (FrameOf::Lattice(frame), State::FedLattice(state)) => {
                 state.next_fed_sample::<A>(frame, excitation, left)
             }
@@ -344,9 +373,7 @@ impl Playback {
                 state.next_fed_sample::<A>(frame, excitation, left)
             }
             _ => (OutputSample::SILENCE, false),
-        };
-        self.saturations = self.saturations.saturating_add(u32::from(saturated));
-        output
+        }
     }
 
     /// The next two samples, those of two calls of [`Playback::next_sample`].

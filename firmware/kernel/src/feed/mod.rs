@@ -62,6 +62,8 @@ pub struct Feed {
     draws: Draws,
     pieces: Pieces,
     level: Level,
+    /// Frames that were fed.
+    frames: u32,
 }
 
 impl Feed {
@@ -72,6 +74,7 @@ impl Feed {
             draws: Draws::new(seed),
             pieces: Pieces::NONE,
             level: Level::NONE,
+            frames: 0,
         }
     }
 
@@ -79,6 +82,12 @@ impl Feed {
     pub fn begin(&mut self, gaussian: Excitation) {
         self.gaussian = gaussian;
         (self.pieces, self.level) = (Pieces::NONE, Level::NONE);
+    }
+
+    /// The number of another frame, which differs from those of the frames before.
+    pub(crate) fn next_frame(&mut self) -> u32 {
+        self.frames = self.frames.wrapping_add(1);
+        self.frames
     }
 
     /// The Gaussian noise, as far as it was used.
