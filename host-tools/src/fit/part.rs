@@ -150,8 +150,11 @@ fn separate_lines(
             let PartlyAnalysed {
                 analysis, signal, ..
             } = &analysed[index];
-            let is_sought = can_have_lines(trial, analysis, options);
-            is_sought.then(|| signal.clone()).unwrap_or_default()
+            if can_have_lines(trial, analysis, options) {
+                signal.clone()
+            } else {
+                Vec::new()
+            }
         })
         .collect();
     let fitted: Vec<Vec<Range<usize>>> = indices

@@ -83,11 +83,16 @@ impl Prepared {
         for order in [Order::Bayesian, Order::Auto] {
             fitted.push(Fitted::new(order, grids(&fit_at(order)?)));
         }
-        let with_parts = highest.textures.into_iter().map(|texture| texture.grid);
+        // Parts are judged as a fit by default has them: lines stored apart, and the rest excited by its own residual.
+        let whole = fit::Options {
+            lines: Lines::default(),
+            ..highest_order
+        };
+        let with_parts = fit::fit(&material.fit, &whole, &progress)?.textures;
         let mut prepared = Self {
             names,
             fitted,
-            with_parts: with_parts.collect(),
+            with_parts: with_parts.into_iter().map(|texture| texture.grid).collect(),
             held_out: Vec::new(),
             take_cost: f64::NAN,
             take_band_error_db: f64::NAN,
