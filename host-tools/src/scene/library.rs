@@ -1,10 +1,12 @@
 //! Scenes in an existing library.
 
 use model_format::scene::Scene;
-use model_format::{Certificate, Library, NodeSpec, Texture, TextureSpec, encode_with_scenes};
+use model_format::{
+    Certificate, CodebookSpec, ExcitationSpec, Library, ModulationSpec, NodeSpec, PartsSpec,
+    Texture, TextureSpec, encode_with_scenes,
+};
 
 use crate::support::error::{Error, Result};
-use crate::texture::parts;
 
 /// Encodes `library` with `scenes`. Scenes of the same name are replaced; all others stay the same.
 ///
@@ -30,7 +32,7 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
         structure: texture.structure(),
         provenance: texture.provenance(),
         laws: texture.laws(),
-        parts: parts::of_texture(texture),
+        parts: parts(texture),
         speed_axis_mm_s: texture.speed_axis().values().collect(),
         force_axis_n: texture.force_axis().values().collect(),
         nodes: texture
@@ -46,6 +48,33 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
             Certificate::DirectForm { cell_margins } => cell_margins.to_vec(),
             Certificate::None | Certificate::Lattice { .. } => Vec::new(),
         },
+    }
+}
+
+/// The parts of a decoded texture, which encode to the same bytes.
+pub fn parts(texture: &Texture<'_>) -> PartsSpec {
+    let signed = |codes: &[u8]| codes.iter().map(|code| code.cast_signed()).collect();
+    let places = (0..texture.speed_axis().len())
+        .flat_map(|speed| (0..texture.force_axis().len()).map(move |force| (speed, force)));
+    PartsSpec {
+        excitation: texture.excitation().map(|excitation| ExcitationSpec {
+            codebooks: excitation
+                .codebooks()
+                .iter()
+                .map(|codebook| CodebookSpec {
+                    peak: codebook.peak(),
+                    codes: signed(codebook.codes()),
+                })
+                .collect(),
+            of_nodes: places
+                .map(|(speed, force)| excitation.of_node(speed, force) as u8)
+                .collect(),
+        }),
+        modulation: texture.modulation().map(|modulation| ModulationSpec {
+            step_samples: modulation.step_samples(),
+            entries: signed(modulation.entries()),
+        }),
+        lines: None,
     }
 }
 

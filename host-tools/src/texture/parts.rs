@@ -1,8 +1,6 @@
 //! Optional parts of a texture as its grid changes: parts that have a value per node follow the nodes.
 
-use model_format::{
-    CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, ModulationSpec, PartsSpec, Texture,
-};
+use model_format::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, PartsSpec};
 
 /// Place of a node of a new grid: on the way between two nodes of the old one, which may be the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,33 +18,6 @@ impl Between {
             nodes: [index; 2],
             share: 0.0,
         }
-    }
-}
-
-/// The parts of a decoded texture, which encode to the same bytes.
-pub fn of_texture(texture: &Texture<'_>) -> PartsSpec {
-    let signed = |codes: &[u8]| codes.iter().map(|code| code.cast_signed()).collect();
-    let places = (0..texture.speed_axis().len())
-        .flat_map(|speed| (0..texture.force_axis().len()).map(move |force| (speed, force)));
-    PartsSpec {
-        excitation: texture.excitation().map(|excitation| ExcitationSpec {
-            codebooks: excitation
-                .codebooks()
-                .iter()
-                .map(|codebook| CodebookSpec {
-                    peak: codebook.peak(),
-                    codes: signed(codebook.codes()),
-                })
-                .collect(),
-            of_nodes: places
-                .map(|(speed, force)| excitation.of_node(speed, force) as u8)
-                .collect(),
-        }),
-        modulation: texture.modulation().map(|modulation| ModulationSpec {
-            step_samples: modulation.step_samples(),
-            entries: signed(modulation.entries()),
-        }),
-        lines: None,
     }
 }
 
@@ -123,6 +94,7 @@ fn lines(old: &LinesSpec, places: &[Between]) -> Option<LinesSpec> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use model_format::ModulationSpec;
 
     fn parts() -> PartsSpec {
         let codebook = |code: i8| CodebookSpec {
