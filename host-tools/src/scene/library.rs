@@ -1,10 +1,11 @@
 //! Scenes in an existing library.
 
 use model_format::scene::Scene;
-use model_format::{Certificate, Library, NodeSpec, Texture, TextureSpec, encode_with_scenes};
+use model_format::{
+    Certificate, Library, NodeSpec, PartsSpec, Texture, TextureSpec, encode_with_scenes,
+};
 
 use crate::support::error::{Error, Result};
-use crate::texture::parts;
 
 /// Encodes `library` with `scenes`. Scenes of the same name are replaced; all others stay the same.
 ///
@@ -30,7 +31,7 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
         structure: texture.structure(),
         provenance: texture.provenance(),
         laws: texture.laws(),
-        parts: parts::of_texture(texture),
+        parts: parts(texture),
         speed_axis_mm_s: texture.speed_axis().values().collect(),
         force_axis_n: texture.force_axis().values().collect(),
         nodes: texture
@@ -46,6 +47,15 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
             Certificate::DirectForm { cell_margins } => cell_margins.to_vec(),
             Certificate::None | Certificate::Lattice { .. } => Vec::new(),
         },
+    }
+}
+
+/// The parts of a decoded texture, which encode to the same bytes.
+pub fn parts(texture: &Texture<'_>) -> PartsSpec {
+    PartsSpec {
+        excitation: texture.excitation().map(Into::into),
+        modulation: texture.modulation().map(Into::into),
+        lines: texture.lines().map(Into::into),
     }
 }
 

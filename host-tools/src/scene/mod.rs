@@ -70,4 +70,4 @@ pub use description::{
     SurfaceDescription,
 };
 pub use file::SceneFile;
-pub use library::{surface_names, texture_spec, with_scenes};
+pub use library::{parts, surface_names, texture_spec, with_scenes};

@@ -1,6 +1,6 @@
 //! Optional parts of a texture as its grid changes: parts that have a value per node follow the nodes.
 
-use model_format::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, PartsSpec, Texture};
+use model_format::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, PartsSpec};
 
 /// Place of a node of a new grid: on the way between two nodes of the old one, which may be the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,15 +18,6 @@ impl Between {
             nodes: [index; 2],
             share: 0.0,
         }
-    }
-}
-
-/// The parts of a decoded texture, which encode to the same bytes.
-pub fn of_texture(texture: &Texture<'_>) -> PartsSpec {
-    PartsSpec {
-        excitation: texture.excitation().map(Into::into),
-        modulation: texture.modulation().map(Into::into),
-        lines: texture.lines().map(Into::into),
     }
 }
 
@@ -102,9 +93,8 @@ fn lines(old: &LinesSpec, places: &[Between]) -> Option<LinesSpec> {
 
 #[cfg(test)]
 mod tests {
-    use model_format::ModulationSpec;
-
     use super::*;
+    use model_format::ModulationSpec;
 
     fn parts() -> PartsSpec {
         let codebook = |code: i8| CodebookSpec {

@@ -1,6 +1,6 @@
 //! Summary of a texture: its grid, its orders and its nodes.
 
-use host_tools::texture::parts::of_texture;
+use host_tools::scene::parts;
 use model_format::{
     CodebookSpec, ExcitationSpec, LEVEL_FRACTION_BITS, NodeFlags, PartKind, PartsSpec, Texture,
     level_amplitude,
@@ -156,7 +156,7 @@ impl TextureSummary {
 
 fn codebook_summaries(texture: &Texture<'_>) -> Vec<CodebookSummary> {
     let rate_hz = f64::from(texture.sample_rate_hz());
-    let PartsSpec { excitation, .. } = of_texture(texture);
+    let PartsSpec { excitation, .. } = parts(texture);
     let of = |part: &ExcitationSpec| -> Vec<CodebookSummary> {
         let nodes = |number: usize| {
             part.of_nodes
@@ -175,7 +175,7 @@ fn codebook_summaries(texture: &Texture<'_>) -> Vec<CodebookSummary> {
 }
 
 fn track_summary(texture: &Texture<'_>) -> Option<TrackSummary> {
-    let track = of_texture(texture).modulation?;
+    let track = parts(texture).modulation?;
     let step_s = f64::from(track.step_samples) / f64::from(texture.sample_rate_hz());
     let level_db = |entry: Option<&i8>| {
         let unit = f64::from(1u32 << LEVEL_FRACTION_BITS);

@@ -85,7 +85,7 @@ impl Prepared {
         }
         // Parts are judged as a fit by default has them: lines stored apart, and the rest excited by its own residual.
         let whole = fit::Options {
-            lines: Lines::default(),
+            lines: Lines::Auto,
             ..highest_order
         };
         let with_parts = fit::fit(&material.fit, &whole, &progress)?.textures;
