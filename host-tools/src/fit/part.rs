@@ -151,7 +151,11 @@ fn separate_lines(
                 analysis, signal, ..
             } = &analysed[index];
             let is_sought = can_have_lines(trial, analysis, options);
-            is_sought.then(|| signal.clone()).unwrap_or_default()
+            if is_sought {
+                signal.clone()
+            } else {
+                Vec::new()
+            }
         })
         .collect();
     let fitted: Vec<Vec<Range<usize>>> = indices

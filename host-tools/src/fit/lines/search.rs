@@ -106,7 +106,7 @@ impl Heard {
         let turns = steady_turns(exact_hz, self.signal.len());
         let amplitude = amplitudes(
             &self.signal,
-            &[0..self.signal.len()],
+            std::slice::from_ref(&(0..self.signal.len())),
             std::slice::from_ref(&turns),
         )[0];
         subtract(&mut self.signal, amplitude, &turns);

@@ -250,8 +250,9 @@ fn removed(
         .zip(&measures.speed_ratios)
         .enumerate()
         .map(|(index, ((signal, speed), ratio))| {
-            let whole = vec![0..signal.len()];
-            let ranges = fitted.map_or(&whole, |fitted| &fitted[index]);
+            let whole = 0..signal.len();
+            let whole = std::slice::from_ref(&whole);
+            let ranges = fitted.map_or(whole, |fitted| &fitted[index]);
             let speed_mm_s = speed * ratio.unwrap_or(1.0);
             removed_from(signal, ranges, speed_mm_s, &measures.wavelengths_mm)
         })
