@@ -150,7 +150,8 @@ fn separate_lines(
             let PartlyAnalysed {
                 analysis, signal, ..
             } = &analysed[index];
-            if can_have_lines(trial, analysis, options) {
+            let is_sought = can_have_lines(trial, analysis, options);
+            if is_sought {
                 signal.clone()
             } else {
                 Vec::new()

@@ -104,9 +104,11 @@ impl Heard {
     fn remove(&mut self, frequency_hz: f64) -> f64 {
         let exact_hz = refined(&self.signal, frequency_hz, self.cell_hz);
         let turns = steady_turns(exact_hz, self.signal.len());
-        let whole = 0..self.signal.len();
-        let (ranges, turns_of_all) = (std::slice::from_ref(&whole), std::slice::from_ref(&turns));
-        let amplitude = amplitudes(&self.signal, ranges, turns_of_all)[0];
+        let amplitude = amplitudes(
+            &self.signal,
+            std::slice::from_ref(&(0..self.signal.len())),
+            std::slice::from_ref(&turns),
+        )[0];
         subtract(&mut self.signal, amplitude, &turns);
         self.hear_again();
         exact_hz

@@ -251,7 +251,8 @@ fn removed(
         .enumerate()
         .map(|(index, ((signal, speed), ratio))| {
             let whole = 0..signal.len();
-            let ranges = fitted.map_or(std::slice::from_ref(&whole), |fitted| &fitted[index]);
+            let whole = std::slice::from_ref(&whole);
+            let ranges = fitted.map_or(whole, |fitted| &fitted[index]);
             let speed_mm_s = speed * ratio.unwrap_or(1.0);
             removed_from(signal, ranges, speed_mm_s, &measures.wavelengths_mm)
         })

@@ -112,8 +112,6 @@ pub(super) fn steady_turns(frequency_hz: f64, samples: usize) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use std::slice::from_ref;
-
     use super::*;
     use proptest::prelude::*;
 
@@ -131,7 +129,7 @@ mod tests {
             let found = refined(&signal, frequency_hz + off_cells * cell_hz, cell_hz);
             prop_assert!((found - frequency_hz).abs() < 1e-3 * cell_hz, "{} for {}", found, frequency_hz);
             let turns = steady_turns(found, samples);
-            let amplitude = amplitudes(&signal, from_ref(&(0..samples)), from_ref(&turns))[0];
+            let amplitude = amplitudes(&signal, std::slice::from_ref(&(0..samples)), std::slice::from_ref(&turns))[0];
             prop_assert!((amplitude.norm() - 3.0).abs() < 1e-4);
             subtract(&mut signal, amplitude, &turns);
             let left = signal.iter().map(|x| x * x).sum::<f64>() / samples as f64;
@@ -143,7 +141,11 @@ mod tests {
     fn components_that_are_the_same_share_their_amplitude() {
         let turns = steady_turns(100.0, 2000);
         let signal: Vec<f64> = turns.iter().map(|t| (TAU * t).cos()).collect();
-        let found = amplitudes(&signal, from_ref(&(0..2000)), &[turns.clone(), turns]);
+        let found = amplitudes(
+            &signal,
+            std::slice::from_ref(&(0..2000)),
+            &[turns.clone(), turns],
+        );
         assert!(
             (found[0] + found[1] - Complex::new(1.0, 0.0)).norm() < 1e-3,
             "{found:?}"

@@ -66,45 +66,30 @@ fn found(speeds: &[f64], signals: &mut [Vec<f64>]) -> (Findings, Vec<TrialLines>
     (shares[0].findings.as_ref().clone(), shares)
 }
 
+/// Of 300 surfaces of each kind, none had a line; the level is 1e-3.
 #[test]
-#[ignore = "a measurement of many minutes: cargo test -p host-tools --lib lines::tests -- --ignored --nocapture"]
-fn false_alarms() {
-    for (name, band) in [
-        ("still", None),
-        ("moving band", Some(0.5)),
-        ("coarse band", Some(2.0)),
-    ] {
-        let mut alarms = 0;
-        let count = 300;
-        for seed in 0..count {
-            let (_, mut signals) = surfaces(seed, &SPEEDS_MM_S, band);
+fn surfaces_without_a_period_have_no_lines_even_if_bands_of_noise_move_with_the_speed() {
+    for band_mm in [None, Some(0.5), Some(2.0)] {
+        for seed in 0..8 {
+            let (_, mut signals) = surfaces(seed, &SPEEDS_MM_S, band_mm);
             let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
-            if !findings.lines.is_empty() {
-                alarms += 1;
-                println!("{name} {seed}: {findings}");
-            }
+            assert!(findings.lines.is_empty(), "{band_mm:?} {seed}: {findings}");
         }
-        println!("{name}: {alarms} of {count}");
     }
-    for db in [-30.0, -26.0, -24.0, -22.0, -20.0, -18.0, -16.0, -10.0, 0.0] {
-        let mut hits = 0;
-        let count = 50;
-        for seed in 0..count {
-            let (mut generator, mut signals) = surfaces(seed, &SPEEDS_MM_S, None);
-            for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
-                let level = rms(signal);
-                let amplitude = level * 2f64.sqrt() * 10f64.powf(db / 20.0);
-                add_line(signal, v / 0.7, amplitude, generator.random());
-            }
-            let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
-            hits += usize::from(
-                findings
-                    .lines
-                    .iter()
-                    .any(|l| (l.wavelength_mm / 0.7 - 1.0).abs() < 1e-3),
-            );
+}
+
+/// Of 50 surfaces with a line 10 dB below the noise as a whole all were found, at 16 dB 8, at 18 dB none.
+#[test]
+fn a_line_ten_decibels_below_the_noise_is_found() {
+    for seed in 0..5 {
+        let (mut generator, mut signals) = surfaces(seed, &SPEEDS_MM_S, None);
+        for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
+            let amplitude = rms(signal) * (2.0f64 / 10.0).sqrt();
+            add_line(signal, v / 0.7, amplitude, generator.random());
         }
-        println!("{db} dB: {hits} of {count}");
+        let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
+        let is_it = |line: &super::Line| (line.wavelength_mm / 0.7 - 1.0).abs() < 1e-3;
+        assert!(findings.lines.iter().any(is_it), "{seed}: {findings}");
     }
 }
 
@@ -119,7 +104,6 @@ fn a_weave_is_found_with_its_harmonics_and_nothing_is_left_of_it() {
         }
     }
     let (findings, shares) = found(&SPEEDS_MM_S, &mut signals);
-    println!("{findings}");
     assert_eq!(findings.lines.len(), 3);
     for (line, n, phase) in [(0, 1.0, 0.0), (1, 2.0, 0.3), (2, 3.0, 0.8)] {
         let line = &findings.lines[line];
