@@ -10,8 +10,8 @@
 //! It has no lag at constant speed and acceleration. With counts of 0.01 mm and at 20 to 300 mm/s the position felt is
 //! off by at most 5 µm RMS and by a count, so that the phase noise of a line of 0.6 mm is at most 3° RMS. A turn at
 //! 100 mm/s is off by a count if it takes 0.9 s, and by 2 to 3 counts for a moment if it takes 0.3 s, because nobody
-//! knows the jerk ahead. Counts that flicker, because the tool is at the edge of a count whenever it is read, leave up to
-//! twice that. `firmware/app/tests/app/lines.rs` holds these figures.
+//! knows the jerk ahead. Counts that flicker, because the tool is at the edge of a count whenever it is read, leave up
+//! to twice that. `firmware/app/tests/app/lines.rs` holds these figures.
 //!
 //! **From the host.** Its positions come at up to 1 kHz, and up to a millisecond late or early. The position goes on at
 //! the speed that the host told last, and takes up a fifth of the difference per update. Without positions it is the
