@@ -397,10 +397,11 @@ fn append_parts(
     let fine_theta = fine_theta::part(&fractions)
         .map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
     let lines = texture.parts.lines.as_ref();
-    let lines = lines.map(|spec| lines::part(spec, texture.nodes.len()));
+    let lines = lines.map(|spec| lines::content(spec, texture.nodes.len()));
     let lines = lines
         .transpose()
-        .map_err(|problem| problem.at(Place::Texture(index)))?;
+        .map_err(|problem| problem.at(Place::Texture(index)))?
+        .map(|content| (lines::KIND, content));
     let malformed = |_| Problem::MalformedParts.at(Place::Texture(index));
     let excitation = texture.parts.excitation.as_ref().map(excitation::part);
     let modulation = texture.parts.modulation.as_ref().map(modulation::part);

@@ -29,7 +29,7 @@ use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 use stylus_kernel::{Motion, MotionError, UPDATE_INTERVAL_SAMPLES};
 
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
-use tracker::Tracker;
+use tracker::{Told, Tracker};
 
 /// Greatest age of an input that is not stale, ticks.
 pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;
@@ -344,8 +344,14 @@ impl Follower {
         // range.
         let interaction =
             Interaction::new(chosen.motion, position, contact).unwrap_or(Interaction::NONE);
+        let told = (chosen.source == MotionSource::Host).then_some(Told {
+            position_mm: chosen.position_mm,
+            speed_mm_s: chosen.speed_mm_s,
+            at: chosen.at,
+        });
+        let (counts, path_per_count) = (sensors.counts(), config.path_per_count);
         let tracker = self.tracker.as_mut();
         interaction
-            .reaching(tracker.map(|tracker| tracker.follow(&chosen, sensors.counts(), config, now)))
+            .reaching(tracker.map(|tracker| tracker.follow(told, counts, path_per_count, now)))
     }
 }

@@ -10,18 +10,16 @@
 //! It has no lag at constant speed and acceleration. With counts of 0.01 mm and at 20 to 300 mm/s the position felt is
 //! off by at most 5 µm RMS and by a count, so that the phase noise of a line of 0.6 mm is at most 3° RMS. A turn at
 //! 100 mm/s is off by a count if it takes 0.9 s, and by 2 to 3 counts for a moment if it takes 0.3 s, because nobody
-//! knows the jerk ahead. `firmware/app/tests/app/lines.rs` holds these figures. Counts that flicker, because the tool is
-//! at the edge of a count whenever it is read, leave up to twice that.
+//! knows the jerk ahead. Counts that flicker, because the tool is at the edge of a count whenever it is read, leave up
+//! to twice that. `firmware/app/tests/app/lines.rs` holds these figures.
 //!
 //! **From the host.** Its positions come at up to 1 kHz, and up to a millisecond late or early. The position goes on at
 //! the speed that the host told last, and takes up a fifth of the difference per update. Without positions it is the
 //! integral of the signed speed.
 
-use model_format::link::MotionSource;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::position::Position;
 
-use super::{InputConfig, Timed};
 use crate::SAMPLE_RATE_HZ;
 
 /// Ticks from the reading of the inputs until the last sample of the block that they decide is felt.
@@ -83,6 +81,17 @@ impl Gains {
     }
 }
 
+/// The host's motion.
+#[derive(Clone, Copy, Debug)]
+pub struct Told {
+    /// Position, mm, finite, if the host told it.
+    pub position_mm: Option<f32>,
+    /// Speed, mm/s, with its sign if the host told it.
+    pub speed_mm_s: f32,
+    /// Tick of the motion.
+    pub at: Option<u64>,
+}
+
 /// Follower of the tool's position.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tracker(Option<Tracked>);
@@ -109,14 +118,15 @@ impl Tracker {
         Self(None)
     }
 
-    /// The position, [`LEAD_TICKS`] after tick `now`, of the tool that `chosen` and the encoder's `counts` tell of.
+    /// The position, [`LEAD_TICKS`] after tick `now`, by the host if it `told` a motion, and else by the encoder's
+    /// `counts` of `path_per_count` mm.
     ///
     /// The origin of the encoder's path is its count at the first call.
     pub fn follow(
         &mut self,
-        chosen: &Timed,
+        told: Option<Told>,
         counts: i32,
-        config: &InputConfig,
+        path_per_count: f32,
         now: u64,
     ) -> Position {
         let tracked = self.0.get_or_insert(Tracked {
@@ -128,10 +138,10 @@ impl Tracker {
             told_mm: None,
             told_at: None,
         });
-        tracked.count(counts, config);
-        match chosen.source {
-            MotionSource::Sensors => tracked.follow_encoder(config),
-            MotionSource::Host => tracked.follow_host(chosen, now),
+        tracked.count(counts, path_per_count);
+        match told {
+            None => tracked.follow_encoder(path_per_count),
+            Some(told) => tracked.follow_host(told, now),
         }
         tracked.ahead()
     }
@@ -139,18 +149,18 @@ impl Tracker {
 
 impl Tracked {
     /// Takes the encoder's `counts`, which wrap. The sum is exact, so that a place is the same in both directions.
-    fn count(&mut self, counts: i32, config: &InputConfig) {
-        let step = (config.path_per_count * STEPS_PER_MM) as i64;
+    fn count(&mut self, counts: i32, path_per_count: f32) {
+        let step = steps(path_per_count);
         let more = i64::from(counts.wrapping_sub(self.counts));
         self.counted = self.counted.ahead(more.wrapping_mul(step));
         self.counts = counts;
     }
 
-    fn follow_encoder(&mut self, config: &InputConfig) {
+    fn follow_encoder(&mut self, path_per_count: f32) {
         // A path per count of 0 is allowed, and keeps the tool where it is.
-        let count_mm = config.path_per_count.abs().max(f32::MIN_POSITIVE);
+        let count_mm = path_per_count.abs().max(f32::MIN_POSITIVE);
         // Both ends of a count are the same in both directions, so that the tool is in its middle on the average.
-        let middle = self.counted.ahead(steps(config.path_per_count / 2.0));
+        let middle = self.counted.ahead(steps(path_per_count / 2.0));
         self.go(self.velocity + self.acceleration / 2.0);
         self.velocity += self.acceleration;
         let miss_mm = mm(middle.since(self.position));
@@ -168,26 +178,26 @@ impl Tracked {
         self.position = middle.ahead(off);
     }
 
-    fn follow_host(&mut self, chosen: &Timed, now: u64) {
+    fn follow_host(&mut self, host: Told, now: u64) {
         self.acceleration = 0.0;
         self.go(self.velocity);
-        if chosen.at == self.told_at {
+        if host.at == self.told_at {
             return;
         }
-        let age = chosen.at.map_or(0, |at| now.saturating_sub(at)) as f32;
-        let gone_mm = match (chosen.position_mm, self.told_mm) {
+        let age = host.at.map_or(0, |at| now.saturating_sub(at)) as f32;
+        let gone_mm = match (host.position_mm, self.told_mm) {
             (Some(told), Some(before)) => told - before,
             _ => 0.0,
         };
         // Positions tell the direction better than a sign that some hosts leave out.
         let speed = if gone_mm == 0.0 {
-            chosen.speed_mm_s
+            host.speed_mm_s
         } else {
-            chosen.speed_mm_s.abs().copysign(gone_mm)
+            host.speed_mm_s.abs().copysign(gone_mm)
         };
         self.velocity = speed * UPDATE_INTERVAL_SAMPLES as f32 / SAMPLE_RATE_HZ as f32;
-        (self.told_mm, self.told_at) = (chosen.position_mm, chosen.at);
-        let Some(told_mm) = chosen.position_mm else {
+        (self.told_mm, self.told_at) = (host.position_mm, host.at);
+        let Some(told_mm) = host.position_mm else {
             return;
         };
         let told = Position::from_mm(told_mm).ahead(steps(speed * age / SAMPLE_RATE_HZ as f32));

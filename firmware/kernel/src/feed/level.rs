@@ -6,7 +6,7 @@
 
 use model_format::{Modulation, level_amplitude};
 
-use super::{Draws, share};
+use super::draws::{Draws, share};
 
 /// Pieces per second at most; at least there is one.
 const SHORTEST_PER_S: u32 = 5;

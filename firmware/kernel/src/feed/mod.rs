@@ -16,25 +16,22 @@
 //! the lengths of blocks. Random choices come from a generator of their own, so that the Gaussian noise is that of the
 //! same seed without them.
 
+mod draws;
 mod level;
 mod pieces;
+mod scale;
 
 use model_format::{Excitation as Codebooks, Modulation, Texture};
-use rand_core::Rng;
-use rand_pcg::Pcg32;
 
-use crate::excitation::{self, Excitation, hashed};
+use crate::excitation::Excitation;
 use crate::fixed::{saturate, shift_toward_zero};
 use crate::grid::GridPoint;
+use draws::Draws;
 use level::Level;
 use model_format::LEVEL_FRACTION_BITS;
 use pieces::Pieces;
-
-/// Binary digits after the point of a fed excitation: one standard deviation is 2²⁵, a 64th of full scale.
-pub const FED_FRACTION_BITS: u32 = 25;
-
-/// Digits that a fed excitation has fewer than a Gaussian one.
-pub const FED_HEADROOM_BITS: u32 = excitation::FRACTION_BITS - FED_FRACTION_BITS;
+pub(crate) use scale::gaussian_sample;
+pub use scale::{FED_FRACTION_BITS, FED_HEADROOM_BITS};
 
 /// The content of a texture that a [`Feed`] plays from, parsed once for a block.
 #[derive(Clone, Copy, Debug)]
@@ -117,40 +114,4 @@ impl Feed {
         let product = i64::from(source) * i64::from(level);
         saturate(shift_toward_zero(product, LEVEL_FRACTION_BITS)).0
     }
-}
-
-/// The next sample of Gaussian noise in the steps of a fed excitation, rounded.
-#[inline]
-pub(crate) fn gaussian_sample(source: &mut Excitation) -> i32 {
-    const HALF: i32 = 1 << (FED_HEADROOM_BITS - 1);
-    (source.next_sample() + HALF) >> FED_HEADROOM_BITS
-}
-
-/// The random choices of a feed.
-#[derive(Clone, Debug)]
-struct Draws(Pcg32);
-
-impl Draws {
-    fn new(seed: u64) -> Self {
-        /// Any odd increment gives the full period; this is not the Gaussian noise's.
-        const STREAM: u64 = 0x5851_f42d_4c95_7f2d;
-        /// Digits of √2, so that the state is not the Gaussian noise's either, for this or a related seed.
-        const OTHER: u64 = 0x6a09_e667_f3bc_c908;
-        Self(Pcg32::new(hashed(seed ^ OTHER), STREAM))
-    }
-
-    /// 32 uniform bits.
-    fn bits(&mut self) -> u32 {
-        self.0.next_u32()
-    }
-
-    /// A number from 0 to `count` - 1, all alike but for 2⁻³² · `count`; 0 for none.
-    fn below(&mut self, count: u32) -> u32 {
-        share(self.bits(), count)
-    }
-}
-
-/// The share of `count` that `bits` are of 2³².
-fn share(bits: u32, count: u32) -> u32 {
-    ((u64::from(bits) * u64::from(count)) >> 32) as u32
 }

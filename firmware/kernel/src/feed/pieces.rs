@@ -8,7 +8,8 @@
 
 use model_format::{Codebook, Excitation as Codebooks, MU_LAW_FRACTION_BITS, mu_law};
 
-use super::{Draws, FED_FRACTION_BITS, gaussian_sample, share};
+use super::draws::{Draws, share};
+use super::scale::{FED_FRACTION_BITS, gaussian_sample};
 use crate::excitation::Excitation;
 use crate::fixed::shift_toward_zero;
 use crate::grid::{GridPoint, ONE};

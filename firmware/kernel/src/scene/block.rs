@@ -89,7 +89,9 @@ impl Block {
 
     /// The sample of the lines of `slot`, with `left` samples of the block to come.
     ///
-    /// It is a function of its own, because its registers would cost a tick without lines some instructions.
+    /// It is a function of its own that counts as rare, because its registers would cost a tick without lines some
+    /// instructions.
+    #[cold]
     #[inline(never)]
     pub(super) fn lines_of(&self, slot: u8, left: u32) -> i64 {
         self.lines[usize::from(slot) % SLOTS].sample(left)

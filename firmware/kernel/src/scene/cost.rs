@@ -12,7 +12,7 @@ use super::block::{MAX_STAGES, SLOTS};
 use crate::arithmetic::TURN_TAPS;
 
 /// Instructions of every sample: the list of stages, the sum of voices, its saturation. An empty list takes 22 of them.
-pub const MIX: StageCost = StageCost { base: 55, each: 0 };
+pub const MIX: StageCost = StageCost { base: 60, each: 0 };
 
 /// A voice of a normalised lattice, with `each` per stage of the lattice.
 pub const LATTICE: StageCost = StageCost {

@@ -304,12 +304,12 @@ fn a_jump_of_the_position_does_not_click_and_the_line_goes_on_at_the_new_place()
         }
         never_clicks(&samples[BLOCK..], 120.0 / f64::from(wavelength_mm));
         // Two blocks later it is the sine of the new place.
-        for n in (252 + 2) * BLOCK..samples.len() {
+        for (n, sample) in samples.iter().enumerate().skip((252 + 2) * BLOCK) {
             let t = n as f64 / RATE;
             let exact = (TAU * (smooth(t) + jump(t)) / f64::from(wavelength_mm)).sin();
             let tolerance = 1e-3 + jump_mm.abs() * 1e-10;
             assert!(
-                (samples[n] - exact).abs() < tolerance,
+                (sample - exact).abs() < tolerance,
                 "{jump_mm} mm: sample {n}"
             );
         }

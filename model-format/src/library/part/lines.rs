@@ -7,9 +7,6 @@
 use crate::error::Problem;
 use crate::limits::{MAX_LINES, MAX_WAVELENGTH_MM, MIN_WAVELENGTH_MM};
 
-#[cfg(feature = "alloc")]
-use super::spec::PartSpec;
-
 /// Kind of this part.
 pub(crate) const KIND: u32 = 5;
 
@@ -168,12 +165,12 @@ impl From<Lines<'_>> for LinesSpec {
     }
 }
 
-/// The part of a texture of `nodes` nodes with these lines.
+/// The content of the part of a texture of `nodes` nodes with these lines.
 ///
 /// # Errors
 /// More lines than [`MAX_LINES`], and a line of more or fewer amplitudes than nodes.
 #[cfg(feature = "alloc")]
-pub(crate) fn part(lines: &LinesSpec, nodes: usize) -> Result<PartSpec, Problem> {
+pub(crate) fn content(lines: &LinesSpec, nodes: usize) -> Result<alloc::vec::Vec<u8>, Problem> {
     let count = lines.lines.len();
     if count > MAX_LINES {
         return Err(Problem::LineCount(count));
@@ -193,5 +190,5 @@ pub(crate) fn part(lines: &LinesSpec, nodes: usize) -> Result<PartSpec, Problem>
         content.extend(line.phase.to_le_bytes());
         content.extend(line.amplitudes.iter().flat_map(|value| value.to_le_bytes()));
     }
-    Ok((KIND, content))
+    Ok(content)
 }

@@ -21,6 +21,8 @@ pub(crate) mod fine_theta;
 pub(crate) mod levels;
 pub(crate) mod lines;
 pub(crate) mod modulation;
+#[cfg(feature = "alloc")]
+mod parts_spec;
 mod powers;
 #[cfg(feature = "alloc")]
 mod spec;
@@ -35,9 +37,9 @@ use lines::LinesPart;
 use modulation::ModulationPart;
 
 #[cfg(feature = "alloc")]
-pub(crate) use spec::PartSpec;
+pub use parts_spec::PartsSpec;
 #[cfg(feature = "alloc")]
-pub use spec::PartsSpec;
+pub(crate) use spec::PartSpec;
 
 /// A kind of optional part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

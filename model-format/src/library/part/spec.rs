@@ -1,21 +1,4 @@
-//! Parts to be written.
-
-use super::excitation::ExcitationSpec;
-use super::lines::LinesSpec;
-use super::modulation::ModulationSpec;
+//! A part to be written.
 
 /// Kind and content of a part to be written.
 pub(crate) type PartSpec = (u32, alloc::vec::Vec<u8>);
-
-/// Optional parts of a texture to be written, beside those that follow from its laws and nodes.
-///
-/// By default there are none: a Gaussian excitation of steady level, and nothing that is locked to place.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PartsSpec {
-    /// Codebooks of the residual.
-    pub excitation: Option<ExcitationSpec>,
-    /// Track of the level.
-    pub modulation: Option<ModulationSpec>,
-    /// Lines that are locked to place.
-    pub lines: Option<LinesSpec>,
-}
