@@ -106,7 +106,7 @@ pub const MEASURED: [Measured; 9] = [
     },
     Measured {
         texture: "direct 32, codebooks and track",
-        budget_instructions: 1300,
+        budget_instructions: 1350,
     },
     Measured {
         texture: "direct 16, one node",
