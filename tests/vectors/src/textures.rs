@@ -113,7 +113,7 @@ pub const MEASURED: [Measured; 10] = [
     },
     Measured {
         texture: "direct 32, codebooks and track",
-        budget_instructions: 1300,
+        budget_instructions: 1350,
     },
     Measured {
         texture: "direct 16, one node",

@@ -26,15 +26,15 @@ pub const DIRECT: StageCost = StageCost {
     each: 107,
 };
 
-/// A voice of a fed lattice, as [`LATTICE`]. Its excitation is one load, because the update makes it.
+/// A voice of a fed lattice, as [`LATTICE`]. It has no noise to make, but a call of its own and a saturation more.
 pub const FED_LATTICE: StageCost = StageCost {
-    base: 151,
+    base: 171,
     each: 11,
 };
 
 /// A voice of a fed direct form, as [`DIRECT`].
 pub const FED_DIRECT: StageCost = StageCost {
-    base: 212,
+    base: 240,
     each: 107,
 };
 

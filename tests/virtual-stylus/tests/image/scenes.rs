@@ -50,6 +50,9 @@ const HARD: Tap = Tap {
     limit_m_s2: 20.0,
 };
 
+/// Most instructions by which a tick of a fed lattice may exceed that of a plain one.
+const MOST_FED: u32 = 40;
+
 const STICKY: StickSlip = StickSlip {
     period_mm: 1.5,
     duty: 0.6,
@@ -608,9 +611,10 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     );
     assert_eq!(both - four, tap - lattice.within);
 
-    // A fed voice's excitation is made below the tick, whose path is shorter for it.
+    // A fed voice's excitation is made below the tick, which takes a few instructions more and no noise.
     let fed = count_scene(&mut device, "fed");
-    assert!(fed.within <= lattice.within, "{fed:?}, plain {lattice:?}");
+    let more = fed.within.saturating_sub(lattice.within);
+    assert!(more <= MOST_FED, "{fed:?}, plain {lattice:?}");
     covers(cost::FED_LATTICE, ORDERS[0], of_voice(fed.within));
     let short_fed = of_voice(count_scene(&mut device, "short fed").within);
     covers(cost::FED_LATTICE, ORDERS[1], short_fed);
