@@ -211,7 +211,9 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
 /// The bytes returned have passed [`Library::decode`].
 ///
 /// ```
-/// # use model_format::{CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, PartsSpec, TextureSpec};
+/// # use model_format::{
+/// #     CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec,
+/// # };
 /// use model_format::scene::{Region, Scene, SceneProblem, Surface};
 /// use model_format::{Library, Problem, encode_with_scenes};
 /// # let node = NodeSpec {

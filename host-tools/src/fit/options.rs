@@ -6,8 +6,6 @@ use crate::dsp::reduction::Reduction;
 use crate::recording::triage::SILENCE_FLOOR_M_S2;
 use crate::texture::quantise::StructureChoice;
 
-use super::lines::Lines;
-
 /// The choice of a model's order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -86,6 +84,17 @@ pub enum ModulationChoice {
     /// The recordings' level where a test finds that it varies more than that of noise, a steady one elsewhere.
     #[default]
     Auto,
+}
+
+/// The choice of lines that are locked to place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Lines {
+    /// Those that stand out at half of the speeds at least, by a test at a level of 1e-3 per texture.
+    Auto,
+    /// None: whatever has a period is fitted as noise.
+    #[default]
+    None,
 }
 
 /// Options of a fit.

@@ -2,8 +2,8 @@
 //!
 //! Blocks alternate, because a recording changes over time: halves would compare its beginning with its end. Lags are
 //! estimated within blocks and averaged, never across the join of two blocks. Nothing but the direction of the first
-//! principal component, the mean, the verdicts of triage, and the wavelengths of lines with the course of the speed comes
-//! from the whole recording.
+//! principal component, the mean, the verdicts of triage, and the wavelengths of lines with the course of the speed
+//! comes from the whole recording.
 
 use std::ops::Range;
 

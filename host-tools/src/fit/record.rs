@@ -40,7 +40,7 @@ pub struct FitRecord {
     pub excitations: Vec<ExcitationReport>,
     /// The recordings.
     pub trials: Vec<FittedTrial>,
-    /// What each texture has that is locked to place, or why it has nothing.
+    /// Lines of each texture that are locked to place, or the reason for none.
     #[serde(default)]
     pub lines: Vec<FoundLines>,
 }

@@ -18,7 +18,9 @@ use crate::wire::{self, CRC_RANGE, Prefix, Reader};
 /// A decoding in steps, each of which takes a bounded time; [`crate::limits`] has the bound.
 ///
 /// ```
-/// # use model_format::{CodeSpec, Laws, NodeFlags, NodeSpec, Provenance, SAMPLE_RATE_HZ, Structure, PartsSpec, TextureSpec};
+/// # use model_format::{
+/// #     CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec,
+/// # };
 /// use model_format::{Decoder, encode};
 /// # let node = NodeSpec {
 /// #     output_power: 4.0,

@@ -200,8 +200,8 @@ fn validate_stick_slip(stick_slip: &StickSlip) -> Result<(), SceneProblem> {
 /// The highest gain for `texture`: 1, or the largest power of two that leaves its loudest node at half the highest RMS
 /// of a node.
 ///
-/// A power of two is found without a root. The kernel's direct form relies on the bound. Codebooks and level tracks leave
-/// the output's power at that of the nodes, within 2 % each; see [`crate::limits::MIN_FED_POWER`].
+/// A power of two is found without a root. The kernel's direct form relies on the bound. Codebooks and level tracks
+/// leave the output's power at that of the nodes, within 2 % each; see [`crate::limits::MIN_FED_POWER`].
 fn highest_gain(texture: &Texture<'_>) -> f32 {
     let loudest = texture.max_output_power();
     let mut gain = 1.0;

@@ -38,8 +38,8 @@ pub const FED_DIRECT: StageCost = StageCost {
     each: 107,
 };
 
-/// Instructions of the update per sample of a fed voice: a sample of the noise and of two codebooks in a cross-fade, the
-/// choice of a piece, and the level. QEMU's count of updates holds it.
+/// Instructions of the update per sample of a fed voice: a sample of the noise and of two codebooks in a cross-fade,
+/// the choice of a piece, and the level. QEMU's count of updates holds it.
 pub const FEED: u32 = 450;
 
 /// Stick-slip of a voice, in addition to the voice.

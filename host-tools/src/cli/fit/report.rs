@@ -126,7 +126,7 @@ fn codebook(codebook: &CodebookReport) -> String {
     )
 }
 
-/// What each texture has that is locked to place, or why it has nothing; textures with the same reason in one line.
+/// Lines that are locked to place, or the reason for none; textures with the same reason in one row.
 pub fn lines_found(fit: &Fit) -> String {
     let mut said: Vec<(String, Vec<&str>)> = Vec::new();
     for texture in &fit.textures {

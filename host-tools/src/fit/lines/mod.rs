@@ -16,19 +16,7 @@ mod sine;
 mod tests;
 mod track;
 
+pub use super::options::Lines;
 pub use findings::{Findings, Line, NoLines, TrialLines};
 pub use on_grid::{LineMember, lines_on};
 pub use separate::separate;
-
-use serde::{Deserialize, Serialize};
-
-/// The choice of lines in a fit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Lines {
-    /// Those that stand out at half of the speeds at least, by a test at a level of 1e-3 per texture.
-    Auto,
-    /// None: whatever has a period is fitted as noise.
-    #[default]
-    None,
-}

@@ -21,8 +21,8 @@ const BACKGROUND_CELLS: f64 = 24.0;
 /// Cells on each side that tell the background close by, of which a band of noise has its own share.
 const CLOSE_CELLS: f64 = 5.0;
 
-/// Independent exponential values whose mean is known as well as the background: 48 cells, of which a Hann window leaves
-/// about half independent, by their median, which is half as exact as their mean.
+/// Independent exponential values whose mean is known as well as the background: 48 cells, of which a Hann window
+/// leaves about half independent, by their median, which is half as exact as their mean.
 const BACKGROUND_DEGREES: f64 = 12.0;
 
 /// Least background as a share of the strongest line's power: 70 dB below it.

@@ -55,7 +55,7 @@ pub(super) struct Heard {
     pub speed_mm_s: f64,
     /// Its actual speed over the listed one, as far as lines have told it.
     pub speed_ratio: Option<f64>,
-    /// What is left of its samples.
+    /// Its samples without the lines that were removed.
     signal: Vec<f64>,
     peaks: Vec<Peak>,
     cell_hz: f64,
@@ -294,7 +294,7 @@ impl Search<'_> {
         all
     }
 
-    /// What the trials say for `hypothesis`; `None` if it is not acceptable.
+    /// Support of the trials for `hypothesis`; `None` if it is not acceptable.
     fn support(&self, hypothesis: Hypothesis, ln_bound: f64, known_mm: &[f64]) -> Option<Support> {
         let mut speeds: Vec<SpeedSupport> = Vec::new();
         for (index, trial) in self.trials.iter().enumerate() {
@@ -363,7 +363,7 @@ pub(super) const LEAST_SPEED_RATIO: f64 = 1.05;
 /// Chance below which a trial counts among those that show an established line.
 const LN_SHOWN_CHANCE: f64 = -7.0;
 
-/// What the trials at one speed say.
+/// Support of the trials at one speed.
 struct SpeedSupport {
     speed_mm_s: f64,
     trials: usize,

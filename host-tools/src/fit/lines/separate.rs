@@ -142,7 +142,7 @@ fn with_harmonics(mut lines: Vec<Found>) -> Vec<Known> {
     known
 }
 
-/// What the trials say about wavelengths and speeds.
+/// Wavelengths and speeds, as the trials tell them.
 struct Measures {
     wavelengths_mm: Vec<f64>,
     speed_ratios: Vec<Option<f64>>,

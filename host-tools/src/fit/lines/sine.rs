@@ -55,7 +55,8 @@ fn spectrum_at(signal: &[f64], frequency_hz: f64) -> Complex<f64> {
         .fold(Complex::default(), |sum, x| sum * step + x)
 }
 
-/// Complex amplitudes c of the components Re c e^{2πi turns(n)} that leave the least squares in `ranges` of `signal`, m/s².
+/// Complex amplitudes c of the components Re c e^{2πi turns(n)} that leave the least squares in `ranges` of
+/// `signal`, m/s².
 ///
 /// `turns` has the phase of each component at each sample. Components that cannot be told apart share their amplitude
 /// by a ridge of 1e-9 of their power.

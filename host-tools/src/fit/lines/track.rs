@@ -37,8 +37,8 @@ pub(super) fn turns(place_mm: &[f64], wavelength_mm: f64) -> Vec<f64> {
     place_mm.iter().map(|x| x / wavelength_mm).collect()
 }
 
-/// Corrects `place_mm` by the phase of the line of `wavelength_mm`, if that wanders and is clear enough. Returns the RMS
-/// wander of the speed over its mean, if it was corrected.
+/// Corrects `place_mm` by the phase of the line of `wavelength_mm`, if that wanders and is clear enough. Returns the
+/// RMS wander of the speed over its mean, if it was corrected.
 pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64) -> Option<f64> {
     let samples = signal.len();
     let rate_hz = f64::from(SAMPLE_RATE_HZ);

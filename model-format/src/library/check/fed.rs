@@ -11,7 +11,7 @@ use crate::limits::STEP_BYTES;
 pub(in crate::library) struct FedCheck<'a> {
     texture: Texture<'a>,
     index: usize,
-    /// What is yet to be checked of the codebooks.
+    /// The rest of the codebooks' check.
     excitation: Option<ExcitationCheck>,
     modulation: ModulationCheck,
 }
