@@ -411,10 +411,10 @@ fn a_part_of_an_unknown_kind_is_refused_because_it_would_play_another_texture() 
 /// The encoder reports what the decoder would.
 #[test]
 fn a_writer_is_told_the_same_faults() {
+    type Spoil = fn(&mut ExcitationSpec, &mut ModulationSpec);
     let bytes = RawLibrary::full().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
     let sound = content(&library);
-    type Spoil = fn(&mut ExcitationSpec, &mut ModulationSpec);
     let cases: [(Spoil, Problem); 5] = [
         (|e, _| e.codebooks.clear(), Problem::CodebookCount(0)),
         (

@@ -95,8 +95,8 @@ fn a_fed_direct_form_is_run_up_before_it_is_heard_and_begins_at_its_level() {
 #[test]
 fn two_fed_voices_sound_on_a_transition_each_at_its_share() {
     let bytes = library();
-    for first in 0..STRUCTURES.len() {
-        for second in 0..STRUCTURES.len() {
+    for (first, one) in STRUCTURES.iter().enumerate() {
+        for (second, other) in STRUCTURES.iter().enumerate() {
             if first == second {
                 continue;
             }
@@ -114,10 +114,7 @@ fn two_fed_voices_sound_on_a_transition_each_at_its_share() {
                 }
                 *power = decibels(mean_square(&samples) / 4.0);
             }
-            println!(
-                "{} and {}: {power:.2?} dB",
-                STRUCTURES[first], STRUCTURES[second]
-            );
+            println!("{one} and {other}: {power:.2?} dB");
             // The middle of the transition has half of each power, and they add up if they are independent.
             assert!(power[0].abs() < 1.2 && power[2].abs() < 1.2, "{power:?}");
             assert!(power[1].abs() < 1.0, "{power:?}");
