@@ -16,13 +16,13 @@ pub const MIX: StageCost = StageCost { base: 60, each: 0 };
 
 /// A voice of a normalised lattice, with `each` per stage of the lattice.
 pub const LATTICE: StageCost = StageCost {
-    base: 151,
+    base: 153,
     each: 11,
 };
 
 /// A voice of a direct form, with `each` per turn of [`TURN_TAPS`] taps of the predictor.
 pub const DIRECT: StageCost = StageCost {
-    base: 212,
+    base: 214,
     each: 107,
 };
 
@@ -43,7 +43,7 @@ pub const FED_DIRECT: StageCost = StageCost {
 pub const FEED: u32 = 450;
 
 /// Stick-slip of a voice, in addition to the voice.
-pub const STICK_SLIP: StageCost = StageCost { base: 46, each: 0 };
+pub const STICK_SLIP: StageCost = StageCost { base: 49, each: 0 };
 
 /// Lines of a voice, in addition to the voice, with `each` per line.
 pub const LINES: StageCost = StageCost { base: 45, each: 37 };
@@ -52,7 +52,7 @@ pub const LINES: StageCost = StageCost { base: 45, each: 37 };
 pub const TAP: StageCost = StageCost { base: 40, each: 0 };
 
 /// The equaliser, with `each` per section.
-pub const EQUALISER: StageCost = StageCost { base: 54, each: 87 };
+pub const EQUALISER: StageCost = StageCost { base: 56, each: 79 };
 
 /// The fade while scenes are exchanged.
 pub const FADE_OUT: StageCost = StageCost { base: 25, each: 0 };

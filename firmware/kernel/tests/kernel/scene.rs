@@ -335,8 +335,8 @@ fn a_plan_over_the_budget_is_refused_with_the_arithmetic() {
     let refused = plan.within(needed - 1).expect_err("one short");
     let message = refused.to_string();
     for told in [
-        "surface 0, normalised lattice: 151 + 400 x 11 = 4551".to_owned(),
-        "surface 1, direct form, 32 bits: 212 + 10 x 107 = 1282".to_owned(),
+        "surface 0, normalised lattice: 153 + 400 x 11 = 4553".to_owned(),
+        "surface 1, direct form, 32 bits: 214 + 10 x 107 = 1284".to_owned(),
         format!("together {needed} instructions"),
         format!("the budget of a tick is {}", needed - 1),
     ] {
