@@ -11,8 +11,8 @@
 //! to find the power gain of every mean filter.
 //!
 //! The history is kept in fixed point at the texture's own scale: its loudest node's RMS lies between a sixteenth and
-//! an eighth of full scale; that of a fed texture, whose peaks are higher, an eighth of that. Sums are exact in 64 bits,
-//! and truncated toward zero once per sample. Unlike the lattice's, this structure's stability depends on its
+//! an eighth of full scale; that of a fed texture, whose peaks are higher, an eighth of that. Sums are exact in 64
+//! bits, and truncated toward zero once per sample. Unlike the lattice's, this structure's stability depends on its
 //! coefficients: between two stable nodes it may be unstable, and then it saturates.
 //!
 //! A state is stationary for one set of coefficients only. To draw it would take the reflection coefficients of the

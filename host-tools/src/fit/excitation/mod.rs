@@ -2,17 +2,17 @@
 //! changes of its level. Each is kept where a test on data that was not fitted finds it, and costs nothing elsewhere.
 //!
 //! A residual is that of the coefficients that are played, at the trial's own node. Two properties of it are judged in
-//! every other block of each trial, by models of the blocks between ([`judge`]):
+//! every other block of each trial, by models of the blocks between (`judge`):
 //! - its local kurtosis, in windows of 10 ms, which changes of level hardly touch;
 //! - the spread of its levels, in windows of 50 ms.
 //!
-//! **The codebook** ([`codebook`]) is 0.8 to 2 s of the residual, divided by its level over 100 ms if a level track is
+//! **The codebook** (`codebook`) is 0.8 to 2 s of the residual, divided by its level over 100 ms if a level track is
 //! kept beside, and whitened: pieces of 20 to 80 ms of it have, on average, a flat spectrum. Without that, the codebook
 //! of one piece of a recording adds its own third octaves to the model's. The material is taken at equal ranks of the
-//! local kurtosis, so that the codebook has the distribution of the whole ([`material`]). Where regions of the grid
-//! differ, each has its own ([`regions`]).
+//! local kurtosis, so that the codebook has the distribution of the whole (`material`). Where regions of the grid
+//! differ, each has its own (`regions`).
 //!
-//! **The level track** ([`level`]) has 100 ms of smoothing and steps of 20 ms beside a codebook, which has what is
+//! **The level track** (`level`) has 100 ms of smoothing and steps of 20 ms beside a codebook, which has what is
 //! faster, and 20 ms and 5 ms beside Gaussian noise. It is joined from all trials, because a single one may be unlike
 //! the others; each is divided by its own RMS, because the nodes have the differences between trials.
 //!

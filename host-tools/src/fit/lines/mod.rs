@@ -1,8 +1,8 @@
 //! Lines that are locked to place: what a surface with a period, such as a weave or a grating, sounds at speed over
 //! wavelength, apart from everything else that it sounds.
 //!
-//! A texture's lines are sought in all its trials together ([`search`]); each trial's share of them is then fitted by
-//! least squares on the place of the surface under the tool ([`track`]), and removed, so that the stochastic model is
+//! A texture's lines are sought in all its trials together (`search`); each trial's share of them is then fitted by
+//! least squares on the place of the surface under the tool (`track`), and removed, so that the stochastic model is
 //! fitted to the rest. What is removed leaves as much as noise would have there, so that the rest has neither a line
 //! nor a hole.
 
