@@ -58,11 +58,15 @@ struct Feeding {
 
 impl Feeding {
     /// The next word, 0 after the last.
+    ///
+    /// A frame's first word takes the instructions of the others: its number gives a mask, and no branch.
     #[inline(always)]
     fn next_word(&mut self, words: &Words) -> i32 {
-        if self.number != words.number {
-            (self.number, self.next) = (words.number, words.samples);
-        }
+        let differs = self.number ^ words.number;
+        let begins = (differs | differs.wrapping_neg()).cast_signed() >> 31;
+        let begins = begins.cast_unsigned();
+        self.number = words.number;
+        self.next = (words.samples & begins) | (self.next & !begins);
         let word = words.steps.get(self.next as usize).copied().unwrap_or(0);
         self.next = self.next.saturating_sub(1);
         word

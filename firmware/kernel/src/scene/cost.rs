@@ -28,13 +28,13 @@ pub const DIRECT: StageCost = StageCost {
 
 /// A voice of a fed lattice, as [`LATTICE`]. It has no noise to make, but a call of its own and a saturation more.
 pub const FED_LATTICE: StageCost = StageCost {
-    base: 171,
+    base: 178,
     each: 11,
 };
 
 /// A voice of a fed direct form, as [`DIRECT`].
 pub const FED_DIRECT: StageCost = StageCost {
-    base: 240,
+    base: 250,
     each: 107,
 };
 

@@ -50,6 +50,7 @@ pub struct ExcitationReport {
     /// The codebooks, none for Gaussian noise.
     pub codebooks: Vec<CodebookReport>,
     /// The level track, none for a steady level.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub track: Option<TrackReport>,
     /// Reason for the source.
     pub source: String,
