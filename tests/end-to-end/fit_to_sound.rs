@@ -248,8 +248,7 @@ fn hard_spectra_come_back_within_three_decibels_and_what_does_not_is_named() {
     assert!(leaked >= 2, "{leaked}");
 }
 
-/// A rig with one woven surface, whose drum wanders a little. It is smooth enough that what is measured at the line is
-/// the line.
+/// A rig with one woven surface, whose drum wanders a little.
 const WEAVE: &str = r#"
 name = "weave"
 [recording]
@@ -275,7 +274,7 @@ wavelength_mm = 1.0
 amplitude_um = 3.0
 harmonics = [0.4]
 [texture.roughness]
-rms_um = 0.1
+rms_um = 0.5
 hurst = 0.6
 roll_off_mm = 1.5
 shortest_mm = 0.1
