@@ -37,6 +37,16 @@ pub fn scene_stages() -> String {
         ("list of stages and mix", cost::MIX, ""),
         ("voice, normalised lattice", cost::LATTICE, "stage"),
         ("voice, direct form", cost::DIRECT, taps.as_str()),
+        (
+            "voice, normalised lattice with codebooks or a track",
+            cost::FED_LATTICE,
+            "stage",
+        ),
+        (
+            "voice, direct form with codebooks or a track",
+            cost::FED_DIRECT,
+            taps.as_str(),
+        ),
         ("stick-slip", cost::STICK_SLIP, ""),
         ("lines that are locked to place", cost::LINES, "line"),
         ("tap, while it rings", cost::TAP, ""),
