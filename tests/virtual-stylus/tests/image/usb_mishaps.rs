@@ -102,7 +102,8 @@ fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
 
 #[test]
 fn a_mishap_anywhere_in_an_upload_leaves_the_active_library_and_the_upload_goes_on() {
-    const POINTS: u64 = 72;
+    // The larger library takes most of them.
+    const POINTS: u64 = 150;
     let mut device = Device::on_usb(library::options());
     let was = state_of(&mut device);
     let libraries = [library::other(), library::small().to_vec()];
