@@ -3,8 +3,8 @@
 use alloc::vec::Vec;
 
 use crate::error::{DecodeError, Place, Problem};
-use crate::library::part::{self, excitation, fine_theta, levels, lines, modulation};
-use crate::library::{Coefficients, Laws, Library, NodeFlags, PartsSpec, theta};
+use crate::library::part::{self, excitation, fine_theta, levels, lines, modulation, tails};
+use crate::library::{Coefficients, Laws, Library, NodeFlags, PartsSpec, TailSpec, theta};
 use crate::limits;
 use crate::scene::Scene;
 use crate::scene::limits::MAX_SCENES;
@@ -61,6 +61,9 @@ pub enum CodeSpec {
         /// Fractions of the first stages, in steps of [`crate::FINE_THETA_STEP_RAD`]; those of further stages are 0.
         /// There are at most [`limits::MAX_FINE_STAGES`] up to the last that is not 0.
         fractions: Vec<i8>,
+        /// The stages after those of `codes`. If one node of a texture has a tail, every node of more than
+        /// [`limits::MAX_FINE_STAGES`] stages has one, after so many.
+        tail: TailSpec,
     },
     /// h₁ first.
     Direct16 {
@@ -84,9 +87,17 @@ impl From<Coefficients<'_>> for CodeSpec {
         let sixteen =
             |codes: &[[u8; 2]]| codes.iter().map(|&code| i16::from_le_bytes(code)).collect();
         match coefficients {
-            Coefficients::Lattice { codes, fractions } => Self::Lattice {
+            Coefficients::Lattice {
+                codes,
+                fractions,
+                tail,
+            } => Self::Lattice {
                 codes: sixteen(codes),
                 fractions: fractions.iter().map(|byte| byte.cast_signed()).collect(),
+                tail: TailSpec {
+                    codes: tail.codes.iter().map(|byte| byte.cast_signed()).collect(),
+                    step: tail.step,
+                },
             },
             Coefficients::Direct16 { exponent, codes } => Self::Direct16 {
                 exponent,
@@ -103,8 +114,11 @@ impl From<Coefficients<'_>> for CodeSpec {
 impl CodeSpec {
     /// A lattice of these codes, without fractions.
     pub const fn lattice(codes: Vec<i16>) -> Self {
-        let fractions = Vec::new();
-        Self::Lattice { codes, fractions }
+        Self::Lattice {
+            codes,
+            fractions: Vec::new(),
+            tail: TailSpec::NONE,
+        }
     }
 
     /// A lattice of θ in steps of [`crate::FINE_THETA_STEP_RAD`], stage 1 first. The first
@@ -125,25 +139,52 @@ impl CodeSpec {
         Self::Lattice {
             codes: thetas.iter().map(|theta| split(theta).0).collect(),
             fractions: fine.map(|theta| split(theta).1).collect(),
+            tail: TailSpec::NONE,
         }
+    }
+
+    /// A lattice of θ in steps of [`crate::FINE_THETA_STEP_RAD`], stage 1 first, in the fewest bytes: the first `fine`
+    /// stages keep all digits, further ones are rounded to the nearest code of 16 bits, and those after the first
+    /// [`limits::MAX_FINE_STAGES`] have a tail, see [`TailSpec::of`].
+    pub fn compact_lattice(thetas: &[i32], fine: usize) -> Self {
+        let (before, after) = thetas.split_at(thetas.len().min(limits::MAX_FINE_STAGES));
+        let mut node = Self::fine_lattice(before);
+        if let Self::Lattice {
+            fractions, tail, ..
+        } = &mut node
+        {
+            fractions.truncate(fine);
+            *tail = TailSpec::of(after);
+        }
+        node
     }
 
     /// θ of all stages of a lattice, stage 1 first, in steps of [`crate::FINE_THETA_STEP_RAD`]. Empty for a direct
     /// form.
     pub fn thetas(&self) -> impl Iterator<Item = i32> + '_ {
-        let codes = match self {
-            Self::Lattice { codes, .. } => codes.as_slice(),
-            Self::Direct16 { .. } | Self::Direct32 { .. } => &[],
+        let (codes, tail) = match self {
+            Self::Lattice { codes, tail, .. } => (codes.as_slice(), Some(tail)),
+            Self::Direct16 { .. } | Self::Direct32 { .. } => (&[][..], None),
         };
         let fractions = self.fractions().iter().copied();
         let both = codes.iter().zip(fractions.chain(core::iter::repeat(0)));
         both.map(|(&code, fraction)| theta(code, fraction))
+            .chain(tail.into_iter().flat_map(TailSpec::thetas))
     }
 
     fn fractions(&self) -> &[i8] {
         match self {
             Self::Lattice { fractions, .. } => fractions,
             Self::Direct16 { .. } | Self::Direct32 { .. } => &[],
+        }
+    }
+
+    /// Number of a lattice's stages before its tail, and the tail.
+    fn tail(&self) -> (usize, &TailSpec) {
+        static NONE: TailSpec = TailSpec::NONE;
+        match self {
+            Self::Lattice { codes, tail, .. } => (codes.len(), tail),
+            Self::Direct16 { .. } | Self::Direct32 { .. } => (0, &NONE),
         }
     }
 
@@ -164,7 +205,8 @@ impl CodeSpec {
 
     fn order(&self) -> usize {
         match self {
-            Self::Lattice { codes, .. } | Self::Direct16 { codes, .. } => codes.len(),
+            Self::Lattice { codes, tail, .. } => codes.len() + tail.codes.len(),
+            Self::Direct16 { codes, .. } => codes.len(),
             Self::Direct32 { codes, .. } => codes.len(),
         }
     }
@@ -186,7 +228,11 @@ impl CodeSpec {
 
     fn append_to(&self, bytes: &mut Vec<u8>) {
         match self {
-            Self::Lattice { codes, .. } | Self::Direct16 { codes, .. } => {
+            Self::Lattice { codes, tail, .. } => {
+                bytes.extend(codes.iter().flat_map(|code| code.to_le_bytes()));
+                bytes.extend(tail.codes.iter().map(|code| code.cast_unsigned()));
+            }
+            Self::Direct16 { codes, .. } => {
                 bytes.extend(codes.iter().flat_map(|code| code.to_le_bytes()));
             }
             Self::Direct32 { codes, .. } => {
@@ -398,6 +444,8 @@ fn append_parts(
         .collect();
     let fine_theta = fine_theta::part(&fractions)
         .map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
+    let tails = tails::part(texture.nodes.iter().map(|node| node.codes.tail()))
+        .map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
     let lines = texture.parts.lines.as_ref();
     let lines = lines.map(|spec| lines::content(spec, texture.nodes.len()));
     let lines = lines
@@ -413,6 +461,7 @@ fn append_parts(
         excitation.transpose().map_err(malformed)?,
         modulation.transpose().map_err(malformed)?,
         lines,
+        tails,
     ]
     .into_iter()
     .flatten()

@@ -210,6 +210,53 @@ pub enum Problem {
         /// Number of the stage, from 1.
         stage: usize,
     },
+    /// A tail in a texture that is no lattice.
+    #[error("tails of θ in a texture of the structure \"{0}\", which has no θ")]
+    TailStructure(Structure),
+    /// More or fewer bytes of steps of tails than two for each node.
+    #[error("{found} bytes of steps of tails; each of the {nodes} nodes must have two")]
+    TailSteps {
+        /// Length of the part, bytes.
+        found: usize,
+        /// Number of nodes.
+        nodes: usize,
+    },
+    /// Tails in a texture whose nodes have too few stages for one.
+    #[error(
+        "no node has more than {max} stages, and so none has a tail: leave the part out",
+        max = limits::MAX_FINE_STAGES
+    )]
+    NoTail,
+    /// A code that is lower than the lowest of a tail.
+    #[error("stage {stage} has the code -128 in a tail; codes are -127 to 127")]
+    TailCode {
+        /// Number of the stage, from 1.
+        stage: usize,
+    },
+    /// A step of a tail that its codes do not need, or that is missing.
+    #[error(
+        "a tail of step {step} whose largest code is {largest}; the step must be 0 exactly where all codes are, and \
+         at most 1 where the largest is below {min}",
+        min = limits::MIN_LARGEST_TAIL_CODE
+    )]
+    TailStep {
+        /// The step, in steps of [`crate::FINE_THETA_STEP_RAD`].
+        step: u16,
+        /// Largest magnitude of the codes.
+        largest: u8,
+    },
+    /// A tail that begins elsewhere than in the other nodes. Only encoding can meet it.
+    #[error(
+        "{before} stages of 16 bits and {after} in a tail; a tail begins after stage {max}, and if one node has one, \
+         so has every node of more stages",
+        max = limits::MAX_FINE_STAGES
+    )]
+    TailBegin {
+        /// Number of stages with codes of 16 bits.
+        before: usize,
+        /// Number of stages in the tail.
+        after: usize,
+    },
     /// An excitation that does not parse.
     #[error("its excitation ends within a codebook: the bytes were damaged")]
     MalformedExcitation,

@@ -24,13 +24,15 @@ pub use error::{DecodeError, Place, Problem};
 pub use library::{
     Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Codebook, Coefficients, Decoder, Excitation,
     FadeLaw, LEVEL_FRACTION_BITS, Laws, LevelLaw, Library, Line, Lines, MU_LAW_FRACTION_BITS,
-    Modulation, Node, NodeFlags, Outline, PartKind, Texture, UNCERTIFIED_CELL, Workspace,
+    Modulation, Node, NodeFlags, Outline, PartKind, Tail, Texture, UNCERTIFIED_CELL, Workspace,
     level_amplitude, mu_law,
 };
 #[cfg(feature = "alloc")]
-pub use library::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, ModulationSpec, PartsSpec};
+pub use library::{
+    CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, ModulationSpec, PartsSpec, TailSpec,
+};
 pub use units::{
-    AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample,
+    AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample, PlayRate,
     SAMPLE_RATE_HZ, Volt,
 };
 pub use wire::{FORMAT_VERSION, Provenance, Structure};

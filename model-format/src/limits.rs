@@ -18,8 +18,12 @@ pub const MAX_LIBRARY_BYTES: usize = SLOT_BYTES - SLOT_HEADER_BYTES;
 /// Most textures in a library. A scene's surface names its texture by an index of one byte.
 pub const MAX_TEXTURES: usize = 256;
 
-/// Most stages of a lattice, from the first, that may have a finer θ.
+/// Most stages of a lattice, from the first, that may have a finer θ. A tail, see [`crate::Tail`], begins after them.
 pub const MAX_FINE_STAGES: usize = 32;
+
+/// Smallest magnitude of the largest code of a tail, see [`crate::Tail`], unless its step is 1 or 0: below it half the
+/// step would do.
+pub const MIN_LARGEST_TAIL_CODE: u8 = 64;
 
 /// Most bytes of a texture's excitation, its codebooks and the byte of each node.
 pub const MAX_EXCITATION_BYTES: usize = 16 * 1024;

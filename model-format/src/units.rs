@@ -1,7 +1,51 @@
 //! The sample rate, and newtypes for physical quantities and converter codes, with their scales beside them.
 
-/// Sample rate of the stylus, Hz: of the models, of recordings, and of the device's tick. A sample has 200 µs.
+/// Sample rate of the stylus, Hz: of the device's tick, of recordings, and of models unless they say otherwise. A
+/// sample has 200 µs.
 pub const SAMPLE_RATE_HZ: u32 = 5_000;
+
+/// Rates of textures and scenes that a stylus plays.
+///
+/// The tick, and with it the inputs, the update and all limits, keeps its 200 µs at every rate. At 10 kHz it computes
+/// two samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PlayRate {
+    /// One sample per tick.
+    #[default]
+    Hz5000,
+    /// Two samples per tick.
+    Hz10000,
+}
+
+impl PlayRate {
+    /// All rates, the default first.
+    pub const ALL: [Self; 2] = [Self::Hz5000, Self::Hz10000];
+
+    /// The rate of `sample_rate_hz` samples per second, if a stylus plays it.
+    pub const fn of(sample_rate_hz: u32) -> Option<Self> {
+        let mut index = 0;
+        while index < Self::ALL.len() {
+            if Self::ALL[index].hz() == sample_rate_hz {
+                return Some(Self::ALL[index]);
+            }
+            index += 1;
+        }
+        None
+    }
+
+    /// Samples per second.
+    pub const fn hz(self) -> u32 {
+        SAMPLE_RATE_HZ * self.samples_per_tick()
+    }
+
+    /// Samples per tick.
+    pub const fn samples_per_tick(self) -> u32 {
+        match self {
+            Self::Hz5000 => 1,
+            Self::Hz10000 => 2,
+        }
+    }
+}
 
 /// A voltage, V.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]

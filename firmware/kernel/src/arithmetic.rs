@@ -6,19 +6,28 @@ use core::sync::atomic::{Ordering, compiler_fence};
 
 use crate::fixed::high_word_toward_zero;
 use crate::rotation::Rotation;
+use crate::taps;
+use crate::theta::{self, Run};
 
-/// Number of taps that are summed in one turn of the loop.
-pub const TURN_TAPS: usize = 40;
+/// Number of coefficients that one turn of the loop over products takes.
+pub const TURN_TAPS: usize = 12;
 
-/// Coefficients or samples of one turn.
+/// Coefficients of one turn.
 pub type Turn = [i32; TURN_TAPS];
+
+/// Number of sums that share a pass over coefficients and samples. They are of successive outputs, so that each needs
+/// the samples of its neighbour, one place on. Three have their sums and operands in the registers of a Cortex-M.
+pub const SUMS: usize = 3;
 
 /// The operations of the inner loops.
 pub trait Arithmetic: Copy {
-    /// Σ a·b over as many turns as both have, in 64 bits.
+    /// The sums `Σ coefficients[i] · samples[i + SUMS - 1 - sum]` for each `sum`, over all coefficients, in 64 bits.
     ///
-    /// The sum is exact. It wraps only if it overflows, which no valid library's coefficients can cause.
-    fn sum_of_products(coefficients: &[Turn], samples: &[Turn]) -> i64;
+    /// They are exact. They wrap only if they overflow, which no valid library's coefficients can cause.
+    ///
+    /// # Panics
+    /// If there are fewer than `SUMS - 1` samples more than coefficients.
+    fn sums_of_products(coefficients: &[Turn], samples: &[i32]) -> [i64; SUMS];
 
     /// Passes `forward` through the stages of a lattice, the last of `rotations` first, and returns the output; see
     /// [`crate::lattice`].
@@ -33,6 +42,35 @@ pub trait Arithmetic: Copy {
     /// The second sample follows the first one stage behind. It takes the first one's backward signal before that
     /// goes to memory, and one pass over the rotations serves both.
     fn rotate_two(rotations: &[Rotation], backward: &mut [i32], forward: [i32; 2]) -> [i32; 2];
+
+    /// Writes the rotation of each stage of `run`, by the sum of its four nodes' θ, to `rotations`, of which there are
+    /// as many.
+    ///
+    /// Each product with a factor is truncated by itself, and their sum goes through [`Rotation::from_sum`].
+    #[inline]
+    fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
+        theta::mean_rotations(run, rotations);
+    }
+
+    /// Writes the mean of the four nodes' coefficients to `coefficients`, one for each tap of `run`.
+    ///
+    /// The sum of products is exact, and rounded once, upwards at half a step.
+    #[inline]
+    fn mean_coefficients(run: &taps::Run<'_>, coefficients: &mut [i32]) {
+        taps::mean_coefficients(run, coefficients);
+    }
+
+    /// Passes a block of samples through, and puts the outputs in their places: the bits of a call of
+    /// [`Arithmetic::rotate`] per sample. It writes word 0 too.
+    ///
+    /// No device knows so many samples ahead. This is for programs that do, on processors that take several samples at
+    /// once.
+    fn rotate_block(rotations: &[Rotation], backward: &mut [i32], samples: &mut [i32]) {
+        for sample in samples {
+            *sample = Self::rotate(rotations, backward, *sample);
+            backward[0] = *sample;
+        }
+    }
 }
 
 /// The reference, in plain Rust.
@@ -41,10 +79,14 @@ pub struct Portable;
 
 impl Arithmetic for Portable {
     #[inline]
-    fn sum_of_products(coefficients: &[Turn], samples: &[Turn]) -> i64 {
-        let (coefficients, samples) = (coefficients.as_flattened(), samples.as_flattened());
-        coefficients.iter().zip(samples).fold(0, |sum, (&a, &b)| {
-            sum.wrapping_add(i64::from(a) * i64::from(b))
+    fn sums_of_products(coefficients: &[Turn], samples: &[i32]) -> [i64; SUMS] {
+        let coefficients = coefficients.as_flattened();
+        let samples = &samples[..coefficients.len() + SUMS - 1];
+        core::array::from_fn(|sum| {
+            let products = coefficients.iter().zip(&samples[SUMS - 1 - sum..]);
+            products.fold(0, |sum: i64, (&a, &b)| {
+                sum.wrapping_add(i64::from(a) * i64::from(b))
+            })
         })
     }
 

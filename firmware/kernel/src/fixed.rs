@@ -16,6 +16,25 @@ pub fn high_word(product: i64) -> i32 {
     (product >> 32) as i32
 }
 
+/// `word` · `half` / 2¹⁶, rounded down: one instruction on ARM.
+#[inline(always)]
+pub fn high_product(word: i32, half: i16) -> i32 {
+    ((i64::from(word) * i64::from(half)) >> 16) as i32
+}
+
+/// The upper half of `product`, rounded to nearest: one instruction together with the product on ARM.
+#[inline(always)]
+pub fn high_word_rounded(product: i64) -> i32 {
+    ((product + (1 << 31)) >> 32) as i32
+}
+
+/// `word` plus the upper half of `product`, rounded to nearest once. The sum must fit in a word. One instruction
+/// together with the product on ARM.
+#[inline(always)]
+pub fn plus_high_word(word: i32, product: i64) -> i32 {
+    (((i64::from(word) << 32) + product + (1 << 31)) >> 32) as i32
+}
+
 /// `value` / 2^`bits`, truncated toward zero, for `bits` below 64.
 ///
 /// It is a sum and a shift, because a division, even by a power of two that is not a constant, takes a time that

@@ -106,12 +106,18 @@ impl GridPoint {
 
     /// The bilinear mean of a node's quantity.
     pub fn mean(&self, quantity: impl Fn(usize, usize) -> f32) -> f32 {
-        let mut sum = 0.0;
-        for (&(speed, force), &weight) in self.nodes.iter().zip(&self.weights) {
-            sum += quantity(speed, force) * (weight as f32 / ONE as f32);
-        }
-        sum
+        let quantities = self.nodes.map(|(speed, force)| quantity(speed, force));
+        mean(&self.weights, &quantities)
     }
+}
+
+/// The mean of four nodes' `quantities` with their `weights`, in single precision.
+pub(crate) fn mean(weights: &[u32; 4], quantities: &[f32; 4]) -> f32 {
+    let mut sum = 0.0;
+    for (quantity, &weight) in quantities.iter().zip(weights) {
+        sum += quantity * (weight as f32 / ONE as f32);
+    }
+    sum
 }
 
 /// Position of a value on one axis.

@@ -25,9 +25,9 @@ use crate::excitation::Excitation;
 use crate::feed::{FED_HEADROOM_BITS, gaussian_sample};
 use crate::fixed::{is_full_scale, saturate, shift_toward_zero};
 use crate::grid::{GridPoint, ONE};
-use crate::level::{Levels, Ramp, rms_at};
+use crate::level::{Levels, Ramp, rms_of};
+use crate::nodes::Nodes;
 use crate::rotation::Rotation;
-use crate::theta::interpolate;
 
 /// Digits after the point of the gain in m/s²: full scale of the lattice times full gain is that of the output.
 pub(crate) const GAIN_FRACTION_BITS: u32 = 23;
@@ -66,13 +66,24 @@ impl LatticeFrame {
 
     /// Makes this the frame of `point` on the grid of `texture`, a lattice of at most as many stages. The level goes
     /// from `from`, that of the frame before, to its new value in `samples` samples.
-    pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
-        let rotations = &mut self.rotations[..self.stages];
-        interpolate(texture, point, rotations, Rotation::from_theta);
-        let power = |speed, force| texture.node(speed, force).output_power;
-        let rms = rms_at(point, texture.level_law(), GAIN_FRACTION_BITS, power);
+    pub fn update<A: Arithmetic>(
+        &mut self,
+        texture: &Texture<'_>,
+        point: &GridPoint,
+        from: Levels,
+        samples: u32,
+    ) {
+        let nodes = Nodes::at(texture, point);
+        nodes.interpolate::<A>(&mut self.rotations[..self.stages]);
+        let law = texture.level_law();
+        let rms = rms_of(&point.weights, law, GAIN_FRACTION_BITS, &nodes.powers);
         let gain = (u64::from(rms) * u64::from(point.fade)) / u64::from(ONE);
         self.gain = Ramp::between(from.amplitude, gain as u32, samples);
+    }
+
+    /// Makes this the frame of the point that it is of, as [`LatticeFrame::update`] does, in some ten instructions.
+    pub fn hold(&mut self, from: Levels, samples: u32) {
+        self.gain = self.gain.again(from.amplitude, samples);
     }
 
     /// The level with `left` samples of the ramp to come, the fade included.
@@ -182,6 +193,14 @@ impl LatticeState {
         output
     }
 
+    /// Passes a block of excitation through and puts the outputs in its place, as a call of [`LatticeState::filter`]
+    /// per sample does; see [`Arithmetic::rotate_block`].
+    pub fn filter_block<A: Arithmetic>(&mut self, rotations: &[Rotation], samples: &mut [i32]) {
+        let rotations = &rotations[..rotations.len().min(MAX_ORDER)];
+        let backward = &mut self.backward[..=rotations.len()];
+        A::rotate_block(rotations, backward, samples);
+    }
+
     /// The next sample of a texture: `excitation` through the lattice of `frame`, at its level with `left` samples of
     /// its ramp to come. The flag is true if the lattice is at full scale.
     #[inline]
@@ -221,6 +240,48 @@ impl LatticeState {
             frame.output(filtered[1], left[1]),
         ]
     }
+
+    /// The next samples, as a call of [`LatticeState::next_sample`] for each gives them. `samples` holds the excitation
+    /// and then the output; `left` samples of the ramp were to come before the first. Returns how many are at full
+    /// scale.
+    pub fn next_block<A: Arithmetic>(
+        &mut self,
+        frame: &LatticeFrame,
+        samples: &mut [i32],
+        left: u32,
+    ) -> u32 {
+        self.filter_block::<A>(frame.rotations(), samples);
+        let outputs = samples.iter_mut().zip(ramp_from(left));
+        outputs.fold(0, |full, (sample, left)| {
+            let (output, is_full) = frame.output(*sample, left);
+            *sample = output.0;
+            full + u32::from(is_full)
+        })
+    }
+
+    /// As [`LatticeState::next_block`], of a fed texture: the samples of [`LatticeState::next_fed_sample`], which go
+    /// to `outputs`. `excitation` holds as many.
+    pub fn next_fed_block<A: Arithmetic>(
+        &mut self,
+        frame: &LatticeFrame,
+        excitation: &[i32],
+        outputs: &mut [i32],
+        left: u32,
+    ) -> u32 {
+        outputs.copy_from_slice(excitation);
+        self.filter_block::<A>(frame.rotations(), outputs);
+        let outputs = outputs.iter_mut().zip(excitation).zip(ramp_from(left));
+        outputs.fold(0, |full, ((sample, &excitation), left)| {
+            let (output, is_full) = frame.fed_output(excitation, *sample, left);
+            *sample = output.0;
+            full + u32::from(is_full)
+        })
+    }
+}
+
+/// The samples of a ramp that are to come after each sample of a block, `left` before the first.
+fn ramp_from(left: u32) -> impl Iterator<Item = u32> {
+    (1..).map(move |played| left.saturating_sub(played))
 }
 
 impl Default for LatticeState {

@@ -2,7 +2,7 @@
 
 use model_format::LevelLaw;
 
-use crate::grid::{GridPoint, ONE};
+use crate::grid::{GridPoint, ONE, mean};
 use crate::logarithm::{LOG2_FRACTION_BITS, exp2, log2};
 
 /// √(power · 4^bits), truncated: the RMS of `power` in steps of 2^-`bits`.
@@ -14,30 +14,39 @@ pub fn rms_in_steps(power: f32, bits: u32) -> u32 {
     scaled.isqrt().min(i32::MAX as u64) as u32
 }
 
-/// The RMS at `point` in steps of 2^-`bits`, from the powers of the four nodes around it, by `law`.
-///
-/// At a node it is [`rms_in_steps`] of the node's power, by every law. By amplitude and by logarithm it is never
-/// outside of the range of the nodes that have a weight, and does not turn back along an edge of a cell. The mean power
-/// is one of single precision.
+/// The RMS at `point` in steps of 2^-`bits`, from the powers of the four nodes around it, by `law`; see [`rms_of`].
 pub fn rms_at(
     point: &GridPoint,
     law: LevelLaw,
     bits: u32,
     power: impl Fn(usize, usize) -> f32,
 ) -> u32 {
+    let powers = point.nodes.map(|(speed, force)| power(speed, force));
+    rms_of(&point.weights, law, bits, &powers)
+}
+
+/// The RMS in steps of 2^-`bits` between four nodes of these `powers`, with their `weights`, by `law`.
+///
+/// At a node it is [`rms_in_steps`] of the node's power, by every law. By amplitude and by logarithm it is never
+/// outside of the range of the nodes that have a weight, and does not turn back along an edge of a cell. The mean power
+/// is one of single precision.
+pub fn rms_of(weights: &[u32; 4], law: LevelLaw, bits: u32, powers: &[f32; 4]) -> u32 {
+    let terms = || {
+        let terms = powers.iter().copied().zip(weights.iter().copied());
+        terms.filter(|&(_, weight)| weight > 0)
+    };
     match law {
-        LevelLaw::Power => rms_in_steps(point.mean(power), bits),
+        LevelLaw::Power => rms_in_steps(mean(weights, powers), bits),
         LevelLaw::Amplitude => {
             let rms = |power| u64::from(rms_in_steps(power, bits));
-            let terms =
-                weighted(point, power).map(|(power, weight)| u64::from(weight) * rms(power));
+            let terms = terms().map(|(power, weight)| u64::from(weight) * rms(power));
             (terms.sum::<u64>() / u64::from(ONE)) as u32
         }
         LevelLaw::Logarithm => {
             // Twice the amplitude's logarithm, with the digits of the weights.
             const FRACTION_BITS: u32 = LOG2_FRACTION_BITS + ONE.ilog2() + 1;
             let (mut sum, mut lowest, mut highest) = (0, u32::MAX, 0);
-            for (power, weight) in weighted(point, power) {
+            for (power, weight) in terms() {
                 let rms = rms_in_steps(power, bits);
                 (lowest, highest) = (lowest.min(rms), highest.max(rms));
                 sum += i64::from(weight) * log2(power);
@@ -48,16 +57,6 @@ pub fn rms_at(
                 .min(highest)
         }
     }
-}
-
-/// The powers of the nodes that have a weight, each with its weight.
-fn weighted(
-    point: &GridPoint,
-    power: impl Fn(usize, usize) -> f32,
-) -> impl Iterator<Item = (f32, u32)> {
-    let nodes = point.nodes.into_iter().zip(point.weights);
-    let nodes = nodes.filter(|&(_, weight)| weight > 0);
-    nodes.map(move |((speed, force), weight)| (power(speed, force), weight))
 }
 
 /// A quantity that goes in equal steps from its value to that of the next frame, so that no change clicks.
@@ -81,6 +80,12 @@ impl Ramp {
             target,
             step: (target - from) / samples.max(1) as i32,
         }
+    }
+
+    /// A ramp from `from`, which must not be negative, to the same target in `samples` steps.
+    #[must_use]
+    pub fn again(self, from: i32, samples: u32) -> Self {
+        Self::between(from, self.target.cast_unsigned(), samples)
     }
 
     /// The value with `left` samples of the ramp still to come. At the end it is exactly the target.

@@ -2,6 +2,7 @@
 #![no_std]
 
 pub mod arithmetic;
+pub mod digest;
 pub mod direct;
 pub mod excitation;
 pub mod feed;
@@ -11,15 +12,20 @@ pub mod lattice;
 pub mod level;
 pub mod lines;
 mod logarithm;
+mod nodes;
 pub mod position;
 pub mod proof;
 pub mod rotation;
 pub mod scene;
 mod synthesis;
-mod theta;
+pub mod taps;
+pub mod theta;
 #[cfg(feature = "variants")]
 pub mod variants;
 
 pub use grid::{Motion, MotionError};
 pub use level::Levels;
-pub use synthesis::{Frame, MAX_FED_SAMPLES, Playback, Scale, Synthesis, UPDATE_INTERVAL_SAMPLES};
+pub use synthesis::{
+    Frame, MAX_FED_SAMPLES, Playback, Scale, Synthesis, UPDATE_INTERVAL_SAMPLES,
+    update_interval_samples,
+};

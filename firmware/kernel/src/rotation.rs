@@ -1,23 +1,54 @@
 //! Rotations (cos θ, sin θ) in 32 bits that never lengthen a vector, in the integers themselves.
 //!
-//! θ is added up from a coarse angle, whose sine and cosine are read from a table, and a small one, by the addition
-//! theorems. The table's radius is below one by more than all round-off, so that cos² + sin² ≤ 2⁶² holds exactly. The
-//! lattice's bound on energy rests on this.
+//! θ comes as a **sum**, in steps of which [`SUM_QUARTER_TURN`] are π/2: what a mean of stored codes is before anything
+//! is rounded. Sine and cosine of the nearest angle of a table are turned by the rest, an angle of at most π/1152, by a
+//! series of second order whose slope is chosen for that range. The table's radius is below one by more than all
+//! round-off, so that cos² + sin² ≤ 2⁶² holds exactly. The lattice's bound on energy rests on this.
+//!
+//! The table has 288 steps per quarter turn and not a power of two: with 256 the series would be 4.2 steps of 2⁻³¹ off.
+//! It goes on for two quarters, so that one index finds sine and cosine without a branch on the sign.
 
 pub use model_format::THETA_FRACTION_BITS;
+
+use crate::fixed::{high_word_rounded, plus_high_word};
 
 /// θ = ±π/2, the ends of the range, in steps of an interpolated θ: 2²³.
 pub const THETA_QUARTER_TURN: i32 = 1 << (15 + THETA_FRACTION_BITS);
 
-/// Steps of θ between the table's angles, as a power of two.
-const COARSE_BITS: u32 = 15;
-const COARSE_COUNT: usize = (THETA_QUARTER_TURN >> COARSE_BITS) as usize;
+/// Steps of the table per quarter turn.
+pub const TABLE_STEPS: usize = 288;
+
+/// A step of the table in steps of a sum, as a power of two.
+pub const STEP_BITS: u32 = 21;
+
+/// A quarter turn in steps of a sum.
+pub const SUM_QUARTER_TURN: i32 = (TABLE_STEPS as i32) << STEP_BITS;
+
+/// Steps of a sum per step of an interpolated θ, π/2²⁴.
+pub const SUM_PER_THETA: i32 = SUM_QUARTER_TURN / THETA_QUARTER_TURN;
+
+/// Last binary digits of a sum that a rotation does not take. They hold what the truncated products of a mean lose, so
+/// that the mean of equal angles is that angle.
+pub const SPARE_BITS: u32 = 3;
+
+const _: () = assert!(SUM_PER_THETA % (1 << SPARE_BITS) == 0);
+const _: () = assert!(SUM_PER_THETA * THETA_QUARTER_TURN == SUM_QUARTER_TURN);
 
 /// Difference of the table's radius from one, in steps of 2⁻³¹.
-const RADIUS_DEFICIT: i32 = 2;
+const RADIUS_DEFICIT: f64 = 1.5;
 
-/// Sines of the coarse angles in Q31, times the radius. Read backwards they are the cosines.
-static SINES: [i32; COARSE_COUNT + 1] = sines();
+/// Sines in Q31, times the radius, of the angles from -π/2 to π by steps of the table. The cosine of an angle is the
+/// sine [`TABLE_STEPS`] further on.
+pub static SINES: [i32; 3 * TABLE_STEPS + 1] = sines();
+
+/// Angle of a step of the table in steps of 2⁻³², which times the rest of a sum gives its sine.
+///
+/// It is smaller than the angle by h²/8, with h half of it. The error of the sine, φ³/6 - φ·h²/8, is then at most h³/24
+/// from -h to h, a fourth of that of the angle itself.
+pub const ANGLE: i32 = {
+    let step = core::f64::consts::FRAC_PI_2 / TABLE_STEPS as f64;
+    (step * (1.0 - step * step / 32.0) * (1u64 << 32) as f64 + 0.5) as i32
+};
 
 /// A rotation by θ = arcsin k, in steps of 2⁻³¹. cos² + sin² ≤ 2⁶² holds in the integers.
 ///
@@ -37,7 +68,7 @@ pub struct Rotation {
 impl Rotation {
     /// No rotation: a stage that only delays.
     pub const NONE: Self = Self {
-        cos: i32::MAX - (RADIUS_DEFICIT - 1),
+        cos: sine(TABLE_STEPS),
         sin: 0,
         neg_sin: 0,
     };
@@ -47,16 +78,28 @@ impl Rotation {
     /// Sine and cosine are within 4 steps of 2⁻³¹ of the exact ones.
     #[inline]
     pub fn from_theta(theta: i32) -> Self {
-        let magnitude = theta
-            .clamp(-THETA_QUARTER_TURN, THETA_QUARTER_TURN)
-            .unsigned_abs();
-        let coarse = (magnitude >> COARSE_BITS) as usize;
-        let fine = magnitude & ((1 << COARSE_BITS) - 1);
-        let (sin_a, cos_a) = (SINES[coarse], SINES[COARSE_COUNT - coarse]);
-        let (sin_b, versin_b) = small_angle(fine);
-        let sin = sin_a + difference_of_products(cos_a, sin_b, sin_a, versin_b);
-        let cos = cos_a + difference_of_products(-sin_a, sin_b, cos_a, versin_b);
-        let sin = if theta < 0 { -sin } else { sin };
+        Self::from_sum(theta.clamp(-THETA_QUARTER_TURN, THETA_QUARTER_TURN) * SUM_PER_THETA)
+    }
+
+    /// The rotation by `sum`, of at most [`SUM_QUARTER_TURN`] in magnitude, rounded down to a multiple of
+    /// 2^[`SPARE_BITS`].
+    #[inline(always)]
+    pub fn from_sum(sum: i32) -> Self {
+        const REST_BITS: u32 = 32 - STEP_BITS;
+        let nearest = (sum + (1 << (STEP_BITS - 1))) >> STEP_BITS;
+        // No sum of the range exceeds the bound, which takes the place of checks of the table's length.
+        let index = (nearest + TABLE_STEPS as i32) as usize;
+        let index = index.min(2 * TABLE_STEPS);
+        let (s, c) = (SINES[index], SINES[index + TABLE_STEPS]);
+        // Sine of the rest, and half of it: cos φ = 1 - sine · half, but for φ⁴/24.
+        let rest = (sum >> SPARE_BITS) << (REST_BITS + SPARE_BITS);
+        let sine = high_word_rounded(i64::from(rest) * i64::from(ANGLE));
+        let half = i64::from(sine >> 1);
+        let sine = i64::from(sine);
+        let to_sin = plus_high_word(c, -half * i64::from(s));
+        let to_cos = plus_high_word(s, half * i64::from(c));
+        let sin = plus_high_word(s, sine * i64::from(to_sin));
+        let cos = plus_high_word(c, -sine * i64::from(to_cos));
         Self {
             cos,
             sin,
@@ -65,41 +108,30 @@ impl Rotation {
     }
 }
 
-/// sin b and 1 - cos b in Q31 for b below one coarse step, by their series, whose remainder is below a seventh of a
-/// step.
-#[inline(always)]
-fn small_angle(fine: u32) -> (i32, i32) {
-    /// π·2⁷, the Q31 angle per step of θ, with 23 more digits.
-    const STEP: u64 = (core::f64::consts::PI * (1u64 << 30) as f64 + 0.5) as u64;
-    let angle = ((u64::from(fine) * STEP + (1 << 22)) >> 23) as i32;
-    let square = difference_of_products(angle, angle, 0, 0);
-    let cube = difference_of_products(square, angle, 0, 0);
-    (angle - (cube + 3) / 6, (square + 1) >> 1)
-}
-
-/// a·b - c·d in Q31, rounded to nearest once.
-#[inline(always)]
-fn difference_of_products(a: i32, b: i32, c: i32, d: i32) -> i32 {
-    let exact = i64::from(a) * i64::from(b) - i64::from(c) * i64::from(d);
-    ((exact + (1 << 30)) >> 31) as i32
-}
-
-const fn sines() -> [i32; COARSE_COUNT + 1] {
-    let mut table = [0; COARSE_COUNT + 1];
+const fn sines() -> [i32; 3 * TABLE_STEPS + 1] {
+    let mut table = [0; 3 * TABLE_STEPS + 1];
     let mut index = 0;
-    while index <= COARSE_COUNT {
-        let angle = core::f64::consts::FRAC_PI_2 * index as f64 / COARSE_COUNT as f64;
-        let (mut term, mut sum, mut n) = (angle, angle, 1.0);
-        while n < 25.0 {
-            term *= -angle * angle / ((n + 1.0) * (n + 2.0));
-            sum += term;
-            n += 2.0;
-        }
-        let radius = (1u32 << 31) as f64 - RADIUS_DEFICIT as f64;
-        table[index] = (sum * radius + 0.5) as i32;
+    while index <= TABLE_STEPS {
+        let sine = sine(index);
+        table[TABLE_STEPS - index] = -sine;
+        table[TABLE_STEPS + index] = sine;
+        table[3 * TABLE_STEPS - index] = sine;
         index += 1;
     }
     table
+}
+
+/// Sine of `index` steps of the table, at most a quarter turn, in Q31 times the radius.
+const fn sine(index: usize) -> i32 {
+    let angle = core::f64::consts::FRAC_PI_2 * index as f64 / TABLE_STEPS as f64;
+    let (mut term, mut sum, mut n) = (angle, angle, 1.0);
+    while n < 25.0 {
+        term *= -angle * angle / ((n + 1.0) * (n + 2.0));
+        sum += term;
+        n += 2.0;
+    }
+    let radius = (1u32 << 31) as f64 - RADIUS_DEFICIT;
+    (sum * radius + 0.5) as i32
 }
 
 #[cfg(test)]
@@ -111,15 +143,23 @@ mod tests {
         square(rotation.cos) + square(rotation.sin)
     }
 
-    /// All θ that can be stored or interpolated are among them.
+    /// All 150 994 945 that differ, and so all that a mean of any nodes gives.
     #[test]
-    fn no_theta_lengthens_a_vector() {
-        for theta in -THETA_QUARTER_TURN..=THETA_QUARTER_TURN {
-            let rotation = Rotation::from_theta(theta);
-            assert!(square_norm(rotation) <= 1 << 62, "theta {theta}");
+    fn no_sum_lengthens_a_vector() {
+        for sum in (-SUM_QUARTER_TURN..=SUM_QUARTER_TURN).step_by(1 << SPARE_BITS) {
+            let rotation = Rotation::from_sum(sum);
+            assert!(square_norm(rotation) <= 1 << 62, "sum {sum}");
             assert!(rotation.cos >= 0 && rotation.neg_sin == -rotation.sin);
         }
         assert!(square_norm(Rotation::NONE) <= 1 << 62);
+    }
+
+    #[test]
+    fn the_last_digits_of_a_sum_do_not_count() {
+        for sum in (-SUM_QUARTER_TURN..SUM_QUARTER_TURN).step_by(100_003) {
+            let last = (1 << SPARE_BITS) - 1;
+            assert_eq!(Rotation::from_sum(sum), Rotation::from_sum(sum & !last));
+        }
     }
 
     #[test]

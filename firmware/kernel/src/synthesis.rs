@@ -6,7 +6,7 @@
 
 use core::marker::PhantomData;
 
-use model_format::{OutputSample, Structure, Texture};
+use model_format::{OutputSample, PlayRate, Structure, Texture};
 
 use crate::arithmetic::{Arithmetic, Portable};
 use crate::direct::{self, DirectFrame, DirectState};
@@ -19,13 +19,25 @@ use crate::level::Levels;
 use crate::lines::{LinesFrame, VoiceLines};
 use crate::position::{Position, Track};
 
-/// Update interval of the coefficients, samples: 2 ms at 5 kHz.
+/// Update interval of the coefficients, samples: 2 ms at 5 kHz. [`update_interval_samples`] has it at other rates.
 pub const UPDATE_INTERVAL_SAMPLES: u32 = 10;
+
+/// Update interval at `sample_rate_hz`, samples: 2 ms at each rate that a stylus plays, and
+/// [`UPDATE_INTERVAL_SAMPLES`] at others.
+pub const fn update_interval_samples(sample_rate_hz: u32) -> u32 {
+    match PlayRate::of(sample_rate_hz) {
+        Some(rate) => UPDATE_INTERVAL_SAMPLES * rate.samples_per_tick(),
+        None => UPDATE_INTERVAL_SAMPLES,
+    }
+}
 
 /// Most samples of a fed texture's frame.
 ///
-/// A device's frames take [`UPDATE_INTERVAL_SAMPLES`], and none of the host's programs more than 50.
+/// A device's frames take [`update_interval_samples`], and none of the host's programs more than 50.
 pub const MAX_FED_SAMPLES: usize = 64;
+
+/// Samples that a playback takes through its filter at once, in [`Playback::next_block`].
+const BLOCK_SAMPLES: usize = 64;
 
 /// Coefficients and levels of a motion, and the excitation of a fed texture.
 #[derive(Clone, Debug)]
@@ -141,17 +153,23 @@ impl Frame {
     /// Makes this the frame of `motion` on `texture`, the one that it was made for. Levels go from `from`, those of the
     /// frame before, to their new values in `samples` samples.
     ///
-    /// The work is some tens of thousands of instructions (`cargo tasks qemu` counts them), is bounded, and is not
-    /// part of a sample's.
-    pub fn update(&mut self, texture: &Texture<'_>, motion: Motion, from: Levels, samples: u32) {
-        self.update_scaled(texture, motion, ONE, from, samples);
+    /// The work is at most ten thousand instructions on a Cortex-M4 (`cargo tasks qemu` counts them), is bounded, and
+    /// is not part of a sample's. A motion that rests can be held instead, see [`Frame::hold`].
+    pub fn update<A: Arithmetic>(
+        &mut self,
+        texture: &Texture<'_>,
+        motion: Motion,
+        from: Levels,
+        samples: u32,
+    ) {
+        self.update_scaled::<A>(texture, motion, ONE, from, samples);
     }
 
     /// As [`Frame::update`], with the level times `gain`, in steps of 2⁻¹⁶: [`ONE`] leaves the level as it is.
     ///
     /// The gain costs nothing in a sample, because it is part of the level's ramp. It must be a gain that a valid
     /// scene of `texture` may have, see [`model_format::scene::Scene::validate`].
-    pub fn update_scaled(
+    pub fn update_scaled<A: Arithmetic>(
         &mut self,
         texture: &Texture<'_>,
         motion: Motion,
@@ -161,7 +179,13 @@ impl Frame {
     ) {
         let mut point = GridPoint::locate(texture, motion);
         point.fade = ((u64::from(point.fade) * u64::from(gain)) / u64::from(ONE)) as u32;
-        each_frame!(&mut self.filter, frame => frame.update(texture, &point, from, samples));
+        each_frame!(&mut self.filter, frame => frame.update::<A>(texture, &point, from, samples));
+    }
+
+    /// As [`Frame::update_scaled`] with the motion, texture and gain of this frame's last update, which is the same
+    /// bits in some ten instructions: a motion that rests costs nothing.
+    pub fn hold(&mut self, from: Levels, samples: u32) {
+        each_frame!(&mut self.filter, frame => frame.hold(from, samples));
     }
 
     /// Takes the excitation of `samples` samples at `motion` from `feed`, that of `texture`, which is fed.
@@ -178,8 +202,8 @@ impl Frame {
     }
 
     /// Makes this a silent frame with the coefficients of `motion`, for [`Playback::run_up`].
-    pub fn prepare(&mut self, texture: &Texture<'_>, motion: Motion) {
-        self.update_scaled(texture, motion, 0, Levels::SILENT, 1);
+    pub fn prepare<A: Arithmetic>(&mut self, texture: &Texture<'_>, motion: Motion) {
+        self.update_scaled::<A>(texture, motion, 0, Levels::SILENT, 1);
     }
 
     /// The levels with `left` samples of their ramps to come; `left` is 0 at the end of the frame.
@@ -322,12 +346,14 @@ impl Playback {
         let samples = samples.min(self.cold);
         match &mut self.state {
             State::Direct(state) => {
+                state.begin::<A>(frame);
                 for _ in 0..samples {
                     state.run::<A>(frame, self.excitation.next_sample());
                 }
             }
             State::FedDirect(state) => {
                 let (material, point) = (Material::of(texture), GridPoint::locate(texture, motion));
+                state.begin::<A>(frame);
                 for _ in 0..samples {
                     state.run_fed::<A>(frame, feed.next_sample(&material, &point));
                 }
@@ -337,10 +363,15 @@ impl Playback {
         self.cold -= samples;
     }
 
-    /// Begins a frame whose ramps take `samples` samples.
+    /// Begins `frame`, a frame of the texture that this was made for, whose ramps take `samples` samples.
     #[inline]
-    pub fn begin_frame(&mut self, samples: u32) {
+    pub fn begin_frame<A: Arithmetic>(&mut self, frame: &Frame, samples: u32) {
         self.left = samples;
+        if let FrameOf::Direct(frame) = &frame.filter
+            && let State::Direct(state) | State::FedDirect(state) = &mut self.state
+        {
+            state.begin::<A>(frame);
+        }
     }
 
     /// The next sample, by a frame of the texture that this was made for. A frame of another structure gives silence.
@@ -400,6 +431,53 @@ impl Playback {
         })
     }
 
+    /// The next samples, those of a call of [`Playback::next_sample`] for each.
+    ///
+    /// A lattice takes less time for many at once, if `A` has [`Arithmetic::rotate_block`]. This is for programs that
+    /// may know all of them before the first is put out.
+    pub fn next_block<A: Arithmetic>(&mut self, frame: &Frame, outputs: &mut [OutputSample]) {
+        for outputs in outputs.chunks_mut(BLOCK_SAMPLES) {
+            let mut words = [0; BLOCK_SAMPLES];
+            let words = &mut words[..outputs.len()];
+            if !self.next_words::<A>(frame, words) {
+                outputs.fill_with(|| self.next_sample::<A>(frame));
+                continue;
+            }
+            for (output, &word) in outputs.iter_mut().zip(words.iter()) {
+                *output = OutputSample(word);
+            }
+        }
+    }
+
+    /// Fills `words`, at most [`BLOCK_SAMPLES`], with the next samples of a lattice. Returns false, and does nothing,
+    /// if this is none.
+    fn next_words<A: Arithmetic>(&mut self, frame: &Frame, words: &mut [i32]) -> bool {
+        let left = self.left;
+        let FrameOf::Lattice(lattice) = &frame.filter else {
+            return false;
+        };
+        let full = match &mut self.state {
+            State::Lattice(state) => {
+                words.fill_with(|| self.excitation.next_sample());
+                state.next_block::<A>(lattice, words, left)
+            }
+            State::FedLattice(state) => {
+                let mut fed = [0; BLOCK_SAMPLES];
+                let fed = &mut fed[..words.len()];
+                // The generator goes on, as it does for single samples.
+                fed.fill_with(|| {
+                    self.excitation.next_sample();
+                    self.feeding.next_word(&frame.excitation)
+                });
+                state.next_fed_block::<A>(lattice, fed, words, left)
+            }
+            State::Direct(_) | State::FedDirect(_) => return false,
+        };
+        self.left = left.saturating_sub(words.len() as u32);
+        self.saturations = self.saturations.saturating_add(full);
+        true
+    }
+
     /// Samples of the current frame's ramps that are still to come.
     pub fn left(&self) -> u32 {
         self.left
@@ -417,6 +495,8 @@ impl Playback {
 pub struct Synthesis<'a, A: Arithmetic = Portable> {
     texture: Texture<'a>,
     frame: Frame,
+    /// The motion that the frame is of.
+    motion: Option<Motion>,
     playback: Playback,
     /// The excitation, if the texture is fed.
     feed: Feed,
@@ -469,6 +549,7 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
         Self {
             texture,
             frame: Frame::silent(&texture),
+            motion: None,
             playback,
             feed,
             lines: LinesPlayback::new(&texture),
@@ -503,17 +584,22 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
             lines.frame.clone_from(frame);
         }
         let from = self.frame.levels(left);
-        self.frame.update(&self.texture, motion, from, samples);
+        if self.motion.replace(motion) == Some(motion) {
+            self.frame.hold(from, samples);
+        } else {
+            self.frame.update::<A>(&self.texture, motion, from, samples);
+        }
         if self.playback.is_fed() {
             self.frame
                 .feed(&mut self.feed, &self.texture, motion, samples);
         }
-        self.playback.begin_frame(samples);
+        self.playback.begin_frame::<A>(&self.frame, samples);
     }
 
     fn run_up(&mut self, motion: Motion) {
         if GridPoint::locate(&self.texture, motion).fade > 0 {
-            self.frame.prepare(&self.texture, motion);
+            self.frame.prepare::<A>(&self.texture, motion);
+            self.motion = None;
             let (frame, texture, feed) = (&self.frame, &self.texture, &mut self.feed);
             self.playback
                 .run_up::<A>(frame, texture, motion, feed, u32::MAX);
@@ -539,6 +625,17 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
             Some(lines) => [(samples[0], 1), (samples[1], 2)]
                 .map(|(sample, played)| lines.added(sample, left.saturating_sub(played))),
             None => samples,
+        }
+    }
+
+    /// The next samples, those of a call of [`Synthesis::next_sample`] for each; see [`Playback::next_block`].
+    pub fn next_block(&mut self, outputs: &mut [OutputSample]) {
+        let left = self.playback.left();
+        self.playback.next_block::<A>(&self.frame, outputs);
+        if let Some(lines) = &mut self.lines {
+            for (output, played) in outputs.iter_mut().zip(1..) {
+                *output = lines.added(*output, left.saturating_sub(played));
+            }
         }
     }
 

@@ -26,7 +26,7 @@ pub use certificate::{CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, UNCERTIFIED_CEL
 pub use decode::{Decoder, Workspace};
 #[cfg(feature = "alloc")]
 pub(crate) use node::theta;
-pub use node::{Coefficients, Node, NodeFlags};
+pub use node::{Coefficients, Node, NodeFlags, Tail};
 pub use part::PartKind;
 #[cfg(feature = "alloc")]
 pub use part::PartsSpec;
@@ -40,5 +40,7 @@ pub use part::lines::{LineSpec, LinesSpec};
 #[cfg(feature = "alloc")]
 pub use part::modulation::ModulationSpec;
 pub use part::modulation::{LEVEL_FRACTION_BITS, Modulation, level_amplitude};
+#[cfg(feature = "alloc")]
+pub use part::tails::TailSpec;
 pub use texture::Texture;
 pub use view::{Library, Outline};

@@ -23,6 +23,8 @@ pub enum Coefficients<'a> {
         codes: &'a [[u8; 2]],
         /// Fractions of the first stages, `i8`; at most as many as codes. Those of further stages are 0.
         fractions: &'a [u8],
+        /// The stages after those of `codes`.
+        tail: Tail<'a>,
     },
     /// h₁ first; h = code · 2^(exponent - 15).
     Direct16 {
@@ -38,6 +40,26 @@ pub enum Coefficients<'a> {
         /// The codes, `i32`.
         codes: &'a [[u8; 4]],
     },
+}
+
+/// The last stages of a lattice, whose θ is stored in one byte.
+///
+/// It is empty, or its first stage is that after [`crate::limits::MAX_FINE_STAGES`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Tail<'a> {
+    /// The codes, `i8`, at least -127: θ = code · step.
+    pub codes: &'a [u8],
+    /// Step of a code, in steps of [`crate::FINE_THETA_STEP_RAD`]; 127 of them are below π/2 whatever it is.
+    pub step: u16,
+}
+
+impl Tail<'_> {
+    /// θ of the stages, in steps of [`crate::FINE_THETA_STEP_RAD`].
+    pub fn thetas(self) -> impl Iterator<Item = i32> {
+        let step = i32::from(self.step);
+        let codes = self.codes.iter();
+        codes.map(move |code| i32::from(code.cast_signed()) * step)
+    }
 }
 
 /// Remarks on a node beside its model, a set of flags.
@@ -87,7 +109,8 @@ impl<'a> Coefficients<'a> {
     /// Order of the model.
     pub fn order(&self) -> usize {
         match self {
-            Self::Lattice { codes, .. } | Self::Direct16 { codes, .. } => codes.len(),
+            Self::Lattice { codes, tail, .. } => codes.len() + tail.codes.len(),
+            Self::Direct16 { codes, .. } => codes.len(),
             Self::Direct32 { codes, .. } => codes.len(),
         }
     }
@@ -95,15 +118,20 @@ impl<'a> Coefficients<'a> {
     /// θ of all stages of a lattice, stage 1 first, in steps of [`crate::FINE_THETA_STEP_RAD`]; below 2²³ in magnitude.
     /// Empty for a direct form.
     pub fn thetas(self) -> impl Iterator<Item = i32> + use<'a> {
-        let (codes, fractions): (&[_], &[_]) = match self {
-            Self::Lattice { codes, fractions } => (codes, fractions),
-            Self::Direct16 { .. } | Self::Direct32 { .. } => (&[], &[]),
+        let (codes, fractions, tail): (&[_], &[_], _) = match self {
+            Self::Lattice {
+                codes,
+                fractions,
+                tail,
+            } => (codes, fractions, tail),
+            Self::Direct16 { .. } | Self::Direct32 { .. } => (&[], &[], Tail::default()),
         };
         let fractions = fractions.iter().copied().chain(core::iter::repeat(0));
         codes
             .iter()
             .zip(fractions)
             .map(|(&code, fraction)| theta(i16::from_le_bytes(code), fraction.cast_signed()))
+            .chain(tail.thetas())
     }
 }
 

@@ -2,12 +2,13 @@
 
 use super::axis::Axis;
 use super::certificate::Certificate;
-use super::node::{Coefficients, Node, NodeFlags};
+use super::node::{Coefficients, Node, NodeFlags, Tail};
 use super::part::excitation::{Excitation, ExcitationPart};
 use super::part::fine_theta::FineTheta;
 use super::part::levels::{FadeLaw, Laws, LevelLaw, LevelsPart};
 use super::part::lines::Lines;
 use super::part::modulation::{Modulation, ModulationPart};
+use super::part::tails::Tails;
 use super::part::{PartKind, Parts};
 use crate::error::{DecodeError, Place, Problem};
 use crate::units::{MillimetresPerSecond, Newton};
@@ -109,7 +110,8 @@ impl<'a> Texture<'a> {
         let index = speed * self.force_axis.len() + force;
         let record = self.record(speed, force);
         let begin = record.offset as usize;
-        let length = usize::from(record.order) * self.structure.coefficient_bytes();
+        let order = usize::from(record.order);
+        let length = self.bytes_of_order(order);
         let bytes = &self.coefficients[begin..begin + length];
         let exponent = record.exponent;
         Node {
@@ -117,10 +119,14 @@ impl<'a> Texture<'a> {
             prediction_error_power: record.prediction_error_power,
             flags: NodeFlags(record.flags),
             coefficients: match self.structure {
-                Structure::NormalisedLattice => Coefficients::Lattice {
-                    codes: bytes.as_chunks().0,
-                    fractions: self.fractions(index, usize::from(record.order)),
-                },
+                Structure::NormalisedLattice => {
+                    let (codes, tail) = self.lattice_codes(index, order, bytes);
+                    Coefficients::Lattice {
+                        codes,
+                        fractions: self.fractions(index, order),
+                        tail,
+                    }
+                }
                 Structure::DirectForm16 => Coefficients::Direct16 {
                     exponent,
                     codes: bytes.as_chunks().0,
@@ -191,11 +197,38 @@ impl<'a> Texture<'a> {
         self.parts.excitation.is_some() || self.parts.modulation.is_some()
     }
 
+    /// The texture as it would be without its codebooks: Gaussian noise of the same power excites the filter.
+    #[must_use]
+    pub fn without_codebooks(mut self) -> Self {
+        self.parts.excitation = None;
+        self
+    }
+
+    /// The texture as it would be without its level track: the excitation has a steady level of the same power.
+    #[must_use]
+    pub fn without_track(mut self) -> Self {
+        self.parts.modulation = None;
+        self
+    }
+
+    /// The texture as it would be without its lines: the model alone.
+    #[must_use]
+    pub fn without_lines(mut self) -> Self {
+        self.parts.lines = None;
+        self
+    }
+
     /// Number of stages, from the first, that have a finer θ than their 16-bit code; 0 without the part that holds
     /// them, and at most [`crate::limits::MAX_FINE_STAGES`].
     pub fn fine_stages(&self) -> usize {
         let nodes = self.nodes.len() / NodeRecord::BYTES;
         self.parts.fine_theta.map_or(0, |part| part.stages(nodes))
+    }
+
+    /// Returns whether the stages of a lattice after the first [`crate::limits::MAX_FINE_STAGES`] have codes of one
+    /// byte, in every node that has so many.
+    pub fn has_tails(&self) -> bool {
+        self.parts.tails.is_some()
     }
 
     /// Lines that are locked to place, if the texture has any.
@@ -249,6 +282,29 @@ impl<'a> Texture<'a> {
         let nodes = self.nodes.len() / NodeRecord::BYTES;
         let of_node = |part: FineTheta<'a>| part.of_node(index, nodes, order);
         self.parts.fine_theta.map_or(&[], of_node)
+    }
+
+    /// Length of the coefficients of a node of `order`, bytes.
+    pub(super) const fn bytes_of_order(&self, order: usize) -> usize {
+        match self.parts.tails {
+            None => order * self.structure.coefficient_bytes(),
+            Some(_) => Tails::coefficient_bytes(order),
+        }
+    }
+
+    /// The codes of 16 bits and the tail of a lattice's node number `index`, whose coefficients are `bytes`.
+    #[inline]
+    pub(super) fn lattice_codes(
+        &self,
+        index: usize,
+        order: usize,
+        bytes: &'a [u8],
+    ) -> (&'a [[u8; 2]], Tail<'a>) {
+        let Some(part) = self.parts.tails else {
+            return (bytes.as_chunks().0, Tail::default());
+        };
+        let (codes, tail) = bytes.split_at(2 * Tails::stages_before(order));
+        (codes.as_chunks().0, part.of_node(index, tail))
     }
 
     fn record(&self, speed: usize, force: usize) -> NodeRecord {

@@ -79,12 +79,12 @@ pub use status::{
 };
 pub use text::{Reason, TextureName};
 pub use upload::{
-    CHUNK_ALIGN, FlashOperation, MAX_CHUNK_BYTES, UploadBegin, UploadChunk, UploadCommitted,
-    UploadError, UploadProgress, UploadState,
+    CHUNK_ALIGN, FlashOperation, MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadBegin, UploadChunk,
+    UploadCommitted, UploadError, UploadProgress, UploadState, UploadTimes,
 };
 
 /// Version of the protocol. It changes when a message changes its meaning, even where its type stays.
-pub const PROTOCOL_VERSION: u16 = 1;
+pub const PROTOCOL_VERSION: u16 = 2;
 
 /// Longest frame that the host sends, bytes before COBS.
 pub const MAX_HOST_FRAME_BYTES: usize = 1024;

@@ -5,6 +5,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{LinkId, MuteReasons, QUICK_FAULT_MS, Reason, SettingSet, SettingsState, TextureName};
+use crate::PlayRate;
 use crate::scene::SceneName;
 
 /// Largest gain of a play request.
@@ -81,15 +82,15 @@ pub enum PlayError {
         /// The requested value.
         name: TextureName,
     },
-    /// A texture or scene that was made for another sample rate than the device's.
+    /// A texture or scene that was made for a sample rate that no stylus plays.
     #[error(
-        "it was made for {texture_hz} Hz and this device plays {device_hz} Hz: fit the textures again at that rate"
+        "it was made for {texture_hz} Hz, and a stylus plays {} and {} Hz: fit the textures again at one of these",
+        PlayRate::Hz5000.hz(),
+        PlayRate::Hz10000.hz()
     )]
     SampleRate {
         /// Sample rate of the texture or scene, Hz.
         texture_hz: u32,
-        /// Sample rate of the device, Hz.
-        device_hz: u32,
     },
     /// A name that no scene of the active library has.
     #[error("the active library has no scene \"{name}\": list what it has")]
@@ -103,15 +104,15 @@ pub enum PlayError {
         /// Place and fault, as text.
         reason: Reason,
     },
-    /// A scene whose worst case takes more instructions of a tick than the budget.
+    /// A scene whose worst case takes more instructions than the budget.
     #[error(
-        "the scene takes {instructions} instructions per tick, of {budget} available ({arithmetic}): \
+        "the scene takes {instructions} instructions per sample, of {budget} available ({arithmetic}): \
          use fewer effects or lower orders"
     )]
     OverBudget {
-        /// Instructions of a tick in the worst case.
+        /// Instructions of a sample in the worst case.
         instructions: u32,
-        /// Instructions of a tick that a scene may take.
+        /// Instructions that a sample may take: all of a tick's budget at 5 kHz, half of it at 10 kHz.
         budget: u32,
         /// Terms of the cost.
         arithmetic: Arithmetic,

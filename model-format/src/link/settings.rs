@@ -88,6 +88,8 @@ pub struct SettingSpec {
     pub lowest: f32,
     /// The highest value.
     pub highest: f32,
+    /// The least magnitude; 0 if the value may be 0. A scale of 0 would read a sensor as nothing, whatever it measures.
+    pub least_magnitude: f32,
     /// The value of a device that was never set. Those of [`super::SettingSet::REQUIRED`] stand in for no value:
     /// nothing plays with them.
     pub default: f32,
@@ -124,18 +126,20 @@ impl Setting {
         match self {
             // A sixteenth of the range: a sensor with a live zero, so that an open wire is not taken for no force.
             Self::ForceZero => code("force-zero", 4096.0),
-            Self::ForcePerVolt => number("force-per-volt", "N/V", [-100.0, 100.0], 2.0),
-            Self::PathPerCount => number("path-per-count", "mm", [-10.0, 10.0], 0.01),
+            Self::ForcePerVolt => scale("force-per-volt", "N/V", 0.001, 100.0, 2.0),
+            Self::PathPerCount => scale("path-per-count", "mm", 1e-6, 10.0, 0.01),
             Self::AccelerationZeroX => code("acceleration-zero-x", 32_768.0),
             Self::AccelerationZeroY => code("acceleration-zero-y", 32_768.0),
             Self::AccelerationZeroZ => code("acceleration-zero-z", 32_768.0),
             Self::AccelerationPerVoltX => acceleration("acceleration-per-volt-x"),
             Self::AccelerationPerVoltY => acceleration("acceleration-per-volt-y"),
             Self::AccelerationPerVoltZ => acceleration("acceleration-per-volt-z"),
-            Self::OutputGain => number("output-gain", "V/(m/s²)", [0.0, 1.0], 0.01),
+            // A gain of 0 would play silence, and say that it plays.
+            Self::OutputGain => number("output-gain", "V/(m/s²)", [1e-6, 1.0], 0.01),
             Self::AmplifierGain => number("amplifier-gain", "V/V", [0.01, 100.0], 1.0),
             // The buffered output reaches 0.2 V from either rail (DS12110, DAC characteristics); mid-scale is 1.65 V.
-            Self::HardLimit => number("hard-limit", "V", [0.0, 1.45], 0.5),
+            // The lowest limit is more than a code of the DAC, 0.8 mV, because less would silence all.
+            Self::HardLimit => number("hard-limit", "V", [0.001, 1.45], 0.5),
             Self::SlewLimit => number("slew-limit", "V/ms", [0.1, 16.0], 4.0),
             Self::CoilResistance => number("coil-resistance", "Ω", [0.1, 1000.0], 8.0),
             Self::ThermalTimeConstant => number(
@@ -187,11 +191,15 @@ impl Setting {
         let SettingSpec {
             lowest,
             highest,
+            least_magnitude,
             whole,
             ..
         } = self.spec();
         // A comparison with NaN is false. A whole number of this size is exact as i32.
-        if (lowest..=highest).contains(&value) && (!whole || value as i32 as f32 == value) {
+        if (lowest..=highest).contains(&value)
+            && value.abs() >= least_magnitude
+            && (!whole || value as i32 as f32 == value)
+        {
             Ok(value)
         } else {
             Err(SettingsError::OutOfRange {
@@ -216,8 +224,23 @@ const fn number(
         unit,
         lowest,
         highest,
+        least_magnitude: 0.0,
         default,
         whole: false,
+    }
+}
+
+/// A factor of either sign: its magnitude is from `least` to `most`.
+const fn scale(
+    name: &'static str,
+    unit: &'static str,
+    least: f32,
+    most: f32,
+    default: f32,
+) -> SettingSpec {
+    SettingSpec {
+        least_magnitude: least,
+        ..number(name, unit, [-most, most], default)
     }
 }
 
@@ -227,6 +250,7 @@ const fn code(name: &'static str, default: f32) -> SettingSpec {
         unit: "ADC code",
         lowest: 0.0,
         highest: 65_535.0,
+        least_magnitude: 0.0,
         default,
         whole: true,
     }
@@ -234,7 +258,23 @@ const fn code(name: &'static str, default: f32) -> SettingSpec {
 
 const fn acceleration(name: &'static str) -> SettingSpec {
     // An analogue accelerometer of 330 mV per standard gravity, as many with a supply of 3.3 V are.
-    number(name, "m/s²/V", [-10_000.0, 10_000.0], 29.72)
+    scale(name, "m/s²/V", 0.001, 10_000.0, 29.72)
+}
+
+/// The demands on a value besides its range, in words, each after a comma.
+struct Besides(SettingSpec);
+
+impl core::fmt::Display for Besides {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        if self.0.whole {
+            f.write_str(", a whole number")?;
+        }
+        if self.0.least_magnitude > 0.0 {
+            let least = self.0.least_magnitude;
+            write!(f, ", and not between -{least} and {least}")?;
+        }
+        Ok(())
+    }
 }
 
 impl core::fmt::Display for Setting {
@@ -341,7 +381,7 @@ pub enum SettingsError {
     /// A value that the setting may not have.
     #[error(
         "{setting} of {value}; it must be {lowest} to {highest} {}{}",
-        setting.spec().unit, if setting.spec().whole { ", a whole number" } else { "" }
+        setting.spec().unit, Besides(setting.spec())
     )]
     OutOfRange {
         /// The setting.

@@ -188,8 +188,7 @@ fn play_errors() -> Vec<PlayError> {
             arithmetic: text()
         },
         PlayError::SampleRate {
-            texture_hz: u32::MAX,
-            device_hz: u32::MAX
+            texture_hz: u32::MAX
         },
         PlayError::Gain {
             gain: f32::INFINITY
@@ -517,6 +516,23 @@ fn texture_infos() -> Vec<TextureInfo> {
 /// The response type of an endpoint. It is found by the endpoint's name, so that a change of the tables shows here.
 type Response<E> = <E as postcard_rpc::Endpoint>::Response;
 
+fn upload_committed() -> UploadCommitted {
+    UploadCommitted {
+        slot: SlotId::B,
+        sequence: u32::MAX,
+        textures: u16::MAX,
+        times: UploadTimes {
+            erase_us: u32::MAX,
+            program_us: u32::MAX,
+            check_us: u32::MAX,
+            proof_us: u32::MAX,
+            wait_us: u32::MAX,
+            sectors: u16::MAX,
+            words: u32::MAX,
+        },
+    }
+}
+
 #[test]
 fn every_answer_comes_back_and_fits_a_frame() {
     to_host::<Response<InfoEndpoint>>([DeviceInfo {
@@ -531,12 +547,7 @@ fn every_answer_comes_back_and_fits_a_frame() {
     to_host::<Response<StatusEndpoint>>(statuses());
     to_host::<Response<UploadBeginEndpoint>>(upload_errors().into_iter().map(Err));
     to_host::<Response<UploadChunkEndpoint<'_>>>([Ok(upload_progress())]);
-    let committed = UploadCommitted {
-        slot: SlotId::B,
-        sequence: u32::MAX,
-        textures: u16::MAX,
-    };
-    to_host::<Response<UploadCommitEndpoint>>([Ok(committed)]);
+    to_host::<Response<UploadCommitEndpoint>>([Ok(upload_committed())]);
     to_host::<Response<UploadAbortEndpoint>>([Ok(UploadState::Idle)]);
     to_host::<Response<UploadProgressEndpoint>>([
         UploadState::Idle,
@@ -688,6 +699,8 @@ fn a_record_block_takes_less_than_400_bytes_whatever_is_in_it() {
     let bytes_per_second = SAMPLE_RATE_HZ / BLOCK_SAMPLES as u32
         * (check(&block(u16::MAX, u32::MAX), 400) as u32 + 20);
     assert!(bytes_per_second * 10 < SERIAL_BAUD / 4 * 3);
+    // Twice as many would not fit, so recordings stay at this rate.
+    assert!(2 * bytes_per_second * 10 > SERIAL_BAUD);
 }
 
 proptest! {

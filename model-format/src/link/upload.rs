@@ -12,6 +12,12 @@ pub const MAX_CHUNK_BYTES: usize = 512;
 /// Length of every chunk but the last is a multiple of this, bytes: whole flash words.
 pub const CHUNK_ALIGN: usize = FLASH_WORD_BYTES;
 
+/// Most chunks that a host sends before it has the answer to the first of them.
+///
+/// While one is programmed, the next ones cross the link: the device is never idle for a turn of the link. The device
+/// keeps so many jobs that another link finds room beside them.
+pub const UPLOAD_WINDOW: usize = 3;
+
 /// Request to receive a library into the slot that is not active.
 ///
 /// The length and checksum of an upload that was broken off resume it, within the same session of the device.
@@ -65,6 +71,42 @@ pub struct UploadCommitted {
     pub sequence: u32,
     /// Number of its textures.
     pub textures: u16,
+    /// Time that the upload took.
+    pub times: UploadTimes,
+}
+
+/// Time that an upload took in the device, by its own clock, from its begin until it is committed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct UploadTimes {
+    /// Erasing sectors, µs.
+    pub erase_us: u32,
+    /// Programming flash words and reading each of them back, µs.
+    pub program_us: u32,
+    /// Reading and decoding what was received, and what the upload must not erase, µs.
+    pub check_us: u32,
+    /// Proving direct forms, µs.
+    pub proof_us: u32,
+    /// Waiting for the host and its link, µs.
+    pub wait_us: u32,
+    /// Number of sectors that were erased.
+    pub sectors: u16,
+    /// Number of flash words that were programmed.
+    pub words: u32,
+}
+
+impl UploadTimes {
+    /// All of it, µs.
+    pub const fn total_us(&self) -> u64 {
+        let Self {
+            erase_us,
+            program_us,
+            check_us,
+            proof_us,
+            wait_us,
+            ..
+        } = *self;
+        erase_us as u64 + program_us as u64 + check_us as u64 + proof_us as u64 + wait_us as u64
+    }
 }
 
 /// An operation of the flash.

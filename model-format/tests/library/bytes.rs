@@ -133,6 +133,7 @@ impl RawLibrary {
         library.textures[1].parts = vec![(1, vec![0, 1]), (3, two_codebooks(6)), (4, track())];
         let lines = lines(&[(0.61, 1), (1000.0, 65_535)], 6);
         library.textures[2].parts = vec![(4, track()), (5, lines)];
+        library.textures.push(RawTexture::with_tails());
         library.scenes = vec![plain_scene(), full_scene()];
         library
     }
@@ -199,6 +200,35 @@ impl RawTexture {
             tail: Vec::new(),
             ragged: Ragged::default(),
         }
+    }
+
+    /// A lattice with tails: nodes of order 0, of 32 without a tail and of 33 and 37 with one, and one whose tail is 0.
+    pub fn with_tails() -> Self {
+        let mut texture = Self::sound("felt", 0, &[]);
+        let mut steps = vec![0; 4];
+        for (node, (tail, step)) in [
+            (&[][..], 0u16),
+            (&[0x81], 65_535),
+            (&[63, 0xff, 0, 64, 0xc0], 300),
+            (&[0, 0], 0),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let node = &mut texture.nodes[2 + node];
+            node.offset = texture.coefficients.len() as u32;
+            node.order = 32 + tail.len() as u16;
+            let codes = (0..32).map(|stage: i16| (stage - 9) * 321);
+            texture
+                .coefficients
+                .extend(codes.flat_map(i16::to_le_bytes));
+            texture.coefficients.extend(tail);
+            steps.extend(step.to_le_bytes());
+        }
+        let mut fractions = vec![0; 2];
+        fractions.extend([0x80, 5, 127, 1]);
+        texture.parts = vec![(2, fractions), (6, steps)];
+        texture
     }
 
     /// The texture's record and its optional parts.
@@ -288,9 +318,18 @@ impl RawTexture {
         let fine = self.parts.iter().find(|(kind, _)| *kind == 2);
         let fine = fine.map_or(&[][..], |(_, content)| content);
         let stride = fine.len() / self.nodes.len().max(1);
+        let steps = self.parts.iter().find(|(kind, _)| *kind == 6);
+        let wide = |order: usize| {
+            if steps.is_some() {
+                order.min(32)
+            } else {
+                order
+            }
+        };
         let mut largest = 0;
         for (number, node) in self.nodes.iter().enumerate() {
-            for stage in 0..usize::from(node.order) {
+            let order = usize::from(node.order);
+            for stage in 0..wide(order) {
                 let at = node.offset as usize + 2 * stage;
                 let Some(&[low, high]) = self.coefficients.get(at..at + 2) else {
                     continue;
@@ -301,6 +340,16 @@ impl RawTexture {
                     0
                 };
                 let theta = i32::from(i16::from_le_bytes([low, high])) * 256 + i32::from(fraction);
+                largest = largest.max(theta.unsigned_abs());
+            }
+            for stage in wide(order)..order {
+                let at = node.offset as usize + 32 + stage;
+                let step = steps.and_then(|(_, steps)| steps.get(2 * number..2 * number + 2));
+                let (Some(&code), Some(&[low, high])) = (self.coefficients.get(at), step) else {
+                    continue;
+                };
+                let theta =
+                    i32::from(code.cast_signed()) * i32::from(u16::from_le_bytes([low, high]));
                 largest = largest.max(theta.unsigned_abs());
             }
         }

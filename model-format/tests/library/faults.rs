@@ -3,8 +3,8 @@
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_LINE_AMPLITUDE, MAX_LINES, MAX_OUTPUT_POWER};
 use model_format::{
     CodeSpec, DecodeError, FORMAT_VERSION, Laws, LevelLaw, Library, LineSpec, LinesSpec, NodeFlags,
-    NodeSpec, PartsSpec, Place, Problem, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec,
-    encode,
+    NodeSpec, PartsSpec, Place, Problem, Provenance, SAMPLE_RATE_HZ, Structure, TailSpec,
+    TextureSpec, encode,
 };
 
 use crate::bytes::{RawCertificate, RawLibrary, RawTexture, checksum, lines, repair};
@@ -29,12 +29,12 @@ const fn cell(speed: usize, force: usize) -> Place {
     }
 }
 
-fn refused(bytes: &[u8]) -> DecodeError {
+pub fn refused(bytes: &[u8]) -> DecodeError {
     Library::decode(bytes).expect_err("a library with a fault")
 }
 
 /// The error of decoding the sound library after `spoil` has put a fault into it.
-fn fault(spoil: impl FnOnce(&mut RawLibrary)) -> DecodeError {
+pub fn fault(spoil: impl FnOnce(&mut RawLibrary)) -> DecodeError {
     let mut library = RawLibrary::sound();
     assert!(Library::decode(&library.bytes()).is_ok());
     spoil(&mut library);
@@ -47,7 +47,7 @@ fn texture_fault(spoil: impl FnOnce(&mut RawTexture)) -> DecodeError {
 }
 
 /// Checks fault and place, and that the message names the place and contains `told`.
-fn check(error: DecodeError, place: Place, problem: Problem, told: &str) {
+pub fn check(error: DecodeError, place: Place, problem: Problem, told: &str) {
     assert_eq!((error.place, error.problem), (place, problem));
     check_message(error, place, told);
 }
@@ -781,7 +781,7 @@ fn a_certificate_for_other_numbers_is_told() {
     }
 }
 
-fn spec() -> TextureSpec {
+pub fn spec() -> TextureSpec {
     TextureSpec {
         name: "felt".to_owned(),
         sample_rate_hz: SAMPLE_RATE_HZ,
@@ -808,6 +808,7 @@ fn fine(codes: &[i16], fractions: &[i8]) -> CodeSpec {
     CodeSpec::Lattice {
         codes: codes.to_vec(),
         fractions: fractions.to_vec(),
+        tail: TailSpec::default(),
     }
 }
 
@@ -959,7 +960,7 @@ fn the_encoder_refuses_coefficients_of_another_structure() {
 }
 
 /// The error of decoding a library with one lattice of six nodes, of orders 0, 0, 2, 2, 2, 2, and these parts.
-fn part_fault(parts: &[(u32, &[u8])]) -> DecodeError {
+pub fn part_fault(parts: &[(u32, &[u8])]) -> DecodeError {
     fault(|library| {
         let parts = parts
             .iter()
@@ -970,7 +971,7 @@ fn part_fault(parts: &[(u32, &[u8])]) -> DecodeError {
 
 #[test]
 fn a_part_of_an_unknown_kind_is_named_and_asks_for_a_newer_program() {
-    for kind in [0, 6, 200, u32::MAX] {
+    for kind in [0, 7, 200, u32::MAX] {
         let told = format!("kind {kind}, which this program does not know");
         let problem = Problem::UnknownPart(kind);
         check(

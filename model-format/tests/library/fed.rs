@@ -85,7 +85,9 @@ fn a_texture_lists_its_codebooks_and_its_track_with_their_bytes() {
     let lines = (PartKind::Lines, 1 + 2 * (4 + 2 + 6 * 4));
     assert_eq!(parts(2), [(PartKind::Modulation, 21), lines]);
     let fed: Vec<bool> = library.textures().map(|texture| texture.is_fed()).collect();
-    assert_eq!(fed, [false, true, true]);
+    assert_eq!(fed, [false, true, true, false]);
+    assert_eq!(parts(3), [(PartKind::FineTheta, 6), (PartKind::Tails, 12)]);
+    assert_eq!(PartKind::Tails.to_string(), "tails");
     assert_eq!(PartKind::Excitation.to_string(), "excitation");
     assert_eq!(PartKind::Modulation.to_string(), "modulation");
 }
@@ -383,7 +385,7 @@ fn a_track_has_a_mean_square_of_one_and_is_not_flat() {
 /// A reader of a version before these parts refused any kind above 2, as this one refuses those that it does not know.
 #[test]
 fn a_part_of_an_unknown_kind_is_refused_because_it_would_play_another_texture() {
-    for kind in [0, 6, 7, u32::MAX] {
+    for kind in [0, 7, 8, u32::MAX] {
         let parts = vec![(kind, track())];
         check(
             parts,

@@ -11,4 +11,5 @@ mod limits;
 mod round_trip;
 mod scenes;
 mod size;
+mod tails;
 mod walk;

@@ -2,8 +2,9 @@
 
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library, LineSpec, LinesSpec,
-    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec,
-    UNCERTIFIED_CELL, encode, encode_uncertified, encode_with_scenes, limits,
+    MAX_FINE_THETA, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure,
+    TailSpec, TextureSpec, UNCERTIFIED_CELL, encode, encode_uncertified, encode_with_scenes,
+    limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -56,6 +57,57 @@ fn two_independent_writers_give_the_same_bytes_of_parts_and_scenes() {
     assert_eq!(again, bytes);
 }
 
+proptest! {
+    /// A tail has the least step, so that it is written, and no θ is off by more than half of it.
+    #[test]
+    fn a_compact_lattice_is_as_near_as_its_bytes_allow(
+        thetas in vec(prop_oneof![-MAX_FINE_THETA..=MAX_FINE_THETA, -40_000..=40_000i32, -200..=200i32], 0..=400),
+        scale in 0u32..24,
+        fine in 0..=limits::MAX_FINE_STAGES,
+    ) {
+        let thetas: Vec<i32> = thetas.iter().map(|theta| theta >> scale).collect();
+        let codes = CodeSpec::compact_lattice(&thetas, fine);
+        let CodeSpec::Lattice { tail, fractions, .. } = &codes else {
+            unreachable!("it is a lattice");
+        };
+        prop_assert!(fractions.len() <= fine);
+        let stored: Vec<i32> = codes.thetas().collect();
+        prop_assert_eq!(stored.len(), thetas.len());
+        for (stage, (&stored, &theta)) in stored.iter().zip(&thetas).enumerate() {
+            let bound = match stage {
+                _ if stage < fine => 0,
+                0..limits::MAX_FINE_STAGES => 128,
+                // The largest θ of a lattice is a little beyond the largest of a tail.
+                _ => i32::from(tail.step) / 2 + (theta.abs() - TailSpec::MAX_THETA).max(0),
+            };
+            prop_assert!((stored - theta).abs() <= bound, "stage {}: {} for {}", stage + 1, stored, theta);
+        }
+        let node = NodeSpec {
+            output_power: 1.0,
+            prediction_error_power: 0.5,
+            flags: NodeFlags::NONE,
+            codes,
+        };
+        let texture = TextureSpec {
+            name: "one".into(),
+            sample_rate_hz: 5000,
+            structure: Structure::NormalisedLattice,
+            provenance: Provenance::Simulated,
+            laws: Laws::default(),
+            parts: PartsSpec::default(),
+            speed_axis_mm_s: vec![100.0],
+            force_axis_n: vec![1.0],
+            nodes: vec![node],
+            cell_margins: Vec::new(),
+        };
+        let bytes = encode(&[texture]).expect("it is valid");
+        let library = Library::decode(&bytes).expect("it was encoded");
+        let texture = library.textures().next().expect("one was encoded");
+        prop_assert_eq!(texture.has_tails(), thetas.len() > limits::MAX_FINE_STAGES);
+        prop_assert!(texture.node(0, 0).coefficients.thetas().eq(stored));
+    }
+}
+
 fn library() -> impl Strategy<Value = Vec<TextureSpec>> {
     vec(texture(), 1..=3).prop_map(|mut textures| {
         for (index, texture) in textures.iter_mut().enumerate() {
@@ -95,15 +147,24 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
             name(),
             1..=limits::MAX_SAMPLE_RATE_HZ,
             prop_oneof![Just(Provenance::Recorded), Just(Provenance::Simulated)],
-            nodes,
+            (nodes, any::<bool>()),
             vec(0..UNCERTIFIED_CELL, cells),
             parts(speeds.len() * forces.len()),
             lines(nodes_that_move),
         )
             .prop_map(
-                move |(name, sample_rate_hz, provenance, nodes, cell_margins, parts, lines)| {
+                move |(
+                    name,
+                    sample_rate_hz,
+                    provenance,
+                    (nodes, tails),
+                    cell_margins,
+                    parts,
+                    lines,
+                )| {
                     TextureSpec {
                         laws: laws_for(laws, &nodes),
+                        nodes: if tails { with_tails(nodes) } else { nodes },
                         parts: PartsSpec { lines, ..parts },
                         name,
                         sample_rate_hz,
@@ -111,12 +172,32 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
                         provenance,
                         speed_axis_mm_s: speeds.clone(),
                         force_axis_n: forces.clone(),
-                        nodes,
                         cell_margins,
                     }
                 },
             )
     })
+}
+
+/// The same nodes with tails, each of which has its first codes as bytes and a step that these allow.
+fn with_tails(mut nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
+    for node in &mut nodes {
+        let CodeSpec::Lattice { codes, tail, .. } = &mut node.codes else {
+            continue;
+        };
+        let further = codes.split_off(codes.len().min(limits::MAX_FINE_STAGES));
+        tail.codes = further
+            .iter()
+            .map(|code| (*code as i8).max(-TailSpec::MAX_CODE))
+            .collect();
+        let largest = tail.codes.iter().map(|code| code.unsigned_abs()).max();
+        tail.step = match largest.unwrap_or(0) {
+            0 => 0,
+            1..limits::MIN_LARGEST_TAIL_CODE => 1,
+            _ => codes[0].cast_unsigned().max(1),
+        };
+    }
+    nodes
 }
 
 /// Codebooks and level tracks of a mean square of 1 for so many nodes, some of the time.
@@ -304,6 +385,7 @@ fn codes(structure: Structure, order: usize) -> impl Strategy<Value = CodeSpec> 
                 CodeSpec::Lattice {
                     codes: any.iter().map(|&code| code.max(-i16::MAX)).collect(),
                     fractions,
+                    tail: TailSpec::default(),
                 }
             }
             Structure::DirectForm16 => {

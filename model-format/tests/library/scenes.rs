@@ -226,11 +226,11 @@ fn tap_of(frequency_hz: f32) -> Tap {
 
 #[test]
 fn what_is_referred_to_must_be_there() {
-    let error = fault(|scene| scene.surfaces[0].texture = Some(3));
+    let error = fault(|scene| scene.surfaces[0].texture = Some(4));
     check(
         error,
         ScenePlace::Surface(0),
-        "texture 3 is not there: the library has 3",
+        "texture 4 is not there: the library has 4",
     );
     let error = fault(|scene| scene.regions[1].surface = 2);
     check(

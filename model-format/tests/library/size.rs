@@ -38,6 +38,24 @@ fn a_dense_texture_takes_at_most_100_kilobytes() {
     assert!(bytes.len() <= 100_000, "{} bytes", bytes.len());
 }
 
+/// The same nodes with 24 fractions of θ and with tails.
+#[test]
+fn a_dense_texture_with_tails_takes_at_most_56_kibibytes() {
+    let mut texture = dense("dense");
+    for node in &mut texture.nodes {
+        let thetas: Vec<i32> = node.codes.thetas().map(|theta| theta / 3).collect();
+        node.codes = CodeSpec::compact_lattice(&thetas, 24);
+    }
+    let bytes = encode(&[texture]).expect("a valid library");
+    assert!(bytes.len() <= 56 * 1024, "{} bytes", bytes.len());
+    let library = Library::decode(&bytes).expect("what was encoded");
+    let texture = library.textures().next().expect("one was encoded");
+    assert_eq!(
+        (texture.max_order(), texture.fine_stages()),
+        (MAX_ORDER, 24)
+    );
+}
+
 #[test]
 fn four_dense_textures_fit_in_a_slot() {
     let textures = ["one", "two", "three", "four"].map(dense);

@@ -5,7 +5,7 @@ use std::iter::repeat;
 use model_format::scene::Scene;
 use model_format::{
     Certificate, CodeSpec, Codebook, CodebookSpec, Coefficients, ExcitationSpec, Library, LineSpec,
-    Lines, LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Structure, Texture,
+    Lines, LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Structure, TailSpec, Texture,
     TextureSpec, UNCERTIFIED_CELL, limits,
 };
 
@@ -52,6 +52,7 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
         }
         assert!(texture.max_order() <= limits::MAX_ORDER);
         assert_eq!(texture.nodes().count(), nodes.len());
+        check_tails(&texture, &nodes);
         textures.push(TextureSpec {
             name: texture.name().to_owned(),
             sample_rate_hz: texture.sample_rate_hz(),
@@ -67,6 +68,23 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
     }
     assert_eq!(textures.len(), library.len());
     textures
+}
+
+/// Either all nodes of more than 32 stages have a tail, and there is one, or none has.
+fn check_tails(texture: &Texture<'_>, nodes: &[NodeSpec]) {
+    let long = |node: &&NodeSpec| match &node.codes {
+        CodeSpec::Lattice { codes, tail, .. } => {
+            codes.len() + tail.codes.len() > limits::MAX_FINE_STAGES
+        }
+        _ => false,
+    };
+    for node in nodes.iter().filter(long) {
+        let CodeSpec::Lattice { tail, .. } = &node.codes else {
+            unreachable!("it was filtered");
+        };
+        assert_eq!(tail.codes.is_empty(), !texture.has_tails());
+    }
+    assert!(!texture.has_tails() || nodes.iter().any(|node| long(&node)));
 }
 
 /// The lines of `texture`, each amplitude by its node.
@@ -221,13 +239,18 @@ fn cell_margins(texture: &Texture<'_>) -> Vec<u8> {
             let thetas = texture
                 .nodes()
                 .flat_map(|node| match codes(node.coefficients) {
-                    CodeSpec::Lattice { codes, fractions } => {
+                    CodeSpec::Lattice {
+                        codes,
+                        fractions,
+                        tail,
+                    } => {
                         let fractions = fractions.into_iter().map(i32::from).chain(repeat(0));
                         let theta = |(code, fraction)| i32::from(code) * 256 + fraction;
                         codes
                             .into_iter()
                             .zip(fractions)
                             .map(theta)
+                            .chain(thetas_of(&tail))
                             .collect::<Vec<_>>()
                     }
                     _ => unreachable!("nodes are of their texture's structure"),
@@ -250,18 +273,32 @@ fn cell_margins(texture: &Texture<'_>) -> Vec<u8> {
 fn codes(coefficients: Coefficients<'_>) -> CodeSpec {
     let sixteen = |codes: &[[u8; 2]]| codes.iter().map(|&c| i16::from_le_bytes(c)).collect();
     match coefficients {
-        Coefficients::Lattice { codes, fractions } => {
+        Coefficients::Lattice {
+            codes,
+            fractions,
+            tail,
+        } => {
             let mut fractions: Vec<i8> = fractions.iter().map(|byte| byte.cast_signed()).collect();
             assert!(fractions.len() <= limits::MAX_FINE_STAGES.min(codes.len()));
             let all = fractions.iter().copied().chain(repeat(0));
             let theta =
                 |(&code, fraction)| i32::from(i16::from_le_bytes(code)) * 256 + i32::from(fraction);
-            assert!(coefficients.thetas().eq(codes.iter().zip(all).map(theta)));
+            let tail = TailSpec {
+                codes: tail.codes.iter().map(|byte| byte.cast_signed()).collect(),
+                step: tail.step,
+            };
+            let thetas = codes.iter().zip(all).map(theta).chain(thetas_of(&tail));
+            assert!(coefficients.thetas().eq(thetas));
+            check_tail(codes.len(), &tail);
             // Zeros at the end say nothing.
             while fractions.pop_if(|fraction| *fraction == 0).is_some() {}
             let codes: Vec<i16> = sixteen(codes);
             assert!(!codes.contains(&i16::MIN));
-            CodeSpec::Lattice { codes, fractions }
+            CodeSpec::Lattice {
+                codes,
+                fractions,
+                tail,
+            }
         }
         Coefficients::Direct16 { exponent, codes } => {
             let codes: Vec<i16> = sixteen(codes);
@@ -280,6 +317,21 @@ fn codes(coefficients: Coefficients<'_>) -> CodeSpec {
             CodeSpec::Direct32 { exponent, codes }
         }
     }
+}
+
+fn thetas_of(tail: &TailSpec) -> impl Iterator<Item = i32> + '_ {
+    let step = i32::from(tail.step);
+    tail.codes.iter().map(move |&code| i32::from(code) * step)
+}
+
+/// A tail after so many stages begins after the first 32, and has the step that its codes need.
+fn check_tail(before: usize, tail: &TailSpec) {
+    assert!(before == limits::MAX_FINE_STAGES || tail.codes.is_empty());
+    assert!(!tail.codes.contains(&i8::MIN));
+    let largest = tail.codes.iter().map(|code| code.unsigned_abs()).max();
+    let largest = largest.unwrap_or(0);
+    assert_eq!(tail.step == 0, largest == 0);
+    assert!(tail.step <= 1 || largest >= limits::MIN_LARGEST_TAIL_CODE);
 }
 
 fn check_sum(codes: impl Iterator<Item = f64>, exponent: u8, fraction_bits: i32) {

@@ -1,4 +1,4 @@
-//! Cost of a plan in instructions per tick: for each stage a base, and a share per lattice stage, turn or section.
+//! Cost of a plan in instructions per sample: for each stage a base, and a share per lattice stage, turn or section.
 //!
 //! **The constants are counts** of the image on the virtual stylus. Its test `scenes` compares them with the ticks of
 //! the image as built: they are never below the counts, and not far above. Instructions are not cycles.
@@ -6,13 +6,13 @@
 use core::fmt;
 
 use heapless::Vec;
-use model_format::{Structure, Texture};
+use model_format::{PlayRate, Structure, Texture};
 
 use super::block::{MAX_STAGES, SLOTS};
-use crate::arithmetic::TURN_TAPS;
+use crate::direct;
 
 /// Instructions of every sample: the list of stages, the sum of voices, its saturation. An empty list takes 22 of them.
-pub const MIX: StageCost = StageCost { base: 60, each: 0 };
+pub const MIX: StageCost = StageCost { base: 66, each: 0 };
 
 /// A voice of a normalised lattice, with `each` per stage of the lattice.
 pub const LATTICE: StageCost = StageCost {
@@ -20,22 +20,30 @@ pub const LATTICE: StageCost = StageCost {
     each: 11,
 };
 
-/// A voice of a direct form, with `each` per turn of [`TURN_TAPS`] taps of the predictor.
+/// A voice of a direct form, with `each` per [`direct::TAPS_PER_TURN`] taps of the predictor beyond the first
+/// [`direct::NEAR_TAPS`].
 pub const DIRECT: StageCost = StageCost {
-    base: 214,
-    each: 107,
+    base: 320,
+    each: 51,
 };
 
 /// A voice of a fed lattice, as [`LATTICE`]. It has no noise to make, but a call of its own and a saturation more.
 pub const FED_LATTICE: StageCost = StageCost {
-    base: 178,
+    base: 182,
     each: 11,
 };
 
 /// A voice of a fed direct form, as [`DIRECT`].
 pub const FED_DIRECT: StageCost = StageCost {
-    base: 250,
-    each: 107,
+    base: 397,
+    each: 51,
+};
+
+/// Sums ahead of a voice of a direct form, plain or fed, in addition to the voice, with `each` as in [`DIRECT`]: a tick
+/// that begins a block makes them anew.
+pub const SUMS_AHEAD: StageCost = StageCost {
+    base: 110,
+    each: 153,
 };
 
 /// Instructions of the update per sample of a fed voice: a sample of the noise and of two codebooks in a cross-fade,
@@ -49,7 +57,7 @@ pub const STICK_SLIP: StageCost = StageCost { base: 49, each: 0 };
 pub const LINES: StageCost = StageCost { base: 45, each: 37 };
 
 /// A tap transient.
-pub const TAP: StageCost = StageCost { base: 40, each: 0 };
+pub const TAP: StageCost = StageCost { base: 43, each: 0 };
 
 /// The equaliser, with `each` per section.
 pub const EQUALISER: StageCost = StageCost { base: 56, each: 79 };
@@ -61,6 +69,15 @@ pub const FADE_OUT: StageCost = StageCost { base: 25, each: 0 };
 /// instructions at two cycles per instruction, which is pessimistic. Half of them are for safety, inputs, interrupts
 /// and margin. The codes of a tick are due 137.5 µs after its trigger, or 27 500 such instructions.
 pub const BUDGET: u32 = 20_000;
+
+/// Instructions that each sample may take, of `budget` per tick: all of them at 5 kHz, half at 10 kHz, where a tick
+/// computes two samples.
+pub const fn budget_per_sample(budget: u32, sample_rate_hz: u32) -> u32 {
+    match PlayRate::of(sample_rate_hz) {
+        Some(rate) => budget / rate.samples_per_tick(),
+        None => budget,
+    }
+}
 
 /// Instructions of a stage per sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,6 +99,11 @@ pub enum Item {
         surface: u8,
         /// The structure of its texture.
         structure: Structure,
+    },
+    /// The sums ahead of a surface's direct form, at the begin of a block.
+    SumsAhead {
+        /// Index of the surface.
+        surface: u8,
     },
     /// The stick-slip of a surface.
     StickSlip {
@@ -115,7 +137,7 @@ pub struct Term {
 /// The worst case of a plan, as a sum of terms.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
-    terms: Vec<Term, { MAX_STAGES + SLOTS + 1 }>,
+    terms: Vec<Term, { MAX_STAGES + 2 * SLOTS + 1 }>,
 }
 
 /// A plan whose worst case is above the budget.
@@ -123,7 +145,7 @@ pub struct Cost {
 pub struct OverBudget {
     /// Cost of the plan.
     pub cost: Cost,
-    /// The budget, instructions per tick.
+    /// The budget, instructions per sample.
     pub budget: u32,
 }
 
@@ -135,7 +157,7 @@ impl Term {
 
     pub(super) fn voice(surface: u8, texture: &Texture<'_>) -> Self {
         let (structure, order) = (texture.structure(), texture.max_order());
-        let turns = order.div_ceil(TURN_TAPS);
+        let turns = direct::turns(order);
         let (cost, count) = match (structure, texture.is_fed()) {
             (Structure::NormalisedLattice, false) => (LATTICE, order),
             (Structure::NormalisedLattice, true) => (FED_LATTICE, order),
@@ -146,6 +168,18 @@ impl Term {
             item: Item::Voice { surface, structure },
             cost,
             count: count as u16,
+        }
+    }
+
+    /// The sums ahead of a texture's direct form, if it is one.
+    pub(super) fn sums_ahead(surface: u8, texture: &Texture<'_>) -> Option<Self> {
+        match texture.structure() {
+            Structure::NormalisedLattice => None,
+            Structure::DirectForm16 | Structure::DirectForm32 => Some(Self {
+                item: Item::SumsAhead { surface },
+                cost: SUMS_AHEAD,
+                count: direct::turns(texture.max_order()) as u16,
+            }),
         }
     }
 
@@ -170,7 +204,7 @@ impl Term {
 
 impl Cost {
     pub(super) fn add(&mut self, term: Term) {
-        // There is room for one term of each stage.
+        // There is room for the mix, for one term of each stage, and for two more of each voice.
         let _ = self.terms.push(term);
     }
 
@@ -184,7 +218,7 @@ impl Cost {
         self.terms.iter().map(Term::instructions).sum()
     }
 
-    /// Returns the cost if it is within `budget` instructions per tick.
+    /// Returns the cost if it is within `budget` instructions per sample.
     ///
     /// # Errors
     /// A cost above the budget.
@@ -202,6 +236,7 @@ impl fmt::Display for Item {
         match self {
             Self::Mix => f.write_str("mix"),
             Self::Voice { surface, structure } => write!(f, "surface {surface}, {structure}"),
+            Self::SumsAhead { surface } => write!(f, "surface {surface}, sums ahead"),
             Self::StickSlip { surface } => write!(f, "surface {surface}, stick-slip"),
             Self::Lines { surface } => write!(f, "surface {surface}, lines"),
             Self::Tap => f.write_str("tap"),
@@ -237,7 +272,7 @@ impl fmt::Display for OverBudget {
         let (cost, budget) = (&self.cost, self.budget);
         write!(
             f,
-            "the scene takes {cost}, and the budget of a tick is {budget}"
+            "the scene takes {cost}, and the budget of a sample is {budget}"
         )
     }
 }

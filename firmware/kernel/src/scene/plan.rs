@@ -7,11 +7,11 @@ use model_format::{Library, MillimetresPerSecond, Newton, Texture};
 
 use super::cost::{self, Cost, Item, OverBudget, Term};
 use super::equaliser::Equaliser;
-use super::path::Path;
+use super::path::{Located, Path};
 use super::stick_slip::StickSlipWindow;
 use super::tap::Resonance;
 use crate::grid::{Motion, ONE};
-use crate::synthesis::Scale;
+use crate::synthesis::{Scale, update_interval_samples};
 
 /// A scene, compiled for playing.
 #[derive(Clone, Debug)]
@@ -106,9 +106,48 @@ impl<'a> Plan<'a> {
         }
     }
 
+    /// The plan with each texture changed to what `change` makes of it: for comparisons with parts left out, see
+    /// [`Texture::without_codebooks`].
+    ///
+    /// A player does not tell such textures from those that they were made of, so that each takes a player of its own.
+    #[must_use]
+    pub fn with_textures(mut self, change: impl Fn(Texture<'a>) -> Texture<'a>) -> Self {
+        let textures = self
+            .surfaces
+            .iter_mut()
+            .filter_map(|one| one.texture.as_mut());
+        self.has_lines = false;
+        for texture in textures {
+            *texture = PlannedTexture::new(change(texture.texture));
+            self.has_lines |= texture.texture.lines().is_some();
+        }
+        self
+    }
+
+    /// The texture and the gain, in steps of 2⁻¹⁶, of each surface; a smooth one has no texture.
+    pub fn surfaces(&self) -> impl Iterator<Item = (Option<Texture<'a>>, u32)> {
+        let surfaces = self.surfaces.iter();
+        surfaces.map(|one| (one.texture.map(|planned| planned.texture), one.gain))
+    }
+
+    /// The surfaces at a position on the path, mm; see [`Path::locate`].
+    pub fn locate(&self, position_mm: f32) -> Vec<Located, 2> {
+        self.path.locate(position_mm)
+    }
+
+    /// Speed and force that the textures follow, if they do not follow those of the moment.
+    pub fn constant_motion(&self) -> Option<Motion> {
+        self.constant_motion
+    }
+
     /// Sample rate, Hz.
     pub fn sample_rate_hz(&self) -> u32 {
         self.sample_rate_hz
+    }
+
+    /// Samples of a block: 2 ms at each rate that a stylus plays.
+    pub fn block_samples(&self) -> u32 {
+        update_interval_samples(self.sample_rate_hz)
     }
 
     /// Returns whether any texture has lines that are locked to place, for which the position counts.
@@ -116,27 +155,28 @@ impl<'a> Plan<'a> {
         self.has_lines
     }
 
-    /// Instructions per tick in the worst case, in the model of [`cost`].
+    /// Instructions per sample in the worst case, in the model of [`cost`]. The worst sample is the first of a block.
     ///
     /// With two surfaces or more, the two most expensive ones sound at a time, because the tool may jump from any one
     /// to any other. With one surface there is one voice.
     pub fn worst_case(&self) -> Cost {
-        let voices = |surface: u8| -> Option<[Option<Term>; 3]> {
+        let voices = |surface: u8| -> Option<[Option<Term>; 4]> {
             let planned = self.surfaces.get(usize::from(surface))?;
             let texture = planned.texture.filter(|_| planned.gain > 0)?;
             let stick_slip = Term::once(Item::StickSlip { surface }, cost::STICK_SLIP);
             let stick_slip = planned.stick_slip.map(|_| stick_slip);
             let lines = Term::lines(surface, &texture.texture);
             let voice = Term::voice(surface, &texture.texture);
-            Some([Some(voice), stick_slip, lines])
+            let sums_ahead = Term::sums_ahead(surface, &texture.texture);
+            Some([Some(voice), sums_ahead, stick_slip, lines])
         };
-        let price = |terms: &[Option<Term>; 3]| -> u32 {
+        let price = |terms: &[Option<Term>; 4]| -> u32 {
             terms.iter().flatten().map(Term::instructions).sum()
         };
-        let mut dearest: [Option<[Option<Term>; 3]>; 2] = [None; 2];
+        let mut dearest: [Option<[Option<Term>; 4]>; 2] = [None; 2];
         for mut voice in self.path.surfaces().map(voices) {
             for place in &mut dearest {
-                let price = |terms: &Option<[Option<Term>; 3]>| terms.as_ref().map_or(0, price);
+                let price = |terms: &Option<[Option<Term>; 4]>| terms.as_ref().map_or(0, price);
                 if price(&voice) > price(place) {
                     core::mem::swap(place, &mut voice);
                 }
@@ -170,11 +210,12 @@ impl<'a> Plan<'a> {
         cost
     }
 
-    /// Returns [`Plan::worst_case`] if it is within `budget` instructions per tick.
+    /// Returns [`Plan::worst_case`] if all samples of a tick are within `budget` instructions per tick.
     ///
     /// # Errors
-    /// A worst case above the budget; the error holds its terms.
+    /// A worst case above the budget of a sample; the error holds its terms.
     pub fn within(&self, budget: u32) -> Result<Cost, OverBudget> {
+        let budget = cost::budget_per_sample(budget, self.sample_rate_hz);
         self.worst_case().within(budget)
     }
 }

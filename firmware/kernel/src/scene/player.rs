@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use model_format::OutputSample;
 
-use super::block::{Block, SLOTS};
+use super::block::{Block, SLOTS, Stage, VoiceStage};
 use super::director::Director;
 use super::interaction::Interaction;
 use super::plan::Plan;
@@ -13,6 +13,9 @@ use super::slots::Voices;
 use crate::arithmetic::{Arithmetic, Portable};
 use crate::level::Levels;
 use crate::synthesis::{Frame, Playback};
+
+/// Samples that voices play ahead at most, in [`ScenePlayer::next_block`].
+const BLOCK_SAMPLES: usize = 64;
 
 /// A scene being played: director, voices and playback in one.
 #[derive(Clone, Debug)]
@@ -78,9 +81,14 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
         let (voices, block) = (&mut self.voices, &mut self.block);
         self.director
             .next_block(interaction, samples, left, ringing, voices, block);
+        let OwnVoices {
+            frames, playbacks, ..
+        } = &mut self.voices;
         self.playback.begin_block(&self.block, |voice| {
-            if let Some(playback) = &mut self.voices.playbacks[usize::from(voice.slot)] {
-                playback.begin_frame(samples);
+            let slot = usize::from(voice.slot);
+            let frame = &frames[slot][usize::from(voice.buffer)];
+            if let (Some(playback), Some(frame)) = (&mut playbacks[slot], frame) {
+                playback.begin_frame::<A>(frame, samples);
             }
         });
     }
@@ -101,6 +109,31 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
                 _ => OutputSample::SILENCE,
             }
         })
+    }
+
+    /// The next samples, those of a call of [`ScenePlayer::next_sample`] for each; see
+    /// [`Playback::next_block`](crate::Playback::next_block).
+    pub fn next_block(&mut self, outputs: &mut [OutputSample]) {
+        for outputs in outputs.chunks_mut(BLOCK_SAMPLES) {
+            self.next_short_block(outputs);
+        }
+    }
+
+    /// The next samples, at most [`BLOCK_SAMPLES`]. Each voice plays ahead, because none depends on what follows it.
+    fn next_short_block(&mut self, outputs: &mut [OutputSample]) {
+        let mut ahead = [[OutputSample::SILENCE; BLOCK_SAMPLES]; SLOTS];
+        let voices = &mut self.voices;
+        for voice in self.block.stages().iter().filter_map(Stage::voice) {
+            let slot = usize::from(voice.slot);
+            let frame = &voices.frames[slot][usize::from(voice.buffer)];
+            if let (Some(playback), Some(frame)) = (&mut voices.playbacks[slot], frame) {
+                playback.next_block::<A>(frame, &mut ahead[slot][..outputs.len()]);
+            }
+        }
+        for (index, output) in outputs.iter_mut().enumerate() {
+            let voice = |voice: VoiceStage| ahead[usize::from(voice.slot)][index];
+            *output = self.playback.next_sample(&self.block, voice);
+        }
     }
 
     /// Changes to `plan` as soon as what sounds has faded; see [`Director::switch`].

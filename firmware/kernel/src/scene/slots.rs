@@ -32,11 +32,11 @@ use crate::synthesis::{Frame, Playback};
 ///
 /// A device decides a block in less than 2 ms, which at 400 MHz is 800 000 cycles, or 400 000 instructions at two
 /// cycles per instruction, which is pessimistic. While one of two voices is run up, the ten ticks of a block take at
-/// most 65 000 of them, with all effects and a lattice of 400 stages; the frames of both voices take 65 000, their
-/// excitations 9000 if both are fed ([`FEED`]), and two changes of texture 20 000. With this a third is left over.
+/// most 65 000 of them, with all effects and a lattice of 400 stages; the frames of both voices take 20 000, their
+/// excitations 9000 if both are fed ([`FEED`]), and two changes of texture 20 000. With this nearly half is left over.
 ///
-/// A direct form of up to 40 coefficients is so run up in 16 blocks or 32 ms, one of 400 in 65 blocks or 130 ms; a fed
-/// one in 39 or 88 blocks, because the excitation of each sample is made then.
+/// A direct form of up to 41 coefficients is so run up in 20 blocks or 40 ms, one of 400 in 46 blocks or 92 ms; a fed
+/// one in 45 or 71 blocks, because the excitation of each sample is made then.
 pub const RUN_UP_INSTRUCTIONS: u32 = 100_000;
 
 /// Storage of the voices. On a device it is shared with the tick; the director never asks for a part that the tick uses
@@ -96,6 +96,8 @@ struct Slot<'a> {
     buffer: usize,
     /// True for each frame that was made for the texture.
     made: [bool; 2],
+    /// The motion and gain of each frame's last update, while they are known.
+    updated: [Option<(Motion, u32)>; 2],
     /// True while the playback is to be run up, before it may be in a block.
     cold: bool,
     /// True if the block that is played uses the slot.
@@ -201,7 +203,8 @@ impl<'a> Slots<'a> {
         };
         let feed = if texture.is_fed() { FEED } else { 0 };
         let cost = Term::voice(surface, &texture).instructions() + feed;
-        let samples = *instructions / cost;
+        let sums_ahead = Term::sums_ahead(surface, &texture).map_or(0, |term| term.instructions());
+        let samples = instructions.saturating_sub(sums_ahead) / cost;
         if samples == 0 {
             return;
         }
@@ -215,12 +218,13 @@ impl<'a> Slots<'a> {
             *frame = None;
         }
         let frame = frame.get_or_insert_with(|| Frame::silent_at(&texture, scale));
-        frame.prepare(&texture, motion);
+        frame.prepare::<V::Arithmetic>(&texture, motion);
+        slot.updated[slot.buffer] = None;
         (slot.motion, slot.gain) = (Some(motion), 0);
         if let Some(playback) = playback {
             let before = playback.cold();
             playback.run_up::<V::Arithmetic>(frame, &texture, motion, &mut slot.feed, samples);
-            *instructions -= (before - playback.cold()) * cost;
+            *instructions -= sums_ahead + (before - playback.cold()) * cost;
             slot.cold = playback.cold() > 0;
         }
     }
@@ -268,6 +272,7 @@ impl<'a> Slots<'a> {
             return;
         }
         (slot.texture, slot.made, slot.motion) = (Some(texture), [false; 2], None);
+        slot.updated = [None; 2];
         slot.lines = VoiceLines::new(&texture.texture);
         let playback = voices.playback(index);
         if let Some(playback) = playback {
@@ -282,13 +287,13 @@ impl<'a> Slots<'a> {
     }
 
     /// Takes slot `index` to `gain`, and returns its stage if it is to be played.
-    fn direct_slot(
+    fn direct_slot<V: Voices>(
         &mut self,
         plan: &Plan<'a>,
         index: usize,
         gain: u32,
         moment: Moment,
-        voices: &mut impl Voices,
+        voices: &mut V,
         block: &mut Block,
     ) -> Option<Stage> {
         let Moment { samples, left, .. } = moment;
@@ -327,7 +332,11 @@ impl<'a> Slots<'a> {
                 *frame = None;
             }
             let frame = frame.get_or_insert_with(|| Frame::silent_at(&texture, scale));
-            frame.update_scaled(&texture, motion, gain, from, samples);
+            if slot.updated[slot.buffer].replace((motion, gain)) == Some((motion, gain)) {
+                frame.hold(from, samples);
+            } else {
+                frame.update_scaled::<V::Arithmetic>(&texture, motion, gain, from, samples);
+            }
             if fed {
                 frame.feed(&mut slot.feed, &texture, motion, samples);
             }
@@ -363,6 +372,7 @@ impl Slot<'_> {
             surface: None,
             buffer: 0,
             made: [false; 2],
+            updated: [None; 2],
             cold: false,
             played: false,
             began: false,

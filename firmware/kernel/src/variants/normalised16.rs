@@ -88,9 +88,7 @@ impl Lattice16Frame {
     /// from `from`, that of the frame before, to its new value in `samples` samples.
     pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
         let rotations = &mut self.rotations[..self.stages];
-        theta::interpolate(texture, point, rotations, |theta| {
-            Rotation::from_theta(theta).into()
-        });
+        theta::interpolate(texture, point, rotations, Rotation16::from);
         self.gain = theta::gain(texture, point, from, samples);
     }
 

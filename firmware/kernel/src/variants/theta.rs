@@ -1,13 +1,31 @@
 //! Interpolated θ, the source of every lattice's coefficients.
 
+use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Texture};
 
+use crate::arithmetic::Portable;
 use crate::fixed::shift_toward_zero;
 use crate::grid::{GridPoint, ONE};
 use crate::lattice::GAIN_FRACTION_BITS;
 use crate::level::{Levels, Ramp, rms_at};
+use crate::nodes::Nodes;
+use crate::rotation::Rotation;
 
-pub(super) use crate::theta::interpolate;
+/// Writes `coefficient` of each stage's rotation at `point` to `stages`, the first stage first; see
+/// [`crate::theta`].
+pub(super) fn interpolate<T>(
+    texture: &Texture<'_>,
+    point: &GridPoint,
+    stages: &mut [T],
+    mut coefficient: impl FnMut(Rotation) -> T,
+) {
+    let mut rotations = [Rotation::NONE; MAX_ORDER];
+    let rotations = &mut rotations[..stages.len()];
+    Nodes::at(texture, point).interpolate::<Portable>(rotations);
+    for (stage, &rotation) in stages.iter_mut().zip(rotations.iter()) {
+        *stage = coefficient(rotation);
+    }
+}
 
 /// Binary digits between a standard deviation of a lattice's output and its full scale, eight of them.
 const HEADROOM_BITS: u32 = 3;

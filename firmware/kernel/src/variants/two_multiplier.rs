@@ -21,7 +21,6 @@ use super::theta;
 use crate::excitation;
 use crate::grid::GridPoint;
 use crate::level::{Levels, Ramp};
-use crate::rotation::Rotation;
 
 /// Full scale of the forward signals is 2²⁹: four times one must still be a word.
 pub const FULL_SCALE_BITS: u32 = 29;
@@ -63,8 +62,7 @@ impl TwoMultiplierFrame {
     pub fn update(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
         let mut deviation = 1.0;
         let reflection = &mut self.reflection[..self.stages];
-        theta::interpolate(texture, point, reflection, |theta| {
-            let rotation = Rotation::from_theta(theta);
+        theta::interpolate(texture, point, reflection, |rotation| {
             deviation *= rotation.cos as f32 / (1u32 << 31) as f32;
             rotation.sin
         });

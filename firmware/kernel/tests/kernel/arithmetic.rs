@@ -1,7 +1,7 @@
-//! The sum of products against integers that cannot overflow.
+//! The sums of products against integers that cannot overflow.
 
 use proptest::prelude::*;
-use stylus_kernel::arithmetic::{Arithmetic, Portable, TURN_TAPS, Turn};
+use stylus_kernel::arithmetic::{Arithmetic, Portable, SUMS, TURN_TAPS, Turn};
 
 fn word() -> impl Strategy<Value = i32> {
     prop_oneof![3 => any::<i32>(), 1 => Just(i32::MIN), 1 => Just(i32::MAX), 1 => -1i32..=1]
@@ -16,12 +16,16 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(1024))]
 
     #[test]
-    fn the_portable_sum_of_products_is_exact_but_for_whole_turns_of_64_bits(
-        turns in prop::collection::vec((turn(), turn()), 0..4),
+    fn the_portable_sums_of_products_are_exact_but_for_whole_turns_of_64_bits(
+        turns in prop::collection::vec(turn(), 0..4),
+        samples in prop::collection::vec(word(), 4 * TURN_TAPS),
     ) {
-        let (a, b): (Vec<Turn>, Vec<Turn>) = turns.into_iter().unzip();
-        let pairs = a.as_flattened().iter().zip(b.as_flattened());
-        let exact: i128 = pairs.map(|(&a, &b)| i128::from(a) * i128::from(b)).sum();
-        prop_assert_eq!(Portable::sum_of_products(&a, &b), exact as i64);
+        let coefficients = turns.as_flattened();
+        let sums = Portable::sums_of_products(&turns, &samples);
+        for (sum, place) in sums.into_iter().zip((0..SUMS).rev()) {
+            let pairs = coefficients.iter().zip(&samples[place..]);
+            let exact: i128 = pairs.map(|(&a, &b)| i128::from(a) * i128::from(b)).sum();
+            prop_assert_eq!(sum, exact as i64);
+        }
     }
 }

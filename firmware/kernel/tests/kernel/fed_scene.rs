@@ -164,11 +164,11 @@ fn noise_goes_on_from_a_plain_texture_through_a_fed_one_to_a_plain_one() {
     let (plain, fed) = (texture(&plain), texture(&fed));
     let play = |playback: &mut Playback, texture, feed: Option<&mut Feed>| {
         let mut frame = Frame::silent(&texture);
-        frame.update(&texture, moving(), Levels::SILENT, 1);
+        frame.update::<Portable>(&texture, moving(), Levels::SILENT, 1);
         if let Some(feed) = feed {
             frame.feed(feed, &texture, moving(), 10);
         }
-        playback.begin_frame(10);
+        playback.begin_frame::<Portable>(&frame, 10);
         [(); 10].map(|()| playback.next_sample::<Portable>(&frame).0)
     };
     let mut feed = Feed::new(9);

@@ -2,8 +2,8 @@
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, Structure, TextureSpec,
-    encode_uncertified,
+    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, Structure, TailSpec,
+    TextureSpec, encode_uncertified,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -32,17 +32,27 @@ fn node() -> impl Strategy<Value = NodeSpec> {
             flags: NodeFlags::NONE,
             codes: {
                 fractions.truncate(codes.len());
-                CodeSpec::Lattice { codes, fractions }
+                CodeSpec::Lattice { codes, fractions, tail: TailSpec::default() }
             },
         }),
         1 => Just(silent_node(Structure::NormalisedLattice)),
     ]
 }
 
+/// The same nodes with one byte per stage after the first 32.
+fn with_tails(mut nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
+    for node in &mut nodes {
+        let thetas: Vec<i32> = node.codes.thetas().collect();
+        node.codes = CodeSpec::compact_lattice(&thetas, MAX_FINE_STAGES);
+    }
+    nodes
+}
+
 /// A library of 3 x 2 such nodes, with laws that they allow.
 fn grid() -> impl Strategy<Value = Vec<u8>> {
     let laws = (select(&LevelLaw::ALL[..]), select(&FadeLaw::ALL[..]));
-    (vec(node(), 6), laws).prop_map(|(nodes, (level, fade))| {
+    (vec(node(), 6), laws, any::<bool>()).prop_map(|(nodes, (level, fade), tails)| {
+        let nodes = if tails { with_tails(nodes) } else { nodes };
         let silent = |node: &NodeSpec| node.flags.contains(NodeFlags::SILENT);
         let level = match level {
             LevelLaw::Logarithm if nodes.iter().any(silent) => LevelLaw::Amplitude,
@@ -87,7 +97,7 @@ proptest! {
         let mut frame = LatticeFrame::silent(texture.max_order());
         let mut state = state(&backward);
         for (motion, excitation) in steps {
-            frame.update(&texture, &GridPoint::locate(&texture, motion), Levels::SILENT, 1);
+            frame.update::<Portable>(&texture, &GridPoint::locate(&texture, motion), Levels::SILENT, 1);
             let stages = frame.rotations().len();
             let before = energy(state.backward(stages)) + energy(&[excitation]);
             let (output, at_full_scale) = state.next_sample::<Portable>(&frame, excitation, 0);

@@ -1,7 +1,9 @@
 //! Promises of the kernel for every texture and motion, tested through its public interface only.
 
 mod arithmetic;
+mod blocks;
 mod direct;
+mod examples;
 mod fed;
 mod fed_lattice;
 mod fed_scene;

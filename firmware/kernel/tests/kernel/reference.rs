@@ -61,6 +61,12 @@ impl FloatDirect {
         }
     }
 
+    /// Changes the coefficients, of which there are as many as before.
+    pub fn set(&mut self, predictor: Vec<f64>) {
+        assert_eq!(predictor.len(), self.predictor.len());
+        self.predictor = predictor;
+    }
+
     pub fn filter(&mut self, excitation: f64) -> f64 {
         let newest_first = self.history.iter().rev();
         let prediction: f64 = self

@@ -305,7 +305,8 @@ fn the_worst_case_counts_what_can_sound_at_a_time_and_nothing_else() {
     let cost = plan(&bytes, &side_by_side(&[2, 0, 3], 1.0)).worst_case();
     let expected = u32::from(cost::MIX.base)
         + u32::from(cost::LATTICE.base + 400 * cost::LATTICE.each)
-        + u32::from(cost::DIRECT.base + 10 * cost::DIRECT.each);
+        + u32::from(cost::DIRECT.base + 11 * cost::DIRECT.each)
+        + u32::from(cost::SUMS_AHEAD.base + 11 * cost::SUMS_AHEAD.each);
     assert_eq!(cost.instructions(), expected);
     // A surface without a region costs nothing.
     let mut scene = side_by_side(&[0, 2], 0.0);
@@ -336,9 +337,9 @@ fn a_plan_over_the_budget_is_refused_with_the_arithmetic() {
     let message = refused.to_string();
     for told in [
         "surface 0, normalised lattice: 153 + 400 x 11 = 4553".to_owned(),
-        "surface 1, direct form, 32 bits: 214 + 10 x 107 = 1284".to_owned(),
+        "surface 1, direct form, 32 bits: 320 + 11 x 51 = 881".to_owned(),
         format!("together {needed} instructions"),
-        format!("the budget of a tick is {}", needed - 1),
+        format!("the budget of a sample is {}", needed - 1),
     ] {
         assert!(message.contains(&told), "{message}");
     }

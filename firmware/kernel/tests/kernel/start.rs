@@ -11,6 +11,7 @@ use stylus_kernel::direct::RUN_UP_SAMPLES;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::Rotation;
+use stylus_kernel::scene::cost::Term;
 use stylus_kernel::scene::{Interaction, Plan, RUN_UP_INSTRUCTIONS, ScenePlayer, Stage};
 
 use crate::models::{fixture, motion, rotation, texture};
@@ -338,9 +339,11 @@ fn blocks_of_silence(player: &mut ScenePlayer<'_>, interaction: Interaction) -> 
     }
 }
 
-/// Blocks that the run-up of `instructions` per sample takes by itself.
-fn run_up_blocks(instructions: u32) -> usize {
-    RUN_UP_SAMPLES.div_ceil(RUN_UP_INSTRUCTIONS / instructions) as usize
+/// Blocks that the run-up of the direct form with these terms, its sample and its sums ahead, takes by itself.
+fn run_up_blocks(terms: &[Term]) -> usize {
+    let [sample, sums_ahead] = [terms[0], terms[1]].map(|term| term.instructions());
+    let samples = (RUN_UP_INSTRUCTIONS - sums_ahead) / sample;
+    RUN_UP_SAMPLES.div_ceil(samples) as usize
 }
 
 #[test]
@@ -349,15 +352,16 @@ fn a_direct_form_is_silent_while_it_is_run_up_and_a_lattice_never() {
     for index in 0..5 {
         let scene = side_by_side(&[index], 0.0);
         let mut player = player(&bytes, &scene, 1);
-        let voice = player.director().plan().worst_case().terms()[1];
+        let cost = player.director().plan().worst_case();
+        let voice = cost.terms()[1];
         let silent = blocks_of_silence(&mut player, at(50.0, moving()));
         let expected = if index < 3 {
             0
         } else {
-            run_up_blocks(voice.instructions())
+            run_up_blocks(&cost.terms()[1..])
         };
         assert_eq!(silent, expected, "{voice}");
-        assert!(silent <= 65, "130 ms, as the pages say");
+        assert!(silent <= 46, "92 ms, as the pages say");
     }
 }
 
@@ -367,7 +371,7 @@ fn two_direct_forms_at_once_take_as_long_as_one_after_the_other() {
     let bytes = library(&[]);
     let scene = side_by_side(&[3, 4], 20.0);
     let mut player = player(&bytes, &scene, 1);
-    let one = run_up_blocks(player.director().plan().worst_case().terms()[1].instructions());
+    let one = run_up_blocks(&player.director().plan().worst_case().terms()[1..]);
     assert_eq!(blocks_of_silence(&mut player, at(100.0, moving())), one);
     let more = (0..).take_while(|_| {
         block(&mut player, at(100.0, moving()));
@@ -417,16 +421,12 @@ fn a_surface_sounds_alone_until_the_one_beside_it_is_run_up() {
             }
             alone
         });
-        let direct = crossing_cost(&bytes);
-        assert_eq!(alone.count(), run_up_blocks(direct), "at {there} mm");
+        let cost = plan(&bytes, &side_by_side(&[4], 0.0)).worst_case();
+        let direct = run_up_blocks(&cost.terms()[1..]);
+        assert_eq!(alone.count(), direct, "at {there} mm");
         // The fade from one to the other, or their shares.
         assert_eq!(crossing.block().stages().len(), 2);
     }
-}
-
-/// Instructions of the direct form of that crossing.
-fn crossing_cost(bytes: &[u8]) -> u32 {
-    plan(bytes, &side_by_side(&[4], 0.0)).worst_case().terms()[1].instructions()
 }
 
 #[test]

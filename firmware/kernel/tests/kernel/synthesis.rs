@@ -4,10 +4,11 @@ use model_format::limits::{MAX_COEFFICIENT_SUM, MAX_EXPONENT, MAX_OUTPUT_POWER};
 use model_format::{CodeSpec, NodeFlags, NodeSpec, OutputSample, SAMPLE_RATE_HZ, Structure};
 use proptest::collection::vec;
 use proptest::prelude::*;
-use stylus_kernel::grid::GridPoint;
+use stylus_kernel::arithmetic::Portable;
+use stylus_kernel::grid::{GridPoint, ONE};
 use stylus_kernel::lattice::LatticeFrame;
 use stylus_kernel::rotation::Rotation;
-use stylus_kernel::{Levels, Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
+use stylus_kernel::{Frame, Levels, Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::lattice::theta_code;
 use crate::models::{STRUCTURES, fixture, library, motion, single, texture};
@@ -180,6 +181,30 @@ fn a_motion_calls_for_the_same_whatever_the_motion_before() {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// A held frame has the words of one that is updated again, wherever its ramps are.
+    #[test]
+    fn holding_a_motion_gives_the_bits_of_another_update(
+        speed in 0.0f32..200.0, force in 0.0f32..1.5, gain in 0u32..=ONE, left in 0u32..10, samples in 1u32..20,
+    ) {
+        for structure in STRUCTURES {
+            let nodes = ["H1b", "H2b", "H3", "H1a"].map(|name| fixture(name).node(structure, 4.0));
+            let bytes = library(structure, &[50.0, 150.0], &[0.5, 1.0], nodes.to_vec());
+            let texture = texture(&bytes);
+            let (mut held, moving) = (Frame::silent(&texture), motion(speed, force));
+            held.update_scaled::<Portable>(&texture, motion(90.0, 0.7), ONE, Levels::SILENT, 10);
+            held.update_scaled::<Portable>(&texture, moving, gain, held.levels(0), 10);
+            let mut updated = held.clone();
+            let from = held.levels(left);
+            held.hold(from, samples);
+            updated.update_scaled::<Portable>(&texture, moving, gain, from, samples);
+            prop_assert_eq!(format!("{held:?}"), format!("{updated:?}"));
+        }
+    }
+}
+
 /// Four equal nodes take other paths of code than a single one, and give the same bits.
 #[test]
 fn a_grid_of_equal_nodes_plays_like_a_single_node() {
@@ -279,7 +304,7 @@ proptest! {
         let texture = texture(&bytes);
         let rotations = |speed, force| -> Vec<Rotation> {
             let mut frame = LatticeFrame::silent(texture.max_order());
-            frame.update(&texture, &GridPoint::locate(&texture, motion(speed, force)), Levels::SILENT, 1);
+            frame.update::<Portable>(&texture, &GridPoint::locate(&texture, motion(speed, force)), Levels::SILENT, 1);
             frame.rotations().to_vec()
         };
         let here = rotations(speed, force);

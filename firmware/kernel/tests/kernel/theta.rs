@@ -1,22 +1,28 @@
 //! Interpolation of θ with its fractions, against sums in wider integers.
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
-use model_format::{CodeSpec, MAX_FINE_THETA, NodeFlags, NodeSpec, Structure};
+use model_format::{CodeSpec, FINE_THETA_STEP_RAD, MAX_FINE_THETA, NodeFlags, NodeSpec, Structure};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::Levels;
-use stylus_kernel::grid::GridPoint;
+use stylus_kernel::arithmetic::Portable;
+use stylus_kernel::grid::{GridPoint, ONE};
 use stylus_kernel::lattice::LatticeFrame;
-use stylus_kernel::rotation::Rotation;
+use stylus_kernel::rotation::{Rotation, SUM_PER_THETA, SUM_QUARTER_TURN};
+use stylus_kernel::theta::BIAS;
 
 use crate::models::{library, motion, single, texture};
 
 fn node(thetas: &[i32]) -> NodeSpec {
+    node_of(CodeSpec::fine_lattice(thetas))
+}
+
+fn node_of(codes: CodeSpec) -> NodeSpec {
     NodeSpec {
         output_power: 1.0,
         prediction_error_power: 0.5,
         flags: NodeFlags::NONE,
-        codes: CodeSpec::fine_lattice(thetas),
+        codes,
     }
 }
 
@@ -47,8 +53,22 @@ fn rotations(bytes: &[u8], speed: f32, force: f32) -> Vec<Rotation> {
     let texture = texture(bytes);
     let mut frame = LatticeFrame::silent(texture.max_order());
     let point = GridPoint::locate(&texture, motion(speed, force));
-    frame.update(&texture, &point, Levels::SILENT, 1);
+    frame.update::<Portable>(&texture, &point, Levels::SILENT, 1);
     frame.rotations().to_vec()
+}
+
+/// A texture of the lattices `nodes` at the corners of one cell, 40 to 80 mm/s and 0.5 to 1 N.
+fn square(nodes: Vec<NodeSpec>) -> Vec<u8> {
+    library(
+        Structure::NormalisedLattice,
+        &[40.0, 80.0],
+        &[0.5, 1.0],
+        nodes,
+    )
+}
+
+fn longest(nodes: &[Vec<i32>]) -> usize {
+    nodes.iter().map(Vec::len).max().unwrap_or(0)
 }
 
 proptest! {
@@ -59,23 +79,82 @@ proptest! {
         prop_assert_eq!(rotations(&bytes, 100.0, 1.0), expected);
     }
 
+    /// Each product of a weight with a code or a fraction is rounded down by itself. The start is such that the sum is
+    /// right after its last three digits are dropped.
     #[test]
-    fn between_nodes_theta_is_the_weighted_mean_rounded_once(
+    fn between_nodes_theta_is_the_sum_of_truncated_products(
         nodes in vec(thetas(), 4), speed in 40.0f32..=80.0, force in 0.5f32..=1.0,
     ) {
-        let bytes = library(
-            Structure::NormalisedLattice, &[40.0, 80.0], &[0.5, 1.0], nodes.iter().map(|thetas| node(thetas)).collect(),
-        );
+        let bytes = square(nodes.iter().map(|thetas| node(thetas)).collect());
         let point = GridPoint::locate(&texture(&bytes), motion(speed, force));
-        let longest = nodes.iter().map(Vec::len).max().unwrap_or(0);
-        let mut sums = vec![0i64; longest];
+        let mut sums = vec![0i64; longest(&nodes)];
         for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {
             for (sum, theta) in sums.iter_mut().zip(stored(&nodes[2 * speed + force])) {
-                *sum += i64::from(theta) * i64::from(weight);
+                let (code, fraction) = ((theta + 128).div_euclid(256), (theta + 128).rem_euclid(256) - 128);
+                for steps in [256 * code, fraction] {
+                    let product = i64::from(steps) * i64::from(SUM_PER_THETA) * i64::from(weight);
+                    *sum += product.div_euclid(1 << 16);
+                }
             }
         }
-        let mean = |sum: i64| (sum + (1 << 15)).div_euclid(1 << 16) as i32;
-        let expected: Vec<Rotation> = sums.into_iter().map(mean).map(Rotation::from_theta).collect();
+        let expected: Vec<Rotation> = sums.into_iter().map(|sum| Rotation::from_sum(sum as i32 + BIAS)).collect();
         prop_assert_eq!(rotations(&bytes, speed, force), expected);
     }
+
+    /// The sum is within 8 steps, each 5.6 steps of 2⁻³¹; a rotation has 4 of its own.
+    #[test]
+    fn between_nodes_sine_and_cosine_are_those_of_the_weighted_mean(
+        nodes in vec(thetas(), 4), speed in 40.0f32..=80.0, force in 0.5f32..=1.0,
+    ) {
+        let bytes = square(nodes.iter().map(|thetas| node(thetas)).collect());
+        let nodes: Vec<Vec<i32>> = nodes.iter().map(|thetas| stored(thetas).collect()).collect();
+        is_within_steps_of_the_mean(&bytes, &nodes, speed, force)?;
+    }
+
+    /// Nodes whose tails differ in length and step, and among them nodes without one.
+    #[test]
+    fn the_same_holds_of_tails(
+        nodes in vec((thetas(), 0u32..20), 4), speed in 40.0f32..=80.0, force in 0.5f32..=1.0,
+    ) {
+        let nodes: Vec<CodeSpec> = nodes
+            .into_iter()
+            .map(|(thetas, scale)| {
+                let scaled = thetas.iter().enumerate().map(|(stage, theta)| match stage {
+                    0..MAX_FINE_STAGES => *theta,
+                    _ => theta >> scale,
+                });
+                CodeSpec::compact_lattice(&scaled.collect::<Vec<_>>(), MAX_FINE_STAGES)
+            })
+            .collect();
+        let bytes = square(nodes.iter().cloned().map(node_of).collect());
+        let thetas: Vec<Vec<i32>> = nodes.iter().map(|codes| codes.thetas().collect()).collect();
+        is_within_steps_of_the_mean(&bytes, &thetas, speed, force)?;
+        let single = single(Structure::NormalisedLattice, node_of(nodes[0].clone()));
+        let expected: Vec<Rotation> = nodes[0].thetas().map(Rotation::from_theta).collect();
+        prop_assert_eq!(rotations(&single, 100.0, 1.0), expected);
+    }
+}
+
+/// Compares the rotations of a motion on a [`square`] of nodes of these θ with sine and cosine of the exact mean.
+fn is_within_steps_of_the_mean(
+    bytes: &[u8],
+    nodes: &[Vec<i32>],
+    speed: f32,
+    force: f32,
+) -> Result<(), TestCaseError> {
+    let point = GridPoint::locate(&texture(bytes), motion(speed, force));
+    let mut angles = vec![0.0; longest(nodes)];
+    for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {
+        for (angle, &theta) in angles.iter_mut().zip(&nodes[2 * speed + force]) {
+            *angle += f64::from(theta) * FINE_THETA_STEP_RAD * f64::from(weight) / f64::from(ONE);
+        }
+    }
+    let step = std::f64::consts::FRAC_PI_2 / f64::from(SUM_QUARTER_TURN) * 2f64.powi(31);
+    for (rotation, angle) in rotations(bytes, speed, force).into_iter().zip(angles) {
+        for (found, exact) in [(rotation.sin, angle.sin()), (rotation.cos, angle.cos())] {
+            let error = f64::from(found) - exact * 2f64.powi(31);
+            prop_assert!(error.abs() <= 8.0 * step + 4.0, "{error} at {angle}");
+        }
+    }
+    Ok(())
 }

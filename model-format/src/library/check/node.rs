@@ -2,7 +2,7 @@
 
 use crate::error::{DecodeError, Place, Problem};
 use crate::library::node::{NodeFlags, theta};
-use crate::library::part::levels;
+use crate::library::part::{levels, tails};
 use crate::library::texture::Texture;
 use crate::limits::{self, STEP_BYTES};
 use crate::wire::{NodeRecord, Structure, Summary};
@@ -87,6 +87,11 @@ impl<'a> NodesCheck<'a> {
             let stage = self.texture.fine_stages();
             return here(Problem::FineStageUnused { stage });
         }
+        if self.texture.has_tails()
+            && usize::from(self.summary.highest_order) <= limits::MAX_FINE_STAGES
+        {
+            return here(Problem::NoTail);
+        }
         let (stored, found) = (self.texture.summary, self.summary);
         if stored.highest_order != found.highest_order {
             let (stored, found) = (stored.highest_order, found.highest_order);
@@ -114,7 +119,7 @@ impl<'a> NodesCheck<'a> {
             });
         }
         let order = usize::from(record.order);
-        let end = self.begin + order * texture.structure.coefficient_bytes();
+        let end = self.begin + texture.bytes_of_order(order);
         let Some(bytes) = texture.coefficients.get(self.begin..end) else {
             return Err(Problem::CoefficientLength {
                 found: texture.coefficients.len(),
@@ -122,7 +127,7 @@ impl<'a> NodesCheck<'a> {
             });
         };
         let found = match texture.structure {
-            Structure::NormalisedLattice => self.check_lattice(order, bytes.as_chunks().0)?,
+            Structure::NormalisedLattice => self.check_lattice(order, bytes)?,
             Structure::DirectForm16 => check_direct16(record.exponent, bytes.as_chunks().0)?,
             Structure::DirectForm32 => check_direct32(record.exponent, bytes.as_chunks().0)?,
         };
@@ -133,7 +138,18 @@ impl<'a> NodesCheck<'a> {
         Ok(end)
     }
 
-    fn check_lattice(&self, order: usize, codes: &[[u8; 2]]) -> Result<Found, Problem> {
+    fn check_lattice(&self, order: usize, bytes: &'a [u8]) -> Result<Found, Problem> {
+        let (codes, tail) = self.texture.lattice_codes(self.number, order, bytes);
+        let in_tail = tails::check(tail)?;
+        let found = self.check_first_stages(order, codes)?;
+        Ok(Found {
+            largest_theta: found.largest_theta.max(in_tail),
+            ..found
+        })
+    }
+
+    /// Checks the stages of a lattice that have codes of 16 bits, with their fractions.
+    fn check_first_stages(&self, order: usize, codes: &[[u8; 2]]) -> Result<Found, Problem> {
         let mut largest_code = 0;
         for &code in codes {
             largest_code = i16::from_le_bytes(code).unsigned_abs().max(largest_code);

@@ -7,6 +7,7 @@
 //! | 3 | [`excitation`] | codebooks of the prediction residual |
 //! | 4 | [`modulation`] | a track of the excitation's level |
 //! | 5 | [`lines`] | lines that are locked to place |
+//! | 6 | [`tails`] | θ in one byte for the last stages of a lattice, with a step per node |
 //!
 //! A texture ends with a varint of the number of its parts, and each part is a varint of its kind and a string of its
 //! content. Kinds ascend, so that none comes twice. An unknown kind is refused, because a reader that left it out would
@@ -26,6 +27,7 @@ mod parts_spec;
 mod powers;
 #[cfg(feature = "alloc")]
 mod spec;
+pub(crate) mod tails;
 
 use crate::error::Problem;
 use crate::wire::{Reader, Structure};
@@ -35,6 +37,7 @@ use fine_theta::FineTheta;
 use levels::LevelsPart;
 use lines::LinesPart;
 use modulation::ModulationPart;
+use tails::Tails;
 
 #[cfg(feature = "alloc")]
 pub use parts_spec::PartsSpec;
@@ -54,6 +57,8 @@ pub enum PartKind {
     Modulation,
     /// Lines that are locked to place.
     Lines,
+    /// θ of a lattice's last stages in one byte.
+    Tails,
 }
 
 impl core::fmt::Display for PartKind {
@@ -64,6 +69,7 @@ impl core::fmt::Display for PartKind {
             Self::Excitation => "excitation",
             Self::Modulation => "modulation",
             Self::Lines => "lines",
+            Self::Tails => "tails",
         })
     }
 }
@@ -76,6 +82,7 @@ pub(super) struct Parts<'a> {
     pub excitation: Option<ExcitationPart<'a>>,
     pub modulation: Option<ModulationPart<'a>>,
     pub lines: Option<LinesPart<'a>>,
+    pub tails: Option<Tails<'a>>,
 }
 
 impl<'a> Parts<'a> {
@@ -95,6 +102,7 @@ impl<'a> Parts<'a> {
                 excitation::KIND => parts.excitation = Some(ExcitationPart(content)),
                 modulation::KIND => parts.modulation = Some(ModulationPart(content)),
                 lines::KIND => parts.lines = Some(LinesPart(content)),
+                tails::KIND => parts.tails = Some(Tails(content)),
                 unknown => return Err(Problem::UnknownPart(unknown)),
             }
             if kind <= last {
@@ -122,6 +130,9 @@ impl<'a> Parts<'a> {
         if let Some(lines) = self.lines {
             lines.check(nodes)?;
         }
+        if let Some(tails) = self.tails {
+            tails.check(structure, nodes)?;
+        }
         Ok(())
     }
 
@@ -134,6 +145,7 @@ impl<'a> Parts<'a> {
             of(PartKind::Excitation, self.excitation.map(|part| part.0)),
             of(PartKind::Modulation, self.modulation.map(|part| part.0)),
             of(PartKind::Lines, self.lines.map(|part| part.0)),
+            of(PartKind::Tails, self.tails.map(|part| part.0)),
         ];
         parts.into_iter().flatten()
     }

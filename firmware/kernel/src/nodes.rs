@@ -1,0 +1,255 @@
+//! The four nodes of a lattice around a motion, cut into runs of stages that all of them store alike.
+
+use model_format::{Coefficients, Tail, Texture};
+
+use crate::arithmetic::Arithmetic;
+use crate::grid::GridPoint;
+use crate::rotation::{Rotation, SUM_PER_THETA};
+use crate::theta::{Codes, PER_CODE, PER_FRACTION, Run};
+
+/// The four nodes around a motion.
+pub(crate) struct Nodes<'a> {
+    codes: [&'a [[u8; 2]]; 4],
+    fractions: [&'a [u8]; 4],
+    tails: [Tail<'a>; 4],
+    weights: [u32; 4],
+    /// Powers of the output, (m/s²)².
+    pub(crate) powers: [f32; 4],
+}
+
+impl<'a> Nodes<'a> {
+    /// The nodes of `texture` around `point` of its grid.
+    pub(crate) fn at(texture: &Texture<'a>, point: &GridPoint) -> Self {
+        let mut nodes = Self {
+            codes: [&[]; 4],
+            fractions: [&[]; 4],
+            tails: [Tail::default(); 4],
+            weights: point.weights,
+            powers: [0.0; 4],
+        };
+        for (index, &(speed, force)) in point.nodes.iter().enumerate() {
+            let node = texture.node(speed, force);
+            nodes.powers[index] = node.output_power;
+            if let Coefficients::Lattice {
+                codes,
+                fractions,
+                tail,
+            } = node.coefficients
+            {
+                nodes.codes[index] = codes;
+                nodes.fractions[index] = fractions;
+                nodes.tails[index] = tail;
+            }
+        }
+        nodes
+    }
+
+    /// Writes the rotations of the stages between the nodes to `rotations`, the first stage first. Stages that a node's
+    /// model lacks have θ = 0.
+    pub(crate) fn interpolate<A: Arithmetic>(&self, mut rotations: &mut [Rotation]) {
+        let mut done = 0;
+        while let Some((run, stages)) = self.run(done, rotations.len()) {
+            let now;
+            (now, rotations) = rotations.split_at_mut(stages);
+            A::mean_rotations(&run, now);
+            done += stages;
+        }
+        rotations.fill(Rotation::NONE);
+    }
+
+    /// The run from stage `done` on with its number of stages, at most `most`; none where no node has a stage left.
+    ///
+    /// A texture has tails in all of its nodes with stages beyond those of 16 bits, or in none, so that a run of tails
+    /// is one.
+    fn run(&self, done: usize, most: usize) -> Option<(Run<'a>, usize)> {
+        let mut stages = most;
+        let (mut coded, mut fine, mut tailed) = (None, None, None);
+        for index in 0..4 {
+            let codes = self.codes[index].len();
+            if done < codes {
+                stages = stages.min(codes - done);
+                coded = Some(index);
+                let fractions = self.fractions[index].len();
+                if done < fractions {
+                    stages = stages.min(fractions - done);
+                    fine = Some(index);
+                }
+            } else if done - codes < self.tails[index].codes.len() {
+                stages = stages.min(codes + self.tails[index].codes.len() - done);
+                tailed = Some(index);
+            }
+        }
+        if stages == 0 {
+            return None;
+        }
+        let Some(coded) = coded else {
+            return tailed.map(|other| (self.tail(done, stages, other), stages));
+        };
+        let codes = self.codes(done, stages, coded);
+        let run = match fine {
+            None => Run::Codes(codes),
+            Some(other) => self.fine(done, stages, codes, other),
+        };
+        Some((run, stages))
+    }
+
+    /// The codes of `stages` stages from `done` on, those of node `other` where a node has none.
+    fn codes(&self, done: usize, stages: usize, other: usize) -> Codes<'a> {
+        let mut run = Codes {
+            codes: [&self.codes[other][done..done + stages]; 4],
+            factors: [0; 4],
+        };
+        for index in 0..4 {
+            if let Some(codes) = self.codes[index].get(done..done + stages) {
+                run.codes[index] = codes;
+                run.factors[index] = (self.weights[index] * PER_CODE).cast_signed();
+            }
+        }
+        run
+    }
+
+    /// As [`Nodes::codes`], with fractions.
+    fn fine(&self, done: usize, stages: usize, codes: Codes<'a>, other: usize) -> Run<'a> {
+        let mut fractions = [&self.fractions[other][done..done + stages]; 4];
+        let mut factors = [0; 4];
+        for index in 0..4 {
+            if let Some(own) = self.fractions[index].get(done..done + stages) {
+                fractions[index] = own;
+                factors[index] = (self.weights[index] * PER_FRACTION).cast_signed();
+            }
+        }
+        Run::Fine {
+            codes,
+            fractions,
+            factors,
+        }
+    }
+
+    /// As [`Nodes::codes`], of tails.
+    fn tail(&self, done: usize, stages: usize, other: usize) -> Run<'a> {
+        let first = |index: usize| done.saturating_sub(self.codes[index].len());
+        let own = |index: usize| {
+            self.tails[index]
+                .codes
+                .get(first(index)..first(index) + stages)
+        };
+        let mut codes = [own(other).unwrap_or_default(); 4];
+        let mut factors = [0; 4];
+        for index in 0..4 {
+            if done >= self.codes[index].len()
+                && let Some(own) = own(index)
+            {
+                codes[index] = own;
+                let step = u64::from(self.tails[index].step);
+                let factor =
+                    step * u64::from(self.weights[index]) * u64::from(SUM_PER_THETA as u32);
+                factors[index] = (factor >> 8) as i32;
+            }
+        }
+        Run::Tail { codes, factors }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
+    use proptest::array::{uniform3, uniform4};
+    use proptest::collection::vec;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::arithmetic::Portable;
+    use crate::grid::ONE;
+    use crate::rotation::{SUM_QUARTER_TURN, THETA_FRACTION_BITS};
+
+    /// Codes of the first stages, the tail's codes and its step.
+    type Stored = ([[u8; 2]; MAX_FINE_STAGES], [u8; 48], u16);
+
+    fn code() -> impl Strategy<Value = i16> {
+        prop_oneof![4 => -32_767..=32_767i16, 1 => Just(32_767), 1 => Just(-32_767)]
+    }
+
+    fn node() -> impl Strategy<Value = Stored> {
+        let byte = prop_oneof![4 => -127..=127i8, 1 => Just(127), 1 => Just(-127)];
+        let step = prop_oneof![3 => any::<u16>(), 1 => Just(u16::MAX)];
+        let codes = vec(code(), MAX_FINE_STAGES);
+        (codes, vec(byte, 48), step).prop_map(|(codes, bytes, step)| {
+            let codes = core::array::from_fn(|stage| codes[stage].to_le_bytes());
+            let bytes = core::array::from_fn(|stage| bytes[stage].cast_unsigned());
+            (codes, bytes, step)
+        })
+    }
+
+    /// Weights of four nodes, which add up to one.
+    fn weights() -> impl Strategy<Value = [u32; 4]> {
+        uniform3(0..=ONE).prop_map(|mut cuts| {
+            cuts.sort_unstable();
+            let [a, b, c] = cuts;
+            [a, b - a, c - b, ONE - c]
+        })
+    }
+
+    /// Nodes of these `orders`: those with more stages than [`MAX_FINE_STAGES`] have tails.
+    fn nodes_of(stored: [&Stored; 4], orders: [usize; 4], weights: [u32; 4]) -> Nodes<'_> {
+        let mut nodes = Nodes {
+            codes: [&[]; 4],
+            fractions: [&[]; 4],
+            tails: [Tail::default(); 4],
+            weights,
+            powers: [0.0; 4],
+        };
+        for (index, (codes, bytes, step)) in stored.into_iter().enumerate() {
+            let order = orders[index];
+            nodes.codes[index] = &codes[..order.min(MAX_FINE_STAGES)];
+            nodes.tails[index] = Tail {
+                codes: &bytes[..order.saturating_sub(MAX_FINE_STAGES)],
+                step: *step,
+            };
+        }
+        nodes
+    }
+
+    /// θ of `stage` at node `index`, in steps of π/2²⁴.
+    fn theta_of(nodes: &Nodes<'_>, index: usize, stage: usize) -> i32 {
+        let coded = nodes.codes[index].iter();
+        let coded = coded.map(|&code| i32::from(i16::from_le_bytes(code)) << THETA_FRACTION_BITS);
+        let mut thetas = coded.chain(nodes.tails[index].thetas());
+        thetas.nth(stage).unwrap_or(0)
+    }
+
+    proptest! {
+        #[test]
+        fn tails_are_interpolated_like_other_stages_whatever_the_nodes_lack(
+            stored in uniform4(node()), orders in uniform4(0..=80usize), weights in weights(),
+        ) {
+            let nodes = nodes_of(stored.each_ref(), orders, weights);
+            let mut rotations = [Rotation::NONE; MAX_ORDER];
+            nodes.interpolate::<Portable>(&mut rotations);
+            let unit = libm::exp2(31.0);
+            let step = core::f64::consts::FRAC_PI_2 / f64::from(SUM_QUARTER_TURN);
+            for (stage, rotation) in rotations.iter().enumerate() {
+                let terms = (0..4).map(|index| {
+                    f64::from(theta_of(&nodes, index, stage)) * f64::from(weights[index])
+                });
+                let angle = terms.sum::<f64>() / f64::from(ONE) * f64::from(SUM_PER_THETA) * step;
+                let (sin, cos) = libm::sincos(angle);
+                for (found, exact) in [(rotation.sin, sin), (rotation.cos, cos)] {
+                    let error = f64::from(found) - exact * unit;
+                    prop_assert!(error.abs() <= 8.0 * step * unit + 4.0, "stage {}: {}", stage, error);
+                }
+            }
+        }
+
+        #[test]
+        fn the_mean_of_equal_nodes_is_the_node_in_every_stage(
+            stored in node(), order in 0..=80usize, weights in weights(),
+        ) {
+            let nodes = nodes_of([&stored; 4], [order; 4], weights);
+            let mut rotations = [Rotation::NONE; 80];
+            nodes.interpolate::<Portable>(&mut rotations);
+            for (stage, &rotation) in rotations.iter().enumerate() {
+                prop_assert_eq!(rotation, Rotation::from_theta(theta_of(&nodes, 0, stage)));
+            }
+        }
+    }
+}

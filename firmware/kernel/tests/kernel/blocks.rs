@@ -1,0 +1,99 @@
+//! Blocks of samples ahead of time: the bits of one sample after the other.
+
+use model_format::{Library, OutputSample, PartsSpec, TextureSpec, encode_with_scenes_uncertified};
+use proptest::prelude::*;
+use stylus_kernel::scene::{Plan, ScenePlayer};
+use stylus_kernel::{MAX_FED_SAMPLES, Synthesis};
+
+use crate::fed::{all_parts, encoded, fed_h3};
+use crate::models::{STRUCTURES, motion, texture};
+use crate::scenes::{at, lifted, resonant, side_by_side, tap};
+
+/// A moment of a motion: speed and force, the samples up to the next one, and the first cut of them.
+fn moments() -> impl Strategy<Value = Vec<(f32, f32, u32, usize)>> {
+    let samples = prop_oneof![Just(10), 1..=MAX_FED_SAMPLES as u32];
+    let speed = prop_oneof![Just(75.0f32), 40.0..120.0f32];
+    let force = prop_oneof![Just(0.75f32), 0.3..1.2f32];
+    prop::collection::vec((speed, force, samples, 0usize..90), 1..12)
+}
+
+/// Plays `samples` samples in two blocks and single samples after them, by `block` and `single`.
+fn in_blocks<P>(
+    player: &mut P,
+    samples: u32,
+    cut: usize,
+    block: impl Fn(&mut P, &mut [OutputSample]),
+    single: impl Fn(&mut P) -> OutputSample,
+) -> Vec<OutputSample> {
+    // More than a frame holds too, as after a late update.
+    let mut outputs = vec![OutputSample::SILENCE; samples as usize + cut];
+    let (first, rest) = outputs.split_at_mut(cut.min(samples as usize));
+    let (second, singles) = rest.split_at_mut(rest.len() - rest.len() / 5);
+    block(player, first);
+    block(player, second);
+    singles.fill_with(|| single(player));
+    outputs
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn a_texture_in_blocks_plays_the_bits_of_single_samples(
+        seed: u64,
+        structure in prop::sample::select(&STRUCTURES[..]),
+        which in 0usize..4,
+        moments in moments(),
+    ) {
+        let parts = all_parts().get(which).cloned().unwrap_or(PartsSpec::default());
+        let bytes = encoded(fed_h3(structure, parts));
+        let mut one: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
+        let mut other = one.clone();
+        for (speed, force, samples, cut) in moments {
+            one.follow(motion(speed, force), samples);
+            other.follow(motion(speed, force), samples);
+            let played = in_blocks(&mut other, samples, cut, Synthesis::next_block, Synthesis::next_sample);
+            for sample in played {
+                prop_assert_eq!(sample, one.next_sample());
+            }
+            prop_assert_eq!(other.saturations(), one.saturations());
+        }
+    }
+
+    /// Two surfaces of any structure, plain and fed, with a tap, lifts and a transition.
+    #[test]
+    fn a_scene_in_blocks_plays_the_bits_of_single_samples(
+        seed: u64,
+        which in (0usize..4, 0usize..4),
+        structures in (0usize..3, 0usize..3),
+        moments in moments(),
+        positions in prop::collection::vec(prop_oneof![4 => (60.0..140.0f32).prop_map(Some), 1 => Just(None)], 12),
+    ) {
+        let of = |name: &str, structure: usize, which: usize| TextureSpec {
+            name: name.to_owned(),
+            ..fed_h3(STRUCTURES[structure], all_parts().get(which).cloned().unwrap_or(PartsSpec::default()))
+        };
+        let textures = [
+            resonant("plain", 110.0),
+            of("one", structures.0, which.0),
+            of("two", structures.1, which.1),
+        ];
+        let bytes = encode_with_scenes_uncertified(&textures, &[]).expect("valid textures");
+        let library = Library::decode_uncertified(&bytes).expect("a valid library");
+        let mut scene = side_by_side(&[1, 2], 20.0);
+        scene.surfaces[0].tap = Some(tap(200.0, 0.01));
+        let plan = Plan::new(&scene, &library).expect("a valid scene");
+        let mut one: ScenePlayer<'_> = ScenePlayer::new(plan, seed);
+        let mut other = one.clone();
+        for ((speed, force, samples, cut), position) in moments.into_iter().zip(positions) {
+            let interaction = position.map_or(lifted(), |position| at(position, motion(speed, force)));
+            one.follow(interaction, samples);
+            other.follow(interaction, samples);
+            let played = in_blocks(&mut other, samples, cut, ScenePlayer::next_block, ScenePlayer::next_sample);
+            for sample in played {
+                prop_assert_eq!(sample, one.next_sample());
+            }
+            prop_assert_eq!(other.saturations(), one.saturations());
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! Part of kind 6, of lattices alone: the stages after the first 32 have codes of one byte.
+//!
+//! The part holds a `u16` for each node, speed-major: the step of the node's codes, in steps of π/2²⁴. With it a node's
+//! coefficients are codes of 16 bits for its first [`MAX_FINE_STAGES`] stages, and one signed byte for each further
+//! one, its tail: θ = byte · step · π/2²⁴. The first stages carry the lines and the slope of a spectrum; the further
+//! ones have small θ, whose errors hardly show in it.
+
+use crate::error::Problem;
+use crate::library::node::Tail;
+use crate::limits::{MAX_FINE_STAGES, MIN_LARGEST_TAIL_CODE};
+use crate::wire::Structure;
+
+#[cfg(feature = "alloc")]
+use super::spec::PartSpec;
+
+/// The last stages of a lattice, see [`crate::Tail`].
+#[cfg(feature = "alloc")]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct TailSpec {
+    /// The codes, at least -127.
+    pub codes: alloc::vec::Vec<i8>,
+    /// Step of a code, in steps of [`crate::FINE_THETA_STEP_RAD`].
+    pub step: u16,
+}
+
+#[cfg(feature = "alloc")]
+impl TailSpec {
+    /// The tail of these θ, in steps of [`crate::FINE_THETA_STEP_RAD`], with the least step whose codes reach all of
+    /// them. Each is rounded to the nearest code.
+    ///
+    /// Values beyond [`TailSpec::MAX_THETA`] count as that.
+    pub fn of(thetas: &[i32]) -> Self {
+        let largest = thetas.iter().map(|theta| theta.unsigned_abs()).max();
+        let largest = largest.unwrap_or(0).min(Self::MAX_THETA.unsigned_abs());
+        let step = largest.div_ceil(u32::from(Self::MAX_CODE.unsigned_abs())) as i32;
+        let code = |&theta: &i32| {
+            let theta = theta.clamp(-Self::MAX_THETA, Self::MAX_THETA);
+            (2 * theta + step).div_euclid(2 * step.max(1)) as i8
+        };
+        Self {
+            codes: thetas.iter().map(code).collect(),
+            step: step as u16,
+        }
+    }
+
+    /// Largest θ of a tail, in steps of [`crate::FINE_THETA_STEP_RAD`].
+    pub const MAX_THETA: i32 = Self::MAX_CODE as i32 * u16::MAX as i32;
+
+    /// Largest code; the lowest is its negative.
+    pub const MAX_CODE: i8 = i8::MAX;
+
+    /// The tail of a node without stages of one byte.
+    pub(crate) const NONE: Self = Self {
+        codes: alloc::vec::Vec::new(),
+        step: 0,
+    };
+
+    /// θ of the stages, in steps of [`crate::FINE_THETA_STEP_RAD`].
+    pub(crate) fn thetas(&self) -> impl Iterator<Item = i32> + '_ {
+        let step = i32::from(self.step);
+        self.codes.iter().map(move |&code| i32::from(code) * step)
+    }
+}
+
+/// Kind of this part.
+pub(crate) const KIND: u32 = 6;
+
+/// Width of a step, bytes.
+const STEP_BYTES: usize = 2;
+
+/// The part's content.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tails<'a>(pub &'a [u8]);
+
+impl Tails<'_> {
+    /// Length of a node's coefficients, bytes.
+    pub const fn coefficient_bytes(order: usize) -> usize {
+        order + Self::stages_before(order)
+    }
+
+    /// Number of stages of a node that have codes of 16 bits.
+    pub const fn stages_before(order: usize) -> usize {
+        if order < MAX_FINE_STAGES {
+            order
+        } else {
+            MAX_FINE_STAGES
+        }
+    }
+
+    /// The tail of node `index`, whose codes are `codes`, of a part whose length was found valid.
+    #[inline]
+    pub fn of_node<'c>(&self, index: usize, codes: &'c [u8]) -> Tail<'c> {
+        let step = u16::from_le_bytes(self.0.as_chunks().0[index]);
+        Tail { codes, step }
+    }
+
+    /// Checks the part's length, in a texture of `structure` with `nodes` nodes.
+    pub fn check(self, structure: Structure, nodes: usize) -> Result<(), Problem> {
+        if structure != Structure::NormalisedLattice {
+            return Err(Problem::TailStructure(structure));
+        }
+        let found = self.0.len();
+        if found != STEP_BYTES * nodes {
+            return Err(Problem::TailSteps { found, nodes });
+        }
+        Ok(())
+    }
+}
+
+/// Checks the tail of a node, and returns its largest |θ| in steps of [`crate::FINE_THETA_STEP_RAD`].
+///
+/// The step is 0 where all codes are, and otherwise no larger than the codes need, so that a tail is hardly ever
+/// written in two ways and never with less resolution than its bytes have.
+pub(in crate::library) fn check(tail: Tail<'_>) -> Result<u32, Problem> {
+    let mut largest = 0;
+    for &code in tail.codes {
+        largest = code.cast_signed().unsigned_abs().max(largest);
+    }
+    if largest == i8::MIN.unsigned_abs() {
+        let lowest = |&code: &u8| code.cast_signed() == i8::MIN;
+        let index = tail.codes.iter().position(lowest).unwrap_or(0);
+        let stage = MAX_FINE_STAGES + index + 1;
+        return Err(Problem::TailCode { stage });
+    }
+    let step = tail.step;
+    let needed = match step {
+        0 => largest == 0,
+        1 => largest > 0,
+        _ => largest >= MIN_LARGEST_TAIL_CODE,
+    };
+    if !needed {
+        return Err(Problem::TailStep { step, largest });
+    }
+    Ok(u32::from(largest) * u32::from(step))
+}
+
+/// The part of a lattice whose nodes have these tails after so many stages, if any has one.
+///
+/// # Errors
+/// A tail elsewhere than after the stages of 16 bits, with the index of its node.
+#[cfg(feature = "alloc")]
+pub(crate) fn part<'t>(
+    nodes: impl Iterator<Item = (usize, &'t TailSpec)> + Clone,
+) -> Result<Option<PartSpec>, (usize, Problem)> {
+    let some = nodes.clone().any(|(_, tail)| !tail.codes.is_empty());
+    let mut content = alloc::vec::Vec::new();
+    for (number, (before, tail)) in nodes.enumerate() {
+        let fits = if tail.codes.is_empty() {
+            !some || before <= MAX_FINE_STAGES
+        } else {
+            before == MAX_FINE_STAGES
+        };
+        if !fits {
+            let after = tail.codes.len();
+            return Err((number, Problem::TailBegin { before, after }));
+        }
+        if !some && tail.step != 0 {
+            let (step, largest) = (tail.step, 0);
+            return Err((number, Problem::TailStep { step, largest }));
+        }
+        content.extend(tail.step.to_le_bytes());
+    }
+    Ok(some.then_some((KIND, content)))
+}
