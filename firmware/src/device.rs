@@ -10,12 +10,12 @@ use cortex_m::peripheral::DWT;
 use embassy_stm32::uid;
 use embassy_time::Instant;
 use heapless::String;
-use model_format::FORMAT_VERSION;
 use model_format::link::{
     CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION,
     PlayError, PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH,
     Selection, Settings, StartReport, TickCounters,
 };
+use model_format::{FORMAT_VERSION, PlayRate};
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
@@ -205,14 +205,15 @@ impl Device for Hardware {
         }
     }
 
-    fn plan(&self, selection: &Selection) -> Result<Next, PlayError> {
+    fn plan(&self, selection: &Selection) -> Result<(Next, PlayRate), PlayError> {
         let library = self.library.library().ok_or(PlayError::NoLibrary)?;
-        let plan = plan_of(selection, &library, BUDGET)?;
+        let (plan, rate) = plan_of(selection, &library, BUDGET)?;
         let follower = Follower::new(matches!(selection, Selection::Scene(_)));
-        Ok(Next {
+        let next = Next {
             follower: follower.tracking(plan.has_lines()),
             plan,
-        })
+        };
+        Ok((next, rate))
     }
 
     fn prepare(&mut self, plan: Next) {

@@ -4,7 +4,9 @@
 #![no_std]
 
 #[cfg(target_arch = "arm")]
+mod interpolate;
+#[cfg(target_arch = "arm")]
 mod multiply;
 
 #[cfg(target_arch = "arm")]
-pub use multiply::CortexM;
+pub use multiply::{CortexM4, CortexM7};

@@ -3,7 +3,6 @@
 //! One [`Control`] serves all links. Each method is one endpoint or topic and takes and returns the types of
 //! [`model_format::link`], so that a dispatcher only has to call it.
 
-use model_format::Library;
 use model_format::link::{
     ActivateError, CycleReport, DeviceInfo, LinkCounters, LinkId, MAX_PLAY_GAIN, Marks,
     MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
@@ -12,7 +11,9 @@ use model_format::link::{
     SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
+use model_format::{Library, PlayRate};
 
+use crate::TICKS_PER_MS;
 use crate::inputs::Timed;
 use crate::lease::{HeldBy, Lease};
 use crate::levels::Sums;
@@ -20,7 +21,6 @@ use crate::player::{Action, Begin, Busy, Observed, Player};
 use crate::proposals::Proposals;
 use crate::safety::{Config, Counters, Heat};
 use crate::words::in_words;
-use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 use stylus_kernel::scene::Plan;
 use stylus_kernel::scene::cost::OverBudget;
 
@@ -68,23 +68,23 @@ pub trait Device {
     /// Mutes or unmutes the tick.
     fn set_mute(&mut self, muted: bool);
 
-    /// The plan of `selection`, by [`plan_of`] from the library in RAM.
+    /// The plan of `selection`, by [`plan_of`] from the library in RAM, and its rate.
     ///
     /// # Errors
     /// There is no library, or the texture or scene cannot be played.
-    fn plan(&self, selection: &Selection) -> Result<Self::Plan, PlayError>;
+    fn plan(&self, selection: &Selection) -> Result<(Self::Plan, PlayRate), PlayError>;
 
     /// Keeps `plan` for [`Device::start`], in place of one that was prepared before. What is played goes on.
     fn prepare(&mut self, plan: Self::Plan);
 
-    /// At rest: plays the prepared plan, that of `request`, from silence, with `config`.
+    /// At rest: plays the prepared plan, that of `request`, from silence, with `config`, which has the plan's rate.
     ///
     /// # Errors
     /// No plan was prepared; nothing is played then.
     fn start(&mut self, request: &PlayRequest, config: Config) -> Result<(), NotPrepared>;
 
-    /// While something of the same library is played: plays `plan`, that of `request`, as soon as the director has
-    /// faded what sounds.
+    /// While something of the same library and rate is played: plays `plan`, that of `request`, as soon as the director
+    /// has faded what sounds.
     fn switch(&mut self, request: &PlayRequest, plan: Self::Plan);
 
     /// At rest: plays nothing, and forgets the prepared plan.
@@ -230,8 +230,8 @@ impl<D: Device> Control<D> {
         };
         let action = self.player.poll(observed);
         match action {
-            Some(Action::Start(request)) => {
-                let config = Config::new(&self.settings, request.gain);
+            Some(Action::Start(request, rate)) => {
+                let config = Config::at_rate(&self.settings, request.gain, rate);
                 if self.device.start(&request, config).is_err() {
                     self.player.not_started();
                 }
@@ -320,8 +320,8 @@ impl<D: Device> Control<D> {
         self.lease
             .check_play(from, now)
             .map_err(|HeldBy(by)| PlayError::Held { by })?;
-        let plan = self.plan(&request)?;
-        let begin = self.player.play(request.clone());
+        let (plan, rate) = self.plan(&request)?;
+        let begin = self.player.play(request.clone(), rate);
         let begin = begin.map_err(|_| PlayError::Busy)?;
         self.lease.give(from, now);
         self.proposals.end();
@@ -337,7 +337,7 @@ impl<D: Device> Control<D> {
         })
     }
 
-    fn plan(&self, request: &PlayRequest) -> Result<D::Plan, PlayError> {
+    fn plan(&self, request: &PlayRequest) -> Result<(D::Plan, PlayRate), PlayError> {
         // A comparison with NaN is false.
         if !(0.0..=MAX_PLAY_GAIN).contains(&request.gain) {
             return Err(PlayError::Gain { gain: request.gain });
@@ -531,41 +531,32 @@ impl<D: Device> Control<D> {
     }
 }
 
-/// The plan of `selection` from `library`, which takes at most `budget` instructions per tick.
+/// The plan of `selection` from `library`, which takes at most `budget` instructions per tick, and its rate.
 ///
 /// # Errors
-/// The library lacks the texture or scene; its sample rate is not the device's; the scene is invalid or over the
-/// budget.
+/// The library lacks the texture or scene; no stylus plays its sample rate; the scene is invalid or over the budget.
 pub fn plan_of<'l>(
     selection: &Selection,
     library: &Library<'l>,
     budget: u32,
-) -> Result<Plan<'l>, PlayError> {
-    let of_this_rate = |texture_hz: u32| {
-        let device_hz = SAMPLE_RATE_HZ;
-        if texture_hz == device_hz {
-            return Ok(());
-        }
-        Err(PlayError::SampleRate {
-            texture_hz,
-            device_hz,
-        })
-    };
+) -> Result<(Plan<'l>, PlayRate), PlayError> {
+    let rate_of =
+        |texture_hz: u32| PlayRate::of(texture_hz).ok_or(PlayError::SampleRate { texture_hz });
     match selection {
         Selection::Texture(name) => {
             let missing = || PlayError::NoSuchTexture { name: name.clone() };
             let texture = library.texture(name).ok_or_else(missing)?;
-            of_this_rate(texture.sample_rate_hz())?;
-            within(Plan::of_texture(texture), budget)
+            let rate = rate_of(texture.sample_rate_hz())?;
+            Ok((within(Plan::of_texture(texture), budget)?, rate))
         }
         Selection::Scene(name) => {
             let missing = || PlayError::NoSuchScene { name: name.clone() };
             let scene = library.scene(name).ok_or_else(missing)?;
-            of_this_rate(scene.sample_rate_hz)?;
+            let rate = rate_of(scene.sample_rate_hz)?;
             let plan = Plan::new(&scene, library).map_err(|error| PlayError::InvalidScene {
                 reason: in_words(&error),
             })?;
-            within(plan, budget)
+            Ok((within(plan, budget)?, rate))
         }
     }
 }

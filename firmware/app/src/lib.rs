@@ -37,11 +37,15 @@ pub mod settings;
 pub mod slots;
 pub mod start;
 pub mod status;
+mod stopwatch;
 pub mod storage;
 pub mod upload;
 mod words;
 
 pub use model_format::SAMPLE_RATE_HZ;
 
-/// Ticks per millisecond: there is one tick per sample.
+/// Ticks between two updates, 2 ms: at 5 kHz there is one sample per tick.
+pub const UPDATE_INTERVAL_TICKS: u32 = stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+
+/// Ticks per millisecond: there is one tick per sample at 5 kHz.
 pub const TICKS_PER_MS: u32 = SAMPLE_RATE_HZ / 1_000;

@@ -1,15 +1,15 @@
 //! State of playing, and the reasons for silence.
 //!
 //! A library is exchanged only while the output rests at mid-scale, so the mute ramp goes there first. The same holds
-//! for a change of gain. Another texture or scene of the same library and gain takes over while playing goes on: the
-//! kernel's director fades one out and the other in. The player decides when to mute; the safety stages report when the
-//! output is at rest.
+//! for a change of gain or rate. Another texture or scene of the same library, gain and rate takes over while playing
+//! goes on: the kernel's director fades one out and the other in. The player decides when to mute; the safety stages
+//! report when the output is at rest.
 //!
 //! ```text
 //!            play                      at rest
 //!   Idle -----------> Starting -----------------------> Playing
 //!    ^                   ^                                 |
-//!    |  at rest          | at rest, another gain           | stop, play, activate
+//!    |  at rest          | at rest, other gain or rate     | stop, play, activate
 //!    +---------------- FadingOut <-------------------------+
 //!    |                   | at rest, a library
 //!    |   end             v
@@ -19,6 +19,7 @@
 //! While settings are stored, Idle is Configuring, and nothing begins to play. Settings that arrived under something
 //! that was begun meanwhile would take its gain away.
 
+use model_format::PlayRate;
 use model_format::link::{
     ActivateError, Activity, MUTE_REASON_COUNT, MotionSource, MuteReason, MuteReasons, PlayRequest,
     StopError,
@@ -44,8 +45,8 @@ pub struct Observed {
 /// Action of the device, at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
-    /// Start what was prepared for the request, from silence.
-    Start(PlayRequest),
+    /// Start what was prepared for the request, from silence, at its rate.
+    Start(PlayRequest, PlayRate),
     /// Play nothing.
     Clear,
 }
@@ -63,14 +64,14 @@ pub enum Begin {
 #[derive(Clone, Debug, PartialEq)]
 enum Then {
     Stop,
-    Play(PlayRequest),
+    Play(PlayRequest, PlayRate),
     Activate,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 enum Phase {
     Idle,
-    Playing(PlayRequest),
+    Playing(PlayRequest, PlayRate),
     FadingOut(Then),
     Activating,
     Configuring,
@@ -100,22 +101,23 @@ impl Player {
         }
     }
 
-    /// Plays `request`, whose texture or scene exists: at once if something is played with the same gain, otherwise at
-    /// the next [`Player::poll`] at rest, after the fade-out.
+    /// Plays `request`, whose texture or scene exists and has `rate`: at once if something is played with the same gain
+    /// at the same rate, otherwise at the next [`Player::poll`] at rest, after the fade-out.
     ///
     /// # Errors
     /// A library is being activated or about to be, or settings are being stored.
-    pub fn play(&mut self, request: PlayRequest) -> Result<Begin, Busy> {
+    pub fn play(&mut self, request: PlayRequest, rate: PlayRate) -> Result<Begin, Busy> {
         if self.is_busy() {
             return Err(Busy);
         }
-        if let Phase::Playing(before) = &mut self.phase
+        if let Phase::Playing(before, rate_before) = &mut self.phase
             && before.gain == request.gain
+            && *rate_before == rate
         {
             *before = request;
             return Ok(Begin::Switch);
         }
-        self.phase = Phase::FadingOut(Then::Play(request));
+        self.phase = Phase::FadingOut(Then::Play(request, rate));
         self.set(MuteReason::Changing, true);
         self.set(MuteReason::NotPlaying, false);
         Ok(Begin::AtRest)
@@ -127,7 +129,7 @@ impl Player {
     /// Nothing is played.
     pub fn stop(&mut self) -> Result<(), StopError> {
         match self.phase {
-            Phase::Playing(_) | Phase::FadingOut(Then::Play(_)) => {
+            Phase::Playing(..) | Phase::FadingOut(Then::Play(..)) => {
                 self.phase = Phase::FadingOut(Then::Stop);
                 self.set(MuteReason::NotPlaying, true);
                 self.set(MuteReason::Changing, false);
@@ -208,7 +210,7 @@ impl Player {
     /// Moves the player on by `observed` and returns the action that is due. Called about every millisecond; the caller
     /// then passes [`Player::mute`] to the tick.
     pub fn poll(&mut self, observed: Observed) -> Option<Action> {
-        let playing = matches!(self.phase, Phase::Playing(_));
+        let playing = matches!(self.phase, Phase::Playing(..));
         // Without playing, neither motion nor host is needed.
         self.set(MuteReason::Stale, playing && observed.stale);
         self.set(MuteReason::ForceRail, playing && observed.railed);
@@ -218,14 +220,14 @@ impl Player {
         }
         let phase = core::mem::replace(&mut self.phase, Phase::Idle);
         let (phase, action) = match phase {
-            Phase::FadingOut(Then::Play(request)) => {
+            Phase::FadingOut(Then::Play(request, rate)) => {
                 self.set(MuteReason::Changing, false);
                 // These are judged again at the next poll. A motion that never came must not pass until then.
                 self.set(MuteReason::Stale, observed.stale);
                 self.set(MuteReason::LinkLost, observed.link_lost);
                 (
-                    Phase::Playing(request.clone()),
-                    Some(Action::Start(request)),
+                    Phase::Playing(request.clone(), rate),
+                    Some(Action::Start(request, rate)),
                 )
             }
             Phase::FadingOut(Then::Stop) => (Phase::Idle, Some(Action::Clear)),
@@ -253,13 +255,13 @@ impl Player {
 
     /// Returns true if something is played, about to be, or fading out.
     pub fn is_playing(&self) -> bool {
-        matches!(self.phase, Phase::Playing(_) | Phase::FadingOut(_))
+        matches!(self.phase, Phase::Playing(..) | Phase::FadingOut(_))
     }
 
     /// Source of motion for what is played or about to be.
     pub fn motion_source(&self) -> MotionSource {
         match &self.phase {
-            Phase::Playing(request) | Phase::FadingOut(Then::Play(request)) => request.motion,
+            Phase::Playing(request, _) | Phase::FadingOut(Then::Play(request, _)) => request.motion,
             _ => MotionSource::Sensors,
         }
     }
@@ -268,7 +270,7 @@ impl Player {
     pub fn activity(&self) -> Activity {
         match &self.phase {
             Phase::Idle | Phase::Configuring => Activity::Idle,
-            Phase::Playing(request) => Activity::Playing {
+            Phase::Playing(request, _) => Activity::Playing {
                 selection: request.selection.clone(),
                 motion: request.motion,
             },

@@ -16,7 +16,8 @@ use model_format::link::{
 use crate::player::Busy;
 use crate::settings::SettingsStore;
 use crate::slots::{MappedFlash, SlotStore};
-use crate::upload::Uploader;
+use crate::stopwatch::Stopwatch;
+use crate::upload::{CommitEvent, Uploader};
 
 /// The rest of the device, as storage sees it. No method waits except [`Stage::pause`].
 pub trait Stage {
@@ -77,6 +78,9 @@ pub trait Stage {
     /// As `Control::set_upload`.
     fn set_upload(&mut self, upload: UploadState);
 
+    /// The time since the start, µs.
+    fn now_us(&self) -> u64;
+
     /// Waits for a millisecond.
     fn pause(&mut self) -> impl Future<Output = ()>;
 }
@@ -93,6 +97,7 @@ pub struct Storage<F, S: NorFlash> {
     slots: SlotStore<F>,
     settings: SettingsStore<S>,
     uploader: Uploader,
+    stopwatch: Stopwatch,
     /// The library in RAM.
     loaded: Option<(SlotId, SlotInfo)>,
 }
@@ -104,6 +109,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             slots,
             settings,
             uploader: Uploader::new(),
+            stopwatch: Stopwatch::begun_at(0),
             loaded: None,
         }
     }
@@ -244,7 +250,18 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     ) -> Result<UploadProgress, UploadError> {
         supplied(stage)?;
         self.slots.scan_once().await;
-        let result = self.uploader.begin(&mut self.slots, begin).await;
+        let now_us = stage.now_us();
+        let mut stopwatch = if self.uploader.continues(&begin) {
+            self.stopwatch.resumed_at(now_us)
+        } else {
+            Stopwatch::begun_at(now_us)
+        };
+        let ended = |step| stopwatch.end(step, stage.now_us());
+        let uploader = &mut self.uploader;
+        let result = uploader.begin_telling(&mut self.slots, begin, ended).await;
+        if result.is_ok() {
+            self.stopwatch = stopwatch;
+        }
         stage.set_upload(self.uploader.state());
         result
     }
@@ -259,7 +276,12 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         chunk: UploadChunk<'_>,
     ) -> Result<UploadProgress, UploadError> {
         supplied(stage)?;
-        let result = self.uploader.chunk(&mut self.slots, chunk).await;
+        self.stopwatch = self.stopwatch.resumed_at(stage.now_us());
+        let ended = |step| self.stopwatch.end(step, stage.now_us());
+        let result = self
+            .uploader
+            .chunk_telling(&mut self.slots, chunk, ended)
+            .await;
         stage.set_upload(self.uploader.state());
         result
     }
@@ -273,10 +295,17 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         stage: &mut impl Stage,
     ) -> Result<UploadCommitted, UploadError> {
         supplied(stage)?;
-        let told = |state| stage.set_upload(state);
+        self.stopwatch = self.stopwatch.resumed_at(stage.now_us());
+        let told = |event| match event {
+            CommitEvent::State(state) => stage.set_upload(state),
+            CommitEvent::Ended(step) => self.stopwatch.end(step, stage.now_us()),
+        };
         let result = self.uploader.commit_telling(&mut self.slots, told).await;
         stage.set_upload(self.uploader.state());
-        result
+        result.map(|committed| UploadCommitted {
+            times: self.stopwatch.times_at(stage.now_us()),
+            ..committed
+        })
     }
 
     /// Serves `UploadAbortEndpoint`.

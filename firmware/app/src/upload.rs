@@ -8,11 +8,13 @@
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
     CHUNK_ALIGN, MAX_CHUNK_BYTES, Proving, SlotFault, SlotId, UploadBegin, UploadChunk,
-    UploadCommitted, UploadError, UploadProgress, UploadState,
+    UploadCommitted, UploadError, UploadProgress, UploadState, UploadTimes,
 };
 
 use crate::flash::WORD_BYTES;
-use crate::slots::{Claim, LastLibrary, MappedFlash, SealFault, SlotStore, WriteFault};
+use crate::slots::{
+    Claim, LastLibrary, MappedFlash, SealEvent, SealFault, SlotStore, Step, WriteFault,
+};
 
 const _: () =
     assert!(CHUNK_ALIGN.is_multiple_of(WORD_BYTES) && MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));
@@ -21,6 +23,15 @@ const _: () =
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Uploader {
     upload: Option<Upload>,
+}
+
+/// An event of a commit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CommitEvent {
+    /// The upload has another state.
+    State(UploadState),
+    /// A step has ended.
+    Ended(Step),
 }
 
 /// Progress of an upload.
@@ -64,23 +75,45 @@ impl Uploader {
         store: &mut SlotStore<F>,
         begin: UploadBegin,
     ) -> Result<UploadProgress, UploadError> {
+        self.begin_telling(store, begin, |_| {}).await
+    }
+
+    /// Returns true if `begin` continues the upload under way.
+    pub fn continues(&self, begin: &UploadBegin) -> bool {
+        self.upload.is_some_and(|upload| {
+            (upload.begin.length, upload.begin.crc32) == (begin.length, begin.crc32)
+        })
+    }
+
+    /// As [`Uploader::begin`]; `ended` gets each step of it.
+    ///
+    /// # Errors
+    /// As [`Uploader::begin`].
+    pub async fn begin_telling<F: MappedFlash>(
+        &mut self,
+        store: &mut SlotStore<F>,
+        begin: UploadBegin,
+        mut ended: impl FnMut(Step),
+    ) -> Result<UploadProgress, UploadError> {
         if begin.length == 0 || begin.length as usize > MAX_LIBRARY_BYTES {
             return Err(UploadError::Length {
                 length: begin.length,
             });
         }
         if let Some(upload) = self.upload
-            && (upload.begin.length, upload.begin.crc32) == (begin.length, begin.crc32)
+            && self.continues(&begin)
         {
             return Ok(upload.progress());
         }
         let claim = store.claim_spare(begin.replaces_last).await;
         let claim = claim.map_err(|LastLibrary { slot }| UploadError::LastLibrary { slot })?;
+        ended(Step::Check);
         self.abort(store);
         store
             .erase_sector(claim, SlotStore::<F>::header_sector())
             .await
             .map_err(UploadFault::from)?;
+        ended(Step::Erase);
         store.set_receiving(claim.slot());
         let upload = Upload {
             begin,
@@ -101,11 +134,24 @@ impl Uploader {
         store: &mut SlotStore<F>,
         chunk: UploadChunk<'_>,
     ) -> Result<UploadProgress, UploadError> {
+        self.chunk_telling(store, chunk, |_| {}).await
+    }
+
+    /// As [`Uploader::chunk`]; `ended` gets each step of it.
+    ///
+    /// # Errors
+    /// As [`Uploader::chunk`].
+    pub async fn chunk_telling<F: MappedFlash>(
+        &mut self,
+        store: &mut SlotStore<F>,
+        chunk: UploadChunk<'_>,
+        ended: impl FnMut(Step),
+    ) -> Result<UploadProgress, UploadError> {
         let upload = self.upload.ok_or(UploadError::NotBegun)?;
         let next_offset = check_chunk(upload, chunk)?;
         // The upload ends here and is restored once the words are written, so that a call dropped half way ends it.
         self.end(store);
-        write_chunk(store, upload, chunk)
+        write_chunk(store, upload, chunk, ended)
             .await
             .map_err(UploadFault::from)?;
         store.set_receiving(upload.claim.slot());
@@ -129,14 +175,15 @@ impl Uploader {
         self.commit_telling(store, |_| {}).await
     }
 
-    /// As [`Uploader::commit`]; `told` gets the progress of the proof of direct forms.
+    /// As [`Uploader::commit`]; `told` gets the progress of the proof of direct forms, and each step of the commit. The
+    /// answer has no times.
     ///
     /// # Errors
     /// As [`Uploader::commit`].
     pub async fn commit_telling<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,
-        mut told: impl FnMut(UploadState),
+        mut told: impl FnMut(CommitEvent),
     ) -> Result<UploadCommitted, UploadError> {
         let Upload {
             begin,
@@ -152,7 +199,14 @@ impl Uploader {
             });
         }
         self.end(store);
-        let told = |permille| told(UploadState::Proving(Proving { slot, permille }));
+        let told = |event| {
+            told(match event {
+                SealEvent::Proving { permille } => {
+                    CommitEvent::State(UploadState::Proving(Proving { slot, permille }))
+                }
+                SealEvent::Ended(step) => CommitEvent::Ended(step),
+            });
+        };
         let sealed = store.seal(claim, length, crc32, told).await;
         let library = sealed.map_err(|fault| match fault {
             SealFault::Bytes(fault) => bytes_error(slot, fault),
@@ -162,6 +216,7 @@ impl Uploader {
             slot,
             sequence: library.sequence,
             textures: library.textures,
+            times: UploadTimes::default(),
         })
     }
 
@@ -211,6 +266,7 @@ async fn write_chunk<F: MappedFlash>(
     store: &mut SlotStore<F>,
     upload: Upload,
     chunk: UploadChunk<'_>,
+    mut ended: impl FnMut(Step),
 ) -> Result<(), WriteFault> {
     let sector = SlotStore::<F>::sector_bytes();
     let end = chunk.offset + chunk.data.len() as u32;
@@ -218,8 +274,12 @@ async fn write_chunk<F: MappedFlash>(
     // `begin` erased the header's sector. Sectors are longer than chunks, so a chunk reaches at most one border.
     if border < end && border != SlotStore::<F>::header_sector() {
         store.erase_sector(upload.claim, border).await?;
+        ended(Step::Erase);
     }
-    store.write(upload.claim, chunk.offset, chunk.data).await
+    store.write(upload.claim, chunk.offset, chunk.data).await?;
+    let words = chunk.data.len().div_ceil(WORD_BYTES) as u32;
+    ended(Step::Program { words });
+    Ok(())
 }
 
 /// A fault of the flash, as the host sees it.

@@ -12,14 +12,14 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Ticker, Timer, with_timeout};
+use embassy_time::{Duration, Instant, Ticker, Timer, with_timeout};
 use heapless::Vec;
 use model_format::link::{
     ActivateEndpoint, ActivateError, LinkId, ListEndpoint, ListRequest, ListSceneEndpoint,
     MAX_CHUNK_BYTES, ProposalToken, SelfTestEndpoint, SelfTestRequest, Settings,
     SettingsApplyEndpoint, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo,
-    SlotsEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
+    SlotsEndpoint, UPLOAD_WINDOW, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint,
+    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
 };
 use postcard_rpc::header::VarSeq;
 use postcard_rpc::server::{Sender, WireTxErrorKind};
@@ -95,8 +95,11 @@ struct QueuedJob {
     sequence: VarSeq,
 }
 
-/// Jobs that wait. A host sends the next request after the answer, and there are two wires, so four are enough.
-static QUEUE: Channel<ThreadModeRawMutex, QueuedJob, 4> = Channel::new();
+/// Number of jobs that wait: those of an upload's window but the one that is done, and two of the other wire.
+const QUEUED_JOBS: usize = UPLOAD_WINDOW + 1;
+
+/// Jobs that wait. Of a host that sends the next request after the answer one waits at most.
+static QUEUE: Channel<ThreadModeRawMutex, QueuedJob, QUEUED_JOBS> = Channel::new();
 
 /// Queues `job`, to be done and answered; returns false if the queue is full.
 pub fn queue(job: Job, to: Sender<Wire>, sequence: VarSeq) -> bool {
@@ -273,6 +276,10 @@ impl Stage for ControlStage {
 
     fn set_upload(&mut self, upload: UploadState) {
         with_control(|control| control.set_upload(upload));
+    }
+
+    fn now_us(&self) -> u64 {
+        Instant::now().as_micros()
     }
 
     async fn pause(&mut self) {

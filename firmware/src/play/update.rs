@@ -78,10 +78,10 @@ pub fn change(change: impl FnOnce(&mut Update)) {
 
 /// The update's interrupt, pended by the tick. **Deadline: 2 ms, until the next block.**
 ///
-/// Its time is bounded by two voices at a time, the highest order of their textures, four nodes around the motion, ten
-/// samples of excitation from codebooks and level tracks, and the ticks that interrupt it. If it is late, the block
-/// before goes on with its ramps at their ends; a voice with codebooks or a track has no excitation then, so that its
-/// filter rings out; and `status` counts it.
+/// Its time is bounded by two voices at a time, the highest order of their textures, four nodes around the motion,
+/// twenty samples of excitation from codebooks and level tracks, and the ticks that interrupt it. If it is late, the
+/// block before goes on with its ramps at their ends; a voice with codebooks or a track has no excitation then, so that
+/// its filter rings out; and `status` counts it.
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.update")]
 extern "C" fn SWPMI1() {

@@ -15,11 +15,11 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use model_format::OutputSample;
 use stylus_app::inputs::Sensors;
-use stylus_firmware::CortexM;
+use stylus_firmware::CortexM7;
 use stylus_kernel::scene::{
     Block, Director, Interaction, Ringing, SLOTS, ScenePlayback, VoiceStage, Voices,
 };
-use stylus_kernel::{Frame, Levels, Playback, UPDATE_INTERVAL_SAMPLES};
+use stylus_kernel::{Frame, Levels, Playback};
 
 use crate::boot::priority;
 use crate::play::shared::Handed;
@@ -120,7 +120,7 @@ pub unsafe fn next_sample(index: BlockIndex) -> OutputSample {
         // SAFETY: the block that is played names them.
         let (playback, frame) = unsafe { (PLAYBACKS[slot].get(), FRAMES[slot][buffer].look()) };
         match (playback, frame) {
-            (Some(playback), Some(frame)) => playback.next_sample::<CortexM>(frame),
+            (Some(playback), Some(frame)) => playback.next_sample::<CortexM7>(frame),
             _ => OutputSample::SILENCE,
         }
     })
@@ -128,16 +128,20 @@ pub unsafe fn next_sample(index: BlockIndex) -> OutputSample {
 
 /// Begins block `index`, which was not played before, and returns the ringing at its beginning.
 ///
+/// It is a call of its own, so that it takes no registers from the ticks that begin no block.
+///
 /// # Safety
 /// Called by the tick, while it plays and the update is ready.
-#[inline(always)]
+#[inline(never)]
 pub unsafe fn begin_block(index: BlockIndex) -> Ringing {
     // SAFETY: by the caller's contract both are the tick's.
     let (scene, block) = unsafe { (SCENE.get(), BLOCKS[index as usize].look()) };
     scene.begin_block(block, |voice| {
-        // SAFETY: the block that is played names it.
-        if let Some(playback) = unsafe { PLAYBACKS[indices(voice).0].get() } {
-            playback.begin_frame(UPDATE_INTERVAL_SAMPLES);
+        let (slot, buffer) = indices(voice);
+        // SAFETY: the block that is played names them.
+        let (playback, frame) = unsafe { (PLAYBACKS[slot].get(), FRAMES[slot][buffer].look()) };
+        if let (Some(playback), Some(frame)) = (playback, frame) {
+            playback.begin_frame::<CortexM7>(frame, block.samples());
         }
     });
     scene.ringing()
@@ -187,15 +191,10 @@ pub unsafe fn direct(director: &mut Director<'_>, interaction: Interaction, play
     // SAFETY: before `ready` the other block is the update's.
     let block = unsafe { BLOCKS[played.block.other() as usize].get() };
     let ringing = played.ringing;
+    // A plan that waits has the same rate, because another rate begins from silence.
+    let samples = director.plan().block_samples();
     // Every block is played to its end, so the next one begins with no samples left over.
-    director.next_block(
-        interaction,
-        UPDATE_INTERVAL_SAMPLES,
-        0,
-        ringing,
-        &mut SharedVoices,
-        block,
-    );
+    director.next_block(interaction, samples, 0, ringing, &mut SharedVoices, block);
 }
 
 /// Reports that the update has finished.
@@ -207,7 +206,7 @@ pub fn ready() {
 struct SharedVoices;
 
 impl Voices for SharedVoices {
-    type Arithmetic = CortexM;
+    type Arithmetic = CortexM7;
 
     fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame> {
         // SAFETY: the director asks only for what the block that is played does not name, which is the update's.

@@ -1,7 +1,7 @@
-//! The tick: one sample, 5000 times per second.
+//! The tick, 5000 times per second: one sample, or two of a plan at 10 kHz.
 //!
 //! TIM6 counts 200 µs. Its update event is the trigger: it starts the converter's sequence, and interrupts. The handler
-//! reads the conversions of the previous trigger, computes a sample, and writes its eight codes into the ring of
+//! reads the conversions of the previous trigger, computes the samples, and writes their eight codes into the ring of
 //! [`output`]. TIM7 and DMA put them out, the first one 212.5 µs after the trigger. So timers alone set the instants of
 //! sampling and output, and a signal on the pins at one trigger can be answered 412.5 µs later.
 //!
@@ -20,14 +20,13 @@ use cortex_m::peripheral::DWT;
 use embassy_stm32::pac::TIM6;
 use embassy_stm32::pac::timer::vals::{Mms, Urs};
 use embassy_stm32::{Peri, peripherals, rcc};
-use model_format::OutputSample;
 use model_format::link::{CycleRange, RecordSample, TickCounters};
-use stylus_app::SAMPLE_RATE_HZ;
+use model_format::{OutputSample, PlayRate};
 use stylus_app::inputs::{Encoder, Sensors};
 use stylus_app::recorder::Tap;
-use stylus_app::safety;
+use stylus_app::safety::{self, Wanted};
 use stylus_app::status::Histogram;
-use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+use stylus_app::{SAMPLE_RATE_HZ, UPDATE_INTERVAL_TICKS};
 
 use crate::boot::clock::{CORE_HZ, TIMER_HZ};
 use crate::play::shared::OfHandler;
@@ -221,6 +220,10 @@ pub fn stop() {
 /// longest critical section. If it ends after the next trigger, the tick is counted as missed, and the next one begins
 /// at once. `status` shows the count and the duration of ticks.
 ///
+/// A sample's codes are put out 212.5 µs after the trigger, however early they are computed. So the part of a direct
+/// form's sum that is for coming samples ([`stylus_kernel::direct`]) may run before them: a scene within its budget has
+/// its codes ready in time, and what counts is the whole tick.
+///
 /// Codes that come more than 137.5 µs after the trigger go into the next slot. The output holds the last code until
 /// then, and the codes continue from it within the slew limit.
 #[unsafe(no_mangle)]
@@ -267,13 +270,26 @@ impl Tick {
         if self.phase == 0 {
             self.begin_block(now);
         }
-        self.phase = (self.phase + 1) % UPDATE_INTERVAL_SAMPLES;
-        let sample = match self.playing {
-            // SAFETY: this is the tick, and it plays this block.
-            Some(block) => unsafe { voice::next_sample(block) },
-            None => OutputSample::SILENCE,
+        // A remainder would take more instructions.
+        let phase = self.phase + 1;
+        self.phase = if phase == UPDATE_INTERVAL_TICKS {
+            0
+        } else {
+            phase
         };
-        self.put_out(sample);
+        let muted = MUTED.load(Ordering::Relaxed) | amplifier::is_to_be_raised();
+        let wanted = match self.config.rate() {
+            PlayRate::Hz5000 => {
+                let sample = match self.playing {
+                    // SAFETY: this is the tick, and it plays this block.
+                    Some(block) => unsafe { voice::next_sample(block) },
+                    None => OutputSample::SILENCE,
+                };
+                self.safety.wanted(&self.config, sample, muted)
+            }
+            PlayRate::Hz10000 => self.wanted_of_pair(muted),
+        };
+        self.put_out(wanted);
         let sample = RecordSample {
             acceleration: inputs.acceleration,
             force: inputs.force,
@@ -282,9 +298,24 @@ impl Tick {
         self.tap.put(now, sample, inputs.complete);
     }
 
-    /// Writes `sample` as codes, ahead of what is put out now.
+    /// The signal of a tick at 10 kHz: two samples of the block. Apart from the tick at 5 kHz, so that neither takes
+    /// an instruction of the other.
+    #[inline(never)]
+    #[unsafe(link_section = ".itcm.pair")]
+    fn wanted_of_pair(&mut self, muted: bool) -> Wanted {
+        let mut samples = [OutputSample::SILENCE; 2];
+        if let Some(block) = self.playing {
+            for sample in &mut samples {
+                // SAFETY: this is called by the tick, and it plays this block.
+                *sample = unsafe { voice::next_sample(block) };
+            }
+        }
+        self.safety.wanted_of_pair(&self.config, samples, muted)
+    }
+
+    /// Writes `wanted` as codes, ahead of what is put out now.
     #[inline(always)]
-    fn put_out(&mut self, sample: OutputSample) {
+    fn put_out(&mut self, wanted: Wanted) {
         #[cfg(feature = "fault-injection")]
         crate::injection::before_output();
         let next = self.output.next();
@@ -292,8 +323,7 @@ impl Tick {
         if !by_hand::is_held() {
             self.safety.continue_from(next.before);
         }
-        let muted = MUTED.load(Ordering::Relaxed) | amplifier::is_to_be_raised();
-        let codes = self.safety.process(&self.config, sample, muted);
+        let codes = self.safety.codes(&self.config, wanted);
         let codes = by_hand::instead_of(codes);
         let late = self.output.write(next, codes) | next.interrupted;
         self.counters.late_outputs = (self.counters.late_outputs).saturating_add(u32::from(late));

@@ -26,9 +26,9 @@ use model_format::link::{
 };
 use model_format::{AdcCode, MillimetresPerSecond, Newton};
 use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
-use stylus_kernel::{Motion, MotionError, UPDATE_INTERVAL_SAMPLES};
+use stylus_kernel::{Motion, MotionError};
 
-use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS};
+use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS, UPDATE_INTERVAL_TICKS};
 use tracker::{Told, Tracker};
 
 /// Greatest age of an input that is not stale, ticks.
@@ -48,7 +48,7 @@ const CONTACT_DEVIATIONS: f32 = 6.0;
 const WINDOW_BLOCKS: usize = 10;
 
 /// Ticks of the window that the speed is averaged over.
-pub const WINDOW_TICKS: u32 = WINDOW_BLOCKS as u32 * UPDATE_INTERVAL_SAMPLES;
+pub const WINDOW_TICKS: u32 = WINDOW_BLOCKS as u32 * UPDATE_INTERVAL_TICKS;
 
 /// Conversion of counts and codes to speed, position and force.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,7 +182,7 @@ impl Sensors {
         }
     }
 
-    /// Ends a block of [`UPDATE_INTERVAL_SAMPLES`] ticks. Called at each block's boundary, for any source of motion.
+    /// Ends a block of [`UPDATE_INTERVAL_TICKS`]. Called at each block's boundary, for any source of motion.
     #[inline(always)]
     pub fn end_block(&mut self) {
         self.blocks[self.oldest] = self.block_counts;

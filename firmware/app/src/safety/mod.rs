@@ -2,7 +2,7 @@
 //! the hand.
 //!
 //! ```text
-//! each tick   OutputSample -> gain -> DC blocker -> mute ramp -> thermal limiter -> interpolator
+//! each sample OutputSample -> gain -> DC blocker -> mute ramp -> thermal limiter -> interpolator
 //!                                                                      ^                 |
 //!                                                                  coil model            v 8 per tick
 //!                                                                      |                 |
@@ -14,6 +14,10 @@
 //!
 //! The ramp comes after the DC blocker, so that a muted output is at exactly mid-scale when the ramp has ended and the
 //! interpolator is empty, without the blocker's tail.
+//!
+//! A tick has one sample at 5 kHz and a pair of them at 10 kHz. What depends on that is the filter constant of the DC
+//! blocker, the steps of the ramp, and the filters of the interpolator. The coil's model and all limits are of ticks
+//! and codes, which come at the same times at both rates.
 //!
 //! A sample takes integer arithmetic and the same path for all data. [`Config`] is computed from settings, in
 //! floating-point operations that IEEE 754 defines to the last bit, so that host and device put out the same codes.
@@ -28,7 +32,7 @@ mod shaper;
 mod thermal;
 
 use model_format::link::{OutputLimits, Setting, Settings};
-use model_format::{DacCode, OutputSample};
+use model_format::{DacCode, OutputSample, PlayRate};
 
 use dc_blocker::DcBlocker;
 use fixed::STEP_BITS;
@@ -55,11 +59,17 @@ pub struct Config {
     ramp: RampConfig,
     coil: CoilConfig,
     limits: LimitConfig,
+    rate: PlayRate,
 }
 
 impl Config {
-    /// The configuration by `settings` for playing at `play_gain`, which must be finite and not negative.
+    /// The configuration by `settings` for playing 5 kHz at `play_gain`, which must be finite and not negative.
     pub fn new(settings: &Settings, play_gain: f32) -> Self {
+        Self::at_rate(settings, play_gain, PlayRate::Hz5000)
+    }
+
+    /// As [`Config::new`], for playing at `rate`. A change of rate is for an output at rest.
+    pub fn at_rate(settings: &Settings, play_gain: f32, rate: PlayRate) -> Self {
         let per_step = 1.0 / DacCode::STEP.0;
         let steps_per_acceleration = settings.get(Setting::OutputGain) * play_gain * per_step;
         // From 2^-20 m/s² to 2^-16 steps is a division by 2^4.
@@ -68,9 +78,10 @@ impl Config {
         Self {
             // The conversion of a float saturates.
             gain: (steps_per_acceleration * scale) as i32,
-            ramp: RampConfig::new(settings),
+            ramp: RampConfig::new(settings, rate),
             coil,
             limits: LimitConfig::new(settings, coil.peak_limit()),
+            rate,
         }
     }
 
@@ -88,6 +99,12 @@ impl Config {
         self.coil.knee()
     }
 
+    /// The rate of the samples.
+    #[inline(always)]
+    pub fn rate(&self) -> PlayRate {
+        self.rate
+    }
+
     /// Largest offset of the output from mid-scale, converter steps: the hard limit, or the limit by
     /// [`PEAK_POWER_RATIO`].
     pub fn limit_steps(&self) -> i32 {
@@ -101,12 +118,21 @@ impl Config {
 
     /// Most ticks from any output to exactly mid-scale after a mute: the ramp, the interpolator's length, and the slew
     /// limit's lag.
-    pub fn mute_samples(&self) -> u32 {
-        let ramp = self.ramp.down_samples();
+    pub fn mute_ticks(&self) -> u32 {
+        let ramp = (self.ramp.down_samples()).div_ceil(self.rate.samples_per_tick());
         let apart = shaper::LARGEST_DEVIATION;
         let peak = interpolator::LARGEST_OUTPUT + apart;
         ramp + interpolator::TICKS + self.limits.lag_ticks(ramp, peak, apart)
     }
+}
+
+/// The signal of a tick before the stages of each code.
+#[derive(Clone, Copy, Debug)]
+pub struct Wanted {
+    /// Converter steps of 2^-15.
+    codes: [i32; OVERSAMPLING],
+    /// True if the thermal limiter attenuated.
+    attenuated: bool,
 }
 
 /// State and counters of the safety stages.
@@ -158,10 +184,7 @@ impl State {
         }
     }
 
-    /// The next codes for the converter, in the order in which they are put out.
-    ///
-    /// While `muted`, the output goes to mid-scale along the mute ramp and stays there. Afterwards it returns along the
-    /// soft start.
+    /// The codes of a tick at 5 kHz: [`State::wanted`], then [`State::codes`].
     #[inline(always)]
     pub fn process(
         &mut self,
@@ -169,12 +192,78 @@ impl State {
         sample: OutputSample,
         muted: bool,
     ) -> [DacCode; OVERSAMPLING] {
+        let wanted = self.wanted(config, sample, muted);
+        self.codes(config, wanted)
+    }
+
+    /// The codes of a tick at 10 kHz: [`State::wanted_of_pair`], then [`State::codes`].
+    #[inline(always)]
+    pub fn process_pair(
+        &mut self,
+        config: &Config,
+        samples: [OutputSample; 2],
+        muted: bool,
+    ) -> [DacCode; OVERSAMPLING] {
+        let wanted = self.wanted_of_pair(config, samples, muted);
+        self.codes(config, wanted)
+    }
+
+    /// The signal of a tick at 5 kHz, before what acts on codes.
+    ///
+    /// While `muted`, it goes to zero along the mute ramp and stays there. Afterwards it returns along the soft start.
+    #[inline(always)]
+    pub fn wanted(&mut self, config: &Config, sample: OutputSample, muted: bool) -> Wanted {
+        let (cooled, attenuated) = self.cooled::<{ dc_blocker::ALPHA }>(config, sample, muted);
+        Wanted {
+            codes: self.interpolator.next(cooled),
+            attenuated,
+        }
+    }
+
+    /// The signal of a tick at 10 kHz, as [`State::wanted`], for the tick's two samples.
+    #[inline(always)]
+    pub fn wanted_of_pair(
+        &mut self,
+        config: &Config,
+        samples: [OutputSample; 2],
+        muted: bool,
+    ) -> Wanted {
+        let mut attenuated = false;
+        let inputs = samples.map(|sample| {
+            let (cooled, less) =
+                self.cooled::<{ dc_blocker::ALPHA_OF_PAIR }>(config, sample, muted);
+            attenuated |= less;
+            cooled
+        });
+        Wanted {
+            codes: self.interpolator.next_of_pair(inputs),
+            attenuated,
+        }
+    }
+
+    /// The interpolator's input for `sample`, and true if the thermal limiter attenuated it.
+    #[inline(always)]
+    fn cooled<const ALPHA: i64>(
+        &mut self,
+        config: &Config,
+        sample: OutputSample,
+        muted: bool,
+    ) -> (i32, bool) {
         let product = i64::from(sample.0) * i64::from(config.gain);
         let amplified = fixed::shift_toward_zero(product, GAIN_BITS).clamp(-FULL_SCALE, FULL_SCALE);
-        let without_dc = self.dc_blocker.next(amplified);
+        let without_dc = self.dc_blocker.next::<ALPHA>(amplified);
         let ramped = self.ramp.next(config.ramp, without_dc, muted);
         let (cooled, attenuated) = self.coil.attenuate(config.coil, ramped);
-        let wanted = self.interpolator.next(cooled as i32);
+        (cooled as i32, attenuated)
+    }
+
+    /// The next codes for the converter, in the order in which they are put out.
+    #[inline(always)]
+    pub fn codes(&mut self, config: &Config, wanted: Wanted) -> [DacCode; OVERSAMPLING] {
+        let Wanted {
+            codes: wanted,
+            attenuated,
+        } = wanted;
         self.shaper.forget_if(self.interpolator.is_empty());
         let mut pin = self.pin.under(config.limits);
         let (mut energy, mut cut) = (core::mem::take(&mut self.held), Cut::default());

@@ -1,9 +1,9 @@
 //! Soft start and mute: a gain that goes in equal steps between exactly zero and exactly one.
 
+use model_format::PlayRate;
 use model_format::link::{Setting, Settings};
 
 use super::fixed::shift_toward_zero;
-use crate::SAMPLE_RATE_HZ;
 
 /// A gain of one.
 const ONE: i32 = 1 << 30;
@@ -17,9 +17,9 @@ pub struct RampConfig {
 }
 
 impl RampConfig {
-    pub fn new(settings: &Settings) -> Self {
+    pub fn new(settings: &Settings, rate: PlayRate) -> Self {
         let step = |setting| {
-            let samples = settings.get(setting) * SAMPLE_RATE_HZ as f32 / 1e3;
+            let samples = settings.get(setting) * rate.hz() as f32 / 1e3;
             (ONE as f32 / samples) as i32 + 1
         };
         Self {

@@ -2,7 +2,7 @@
 
 use crate::SAMPLE_RATE_HZ;
 
-/// Number of codes for the converter per sample of the kernel. They are put out at equal intervals.
+/// Number of codes for the converter per tick. They are put out at equal intervals.
 pub const OVERSAMPLING: usize = 8;
 
 /// Codes per second at the pin.

@@ -191,6 +191,12 @@ mod tests {
             let spec = setting.spec();
             let value = spec.lowest + (spec.highest - spec.lowest) * share;
             let value = if spec.whole { value.trunc() } else { value };
+            // A scale has no value near 0.
+            let value = if value.abs() < spec.least_magnitude {
+                spec.least_magnitude
+            } else {
+                value
+            };
             let change = SettingChange { setting, value };
             settings = settings.with(change).expect("it is in range");
         }
@@ -239,7 +245,7 @@ mod tests {
 
     #[test]
     fn a_value_out_of_range_is_lost_and_one_of_an_older_firmware_is_not_there() {
-        let record = record(7, u32::MAX, 0, 0.5);
+        let record = record(7, u32::MAX, 0, 0.25);
         let mut bytes = record.bytes();
         let at = VALUES + 4 * Setting::HardLimit as usize;
         bytes[at..at + 4].copy_from_slice(&1e9f32.to_le_bytes());

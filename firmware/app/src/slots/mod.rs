@@ -93,6 +93,34 @@ pub struct FlashFault {
     pub offset: u32,
 }
 
+/// A step of an upload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// Erasing a sector.
+    Erase,
+    /// Programming so many words, and reading each of them back.
+    Program {
+        /// Their number.
+        words: u32,
+    },
+    /// Reading and decoding a library.
+    Check,
+    /// Proving its direct forms.
+    Proof,
+}
+
+/// An event while received bytes become a library.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SealEvent {
+    /// Progress of the proof.
+    Proving {
+        /// Share of it that is done, ‰.
+        permille: u16,
+    },
+    /// A step has ended.
+    Ended(Step),
+}
+
 /// Failure of a write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WriteFault {
@@ -382,13 +410,13 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     /// Validates `length` bytes in the claimed slot, each read once, proves their direct forms, and makes them a
-    /// library by writing its header. `told` gets the progress of the proof, ‰.
+    /// library by writing its header. `told` gets the progress of the proof, and each step.
     pub(crate) async fn seal(
         &mut self,
         claim: Claim,
         length: u32,
         crc32: u32,
-        told: impl FnMut(u16),
+        mut told: impl FnMut(SealEvent),
     ) -> Result<SlotInfo, SealFault> {
         let slot = claim.slot();
         self.check_bytes(slot, length, crc32)
@@ -396,12 +424,18 @@ impl<F: MappedFlash> SlotStore<F> {
             .map_err(SealFault::Bytes)?;
         let content = self.check_library(slot, length).await;
         let content = content.map_err(SealFault::Bytes)?;
-        let proved = self.prove_content(slot, length, content.outline, told);
-        if proved.await.map_err(SealFault::Bytes)? == Proved::Stable {
+        told(SealEvent::Ended(Step::Check));
+        let proving = |permille| told(SealEvent::Proving { permille });
+        let proved = self.prove_content(slot, length, content.outline, proving);
+        let proved = proved.await.map_err(SealFault::Bytes)?;
+        told(SealEvent::Ended(Step::Proof));
+        let mut words = 1;
+        if proved == Proved::Stable {
             // Before the header, so that a library is never without it.
             self.write(claim, MARK_OFFSETS.start, &mark_of(length, crc32))
                 .await
                 .map_err(SealFault::Write)?;
+            words += 1;
         }
         let header = Header {
             sequence: self.highest.unwrap_or(0).wrapping_add(1),
@@ -413,6 +447,7 @@ impl<F: MappedFlash> SlotStore<F> {
             let _ = self.erase_sector(claim, Self::header_sector()).await;
             return Err(SealFault::Write(fault));
         }
+        told(SealEvent::Ended(Step::Program { words }));
         self.note_header(header);
         Ok(self.set_valid(slot, header, content))
     }

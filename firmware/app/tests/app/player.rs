@@ -1,5 +1,6 @@
 //! The player against a model of the output: every exchange happens in silence.
 
+use model_format::PlayRate;
 use model_format::link::{
     ActivateError, Activity, MotionSource, MuteReason, PlayRequest, Selection, StopError,
 };
@@ -28,8 +29,13 @@ const SOUNDING: Observed = Observed {
 
 fn playing(name: &str) -> Player {
     let mut player = Player::new();
-    player.play(request(name)).expect("nothing is activated");
-    assert_eq!(player.poll(QUIET), Some(Action::Start(request(name))));
+    player
+        .play(request(name), PlayRate::Hz5000)
+        .expect("nothing is activated");
+    assert_eq!(
+        player.poll(QUIET),
+        Some(Action::Start(request(name), PlayRate::Hz5000))
+    );
     assert!(player.mute().is_empty());
     player
 }
@@ -51,7 +57,10 @@ fn a_player_is_mute_until_it_plays() {
 #[test]
 fn another_texture_of_the_same_gain_takes_over_without_a_mute() {
     let mut player = playing("one");
-    assert_eq!(player.play(request("two")), Ok(Begin::Switch));
+    assert_eq!(
+        player.play(request("two"), PlayRate::Hz5000),
+        Ok(Begin::Switch)
+    );
     assert!(player.mute().is_empty());
     assert_eq!(player.poll(SOUNDING), None);
     assert!(
@@ -65,13 +74,29 @@ fn another_texture_of_the_same_gain_takes_over_without_a_mute() {
 }
 
 #[test]
+fn another_rate_begins_when_the_first_has_faded_and_so_does_the_way_back() {
+    let mut player = playing("one");
+    for rate in [PlayRate::Hz10000, PlayRate::Hz5000] {
+        assert_eq!(player.play(request("two"), rate), Ok(Begin::AtRest));
+        assert!(player.mute().contains(MuteReason::Changing));
+        assert_eq!(player.poll(SOUNDING), None);
+        let start = Action::Start(request("two"), rate);
+        assert_eq!(player.poll(QUIET), Some(start));
+        assert_eq!(player.play(request("one"), rate), Ok(Begin::Switch));
+    }
+}
+
+#[test]
 fn another_gain_begins_when_the_first_has_faded() {
     let mut player = playing("one");
     let louder = PlayRequest {
         gain: 2.0,
         ..request("one")
     };
-    assert_eq!(player.play(louder.clone()), Ok(Begin::AtRest));
+    assert_eq!(
+        player.play(louder.clone(), PlayRate::Hz5000),
+        Ok(Begin::AtRest)
+    );
     assert!(player.mute().contains(MuteReason::Changing));
     assert_eq!(player.poll(SOUNDING), None);
     assert_eq!(player.activity(), Activity::FadingOut);
@@ -80,8 +105,14 @@ fn another_gain_begins_when_the_first_has_faded() {
         gain: 2.0,
         ..request("two")
     };
-    assert_eq!(player.play(last.clone()), Ok(Begin::AtRest));
-    assert_eq!(player.poll(QUIET), Some(Action::Start(last)));
+    assert_eq!(
+        player.play(last.clone(), PlayRate::Hz5000),
+        Ok(Begin::AtRest)
+    );
+    assert_eq!(
+        player.poll(QUIET),
+        Some(Action::Start(last, PlayRate::Hz5000))
+    );
     assert!(player.mute().is_empty());
 }
 
@@ -105,14 +136,14 @@ fn a_library_is_exchanged_at_rest_and_nothing_else_happens_meanwhile() {
     assert_eq!(player.poll(QUIET), Some(Action::Clear));
     assert!(player.may_exchange());
     assert_eq!(player.begin_activation(), Err(ActivateError::Busy));
-    assert!(player.play(request("two")).is_err());
+    assert!(player.play(request("two"), PlayRate::Hz5000).is_err());
     assert_eq!(player.stop(), Err(StopError::NotPlaying));
     player.end_activation();
     assert_eq!(
         (player.may_exchange(), player.activity()),
         (false, Activity::Idle)
     );
-    assert!(player.play(request("two")).is_ok());
+    assert!(player.play(request("two"), PlayRate::Hz5000).is_ok());
 }
 
 #[test]
@@ -161,7 +192,7 @@ fn after_a_fault_it_is_mute_for_good() {
     }
     let _ = player.stop();
     player.poll(QUIET);
-    let _ = player.play(request("two"));
+    let _ = player.play(request("two"), PlayRate::Hz5000);
     player.poll(QUIET);
     assert!(player.mute().contains(MuteReason::Fault));
 }
@@ -187,7 +218,7 @@ proptest! {
         let mut texture_there = false;
         for step in steps {
             match step {
-                Step::Play => { let _ = player.play(request("one")); }
+                Step::Play => { let _ = player.play(request("one"), PlayRate::Hz5000); }
                 Step::Stop => { let _ = player.stop(); }
                 Step::Begin => { let _ = player.begin_activation(); }
                 Step::End => {
@@ -200,7 +231,7 @@ proptest! {
                     let action = player.poll(Observed { at_rest: level == 0, stale, link_lost, ..QUIET });
                     if let Some(action) = action {
                         prop_assert_eq!(level, 0, "{:?}", action);
-                        texture_there = matches!(action, Action::Start(_));
+                        texture_there = matches!(action, Action::Start(..));
                     }
                 }
             }

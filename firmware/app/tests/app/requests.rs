@@ -15,8 +15,7 @@ use model_format::link::{
     SlotId, SlotState, StopError, UploadChunk, UploadError, UploadState,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
-use model_format::{Library, MillimetresPerSecond, Newton, encode, encode_with_scenes};
-use stylus_app::SAMPLE_RATE_HZ;
+use model_format::{Library, MillimetresPerSecond, Newton, PlayRate, encode, encode_with_scenes};
 use stylus_app::safety::Config;
 use stylus_app::slots::SlotStore;
 use stylus_kernel::scene::Plan;
@@ -159,7 +158,7 @@ fn a_library_that_was_uploaded_and_activated_is_played_and_stopped() {
 
 #[test]
 fn a_request_that_is_refused_leaves_what_was_played() {
-    let textures = [texture("right", 4, 1, 5_000), texture("fast", 4, 1, 10_000)];
+    let textures = [texture("right", 4, 1, 5_000), texture("fast", 4, 1, 8_000)];
     let stylus = Stylus::with_library(&encode(&textures).expect("valid"));
     stylus.play("right").expect("it is there");
     stylus.run(300);
@@ -167,13 +166,10 @@ fn a_request_that_is_refused_leaves_what_was_played() {
         name: "wrong".try_into().expect("short"),
     };
     assert_eq!(stylus.play("wrong"), Err(missing));
-    let (texture_hz, device_hz) = (10_000, SAMPLE_RATE_HZ);
+    let texture_hz = 8_000;
     assert_eq!(
         stylus.play("fast"),
-        Err(PlayError::SampleRate {
-            texture_hz,
-            device_hz
-        })
+        Err(PlayError::SampleRate { texture_hz })
     );
     for gain in [f32::NAN, f32::INFINITY, -0.1, 4.1] {
         let error = stylus.control.borrow_mut().play(
@@ -203,13 +199,10 @@ fn scene_request(name: &str) -> PlayRequest {
     }
 }
 
-/// A library with a scene of each of two textures, one of them for another rate.
+/// A library with a scene of each of two textures, one of them for a rate that no stylus plays.
 fn library_with_scenes() -> Vec<u8> {
-    let textures = [
-        texture("right", 40, 1, 5_000),
-        texture("fast", 4, 1, 10_000),
-    ];
-    let scenes = [scene("bench", 0, 5_000), scene("fast", 1, 10_000)];
+    let textures = [texture("right", 40, 1, 5_000), texture("fast", 4, 1, 8_000)];
+    let scenes = [scene("bench", 0, 5_000), scene("fast", 1, 8_000)];
     encode_with_scenes(&textures, &scenes).expect("valid")
 }
 
@@ -249,6 +242,63 @@ fn a_scene_is_played_by_its_name_and_switched_without_a_mute_where_the_gain_stay
 }
 
 #[test]
+fn a_change_of_rate_goes_through_silence_and_back_and_a_change_within_it_does_not() {
+    let textures = [
+        texture("slow", 4, 1, 5_000),
+        texture("fast", 4, 1, 10_000),
+        texture("also fast", 4, 1, 10_000),
+    ];
+    let scenes = [scene("fast scene", 1, 10_000)];
+    let stylus = Stylus::with_library(&encode_with_scenes(&textures, &scenes).expect("valid"));
+    // Counts of beginnings from silence, and of changes without one, after each request.
+    let steps = [
+        ("slow", PlayRate::Hz5000, (1, 0)),
+        ("fast", PlayRate::Hz10000, (2, 0)),
+        ("also fast", PlayRate::Hz10000, (2, 1)),
+        ("slow", PlayRate::Hz5000, (3, 1)),
+        ("fast", PlayRate::Hz10000, (4, 1)),
+    ];
+    for (name, rate, counts) in steps {
+        stylus.play(name).expect("it is there");
+        stylus.run(400);
+        assert!(stylus.sounds(), "{name}");
+        let mut control = stylus.control.borrow_mut();
+        let hardware = control.device();
+        assert_eq!(hardware.config.rate(), rate, "{name}");
+        assert_eq!((hardware.starts, hardware.switches), counts, "{name}");
+    }
+    let playing = (stylus.control.borrow_mut()).play(LinkId::Serial, scene_request("fast scene"));
+    assert!(playing.expect("it is there").mute.is_empty());
+}
+
+#[test]
+fn a_scene_at_ten_kilohertz_may_take_half_of_the_budget_per_sample() {
+    let textures = [
+        texture("slow", 40, 1, 5_000),
+        texture("fast", 40, 1, 10_000),
+    ];
+    let bytes = encode(&textures).expect("valid");
+    let stylus = Stylus::with_library(&bytes);
+    let library = Library::decode(&bytes).expect("valid");
+    let slow = library.texture("slow").expect("it is there");
+    let cost = Plan::of_texture(slow).worst_case().instructions();
+    let play = |budget: u32, name| {
+        stylus.control.borrow_mut().device().budget = budget;
+        stylus.play(name)
+    };
+    assert_eq!(play(2 * cost, "fast"), Ok(()));
+    assert_eq!(play(2 * cost - 1, "slow"), Ok(()));
+    match play(2 * cost - 1, "fast") {
+        Err(PlayError::OverBudget {
+            instructions,
+            budget,
+            ..
+        }) => assert_eq!((instructions, budget), (cost, cost - 1)),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
 fn a_scene_that_cannot_be_played_is_refused_with_the_reason_and_what_was_played_goes_on() {
     let stylus = Stylus::with_library(&library_with_scenes());
     stylus.play("right").expect("it is there");
@@ -263,12 +313,8 @@ fn a_scene_that_cannot_be_played_is_refused_with_the_reason_and_what_was_played_
         name: "right".try_into().expect("short"),
     };
     assert_eq!(play("right"), Err(missing), "a texture is no scene");
-    let (texture_hz, device_hz) = (10_000, SAMPLE_RATE_HZ);
-    let rate = PlayError::SampleRate {
-        texture_hz,
-        device_hz,
-    };
-    assert_eq!(play("fast"), Err(rate));
+    let texture_hz = 8_000;
+    assert_eq!(play("fast"), Err(PlayError::SampleRate { texture_hz }));
     let bytes = library_with_scenes();
     let library = Library::decode(&bytes).expect("valid");
     let plan = Plan::new(&library.scene("bench").expect("it is there"), &library);

@@ -4,7 +4,7 @@ use model_format::link::{
     BUILT_FOR_GAIN, BUILT_FOR_OHM, LINK_LOST_AFTER_MS, MAX_COIL_POWER_WATT, MAX_PIN_MEAN_SQUARE,
     MAX_THERMAL_TIME_CONSTANT_S, STALE_AFTER_MS, Setting, SettingChange, Settings, Tighter,
 };
-use model_format::{DacCode, OutputSample};
+use model_format::{DacCode, OutputSample, PlayRate};
 use proptest::prelude::*;
 use stylus_app::safety::{Config, Heat, MOST_HELD_TICKS, OVERSAMPLING, PEAK_POWER_RATIO, State};
 use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
@@ -140,6 +140,24 @@ impl Coil {
     }
 }
 
+/// A rate at which a stylus plays.
+fn any_rate() -> impl Strategy<Value = PlayRate> {
+    prop::sample::select(&PlayRate::ALL)
+}
+
+/// The codes of a tick: of `sample`, or at 10 kHz of two of it.
+fn process(
+    state: &mut State,
+    config: &Config,
+    sample: OutputSample,
+    muted: bool,
+) -> [DacCode; OVERSAMPLING] {
+    match config.rate() {
+        PlayRate::Hz5000 => state.process(config, sample, muted),
+        PlayRate::Hz10000 => state.process_pair(config, [sample; 2], muted),
+    }
+}
+
 fn sine(amplitude: f64, hertz: f64, n: u32) -> OutputSample {
     let value = amplitude * (core::f64::consts::TAU * hertz * f64::from(n) / RATE).sin();
     OutputSample((value * f64::from(1 << OutputSample::FRACTION_BITS)) as i32)
@@ -152,14 +170,15 @@ proptest! {
     #[test]
     fn a_change_of_settings_in_the_middle_of_playing_keeps_every_other_limit_and_overflows_nothing(
         all in prop::collection::vec((any_settings(), 0.0f32..=4.0, any_input()), 2..4),
+        rate in any_rate(),
     ) {
         let (settings, gain, _) = &all[0];
-        let mut state = State::new(&Config::new(settings, *gain));
+        let mut state = State::new(&Config::at_rate(settings, *gain, rate));
         for (settings, gain, input) in &all {
-            let config = Config::new(settings, *gain);
+            let config = Config::at_rate(settings, *gain, rate);
             let mut before = None;
             for (sample, muted) in samples(input) {
-                for now in offsets(state.process(&config, sample, muted)) {
+                for now in offsets(process(&mut state, &config, sample, muted)) {
                     prop_assert!(now.abs() <= config.limit_steps());
                     prop_assert!(power(settings, now) <= f64::from(PEAK_POWER_RATIO) * 1.0001);
                     if let Some(before) = before.replace(now) {
@@ -170,9 +189,9 @@ proptest! {
         }
         // Whatever was before: what the last settings mute is silent as they say.
         let (settings, gain, _) = all.last().expect("there are two");
-        let config = Config::new(settings, *gain);
-        for _ in 0..config.mute_samples() {
-            state.process(&config, OutputSample(i32::MIN), true);
+        let config = Config::at_rate(settings, *gain, rate);
+        for _ in 0..config.mute_ticks() {
+            process(&mut state, &config, OutputSample(i32::MIN), true);
         }
         prop_assert!(state.is_at_rest());
     }
@@ -181,16 +200,17 @@ proptest! {
     #[test]
     fn no_history_of_changes_cools_the_coil_or_loses_heat(
         all in prop::collection::vec((any_settings(), 0.0f32..=4.0, any_input()), 1..6),
+        rate in any_rate(),
     ) {
         let (settings, gain, _) = &all[0];
-        let mut state = State::new(&Config::new(settings, *gain));
+        let mut state = State::new(&Config::at_rate(settings, *gain, rate));
         let volts = |heat: Heat| heat.to_bits() as f64 / f64::from(1 << 30) * f64::from(DacCode::STEP.0).powi(2);
         let mut expected = volts(state.heat());
         for (settings, gain, input) in &all {
-            let config = Config::new(settings, *gain);
+            let config = Config::at_rate(settings, *gain, rate);
             let share = 1.0 / (f64::from(settings.get(Setting::ThermalTimeConstant)) * RATE);
             for (sample, muted) in samples(input) {
-                let codes = offsets(state.process(&config, sample, muted));
+                let codes = offsets(process(&mut state, &config, sample, muted));
                 let square = codes.map(|code| (f64::from(code) * f64::from(DacCode::STEP.0)).powi(2));
                 expected += (square.iter().sum::<f64>() / OVERSAMPLING as f64 - expected) * share;
             }
@@ -203,14 +223,14 @@ proptest! {
 
     #[test]
     fn no_input_goes_beyond_the_limits_or_changes_faster(
-        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(),
+        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(), rate in any_rate(),
     ) {
-        let config = Config::new(&settings, gain);
+        let config = Config::at_rate(&settings, gain, rate);
         let limit = f64::from(settings.hard_limit().0) / f64::from(DacCode::STEP.0);
         let slew = f64::from(settings.get(Setting::SlewLimit)) * 1e3 / PIN_RATE / f64::from(DacCode::STEP.0);
         let (mut state, mut before) = (State::new(&config), 0);
         for (sample, muted) in samples(&input) {
-            for now in offsets(state.process(&config, sample, muted)) {
+            for now in offsets(process(&mut state, &config, sample, muted)) {
                 prop_assert!(f64::from(now.abs()) <= limit);
                 prop_assert!(f64::from((now - before).abs()) <= slew.max(1.0));
                 prop_assert!(power(&settings, now) <= f64::from(PEAK_POWER_RATIO) * 1.0001);
@@ -220,12 +240,14 @@ proptest! {
     }
 
     #[test]
-    fn no_input_warms_the_coil_past_its_limit(settings in any_settings(), gain in 0.0f32..=4.0, input in any_input()) {
-        let config = Config::new(&settings, gain);
+    fn no_input_warms_the_coil_past_its_limit(
+        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(), rate in any_rate(),
+    ) {
+        let config = Config::at_rate(&settings, gain, rate);
         let (mut state, mut coil) = (State::new(&config), Coil::new(&settings));
         for _ in 0..4 {
             for (sample, muted) in samples(&input) {
-                for now in offsets(state.process(&config, sample, muted)) {
+                for now in offsets(process(&mut state, &config, sample, muted)) {
                     coil.follow(power(&settings, now));
                 }
                 prop_assert!(coil.rise < 1.1, "rise {}", coil.rise);
@@ -238,67 +260,71 @@ proptest! {
 
     #[test]
     fn whoever_is_muted_is_at_exactly_mid_scale_in_time(
-        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(),
+        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(), rate in any_rate(),
     ) {
-        let config = Config::new(&settings, gain);
+        let config = Config::at_rate(&settings, gain, rate);
         let mut state = State::new(&config);
         for (sample, _) in samples(&input) {
-            state.process(&config, sample, false);
+            process(&mut state, &config, sample, false);
         }
-        for _ in 0..config.mute_samples() {
-            state.process(&config, OutputSample(i32::MAX), true);
+        for _ in 0..config.mute_ticks() {
+            process(&mut state, &config, OutputSample(i32::MAX), true);
         }
         prop_assert!(state.is_at_rest());
         for (sample, _) in samples(&input) {
-            prop_assert_eq!(state.process(&config, sample, true), REST);
+            prop_assert_eq!(process(&mut state, &config, sample, true), REST);
         }
         // 5 ms are for the detection of stale inputs.
         let allowed_ms = 100 - STALE_AFTER_MS.max(LINK_LOST_AFTER_MS) - 2;
-        prop_assert!(config.mute_samples() <= allowed_ms * TICKS_PER_MS, "{} samples", config.mute_samples());
+        prop_assert!(config.mute_ticks() <= allowed_ms * TICKS_PER_MS, "{} samples", config.mute_ticks());
     }
 
     #[test]
     fn an_output_that_is_at_rest_stays_at_mid_scale_while_it_is_muted(
-        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(),
+        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(), rate in any_rate(),
     ) {
-        let config = Config::new(&settings, gain);
+        let config = Config::at_rate(&settings, gain, rate);
         let mut state = State::new(&config);
         for (sample, muted) in samples(&input) {
-            let [.., last] = state.process(&config, sample, muted);
+            let [.., last] = process(&mut state, &config, sample, muted);
             if state.is_at_rest() {
                 prop_assert_eq!(last, DacCode::MID_SCALE);
                 let mut copy = state;
                 for _ in 0..20 {
-                    prop_assert_eq!(copy.process(&config, OutputSample(i32::MIN), true), REST);
+                    prop_assert_eq!(process(&mut copy, &config, OutputSample(i32::MIN), true), REST);
                 }
             }
         }
     }
 
     #[test]
-    fn silence_is_exactly_mid_scale_in_bounded_time(settings in any_settings(), input in any_input()) {
-        let config = Config::new(&settings, 1.0);
+    fn silence_is_exactly_mid_scale_in_bounded_time(
+        settings in any_settings(), input in any_input(), rate in any_rate(),
+    ) {
+        let config = Config::at_rate(&settings, 1.0, rate);
         let mut state = State::new(&config);
         for (sample, muted) in samples(&input) {
-            state.process(&config, sample, muted);
+            process(&mut state, &config, sample, muted);
         }
         // The DC blocker settles with a time constant of 80 ms.
         for _ in 0..3 * SAMPLE_RATE_HZ {
-            state.process(&config, OutputSample::SILENCE, false);
+            process(&mut state, &config, OutputSample::SILENCE, false);
         }
         for _ in 0..100 {
-            prop_assert_eq!(state.process(&config, OutputSample::SILENCE, false), REST);
+            prop_assert_eq!(process(&mut state, &config, OutputSample::SILENCE, false), REST);
         }
     }
 
     #[test]
-    fn a_constant_input_leaves_no_direct_current(settings in any_settings(), level: i32) {
-        let config = Config::new(&settings, 1.0);
+    fn a_constant_input_leaves_no_direct_current(
+        settings in any_settings(), level: i32, rate in any_rate(),
+    ) {
+        let config = Config::at_rate(&settings, 1.0, rate);
         let mut state = State::new(&config);
         for _ in 0..4 * SAMPLE_RATE_HZ {
-            state.process(&config, OutputSample(level), false);
+            process(&mut state, &config, OutputSample(level), false);
         }
-        prop_assert_eq!(state.process(&config, OutputSample(level), false), REST);
+        prop_assert_eq!(process(&mut state, &config, OutputSample(level), false), REST);
     }
 }
 
@@ -573,4 +599,71 @@ fn counters_count_what_was_changed() {
         state.process(&config, sine(100.0, 300.0, n), false);
     }
     assert!(state.counters().slew_limited > 900);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn no_pair_of_samples_goes_beyond_the_limits_of_codes_or_warms_the_coil_past_its_limit(
+        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(),
+    ) {
+        let config = Config::at_rate(&settings, gain, PlayRate::Hz10000);
+        // What a limit is in time, it is at both rates.
+        let slow = Config::new(&settings, gain);
+        prop_assert_eq!((config.limit_steps(), config.slew_steps()), (slow.limit_steps(), slow.slew_steps()));
+        let (mut state, mut coil, mut before) = (State::new(&config), Coil::new(&settings), 0);
+        let all: Vec<(OutputSample, bool)> = samples(&input).collect();
+        for pair in all.as_chunks::<2>().0 {
+            let [(first, muted), (second, _)] = *pair;
+            for now in offsets(state.process_pair(&config, [first, second], muted)) {
+                prop_assert!(now.abs() <= config.limit_steps());
+                prop_assert!((now - before).abs() <= config.slew_steps());
+                coil.follow(power(&settings, now));
+                before = now;
+            }
+            prop_assert!(coil.rise < 1.1, "rise {}", coil.rise);
+        }
+    }
+
+    /// The mute ramp and the soft start take the same time at both rates.
+    #[test]
+    fn ramps_take_the_same_time_at_both_rates(settings in any_settings()) {
+        let [slow, fast] = PlayRate::ALL.map(|rate| Config::at_rate(&settings, 1.0, rate));
+        prop_assert!(slow.mute_ticks().abs_diff(fast.mute_ticks()) <= 1);
+    }
+}
+
+/// A tone below 2 kHz, and the same at the other rate: the codes differ by the filters' delays alone, so that what one
+/// puts out, in the steady state, has the other's power.
+#[test]
+fn a_tone_has_the_same_power_at_both_rates() {
+    let power = |rate: PlayRate, hertz: f64| {
+        let config = Config::at_rate(&transparent(), 0.5, rate);
+        let mut state = State::new(&config);
+        let tone = |n: u32| {
+            let seconds = f64::from(n) / f64::from(rate.hz());
+            sine(5.0, hertz * seconds * RATE, 1)
+        };
+        let mut sum = 0.0;
+        for tick in 0..2 * SAMPLE_RATE_HZ {
+            let codes = match rate {
+                PlayRate::Hz5000 => state.process(&config, tone(tick), false),
+                PlayRate::Hz10000 => {
+                    let pair = [tone(2 * tick), tone(2 * tick + 1)];
+                    state.process_pair(&config, pair, false)
+                }
+            };
+            if tick >= SAMPLE_RATE_HZ {
+                let squares = offsets(codes).map(|code| f64::from(code).powi(2));
+                sum += squares.iter().sum::<f64>();
+            }
+        }
+        sum
+    };
+    for hertz in [40.0, 250.0, 1_000.0, 1_900.0] {
+        let [slow, fast] = PlayRate::ALL.map(|rate| power(rate, hertz));
+        let decibels = 10.0 * (fast / slow).log10();
+        assert!(decibels.abs() < 0.15, "{decibels} dB at {hertz} Hz");
+    }
 }
