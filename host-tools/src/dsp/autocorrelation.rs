@@ -4,6 +4,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use realfft::num_complex::Complex;
 
+use crate::dsp::sums::energy;
 use crate::dsp::with_planner;
 
 /// Longest taper of an end, samples: 0.1 s at the models' rate. Longer ones leak no less in the bands of a texture and
@@ -58,7 +59,7 @@ impl Autocorrelation {
         let scale = 1.0 / (transform_length as f64 * samples.max(1) as f64);
         let mut lags: Vec<f64> = padded[..=max_lag].iter().map(|r| r * scale).collect();
         // Lag 0 is the exact power, without the round-off of the transform.
-        lags[0] = signal.iter().map(|x| x * x).sum::<f64>() / samples.max(1) as f64;
+        lags[0] = energy(signal) / samples.max(1) as f64;
         Self {
             lags,
             power,
@@ -79,7 +80,7 @@ impl Autocorrelation {
             tapered[samples - 1 - n] *= weight;
         }
         let mut result = Self::of(&tapered, max_lag);
-        let power = signal.iter().map(|x| x * x).sum::<f64>() / samples.max(1) as f64;
+        let power = energy(signal) / samples.max(1) as f64;
         if result.lags[0] > 0.0 {
             let scale = power / result.lags[0];
             result.lags.iter_mut().for_each(|lag| *lag *= scale);

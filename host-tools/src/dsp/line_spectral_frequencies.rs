@@ -18,24 +18,38 @@ const REFINEMENTS: usize = 60;
 /// Tolerance of φ, rad.
 const TOLERANCE_RAD: f64 = 1e-9;
 
-/// Returns φ at the angle `omega`; both in rad.
-fn phase(reflection: &[f64], omega: f64) -> f64 {
-    let (sin, cos) = omega.sin_cos();
+/// Angles at which φ is computed at once, because each of its steps waits for the step before.
+const LANES: usize = 4;
+
+/// Returns φ at the angles `omegas`; all in rad.
+fn phases(reflection: &[f64], omegas: [f64; LANES]) -> [f64; LANES] {
+    let (sin, cos) = (omegas.map(f64::sin), omegas.map(f64::cos));
     // A of order m at ω, and e^(-jmω).
-    let (mut re, mut im) = (1.0, 0.0);
-    let (mut turn_re, mut turn_im) = (1.0, 0.0);
-    let mut turns = 0.0;
+    let (mut re, mut im) = ([1.0; LANES], [0.0; LANES]);
+    let (mut turn_re, mut turn_im) = ([1.0; LANES], [0.0; LANES]);
+    let mut turns = [0.0; LANES];
     for &k in reflection {
-        (turn_re, turn_im) = (turn_re * cos + turn_im * sin, turn_im * cos - turn_re * sin);
-        // A(m) = A(m-1) + k e^(-jmω) A*(m-1)
-        let next_re: f64 = re + k * (turn_re * re + turn_im * im);
-        let next_im: f64 = im + k * (turn_im * re - turn_re * im);
-        if (next_im < 0.0) != (im < 0.0) && re < 0.0 {
-            turns += if im < 0.0 { -1.0 } else { 1.0 };
+        for lane in 0..LANES {
+            let (turned_re, turned_im) = (turn_re[lane], turn_im[lane]);
+            let turned: (f64, f64) = (
+                turned_re * cos[lane] + turned_im * sin[lane],
+                turned_im * cos[lane] - turned_re * sin[lane],
+            );
+            (turn_re[lane], turn_im[lane]) = turned;
+            let (last_re, last_im): (f64, f64) = (re[lane], im[lane]);
+            // A(m) = A(m-1) + k e^(-jmω) A*(m-1)
+            re[lane] = last_re + k * (turned.0 * last_re + turned.1 * last_im);
+            im[lane] = last_im + k * (turned.1 * last_re - turned.0 * last_im);
+            let crosses = (im[lane] < 0.0) != (last_im < 0.0) && last_re < 0.0;
+            let turn = if last_im < 0.0 { -1.0 } else { 1.0 };
+            turns[lane] += if crosses { turn } else { 0.0 };
         }
-        (re, im) = (next_re, next_im);
     }
-    (reflection.len() + 1) as f64 * omega + 2.0 * (im.atan2(re) + 2.0 * PI * turns)
+    let order = reflection.len();
+    std::array::from_fn(|lane| {
+        let argument = im[lane].atan2(re[lane]) + 2.0 * PI * turns[lane];
+        (order + 1) as f64 * omegas[lane] + 2.0 * argument
+    })
 }
 
 /// Returns the line spectral frequencies of a stable model, in rad, ascending, as many as its order.
@@ -43,56 +57,93 @@ pub fn frequencies(reflection: &[f64]) -> Vec<f64> {
     let grid: Vec<f64> = (0..=COARSE)
         .map(|step| PI * step as f64 / COARSE as f64)
         .collect();
-    let phases: Vec<f64> = grid.iter().map(|&omega| phase(reflection, omega)).collect();
-    let mut cell = 0;
-    (1..=reflection.len())
-        .map(|index| {
-            let wanted = PI * index as f64;
-            while cell + 1 < COARSE && phases[cell + 1] < wanted {
-                cell += 1;
-            }
-            let ends = (grid[cell], phases[cell] - wanted);
-            root(
-                reflection,
-                wanted,
-                ends,
-                (grid[cell + 1], phases[cell + 1] - wanted),
-            )
+    let grid_phases: Vec<f64> = grid
+        .chunks(LANES)
+        .flat_map(|omegas| {
+            let lanes = std::array::from_fn(|lane| omegas[lane.min(omegas.len() - 1)]);
+            phases(reflection, lanes).into_iter().take(omegas.len())
         })
-        .collect()
+        .collect();
+    let mut cell = 0;
+    let mut waiting = (1..=reflection.len()).map(|index| {
+        let wanted = PI * index as f64;
+        while cell + 1 < COARSE && grid_phases[cell + 1] < wanted {
+            cell += 1;
+        }
+        let end = |end: usize| (grid[end], grid_phases[end] - wanted);
+        Search {
+            index,
+            wanted,
+            low: end(cell),
+            high: end(cell + 1),
+            last_side: 0,
+            refinements: 0,
+        }
+    });
+    let mut frequencies = vec![0.0; reflection.len()];
+    let mut lanes: [Option<Search>; LANES] = std::array::from_fn(|_| waiting.next());
+    while lanes.iter().any(Option::is_some) {
+        let middles = (lanes.each_ref()).map(|lane| lane.as_ref().map_or(0.0, Search::middle));
+        let found = phases(reflection, middles);
+        for (lane, (middle, phase)) in lanes.iter_mut().zip(middles.into_iter().zip(found)) {
+            let Some(search) = lane else { continue };
+            if let Some(frequency) = search.refine(middle, phase) {
+                frequencies[search.index - 1] = frequency;
+                *lane = waiting.next();
+            }
+        }
+    }
+    frequencies
 }
 
-/// Returns the angle at which φ is `wanted`, in rad, by the Illinois method, which keeps the root bracketed. `low` and
-/// `high` are an angle each with the excess of φ over `wanted` there.
-fn root(reflection: &[f64], wanted: f64, mut low: (f64, f64), mut high: (f64, f64)) -> f64 {
-    let mut last_side = 0;
-    for count in 0..REFINEMENTS {
+/// A search for the angle at which φ is `wanted`, by the Illinois method, which keeps the root bracketed.
+struct Search {
+    /// Index of the frequency, from 1.
+    index: usize,
+    /// φ there, rad.
+    wanted: f64,
+    /// An angle below, rad, with the excess of φ over `wanted`.
+    low: (f64, f64),
+    /// An angle above, likewise.
+    high: (f64, f64),
+    /// The end that moved last: -1 for the lower one, 1 for the upper one, 0 at the beginning.
+    last_side: i32,
+    refinements: usize,
+}
+
+impl Search {
+    /// The angle to try next, rad.
+    fn middle(&self) -> f64 {
+        let (low, high) = (self.low, self.high);
         let secant = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
         let inside = secant > low.0 && secant < high.0;
-        let middle = if inside && count % 8 != 7 {
+        if inside && self.refinements % 8 != 7 {
             secant
         } else {
             f64::midpoint(low.0, high.0)
-        };
-        let over = phase(reflection, middle) - wanted;
-        if over.abs() < TOLERANCE_RAD || high.0 - low.0 < 1e-14 {
-            return middle;
+        }
+    }
+
+    /// Takes `phase`, that of `middle`, into account. Returns the angle, if it is found.
+    fn refine(&mut self, middle: f64, phase: f64) -> Option<f64> {
+        let over = phase - self.wanted;
+        if over.abs() < TOLERANCE_RAD || self.high.0 - self.low.0 < 1e-14 {
+            return Some(middle);
         }
         let side = if over < 0.0 { -1 } else { 1 };
-        if over < 0.0 {
-            low = (middle, over);
-            if side == last_side {
-                high.1 *= 0.5;
-            }
+        let (moved, other) = if over < 0.0 {
+            (&mut self.low, &mut self.high)
         } else {
-            high = (middle, over);
-            if side == last_side {
-                low.1 *= 0.5;
-            }
+            (&mut self.high, &mut self.low)
+        };
+        *moved = (middle, over);
+        if side == self.last_side {
+            other.1 *= 0.5;
         }
-        last_side = side;
+        self.last_side = side;
+        self.refinements += 1;
+        (self.refinements == REFINEMENTS).then(|| f64::midpoint(self.low.0, self.high.0))
     }
-    f64::midpoint(low.0, high.0)
 }
 
 /// Returns ln 1/|A|² at `bins` frequencies, for the model with these line spectral frequencies, in rad, ascending.
@@ -101,11 +152,16 @@ fn root(reflection: &[f64], wanted: f64, mut low: (f64, f64), mut high: (f64, f6
 pub fn log_spectrum(frequencies: &[f64], bins: usize) -> LogSpectrum {
     let order = frequencies.len();
     let cosines: Vec<f64> = frequencies.iter().map(|omega| omega.cos()).collect();
-    let values = (0..bins).map(|bin| {
-        let omega = PI * bin as f64 / (bins - 1) as f64;
-        let x = omega.cos();
-        let p = log_product(x, cosines.iter().step_by(2));
-        let q = log_product(x, cosines.iter().skip(1).step_by(2));
+    let of_p: Vec<f64> = cosines.iter().step_by(2).copied().collect();
+    let of_q: Vec<f64> = cosines.iter().skip(1).step_by(2).copied().collect();
+    let omega = |bin: usize| PI * bin as f64 / (bins - 1) as f64;
+    let products = (0..bins).step_by(LANES).flat_map(|bin| {
+        let x = std::array::from_fn(|lane| omega(bin + lane).cos());
+        let (p, q) = (log_products(x, &of_p), log_products(x, &of_q));
+        p.into_iter().zip(q)
+    });
+    let values = (0..bins).zip(products).map(|(bin, (p, q))| {
+        let omega = omega(bin);
         // P and Q have further zeros at z = 1 and z = -1.
         let (p_end, q_end) = if order.is_multiple_of(2) {
             (
@@ -122,18 +178,30 @@ pub fn log_spectrum(frequencies: &[f64], bins: usize) -> LogSpectrum {
     LogSpectrum::from_values(values.collect())
 }
 
-/// Returns ln Π 4(x - c)² over all `cosines` c.
-fn log_product<'a>(x: f64, cosines: impl Iterator<Item = &'a f64>) -> f64 {
-    let (mut product, mut log) = (1.0f64, 0.0);
+/// Returns ln Π 4(x - c)² over all `cosines` c, for each x.
+fn log_products(x: [f64; LANES], cosines: &[f64]) -> [f64; LANES] {
+    let (mut products, mut logs) = ([1.0f64; LANES], [0.0; LANES]);
+    // A logarithm is needed only when the product approaches underflow or overflow.
+    let is_sound = |product: f64| (product.abs() >= 1e-100) & (product.abs() < 1e100);
     for cosine in cosines {
-        product *= 2.0 * (x - cosine);
-        // A logarithm is needed only when the product approaches underflow or overflow.
-        if !(1e-100..1e100).contains(&product.abs()) {
-            log += product.abs().max(f64::MIN_POSITIVE).ln();
-            product = 1.0;
+        for (product, x) in products.iter_mut().zip(x) {
+            *product *= 2.0 * (x - cosine);
+        }
+        if !products
+            .into_iter()
+            .fold(true, |all, product| all & is_sound(product))
+        {
+            for (product, log) in products.iter_mut().zip(&mut logs) {
+                if !is_sound(*product) {
+                    *log += product.abs().max(f64::MIN_POSITIVE).ln();
+                    *product = 1.0;
+                }
+            }
         }
     }
-    2.0 * (log + product.abs().max(f64::MIN_POSITIVE).ln())
+    std::array::from_fn(|lane| {
+        2.0 * (logs[lane] + products[lane].abs().max(f64::MIN_POSITIVE).ln())
+    })
 }
 
 #[cfg(test)]
@@ -179,7 +247,7 @@ mod tests {
         let lines = frequencies(&reflection);
         assert!(lines.windows(2).all(|pair| pair[0] < pair[1]));
         for (index, omega) in lines.iter().enumerate() {
-            let over = phase(&reflection, *omega) - PI * (index + 1) as f64;
+            let over = phases(&reflection, [*omega; LANES])[0] - PI * (index + 1) as f64;
             assert!(over.abs() < 1e-6, "{index}: {over}");
         }
     }

@@ -3,6 +3,8 @@
 //! Conventions: A(z) = 1 + Σ a(i) z⁻ⁱ. The reflection coefficient is k(m) = -(r(m) + Σ a(i) r(m-i)) / E(m-1), so that
 //! k(1) = -r(1)/r(0). The model is y(n) = e(n) - Σ a(i) y(n-i). The paper's predictor coefficients are h(i) = -a(i).
 
+use crate::dsp::sums::dot;
+
 /// White-noise correction: the share by which r(0) is raised before the recursion, equal to noise 90 dB below the
 /// signal.
 ///
@@ -86,20 +88,6 @@ impl Prediction {
             .min_by(|&a, &b| criterion(a).total_cmp(&criterion(b)))
             .unwrap_or(0)
     }
-}
-
-/// Sum of products in eight partial sums, which the compiler keeps in vector registers.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (a_chunks, a_rest) = a.as_chunks::<8>();
-    let (b_chunks, b_rest) = b.as_chunks::<8>();
-    for (a, b) in a_chunks.iter().zip(b_chunks) {
-        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum += a * b;
-        }
-    }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    sums.iter().sum::<f64>() + rest
 }
 
 /// Applies [`WHITE_NOISE_CORRECTION`] to `lags`.

@@ -10,9 +10,11 @@ pub mod linear_prediction;
 pub mod liveliness;
 pub mod log_spectrum;
 pub mod model;
+pub mod model_error;
 pub mod phase_correlation;
 pub mod reduction;
 pub mod spectrum;
+pub mod sums;
 mod transform;
 
 pub(crate) use transform::with_planner;

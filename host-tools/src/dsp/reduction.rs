@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use realfft::num_complex::Complex;
 use serde::{Deserialize, Serialize};
 
+use crate::dsp::sums::{dot, energy, mean};
 use crate::dsp::with_planner;
 
 /// A method of reduction.
@@ -84,18 +85,10 @@ fn single(axes: &[Vec<f64>], index: usize) -> Result<Vec<f64>, NoSuchAxis> {
 
 /// Subtracts the mean; a constant becomes exactly zero.
 fn remove_mean(signal: &mut [f64]) {
-    let Some(&first) = signal.first() else {
-        return;
-    };
-    // The mean is computed about the first sample, so that a large offset costs no digits.
-    let mean = first + signal.iter().map(|x| x - first).sum::<f64>() / signal.len() as f64;
+    let mean = mean(signal);
     for sample in signal {
         *sample -= mean;
     }
-}
-
-fn energy(signal: &[f64]) -> f64 {
-    signal.iter().map(|x| x * x).sum()
 }
 
 fn principal_component(axes: &[Vec<f64>]) -> Vec<f64> {
@@ -118,7 +111,7 @@ fn principal_direction(axes: &[Vec<f64>]) -> Vector3<f64> {
     let mut covariance = Matrix3::zeros();
     for (row, a) in axes.iter().enumerate() {
         for (column, b) in axes.iter().enumerate().skip(row) {
-            let sum: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+            let sum = dot(a, b);
             covariance[(row, column)] = sum;
             covariance[(column, row)] = sum;
         }

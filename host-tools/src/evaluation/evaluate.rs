@@ -48,6 +48,8 @@ pub struct Options {
     pub in_sample: bool,
     /// Parts of each texture that the synthesis plays.
     pub played: Played,
+    /// Duration of what is kept of each trial and its synthesis, to be heard, s.
+    pub excerpt_s: Option<f64>,
 }
 
 impl Default for Options {
@@ -59,6 +61,7 @@ impl Default for Options {
             seed: 1,
             in_sample: false,
             played: Played::Fitted,
+            excerpt_s: None,
         }
     }
 }
@@ -83,9 +86,38 @@ pub struct Evaluation {
     /// The judge of each trial.
     #[serde(skip)]
     pub judges: Vec<Judge>,
+    /// Excerpts of every trial, in the order of the set; none unless they were asked for.
+    #[serde(skip)]
+    pub excerpts: Vec<Excerpt>,
     /// Models that were fitted to blocks.
     #[serde(skip)]
     refitted: Refitted,
+}
+
+/// Excerpts of a trial, to be heard: the middle of the longest judged block and that of the synthesis, at the models'
+/// rate, m/s².
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Excerpt {
+    /// Of the recording.
+    pub recorded: Vec<f32>,
+    /// Of the synthesis.
+    pub synthesised: Vec<f32>,
+}
+
+impl Excerpt {
+    fn of(comparison: &Comparison, seconds: f64) -> Self {
+        let middle = |signal: &[f64]| -> Vec<f32> {
+            let samples = (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize;
+            let len = samples.min(signal.len());
+            let begin = (signal.len() - len) / 2;
+            let part = signal[begin..begin + len].iter();
+            part.map(|value| *value as f32).collect()
+        };
+        Self {
+            recorded: middle(comparison.longest_block()),
+            synthesised: middle(&comparison.synthesised),
+        }
+    }
 }
 
 /// Libraries of one texture each: name and bytes.
@@ -244,6 +276,7 @@ pub fn prepare(
         liveliness: Vec::new(),
         trials: Vec::new(),
         judges,
+        excerpts: Vec::new(),
         refitted,
     })
 }
@@ -264,7 +297,7 @@ pub fn evaluate(
     progress: impl Fn() + Sync,
 ) -> Result<Evaluation> {
     let mut evaluation = prepare(set, library, judges, record, options)?;
-    evaluation.trials = (0..set.trials.len())
+    let judged = (0..set.trials.len())
         .into_par_iter()
         .map(|index| {
             let comparison = evaluation.compare(set, library, index, options)?;
@@ -281,10 +314,15 @@ pub fn evaluate(
                 })?;
                 judged.in_sample_log_spectral_distance_db = comparison.distance_db(&played);
             }
+            let excerpt = options.excerpt_s.map(|s| Excerpt::of(&comparison, s));
             progress();
-            Ok(judged)
+            Ok((judged, excerpt))
         })
         .collect::<Result<Vec<_>>>()?;
+    for (trial, excerpt) in judged {
+        evaluation.trials.push(trial);
+        evaluation.excerpts.extend(excerpt);
+    }
     evaluation.textures = set
         .textures()
         .into_iter()
@@ -398,6 +436,7 @@ fn refit(
         // in the structure that was chosen. Findings of triage were accepted when the library was fitted.
         structure: StructureChoice::Lattice,
         strict: false,
+        sample_rate_hz: SAMPLE_RATE_HZ,
         ..record.options.clone()
     };
     let analysed = fit::part::analyse_blocks_of_set(&part, &fit_options, || ())?;
@@ -639,11 +678,12 @@ mod tests {
             texture: "felt".into(),
             speed_mm_s: 100.0,
             force_n: 1.0,
-            scale_m_s2: 1.0,
+            scale_m_s2: None,
             start_s: 0.0,
             duration_s: None,
             sample_rate_hz: None,
             provenance: Provenance::Recorded,
+            held: None,
         }
     }
 

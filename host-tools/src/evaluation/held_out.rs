@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::takes::Take;
+use super::takes::{Take, takes};
+use crate::dsp::reduction::Reduction;
 use crate::fit::record::FitRecord;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
@@ -70,6 +71,39 @@ pub fn judges(
         })
     };
     set.trials.iter().map(judge).collect()
+}
+
+/// The judge of each trial of a set, and the takes that judge nothing, with the reason.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chosen {
+    /// The judges, in the order of the set.
+    pub judges: Vec<Judge>,
+    /// Takes that the fit has seen, in words.
+    pub unused: Vec<String>,
+}
+
+/// Chooses the judges of `set` among the takes `others`, if given.
+///
+/// # Errors
+/// Those of [`takes`] and [`judges`].
+pub fn chosen(
+    set: &RecordingSet,
+    others: Option<&RecordingSet>,
+    record: Option<&FitRecord>,
+    reduction: Reduction,
+) -> Result<Chosen> {
+    let found = match others {
+        Some(others) => takes(set, others, record, reduction)?,
+        None => Vec::new(),
+    };
+    let unused = found.iter().filter_map(|take| match take {
+        Take::Seen(reason) => Some(reason.clone()),
+        Take::Other(_) => None,
+    });
+    Ok(Chosen {
+        unused: unused.collect(),
+        judges: judges(set, found, record)?,
+    })
 }
 
 /// Returns in words what was held out, a sentence per kind of judge; `blocks_s` are the shortest and the longest block.

@@ -7,6 +7,7 @@ use super::liveliness::{self, Summary};
 use super::results::{Scores, TrialEvaluation};
 use crate::dsp::liveliness::median;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::support::decimal::fixed;
 
 /// A texture's trials in a few numbers; silent trials are counted and left out of all means.
 #[derive(Clone, Debug, Serialize)]
@@ -95,24 +96,24 @@ pub const SPECTRA_COLUMNS: [(&str, bool); 13] = [
     ("texture", false),
     ("trials", true),
     ("silent", true),
-    ("judged (Hz)", true),
-    ("C", true),
+    ("judged, Hz", true),
+    ("C, %", true),
     ("± sd", true),
     ("C, other", true),
-    ("LSD (dB)", true),
+    ("LSD, dB", true),
     ("LSD, other", true),
-    ("|band| (dB)", true),
+    ("|band|, dB", true),
     ("within 2.2 dB", true),
     ("within, other", true),
-    ("in-sample LSD (dB), not a measure of fidelity", true),
+    ("in-sample LSD, dB, not a measure of fidelity", true),
 ];
 
 /// The columns of [`TextureEvaluation::feel_cells`]: a heading, and true for numbers.
 pub const FEEL_COLUMNS: [(&str, bool); 11] = [
     ("texture", false),
-    ("level error (JND)", true),
+    ("level error, JND", true),
     ("level, other", true),
-    ("|balance| (dB)", true),
+    ("|balance|, dB", true),
     ("balance, other", true),
     ("kurtosis, recording", true),
     ("kurtosis, synthesis", true),
@@ -126,9 +127,9 @@ pub const FEEL_COLUMNS: [(&str, bool); 11] = [
 pub const TAKE_COLUMNS: [(&str, bool); 6] = [
     ("texture", false),
     ("recording", false),
-    ("fitted take, LSD (dB)", true),
-    ("synthesis, LSD (dB)", true),
-    ("further by (dB)", true),
+    ("fitted take, LSD, dB", true),
+    ("synthesis, LSD, dB", true),
+    ("further by, dB", true),
     ("judged on", false),
 ];
 
@@ -168,9 +169,9 @@ impl TextureEvaluation {
             self.trials.to_string(),
             self.silent.to_string(),
             range,
-            number(self.mean_cost, 3),
-            number(self.cost_deviation, 3),
-            number(self.mean_cost_other, 3),
+            percent(self.mean_cost),
+            percent(self.cost_deviation),
+            percent(self.mean_cost_other),
             number(synthesis.mean_log_spectral_distance_db, 2),
             number(other.mean_log_spectral_distance_db, 2),
             number(synthesis.mean_band_error_db, 2),
@@ -206,14 +207,14 @@ pub const LIVELINESS_COLUMNS: [(&str, bool); 11] = [
     ("texture", false),
     ("signal", false),
     ("kurtosis", true),
-    ("off (log2)", true),
+    ("off, log2", true),
     ("residual kurtosis", true),
     ("crest factor", true),
     ("modulation", true),
-    ("off (dB)", true),
-    ("50 ms levels (dB)", true),
-    ("off (dB)", true),
-    ("line's range (dB)", true),
+    ("off, dB", true),
+    ("50 ms levels, dB", true),
+    ("off, dB", true),
+    ("line's range, dB", true),
 ];
 
 /// The measures of texture `name` as rows of a table, under [`LIVELINESS_COLUMNS`].
@@ -255,7 +256,12 @@ pub const LIVELINESS_EXPLANATION: &str = "\
 
 /// A number with so many decimals, or a dash.
 fn number(value: Option<f64>, decimals: usize) -> String {
-    value.map_or("-".into(), |value| format!("{value:.decimals$}"))
+    value.map_or("-".into(), |value| fixed(value, decimals))
+}
+
+/// A share in per cent, without the sign, which the heading has.
+fn percent(share: Option<f64>) -> String {
+    number(share.map(|share| 100.0 * share), 1)
 }
 
 /// The trials of texture `name` in a few numbers.

@@ -1,6 +1,7 @@
 //! Third-octave bands of recordings and of their models, wider than those that are judged: what a fit is checked by.
 
 use model_format::SAMPLE_RATE_HZ;
+use serde::{Deserialize, Serialize};
 
 use crate::dsp::log_spectrum::{BINS, FINE_BINS, LogSpectrum};
 use crate::dsp::model::Model;
@@ -20,8 +21,12 @@ const AUDIBLE_SHARE: f64 = 1e-5;
 const LEAST_DEGREES: f64 = 9.0;
 
 /// Power in each band, in (signal's unit)².
-#[derive(Clone, Debug, PartialEq)]
-pub struct Bands([f64; COUNT]);
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Bands {
+    powers: [f64; COUNT],
+    /// Sample rate of the signal, Hz.
+    rate_hz: f64,
+}
 
 /// A band with a level, in dB.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,15 +38,21 @@ pub(super) struct BandLevel {
 }
 
 impl Bands {
+    /// Returns whether every power is one, and the rate.
+    pub(super) fn is_sound(&self) -> bool {
+        let is_power = |power: &f64| power.is_finite() && *power >= 0.0;
+        self.powers.iter().all(is_power) && self.rate_hz.is_finite() && self.rate_hz > 0.0
+    }
+
     /// Bands of a spectrum of total power `power`, from its density in any unit at evenly spaced frequencies from 0 Hz
-    /// to half the sample rate.
-    pub(super) fn of_density(density: &[f64], power: f64) -> Self {
+    /// to half of `rate_hz`, the sample rate.
+    pub(super) fn of_density(density: &[f64], power: f64, rate_hz: f64) -> Self {
         let last = density.len() - 1;
-        let step_hz = f64::from(SAMPLE_RATE_HZ) / 2.0 / last as f64;
+        let step_hz = rate_hz / 2.0 / last as f64;
         // The bins at both ends are half as wide as the others.
         let total = density.iter().sum::<f64>() - 0.5 * (density[0] + density[last]);
         let scale = if total > 0.0 { power / total } else { 0.0 };
-        Self(std::array::from_fn(|band| {
+        let powers = std::array::from_fn(|band| {
             let (low, high) = edges_hz(band);
             let (low, high) = (low / step_hz, high / step_hz);
             let (first, end) = (low.round() as usize, (high.round() as usize).min(last));
@@ -50,11 +61,12 @@ impl Bands {
                 density[bin] * share.max(0.0)
             };
             scale * (first..=end).map(part).sum::<f64>()
-        }))
+        });
+        Self { powers, rate_hz }
     }
 
-    /// Bands of the output of `model`, which must not be silent. `bins` frequencies resolve it.
-    fn of_model(model: &Model, bins: usize) -> Self {
+    /// Bands of the output of `model` at `rate_hz`, which must not be silent. `bins` frequencies resolve it.
+    fn of_model(model: &Model, bins: usize, rate_hz: f64) -> Self {
         let spectrum = LogSpectrum::of_model_at(model, bins);
         let mut density: Vec<f64> = spectrum.values().iter().map(|l| l.exp()).collect();
         // A line narrower than the step of frequencies has too little power in the sum if it lies between two of them,
@@ -63,18 +75,22 @@ impl Bands {
         if let Some(strongest) = density.iter_mut().max_by(|a, b| a.total_cmp(b)) {
             *strongest = (*strongest + amiss).max(0.0);
         }
-        Self::of_density(&density, model.output_power)
+        Self::of_density(&density, model.output_power, rate_hz)
     }
 
-    /// Returns the weighted mean; the weights add up to one.
+    /// Returns the weighted mean of bands of one rate; the weights add up to one.
     pub(super) fn mean<'a>(terms: impl IntoIterator<Item = (f64, &'a Self)>) -> Self {
-        let mut sum = [0.0; COUNT];
+        let mut mean = Self {
+            powers: [0.0; COUNT],
+            rate_hz: f64::from(SAMPLE_RATE_HZ),
+        };
         for (weight, bands) in terms {
-            for (sum, power) in sum.iter_mut().zip(&bands.0) {
+            mean.rate_hz = bands.rate_hz;
+            for (sum, power) in mean.powers.iter_mut().zip(&bands.powers) {
                 *sum += weight * power;
             }
         }
-        Self(sum)
+        mean
     }
 
     /// Returns the level of `other` over this one in each band that is within 50 dB of this one's strongest, and that
@@ -84,13 +100,13 @@ impl Bands {
         other: &'a Self,
         samples: usize,
     ) -> impl Iterator<Item = (BandLevel, f64)> + 'a {
-        let strongest = self.0.iter().copied().fold(0.0, f64::max);
-        let duration_s = samples as f64 / f64::from(SAMPLE_RATE_HZ);
+        let strongest = self.powers.iter().copied().fold(0.0, f64::max);
+        let duration_s = samples as f64 / self.rate_hz;
         (0..COUNT).filter_map(move |band| {
             let (low, high) = edges_hz(band);
             let degrees = (high - low) * duration_s;
-            let known = degrees >= LEAST_DEGREES && self.0[band] > AUDIBLE_SHARE * strongest;
-            let level_db = 10.0 * (other.0[band] / self.0[band]).log10();
+            let known = degrees >= LEAST_DEGREES && self.powers[band] > AUDIBLE_SHARE * strongest;
+            let level_db = 10.0 * (other.powers[band] / self.powers[band]).log10();
             let level = BandLevel {
                 centre_hz: centre_hz(band),
                 level_db,
@@ -115,7 +131,7 @@ impl Bands {
         limit_db: f64,
     ) -> Option<BandLevel> {
         let at = |bins: usize| {
-            let bands = Self::of_model(model, bins);
+            let bands = Self::of_model(model, bins, self.rate_hz);
             let missed = self
                 .levels_db(&bands, samples)
                 .filter(|(level, deviation_db)| {
@@ -158,8 +174,8 @@ mod tests {
 
     #[test]
     fn white_noise_has_power_in_proportion_to_a_bands_width() {
-        let bands = Bands::of_density(&vec![7.0; 10_001], 2500.0);
-        for (band, power) in bands.0.iter().enumerate() {
+        let bands = Bands::of_density(&vec![7.0; 10_001], 2500.0, f64::from(SAMPLE_RATE_HZ));
+        for (band, power) in bands.powers.iter().enumerate() {
             let (low, high) = edges_hz(band);
             assert!((power / (high - low) - 1.0).abs() < 1e-9, "{band}: {power}");
         }
@@ -170,7 +186,7 @@ mod tests {
     #[test]
     fn a_model_misses_no_band_of_itself_and_those_of_another_by_name() {
         // Sixty seconds, so that the lowest band is known.
-        let recording = Bands::of_model(&model(0.98, 50.0), FINE_BINS);
+        let recording = Bands::of_model(&model(0.98, 50.0), FINE_BINS, f64::from(SAMPLE_RATE_HZ));
         let missed = |m: &Model| recording.missed_by(m, 300_000, 3.0);
         assert_eq!(missed(&model(0.98, 50.0)), None);
         let level = missed(&model(0.98, 100.0)).unwrap();
@@ -186,7 +202,7 @@ mod tests {
     #[test]
     fn a_narrow_resonance_between_two_frequencies_is_no_miss() {
         let narrow = model(0.99999, 200.23);
-        let recording = Bands::of_model(&narrow, 10 * FINE_BINS);
+        let recording = Bands::of_model(&narrow, 10 * FINE_BINS, f64::from(SAMPLE_RATE_HZ));
         assert_eq!(recording.missed_by(&narrow, 300_000, 3.0), None);
     }
 }

@@ -4,6 +4,8 @@
 //! because the recording begins and ends in mid-air. Tapered ends leak next to nothing and weigh a tenth of a second
 //! less. [`Estimator::Auto`] measures the leakage and tapers where it matters.
 
+use model_format::SAMPLE_RATE_HZ;
+
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::log_spectrum::LogSpectrum;
 
@@ -21,14 +23,26 @@ pub(super) struct Estimate {
     pub bands: Bands,
 }
 
-/// Estimates the autocorrelation of `signal`, whose plain autocorrelation is `plain`.
+/// Estimates the autocorrelation of `signal` at 5 kHz, whose plain autocorrelation is `plain`.
 pub(super) fn estimate(signal: &[f64], plain: Autocorrelation, estimator: Estimator) -> Estimate {
+    estimate_at(f64::from(SAMPLE_RATE_HZ), signal, plain, estimator)
+}
+
+/// As [`estimate`], of a signal at `rate_hz`.
+pub(super) fn estimate_at(
+    rate_hz: f64,
+    signal: &[f64],
+    plain: Autocorrelation,
+    estimator: Estimator,
+) -> Estimate {
     let power = plain.lags[0];
     let max_lag = plain.lags.len() - 1;
     let tapered = Autocorrelation::with_tapered_ends(signal, max_lag);
-    let bands = Bands::of_density(&tapered.power, power);
-    let leakage_db =
-        || bands.largest_excess_db(&Bands::of_density(&plain.power, power), signal.len());
+    let bands = Bands::of_density(&tapered.power, power, rate_hz);
+    let leakage_db = || {
+        let plain = Bands::of_density(&plain.power, power, rate_hz);
+        bands.largest_excess_db(&plain, signal.len())
+    };
     let lags = match estimator {
         Estimator::Auto if leakage_db() > TOLERABLE_LEAKAGE_DB => tapered.lags,
         Estimator::Auto | Estimator::Rectangular => plain.lags,

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use model_format::{Provenance, TextureSpec};
 
+use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
+use crate::texture::theta::ThetaReport;
 
 use super::excitation::ExcitationReport;
 use super::lines::Findings;
@@ -34,6 +36,27 @@ pub struct Fit {
     pub textures: Vec<FittedTexture>,
     /// Their excitations, in the same order; none if the fit was of the models alone.
     pub excitations: Vec<ExcitationReport>,
+    /// The bytes of θ of each texture that is a lattice, in the same order.
+    pub thetas: Vec<ThetaReport>,
     /// Notes for the user, one line each.
     pub warnings: Vec<String>,
+}
+
+impl Fit {
+    /// Encodes its textures as a library.
+    ///
+    /// # Errors
+    /// Textures that no library holds.
+    pub fn library(&self) -> Result<Vec<u8>> {
+        encoded(&self.specs)
+    }
+}
+
+/// Encodes a library of `specs`.
+///
+/// # Errors
+/// Textures that no library holds.
+pub fn encoded(specs: &[TextureSpec]) -> Result<Vec<u8>> {
+    model_format::encode(specs)
+        .map_err(|failure| Error::Model(format!("the textures do not make a library: {failure}")))
 }

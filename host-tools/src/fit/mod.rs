@@ -18,25 +18,34 @@ mod options;
 pub mod part;
 pub mod record;
 mod separated;
+mod set_notes;
+pub mod shard;
+mod signals;
 mod trial;
 mod trial_report;
 
-use model_format::Provenance;
+use std::borrow::Cow;
+
+use model_format::{Provenance, SAMPLE_RATE_HZ};
 use rayon::prelude::*;
 
-use crate::recording::triage;
-use crate::recording::triage::Verdict;
+use crate::recording::triage::{self, Compared, Verdict};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::texture::certificate;
-use crate::texture::library::texture_spec;
+use crate::texture::library::stored_texture;
 
-pub use fitted::{Fit, FittedTexture};
+pub use fitted::{Fit, FittedTexture, encoded};
 use lines::Lines;
 pub use options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
 pub use separated::{separate_lines, signals_without_lines};
+use signals::{Budget, KeptSignals};
 pub use trial::{Analysis, Signal, analyse, analyse_with_signal, signal};
+use trial::{analyse_whole, signal_of_judged};
 pub use trial_report::TrialReport;
+
+/// Memory for signals that are kept for a later step instead of being read again, bytes.
+const KEPT_SIGNALS: usize = 128 << 20;
 
 /// Fits `set` with the excitation that its recordings have, telling `progress` of each trial done.
 ///
@@ -44,40 +53,73 @@ pub use trial_report::TrialReport;
 ///
 /// # Errors
 /// The first trial that cannot be used; with [`Options::strict`] the first with a verdict; a texture that the chosen
-/// structure or the library cannot hold.
+/// structure or the library cannot hold; options that [`Options::check_rate`] refuses.
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) -> Result<Fit> {
-    let analyses = analyse_set(set, options, &progress)?;
+    fit_between(set, options, progress, || ())
+}
+
+/// As [`fit`], calling `between` between the later steps, which have no count: for programs that may end the work.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fit_between(
+    set: &RecordingSet,
+    options: &Options,
+    progress: impl Fn() + Sync,
+    between: impl Fn() + Sync,
+) -> Result<Fit> {
+    options.check_rate()?;
+    let options = &options.at_their_rate();
+    let (analyses, kept) = analyse_keeping(set, options, KEPT_SIGNALS, &progress)?;
+    between();
     let mut fit = fit_analysed(set, &analyses, options)?;
-    add_excitation(set, &mut fit, options)?;
+    // Their signals are compared by now, and room is needed for residuals.
+    drop(analyses);
+    add_excitation(set, &mut fit, options, kept, between)?;
     Ok(fit)
 }
 
-/// Adds what excites the models of `fit` to it: the residual is that of each trial without its texture's lines.
-fn add_excitation(set: &RecordingSet, fit: &mut Fit, options: &Options) -> Result<()> {
-    let has_lines = |name: &str| {
-        let mut textures = fit.textures.iter();
-        textures.any(|texture| texture.name == name && texture.grid.parts.lines.is_some())
-    };
-    let trials = set.trials.iter().zip(&fit.trials);
-    let lined: Vec<bool> = trials
-        .map(|(trial, report)| report.used && has_lines(&trial.texture))
-        .collect();
-    if !lined.contains(&true) {
-        return excitation::add(set, fit, options, || ());
+/// Adds what excites the models of `fit` to it: the residual is that of each trial without its texture's lines. Signals
+/// that are not `kept` are read again.
+fn add_excitation(
+    set: &RecordingSet,
+    fit: &mut Fit,
+    options: &Options,
+    mut kept: KeptSignals,
+    progress: impl Fn() + Sync,
+) -> Result<()> {
+    if !excitation::is_wanted(options) {
+        return Ok(());
     }
-    let without_lines = signals_without_lines(set, &lined, options, || ())?;
-    let read = |index: usize, trial: &Trial| {
-        let whole = signal(trial, options.reduction)?;
-        Ok(if lined[index] {
-            Signal {
-                samples: without_lines[index].clone(),
-                ..whole
+    let room = excitation::bytes_per_texture(fit)?;
+    for (index, (_, members)) in set.by_texture().into_iter().enumerate() {
+        let has_lines = fit.textures[index].grid.parts.lines.is_some();
+        if has_lines && !kept.has_all(&members) {
+            kept.extend(&members, without_lines(set, &members, options)?);
+        }
+        let verdicts: Vec<Vec<Verdict>> = members
+            .iter()
+            .map(|&member| fit.trials[member].verdicts.clone())
+            .collect();
+        let read = |member: usize| {
+            if let Some(signal) = kept.get(member) {
+                return Ok(signal.clone());
             }
-        } else {
-            whole
-        })
-    };
-    excitation::add_from(set, fit, options, read, || ())
+            let place = members.binary_search(&member).unwrap_or_default();
+            signal_of_judged(&set.trials[member], &verdicts[place], options.reduction)
+        };
+        let texture = (&mut *fit, index);
+        excitation::add_to((set, &members), texture, options, room, read, &progress)?;
+        kept.forget(&members);
+    }
+    Ok(())
+}
+
+/// Signals of a texture's trials `members` without its lines, as its statistics were made of.
+fn without_lines(set: &RecordingSet, members: &[usize], options: &Options) -> Result<Vec<Signal>> {
+    let trials: Vec<&Trial> = members.iter().map(|&member| &set.trials[member]).collect();
+    let analysed = analyse_texture(&trials, options, 1, &|| ())?;
+    Ok(analysed.into_iter().map(|(_, signal)| signal).collect())
 }
 
 /// Reads and analyses every trial of `set` for models of the highest order of `options`, telling `progress` of each
@@ -90,34 +132,74 @@ pub fn analyse_set(
     options: &Options,
     progress: impl Fn() + Sync,
 ) -> Result<Vec<Analysis>> {
+    Ok(analyse_keeping(set, options, 0, &progress)?.0)
+}
+
+/// As [`analyse_set`], and keeps signals for the excitation up to `most_kept` bytes.
+fn analyse_keeping(
+    set: &RecordingSet,
+    options: &Options,
+    most_kept: usize,
+    progress: &(impl Fn() + Sync),
+) -> Result<(Vec<Analysis>, KeptSignals)> {
     let max_order = options.order.highest();
+    let compared = Budget::of(KEPT_SIGNALS);
+    let kept = Budget::of(if excitation::is_wanted(options) {
+        most_kept
+    } else {
+        0
+    });
+    let keep = |(mut analysis, signal): (Analysis, Signal)| {
+        if !compared.takes(analysis.fingerprint.signal_bytes()) {
+            analysis.fingerprint.forget_signal();
+        }
+        let is_kept = kept.takes(size_of_val(signal.samples.as_slice()));
+        (analysis, is_kept.then_some(signal))
+    };
     if options.lines == Lines::None {
-        let analyses = set.trials.par_iter().map(|trial| {
-            let analysis = analyse(trial, options, max_order);
+        let analysed = set.trials.par_iter().map(|trial| {
+            let analysed = analyse_whole(trial, options, max_order).map(&keep);
             progress();
-            analysis
+            analysed
         });
-        return analyses.collect();
+        let (analyses, signals): (Vec<_>, Vec<_>) =
+            analysed.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        return Ok((analyses, KeptSignals::of(signals)));
     }
     // The lines of a texture show in its trials together, so that the samples of one texture are held at a time.
-    let mut analyses: Vec<Option<Analysis>> = vec![None; set.trials.len()];
-    for name in set.textures() {
-        let (indices, trials) = separated::of_texture(set, name);
-        let mut analysed = trials
-            .par_iter()
-            .map(|trial| {
-                let analysed = analyse_with_signal(trial, options, max_order);
-                progress();
-                analysed
-            })
-            .collect::<Result<Vec<_>>>()?;
-        separated::separate_lines(&trials, &mut analysed, options, max_order);
-        for (index, (analysis, _)) in indices.into_iter().zip(analysed) {
-            analyses[index] = Some(analysis);
+    let mut all: Vec<Option<(Analysis, Option<Signal>)>> = Vec::new();
+    all.resize_with(set.trials.len(), || None);
+    for (_, members) in set.by_texture() {
+        let trials: Vec<&Trial> = members.iter().map(|&member| &set.trials[member]).collect();
+        let analysed = analyse_texture(&trials, options, max_order, progress)?;
+        for (member, analysed) in members.into_iter().zip(analysed) {
+            all[member] = Some(keep(analysed));
         }
     }
     // Every trial has a texture.
-    Ok(analyses.into_iter().flatten().collect())
+    let (analyses, signals) = all.into_iter().flatten().unzip();
+    Ok((analyses, KeptSignals::of(signals)))
+}
+
+/// Reads and analyses all `trials` of one texture, and takes its lines out of them.
+fn analyse_texture(
+    trials: &[&Trial],
+    options: &Options,
+    max_order: usize,
+    progress: &(impl Fn() + Sync),
+) -> Result<Vec<(Analysis, Signal)>> {
+    let mut analysed = trials
+        .par_iter()
+        .map(|trial| {
+            let analysed = analyse_whole(trial, options, max_order);
+            progress();
+            analysed
+        })
+        .collect::<Result<Vec<_>>>()?;
+    if options.lines != Lines::None {
+        separated::separate_lines_of(trials, &mut analysed, options, max_order);
+    }
+    Ok(analysed)
 }
 
 /// Fits `set` to the analyses of its trials, in the order of the set, with Gaussian excitation of steady level. They
@@ -127,25 +209,99 @@ pub fn analyse_set(
 /// With [`Options::strict`] the first trial with a verdict; a texture that the chosen structure or the library cannot
 /// hold.
 pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options) -> Result<Fit> {
-    let verdicts = all_verdicts(set, analyses);
+    let findings: Vec<Findings<'_>> = analyses.iter().map(Findings::of).collect();
+    let trials = reports(set, &findings, options)?;
+    let of_members = |members: &[usize]| {
+        let own = members.iter().map(|&member| &analyses[member]);
+        Ok(own.map(Cow::Borrowed).collect())
+    };
+    fit_reported(set, trials, options, of_members, || ())
+}
+
+/// Fits the textures of `set` one after the other to the analyses that `analyses_of` gives for the indices of their
+/// trials, telling `progress` of each texture done.
+fn fit_reported<'a>(
+    set: &RecordingSet,
+    trials: Vec<TrialReport>,
+    options: &Options,
+    mut analyses_of: impl FnMut(&[usize]) -> Result<Vec<Cow<'a, Analysis>>>,
+    progress: impl Fn(),
+) -> Result<Fit> {
+    let mut fit = Fit {
+        trials,
+        specs: Vec::new(),
+        textures: Vec::new(),
+        excitations: Vec::new(),
+        thetas: Vec::new(),
+        warnings: Vec::new(),
+    };
+    if options.sample_rate_hz != SAMPLE_RATE_HZ {
+        fit.warnings.push(format!(
+            "at {} Hz nothing but noise of steady level is fitted: residual, level and lines are sought at \
+             {SAMPLE_RATE_HZ} Hz alone",
+            options.sample_rate_hz
+        ));
+    }
+    fit.warnings.extend(set_notes::of(set, &fit.trials));
+    for (name, members) in set.by_texture() {
+        let analyses = analyses_of(&members)?;
+        fit_texture(name, (set, &members), &analyses, options, &mut fit)?;
+        progress();
+    }
+    Ok(fit)
+}
+
+/// Findings on a trial that its account and the comparison of trials need.
+#[derive(Clone, Copy)]
+struct Findings<'a> {
+    power: f64,
+    mean_m_s2: f64,
+    energy_share: f64,
+    cut_s: f64,
+    mains_line_hz: Option<f64>,
+    verdicts: &'a [Verdict],
+    fingerprint: &'a triage::Fingerprint,
+}
+
+impl<'a> Findings<'a> {
+    fn of(analysis: &'a Analysis) -> Self {
+        Self {
+            power: analysis.power,
+            mean_m_s2: analysis.mean_m_s2,
+            energy_share: analysis.energy_share,
+            cut_s: analysis.cut_s,
+            mains_line_hz: analysis.mains_line_hz,
+            verdicts: &analysis.verdicts,
+            fingerprint: &analysis.fingerprint,
+        }
+    }
+}
+
+/// The account of every trial, with the verdicts that only a comparison of trials tells.
+fn reports(
+    set: &RecordingSet,
+    findings: &[Findings<'_>],
+    options: &Options,
+) -> Result<Vec<TrialReport>> {
     let dropped = |verdicts: &[Verdict]| {
         let is_dropped = |verdict: &Verdict| options.drop.iter().any(|d| d == verdict.name());
         verdicts.iter().any(is_dropped)
     };
+    let verdicts = all_verdicts(set, findings, options)?;
     let trials: Vec<TrialReport> = set
         .trials
         .iter()
-        .zip(analyses)
+        .zip(findings)
         .zip(verdicts)
-        .map(|((trial, analysis), verdicts)| TrialReport {
+        .map(|((trial, found), verdicts)| TrialReport {
             file: trial.file.display().to_string(),
             texture: trial.texture.clone(),
             speed_mm_s: trial.speed_mm_s,
             force_n: trial.force_n,
-            rms_m_s2: analysis.power.sqrt(),
-            mean_m_s2: analysis.mean_m_s2,
-            energy_share: analysis.energy_share,
-            cut_s: analysis.cut_s,
+            rms_m_s2: found.power.sqrt(),
+            mean_m_s2: found.mean_m_s2,
+            energy_share: found.energy_share,
+            cut_s: found.cut_s,
             used: !dropped(&verdicts) && trial.is_in_motion_and_contact(),
             verdicts,
         })
@@ -153,34 +309,33 @@ pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options
     if options.strict {
         refuse_doubtful(set, &trials)?;
     }
-    let mut fit = Fit {
-        trials,
-        specs: Vec::new(),
-        textures: Vec::new(),
-        excitations: Vec::new(),
-        warnings: Vec::new(),
-    };
-    for name in set.textures() {
-        fit_texture(name, set, analyses, options, &mut fit)?;
-    }
-    Ok(fit)
+    Ok(trials)
 }
 
 /// The findings of every trial, those included that only a comparison of trials tells.
-fn all_verdicts(set: &RecordingSet, analyses: &[Analysis]) -> Vec<Vec<Verdict>> {
-    let trials = set.trials.iter().zip(analyses);
+fn all_verdicts(
+    set: &RecordingSet,
+    findings: &[Findings<'_>],
+    options: &Options,
+) -> Result<Vec<Vec<Verdict>>> {
+    let trials = set.trials.iter().zip(findings);
     let compared: Vec<_> = trials
-        .map(|(trial, analysis)| triage::Compared {
+        .map(|(trial, found)| Compared {
             texture: &trial.texture,
             speed_mm_s: trial.speed_mm_s,
             is_idle: trial.speed_mm_s <= 0.0 || trial.force_n <= 0.0,
-            rms_m_s2: analysis.power.sqrt(),
-            mains_line_hz: analysis.mains_line_hz,
-            fingerprint: &analysis.fingerprint,
-            verdicts: &analysis.verdicts,
+            rms_m_s2: found.power.sqrt(),
+            mains_line_hz: found.mains_line_hz,
+            fingerprint: found.fingerprint,
+            verdicts: found.verdicts,
         })
         .collect();
-    triage::all_verdicts(&compared)
+    let signal_of = |index: usize| -> Result<Vec<f32>> {
+        let (trial, found) = (&set.trials[index], findings[index]);
+        let signal = signal_of_judged(trial, found.verdicts, options.reduction)?;
+        Ok(triage::centred(&signal.samples))
+    };
+    triage::all_verdicts(&compared, &signal_of)
 }
 
 fn refuse_doubtful(set: &RecordingSet, trials: &[TrialReport]) -> Result<()> {
@@ -193,16 +348,9 @@ fn refuse_doubtful(set: &RecordingSet, trials: &[TrialReport]) -> Result<()> {
     Ok(())
 }
 
-/// Number of trials of texture `name` at speed 0 or force 0, where the stylus is silent whatever was recorded.
-fn idle_trials(name: &str, set: &RecordingSet) -> usize {
-    let idle = |trial: &&Trial| trial.texture == name && !trial.is_in_motion_and_contact();
-    set.trials.iter().filter(idle).count()
-}
-
-/// The error of a texture of which no trial can be used.
-fn nothing_to_fit(name: &str, set: &RecordingSet) -> Error {
-    let all = set.trials.iter().filter(|trial| trial.texture == name);
-    Error::Model(if idle_trials(name, set) == all.count() {
+/// The error of a texture of which no trial can be used; `idle` of all its trials are at speed 0 or force 0.
+fn nothing_to_fit(name: &str, idle: usize, all: usize) -> Error {
+    Error::Model(if idle == all {
         format!(
             "texture '{name}': every trial is at speed 0 or force 0, where the stylus is silent: record it in motion \
              and contact, or give light contact its force, such as 0.05 N"
@@ -214,21 +362,22 @@ fn nothing_to_fit(name: &str, set: &RecordingSet) -> Error {
 
 fn fit_texture(
     name: &str,
-    set: &RecordingSet,
-    analyses: &[Analysis],
+    (set, indices): (&RecordingSet, &[usize]),
+    analyses: &[Cow<'_, Analysis>],
     options: &Options,
     fit: &mut Fit,
 ) -> Result<()> {
-    let members: Vec<(&Trial, &Analysis, &TrialReport)> = set
-        .trials
+    let members: Vec<(&Trial, &Analysis, &TrialReport)> = indices
         .iter()
         .zip(analyses)
-        .zip(&fit.trials)
-        .filter(|((trial, _), report)| trial.texture == name && report.used)
-        .map(|((trial, analysis), report)| (trial, analysis, report))
+        .map(|(&index, analysis)| (&set.trials[index], analysis.as_ref(), &fit.trials[index]))
+        .filter(|(.., report)| report.used)
         .collect();
+    // Where the stylus is silent whatever was recorded.
+    let is_idle = |&&index: &&usize| !set.trials[index].is_in_motion_and_contact();
+    let idle = indices.iter().filter(is_idle).count();
     if members.is_empty() {
-        return Err(nothing_to_fit(name, set));
+        return Err(nothing_to_fit(name, idle, indices.len()));
     }
     let simulated = members
         .iter()
@@ -240,10 +389,17 @@ fn fit_texture(
     };
     let (grid, misses) = grid::assemble(name, &members, options)?;
     let reports: Vec<&TrialReport> = members.iter().map(|member| member.2).collect();
-    let idle = idle_trials(name, set);
-    let notes = notes::of(name, &grid, &misses, &reports, idle, options);
+    let short = members.iter().filter_map(|(trial, analysis, report)| {
+        let seconds = analysis.samples as f64 / f64::from(options.sample_rate_hz) + report.cut_s;
+        notes::Short::of(trial, seconds)
+    });
+    let short: Vec<notes::Short> = short.collect();
+    let notes = notes::of(name, &grid, &misses, (&reports, &short), idle, options);
     fit.warnings.extend(notes);
-    let spec = texture_spec(name, provenance, &grid, options.structure)?;
+    let (structure, theta) = (options.structure, options.theta);
+    let rate_hz = options.sample_rate_hz;
+    let (spec, report) = stored_texture(name, provenance, &grid, structure, theta, rate_hz)?;
+    fit.thetas.extend(report);
     fit.specs.push(certificate::certified(spec)?);
     fit.textures.push(FittedTexture {
         name: name.to_owned(),

@@ -1,7 +1,10 @@
 //! Notes on a fit of recordings that are not as they should be.
 
+use std::collections::HashSet;
+
 use model_format::NodeFlags;
 
+use crate::recording::{Trial, nominal};
 use crate::texture::grid::Grid;
 
 use super::grid::Miss;
@@ -15,13 +18,44 @@ const LARGE_MEAN: f64 = 1.0;
 /// Values of an axis that differ by less than this share of themselves may be one nominal value, measured twice.
 const CLOSE_SHARE: f32 = 0.01;
 
+/// Fewest nodes of a grid of which it is worth a word that most are filled.
+const SPARSE_NODES: usize = 12;
+
+/// Tolerances that are tried for a nominal grid, as shares.
+const TOLERANCES: [f64; 7] = [0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2];
+
+/// Least lack of a trial's duration that is worth a word, s, and as a share of the duration.
+const LACK_S: f64 = 0.005;
+const LACK_SHARE: f64 = 0.001;
+
+/// A trial whose file ends before the duration that its list gives.
+#[derive(Clone, Debug)]
+pub(super) struct Short {
+    file: String,
+    asked_s: f64,
+    held_s: f64,
+}
+
+impl Short {
+    /// The finding on `trial`, of which `held_s` were read.
+    pub(super) fn of(trial: &Trial, held_s: f64) -> Option<Self> {
+        let asked_s = trial.duration_s?;
+        (asked_s - held_s > LACK_S.max(LACK_SHARE * asked_s)).then(|| Self {
+            file: trial.file.display().to_string(),
+            asked_s,
+            held_s,
+        })
+    }
+}
+
 /// Returns the notes on texture `name`, one line each: on its `grid`, on the bands that nodes miss, on the `trials`
-/// that were used, and on the number of `idle` ones, which were not, because they are at rest or without contact.
+/// that were used and those that end too early, and on the number of `idle` ones, which were not used, because they are
+/// at rest or without contact.
 pub(super) fn of(
     name: &str,
     grid: &Grid,
     misses: &[Miss],
-    trials: &[&TrialReport],
+    (trials, short): (&[&TrialReport], &[Short]),
     idle: usize,
     options: &Options,
 ) -> Vec<String> {
@@ -62,11 +96,67 @@ pub(super) fn of(
     let missed = missed_bands(name, misses, options);
     left_out
         .into_iter()
+        .chain(too_short(name, short))
+        .chain(mostly_filled(name, grid, trials))
         .chain(close)
         .chain(lowered)
         .chain(removed)
         .chain(missed)
         .collect()
+}
+
+/// Returns a note on trials whose files end early.
+fn too_short(name: &str, short: &[Short]) -> Option<String> {
+    let lack = |short: &&Short| short.asked_s - short.held_s;
+    let worst = short.iter().max_by(|a, b| lack(a).total_cmp(&lack(b)))?;
+    Some(format!(
+        "texture '{name}': {} trial(s) are shorter than the duration that was asked for, such as {} with {:.3} s of \
+         {} s: mend duration_s in the list, or record for longer",
+        short.len(),
+        worst.file,
+        worst.held_s,
+        worst.asked_s
+    ))
+}
+
+/// Returns a note on a grid of which most nodes have no recording, with the tolerance that makes a dense one of it.
+fn mostly_filled(name: &str, grid: &Grid, trials: &[&TrialReport]) -> Option<String> {
+    let recorded = |places: &[(f64, f64)]| {
+        let bits = places.iter().map(|(s, f)| (s.to_bits(), f.to_bits()));
+        bits.collect::<HashSet<_>>().len()
+    };
+    let measured: Vec<(f64, f64)> = trials.iter().map(|t| (t.speed_mm_s, t.force_n)).collect();
+    let (nodes, with) = (grid.models.len(), recorded(&measured));
+    if nodes < SPARSE_NODES || 2 * with >= nodes {
+        return None;
+    }
+    let (speeds, forces): (Vec<f64>, Vec<f64>) = measured.iter().copied().unzip();
+    let remedy = TOLERANCES.iter().find_map(|&tolerance| {
+        let (speed, force) = (
+            nominal(&speeds, tolerance).ok()?,
+            nominal(&forces, tolerance).ok()?,
+        );
+        let snapped = measured.iter().map(|&(s, f)| (speed.of(s), force.of(f)));
+        let snapped = recorded(&snapped.collect::<Vec<_>>());
+        let size = (speed.values().len(), force.values().len());
+        (2 * snapped >= size.0 * size.1).then(|| {
+            format!(
+                "if they are measured values, --snap {tolerance} makes a grid of {} x {} of them and moves none by \
+                 more than {:.1} %",
+                size.0,
+                size.1,
+                100.0 * speed.largest_move().max(force.largest_move())
+            )
+        })
+    });
+    Some(format!(
+        "texture '{name}': {} of {nodes} nodes of its grid of {} x {} are filled from neighbours, because few speeds \
+         and forces were recorded together: {}",
+        nodes - with,
+        grid.speeds_mm_s.len(),
+        grid.forces_n.len(),
+        remedy.unwrap_or_else(|| "give nominal values in the list".to_owned())
+    ))
 }
 
 /// Returns a note on the closest values of an axis, if they are closer than nominal values would be.
@@ -78,7 +168,7 @@ fn close_values(what: &str, values: &[f32], unit: &str) -> Option<String> {
     let closest = close.clone().min_by(|a, b| share(a).total_cmp(&share(b)))?;
     Some(format!(
         "{} pair(s) of {what} are less than 1 % apart, such as {} and {} {unit}, and make a line of nodes each: give \
-         nominal values in the list if they are meant to be one",
+         nominal values in the list, or --snap 0.01, if they are meant to be one",
         close.count(),
         closest[0],
         closest[1]

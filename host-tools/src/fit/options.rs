@@ -2,9 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
+use model_format::{PlayRate, SAMPLE_RATE_HZ};
+
 use crate::dsp::reduction::Reduction;
 use crate::recording::triage::SILENCE_FLOOR_M_S2;
+use crate::support::error::{Error, Result};
 use crate::texture::quantise::StructureChoice;
+use crate::texture::theta::ThetaChoice;
 
 /// The choice of a model's order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,6 +110,9 @@ pub struct Options {
     pub estimator: Estimator,
     /// Structure of the models in the library.
     pub structure: StructureChoice,
+    /// Bytes of a lattice's θ. A record without this choice is of a fit with fine θ.
+    #[serde(default = "fine")]
+    pub theta: ThetaChoice,
     /// From three axes to one.
     pub reduction: Reduction,
     /// RMS below which a trial is silent, m/s².
@@ -123,10 +130,78 @@ pub struct Options {
     pub lines: Lines,
     /// Refuse a set in which any trial has a verdict.
     pub strict: bool,
+    /// Share by which measured speeds and forces were moved to nominal ones before the fit, at most; none if they were
+    /// not. The fit itself takes the set as it is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub snap: Option<f64>,
+    /// Rate of the models, Hz. A record without this choice is of a fit at 5 kHz.
+    #[serde(default = "model_rate_hz")]
+    pub sample_rate_hz: u32,
+}
+
+const fn model_rate_hz() -> u32 {
+    SAMPLE_RATE_HZ
+}
+
+impl Options {
+    /// Checks that what they ask for is fitted at their rate.
+    ///
+    /// # Errors
+    /// A rate that no stylus plays; at another rate than 5 kHz, a choice that is made at 5 kHz alone, by its name.
+    pub fn check_rate(&self) -> Result<()> {
+        let rate_hz = self.sample_rate_hz;
+        if rate_hz == SAMPLE_RATE_HZ {
+            return Ok(());
+        }
+        if PlayRate::of(rate_hz).is_none() {
+            let rates = PlayRate::ALL.map(|rate| rate.hz().to_string()).join(" or ");
+            return Err(Error::Request(format!(
+                "a sample rate of {rate_hz} Hz: a stylus plays {rates}"
+            )));
+        }
+        let asked = [
+            (
+                "--excitation residual",
+                self.excitation == ExcitationChoice::Residual,
+            ),
+            (
+                "--modulation track",
+                self.modulation == ModulationChoice::Track,
+            ),
+            (
+                "--estimator multitaper",
+                self.estimator == Estimator::Multitaper,
+            ),
+        ];
+        match asked.into_iter().find(|&(_, is_asked)| is_asked) {
+            None => Ok(()),
+            Some((option, _)) => Err(Error::Request(format!(
+                "{option} is fitted at {SAMPLE_RATE_HZ} Hz alone: leave it out, or fit at that rate"
+            ))),
+        }
+    }
+
+    /// The options without what only a fit at 5 kHz seeks by itself, if the rate is another.
+    #[must_use]
+    pub fn at_their_rate(&self) -> Self {
+        if self.sample_rate_hz == SAMPLE_RATE_HZ {
+            return self.clone();
+        }
+        Self {
+            excitation: ExcitationChoice::Gaussian,
+            modulation: ModulationChoice::None,
+            lines: Lines::None,
+            ..self.clone()
+        }
+    }
 }
 
 fn gaussian() -> ExcitationChoice {
     ExcitationChoice::Gaussian
+}
+
+fn fine() -> ThetaChoice {
+    ThetaChoice::Fine
 }
 
 fn steady() -> ModulationChoice {
@@ -139,6 +214,7 @@ impl Default for Options {
             order: Order::Auto,
             estimator: Estimator::Auto,
             structure: StructureChoice::Lattice,
+            theta: ThetaChoice::Auto,
             reduction: Reduction::Pca,
             silence_floor_m_s2: SILENCE_FLOOR_M_S2,
             excitation: ExcitationChoice::Auto,
@@ -146,6 +222,8 @@ impl Default for Options {
             drop: Vec::new(),
             lines: Lines::Auto,
             strict: false,
+            snap: None,
+            sample_rate_hz: SAMPLE_RATE_HZ,
         }
     }
 }

@@ -5,27 +5,30 @@
 //! part of it that was used. The record stands in a file beside the library and names it by its content, too, so that
 //! a record of another library is not believed.
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::excitation::ExcitationReport;
 use super::fitted::Fit;
 use super::lines::Findings;
 use super::options::Options;
-use crate::recording::{RecordingSet, Trial};
+use crate::recording::{RECORDING, RecordingSet, Trial};
+use crate::support::atomic_file;
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
+use crate::support::fnv::Fnv;
+use crate::texture::theta::ThetaReport;
 
 /// Ending that the name of a library's file gets for that of its record.
 const ENDING: &str = ".fit.json";
 
-/// A record: some hundred bytes per trial.
+/// A record: some hundred bytes per trial, of which a list has up to a million.
 const RECORD: Limit = Limit {
     of: "a fit's record",
-    bytes: 64 * MIB,
+    bytes: 512 * MIB,
 };
 
 /// The options and the recordings of a fit.
@@ -43,6 +46,12 @@ pub struct FitRecord {
     /// Lines of each texture that are locked to place, or the reason for none.
     #[serde(default)]
     pub lines: Vec<FoundLines>,
+    /// The bytes of each lattice's θ, and the reasons for them.
+    #[serde(default)]
+    pub thetas: Vec<ThetaReport>,
+    /// Hash of all that the library comes from, in hexadecimal digits, of a library that is one of many of a fit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inputs: Option<String>,
 }
 
 /// Lines of a texture.
@@ -82,30 +91,44 @@ pub struct FittedTrial {
 
 impl FitRecord {
     /// The record of a fit of `set` with `options` that gave the library `bytes`, without an account of
-    /// excitations and lines.
+    /// excitations, lines and θ.
     ///
     /// # Errors
     /// A recording that cannot be read any more.
     pub fn of(set: &RecordingSet, options: &Options, bytes: &[u8]) -> Result<Self> {
-        Ok(Self {
+        let contents = set.trials.par_iter().map(content_of);
+        let contents = contents.collect::<Result<Vec<u64>>>()?;
+        Ok(Self::with_contents(set, options, bytes, &contents))
+    }
+
+    /// As [`FitRecord::of`], with the hashes of the recordings' bytes, in the order of the set.
+    pub fn with_contents(
+        set: &RecordingSet,
+        options: &Options,
+        bytes: &[u8],
+        contents: &[u64],
+    ) -> Self {
+        let trials = set.trials.iter().zip(contents);
+        Self {
             library: content_hash(bytes),
             options: options.clone(),
             excitations: Vec::new(),
-            trials: set
-                .trials
-                .iter()
-                .map(FittedTrial::of)
-                .collect::<Result<_>>()?,
+            trials: trials
+                .map(|(trial, &content)| FittedTrial::with_content(trial, content))
+                .collect(),
             lines: Vec::new(),
-        })
+            thetas: Vec::new(),
+            inputs: None,
+        }
     }
 
-    /// The record with what `fit` says of its textures' excitations and lines.
+    /// The record with what `fit` says of its textures' excitations, lines and θ.
     #[must_use]
     pub fn with_account_of(self, fit: &Fit) -> Self {
         Self {
             excitations: fit.excitations.clone(),
             lines: FoundLines::of(fit),
+            thetas: fit.thetas.clone(),
             ..self
         }
     }
@@ -131,11 +154,30 @@ impl FitRecord {
             }
             Err(failure) => return Err(failure),
         };
-        let record: Self = serde_json::from_slice(&text).map_err(|failure| {
-            let problem = format!("is no record of a fit ({failure}): remove it, or fit again");
-            Error::file(&path, problem)
-        })?;
+        let record = Self::from_text(&path, &text)?;
         Ok(Some(record).filter(|record| record.library == content_hash(bytes)))
+    }
+
+    /// Reads a record from `text`; `path` is only named in errors.
+    ///
+    /// # Errors
+    /// Text that is no record.
+    pub fn from_text(path: &Path, text: &[u8]) -> Result<Self> {
+        serde_json::from_slice(text).map_err(|failure| {
+            let problem = format!("is no record of a fit ({failure}): remove it, or fit again");
+            Error::file(path, problem)
+        })
+    }
+
+    /// Returns `set` with the speeds and forces that the fit took for its own.
+    ///
+    /// # Errors
+    /// See [`RecordingSet::snapped`].
+    pub fn as_fitted(&self, set: RecordingSet) -> Result<RecordingSet> {
+        match self.options.snap {
+            Some(tolerance) => Ok(set.snapped(tolerance)?.0),
+            None => Ok(set),
+        }
     }
 
     /// The record as text.
@@ -144,6 +186,18 @@ impl FitRecord {
     /// None for records that [`Self::of`] makes.
     pub fn to_text(&self) -> Result<String> {
         serde_json::to_string_pretty(self).map_err(|failure| Error::Request(failure.to_string()))
+    }
+
+    /// Writes the record beside its library, of these `bytes`, which is written to `library`: both or neither.
+    ///
+    /// The library gets its name first: a record that is missing, or of an earlier library, is not believed.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write_with(&self, library: &Path, bytes: &[u8]) -> Result<()> {
+        let text = self.to_text()?;
+        let record = Self::path_for(library);
+        atomic_file::write_together(&[(library, bytes), (&record, text.as_bytes())])
     }
 
     /// Returns whether the fit used a part of `trial`, under whatever name its file was.
@@ -161,14 +215,17 @@ impl FitRecord {
 
 impl FittedTrial {
     fn of(trial: &Trial) -> Result<Self> {
-        let failed = |failure| Error::io("read", &trial.file)(failure);
-        let file = BufReader::new(File::open(&trial.file).map_err(failed)?);
-        Ok(Self {
+        Ok(Self::with_content(trial, content_of(trial)?))
+    }
+
+    /// The trial whose recording's bytes have the hash `content`.
+    fn with_content(trial: &Trial, content: u64) -> Self {
+        Self {
             file: trial.file.display().to_string(),
-            content: hash_of(file).map_err(failed)?,
+            content: digits(content),
             start_s: trial.start_s,
             duration_s: trial.duration_s,
-        })
+        }
     }
 
     /// Returns whether two parts of one file share a moment.
@@ -178,39 +235,49 @@ impl FittedTrial {
     }
 }
 
-/// Returns the 64-bit FNV-1a hash (Fowler, Noll and Vo; IETF draft-eastlake-fnv) of `bytes`, in hexadecimal digits. It
-/// is the same on every computer and in every version, which the standard library's hashes are not.
+/// Returns the hash of `bytes` in hexadecimal digits.
 fn content_hash(bytes: &[u8]) -> String {
-    format!("{:016x}", continued(HASH_OF_NOTHING, bytes))
+    digits(Fnv::of(bytes))
 }
 
+fn digits(hash: u64) -> String {
+    format!("{hash:016x}")
+}
+
+/// Hash of the bytes of a trial's recording, or of its samples in memory.
+///
+/// # Errors
+/// A recording that cannot be read.
+pub(super) fn content_of(trial: &Trial) -> Result<u64> {
+    if let Some(held) = &trial.held {
+        return Ok(held.content());
+    }
+    let failed = |failure| Error::io("read", &trial.file)(failure);
+    let file = BufReader::with_capacity(PIECE, RECORDING.open(&trial.file)?);
+    hash_of(file).map_err(failed)
+}
+
+/// Bytes of a recording that are read at a time.
+const PIECE: usize = 1 << 16;
+
 /// Hash of all that `file` gives, a piece at a time; see [`content_hash`].
-fn hash_of(mut file: impl BufRead) -> io::Result<String> {
-    let mut hash = HASH_OF_NOTHING;
+fn hash_of(mut file: impl BufRead) -> io::Result<u64> {
+    let mut hash = Fnv::default();
     loop {
         let piece = file.fill_buf()?;
         if piece.is_empty() {
-            return Ok(format!("{hash:016x}"));
+            return Ok(hash.value());
         }
-        hash = continued(hash, piece);
+        hash = hash.then(piece);
         let length = piece.len();
         file.consume(length);
     }
 }
 
-/// The hash of no bytes.
-const HASH_OF_NOTHING: u64 = 0xcbf2_9ce4_8422_2325;
-
-/// The hash of what has the hash `hash`, with `bytes` after it.
-fn continued(hash: u64, bytes: &[u8]) -> u64 {
-    bytes.iter().fold(hash, |hash, &byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::HeldSamples;
     use model_format::Provenance;
 
     fn trial(file: PathBuf, start_s: f64, duration_s: Option<f64>) -> Trial {
@@ -219,11 +286,12 @@ mod tests {
             texture: "felt".into(),
             speed_mm_s: 100.0,
             force_n: 1.0,
-            scale_m_s2: 1.0,
+            scale_m_s2: None,
             start_s,
             duration_s,
             sample_rate_hz: None,
             provenance: Provenance::Recorded,
+            held: None,
         }
     }
 
@@ -261,6 +329,29 @@ mod tests {
             let asked = trial(file.clone(), start_s, duration_s);
             assert_eq!(record.used(&asked).unwrap(), used, "{asked:?}");
         }
+    }
+
+    #[test]
+    fn samples_in_memory_are_known_by_content_and_part_too() {
+        let held = |samples: Vec<f64>, start_s| Trial {
+            held: Some(
+                HeldSamples::new(5000.0, vec![samples], false)
+                    .unwrap()
+                    .into(),
+            ),
+            ..trial("in memory".into(), start_s, Some(0.5))
+        };
+        let samples: Vec<f64> = (0..5000).map(f64::from).collect();
+        let set = RecordingSet {
+            trials: vec![held(samples.clone(), 0.0)],
+            is_listed: true,
+        };
+        let record = FitRecord::of(&set, &Options::default(), b"library").unwrap();
+        assert!(record.used(&held(samples.clone(), 0.25)).unwrap());
+        assert!(!record.used(&held(samples.clone(), 0.5)).unwrap());
+        let mut others = samples;
+        others[4999] += 1.0;
+        assert!(!record.used(&held(others, 0.0)).unwrap());
     }
 
     #[test]

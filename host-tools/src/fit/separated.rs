@@ -10,7 +10,7 @@ use crate::support::error::Result;
 use super::estimate::estimate;
 use super::lines::{Lines, separate};
 use super::options::Options;
-use super::trial::{Analysis, analyse_with_signal};
+use super::trial::{Analysis, Signal, analyse_with_signal};
 
 /// Trials of texture `name`, with their indices in the set.
 pub(super) fn of_texture<'s>(set: &'s RecordingSet, name: &str) -> (Vec<usize>, Vec<&'s Trial>) {
@@ -26,12 +26,37 @@ pub fn separate_lines(
     options: &Options,
     max_order: usize,
 ) {
+    let analysed = analysed
+        .iter_mut()
+        .map(|(analysis, signal)| (analysis, signal));
+    separate_from(trials, analysed.collect(), options, max_order);
+}
+
+/// As [`separate_lines`], of signals with their flaws.
+pub(super) fn separate_lines_of(
+    trials: &[&Trial],
+    analysed: &mut [(Analysis, Signal)],
+    options: &Options,
+    max_order: usize,
+) {
+    let analysed = analysed
+        .iter_mut()
+        .map(|(analysis, signal)| (analysis, &mut signal.samples));
+    separate_from(trials, analysed.collect(), options, max_order);
+}
+
+fn separate_from(
+    trials: &[&Trial],
+    mut analysed: Vec<(&mut Analysis, &mut Vec<f64>)>,
+    options: &Options,
+    max_order: usize,
+) {
     let mut signals: Vec<Vec<f64>> = trials
         .iter()
         .zip(analysed.iter_mut())
         .map(|(trial, (analysis, signal))| {
             if can_have_lines(trial, analysis, options) {
-                std::mem::take(signal)
+                std::mem::take(*signal)
             } else {
                 Vec::new()
             }
@@ -39,7 +64,7 @@ pub fn separate_lines(
         .collect();
     let speeds_mm_s: Vec<f64> = trials.iter().map(|trial| trial.speed_mm_s).collect();
     let shares = separate(&speeds_mm_s, &mut signals, None, options.lines);
-    let work = analysed.par_iter_mut().zip(signals).zip(shares);
+    let work = analysed.into_par_iter().zip(signals).zip(shares);
     work.for_each(|(((analysis, signal), rest), share)| {
         if !rest.is_empty() {
             *signal = rest;

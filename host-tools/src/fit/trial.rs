@@ -3,21 +3,23 @@
 use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
+use serde::{Deserialize, Serialize};
 
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::reduction::{Reduction, reduce};
+use crate::dsp::sums::mean;
 use crate::recording::triage;
 use crate::recording::triage::{Fingerprint, Verdict};
 use crate::recording::{self, Samples, Trial};
 use crate::support::error::{Error, Result};
 
 use super::bands::Bands;
-use super::estimate::estimate;
+use super::estimate::estimate_at;
 use super::lines::TrialLines;
 use super::options::Options;
 
 /// The statistics of a trial that a fit keeps.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Analysis {
     /// Biased autocorrelation of the reduced signal from lag 0 on, (m/s²)².
     pub lags: Vec<f64>,
@@ -58,24 +60,52 @@ struct Triaged {
     cut_s: f64,
     /// Stretches of the samples left that are no surface's.
     flaws: Vec<Range<usize>>,
+    /// Stretches of the whole trial that are left.
+    parts: Vec<Range<usize>>,
 }
 
 /// Reads `trial` and keeps what triage does not cut.
 fn triaged(trial: &Trial) -> Result<Triaged> {
-    let mut samples = recording::read(trial)?;
+    let samples = recording::read(trial)?;
     let verdicts = triage::samples(&samples);
+    Ok(without_cuts(samples, verdicts))
+}
+
+/// Keeps what `verdicts` do not cut.
+fn without_cuts(mut samples: Samples, verdicts: Vec<Verdict>) -> Triaged {
     let length = |samples: &Samples| samples.axes.first().map_or(0, Vec::len);
     let before = length(&samples);
     let parts = triage::usable(&verdicts, before);
     let flaws = triage::kept_spans(&triage::flaws(&samples, &verdicts), &parts);
     samples.axes = triage::kept(samples.axes, &parts);
     let cut_s = (before - length(&samples)) as f64 / f64::from(SAMPLE_RATE_HZ);
-    Ok(Triaged {
+    Triaged {
         samples,
         verdicts,
         cut_s,
         flaws,
-    })
+        parts,
+    }
+}
+
+/// The axes of `trial` at `rate_hz`, a multiple of 5 kHz, without what triage cut out of it at 5 kHz.
+fn kept_at(trial: &Trial, rate_hz: u32, parts: &[Range<usize>]) -> Result<Vec<Vec<f64>>> {
+    let samples = recording::read_at(trial, rate_hz)?;
+    if samples.source_rate_hz < f64::from(rate_hz) {
+        let problem = format!(
+            "has {} Hz, and models at {rate_hz} Hz need recordings of that rate or above: fit at {SAMPLE_RATE_HZ} Hz, \
+             then `stylus resample`",
+            samples.source_rate_hz
+        );
+        return Err(Error::file(&trial.file, problem));
+    }
+    let ratio = (rate_hz / SAMPLE_RATE_HZ) as usize;
+    let length = samples.axes.first().map_or(0, Vec::len);
+    let at_rate = |at: usize| (at * ratio).min(length);
+    let parts: Vec<_> = (parts.iter())
+        .map(|part| at_rate(part.start)..at_rate(part.end))
+        .collect();
+    Ok(triage::kept(samples.axes, &parts))
 }
 
 /// A trial reduced to one axis, without what triage cuts.
@@ -94,9 +124,26 @@ pub struct Signal {
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
 pub fn signal(trial: &Trial, reduction: Reduction) -> Result<Signal> {
+    reduced(trial, triaged(trial)?, reduction)
+}
+
+/// As [`signal`], without triage: `verdicts` are what triage found on this trial.
+///
+/// # Errors
+/// Those of [`signal`].
+pub(super) fn signal_of_judged(
+    trial: &Trial,
+    verdicts: &[Verdict],
+    reduction: Reduction,
+) -> Result<Signal> {
+    let triaged = without_cuts(recording::read(trial)?, verdicts.to_vec());
+    reduced(trial, triaged, reduction)
+}
+
+fn reduced(trial: &Trial, triaged: Triaged, reduction: Reduction) -> Result<Signal> {
     let Triaged {
         mut samples, flaws, ..
-    } = triaged(trial)?;
+    } = triaged;
     let reduced = reduce(&mut samples.axes, reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
     Ok(Signal {
@@ -106,12 +153,12 @@ pub fn signal(trial: &Trial, reduction: Reduction) -> Result<Signal> {
     })
 }
 
-/// Reads and analyses `trial` for models of up to `max_order`.
+/// Reads and analyses `trial` for models of up to `max_order`, at the rate of `options`. Triage is at 5 kHz.
 ///
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
 pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Analysis> {
-    Ok(analyse_with_signal(trial, options, max_order)?.0)
+    Ok(analyse_whole(trial, options, max_order)?.0)
 }
 
 /// As [`analyse`], with the reduced signal, m/s², beside the analysis.
@@ -123,19 +170,33 @@ pub fn analyse_with_signal(
     options: &Options,
     max_order: usize,
 ) -> Result<(Analysis, Vec<f64>)> {
+    let (analysis, signal) = analyse_whole(trial, options, max_order)?;
+    Ok((analysis, signal.samples))
+}
+
+/// As [`analyse`], with the reduced signal.
+///
+/// # Errors
+/// Those of [`analyse`].
+pub(super) fn analyse_whole(
+    trial: &Trial,
+    options: &Options,
+    max_order: usize,
+) -> Result<(Analysis, Signal)> {
     let Triaged {
         mut samples,
         mut verdicts,
         cut_s,
-        ..
+        flaws,
+        parts,
     } = triaged(trial)?;
-    let mean = |axis: &Vec<f64>| (axis.iter().sum::<f64>() / axis.len().max(1) as f64).abs();
-    let mean_m_s2 = samples.axes.iter().map(mean).fold(0.0, f64::max);
+    let mean_of = |axis: &Vec<f64>| mean(axis).abs();
+    let mean_m_s2 = samples.axes.iter().map(mean_of).fold(0.0, f64::max);
     let reduced = reduce(&mut samples.axes, options.reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
     let fingerprint = triage::fingerprint(&reduced.signal);
-    let autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
-    let power = autocorrelation.lags[0];
+    let mut autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
+    let mut power = autocorrelation.lags[0];
     if !power.is_finite() {
         let problem = "its samples are too large to be squared; check scale_m_s2";
         return Err(Error::file(&trial.file, problem));
@@ -149,9 +210,20 @@ pub fn analyse_with_signal(
     } else {
         triage::mains_line(&autocorrelation)
     };
-    let estimate = estimate(&reduced.signal, autocorrelation, options.estimator);
+    let signal = if options.sample_rate_hz == SAMPLE_RATE_HZ {
+        reduced.signal
+    } else {
+        let mut axes = kept_at(trial, options.sample_rate_hz, &parts)?;
+        let reduced = reduce(&mut axes, options.reduction)
+            .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
+        autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
+        power = autocorrelation.lags[0];
+        reduced.signal
+    };
+    let rate_hz = f64::from(options.sample_rate_hz);
+    let estimate = estimate_at(rate_hz, &signal, autocorrelation, options.estimator);
     let analysis = Analysis {
-        samples: reduced.signal.len(),
+        samples: signal.len(),
         power,
         mean_m_s2,
         energy_share: reduced.energy_share,
@@ -163,5 +235,10 @@ pub fn analyse_with_signal(
         lags: estimate.lags,
         bands: estimate.bands,
     };
-    Ok((analysis, reduced.signal))
+    let signal = Signal {
+        samples: signal,
+        source_rate_hz: samples.source_rate_hz,
+        flaws,
+    };
+    Ok((analysis, signal))
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::recording::triage::Verdict;
+use crate::recording::triage::{Verdict, in_words};
 
 /// The account of a trial.
 #[derive(Clone, Debug, Serialize)]
@@ -24,6 +24,7 @@ pub struct TrialReport {
     /// Duration that triage cut out of it, s.
     pub cut_s: f64,
     /// Findings of triage; none for a sound recording.
+    #[serde(serialize_with = "in_words")]
     pub verdicts: Vec<Verdict>,
     /// True if the fit used it.
     pub used: bool,

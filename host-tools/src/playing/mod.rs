@@ -6,3 +6,4 @@ pub mod motion;
 #[cfg(feature = "device")]
 pub mod pin;
 pub mod render;
+pub mod wavefront;

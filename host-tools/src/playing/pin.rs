@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use model_format::link::{Setting, SettingChange, Settings};
-use model_format::{DacCode, OutputSample, SAMPLE_RATE_HZ, Volt};
+use model_format::{DacCode, OutputSample, PlayRate, Volt};
 use stylus_app::safety::{Config, OVERSAMPLING, PIN_RATE_HZ, State};
 
 use super::render::{Rendering, write_volts_wav};
@@ -26,7 +26,8 @@ pub fn settings<'a>(changes: impl IntoIterator<Item = (&'a str, f32)>) -> Result
     changes.into_iter().try_fold(Settings::default(), change)
 }
 
-/// Iterator over the codes that a stylus puts out for the samples of its kernel, [`OVERSAMPLING`] for each.
+/// Iterator over the codes that a stylus puts out for the samples of its kernel, [`OVERSAMPLING`] for each tick. A
+/// second sample that lacks to the last tick at 10 kHz is silence.
 ///
 /// The stylus begins at rest, and is not muted: its soft start comes first. It plays at a gain of one.
 #[derive(Clone, Debug)]
@@ -40,9 +41,9 @@ pub struct Pin<Samples> {
 }
 
 impl<Samples: Iterator<Item = OutputSample>> Pin<Samples> {
-    /// The pin of a stylus with `settings` that plays `samples`.
-    pub fn new(samples: Samples, settings: &Settings) -> Self {
-        let config = Config::new(settings, 1.0);
+    /// The pin of a stylus with `settings` that plays `samples` at `rate`.
+    pub fn new(samples: Samples, rate: PlayRate, settings: &Settings) -> Self {
+        let config = Config::at_rate(settings, 1.0, rate);
         Self {
             samples,
             config,
@@ -52,7 +53,7 @@ impl<Samples: Iterator<Item = OutputSample>> Pin<Samples> {
         }
     }
 
-    /// Numbers of samples so far at which the hard limit, the slew limit and the thermal limiter changed the output.
+    /// Numbers of ticks so far at which the hard limit, the slew limit and the thermal limiter changed the output.
     pub fn limited(&self) -> Limited {
         let counters = self.state.counters();
         Limited {
@@ -68,9 +69,14 @@ impl<Samples: Iterator<Item = OutputSample>> Iterator for Pin<Samples> {
 
     fn next(&mut self) -> Option<DacCode> {
         if self.taken == OVERSAMPLING {
-            self.codes = self
-                .state
-                .process(&self.config, self.samples.next()?, false);
+            let first = self.samples.next()?;
+            self.codes = match self.config.rate() {
+                PlayRate::Hz5000 => self.state.process(&self.config, first, false),
+                PlayRate::Hz10000 => {
+                    let pair = [first, self.samples.next().unwrap_or_default()];
+                    self.state.process_pair(&self.config, pair, false)
+                }
+            };
             self.taken = 0;
         }
         self.taken += 1;
@@ -80,14 +86,15 @@ impl<Samples: Iterator<Item = OutputSample>> Iterator for Pin<Samples> {
     fn size_hint(&self) -> (usize, Option<usize>) {
         let held = OVERSAMPLING - self.taken;
         let (low, high) = self.samples.size_hint();
-        let codes = |samples: usize| samples * OVERSAMPLING + held;
+        let per_tick = self.config.rate().samples_per_tick() as usize;
+        let codes = |samples: usize| samples.div_ceil(per_tick) * OVERSAMPLING + held;
         (codes(low), high.map(codes))
     }
 }
 
 impl<Samples: ExactSizeIterator<Item = OutputSample>> ExactSizeIterator for Pin<Samples> {}
 
-/// Numbers of samples of the kernel at which a safety stage changed the output.
+/// Numbers of ticks at which a safety stage changed the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Limited {
     /// By the hard limit, in volts or by the coil's peak power.
@@ -110,7 +117,7 @@ pub struct PinSummary {
     pub codes: u64,
     /// Number of samples at the kernel's full scale.
     pub saturations: u32,
-    /// Numbers of samples at which a safety stage changed the output.
+    /// Numbers of ticks at which a safety stage changed the output.
     pub limited: Limited,
 }
 
@@ -118,7 +125,7 @@ pub struct PinSummary {
 /// mid-scale, [`RATE_HZ`] codes per second.
 ///
 /// # Errors
-/// A rendering of another rate than the stylus's, more codes than a WAV file can count, or a file that cannot be
+/// A rendering at a rate that no stylus plays, more codes than a WAV file can count, or a file that cannot be
 /// written.
 pub fn render_pin_wav(
     rendering: &mut Rendering<'_>,
@@ -126,12 +133,13 @@ pub fn render_pin_wav(
     path: &Path,
 ) -> Result<PinSummary> {
     let rate_hz = rendering.sample_rate_hz();
-    if rate_hz != SAMPLE_RATE_HZ {
-        return Err(Error::Request(format!(
-            "the texture has {rate_hz} samples per second, and a stylus plays {SAMPLE_RATE_HZ}: fit it at that rate"
-        )));
-    }
-    let mut pin = Pin::new(rendering.by_ref(), settings);
+    let rate = PlayRate::of(rate_hz).ok_or_else(|| {
+        let [one, two] = PlayRate::ALL.map(PlayRate::hz);
+        Error::Request(format!(
+            "the texture has {rate_hz} samples per second, and a stylus plays {one} or {two}: fit it at one of these"
+        ))
+    })?;
+    let mut pin = Pin::new(rendering.by_ref(), rate, settings);
     let codes = write_volts_wav(path, RATE_HZ, pin.by_ref().map(above_mid_scale))?;
     let limited = pin.limited();
     Ok(PinSummary {
@@ -176,11 +184,34 @@ mod tests {
     }
 
     #[test]
+    fn at_ten_kilohertz_two_samples_make_the_codes_of_a_tick() {
+        let (library, motion) = (library(10_000), constant(90.0, 0.8));
+        let settings = settings([("output-gain", 0.02), ("soft-start", 1.0)]).unwrap();
+        let mut pin = Pin::new(rendering(&library, &motion), PlayRate::Hz10000, &settings);
+        assert_eq!(pin.len(), 40_000);
+        let codes: Vec<DacCode> = pin.by_ref().collect();
+        let config = Config::at_rate(&settings, 1.0, PlayRate::Hz10000);
+        let mut state = State::new(&config);
+        let samples: Vec<OutputSample> = rendering(&library, &motion).collect();
+        let pairs = samples.as_chunks::<2>().0.iter();
+        let expected = pairs.flat_map(|&pair| state.process_pair(&config, pair, false));
+        assert!(expected.eq(codes.iter().copied()));
+        assert!(
+            codes
+                .iter()
+                .any(|code| above_mid_scale(*code).0.abs() > 0.02)
+        );
+        assert_eq!(pin.limited(), Limited::default());
+        let odd = Pin::new(samples[..3].iter().copied(), PlayRate::Hz10000, &settings);
+        assert_eq!((odd.len(), odd.count()), (16, 16));
+    }
+
+    #[test]
     fn limits_that_act_are_counted() {
         let (library, motion) = (library(5000), constant(300.0, 3.0));
         let limited = |changes: [(&str, f32); 2]| {
             let settings = settings(changes).unwrap();
-            let mut pin = Pin::new(rendering(&library, &motion), &settings);
+            let mut pin = Pin::new(rendering(&library, &motion), PlayRate::Hz5000, &settings);
             assert_eq!(pin.len(), 40_000);
             pin.by_ref().for_each(drop);
             pin.limited()

@@ -5,6 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::support::error::{Error, Result};
+use crate::support::output_folder;
+use crate::support::temporaries::PREFIX;
 use crate::support::toml_field::TEXT;
 
 /// The note that the set is simulated; written before any recording.
@@ -18,15 +20,14 @@ pub(super) const RIG: &str = "rig.toml";
 /// Prefix of the name of every recording.
 pub(super) const RECORDING_PREFIX: &str = "simulated_";
 
-/// Clears `out` for a new set. The table of trials is removed first, so that an interrupted run leaves none.
+/// Returns the files of the earlier simulated set in `out`, relative to it: none if the folder is empty.
 ///
 /// # Errors
-/// A folder that holds anything but an earlier simulated set; it is left as it is.
-pub(super) fn claim(out: &Path) -> Result<()> {
-    fs::create_dir_all(out).map_err(Error::io("create", out))?;
+/// A folder that holds anything but an earlier simulated set.
+pub(super) fn earlier(out: &Path) -> Result<Vec<PathBuf>> {
     let Contents { recordings, others } = list(out)?;
     if recordings.is_empty() && others.is_empty() {
-        return Ok(());
+        return Ok(Vec::new());
     }
     let marker = out.join(MARKER);
     let marked =
@@ -40,23 +41,17 @@ pub(super) fn claim(out: &Path) -> Result<()> {
             ),
         ));
     }
-    // The table goes first and the marker stays, so that the folder says SIMULATED at every moment.
-    let table = out.join(TRIALS);
-    let table = others.contains(&table).then_some(table);
-    let rest = others
-        .into_iter()
-        .filter(|path| *path != marker && !path.ends_with(TRIALS));
-    for path in table.into_iter().chain(recordings).chain(rest) {
-        fs::remove_file(&path).map_err(Error::io("remove", &path))?;
-    }
-    // The new set may lack some of these textures. A folder that is still not empty holds someone else's files: it
-    // stays.
-    for entry in entries(out)? {
-        if entry.is_dir() {
-            let _ = fs::remove_dir(&entry);
-        }
-    }
-    Ok(())
+    let files = recordings.iter().chain(&others);
+    let files = files.filter_map(|file| file.strip_prefix(out).ok());
+    Ok(files.map(Path::to_owned).collect())
+}
+
+/// Checks that a simulated set can be written to `out`.
+///
+/// # Errors
+/// As [`output_folder::check`], and a folder that holds anything but an earlier simulated set.
+pub fn check(out: &Path) -> Result<()> {
+    output_folder::check(out, &earlier).map(drop)
 }
 
 /// The files of a simulated set.
@@ -76,16 +71,16 @@ fn list(out: &Path) -> Result<Contents> {
     };
     for path in entries(out)? {
         let name = path.file_name().and_then(OsStr::to_str).unwrap_or("");
-        if is_plain(&path, fs::FileType::is_dir)? {
+        if name.starts_with(PREFIX) {
+            // Another run's, or left behind when the machine stopped.
+        } else if is_plain(&path, fs::FileType::is_dir)? {
             for inner in entries(&path)? {
                 if !is_recording(&inner)? {
                     return Err(foreign(out, &inner));
                 }
                 contents.recordings.push(inner);
             }
-        } else if is_plain(&path, fs::FileType::is_file)?
-            && ([MARKER, TRIALS, RIG].contains(&name) || name.starts_with(TEMPORARY_PREFIX))
-        {
+        } else if is_plain(&path, fs::FileType::is_file)? && [MARKER, TRIALS, RIG].contains(&name) {
             contents.others.push(path);
         } else {
             return Err(foreign(out, &path));
@@ -93,9 +88,6 @@ fn list(out: &Path) -> Result<Contents> {
     }
     Ok(contents)
 }
-
-/// Prefix of the files that [`crate::support::atomic_file`] leaves behind if the machine stops in the middle.
-const TEMPORARY_PREFIX: &str = ".stylus-";
 
 fn is_recording(path: &Path) -> Result<bool> {
     let name = path.file_name().and_then(OsStr::to_str).unwrap_or("");
@@ -164,11 +156,13 @@ mod tests {
     }
 
     #[test]
-    fn an_earlier_simulated_set_is_cleared_but_for_its_marker() {
+    fn an_earlier_simulated_set_is_known_with_all_its_files() {
         let folder = simulated_set();
-        claim(folder.path()).unwrap();
-        assert_eq!(files(folder.path()), [folder.path().join(MARKER)]);
-        assert!(!folder.path().join("denim").exists());
+        put(folder.path(), ".stylus-abcdef/new/half.wav", "");
+        let mut found = earlier(folder.path()).unwrap();
+        found.sort();
+        let expected = [MARKER, "denim/simulated_20mm_s_0.0N.wav", RIG, TRIALS].map(PathBuf::from);
+        assert_eq!(found, expected);
     }
 
     #[test]
@@ -182,7 +176,7 @@ mod tests {
             let folder = simulated_set();
             put(folder.path(), stray, "mine");
             let before = files(folder.path());
-            let message = claim(folder.path()).unwrap_err().to_string();
+            let message = earlier(folder.path()).unwrap_err().to_string();
             let named = stray.split("/simulated_1.wav").next().unwrap();
             assert!(message.contains(named), "{message}");
             assert_eq!(files(folder.path()), before);
@@ -194,13 +188,13 @@ mod tests {
         let folder = simulated_set();
         fs::remove_file(folder.path().join(MARKER)).unwrap();
         assert!(
-            claim(folder.path())
+            earlier(folder.path())
                 .unwrap_err()
                 .to_string()
                 .contains(MARKER)
         );
         put(folder.path(), MARKER, "I wrote this");
-        assert!(claim(folder.path()).is_err());
+        assert!(earlier(folder.path()).is_err());
         assert_eq!(files(folder.path()).len(), 4);
     }
 
@@ -214,7 +208,7 @@ mod tests {
             folder.path().join("organza"),
         )
         .unwrap();
-        assert!(claim(folder.path()).is_err());
+        assert!(earlier(folder.path()).is_err());
         assert_eq!(files(elsewhere.path()).len(), 4);
     }
 }

@@ -13,6 +13,7 @@ use super::file::RigFile;
 use super::folder::{self, MARKER, MARKER_START, RECORDING_PREFIX, RIG, TRIALS};
 use super::trial::{Strip, Trial};
 use crate::support::error::{Error, Result};
+use crate::support::output_folder::OutputFolder;
 use crate::support::{atomic_file, progress};
 
 /// Summary of the files of a run.
@@ -67,21 +68,27 @@ impl fmt::Display for Summary {
 /// Runs every trial of `rig` with `seed` and writes them to the folder `out`.
 ///
 /// Each trial is a WAV file `TEXTURE/simulated_SPEEDmm_s_FORCEN.wav` of 3 channels (x, y, z), 32-bit float, m/s².
-/// Beside them lie `SIMULATED.txt`, a copy of the rig file (`rig.toml`), and `trials.csv`, which is written last, so
-/// that an interrupted run has none. The same rig and seed give the same bytes for any number of threads.
+/// Beside them lie `SIMULATED.txt`, a copy of the rig file (`rig.toml`), and `trials.csv`. The same rig and seed give
+/// the same bytes for any number of threads.
 ///
-/// An earlier simulated set in `out` is replaced.
+/// The folder is written whole or not at all. An earlier simulated set in `out` is replaced at the end.
 ///
 /// # Errors
 /// A folder that holds other files, or cannot be written.
 pub fn simulate_to_folder(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
-    folder::claim(out)?;
+    let folder = OutputFolder::begin_over(out, folder::earlier)?;
+    folder.fill(|folder| simulate(rig, seed, folder.path()))
+}
+
+/// As [`simulate_to_folder`], to an empty folder.
+fn simulate(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
     let description = rig.description();
     let notice = notice(rig, seed);
     atomic_file::write(&out.join(MARKER), notice.as_bytes())?;
     for texture in &description.textures {
         let folder = out.join(&texture.name);
-        fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
+        // Not those above it: an interrupt has taken the set's folder away then.
+        fs::create_dir(&folder).map_err(Error::io("create", &folder))?;
     }
 
     let recording = &description.recording;

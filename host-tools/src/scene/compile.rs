@@ -9,11 +9,14 @@ use model_format::scene::{
 };
 use model_format::{Library, Provenance};
 
-use super::description::SurfaceDescription;
+use stylus_kernel::scene::Plan;
+
+use super::description::{ConstantMotion, SurfaceDescription};
 use super::equaliser::{self, Design, Response, Section};
 use super::file::SceneFile;
 use super::place::place_of;
 use crate::support::error::{Error, Result};
+use crate::support::hand::{force_fault, speed_fault};
 use crate::support::toml_field::{Field, line_of};
 
 /// A scene in its wire form, checked against the library that plays it.
@@ -28,6 +31,15 @@ pub struct CompiledScene {
 }
 
 impl CompiledScene {
+    /// The stages that the kernel runs.
+    ///
+    /// # Errors
+    /// A scene that no kernel plays.
+    pub fn plan<'a>(&self, library: &Library<'a>) -> Result<Plan<'a>> {
+        Plan::new(&self.scene, library)
+            .map_err(|error| Error::Request(format!("scene '{}': {error}", self.scene.name)))
+    }
+
     /// Provenance of the scene in `library`: simulated if any of its textures is.
     pub fn provenance(&self, library: &Library<'_>) -> Provenance {
         let mut textures = self.scene.surfaces.iter().filter_map(|surface| {
@@ -63,10 +75,7 @@ impl SceneFile {
             transition_mm: self.description.transition_mm,
             motion: match &self.description.constant_motion {
                 None => MotionOfScene::Followed,
-                Some(motion) => MotionOfScene::Constant {
-                    speed_mm_s: motion.speed_mm_s,
-                    force_n: motion.force_n,
-                },
+                Some(motion) => self.constant_motion(&root.key("constant_motion"), motion)?,
             },
             equaliser,
         };
@@ -77,6 +86,23 @@ impl SceneFile {
             scene,
             surface_names,
             design,
+        })
+    }
+
+    /// The constant motion: its direction does not count, and a force below zero is no contact, as in every motion.
+    fn constant_motion(&self, place: &Field, motion: &ConstantMotion) -> Result<MotionOfScene> {
+        let (speed_mm_s, force_n) = (motion.speed_mm_s, motion.force_n);
+        for (key, fault) in [
+            ("speed_mm_s", speed_fault(speed_mm_s.into())),
+            ("force_n", force_fault(force_n.into())),
+        ] {
+            if let Some(fault) = fault {
+                return Err(self.error(&place.key(key), fault));
+            }
+        }
+        Ok(MotionOfScene::Constant {
+            speed_mm_s: speed_mm_s.abs(),
+            force_n: force_n.max(0.0),
         })
     }
 
@@ -226,7 +252,8 @@ impl SceneFile {
                 return Err(self.error(&place.key("section"), problem));
             }
             let beside = self.path.parent().unwrap_or(Path::new(""));
-            let response = Response::read(&beside.join(response))?;
+            let response = Response::read(&beside.join(response))
+                .map_err(|failure| self.error(&place.key("response"), failure))?;
             let request = equaliser::Request {
                 max_gain_db: described
                     .max_gain_db

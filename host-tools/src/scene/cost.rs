@@ -1,20 +1,22 @@
-//! Cost of a scene in instructions per tick, per situation, with the arithmetic. The kernel's own cost model gives it,
-//! so that the host refuses a scene exactly when the device does.
+//! Cost of a scene in instructions per sample, per situation, with the arithmetic. The kernel's own cost model gives
+//! it, so that the host refuses a scene exactly when the device does.
 
 use model_format::Library;
 use model_format::scene::{Scene, Surface};
 use serde::Serialize;
 use stylus_kernel::scene::Plan;
-use stylus_kernel::scene::cost::{Cost, Item, Term};
+use stylus_kernel::scene::cost::{Cost, Item, Term, budget_per_sample};
 
 use crate::support::error::{Error, Result};
 
-/// A scene's cost against a budget, in instructions per tick.
+/// A scene's cost against a budget, in instructions per sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CostReport {
     /// The scene's name.
     pub scene: String,
-    /// Instructions per tick that the scene may take.
+    /// Sample rate, Hz.
+    pub sample_rate_hz: u32,
+    /// Instructions per sample that the scene may take: all of a tick's at 5 kHz, half of them at 10 kHz.
     pub budget_instructions: u32,
     /// True if the worst case is within the budget; otherwise the device refuses the scene.
     pub fits: bool,
@@ -29,7 +31,7 @@ pub struct CostReport {
 pub struct Situation {
     /// Description of the situation.
     pub when: String,
-    /// Instructions per tick, in total.
+    /// Instructions per sample, in total.
     pub instructions: u32,
     /// Cost of each stage.
     pub arithmetic: Vec<StageCost>,
@@ -61,6 +63,7 @@ impl CostReport {
         library: &Library<'_>,
         budget: u32,
     ) -> Result<Self> {
+        let budget = budget_per_sample(budget, scene.sample_rate_hz);
         let worst = worst_case(scene, library)?;
         // The first term is the base of the sample's path, which runs in silence, too.
         let silence = &worst.terms()[..1];
@@ -103,6 +106,7 @@ impl CostReport {
         }
         Ok(Self {
             scene: scene.name.as_str().to_owned(),
+            sample_rate_hz: scene.sample_rate_hz,
             budget_instructions: budget,
             fits: worst.instructions() <= budget,
             worst_case: Situation::new("worst case", worst.terms(), names),
@@ -137,7 +141,9 @@ impl StageCost {
         Self {
             item: match term.item {
                 Item::Voice { surface, structure } => format!("{}, {structure}", named(surface)),
+                Item::SumsAhead { surface } => format!("{}, sums ahead", named(surface)),
                 Item::StickSlip { surface } => format!("{}, stick-slip", named(surface)),
+                Item::Lines { surface } => format!("{}, lines", named(surface)),
                 other => other.to_string(),
             },
             base: term.cost.base,
@@ -186,7 +192,11 @@ fn terms_on(
     let terms = cost.terms().iter().copied();
     let here = |mut term: Term| {
         // The scene of this surface alone counts it as number 0.
-        if let Item::Voice { surface, .. } | Item::StickSlip { surface } = &mut term.item {
+        if let Item::Voice { surface, .. }
+        | Item::SumsAhead { surface }
+        | Item::StickSlip { surface }
+        | Item::Lines { surface } = &mut term.item
+        {
             *surface = index as u8;
         }
         term

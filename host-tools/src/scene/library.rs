@@ -1,10 +1,13 @@
 //! Scenes in an existing library.
 
+use std::path::Path;
+
 use model_format::scene::Scene;
 use model_format::{
     Certificate, Library, NodeSpec, PartsSpec, Texture, TextureSpec, encode_with_scenes,
 };
 
+use super::compile::CompiledScene;
 use crate::support::error::{Error, Result};
 
 /// Encodes `library` with `scenes`. Scenes of the same name are replaced; all others stay the same.
@@ -73,4 +76,40 @@ pub fn surface_names(scene: &Scene, library: &Library<'_>) -> Vec<String> {
             }
         })
         .collect()
+}
+
+/// The scene `name` of `library`, or its only one; `path` is only named in errors.
+///
+/// # Errors
+/// A library without such a scene, with those that it has; one with several, if none is named.
+pub fn scene_named(
+    library: &Library<'_>,
+    name: Option<&str>,
+    path: &Path,
+) -> Result<CompiledScene> {
+    let names: Vec<String> = library
+        .scenes()
+        .map(|scene| scene.name.as_str().to_owned())
+        .collect();
+    let found = match name {
+        Some(name) => library.scene(name),
+        None if names.len() == 1 => library.scenes().next(),
+        None => None,
+    };
+    let Some(scene) = found else {
+        let problem = match (name, names.is_empty()) {
+            (_, true) => "has no scenes; add some with 'stylus scene compile'".to_owned(),
+            (Some(name), _) => format!("has no scene '{name}'; it has {}", names.join(", ")),
+            (None, _) => format!(
+                "has several scenes; name one with --scene: {}",
+                names.join(", ")
+            ),
+        };
+        return Err(Error::file(path, problem));
+    };
+    Ok(CompiledScene {
+        surface_names: surface_names(&scene, library),
+        scene,
+        design: None,
+    })
 }

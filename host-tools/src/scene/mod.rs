@@ -61,6 +61,7 @@ pub mod equaliser;
 mod file;
 mod library;
 mod place;
+mod summary;
 pub mod tap;
 
 pub use compile::CompiledScene;
@@ -70,4 +71,5 @@ pub use description::{
     SurfaceDescription,
 };
 pub use file::SceneFile;
-pub use library::{parts, surface_names, texture_spec, with_scenes};
+pub use library::{parts, scene_named, surface_names, texture_spec, with_scenes};
+pub use summary::SceneSummary;

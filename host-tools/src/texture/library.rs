@@ -7,6 +7,7 @@ use model_format::SAMPLE_RATE_HZ;
 
 use super::grid::Grid;
 use super::quantise::{self, StructureChoice};
+use super::theta::{self, ThetaChoice, ThetaReport};
 
 /// Returns texture `name` with the parts of `grid` and its nodes quantised for `structure`, without a certificate.
 ///
@@ -30,6 +31,30 @@ pub fn texture_spec(
         nodes: quantise::nodes(name, grid, structure)?,
         cell_margins: Vec::new(),
     })
+}
+
+/// As [`texture_spec`], at `sample_rate_hz`, with the θ of a lattice in the form that `theta` chooses.
+///
+/// The report of the choice is none for a direct form.
+///
+/// # Errors
+/// Those of [`texture_spec`].
+pub fn stored_texture(
+    name: &str,
+    provenance: Provenance,
+    grid: &Grid,
+    structure: StructureChoice,
+    theta: ThetaChoice,
+    sample_rate_hz: u32,
+) -> Result<(TextureSpec, Option<ThetaReport>)> {
+    let mut spec = texture_spec(name, provenance, grid, structure)?;
+    spec.sample_rate_hz = sample_rate_hz;
+    if structure != StructureChoice::Lattice {
+        return Ok((spec, None));
+    }
+    let (nodes, report) = theta::store(name, grid, spec.nodes, theta, sample_rate_hz);
+    spec.nodes = nodes;
+    Ok((spec, Some(report)))
 }
 
 /// Returns the bytes of a library of one texture without a certificate: for judging a model, never for a file.

@@ -106,8 +106,28 @@ fn lattice(model: &Model) -> (CodeSpec, Vec<f64>) {
     (codes, reflection)
 }
 
+/// Number of first stages of a compact lattice that have 24 bits. With it 120 nodes of order 400 take less than 56 KiB.
+pub const COMPACT_FINE_STAGES: usize = 24;
+
+/// Codes of `model` as a lattice with one byte per stage after the first [`limits::MAX_FINE_STAGES`].
+pub fn compact_codes(model: &Model) -> CodeSpec {
+    let theta = |k: &f64| (k.asin() / FINE_THETA_STEP_RAD).round() as i32;
+    let thetas: Vec<i32> = model.reflection.iter().map(theta).collect();
+    CodeSpec::compact_lattice(&thetas, COMPACT_FINE_STAGES)
+}
+
+/// `node` with other codes of a lattice, and the power of the prediction error that these have.
+pub fn with_codes(node: &NodeSpec, codes: CodeSpec) -> NodeSpec {
+    let share = error_share(&stored_reflection(&codes));
+    NodeSpec {
+        prediction_error_power: (f64::from(node.output_power) * share) as f32,
+        codes,
+        ..*node
+    }
+}
+
 /// Reflection coefficients of a lattice's codes; none of a direct form's.
-fn stored_reflection(codes: &CodeSpec) -> Vec<f64> {
+pub fn stored_reflection(codes: &CodeSpec) -> Vec<f64> {
     let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
     codes.thetas().map(k).collect()
 }
@@ -115,14 +135,14 @@ fn stored_reflection(codes: &CodeSpec) -> Vec<f64> {
 /// The lattice's `nodes` with 16 bits of θ in every stage, for a texture that must save the 32 bytes per node. Nodes of
 /// direct forms stay as they are.
 pub fn coarse(nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
-    let coarse = |mut node: NodeSpec| {
-        if let CodeSpec::Lattice { fractions, .. } = &mut node.codes {
-            // A code is the nearest of 16 bits already.
-            fractions.clear();
-            let share = error_share(&stored_reflection(&node.codes));
-            node.prediction_error_power = (f64::from(node.output_power) * share) as f32;
-        }
-        node
+    let coarse = |node: NodeSpec| {
+        let mut codes = node.codes.clone();
+        let CodeSpec::Lattice { fractions, .. } = &mut codes else {
+            return node;
+        };
+        // A code is the nearest of 16 bits already.
+        fractions.clear();
+        with_codes(&node, codes)
     };
     nodes.into_iter().map(coarse).collect()
 }
@@ -172,6 +192,8 @@ fn direct(model: &Model, bits: u32) -> std::result::Result<(CodeSpec, Vec<f64>),
 mod tests {
     use super::*;
     use crate::dsp::linear_prediction::Prediction;
+    use crate::dsp::model_error::ModelError;
+    use crate::texture::theta::LARGEST_ERROR;
     use model_format::THETA_STEP_RAD;
     use proptest::prelude::*;
 
@@ -323,15 +345,7 @@ mod tests {
                 &[100.0, 130.0],
                 &[60.0, 170.0, 270.0, 380.0, 480.0, 590.0, 690.0, 800.0],
             ] {
-                let lag = |lag: usize| {
-                    let angle = std::f64::consts::TAU * lag as f64
-                        / f64::from(model_format::SAMPLE_RATE_HZ);
-                    let lines = lines_hz.iter().map(|hz| (angle * hz).cos());
-                    let mean = lines.sum::<f64>() / lines_hz.len() as f64;
-                    0.999_99f64.powi(lag as i32) * mean + if lag == 0 { 1e-6 } else { 0.0 }
-                };
-                let lags: Vec<f64> = (0..=order).map(lag).collect();
-                let reflection = Prediction::levinson_durbin(&lags, order).reflection;
+                let reflection = lines_over_a_floor(0.999_99, lines_hz, order);
                 let errors = line_errors(reflection, lines_hz);
                 worst = [worst[0].max(errors[0]), worst[1].max(errors[1])];
             }
@@ -346,6 +360,55 @@ mod tests {
             coarse.in_place_db > 3.0 && coarse.shift_hz > 0.01,
             "{coarse:?}"
         );
+    }
+
+    #[test]
+    fn compact_theta_moves_no_line_beyond_its_bound() {
+        let mut without_fractions = ModelError::default();
+        for radius in [0.9, 0.99, 0.999, 0.9999, 0.999_99] {
+            for lines_hz in [
+                &[60.0, 180.0][..],
+                &[200.0, 230.0],
+                &[100.0, 130.0, 480.0],
+                &[60.0, 170.0, 270.0, 380.0],
+            ] {
+                let reflection = lines_over_a_floor(radius, lines_hz, 100);
+                let codes = compact_codes(&model(reflection.clone()));
+                let stored = stored_reflection(&codes);
+                let error = ModelError::between(&reflection, &stored, 5000.0);
+                assert!(error.share_of(LARGEST_ERROR) <= 1.0, "{radius}: {error:?}");
+                let (a, share) = (step_up(&stored), error_share(&stored));
+                for &line_hz in lines_hz {
+                    let exact = peak(&reflection, line_hz);
+                    let ratio = density(&a, share, exact.1) / exact.0;
+                    let in_place_db = (10.0 * ratio.log10()).abs();
+                    let bound_db = 1.01 * LARGEST_ERROR.line_db;
+                    assert!(
+                        in_place_db <= bound_db,
+                        "{radius}, {line_hz} Hz: {in_place_db} dB"
+                    );
+                }
+                let thetas: Vec<i32> = codes.thetas().collect();
+                let coarse = stored_reflection(&CodeSpec::compact_lattice(&thetas, 0));
+                let error = ModelError::between(&reflection, &coarse, 5000.0);
+                without_fractions = without_fractions.max(error);
+            }
+        }
+        // Otherwise the cases would show nothing.
+        assert!(without_fractions.line_db > 1.0, "{without_fractions:?}");
+    }
+
+    /// Reflection coefficients of lines that decay by `radius` per sample, over a floor.
+    fn lines_over_a_floor(radius: f64, lines_hz: &[f64], order: usize) -> Vec<f64> {
+        let lag = |lag: usize| {
+            let angle =
+                std::f64::consts::TAU * lag as f64 / f64::from(model_format::SAMPLE_RATE_HZ);
+            let lines = lines_hz.iter().map(|hz| (angle * hz).cos());
+            let mean = lines.sum::<f64>() / lines_hz.len() as f64;
+            radius.powi(lag as i32) * mean + if lag == 0 { 1e-6 } else { 0.0 }
+        };
+        let lags: Vec<f64> = (0..=order).map(lag).collect();
+        Prediction::levinson_durbin(&lags, order).reflection
     }
 
     #[test]

@@ -30,10 +30,10 @@ pub use values::median;
 
 use values::centred;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The measures of one signal; none where they do not exist, as of silence.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Liveliness {
     /// Kurtosis of the signal; 3 for Gaussian noise.
     pub kurtosis: Option<f64>,

@@ -9,6 +9,7 @@
 mod distance;
 mod estimate;
 mod models;
+mod rate;
 mod values;
 
 pub use values::{BINS, FINE_BINS, LogSpectrum, STEP_HZ};

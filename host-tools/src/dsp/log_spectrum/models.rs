@@ -67,12 +67,12 @@ impl LogSpectrum {
 
     /// Returns the model of the lowest order that cannot be told from this spectrum by touch: every third-octave band
     /// from 20 to 1000 Hz is within `tolerance_db`, and the [cost](Self::cost) is at most 5 %. If there is none, it is
-    /// the model of the highest order.
-    pub fn economical_model(&self, tolerance_db: f64) -> Model {
+    /// the model of order `most`, which no model exceeds.
+    pub fn economical_model(&self, tolerance_db: f64, most: usize) -> Model {
         const ORDERS: [usize; 11] = [15, 25, 40, 60, 80, 110, 150, 200, 260, 330, 400];
         const MAX_COST: f64 = 0.05;
-        let full = self.model(limits::MAX_ORDER);
-        for order in ORDERS {
+        let full = self.model(most.min(limits::MAX_ORDER));
+        for order in ORDERS.into_iter().filter(|&order| order < most) {
             let model = Model {
                 reflection: full.reflection[..order.min(full.reflection.len())].to_vec(),
                 ..full.clone()
@@ -122,7 +122,9 @@ mod tests {
     #[test]
     fn an_economical_model_of_a_model_is_no_larger_than_it_need_be() {
         let spectrum = LogSpectrum::of_model(&model(vec![-0.9, 0.7, -0.2, 0.3], 2.0));
-        assert_eq!(spectrum.economical_model(0.5).reflection.len(), 15);
+        let order_of = |most: usize| spectrum.economical_model(0.5, most).reflection.len();
+        assert_eq!(order_of(limits::MAX_ORDER), 15);
+        assert_eq!([0, 3, 14, 15, 16].map(order_of), [0, 3, 14, 15, 15]);
         let flat = spectrum.band_errors_db(&spectrum);
         assert!(flat.iter().all(|error| error.unwrap().abs() < 1e-9));
         assert!(spectrum.cost(&spectrum, 20.0) <= 0.0);

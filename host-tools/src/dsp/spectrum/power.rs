@@ -1,8 +1,10 @@
 //! Power spectral density, by Welch's estimate.
 
+use std::cell::RefCell;
 use std::f64::consts::TAU;
+use std::rc::Rc;
 
-use super::amplitude::dft_amplitude;
+use super::amplitude::add_dft_power;
 
 /// Duration of a segment of Welch's estimate, s. It resolves the lowest third-octave band, which is 4.6 Hz wide.
 const SEGMENT_S: f64 = 1.0;
@@ -16,6 +18,23 @@ pub struct PowerSpectrum {
     step_hz: f64,
     nyquist_hz: f64,
     worth_s: f64,
+}
+
+thread_local! {
+    /// The last window, because the recordings of a set are mostly of one length.
+    static HANN: RefCell<Rc<[f64]>> = RefCell::new(Rc::new([]));
+}
+
+/// Returns a Hann window of `length` samples, periodic.
+fn hann(length: usize) -> Rc<[f64]> {
+    HANN.with_borrow_mut(|last| {
+        if last.len() != length {
+            *last = (0..length)
+                .map(|n| 0.5 - 0.5 * (TAU * n as f64 / length as f64).cos())
+                .collect();
+        }
+        Rc::clone(last)
+    })
 }
 
 /// Returns the longest segment of an estimate, 1 s, in samples.
@@ -40,9 +59,7 @@ impl PowerSpectrum {
     /// Two estimates with one `segment` have one resolution, so that a window's leakage is alike in both.
     pub fn of_blocks(blocks: &[&[f64]], segment: usize, rate_hz: f64) -> Self {
         let segment = segment.max(1);
-        let window: Vec<f64> = (0..segment)
-            .map(|n| 0.5 - 0.5 * (TAU * n as f64 / segment as f64).cos())
-            .collect();
+        let window = hann(segment);
         let window_energy: f64 = window.iter().map(|weight| weight * weight).sum();
         let (mut density, mut segments) = (vec![0.0; segment / 2 + 1], 0);
         // Weight of each sample in the estimate, for the duration that it is worth.
@@ -58,13 +75,11 @@ impl PowerSpectrum {
                 let begin = (spare * hop).checked_div(hops).unwrap_or(0);
                 let windowed: Vec<f64> = block[begin..]
                     .iter()
-                    .zip(&window)
+                    .zip(window.iter())
                     .map(|(value, weight)| value * weight)
                     .collect();
-                for (sum, amplitude) in density.iter_mut().zip(dft_amplitude(&windowed)) {
-                    *sum += amplitude * amplitude;
-                }
-                for (sum, weight) in weights[begin..].iter_mut().zip(&window) {
+                add_dft_power(windowed, &mut density);
+                for (sum, weight) in weights[begin..].iter_mut().zip(window.iter()) {
                     *sum += weight * weight;
                 }
             }

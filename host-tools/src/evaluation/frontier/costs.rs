@@ -2,20 +2,23 @@
 
 use std::sync::LazyLock;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 pub use stylus_costs::Core;
 use stylus_costs::{Entry, SampleCost, UpdateCost};
-use stylus_kernel::arithmetic::TURN_TAPS;
+use stylus_kernel::direct::taps_at_the_cost_of;
 
 use crate::evaluation::frontier::FilterStructure;
 
 /// The result of a look-up.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
     /// Of a sample.
     pub sample: SampleCost<f64>,
     /// Of an update.
     pub update: UpdateCost<f64>,
+    /// Cycles of a sample on a Cortex-M7 as llvm-mca models them; none of a Cortex-M4.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub modelled_cycles: Option<f64>,
 }
 
 /// The measured table, with look-ups between its orders.
@@ -62,11 +65,11 @@ impl Costs {
         if order > highest.order {
             return None;
         }
-        // A direct form sums in turns: what is between two measured orders may cost as much as the next multiple. No
-        // dearer than the next measured order, whatever the turns.
+        // A direct form sums in turns: what is between two measured orders may cost as much as the last tap of its
+        // turn. No dearer than the next measured order, whatever the turns.
         let next = entries[entries.partition_point(|entry| entry.order < order)].order;
         let order = if structure.is_direct() {
-            order.next_multiple_of(TURN_TAPS as u32).min(next)
+            (taps_at_the_cost_of(order as usize) as u32).min(next)
         } else {
             order
         };
@@ -86,7 +89,13 @@ impl Costs {
             let [from, to] = [from, to].map(|entry| f64::from(of(entry)));
             from + (to - from) * fraction
         };
+        let modelled = [from, to].map(|entry| entry.modelled_cycles.map(f64::from));
+        let modelled_cycles = match modelled {
+            [Some(from), Some(to)] => Some(from + (to - from) * fraction),
+            _ => None,
+        };
         Some(Cost {
+            modelled_cycles,
             sample: SampleCost {
                 instructions: mean(|entry| entry.sample.instructions),
                 best_cycles: mean(|entry| entry.sample.best_cycles),
@@ -140,6 +149,7 @@ mod tests {
                         });
                         let sample = cost.sample;
                         assert!(sample.instructions > 0.0);
+                        assert_eq!(cost.modelled_cycles.is_some(), core == Core::M7);
                         assert!(sample.best_cycles >= sample.instructions * 0.9);
                         assert!(sample.worst_cycles >= sample.best_cycles);
                         assert!(cost.update.instructions_most >= cost.update.instructions_least);

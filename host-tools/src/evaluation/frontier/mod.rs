@@ -12,10 +12,12 @@
 //! Its time is a sample's and its share of an update's.
 
 pub mod costs;
+mod earlier;
 mod fronts;
 pub mod hard;
 mod material;
 pub mod moving;
+mod number;
 mod options;
 mod pareto;
 mod parts;
@@ -26,6 +28,7 @@ mod run;
 pub mod still;
 mod structure;
 
+pub use earlier::{Change, Earlier, Place};
 pub use material::Material;
 pub use options::{CLOCKS_HZ, INTERVALS, ORDERS, Options};
 pub use parts::{PARTS_COLUMNS, PartsRow};

@@ -176,19 +176,16 @@ pub fn play(
         ..Moving::default()
     };
     let mut nodes = None;
-    let signal: Vec<f64> = (0..Rub::samples())
-        .map(|sample| {
-            if sample.is_multiple_of(interval) {
-                let motion = rub.at(sample);
-                voice.follow(motion, interval as u32);
-                let at = GridPoint::locate(&texture, motion).nodes;
-                moving.updates += 1;
-                moving.new_cells += usize::from(nodes != Some(at));
-                nodes = Some(at);
-            }
-            voice.next_m_s2()
-        })
-        .collect();
+    let mut signal = Vec::with_capacity(Rub::samples());
+    while signal.len() < Rub::samples() {
+        let motion = rub.at(signal.len());
+        voice.follow(motion, interval as u32);
+        let at = GridPoint::locate(&texture, motion).nodes;
+        moving.updates += 1;
+        moving.new_cells += usize::from(nodes != Some(at));
+        nodes = Some(at);
+        voice.play(interval.min(Rub::samples() - signal.len()), &mut signal);
+    }
     moving.saturations = voice.saturations();
     for (played, exact) in frames(&signal).iter().zip(reference) {
         let strongest = exact.iter().copied().fold(0.0, f64::max);

@@ -7,7 +7,7 @@
 
 use model_format::{Library, MillimetresPerSecond, Newton, PartsSpec, SAMPLE_RATE_HZ, Texture};
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use stylus_kernel::scene::Plan;
 use stylus_kernel::scene::cost::FEED;
 
@@ -17,17 +17,19 @@ use crate::evaluation::liveliness::{Role, Signals, Summary, TrialLiveliness, sum
 use crate::evaluation::played;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
+use crate::support::decimal::fixed;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 use crate::texture::library::uncertified_library;
 use crate::texture::parts::{Between, on_grid};
 use crate::texture::quantise::StructureChoice;
 
+use super::number::number;
 use super::options::Options;
 use super::prepared::Prepared;
 
 /// A choice of parts, with its costs and what it plays.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct PartsRow {
     /// The parts that are played where a texture has them, in words.
     pub parts: String,
@@ -40,6 +42,7 @@ pub struct PartsRow {
     /// Bytes that they take in the library, of the texture with the most.
     pub library_bytes: usize,
     /// RMS error of third-octave bands at rest, dB.
+    #[serde(deserialize_with = "number")]
     pub band_error_db: f64,
     /// The recordings, and what is played: medians over nodes.
     pub liveliness: Vec<Summary>,
@@ -52,13 +55,13 @@ pub const PARTS_COLUMNS: [(&str, bool); 10] = [
     ("parts", false),
     ("textures", true),
     ("tick, instructions", true),
-    ("update, per sample", true),
-    ("library bytes", true),
+    ("update, instructions per sample", true),
+    ("library, bytes", true),
     ("bands, dB", true),
-    ("kurtosis off (log2)", true),
-    ("modulation off (dB)", true),
-    ("levels off (dB)", true),
-    ("line's range (dB)", true),
+    ("kurtosis off, log2", true),
+    ("modulation off, dB", true),
+    ("levels off, dB", true),
+    ("line's range, dB", true),
 ];
 
 impl PartsRow {
@@ -67,7 +70,7 @@ impl PartsRow {
         let played = self.liveliness.iter().find(|s| s.role == Role::Synthesis);
         let number = |pick: fn(&Summary) -> Option<f64>, decimals: usize| {
             let value = played.and_then(pick);
-            value.map_or("-".to_owned(), |value| format!("{value:.decimals$}"))
+            value.map_or("-".to_owned(), |value| fixed(value, decimals))
         };
         vec![
             self.parts.clone(),

@@ -11,7 +11,8 @@ use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
 use stylus_kernel::variants::two_multiplier::{self, TwoMultiplierFrame, TwoMultiplierState};
 
 use super::FilterStructure;
-use crate::evaluation::stress::player::{Player, player};
+use crate::evaluation::stress::player::{Player, any_at, energy, player};
+use crate::playing::wavefront::Wavefront;
 
 /// A player of `structure` for `texture`, which is stored as it asks for.
 pub fn player_of(structure: FilterStructure, texture: &Texture<'_>) -> Box<dyn Player> {
@@ -49,11 +50,6 @@ struct Lattice16 {
     stages: usize,
 }
 
-fn energy(signals: impl Iterator<Item = i64>) -> u128 {
-    let squares = signals.map(|signal| u128::from(signal.unsigned_abs()).pow(2));
-    squares.sum()
-}
-
 fn full_scale(noise: &mut Excitation, (low, high): (i32, i32)) -> i32 {
     if noise.next_sample() < 0 { low } else { high }
 }
@@ -61,7 +57,6 @@ fn full_scale(noise: &mut Excitation, (low, high): (i32, i32)) -> i32 {
 impl Player for TwoMultiplier {
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
         let point = GridPoint::locate(texture, motion);
-        self.exact.update(texture, &point, self.exact.levels(0), 1);
         self.frame.update(texture, &point, self.frame.levels(0), 1);
     }
 
@@ -75,14 +70,13 @@ impl Player for TwoMultiplier {
     }
 
     fn energy(&self) -> u128 {
-        let signals = self.state.doubled(self.stages).iter();
-        energy(signals.map(|&signal| i64::from(signal)))
+        energy(self.state.doubled(self.stages).iter().copied())
     }
 
     fn is_at_full_scale(&self) -> bool {
         const FULL_SCALE: i32 = 2 << two_multiplier::FULL_SCALE_BITS;
-        let full = |&g: &i32| g >= FULL_SCALE - 2 || g == -FULL_SCALE;
-        self.state.doubled(self.stages).iter().any(full)
+        let signals = self.state.doubled(self.stages).iter().copied();
+        any_at(signals, (-FULL_SCALE, FULL_SCALE - 2))
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {
@@ -91,7 +85,9 @@ impl Player for TwoMultiplier {
         self.state = TwoMultiplierState::from_backward(state);
     }
 
-    fn rotations(&self) -> &[Rotation] {
+    fn rotations(&mut self, texture: &Texture<'_>, point: &GridPoint) -> &[Rotation] {
+        let from = self.exact.levels(0);
+        self.exact.update::<Wavefront>(texture, point, from, 1);
         self.exact.rotations()
     }
 }
@@ -99,7 +95,6 @@ impl Player for TwoMultiplier {
 impl Player for Lattice16 {
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
         let point = GridPoint::locate(texture, motion);
-        self.exact.update(texture, &point, self.exact.levels(0), 1);
         self.frame.update(texture, &point, self.frame.levels(0), 1);
     }
 
@@ -113,12 +108,13 @@ impl Player for Lattice16 {
 
     fn energy(&self) -> u128 {
         let signals = self.state.backward(self.stages).iter();
-        energy(signals.map(|&signal| i64::from(signal)))
+        energy(signals.map(|&signal| i32::from(signal)))
     }
 
     fn is_at_full_scale(&self) -> bool {
-        let full = |&g: &i16| g == i16::MAX || g == i16::MIN;
-        self.state.backward(self.stages).iter().any(full)
+        let signals = self.state.backward(self.stages).iter();
+        let ends = (i32::from(i16::MIN), i32::from(i16::MAX));
+        any_at(signals.map(|&signal| i32::from(signal)), ends)
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {
@@ -127,7 +123,9 @@ impl Player for Lattice16 {
         self.state = Lattice16State::from_backward(state);
     }
 
-    fn rotations(&self) -> &[Rotation] {
+    fn rotations(&mut self, texture: &Texture<'_>, point: &GridPoint) -> &[Rotation] {
+        let from = self.exact.levels(0);
+        self.exact.update::<Wavefront>(texture, point, from, 1);
         self.exact.rotations()
     }
 }

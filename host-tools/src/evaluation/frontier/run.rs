@@ -92,6 +92,7 @@ impl Prepared {
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
             rustc: Costs::measured().table().rustc.clone(),
             qemu: Costs::measured().table().qemu.clone(),
+            llvm_mca: Costs::measured().table().llvm_mca.clone(),
             peers: Costs::measured().table().peers.clone(),
             filters,
             points,

@@ -2,10 +2,11 @@
 //! seen, and with the same filter in float64.
 
 use model_format::{Coefficients, Library, MillimetresPerSecond, Newton, Texture};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
+use super::number::number;
 use super::structure::{FilterStructure, Voice};
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
@@ -37,21 +38,25 @@ pub struct Node {
 }
 
 /// All nodes in a few numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Still {
     /// Nodes played.
     pub nodes: usize,
     /// Nodes that the structure cannot hold.
     pub refused: usize,
     /// Mean of C; not a number where no node could be played.
+    #[serde(deserialize_with = "number")]
     pub cost: f64,
     /// RMS of the errors in third-octave bands, dB.
+    #[serde(deserialize_with = "number")]
     pub band_error_db: f64,
     /// Share of bands within the JND.
     pub bands_within_jnd: f64,
     /// SNR of the noisiest node, dB.
+    #[serde(deserialize_with = "number")]
     pub lowest_snr_db: f64,
     /// Mean SNR, dB.
+    #[serde(deserialize_with = "number")]
     pub mean_snr_db: f64,
     /// Samples at full scale.
     pub saturations: u32,
@@ -90,7 +95,8 @@ pub fn play(
     let motion = Motion::new(speed, force).map_err(|error| Error::Model(error.to_string()))?;
     voice.follow(motion, UPDATE_INTERVAL_SAMPLES);
     let length = warm_up + recording.len().max(in_samples(playing.synthesis_s));
-    let synthesis: Vec<f64> = (0..length).map(|_| voice.next_m_s2()).collect();
+    let mut synthesis = Vec::with_capacity(length);
+    voice.play(length, &mut synthesis);
     let mut reference = Reference::of(&texture, playing.seed);
     let mut deviation = Deviation::default();
     for (n, &played) in synthesis

@@ -3,7 +3,7 @@
 use std::mem::size_of;
 
 use model_format::{OutputSample, Texture, limits};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use stylus_costs::Structure;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
@@ -12,11 +12,13 @@ use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State, Rota
 use stylus_kernel::variants::two_multiplier::{TwoMultiplierFrame, TwoMultiplierState};
 use stylus_kernel::{Motion, Synthesis};
 
+use crate::playing::wavefront::Wavefront;
 use crate::texture::quantise::StructureChoice;
+use crate::texture::theta::{StoredTheta, bytes_per_node};
 
 /// A structure and its word length, in the order of reports; the table of costs names it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
-#[serde(into = "Structure")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(into = "Structure", from = "Structure")]
 pub enum FilterStructure {
     /// Direct form, stored in 16 bits and played in 32.
     DirectForm16,
@@ -44,6 +46,18 @@ impl From<FilterStructure> for Structure {
             FilterStructure::TwoMultiplierLattice32 => Self::TwoMultiplierLattice32,
             FilterStructure::NormalisedLattice16 => Self::NormalisedLattice16,
             FilterStructure::NormalisedLattice32 => Self::NormalisedLattice32,
+        }
+    }
+}
+
+impl From<Structure> for FilterStructure {
+    fn from(structure: Structure) -> Self {
+        match structure {
+            Structure::DirectForm16 => Self::DirectForm16,
+            Structure::DirectForm32 => Self::DirectForm32,
+            Structure::TwoMultiplierLattice32 => Self::TwoMultiplierLattice32,
+            Structure::NormalisedLattice16 => Self::NormalisedLattice16,
+            Structure::NormalisedLattice32 => Self::NormalisedLattice32,
         }
     }
 }
@@ -90,13 +104,14 @@ impl FilterStructure {
         }
     }
 
-    /// Bytes of flash that a node's coefficients take in a library.
+    /// Bytes of flash that a node's coefficients take in a library, in the smallest form that `fit` stores.
     pub fn library_bytes_per_node(self, order: usize) -> usize {
-        let fractions = match self.stored_as() {
-            StructureChoice::Lattice => order.min(limits::MAX_FINE_STAGES),
-            StructureChoice::Direct | StructureChoice::Direct16 => 0,
+        let theta = if order > limits::MAX_FINE_STAGES {
+            StoredTheta::Compact
+        } else {
+            StoredTheta::Fine
         };
-        order * self.stored_as().structure().coefficient_bytes() + fractions
+        bytes_per_node(self.stored_as().structure(), theta, order, order)
     }
 
     /// Bytes of RAM for the coefficients of two frames, one played and one in the making, and for the state.
@@ -117,7 +132,7 @@ impl FilterStructure {
 /// A texture being played by a structure, from rest; a seed gives the same noise in all of them.
 pub enum Voice<'a> {
     /// The very synthesis of the stylus, but for its beginning, which is the variants'.
-    Shipped(Box<Synthesis<'a>>),
+    Shipped(Box<Synthesis<'a, Wavefront>>),
     /// A variant.
     TwoMultiplier(Box<Variant<'a, TwoMultiplierFrame, TwoMultiplierState>>),
     /// A variant.
@@ -143,6 +158,23 @@ impl<'a, F, S: Default> Variant<'a, F, S> {
             excitation: Excitation::new(seed),
             left: 0,
             saturations: 0,
+        }
+    }
+}
+
+impl<F, S> Variant<'_, F, S> {
+    /// Fills `block` with samples of `next`: state, frame, excitation, and the samples of the level's ramp to come.
+    fn fill(
+        &mut self,
+        block: &mut [OutputSample],
+        next: impl Fn(&mut S, &F, i32, u32) -> (OutputSample, bool),
+    ) {
+        for sample in block {
+            self.left = self.left.saturating_sub(1);
+            let excitation = self.excitation.next_sample();
+            let (output, full) = next(&mut self.state, &self.frame, excitation, self.left);
+            self.saturations += u32::from(full);
+            *sample = output;
         }
     }
 }
@@ -193,44 +225,18 @@ impl<'a> Voice<'a> {
         }
     }
 
-    /// The next sample.
-    pub fn next_sample(&mut self) -> OutputSample {
+    /// The next samples, m/s², exactly, behind those in `signal`.
+    pub fn play(&mut self, samples: usize, signal: &mut Vec<f64>) {
+        let mut block = vec![OutputSample::SILENCE; samples];
         match self {
-            Self::Shipped(synthesis) => synthesis.next_sample(),
+            Self::Shipped(synthesis) => synthesis.next_block(&mut block),
             Self::TwoMultiplier(variant) => {
-                let Variant {
-                    frame,
-                    state,
-                    excitation,
-                    left,
-                    saturations,
-                    ..
-                } = variant.as_mut();
-                *left = left.saturating_sub(1);
-                let (output, full) = state.next_sample(frame, excitation.next_sample(), *left);
-                *saturations += u32::from(full);
-                output
+                variant.fill(&mut block, TwoMultiplierState::next_sample);
             }
-            Self::Lattice16(variant) => {
-                let Variant {
-                    frame,
-                    state,
-                    excitation,
-                    left,
-                    saturations,
-                    ..
-                } = variant.as_mut();
-                *left = left.saturating_sub(1);
-                let (output, full) = state.next_sample(frame, excitation.next_sample(), *left);
-                *saturations += u32::from(full);
-                output
-            }
+            Self::Lattice16(variant) => variant.fill(&mut block, Lattice16State::next_sample),
         }
-    }
-
-    /// The next sample, m/s², exactly.
-    pub fn next_m_s2(&mut self) -> f64 {
-        f64::from(self.next_sample().0) / f64::from(1u32 << OutputSample::FRACTION_BITS)
+        let unit = f64::from(1u32 << OutputSample::FRACTION_BITS);
+        signal.extend(block.into_iter().map(|sample| f64::from(sample.0) / unit));
     }
 
     /// Returns the number of samples at full scale.
@@ -259,14 +265,13 @@ mod tests {
         let texture = library.textures().next().unwrap();
         let play = |structure| {
             let mut voice = Voice::new(structure, texture, 7);
-            let play = |n: u16| {
-                if n.is_multiple_of(10) {
-                    let speed = MillimetresPerSecond(150.0 + f32::from(n) / 100.0);
-                    voice.follow(Motion::new(speed, Newton(0.7)).unwrap(), 10);
-                }
-                voice.next_m_s2()
-            };
-            (0..5000).map(play).collect::<Vec<f64>>()
+            let mut signal = Vec::new();
+            for n in (0..5000u16).step_by(10) {
+                let speed = MillimetresPerSecond(150.0 + f32::from(n) / 100.0);
+                voice.follow(Motion::new(speed, Newton(0.7)).unwrap(), 10);
+                voice.play(10, &mut signal);
+            }
+            signal
         };
         let exact = play(FilterStructure::NormalisedLattice32);
         let power: f64 = exact.iter().map(|x| x * x).sum();

@@ -6,15 +6,16 @@ use rayon::prelude::*;
 use crate::dsp::model::Model;
 use crate::evaluation::scoring_range::ScoringRange;
 use crate::fit;
-use crate::fit::densify::ECONOMY_DB;
+use crate::fit::densify::Direction;
+use crate::fit::densify::{ECONOMY_DB, Filling, highest_order};
 use crate::fit::lines::Lines;
 use crate::fit::{Analysis, Fit};
 use crate::recording::triage::Verdict;
 use crate::recording::{RecordingSet, Trial};
 use crate::rig::is_of_the_papers_rig;
 use crate::support::error::{Error, Result};
-use crate::texture::domain::Neighbour;
-use crate::texture::grid::Grid;
+use crate::texture::domain::{Method, Neighbour};
+use crate::texture::grid::{Grid, as_written};
 use crate::texture::recorded_spectra::recorded_spectra;
 use crate::texture::recorded_spectra::spectra::{RecordedSpectra, TwoWays};
 
@@ -36,6 +37,8 @@ pub(super) struct PreparedTexture {
     pub(super) grid: Grid,
     pub(super) field: RecordedSpectra,
     pub(super) ways: TwoWays,
+    /// The denser grid, if there is one to be tested.
+    denser: Option<Filling>,
 }
 
 /// A node to be removed: the trial it is compared with, its texture and its place.
@@ -44,6 +47,25 @@ pub(super) struct Target {
     pub(super) trial: usize,
     pub(super) texture: usize,
     pub(super) place: (usize, usize),
+}
+
+/// A node of the denser grid next to one that is removed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Surrounding {
+    /// The axis along which it is next.
+    along: Direction,
+    /// 0 before the removed node, 1 after it.
+    side: usize,
+    speed_mm_s: f32,
+    force_n: f32,
+    /// Its weight, that of its opposite being the rest of 1.
+    weight: f64,
+    /// Its place between the recorded nodes around the removed one.
+    share: f64,
+    /// True if it is one of these.
+    is_recorded: bool,
+    /// True if it may be filled in.
+    is_filled: bool,
 }
 
 impl<'a> Prepared<'a> {
@@ -82,6 +104,7 @@ impl<'a> Prepared<'a> {
                     name: texture.name,
                     grid: texture.grid,
                     field,
+                    denser: None,
                 }
             })
             .collect();
@@ -104,6 +127,31 @@ impl<'a> Prepared<'a> {
             ));
         }
         Ok(prepared)
+    }
+
+    /// Takes denser grids, by the names of their textures, for [`Row::Denser`](super::Row::Denser).
+    ///
+    /// Returns the nodes, by their places in [`LeaveOneOut::removed`](super::LeaveOneOut::removed), that are predicted
+    /// from other places of the denser grid than before. The others' outcomes stay the same.
+    pub fn set_denser(&mut self, fillings: &[(String, Filling)], around: Around) -> Vec<usize> {
+        let targets = self.targets(around);
+        let surroundings = |prepared: &Self| -> Vec<_> {
+            let of = |target: &Target| {
+                let texture = &prepared.textures[target.texture];
+                let denser = texture.denser.as_ref();
+                denser.map(|denser| texture.surroundings(denser, target.place, around))
+            };
+            targets.iter().map(of).collect()
+        };
+        let before = surroundings(self);
+        for texture in &mut self.textures {
+            let of_it = fillings.iter().find(|(name, _)| *name == texture.name);
+            texture.denser = of_it.map(|(_, filling)| filling.clone());
+        }
+        let after = surroundings(self);
+        let others = before.iter().zip(&after).enumerate();
+        let others = others.filter(|(_, (before, after))| before != after);
+        others.map(|(index, _)| index).collect()
     }
 
     /// Returns the number of nodes that will be removed.
@@ -230,6 +278,104 @@ impl PreparedTexture {
         Some([neighbour(before, 1.0 - share), neighbour(after, share)])
     }
 
+    /// The nodes of the denser grid next to a place, on both sides and in the directions of `around`.
+    fn surroundings(
+        &self,
+        denser: &Filling,
+        place: (usize, usize),
+        around: Around,
+    ) -> Vec<Surrounding> {
+        let (speeds, forces) = (&self.grid.speeds_mm_s, &self.grid.forces_n);
+        let mut surroundings = Vec::new();
+        for along in [Direction::Speed, Direction::Force] {
+            let (recorded, denser_axis, at) = match along {
+                Direction::Speed if around != Around::Force => {
+                    (speeds, &denser.speeds_mm_s, place.0)
+                }
+                Direction::Force if around != Around::Speed => (forces, &denser.forces_n, place.1),
+                _ => continue,
+            };
+            if self.pair_along(along, place).is_none() {
+                continue;
+            }
+            let (ends, removed) = ([recorded[at - 1], recorded[at + 1]], recorded[at]);
+            let below = denser_axis.iter().rev().find(|&&value| value < removed);
+            let above = denser_axis.iter().find(|&&value| value > removed);
+            let next = [
+                below.map_or(ends[0], |&value| value.max(ends[0])),
+                above.map_or(ends[1], |&value| value.min(ends[1])),
+            ];
+            for (side, value) in next.into_iter().enumerate() {
+                let (speed_mm_s, force_n) = match along {
+                    Direction::Speed => (value, forces[place.1]),
+                    Direction::Force => (speeds[place.0], value),
+                };
+                let distance = f64::from((removed - value) / (next[1] - next[0])).abs();
+                surroundings.push(Surrounding {
+                    along,
+                    side,
+                    speed_mm_s,
+                    force_n,
+                    weight: 1.0 - distance,
+                    share: f64::from((value - ends[0]) / (ends[1] - ends[0])),
+                    is_recorded: value == ends[side],
+                    is_filled: denser.allows(as_written(speed_mm_s), as_written(force_n)),
+                });
+            }
+        }
+        surroundings
+    }
+
+    /// The nodes before and after `place` along an axis, if both sound.
+    fn pair_along(&self, along: Direction, place: (usize, usize)) -> Option<[Neighbour<'_>; 2]> {
+        match along {
+            Direction::Speed => self.pair(place.0, &self.grid.speeds_mm_s, |s| (s, place.1)),
+            Direction::Force => self.pair(place.1, &self.grid.forces_n, |f| (place.0, f)),
+        }
+    }
+
+    /// The node as the device interpolates over its place in the denser grid, where all that was filled in beside it is
+    /// filled in anew without its recording.
+    pub(super) fn in_denser_grid(&self, place: (usize, usize), around: Around) -> Option<Model> {
+        let speed_mm_s = f64::from(self.grid.speeds_mm_s[place.0]);
+        let Some(denser) = &self.denser else {
+            return Method::DEVICE.predict(&self.neighbours(place, around), speed_mm_s);
+        };
+        let field = self.field.without_node(place);
+        let surroundings = self.surroundings(denser, place, around);
+        // Two of each direction.
+        let directions = (surroundings.len() / 2) as f64;
+        let model = |next: &Surrounding| {
+            let mut pair = self.pair_along(next.along, place)?;
+            let filled = || {
+                denser.model_at(
+                    &field,
+                    as_written(next.speed_mm_s),
+                    as_written(next.force_n),
+                )
+            };
+            if next.is_recorded {
+                return Some(pair[next.side].model.clone());
+            }
+            filled().or_else(|| {
+                pair[0].weight = 1.0 - next.share;
+                pair[1].weight = next.share;
+                Method::DEVICE.predict(&pair, f64::from(next.speed_mm_s))
+            })
+        };
+        let models = surroundings.iter().map(model);
+        let models: Vec<Model> = models.collect::<Option<_>>()?;
+        let neighbours = surroundings.iter().zip(&models);
+        let neighbours: Vec<Neighbour<'_>> = neighbours
+            .map(|(next, model)| Neighbour {
+                weight: next.weight / directions,
+                speed_mm_s: f64::from(next.speed_mm_s),
+                model,
+            })
+            .collect();
+        Method::DEVICE.predict(&neighbours, speed_mm_s)
+    }
+
     /// The node as a densified grid would have it.
     pub(super) fn densified(&self, place: (usize, usize), around: Around) -> Option<Model> {
         let spectrum = match around {
@@ -237,6 +383,6 @@ impl PreparedTexture {
             Around::Speed => self.ways.along_speed(&self.field, place).cloned(),
             Around::Force => self.ways.along_force(&self.field, place).cloned(),
         };
-        Some(spectrum?.economical_model(ECONOMY_DB))
+        Some(spectrum?.economical_model(ECONOMY_DB, highest_order(&self.grid)))
     }
 }

@@ -18,6 +18,7 @@ pub(super) enum Timbre {
     Own,
     Interpolated(Domain),
     Densified,
+    Denser,
 }
 
 /// A node that is being removed.
@@ -55,6 +56,10 @@ impl<'p, 's> Removal<'p, 's> {
                 texture.densified(place, self.options.around),
                 StructureChoice::Lattice,
             ),
+            Timbre::Denser => (
+                texture.in_denser_grid(place, self.options.around),
+                StructureChoice::Lattice,
+            ),
             Timbre::Interpolated(domain) => {
                 let level = Level::Power;
                 let speed_mm_s = self.prepared.set.trials[self.target.trial].speed_mm_s;
@@ -69,6 +74,7 @@ impl<'p, 's> Removal<'p, 's> {
         let timbre = match row {
             Row::Own => Timbre::Own,
             Row::Densified => Timbre::Densified,
+            Row::Denser => Timbre::Denser,
             Row::Interpolated(method) => Timbre::Interpolated(method.domain),
         };
         let known = self.voices.iter().position(|(known, _)| *known == timbre);
@@ -84,7 +90,7 @@ impl<'p, 's> Removal<'p, 's> {
                 Row::Interpolated(method) => method
                     .level
                     .power(&self.neighbours, &voice.model.reflection),
-                Row::Own | Row::Densified => voice.model.output_power,
+                Row::Own | Row::Densified | Row::Denser => voice.model.output_power,
             };
             (at, power)
         }))

@@ -16,6 +16,9 @@ pub enum Row {
     Interpolated(Method),
     /// As `fit --densify` fills the place: log-spectra over f/v with surface and tool apart, refitted.
     Densified,
+    /// As the device interpolates over the place in a grid that `fit --densify` made, where all beside it was filled in
+    /// without its recording. It needs [`Prepared::set_denser`](super::Prepared::set_denser).
+    Denser,
 }
 
 impl Row {
@@ -39,12 +42,13 @@ impl Row {
             Self::Own => "(not removed: its own model; in-sample)".into(),
             Self::Interpolated(method) => method.name(),
             Self::Densified => "densified: f/v, surface and tool apart".into(),
+            Self::Denser => "interpolated in the denser grid, filled without it".into(),
         }
     }
 
     /// Returns true if its C is shown for every width of the smoothing.
     pub(super) fn is_followed(self) -> bool {
-        Self::TABLE_I.contains(&self)
+        self == Self::Denser || Self::TABLE_I.contains(&self)
     }
 }
 

@@ -23,15 +23,8 @@ impl Prepared<'_> {
         options: &Options,
         progress: impl Fn() + Sync,
     ) -> Result<LeaveOneOut> {
-        let removed = self
-            .targets(options.around)
-            .into_par_iter()
-            .map(|target| {
-                let outcome = self.remove(target, rows, options);
-                progress();
-                outcome
-            })
-            .collect::<Result<Vec<_>>>()?;
+        let all: Vec<usize> = (0..self.count(options.around)).collect();
+        let removed = self.run_some(&all, rows, options, progress)?;
         Ok(LeaveOneOut {
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
             order: match options.order {
@@ -47,6 +40,29 @@ impl Prepared<'_> {
             smoothing_widths_hz: SMOOTHING_WIDTHS_HZ.to_vec(),
             removed,
         })
+    }
+
+    /// Removes and predicts some of the inner nodes, by their places in [`LeaveOneOut::removed`].
+    ///
+    /// # Errors
+    /// A request that the kernel's renderer refuses.
+    ///
+    /// # Panics
+    /// If there is no such node.
+    pub fn run_some(
+        &self,
+        nodes: &[usize],
+        rows: &[Row],
+        options: &Options,
+        progress: impl Fn() + Sync,
+    ) -> Result<Vec<Removed>> {
+        let targets = self.targets(options.around);
+        let removed = nodes.par_iter().map(|&node| {
+            let outcome = self.remove(targets[node], rows, options);
+            progress();
+            outcome
+        });
+        removed.collect()
     }
 
     /// The recording at a removed node, and what is played there in `row`; none if it cannot be.

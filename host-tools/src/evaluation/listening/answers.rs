@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::dsp::binomial::clopper_pearson;
 use crate::support::bounded_file::{Limit, MIB};
+use crate::support::csv_table::{CsvTable, Header, Row};
 use crate::support::error::{Error, Result};
 
 /// Proportion of right answers by chance.
@@ -22,15 +23,15 @@ const LIMIT: Limit = Limit {
 };
 
 /// A row of a file of answers.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-struct Row {
+#[derive(Clone, Debug, PartialEq)]
+struct Answered {
     trial: u32,
     pair: String,
     a: String,
     b: String,
     x: String,
     answer: String,
-    correct: u8,
+    correct: u32,
     replays: u32,
     seconds: f64,
     page: String,
@@ -41,7 +42,7 @@ struct Row {
 #[derive(Clone, Debug)]
 pub struct Answers {
     path: PathBuf,
-    rows: Vec<Row>,
+    rows: Vec<Answered>,
 }
 
 /// The score of a pair, or of all.
@@ -73,25 +74,19 @@ impl Answers {
     /// # Errors
     /// A file that cannot be read, a row that is none or contradicts itself, or a trial that is there twice.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = LIMIT.read(path)?;
-        let mut reader = csv::Reader::from_reader(bytes.as_slice());
-        let mut rows: Vec<Row> = Vec::new();
+        let table = CsvTable::read(path, LIMIT).map_err(|failure| not_saved(path, failure))?;
+        let columns = Columns::of(&table.header()?)?;
+        let mut rows: Vec<Answered> = Vec::new();
         let mut seen = BTreeSet::new();
-        for (index, row) in reader.deserialize().enumerate() {
-            let line = index as u64 + 2;
-            let failed = |problem: String| Error::Line {
-                path: path.to_owned(),
-                line,
-                problem,
-            };
-            let row: Row = row.map_err(|failure| {
-                failed(format!(
-                    "{failure}; give a file that the page of `stylus compare` saved"
-                ))
-            })?;
-            row.check().map_err(&failed)?;
+        let mut lines = table.rows_below_header()?;
+        while let Some(line) = lines
+            .next_row()
+            .map_err(|failure| not_saved(path, failure))?
+        {
+            let row = columns.answer(&line)?;
+            row.check().map_err(|problem| line.error(problem))?;
             if !seen.insert((row.page.clone(), row.trial)) {
-                return Err(failed(format!(
+                return Err(line.error(format!(
                     "trial {} of this page is there twice; give each listener's file once",
                     row.trial
                 )));
@@ -108,7 +103,53 @@ impl Answers {
     }
 }
 
-impl Row {
+/// Remedy for a file that is none of answers.
+const FROM_A_PAGE: &str = "give a file that the page of `stylus compare` saved";
+
+/// Names of the columns, in the order of [`Answered`]'s fields.
+const NAMES: [&str; 11] = [
+    "trial", "pair", "a", "b", "x", "answer", "correct", "replays", "seconds", "page", "origin",
+];
+
+/// Indices of the columns of [`NAMES`].
+struct Columns([usize; NAMES.len()]);
+
+impl Columns {
+    fn of(header: &Header<'_>) -> Result<Self> {
+        let mut columns = [0; NAMES.len()];
+        for (column, name) in columns.iter_mut().zip(NAMES) {
+            *column = header.needed(name, FROM_A_PAGE)?;
+        }
+        Ok(Self(columns))
+    }
+
+    fn answer(&self, line: &Row<'_, '_>) -> Result<Answered> {
+        let text = |field: usize| line.text(self.0[field]).to_owned();
+        let count = |field: usize| {
+            let (text, name) = (line.text(self.0[field]), NAMES[field]);
+            text.parse().map_err(|_| {
+                line.error(format!(
+                    "{name} is '{text}', which is no count; {FROM_A_PAGE}"
+                ))
+            })
+        };
+        Ok(Answered {
+            trial: count(0)?,
+            pair: text(1),
+            a: text(2),
+            b: text(3),
+            x: text(4),
+            answer: text(5),
+            correct: count(6)?,
+            replays: count(7)?,
+            seconds: line.finite(self.0[8], NAMES[8])?,
+            page: text(9),
+            origin: text(10),
+        })
+    }
+}
+
+impl Answered {
     /// Returns what is wrong with the row.
     fn check(&self) -> std::result::Result<(), String> {
         let chosen = match self.answer.as_str() {
@@ -123,7 +164,7 @@ impl Row {
                 self.x, self.a, self.b
             ));
         }
-        if u8::from(is_right) != self.correct {
+        if u32::from(is_right) != self.correct {
             return Err(format!(
                 "'correct' is {}, but the answer {} to X = '{}' is {}; the file was changed",
                 self.correct,
@@ -133,6 +174,16 @@ impl Row {
             ));
         }
         Ok(())
+    }
+}
+
+/// The error of a line that no page saved, with the remedy.
+fn not_saved(path: &Path, failure: Error) -> Error {
+    match failure {
+        Error::Line { line, problem, .. } => {
+            Error::line(path, line, format!("{problem}; {FROM_A_PAGE}"))
+        }
+        other => other,
     }
 }
 
@@ -172,13 +223,13 @@ pub fn score(files: &[Answers]) -> Result<Vec<Score>> {
 }
 
 impl Score {
-    fn of(files: &[Answers], pair: &str, is_of: impl Fn(&Row) -> bool) -> Self {
-        let rows: Vec<&Row> = files
+    fn of(files: &[Answers], pair: &str, is_of: impl Fn(&Answered) -> bool) -> Self {
+        let rows: Vec<&Answered> = files
             .iter()
             .flat_map(|file| file.rows.iter().filter(|row| is_of(row)))
             .collect();
         let trials = rows.len() as u32;
-        let correct = rows.iter().map(|row| u32::from(row.correct)).sum();
+        let correct = rows.iter().map(|row| row.correct).sum();
         let interval = clopper_pearson(correct, trials, CONFIDENCE);
         let with = |file: &&Answers| file.rows.iter().any(&is_of);
         Self {

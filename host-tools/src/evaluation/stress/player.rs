@@ -4,12 +4,13 @@
 use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Structure, Texture};
 use stylus_kernel::Motion;
-use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::direct::{DirectFrame, DirectState};
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::{LatticeFrame, LatticeState};
 use stylus_kernel::rotation::Rotation;
+
+use crate::playing::wavefront::Wavefront;
 
 /// A filter of any structure.
 pub trait Player {
@@ -25,8 +26,9 @@ pub trait Player {
     fn is_at_full_scale(&self) -> bool;
     /// Puts full scale into every signal of the state, of either sign by chance.
     fn glitch(&mut self, noise: &mut Excitation);
-    /// A lattice's rotations.
-    fn rotations(&self) -> &[Rotation] {
+    /// The rotations of a lattice at `point`, the motion that it took over last. A variant computes them here, because
+    /// it plays others itself.
+    fn rotations(&mut self, _texture: &Texture<'_>, _point: &GridPoint) -> &[Rotation] {
         &[]
     }
 }
@@ -49,22 +51,37 @@ struct Lattice {
     stages: usize,
 }
 
-fn energy(signals: impl Iterator<Item = i32>) -> u128 {
-    signals
-        .map(|signal| u128::from(signal.unsigned_abs()).pow(2))
-        .sum()
+/// The sum of the squares of `signals`, fewer than 2³².
+///
+/// Lower and upper halves of the squares are summed by themselves, because two words are quicker than a long one.
+pub fn energy(signals: impl Iterator<Item = i32>) -> u128 {
+    let (low, high) = signals.fold((0u64, 0u64), |(low, high), signal| {
+        let square = u64::from(signal.unsigned_abs()) * u64::from(signal.unsigned_abs());
+        (low + (square & u64::from(u32::MAX)), high + (square >> 32))
+    });
+    u128::from(low) + (u128::from(high) << 32)
 }
+
+/// Returns whether any of `signals` is one of the two ends of its range. It looks at all of them, which is quicker than
+/// to stop at the first.
+pub fn any_at(signals: impl Iterator<Item = i32>, (low, high): (i32, i32)) -> bool {
+    let ends = signals.map(|signal| u32::from(signal <= low) + u32::from(signal >= high));
+    ends.sum::<u32>() > 0
+}
+
+/// Full scale, either sign.
+const ENDS: (i32, i32) = (i32::MIN, i32::MAX);
 
 impl Player for Lattice {
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
         let point = GridPoint::locate(texture, motion);
         let from = self.frame.levels(0);
-        self.frame.update(texture, &point, from, 1);
+        self.frame.update::<Wavefront>(texture, &point, from, 1);
     }
 
     fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
         self.state
-            .next_sample::<Portable>(&self.frame, excitation, 0)
+            .next_sample::<Wavefront>(&self.frame, excitation, 0)
     }
 
     fn newest(&self) -> i32 {
@@ -76,15 +93,14 @@ impl Player for Lattice {
     }
 
     fn is_at_full_scale(&self) -> bool {
-        let full = |&g: &i32| g == i32::MAX || g == i32::MIN;
-        self.state.backward(self.stages).iter().any(full)
+        any_at(self.state.backward(self.stages).iter().copied(), ENDS)
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {
         self.state = LatticeState::from_backward(std::array::from_fn(|_| full_scale(noise)));
     }
 
-    fn rotations(&self) -> &[Rotation] {
+    fn rotations(&mut self, _texture: &Texture<'_>, _point: &GridPoint) -> &[Rotation] {
         self.frame.rotations()
     }
 }
@@ -115,12 +131,13 @@ impl Player for Direct {
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
         let point = GridPoint::locate(texture, motion);
         let from = self.frame.levels(0);
-        self.frame.update(texture, &point, from, 1);
+        self.frame.update::<Wavefront>(texture, &point, from, 1);
+        self.state.begin::<Wavefront>(&self.frame);
     }
 
     fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
         self.state
-            .next_sample::<Portable>(&self.frame, excitation, 0)
+            .next_sample::<Wavefront>(&self.frame, excitation, 0)
     }
 
     fn newest(&self) -> i32 {
@@ -132,13 +149,12 @@ impl Player for Direct {
     }
 
     fn is_at_full_scale(&self) -> bool {
-        let mut signals = self.state.history().iter();
-        signals.any(|&signal| signal == i32::MIN || signal == i32::MAX)
+        any_at(self.state.history().iter().copied(), ENDS)
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {
         let history: [i32; MAX_ORDER] = std::array::from_fn(|_| full_scale(noise));
-        self.state = DirectState::from_history(&history);
+        self.state = DirectState::from_history::<Wavefront>(&history, &self.frame);
     }
 }
 
@@ -148,6 +164,7 @@ mod tests {
     use crate::evaluation::stress::models::{fixtures, library};
     use crate::texture::quantise::StructureChoice;
     use model_format::{Library, MillimetresPerSecond, Newton};
+    use proptest::prelude::*;
     use stylus_kernel::Synthesis;
 
     /// The stressed filter and the played one give the same bits.
@@ -173,6 +190,18 @@ mod tests {
                 let played = player.sample(noise.next_sample()).0;
                 assert_eq!(played, synthesis.next_sample(), "{structure:?}, sample {n}");
             }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn energy_is_the_exact_sum_of_squares_and_ends_are_found(
+            signals in prop::collection::vec(prop_oneof![any::<i32>(), Just(i32::MIN), Just(i32::MAX)], 0..800),
+        ) {
+            let exact: u128 = signals.iter().map(|&signal| u128::from(signal.unsigned_abs()).pow(2)).sum();
+            prop_assert_eq!(energy(signals.iter().copied()), exact);
+            let at_end = signals.iter().any(|&signal| signal == i32::MIN || signal == i32::MAX);
+            prop_assert_eq!(any_at(signals.iter().copied(), ENDS), at_end);
         }
     }
 }

@@ -148,7 +148,7 @@ impl<'a> Bench<'a> {
             if self.move_on() {
                 let motion = self.case.path.motion(self.sample - 1);
                 let point = GridPoint::locate(&self.texture, motion);
-                reference.follow(self.player.as_ref(), &self.texture, &point);
+                reference.follow(self.player.as_mut(), &self.texture, &point);
             }
             let excitation = (f64::from(self.noise.next_sample()) * drive) as i32;
             let (output, saturated) = self.player.sample(excitation);
@@ -269,9 +269,9 @@ impl Reference {
         !matches!(self, Self::None)
     }
 
-    fn follow(&mut self, player: &dyn Player, texture: &Texture<'_>, point: &GridPoint) {
+    fn follow(&mut self, player: &mut dyn Player, texture: &Texture<'_>, point: &GridPoint) {
         if let Self::Lattice { filter, gain } = self {
-            filter.rotate_by(player.rotations());
+            filter.rotate_by(player.rotations(texture, point));
             *gain = rms_m_s2(texture, point);
         }
     }

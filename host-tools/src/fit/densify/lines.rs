@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::filling::highest_order;
 use crate::dsp::log_spectrum::LogSpectrum;
 use crate::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use crate::texture::domain::{Method, Neighbour};
@@ -43,6 +44,7 @@ pub(super) fn candidates(
     field: &RecordedSpectra,
     ways: &TwoWays,
 ) -> Vec<Candidate> {
+    let most = highest_order(grid);
     let mut candidates = Vec::new();
     for direction in [Direction::Speed, Direction::Force] {
         let (along, across) = match direction {
@@ -58,7 +60,7 @@ pub(super) fn candidates(
             .map(|index| {
                 let nodes = (0..across).map(|other| place(index, other));
                 let gains: Vec<f64> = nodes
-                    .filter_map(|node| gain(grid, field, ways, direction, node))
+                    .filter_map(|node| gain(grid, field, (ways, most), direction, node))
                     .collect();
                 let mean = gains.iter().sum::<f64>() / gains.len().max(1) as f64;
                 (!gains.is_empty()).then_some(mean)
@@ -96,12 +98,12 @@ fn rounded(value: f32) -> f32 {
     (value * 1e4).round() / 1e4
 }
 
-/// C of the device's interpolation over `node` from its two neighbours, less that of what would be filled in; `None`
-/// where either cannot be told.
+/// C of the device's interpolation over `node` from its two neighbours, less that of the model of order `most` that
+/// would be filled in; `None` where either cannot be told.
 fn gain(
     grid: &Grid,
     field: &RecordedSpectra,
-    ways: &TwoWays,
+    (ways, most): (&TwoWays, usize),
     direction: Direction,
     node: NodeIndex,
 ) -> Option<f64> {
@@ -131,5 +133,5 @@ fn gain(
     let played = Method::of_device(grid.laws.level)
         .predict(&neighbours, f64::from(grid.speeds_mm_s[node.0]))?;
     let cost = |spectrum: &LogSpectrum| recorded.cost(spectrum, DEFAULT_SMOOTHING_WIDTH_HZ);
-    Some(cost(&LogSpectrum::of_model(&played)) - cost(filled))
+    Some(cost(&LogSpectrum::of_model(&played)) - cost(&LogSpectrum::of_model(&filled.model(most))))
 }

@@ -7,13 +7,18 @@
 //! the error of the device's own interpolation over the removed node, less that of the spectrum that would have been
 //! put there. A removed node's neighbours are two gaps apart, so that this is the worst case of a gap, twice as wide;
 //! it is the order of the gaps that it is used for.
+//!
+//! No filled node has a higher order than the texture's recorded ones. Nothing is filled in beside a recorded node that
+//! the denser grid would make worse ([`LeftOut`]): the device's interpolation stays there. The caller tests the denser
+//! grid and tells of these nodes.
 
+mod filling;
 mod lines;
+mod told;
 
 use model_format::{NodeFlags, Structure, TextureSpec, limits};
 use serde::Serialize;
 
-use crate::dsp::log_spectrum::LogSpectrum;
 use crate::dsp::model::Model;
 use crate::fit::{FittedTexture, Options};
 use crate::recording::RecordingSet;
@@ -22,15 +27,18 @@ use crate::texture::certificate;
 use crate::texture::domain::{Method, Neighbour};
 use crate::texture::grid::Grid;
 use crate::texture::grid::as_written;
-use crate::texture::library::texture_spec;
+use crate::texture::library::stored_texture;
 use crate::texture::parts::{Between, bytes as bytes_of_parts, on_grid};
 use crate::texture::recorded_spectra::recorded_spectra;
-use crate::texture::recorded_spectra::spectra::{NodeIndex, RecordedSpectra, TwoWays};
+use crate::texture::recorded_spectra::spectra::NodeIndex;
+use crate::texture::theta::{
+    StoredTheta, ThetaChoice, ThetaReport, all_allow_compact, bytes_per_node,
+};
 
+use told::Told;
+
+pub use filling::{ECONOMY_DB, Filling, LeftOut, highest_order};
 pub use lines::Direction;
-
-/// Worst error of a third octave that a densified node's order may leave, dB: well below the amplitude JND.
-pub const ECONOMY_DB: f64 = 0.5;
 
 /// Bytes that a library's headers may take beside its nodes: names, axes and lengths, with room to spare.
 const HEADER_BYTES: usize = 64 + limits::MAX_NAME_BYTES;
@@ -57,52 +65,99 @@ pub struct Densified {
     pub grids: Vec<Grid>,
     /// The lines, in the order in which they were chosen.
     pub lines: Vec<AddedLine>,
+    /// The fillings, by the names of the textures, in the same order.
+    pub fillings: Vec<(String, Filling)>,
+    /// The bytes of θ of each texture that is a lattice, in the same order.
+    pub thetas: Vec<ThetaReport>,
 }
 
-/// Fills `textures` as densely as a slot of the device allows, telling `progress` of every line looked at.
-///
-/// `signals` are the reduced signals of the trials of `set`, those of dropped trials empty.
-///
-/// # Errors
-/// A texture that the structure of `options` cannot hold.
-pub fn densify(
+/// Textures and what their recordings tell, to be filled as densely as a slot of the device allows.
+pub struct Densifier<'t> {
+    textures: &'t [FittedTexture],
+    options: &'t Options,
+    told: Vec<Told>,
+}
+
+impl<'t> Densifier<'t> {
+    /// The densifier of `textures`, fitted with `options` to `set`.
+    ///
+    /// `signals` are the reduced signals of the trials of `set`, those of dropped trials empty.
+    pub fn new(
+        textures: &'t [FittedTexture],
+        set: &RecordingSet,
+        signals: &[Vec<f64>],
+        options: &'t Options,
+    ) -> Self {
+        let told = textures.iter().enumerate().map(|(index, texture)| {
+            let field = recorded_spectra(&texture.name, &texture.grid, set, signals);
+            Told::of(index, &texture.grid, field)
+        });
+        Self {
+            textures,
+            options,
+            told: told.collect(),
+        }
+    }
+
+    /// Fills the textures, telling `progress` of every line looked at. Nothing is filled in beside the nodes of
+    /// `left_out`.
+    ///
+    /// # Errors
+    /// A texture that the structure of the options cannot hold.
+    pub fn fill(&self, left_out: &[LeftOut], progress: impl Fn()) -> Result<Densified> {
+        densify(self.textures, &self.told, self.options, left_out, progress)
+    }
+}
+
+fn densify(
     textures: &[FittedTexture],
-    set: &RecordingSet,
-    signals: &[Vec<f64>],
+    told: &[Told],
     options: &Options,
+    left_out: &[LeftOut],
     progress: impl Fn(),
 ) -> Result<Densified> {
-    let fields: Vec<RecordedSpectra> = textures
-        .iter()
-        .map(|texture| recorded_spectra(&texture.name, &texture.grid, set, signals))
-        .collect();
     let mut grids: Vec<Grid> = Vec::new();
     let mut candidates = Vec::new();
-    for (index, (texture, field)) in textures.iter().zip(&fields).enumerate() {
-        let ways = TwoWays::of(field);
-        grids.push(with_holes_filled(&texture.grid, field, &ways));
-        candidates.extend(lines::candidates(index, &texture.grid, field, &ways));
+    let mut fillings: Vec<(String, Filling)> = Vec::new();
+    for (texture, told) in textures.iter().zip(told) {
+        let filling = Filling::of(&texture.name, &texture.grid, left_out);
+        grids.push(with_holes_filled(&texture.grid, told, &filling));
+        candidates.extend_from_slice(&told.candidates);
+        fillings.push((texture.name.clone(), filling));
     }
     candidates.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let structure = options.structure.structure();
-    let mut left = limits::MAX_LIBRARY_BYTES.saturating_sub(
-        grids
-            .iter()
-            .map(|grid| bytes(grid, structure))
-            .sum::<usize>(),
-    );
+    let mut stored: Vec<StoredTheta> = grids
+        .iter()
+        .map(|grid| allowed(&grid.models.iter().collect::<Vec<_>>(), options.theta))
+        .collect();
+    let taken = grids.iter().zip(&stored);
+    let taken = taken.map(|(grid, &theta)| bytes(grid, structure, theta));
+    let mut left = limits::MAX_LIBRARY_BYTES.saturating_sub(taken.sum::<usize>());
     let mut lines = Vec::new();
     for candidate in candidates {
         progress();
-        let (grid, field) = (&grids[candidate.texture], &fields[candidate.texture]);
-        let Some(denser) = with_line(grid, field, candidate.direction, candidate.value) else {
+        let (grid, told) = (&grids[candidate.texture], &told[candidate.texture]);
+        let filling = &fillings[candidate.texture].1;
+        let (direction, value) = (candidate.direction, candidate.value);
+        if !fills_any(grid, told, filling, direction, value) {
+            continue;
+        }
+        let Some(denser) = with_line(grid, (told, filling), direction, value) else {
             continue;
         };
-        let more = bytes(&denser, structure) - bytes(grid, structure);
+        // One new node that must be fine makes the whole texture fine.
+        let before = stored[candidate.texture];
+        let after = match before {
+            StoredTheta::Fine => StoredTheta::Fine,
+            StoredTheta::Compact => allowed(&new_models(grid, &denser), options.theta),
+        };
+        let more = bytes(&denser, structure, after) - bytes(grid, structure, before);
         if more > left {
             continue;
         }
         left -= more;
+        stored[candidate.texture] = after;
         grids[candidate.texture] = denser;
         lines.push(AddedLine {
             texture: textures[candidate.texture].name.clone(),
@@ -111,67 +166,108 @@ pub fn densify(
             promised_gain: candidate.gain,
         });
     }
-    let specs = textures
-        .iter()
-        .zip(&grids)
-        .map(|(texture, grid)| {
-            certificate::certified(texture_spec(
-                &texture.name,
-                texture.provenance,
-                grid,
-                options.structure,
-            )?)
-        })
-        .collect::<Result<Vec<_>>>()?;
+    let mut specs = Vec::new();
+    let mut thetas = Vec::new();
+    for ((_, filling), grid) in fillings.iter_mut().zip(&grids) {
+        filling.speeds_mm_s.clone_from(&grid.speeds_mm_s);
+        filling.forces_n.clone_from(&grid.forces_n);
+    }
+    for (texture, grid) in textures.iter().zip(&grids) {
+        let (spec, report) = stored_texture(
+            &texture.name,
+            texture.provenance,
+            grid,
+            options.structure,
+            options.theta,
+            options.sample_rate_hz,
+        )?;
+        specs.push(certificate::certified(spec)?);
+        thetas.extend(report);
+    }
     model_format::encode(&specs)
         .map_err(|failure| Error::Model(format!("the denser grid does not fit: {failure}")))?;
     Ok(Densified {
         specs,
         grids,
         lines,
+        fillings,
+        thetas,
     })
 }
 
+/// The form of θ of a lattice of `models`.
+fn allowed(models: &[&Model], choice: ThetaChoice) -> StoredTheta {
+    match choice {
+        ThetaChoice::Compact => StoredTheta::Compact,
+        ThetaChoice::Auto if all_allow_compact(models) => StoredTheta::Compact,
+        ThetaChoice::Auto | ThetaChoice::Fine => StoredTheta::Fine,
+    }
+}
+
+/// The models that `denser` has and `grid` has not.
+fn new_models<'g>(grid: &Grid, denser: &'g Grid) -> Vec<&'g Model> {
+    let is_new = |&(speed_mm_s, force_n, _): &(f32, f32, &Model)| {
+        !grid.speeds_mm_s.contains(&speed_mm_s) || !grid.forces_n.contains(&force_n)
+    };
+    denser.nodes().filter(is_new).map(|node| node.2).collect()
+}
+
 /// About how many bytes a grid takes in a library of `structure`; not fewer than it does.
-fn bytes(grid: &Grid, structure: Structure) -> usize {
+fn bytes(grid: &Grid, structure: Structure, theta: StoredTheta) -> usize {
     const NODE_BYTES: usize = 16;
     let orders = || grid.models.iter().map(|model| model.reflection.len());
-    let width = structure.coefficient_bytes();
-    let models: usize = orders().map(|order| NODE_BYTES + width * order).sum();
-    // A lattice's fractions of theta are as many for each node.
-    let fractions = match structure {
-        Structure::NormalisedLattice => orders().max().unwrap_or(0).min(limits::MAX_FINE_STAGES),
-        Structure::DirectForm16 | Structure::DirectForm32 => 0,
+    let highest = orders().max().unwrap_or(0);
+    let theta = if highest > limits::MAX_FINE_STAGES {
+        theta
+    } else {
+        StoredTheta::Fine
     };
+    let models: usize = orders()
+        .map(|order| NODE_BYTES + bytes_per_node(structure, theta, order, highest))
+        .sum();
     let axes = 4 * (grid.speeds_mm_s.len() + grid.forces_n.len());
-    HEADER_BYTES + axes + models + fractions * grid.models.len() + bytes_of_parts(&grid.parts)
+    HEADER_BYTES + axes + models + bytes_of_parts(&grid.parts)
 }
 
 /// Replaces what `fit` filled between recorded nodes by what their spectra tell.
-fn with_holes_filled(grid: &Grid, field: &RecordedSpectra, ways: &TwoWays) -> Grid {
+fn with_holes_filled(grid: &Grid, told: &Told, filling: &Filling) -> Grid {
     let mut grid = grid.clone();
     let forces = grid.forces_n.len();
-    for (index, model) in grid.models.iter_mut().enumerate() {
-        let hole = model.flags.contains(NodeFlags::INTERPOLATED)
-            && !model.flags.contains(NodeFlags::SILENT);
-        if hole && let Some(spectrum) = field.without((index / forces, index % forces), ways) {
-            *model = filled(&spectrum);
+    for (index, (model, hole)) in grid.models.iter_mut().zip(&told.holes).enumerate() {
+        let (speed, force) = (index / forces, index % forces);
+        let allowed = filling.allows(told.field.speeds_mm_s[speed], told.field.forces_n[force]);
+        if allowed && let Some(hole) = hole {
+            model.clone_from(hole);
         }
     }
     grid
 }
 
-fn filled(spectrum: &LogSpectrum) -> Model {
-    Model {
-        flags: NodeFlags::INTERPOLATED,
-        ..spectrum.economical_model(ECONOMY_DB)
-    }
+/// True if a line at `value` has a node that is filled in: one that the field tells and that is not left out.
+fn fills_any(
+    grid: &Grid,
+    told: &Told,
+    filling: &Filling,
+    direction: Direction,
+    value: f32,
+) -> bool {
+    let across = match direction {
+        Direction::Speed => &grid.forces_n,
+        Direction::Force => &grid.speeds_mm_s,
+    };
+    across.iter().any(|&other| {
+        let (speed, force) = match direction {
+            Direction::Speed => (as_written(value), as_written(other)),
+            Direction::Force => (as_written(other), as_written(value)),
+        };
+        filling.allows(speed, force) && told.model_at(speed, force).is_some()
+    })
 }
 
 /// `grid` with a line of nodes more; `None` where the axis is full or has the value.
 fn with_line(
     grid: &Grid,
-    field: &RecordedSpectra,
+    (told, filling): (&Told, &Filling),
     direction: Direction,
     value: f32,
 ) -> Option<Grid> {
@@ -198,14 +294,14 @@ fn with_line(
             match direction {
                 Direction::Speed if speed == at => new_node(
                     grid,
-                    field,
+                    (told, filling),
                     value,
                     denser.forces_n[force],
                     [(at - 1, force), (at, force)],
                 ),
                 Direction::Force if force == at => new_node(
                     grid,
-                    field,
+                    (told, filling),
                     denser.speeds_mm_s[speed],
                     value,
                     [(speed, at - 1), (speed, at)],
@@ -246,17 +342,19 @@ fn places_with(grid: &Grid, direction: Direction, at: usize, value: f32) -> Vec<
 /// A node between two of the grid's: by the spectrum there, or, where the field has none, as the device would play it.
 fn new_node(
     grid: &Grid,
-    field: &RecordedSpectra,
+    (told, filling): (&Told, &Filling),
     speed_mm_s: f32,
     force_n: f32,
     around: [NodeIndex; 2],
 ) -> Model {
     let ends = around.map(|(speed, force)| &grid.models[grid.index(speed, force)]);
     let is_silent = |model: &&Model| model.flags.contains(NodeFlags::SILENT);
+    let (speed, force) = (as_written(speed_mm_s), as_written(force_n));
     if !ends.iter().any(is_silent)
-        && let Some(spectrum) = field.at(as_written(speed_mm_s), as_written(force_n))
+        && filling.allows(speed, force)
+        && let Some(model) = told.model_at(speed, force)
     {
-        return filled(&spectrum);
+        return model;
     }
     let [a, b] = around.map(|(speed, force)| (grid.speeds_mm_s[speed], grid.forces_n[force]));
     let share = if a.0 == b.0 {

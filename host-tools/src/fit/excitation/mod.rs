@@ -34,77 +34,61 @@ mod trace;
 use model_format::limits;
 use rayon::prelude::*;
 
-use crate::recording::{RecordingSet, Trial};
+use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
 
+use super::Fit;
 use super::options::{ExcitationChoice, ModulationChoice, Options};
-use super::trial::{Signal, signal};
-use super::{Fit, FittedTexture};
+use super::trial::Signal;
 
 pub use evidence::Evidence;
 pub use report::{CodebookReport, ExcitationReport, TrackReport};
 use texture::{Axes, Parts};
 use trace::Trace;
 
-/// Adds the excitation of each texture of `fit`, which was fitted to `set` with `options`, telling `progress` of each
-/// trial read. Recordings are read again, so that no more of them than is worked on is in memory.
-///
-/// # Errors
-/// A recording that cannot be read any more; a library without room for its textures.
-pub fn add(
-    set: &RecordingSet,
-    fit: &mut Fit,
-    options: &Options,
-    progress: impl Fn() + Sync,
-) -> Result<()> {
-    let read = |_, trial: &Trial| signal(trial, options.reduction);
-    add_from(set, fit, options, read, progress)
+/// Returns whether `options` leave anything to add: Gaussian noise of steady level needs nothing.
+pub(super) fn is_wanted(options: &Options) -> bool {
+    options.excitation != ExcitationChoice::Gaussian || options.modulation != ModulationChoice::None
 }
 
-/// As [`add`], with the signal of a trial from `read`, which gets its index in the set: what is left of the recording
-/// if something else plays a part of it.
+/// Adds the excitation of the texture `index` of `fit`, which was fitted to `set` with `options`, in at most `room`
+/// bytes, telling `progress` of each trial that is done. `members` are the indices of the texture's trials in the set,
+/// and `read` gives the signal of one of them: what is left of the recording if something else plays a part of it.
 ///
 /// # Errors
-/// Those of [`add`] and of `read`.
-pub fn add_from(
-    set: &RecordingSet,
-    fit: &mut Fit,
+/// Those of `read`.
+pub(super) fn add_to(
+    (set, members): (&RecordingSet, &[usize]),
+    (fit, index): (&mut Fit, usize),
     options: &Options,
-    read: impl Fn(usize, &Trial) -> Result<Signal> + Sync,
+    room: usize,
+    read: impl Fn(usize) -> Result<Signal> + Sync,
     progress: impl Fn() + Sync,
 ) -> Result<()> {
-    if options.excitation == ExcitationChoice::Gaussian
-        && options.modulation == ModulationChoice::None
-    {
-        return Ok(());
+    let texture = &fit.textures[index];
+    let traces = traces((set, members), (fit, index), options, &read, &progress)?;
+    let axes = Axes {
+        speeds_mm_s: &texture.grid.speeds_mm_s,
+        forces_n: &texture.grid.forces_n,
+    };
+    let Parts {
+        excitation,
+        modulation,
+        report,
+    } = texture::parts(&texture.name, &traces, axes, options, room);
+    for parts in [
+        &mut fit.textures[index].grid.parts,
+        &mut fit.specs[index].parts,
+    ] {
+        parts.excitation.clone_from(&excitation);
+        parts.modulation.clone_from(&modulation);
     }
-    let room = bytes_per_texture(fit)?;
-    for index in 0..fit.textures.len() {
-        let texture = &fit.textures[index];
-        let traces = traces(texture, fit, index, set, options, &read, &progress)?;
-        let axes = Axes {
-            speeds_mm_s: &texture.grid.speeds_mm_s,
-            forces_n: &texture.grid.forces_n,
-        };
-        let Parts {
-            excitation,
-            modulation,
-            report,
-        } = texture::parts(&texture.name, &traces, axes, options, room);
-        for parts in [
-            &mut fit.textures[index].grid.parts,
-            &mut fit.specs[index].parts,
-        ] {
-            parts.excitation.clone_from(&excitation);
-            parts.modulation.clone_from(&modulation);
-        }
-        fit.excitations.push(report);
-    }
+    fit.excitations.push(report);
     Ok(())
 }
 
 /// Bytes that each texture may take for its excitation beside the models, so that they all have room in a library.
-fn bytes_per_texture(fit: &Fit) -> Result<usize> {
+pub(super) fn bytes_per_texture(fit: &Fit) -> Result<usize> {
     let encoded = model_format::encode_uncertified(&fit.specs).map_err(|failure| {
         Error::Model(format!("the textures do not make a library: {failure}"))
     })?;
@@ -112,25 +96,21 @@ fn bytes_per_texture(fit: &Fit) -> Result<usize> {
     Ok(left / fit.specs.len().max(1))
 }
 
-/// Traces of all trials of a texture that the fit used, as far as they have a residual.
+/// Traces of those `members` of the texture `index` that the fit used, as far as they have a residual.
 fn traces(
-    texture: &FittedTexture,
-    fit: &Fit,
-    index: usize,
-    set: &RecordingSet,
+    (set, members): (&RecordingSet, &[usize]),
+    (fit, index): (&Fit, usize),
     options: &Options,
-    read: &(impl Fn(usize, &Trial) -> Result<Signal> + Sync),
+    read: &(impl Fn(usize) -> Result<Signal> + Sync),
     progress: &(impl Fn() + Sync),
 ) -> Result<Vec<Trace>> {
     let nodes = &fit.specs[index].nodes;
-    let grid = &texture.grid;
-    let traces: Vec<Option<Trace>> = set
-        .trials
+    let grid = &fit.textures[index].grid;
+    let traces: Vec<Option<Trace>> = members
         .par_iter()
-        .zip(&fit.trials)
-        .enumerate()
-        .filter(|(_, (trial, report))| trial.texture == texture.name && report.used)
-        .map(|(index, (trial, report))| {
+        .filter(|&&member| fit.trials[member].used)
+        .map(|&member| {
+            let (trial, report) = (&set.trials[member], &fit.trials[member]);
             let place = |axis: &[f32], value: f64| axis.partition_point(|&v| v < value as f32);
             let at = (
                 place(&grid.speeds_mm_s, trial.speed_mm_s),
@@ -138,7 +118,7 @@ fn traces(
             );
             let trace = match nodes.get(grid.index(at.0, at.1)) {
                 Some(node) if node.output_power > 0.0 => {
-                    let signal = read(index, trial)?;
+                    let signal = read(member)?;
                     Trace::of(
                         &signal,
                         at,

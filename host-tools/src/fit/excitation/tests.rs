@@ -259,11 +259,12 @@ fn written(folder: &Path, name: &str, samples: &[f64]) -> Trial {
         texture: name.into(),
         speed_mm_s: 100.0,
         force_n: 1.0,
-        scale_m_s2: 1.0,
+        scale_m_s2: None,
         start_s: 0.0,
         duration_s: None,
         sample_rate_hz: None,
         provenance: Provenance::Recorded,
+        held: None,
     }
 }
 

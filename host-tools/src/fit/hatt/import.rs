@@ -14,6 +14,8 @@ use super::reference::Reference;
 use super::shape::MODEL_FILE;
 use super::toolkit::Toolkit;
 use crate::support::error::{Error, Result};
+use crate::support::file_name;
+use crate::support::fnv::Fnv;
 
 /// Bytes of a library without its textures, and of a texture without its name, axes and nodes; not fewer than these.
 const LIBRARY_BYTES: usize = 32;
@@ -31,6 +33,8 @@ pub struct Source {
     pub name: String,
     /// Its models.
     pub toolkit: Toolkit,
+    /// Hash of its text.
+    content: u64,
     /// Its definition.
     reference: Reference,
 }
@@ -169,8 +173,37 @@ fn source(path: &Path) -> Result<Source> {
         path: path.to_owned(),
         name,
         toolkit,
+        content: Fnv::of(text.as_bytes()),
         reference,
     })
+}
+
+/// Returns what is doubtful about `sources` together, one line each: copies of one file, and names that differ in the
+/// case of letters only.
+pub fn doubts(sources: &[Source]) -> Vec<String> {
+    let mut contents: HashMap<u64, &Path> = HashMap::new();
+    let mut names: HashMap<String, &str> = HashMap::new();
+    let mut doubts = Vec::new();
+    for source in sources {
+        let first = *contents.entry(source.content).or_insert(&source.path);
+        if first != source.path {
+            doubts.push(format!(
+                "{}: holds the same models as {}: leave one out, unless two textures of them are meant",
+                source.path.display(),
+                first.display()
+            ));
+        }
+        let earlier = *names
+            .entry(file_name::folded(&source.name))
+            .or_insert(&source.name);
+        if earlier != source.name {
+            doubts.push(format!(
+                "textures {earlier:?} and {:?} differ in the case of letters only: rename one of the files",
+                source.name
+            ));
+        }
+    }
+    doubts
 }
 
 /// Bytes that one texture would take, and its bounds.
@@ -370,6 +403,7 @@ mod tests {
         let source = Source {
             path: path.to_owned(),
             name: "felt".into(),
+            content: 0,
             toolkit: read(path, text).unwrap(),
             reference: Reference::of(text, &[]).unwrap(),
         };

@@ -31,5 +31,6 @@ mod node;
 mod played;
 pub mod read;
 pub mod reference;
+pub mod report;
 mod shape;
 pub mod toolkit;

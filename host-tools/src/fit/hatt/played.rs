@@ -22,7 +22,7 @@ pub(super) fn density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64, f64)) 
     )
     .expect("speeds and forces of a file are finite");
     let mut frame = LatticeFrame::silent(texture.max_order());
-    frame.update(
+    frame.update::<Portable>(
         texture,
         &GridPoint::locate(texture, motion),
         frame.levels(0),

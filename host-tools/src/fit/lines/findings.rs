@@ -118,9 +118,10 @@ impl fmt::Display for Findings {
 }
 
 /// A trial's share of its texture's lines.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrialLines {
-    /// The texture's lines.
+    /// The texture's lines. They are stored once for all of its trials, and not with each.
+    #[serde(skip)]
     pub findings: Arc<Findings>,
     /// Amplitude of each line in the trial, m/s², without what noise adds to it; none where the trial cannot hold the
     /// line or was not looked at.

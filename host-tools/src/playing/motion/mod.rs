@@ -6,6 +6,9 @@
 //! 0.0,0,0.5
 //! 1.5,120,0.8
 //! ```
+//! The sign of a speed is its direction along the path, and a force at or below zero is no contact: so it is in every
+//! motion, on the command line, in a scene and on the link. Values that no hand has are refused.
+//!
 //! Columns may stand in any order, and other columns are ignored. A column `position_mm` gives the position on the
 //! path; without it the position is the integral of the speed, from 0 mm. A column `contact`, 0 or 1, gives contact
 //! with the surface; without it the contact follows from the force, see [`Hand`].
@@ -13,7 +16,8 @@
 mod hand;
 mod path;
 mod point;
+mod points;
 mod table;
 
 pub use hand::Hand;
-pub use path::MotionPath;
+pub use path::{MotionPath, MotionRow};

@@ -6,8 +6,25 @@ use model_format::{MillimetresPerSecond, Newton};
 use stylus_kernel::Motion;
 
 use super::point::{Point, interpolate};
-use super::table::{self, Table};
+use super::points::{Points, position_fault};
+use super::table;
 use crate::support::error::{Error, Result};
+use crate::support::hand::{force_fault, speed_fault};
+
+/// One moment of a motion that a program gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionRow {
+    /// Time, s, at least zero and above that of the row before.
+    pub time_s: f64,
+    /// Tangential speed, mm/s; the sign is the direction.
+    pub speed_mm_s: f64,
+    /// Normal force, N; at or below zero there is no contact.
+    pub force_n: f64,
+    /// Position on the path, mm; the integral of the speed if the first row has none.
+    pub position_mm: Option<f64>,
+    /// Contact with the surface; it follows from the force if the first row has none.
+    pub contact: Option<bool>,
+}
 
 /// A speed and a force at every moment from 0 s on, and optionally position and contact.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,16 +71,38 @@ impl MotionPath {
     /// A file that cannot be read or has no rows, a missing column, or, with its line, a row of another length than the
     /// header, a value that is not a finite number, or a time that does not rise.
     pub fn from_csv(path: &Path) -> Result<Self> {
-        let Table {
-            points,
-            tells_position,
-            tells_contact,
-        } = table::read(path)?;
-        Ok(Self {
-            points,
-            tells_position,
-            tells_contact,
-        })
+        table::read(path).map(Self::of)
+    }
+
+    /// A motion of `rows`, as a table has them.
+    ///
+    /// # Errors
+    /// No rows, or, with its number from 1, a row with a value that no hand has or that is not a finite number, with a
+    /// time that does not rise, or without a position or contact that the first row has.
+    pub fn from_rows(rows: impl IntoIterator<Item = MotionRow>) -> Result<Self> {
+        let mut found: Option<Points> = None;
+        for (index, row) in rows.into_iter().enumerate() {
+            let tells = (row.position_mm.is_some(), row.contact.is_some());
+            let points = found.get_or_insert_with(|| Points::new(tells.0, tells.1));
+            let pushed = if tells == (points.tells_position, points.tells_contact) {
+                checked(&row).and_then(|point| points.push(point))
+            } else {
+                Err("give position_mm, and contact, in every row or in none".to_owned())
+            };
+            pushed.map_err(|problem| {
+                Error::Request(format!("motion, row {}: {problem}", index + 1))
+            })?;
+        }
+        let no_rows = || Error::Request("a motion needs at least one row".to_owned());
+        Ok(Self::of(found.ok_or_else(no_rows)?))
+    }
+
+    fn of(points: Points) -> Self {
+        Self {
+            tells_position: points.tells_position,
+            tells_contact: points.tells_contact,
+            points: points.rows,
+        }
     }
 
     /// Returns the motion at `time_s`, linearly interpolated between rows, and held before the first and after the last
@@ -128,10 +167,57 @@ impl MotionPath {
             .then(|| self.points[after.saturating_sub(1)].contact)
     }
 
+    /// Returns the time of the last row of the motion that was read from `file`, in s.
+    ///
+    /// # Errors
+    /// A motion of one row at 0 s, which has no end.
+    pub fn end_s(&self, file: &Path) -> Result<f64> {
+        let end_s = self.duration_s();
+        if end_s > 0.0 {
+            return Ok(end_s);
+        }
+        let problem = "holds one row, at 0 s: a motion that does not change has no end; give --seconds, or a last row";
+        Err(Error::file(file, problem))
+    }
+
+    /// Returns true if there is a moment with a speed and with a force above zero, at which a texture is heard.
+    pub fn sounds(&self) -> bool {
+        let moves = |point: &Point| point.speed_mm_s != 0.0;
+        let presses = |point: &Point| point.force_n > 0.0;
+        let any = |row: &[Point]| row.iter().any(moves) && row.iter().any(presses);
+        any(&self.points[..1]) || self.points.windows(2).any(any)
+    }
+
     /// Returns the time of the last row, in s; zero for a constant motion.
     pub fn duration_s(&self) -> f64 {
         self.points.last().map_or(0.0, |point| point.time_s)
     }
+}
+
+/// The point of `row`.
+///
+/// # Errors
+/// The problem of a value, in words.
+fn checked(row: &MotionRow) -> std::result::Result<Point, String> {
+    let position_mm = row.position_mm.unwrap_or(0.0);
+    let faults = [
+        ("speed_mm_s", speed_fault(row.speed_mm_s)),
+        ("force_n", force_fault(row.force_n)),
+        ("position_mm", position_fault(position_mm)),
+    ];
+    for (name, fault) in faults {
+        if let Some(fault) = fault {
+            return Err(format!("{name} is {fault}"));
+        }
+    }
+    Ok(Point {
+        time_s: row.time_s,
+        speed_mm_s: row.speed_mm_s as f32,
+        force_n: row.force_n as f32,
+        // Single precision, as that of a table.
+        position_mm: f64::from(position_mm as f32),
+        contact: row.contact.unwrap_or(false),
+    })
 }
 
 #[cfg(test)]
@@ -154,6 +240,43 @@ mod tests {
         assert_eq!(path.at(3.0), motion(100.0, 0.5));
         assert_eq!(path.at(1e9), motion(0.0, 0.0));
         assert!((path.duration_s() - 4.0).abs() < f64::EPSILON);
+    }
+
+    #[test]
+    fn rows_of_a_program_are_those_of_a_table() {
+        let row = |time_s, speed_mm_s, force_n, position_mm, contact| MotionRow {
+            time_s,
+            speed_mm_s,
+            force_n,
+            position_mm,
+            contact,
+        };
+        let rows = [
+            row(0.5, 100.0, 0.5, None, None),
+            row(2.0, -20.1, 1.3, None, None),
+        ];
+        let table = read("time_s,speed_mm_s,force_n\n0.5,100,0.5\n2,-20.1,1.3\n").unwrap();
+        assert_eq!(MotionPath::from_rows(rows).unwrap(), table);
+        let rows = [
+            row(0.0, 100.0, 0.5, Some(7.3), Some(true)),
+            row(2.0, 20.0, 1.0, Some(-1.0), Some(false)),
+        ];
+        let table = "time_s,speed_mm_s,force_n,position_mm,contact\n0,100,0.5,7.3,1\n2,20,1,-1,0\n";
+        assert_eq!(MotionPath::from_rows(rows).unwrap(), read(table).unwrap());
+        let refused = [
+            (vec![], "at least one row"),
+            (vec![row(-1.0, 1.0, 1.0, None, None)], "row 1: time_s"),
+            (vec![row(f64::NAN, 1.0, 1.0, None, None)], "row 1: time_s"),
+            (vec![row(0.0, f64::NAN, 1.0, None, None)], "speed_mm_s"),
+            (vec![row(0.0, 1.0, 1e4, None, None)], "force_n"),
+            (vec![row(0.0, 1.0, 1.0, Some(1e39), None)], "position_mm"),
+            (vec![rows[0], row(0.0, 1.0, 1.0, None, None)], "row 2"),
+            (vec![rows[0], rows[0]], "times must rise"),
+        ];
+        for (rows, word) in refused {
+            let message = MotionPath::from_rows(rows).unwrap_err().to_string();
+            assert!(message.contains(word), "{message}");
+        }
     }
 
     #[test]

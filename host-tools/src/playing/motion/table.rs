@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use csv::{StringRecord, Trim};
-
 use super::point::Point;
+use super::points::{Points, position_fault};
 use crate::support::bounded_file::{Limit, MIB};
+use crate::support::csv_table::{CsvTable, Header, Row};
 use crate::support::error::{Error, Result};
+use crate::support::hand::{force_fault, speed_fault};
 
 /// A motion: some 40 bytes per row, so that a day at 100 rows per second fits.
 const MOTION: Limit = Limit {
@@ -14,67 +15,23 @@ const MOTION: Limit = Limit {
     bytes: 512 * MIB,
 };
 
-/// A table of a motion, with at least one row.
-pub(super) struct Table {
-    /// The rows, in ascending order of time.
-    pub points: Vec<Point>,
-    /// True if the file gives the position; otherwise it is the integral of the speed.
-    pub tells_position: bool,
-    /// True if the file gives contact; otherwise it follows from the force.
-    pub tells_contact: bool,
-}
-
 /// Reads a CSV file; see [`super::MotionPath::from_csv`].
-pub(super) fn read(path: &Path) -> Result<Table> {
-    let text = MOTION.read_text(path)?;
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .trim(Trim::All)
-        .from_reader(text.as_bytes());
-    let header = reader
-        .headers()
-        .map_err(|error| Error::file(path, error.to_string()))?;
-    let columns = Columns::of(header, path)?;
-    let mut points: Vec<Point> = Vec::new();
-    let mut record = StringRecord::new();
-    loop {
-        let begin = reader.position().clone();
-        let here = |problem: String| Error::line(path, line_of_record(&text, &begin), problem);
-        match reader.read_record(&mut record) {
-            Ok(true) => {}
-            Ok(false) => break,
-            Err(error) => return Err(here(row_problem(&error))),
-        }
-        let mut point = columns.point(&record).map_err(here)?;
-        if let Some(before) = points.last()
-            && point.time_s <= before.time_s
-        {
-            let problem = format!(
-                "time_s is {} after {}: times must rise from row to row",
-                point.time_s, before.time_s
-            );
-            return Err(here(problem));
-        }
-        if columns.position.is_none() {
-            point.position_mm = points
-                .last()
-                .map_or(f64::from(point.speed_mm_s) * point.time_s, |before| {
-                    before.position_mm + before.path_mm(&point, point.time_s)
-                });
-        }
-        points.push(point);
+pub(super) fn read(path: &Path) -> Result<Points> {
+    let table = CsvTable::read(path, MOTION)?;
+    let columns = Columns::of(&table.header()?)?;
+    let mut points = Points::new(columns.position.is_some(), columns.contact.is_some());
+    let mut rows = table.rows_below_header()?;
+    while let Some(row) = rows.next_row()? {
+        let point = columns.point(&row)?;
+        points.push(point).map_err(|problem| row.error(problem))?;
     }
-    if points.is_empty() {
+    if points.rows.is_empty() {
         return Err(Error::file(
             path,
             "no rows: a motion needs at least one row below its header",
         ));
     }
-    Ok(Table {
-        points,
-        tells_position: columns.position.is_some(),
-        tells_contact: columns.contact.is_some(),
-    })
+    Ok(points)
 }
 
 /// Indices of a table's columns.
@@ -87,90 +44,43 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(header: &StringRecord, path: &Path) -> Result<Self> {
-        let optional = |name: &str| {
-            let mut found = (0..header.len()).filter(|&index| &header[index] == name);
-            match (found.next(), found.next()) {
-                (index, None) => Ok(index),
-                (_, Some(_)) => Err(Error::file(path, format!("more than one column '{name}'"))),
-            }
-        };
-        let column = |name: &str| {
-            optional(name)?.ok_or_else(|| {
-                let names: Vec<&str> = header.iter().collect();
-                let problem = format!(
-                    "no column '{name}' in the header '{}': a motion has time_s, speed_mm_s and force_n",
-                    names.join(",")
-                );
-                Error::file(path, problem)
-            })
-        };
+    fn of(header: &Header<'_>) -> Result<Self> {
+        let needed =
+            |name: &str| header.needed(name, "a motion has time_s, speed_mm_s and force_n");
         Ok(Self {
-            time: column("time_s")?,
-            speed: column("speed_mm_s")?,
-            force: column("force_n")?,
-            position: optional("position_mm")?,
-            contact: optional("contact")?,
+            time: needed("time_s")?,
+            speed: needed("speed_mm_s")?,
+            force: needed("force_n")?,
+            position: header.column("position_mm")?,
+            contact: header.column("contact")?,
         })
     }
 
-    fn point(&self, record: &StringRecord) -> std::result::Result<Point, String> {
-        // A value beyond single precision is parsed as infinite, and refused.
-        let single = |index: usize, name: &str| {
-            let value: Option<f32> = record[index].parse().ok();
-            value
-                .filter(|value| value.is_finite())
-                .ok_or_else(|| not_a_number(name, &record[index]))
+    fn point(&self, row: &Row<'_, '_>) -> Result<Point> {
+        let within = |index: usize, name: &str, fault: fn(f64) -> Option<String>| {
+            let value = row.finite(index, name)?;
+            fault(value).map_or(Ok(value as f32), |fault| {
+                Err(row.error(format!("{name} is '{}': {fault}", row.text(index))))
+            })
         };
-        let time_s: Option<f64> = record[self.time].parse().ok();
-        let time_s = time_s
-            .filter(|time_s| time_s.is_finite())
-            .ok_or_else(|| not_a_number("time_s", &record[self.time]))?;
-        if time_s < 0.0 {
-            return Err(format!(
-                "time_s is {time_s}: a motion begins at 0 s or later"
-            ));
-        }
+        let time_s = row.finite(self.time, "time_s")?;
         Ok(Point {
             time_s,
-            speed_mm_s: single(self.speed, "speed_mm_s")?,
-            force_n: single(self.force, "force_n")?,
+            speed_mm_s: within(self.speed, "speed_mm_s", speed_fault)?,
+            force_n: within(self.force, "force_n", force_fault)?,
             position_mm: match self.position {
-                Some(index) => single(index, "position_mm")?.into(),
+                Some(index) => within(index, "position_mm", position_fault)?.into(),
                 None => 0.0,
             },
-            contact: match self.contact.map(|index| &record[index]) {
+            contact: match self.contact.map(|index| row.text(index)) {
                 None | Some("0") => false,
                 Some("1") => true,
                 Some(other) => {
-                    return Err(format!("contact is '{other}': it must be 0 or 1"));
+                    return Err(row.error(format!("contact is '{other}': it must be 0 or 1")));
                 }
             },
         })
     }
-}
-
-fn not_a_number(name: &str, text: &str) -> String {
-    format!("{name} is '{text}', which is not a finite number")
-}
-
-fn row_problem(error: &csv::Error) -> String {
-    match error.kind() {
-        csv::ErrorKind::UnequalLengths {
-            expected_len, len, ..
-        } => format!("{len} values where the header has {expected_len} columns"),
-        _ => error.to_string(),
-    }
-}
-
-/// Returns the line, from 1, of the record that a reader finds at `position`. The reader's own line is that of the end
-/// of the record before, because it skips comments and empty lines.
-fn line_of_record(text: &str, position: &csv::Position) -> u64 {
-    let rest = text.get(position.byte() as usize..).unwrap_or_default();
-    let skipped = rest
-        .split('\n')
-        .take_while(|line| line.trim_end_matches('\r').is_empty() || line.starts_with('#'));
-    position.line() + skipped.count() as u64
 }
 
 #[cfg(test)]
@@ -213,10 +123,12 @@ pub(super) mod tests {
             ("NaN,100,1", "time_s is 'NaN'"),
             ("2,inf,1", "speed_mm_s is 'inf'"),
             ("2,100,1e40", "force_n is '1e40'"),
+            ("2,20000,1", "speed_mm_s is '20000': a speed of"),
+            ("2,100,250", "force_n is '250': a force of"),
             ("1,100,1", "times must rise"),
             ("0.5,100,1", "times must rise"),
-            ("2,100", "2 values where the header has 3"),
-            ("2,100,1,5", "4 values where the header has 3"),
+            ("2,100", "2 fields where the first line has 3"),
+            ("2,100,1,5", "4 fields where the first line has 3"),
         ] {
             for (end, above) in [
                 ("\n", ""),

@@ -1,6 +1,6 @@
 //! Clock of a rendering, common to textures and scenes.
 
-use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+use stylus_kernel::update_interval_samples;
 
 use crate::support::error::{Error, Result};
 
@@ -10,7 +10,7 @@ pub const MAX_SECONDS: f64 = 24.0 * 3600.0;
 /// Iterator over the samples of a rendering: the time, s, at which the motion is to be taken over before the sample, or
 /// none between two updates.
 ///
-/// An update is due every [`UPDATE_INTERVAL_SAMPLES`] samples, as on the device.
+/// An update is due every [`update_interval_samples`], as on the device.
 #[derive(Clone, Debug)]
 pub struct SampleClock {
     sample_rate_hz: u32,
@@ -39,7 +39,12 @@ impl SampleClock {
 
     /// Time from a block's first sample to its last one, s.
     pub fn block_s(&self) -> f64 {
-        f64::from(UPDATE_INTERVAL_SAMPLES - 1) / f64::from(self.sample_rate_hz)
+        f64::from(self.block_samples() - 1) / f64::from(self.sample_rate_hz)
+    }
+
+    /// Samples of a block.
+    pub fn block_samples(&self) -> u32 {
+        update_interval_samples(self.sample_rate_hz)
     }
 
     /// Sample rate, Hz.
@@ -55,9 +60,7 @@ impl Iterator for SampleClock {
         if self.position == self.len {
             return None;
         }
-        let is_due = self
-            .position
-            .is_multiple_of(UPDATE_INTERVAL_SAMPLES as usize);
+        let is_due = self.position.is_multiple_of(self.block_samples() as usize);
         let time_s = self.position as f64 / f64::from(self.sample_rate_hz);
         self.position += 1;
         Some(is_due.then_some(time_s))

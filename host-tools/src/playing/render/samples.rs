@@ -1,22 +1,28 @@
 //! Samples of a rendering, one by one or in memory.
 
 use model_format::{OutputSample, Texture};
-use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+use stylus_kernel::arithmetic::Arithmetic;
 use stylus_kernel::scene::{Plan, ScenePlayer};
 
 use super::clock::SampleClock;
 use crate::playing::motion::{Hand, MotionPath};
+use crate::playing::wavefront::Wavefront;
 use crate::support::error::Result;
 
-/// Iterator over the samples of a texture or scene along a motion; it keeps none of them.
+/// Iterator over the samples of a texture or scene along a motion; it keeps those of one update interval.
 ///
 /// The same library, motion and seed give the same samples on every computer. They begin as a stylus begins: a lattice
-/// at its level, a direct form after the silence in which it is run up, and both with contact.
+/// at its level, a direct form after the silence in which it is run up, and both with contact. All arithmetics `A` give
+/// the same samples.
 #[derive(Clone, Debug)]
-pub struct Rendering<'a> {
-    player: ScenePlayer<'a>,
+pub struct Rendering<'a, A: Arithmetic = Wavefront> {
+    player: ScenePlayer<'a, A>,
     hand: Hand<'a>,
     clock: SampleClock,
+    /// The samples up to the next update.
+    block: Vec<OutputSample>,
+    /// Number of samples of `block` that were taken.
+    taken: usize,
 }
 
 impl<'a> Rendering<'a> {
@@ -44,14 +50,32 @@ impl<'a> Rendering<'a> {
         seconds: f64,
         seed: u64,
     ) -> Result<Self> {
+        Self::by_arithmetic(plan, motion, seconds, seed)
+    }
+}
+
+impl<'a, A: Arithmetic> Rendering<'a, A> {
+    /// As [`Rendering::of_plan`], by the arithmetic `A`: for comparisons of their costs.
+    ///
+    /// # Errors
+    /// As [`Rendering::new`].
+    pub fn by_arithmetic(
+        plan: Plan<'a>,
+        motion: &'a MotionPath,
+        seconds: f64,
+        seed: u64,
+    ) -> Result<Self> {
+        let clock = SampleClock::new(seconds, plan.sample_rate_hz())?;
         Ok(Self {
-            clock: SampleClock::new(seconds, plan.sample_rate_hz())?,
+            block: vec![OutputSample::SILENCE; clock.block_samples() as usize],
+            clock,
             player: ScenePlayer::new(plan, seed),
             hand: Hand::new(motion),
+            taken: 0,
         })
     }
 
-    /// Number of samples so far at the kernel's full scale.
+    /// Number of samples at the kernel's full scale, up to the next update.
     pub fn saturations(&self) -> u32 {
         self.player.saturations()
     }
@@ -62,15 +86,21 @@ impl<'a> Rendering<'a> {
     }
 }
 
-impl Iterator for Rendering<'_> {
+impl<A: Arithmetic> Iterator for Rendering<'_, A> {
     type Item = OutputSample;
 
     fn next(&mut self) -> Option<OutputSample> {
+        let left = self.clock.len();
         if let Some(time_s) = self.clock.next()? {
             let interaction = self.hand.for_block(time_s, self.clock.block_s());
-            self.player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
+            let samples = self.clock.block_samples();
+            self.player.follow(interaction, samples);
+            self.block.truncate(left.min(samples as usize));
+            self.player.next_block(&mut self.block);
+            self.taken = 0;
         }
-        Some(self.player.next_sample())
+        self.taken += 1;
+        Some(self.block[self.taken - 1])
     }
 
     fn size_hint(&self) -> (usize, Option<usize>) {
@@ -78,7 +108,7 @@ impl Iterator for Rendering<'_> {
     }
 }
 
-impl ExactSizeIterator for Rendering<'_> {}
+impl<A: Arithmetic> ExactSizeIterator for Rendering<'_, A> {}
 
 /// A rendering in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -128,6 +158,7 @@ pub fn render(
 
 #[cfg(test)]
 mod tests {
+    use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
     use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 
     use super::super::MAX_SECONDS;
@@ -153,6 +184,23 @@ mod tests {
         }
         assert_eq!(rendered.samples, played);
         assert_eq!((rendered.sample_rate_hz, rendered.saturations), (5000, 0));
+    }
+
+    #[test]
+    fn at_ten_kilohertz_the_motion_is_followed_every_two_milliseconds_too() {
+        let library = library(10_000);
+        let motion = sweep();
+        let rendered = render(texture(&library), &motion, 0.4, 11).unwrap();
+        let mut kernel: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture(&library)), 11);
+        let mut contact = ContactDetector::new();
+        let mut played = Vec::new();
+        for update in 0..200 {
+            let motion = motion.at(f64::from(update) * 0.002);
+            let contact = contact.touches(motion, ContactThreshold::LEAST);
+            kernel.follow(Interaction::new(motion, 0.0, contact).unwrap(), 20);
+            played.extend((0..20).map(|_| kernel.next_sample()));
+        }
+        assert_eq!(rendered.samples, played);
     }
 
     #[test]

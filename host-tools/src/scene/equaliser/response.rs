@@ -9,6 +9,7 @@ use realfft::num_complex::Complex;
 
 use crate::recording::{self, Trial};
 use crate::support::bounded_file::{Limit, MIB};
+use crate::support::csv_table::CsvTable;
 use crate::support::error::{Error, Result};
 
 /// A response: some frequencies with their levels.
@@ -58,11 +59,12 @@ impl Response {
                 texture: String::new(),
                 speed_mm_s: 0.0,
                 force_n: 0.0,
-                scale_m_s2: 1.0,
+                scale_m_s2: None,
                 start_s: 0.0,
                 duration_s: Some(LONGEST_SWEEP_S),
                 sample_rate_hz: None,
                 provenance: Provenance::Recorded,
+                held: None,
             };
             let samples = recording::read(&trial)?;
             let [drive, acceleration] = samples.axes.as_slice() else {
@@ -85,36 +87,23 @@ impl Response {
     /// # Errors
     /// A missing column, a value that is no finite number, frequencies that do not ascend, or too few of them.
     pub fn from_csv(path: &Path, text: &str) -> Result<Self> {
-        let mut reader = recording::csv_table().from_reader(text.as_bytes());
-        let header = recording::csv_header(path, &mut reader)?;
-        let column = |name: &str| {
-            let found = header.iter().position(|field| field == name);
-            found.ok_or_else(|| {
-                let problem =
-                    format!("no column '{name}'; a response has frequency_hz and magnitude_db");
-                Error::file(path, problem)
-            })
-        };
-        let (frequency, magnitude) = (column("frequency_hz")?, column("magnitude_db")?);
+        let table = CsvTable::of(path, text.to_owned());
+        let header = table.header()?;
+        let (frequency_name, magnitude_name) = ("frequency_hz", "magnitude_db");
+        let needed =
+            |name: &str| header.needed(name, "a response has frequency_hz and magnitude_db");
+        let (frequency, magnitude) = (needed(frequency_name)?, needed(magnitude_name)?);
         let mut points: Vec<(f64, f64)> = Vec::new();
-        for record in reader.records() {
-            let record = record.map_err(|failure| recording::csv_error(path, failure))?;
-            let line = record.position().map_or(0, csv::Position::line);
-            let number = |index: usize| {
-                let value: Option<f64> = record[index].parse().ok();
-                value.filter(|value| value.is_finite()).ok_or_else(|| {
-                    let (name, text) = (&header[index], &record[index]);
-                    let problem = format!("{name} is '{text}', which is not a finite number");
-                    Error::line(path, line, problem)
-                })
-            };
-            let (frequency_hz, level_db) = (number(frequency)?, number(magnitude)?);
+        let mut rows = table.rows_below_header()?;
+        while let Some(row) = rows.next_row()? {
+            let frequency_hz = row.finite(frequency, frequency_name)?;
+            let level_db = row.finite(magnitude, magnitude_name)?;
             let before_hz = points.last().map_or(0.0, |point| point.0);
             if frequency_hz <= before_hz {
                 let problem = format!(
                     "frequency_hz is {frequency_hz} after {before_hz}; frequencies must be above 0 and ascend"
                 );
-                return Err(Error::line(path, line, problem));
+                return Err(row.error(problem));
             }
             points.push((frequency_hz, level_db));
         }

@@ -14,7 +14,6 @@ mod onset;
 #[cfg(test)]
 mod tests;
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -30,9 +29,8 @@ pub use fit::{Ringing, fit};
 pub use onset::onsets;
 
 use crate::dsp::reduction::{Reduction, reduce};
-use crate::recording;
-use crate::recording::Trial;
-use crate::recording::freehand;
+use crate::recording::{self, RECORDING, Trial, freehand};
+use crate::support::csv_table::CsvTable;
 use crate::support::error::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
 
@@ -47,6 +45,15 @@ const WINDOW_S: f64 = 0.3;
 
 /// Largest share of the power after an impact that a decaying sine may leave; with more it is no tap.
 const MAX_RESIDUAL: f64 = 0.5;
+
+/// Samples, from where an onset was found, at which it may be.
+const LATEST_ONSET: usize = 3;
+
+/// Ratio of residuals up to which a fit is nearly as good as the best.
+const NEARLY_AS_WELL: f64 = 2.0;
+
+/// Share of the power of an impact that may be left in any case.
+const NEGLIGIBLE_RESIDUAL: f64 = 1e-3;
 
 /// Largest time between contact by the force and the onset of the acceleration, s.
 const CONTACT_WITHIN_S: f64 = 0.02;
@@ -140,11 +147,12 @@ impl Taps {
             texture: String::new(),
             speed_mm_s: 0.0,
             force_n: 0.0,
-            scale_m_s2,
+            scale_m_s2: Some(scale_m_s2),
             start_s: 0.0,
             duration_s: Some(LONGEST_S),
             sample_rate_hz: None,
             provenance: Provenance::Recorded,
+            held: None,
         };
         let mut samples = recording::read(&trial)?;
         let reduced = reduce(&mut samples.axes, reduction).map_err(unusable)?;
@@ -166,8 +174,7 @@ impl Taps {
         let windows = begins.iter().zip(ends);
         windows
             .map(|(&begin, end)| {
-                let window = &self.samples_m_s2[begin..end.min(begin + longest)];
-                let ringing = fit(window, self.rate_hz);
+                let (begin, ringing) = self.ringing(begin, end, longest);
                 Impact {
                     recording: self.name.clone(),
                     time_s: begin as f64 / self.rate_hz,
@@ -180,6 +187,27 @@ impl Taps {
                 }
             })
             .collect()
+    }
+
+    /// The onset of the impact that was found at sample `begin`, and its ringing over `longest` samples at most, before
+    /// sample `end`.
+    ///
+    /// Noise may make an onset seem earlier than it is, and a decaying sine that begins too early fits badly. From an
+    /// onset on, it fits as well from any later sample. So the onset is the first sample from which it fits nearly as
+    /// well as from the next few.
+    fn ringing(&self, begin: usize, end: usize, longest: usize) -> (usize, Ringing) {
+        let tried: Vec<(usize, Ringing)> = (begin..end.min(begin + LATEST_ONSET))
+            .map(|at| {
+                let window = &self.samples_m_s2[at..end.min(at + longest)];
+                (at, fit(window, self.rate_hz))
+            })
+            .collect();
+        let residuals = tried.iter().map(|(_, ringing)| ringing.residual);
+        let least = residuals.fold(f64::INFINITY, f64::min);
+        let fits = |(_, ringing): &&(usize, Ringing)| {
+            ringing.residual <= NEARLY_AS_WELL * least + NEGLIGIBLE_RESIDUAL
+        };
+        *tried.iter().find(fits).expect("one has the least residual")
     }
 
     /// Rate of force of the contact near sample `begin`, N/s, as a stylus computes it; see the head of this module.
@@ -274,8 +302,12 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// Returns true if the header of a CSV file has the column `force_n`.
 fn has_force(path: &Path) -> Result<bool> {
-    let file = File::open(path).map_err(Error::io("open", path))?;
-    let mut reader = recording::csv_table().from_reader(file.take(MOST_HEADER_BYTES));
-    let header = recording::csv_header(path, &mut reader)?;
-    Ok(header.iter().any(|name| name == "force_n"))
+    let file = RECORDING.open(path)?;
+    let mut bytes = Vec::new();
+    file.take(MOST_HEADER_BYTES)
+        .read_to_end(&mut bytes)
+        .map_err(Error::io("read", path))?;
+    let table = CsvTable::of(path, String::from_utf8_lossy(&bytes).into_owned());
+    let header = table.header()?;
+    Ok(header.names().any(|name| name == "force_n"))
 }

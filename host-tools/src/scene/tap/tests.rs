@@ -47,6 +47,27 @@ fn recording(samples_m_s2: Vec<f64>) -> Taps {
     }
 }
 
+/// Noise at the onset itself is above the threshold there, so that the onset seems one sample earlier.
+#[test]
+fn noise_at_the_onset_does_not_spoil_the_fit() {
+    let (frequency_hz, decay_s) = (673.002_495_331_562_7, 0.003);
+    let samples = made(
+        frequency_hz,
+        decay_s,
+        &[(0.2, 1.0)],
+        0.01,
+        6_106_194_692_089_818_276,
+    );
+    assert_eq!(onsets(&samples, RATE_HZ), [999]);
+    let found = TapFit::new(&[recording(samples)]).unwrap();
+    assert_eq!(found.impacts[0].time_s, 0.2);
+    assert!((found.decay_s / decay_s - 1.0).abs() < 0.03, "{found:?}");
+    assert!(
+        (found.impacts[0].amplitude_m_s2 - 1.0).abs() < 0.03,
+        "{found:?}"
+    );
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 

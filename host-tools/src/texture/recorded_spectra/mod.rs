@@ -42,9 +42,10 @@ pub fn recorded_spectra(
             .collect();
         LogSpectrum::estimate(&of_node)
     });
-    RecordedSpectra {
-        spectra: spectra.collect(),
-        speeds_mm_s: grid.speeds_mm_s.iter().map(|&v| as_written(v)).collect(),
-        forces_n: grid.forces_n.iter().map(|&f| as_written(f)).collect(),
-    }
+    let as_written = |axis: &[f32]| axis.iter().map(|&value| as_written(value)).collect();
+    RecordedSpectra::new(
+        as_written(&grid.speeds_mm_s),
+        as_written(&grid.forces_n),
+        spectra.collect(),
+    )
 }

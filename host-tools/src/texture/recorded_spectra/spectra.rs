@@ -1,5 +1,7 @@
 //! A texture's recorded spectra over its grid, and the spectrum at any place between them.
 
+use std::sync::{Arc, OnceLock};
+
 use super::surface_and_tool::{FEWEST_SPEEDS, SurfaceAndTool};
 use crate::dsp::log_spectrum::LogSpectrum;
 
@@ -11,13 +13,44 @@ pub struct RecordedSpectra {
     /// Normal forces, N, ascending.
     pub forces_n: Vec<f64>,
     /// Speed-major; none where nothing was recorded, or silence.
-    pub spectra: Vec<Option<LogSpectrum>>,
+    spectra: Vec<Option<LogSpectrum>>,
+    /// Surface and tool of every force with enough speeds, taken apart when first asked for: thousands of places may be
+    /// asked for, and each would take them apart again.
+    apart: Vec<Arc<OnceLock<SurfaceAndTool>>>,
 }
 
 /// A node by the indices of its speed and its force.
 pub type NodeIndex = (usize, usize);
 
 impl RecordedSpectra {
+    /// The field of `spectra`, speed-major, none where nothing was recorded or silence, at ascending speeds, mm/s, and
+    /// forces, N.
+    ///
+    /// # Panics
+    /// If there is not one spectrum, or none, for each node.
+    pub fn new(
+        speeds_mm_s: Vec<f64>,
+        forces_n: Vec<f64>,
+        spectra: Vec<Option<LogSpectrum>>,
+    ) -> Self {
+        assert_eq!(spectra.len(), speeds_mm_s.len() * forces_n.len());
+        Self {
+            apart: forces_n.iter().map(|_| Arc::default()).collect(),
+            speeds_mm_s,
+            forces_n,
+            spectra,
+        }
+    }
+
+    /// The field as if nothing had been recorded at a node.
+    #[must_use]
+    pub fn without_node(&self, (speed, force): NodeIndex) -> Self {
+        let mut field = self.clone();
+        field.spectra[speed * self.forces_n.len() + force] = None;
+        field.apart[force] = Arc::default();
+        field
+    }
+
     /// The spectrum at a node, if it was recorded.
     pub fn spectrum(&self, (speed, force): NodeIndex) -> Option<&LogSpectrum> {
         self.spectra[speed * self.forces_n.len() + force].as_ref()
@@ -37,7 +70,11 @@ impl RecordedSpectra {
         let above = members.partition_point(|member| member.0 < speed_mm_s);
         let (low, high) = (members.get(above.checked_sub(1)?)?, members.get(above)?);
         if members.len() >= FEWEST_SPEEDS {
-            return Some(SurfaceAndTool::of(&members).at(speed_mm_s));
+            let apart = || SurfaceAndTool::of(&members);
+            return Some(match without {
+                None => self.apart[force].get_or_init(apart).at(speed_mm_s),
+                Some(_) => apart().at(speed_mm_s),
+            });
         }
         let share = (speed_mm_s - low.0) / (high.0 - low.0);
         Some(LogSpectrum::mean(&[
@@ -186,15 +223,15 @@ mod tests {
     /// Levels over a grid: level(speed index, force index), in nepers of power.
     fn field(level: impl Fn(usize, usize) -> Option<f64>) -> RecordedSpectra {
         let (speeds, forces) = (6, 4);
-        RecordedSpectra {
-            speeds_mm_s: (1..=speeds).map(|s| 20.0 * s as f64).collect(),
-            forces_n: (1..=forces).map(|f| 0.2 * f as f64).collect(),
-            spectra: (0..speeds * forces)
+        RecordedSpectra::new(
+            (1..=speeds).map(|s| 20.0 * s as f64).collect(),
+            (1..=forces).map(|f| 0.2 * f as f64).collect(),
+            (0..speeds * forces)
                 .map(|i| {
                     level(i / forces, i % forces).map(|l| LogSpectrum::from_values(vec![l; BINS]))
                 })
                 .collect(),
-        }
+        )
     }
 
     #[test]
@@ -224,6 +261,22 @@ mod tests {
         let predicted =
             |field: &RecordedSpectra| field.without((3, 2), &TwoWays::of(field)).unwrap();
         assert_eq!(predicted(&plain), predicted(&odd));
+    }
+
+    #[test]
+    fn a_field_without_a_node_predicts_as_one_that_never_had_it_whatever_was_asked_before() {
+        let level = |speed: usize, force: usize| Some(0.7 * speed as f64 - (force as f64).powi(2));
+        let whole = field(level);
+        let asked = [(50.0, 0.4), (50.0, 0.6), (70.0, 0.7), (60.0, 0.6)];
+        let first: Vec<_> = asked.map(|(v, f)| whole.at(v, f)).into();
+        let without = whole.without_node((2, 2));
+        let never =
+            field(|speed, force| ((speed, force) != (2, 2)).then(|| level(speed, force))?);
+        for ((speed, force), first) in asked.into_iter().zip(first) {
+            assert_eq!(without.at(speed, force), never.at(speed, force));
+            assert_eq!(whole.at(speed, force), first);
+        }
+        assert_ne!(without.at(60.0, 0.6), whole.at(60.0, 0.6));
     }
 
     #[test]

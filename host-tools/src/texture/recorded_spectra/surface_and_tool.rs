@@ -8,6 +8,8 @@
 //!
 //! Moving the whole spectrum with the speed would move the tool's resonances too.
 
+use std::sync::LazyLock;
+
 use crate::dsp::log_spectrum::{BINS, LogSpectrum, STEP_HZ};
 
 /// Frequencies of the decomposition, evenly spaced in ln f.
@@ -30,23 +32,28 @@ type Curve = Vec<f64>;
 
 /// From one point to the next, as a difference of ln f.
 fn step() -> f64 {
-    (((BINS - 1) as f64 * STEP_HZ) / LOWEST_HZ).ln() / (POINTS - 1) as f64
+    static STEP: LazyLock<f64> =
+        LazyLock::new(|| (((BINS - 1) as f64 * STEP_HZ) / LOWEST_HZ).ln() / (POINTS - 1) as f64);
+    *STEP
 }
 
 fn curve_of(spectrum: &LogSpectrum) -> Curve {
-    (0..POINTS)
-        .map(|point| {
-            let frequency_hz = LOWEST_HZ * (step() * point as f64).exp();
-            spectrum.at(frequency_hz / STEP_HZ)
-        })
-        .collect()
+    /// The bin of each point.
+    static BIN_OF: LazyLock<Vec<f64>> = LazyLock::new(|| {
+        let bin = |point: usize| LOWEST_HZ * (step() * point as f64).exp() / STEP_HZ;
+        (0..POINTS).map(bin).collect()
+    });
+    BIN_OF.iter().map(|&bin| spectrum.at(bin)).collect()
 }
 
 fn spectrum_of(curve: &[f64]) -> LogSpectrum {
-    let values = (0..BINS).map(|bin| {
-        let frequency_hz = (bin as f64 * STEP_HZ).max(LOWEST_HZ);
-        value_at(curve, (frequency_hz / LOWEST_HZ).ln() / step())
+    /// The place of each bin among the points.
+    static PLACE_OF: LazyLock<Vec<f64>> = LazyLock::new(|| {
+        let frequency_hz = |bin: usize| (bin as f64 * STEP_HZ).max(LOWEST_HZ);
+        let place = |bin| (frequency_hz(bin) / LOWEST_HZ).ln() / step();
+        (0..BINS).map(place).collect()
     });
+    let values = PLACE_OF.iter().map(|&place| value_at(curve, place));
     LogSpectrum::from_values(values.collect())
 }
 
@@ -93,7 +100,8 @@ impl SurfaceAndTool {
             .iter()
             .zip(&parts.log_speeds)
             .map(|(curve, &log_speed)| {
-                let rest = (0..POINTS).map(|p| curve[p] - parts.both_at(p, log_speed));
+                let offset = parts.offset(log_speed);
+                let rest = (0..POINTS).map(|p| curve[p] - parts.both_at(p, offset));
                 smoothed(&smoothed(&rest.collect::<Curve>()))
             })
             .collect();
@@ -105,8 +113,9 @@ impl SurfaceAndTool {
         (self.log_speeds[self.log_speeds.len() - 1] - log_speed) / step()
     }
 
-    fn both_at(&self, point: usize, log_speed: f64) -> f64 {
-        self.tool[point] + value_at(&self.surface, point as f64 + self.offset(log_speed))
+    /// The sum of both at a point of a spectrum whose point 0 has this place on the surface's curve.
+    fn both_at(&self, point: usize, offset: f64) -> f64 {
+        self.tool[point] + value_at(&self.surface, point as f64 + offset)
     }
 
     fn surface_left_by_tool(&self, curves: &[Curve]) -> Vec<f64> {
@@ -158,11 +167,12 @@ impl SurfaceAndTool {
             self.log_speeds[above].exp(),
         );
         let share = ((speed_mm_s - low) / (high - low)).clamp(0.0, 1.0);
+        let offset = self.offset(log_speed);
         let curve: Curve = (0..POINTS)
             .map(|point| {
                 let (below, above) = (&self.rest[above - 1], &self.rest[above]);
                 let rest = below[point] + (above[point] - below[point]) * share;
-                self.both_at(point, log_speed) + rest
+                self.both_at(point, offset) + rest
             })
             .collect();
         spectrum_of(&curve)

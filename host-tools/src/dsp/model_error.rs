@@ -1,0 +1,262 @@
+//! Difference between a model and what is left of it after rounding: in the spectrum, where skin feels.
+
+use realfft::num_complex::Complex;
+use serde::{Deserialize, Serialize};
+
+use super::linear_prediction::{error_share, step_up};
+use super::spectrum::{BAND_COUNT, band_edges_hz};
+use super::with_planner;
+
+/// Range of frequencies that are compared, Hz.
+const RANGE_HZ: (f64, f64) = (20.0, 1000.0);
+
+/// Widest step of the frequencies that are compared, Hz.
+const WIDEST_STEP_HZ: f64 = 0.31;
+
+/// Steps from a peak within which a line falls by half; wider peaks are seen by the steps themselves.
+const LINE_STEPS: usize = 4;
+
+/// Largest differences between the spectra of two models of equal power, 20 to 1000 Hz.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ModelError {
+    /// RMS difference over linear frequency, dB.
+    pub rms_db: f64,
+    /// Difference of the power in the third octave where it is largest, dB.
+    pub third_octave_db: f64,
+    /// Difference of the density at the peak of the line where it is largest, dB. A line's density falls by half within
+    /// 1.2 Hz of its peak. 0 without lines.
+    pub line_db: f64,
+}
+
+impl ModelError {
+    /// Compares the model whose reflection coefficients are `rounded` with that of `exact`, at a sample rate of
+    /// `rate_hz`.
+    pub fn between(exact: &[f64], rounded: &[f64], rate_hz: f64) -> Self {
+        let length = ((rate_hz / WIDEST_STEP_HZ).ceil() as usize).next_power_of_two();
+        let step_hz = rate_hz / length as f64;
+        let models = [exact, rounded].map(Polynomial::of);
+        let [exact_density, ratio] = densities(&models, length);
+        let bin = |hz: f64| ((hz / step_hz).ceil() as usize).min(ratio.len());
+        let range = bin(RANGE_HZ.0)..bin(RANGE_HZ.1);
+        // The bins of a band with their shares: those at both ends count as far as they lie within it.
+        let shares = |(low, high): (f64, f64)| {
+            let (low, high) = (low / step_hz, high / step_hz);
+            let bins = low.round() as usize..=(high.round() as usize).min(ratio.len() - 1);
+            bins.map(move |bin| {
+                let share = (bin as f64 + 0.5).min(high) - (bin as f64 - 0.5).max(low);
+                (bin, share)
+            })
+        };
+        let (mut squares, mut width) = (0.0, 0.0);
+        for (bin, share) in shares(RANGE_HZ) {
+            squares += share * decibels(ratio[bin]).powi(2);
+            width += share;
+        }
+        let mean_square = squares / width;
+        let third_octaves = (0..BAND_COUNT).map(|band| {
+            let (mut here, mut there) = (0.0, 0.0);
+            for (bin, share) in shares(band_edges_hz(band)) {
+                here += share * exact_density[bin];
+                there += share * exact_density[bin] * ratio[bin];
+            }
+            decibels(there / here).abs()
+        });
+        let lines = range
+            .filter(|&bin| is_line(&exact_density, bin))
+            .map(|bin| {
+                let [low, high] = [bin - 1, bin + 1].map(|bin| bin as f64 / length as f64);
+                let peak = models[0].peak(low, high);
+                decibels(models[1].density(peak) / models[0].density(peak)).abs()
+            });
+        Self {
+            rms_db: mean_square.sqrt(),
+            third_octave_db: third_octaves.fold(0.0, f64::max),
+            line_db: lines.fold(0.0, f64::max),
+        }
+    }
+
+    /// Returns the larger of each.
+    #[must_use]
+    pub fn max(self, other: Self) -> Self {
+        Self {
+            rms_db: self.rms_db.max(other.rms_db),
+            third_octave_db: self.third_octave_db.max(other.third_octave_db),
+            line_db: self.line_db.max(other.line_db),
+        }
+    }
+
+    /// Returns the largest of the three as a share of its own in `bounds`: at most 1 within them.
+    pub fn share_of(self, bounds: Self) -> f64 {
+        let shares = [
+            self.rms_db / bounds.rms_db,
+            self.third_octave_db / bounds.third_octave_db,
+            self.line_db / bounds.line_db,
+        ];
+        shares.into_iter().fold(0.0, f64::max)
+    }
+}
+
+fn decibels(ratio: f64) -> f64 {
+    10.0 * ratio.log10()
+}
+
+/// Returns whether the densities have a peak at `bin` that falls by half within [`LINE_STEPS`].
+fn is_line(densities: &[f64], bin: usize) -> bool {
+    let Some(around) = densities.get(bin - LINE_STEPS..=bin + LINE_STEPS) else {
+        return false;
+    };
+    let here = densities[bin];
+    let half = |density: f64| density < 0.5 * here;
+    around.iter().all(|&density| density <= here) && half(around[0]) && half(around[2 * LINE_STEPS])
+}
+
+/// A model of power 1: A(z), and the power of its prediction error.
+struct Polynomial {
+    a: Vec<f64>,
+    error_power: f64,
+}
+
+impl Polynomial {
+    fn of(reflection: &[f64]) -> Self {
+        Self {
+            a: step_up(reflection),
+            error_power: error_share(reflection),
+        }
+    }
+
+    /// Power density at a frequency, in turns per sample.
+    fn density(&self, turns: f64) -> f64 {
+        let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
+        let delay = Complex::new(cos, -sin);
+        let tail = self
+            .a
+            .iter()
+            .rev()
+            .fold(Complex::ZERO, |sum, &a| (sum + a) * delay);
+        self.error_power / (tail + 1.0).norm_sqr()
+    }
+
+    /// Frequency of the highest density between two, where it has one peak, by golden section.
+    fn peak(&self, mut low: f64, mut high: f64) -> f64 {
+        /// To 10⁻⁷ of the distance, far within the width of any line.
+        const STEPS: usize = 34;
+        const SHARE: f64 = 0.618_033_988_749_894_9;
+        for _ in 0..STEPS {
+            let width = SHARE * (high - low);
+            let [left, right] = [high - width, low + width];
+            if self.density(left) > self.density(right) {
+                high = right;
+            } else {
+                low = left;
+            }
+        }
+        0.5 * (low + high)
+    }
+}
+
+/// The first model's density, up to the last frequency of the range, and the second's as a share of it.
+fn densities(models: &[Polynomial; 2], length: usize) -> [Vec<f64>; 2] {
+    let transform = with_planner(|planner| planner.plan_fft_forward(length));
+    let mut scratch = transform.make_scratch_vec();
+    let mut response = transform.make_input_vec();
+    let [exact, rounded] = models.each_ref().map(|model| {
+        let mut spectrum = transform.make_output_vec();
+        // A transform leaves its input in disorder.
+        response.fill(0.0);
+        response[0] = 1.0;
+        for (lag, &a) in (1..).zip(&model.a) {
+            response[lag % length] += a;
+        }
+        transform
+            .process_with_scratch(&mut response, &mut spectrum, &mut scratch)
+            .expect("lengths come from the plan");
+        let density = |bin: &Complex<f64>| model.error_power / bin.norm_sqr();
+        spectrum.iter().map(density).collect::<Vec<f64>>()
+    });
+    let ratio = rounded.iter().zip(&exact).map(|(r, e)| r / e).collect();
+    [exact, ratio]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const RATE_HZ: f64 = 5000.0;
+
+    #[test]
+    fn a_model_has_no_error_against_itself() {
+        let error = ModelError::between(&[-0.99, 0.9, 0.3], &[-0.99, 0.9, 0.3], RATE_HZ);
+        assert_eq!(error, ModelError::default());
+    }
+
+    proptest! {
+        /// By its definition: sums over single frequencies, each evaluated on its own.
+        #[test]
+        fn errors_are_those_of_the_densities(
+            k in prop::collection::vec(-0.7f64..0.7, 1..12), by in -0.01f64..0.01,
+        ) {
+            let other: Vec<f64> = k.iter().map(|k| k + by).collect();
+            let error = ModelError::between(&k, &other, RATE_HZ);
+            let (a, b) = (Polynomial::of(&k), Polynomial::of(&other));
+            let at = |model: &Polynomial, hz: f64| model.density(hz / RATE_HZ);
+            let steps = |low: f64, high: f64| {
+                let step_hz = (high - low) / 5000.0;
+                (0..5000).map(move |step| low + step_hz * (f64::from(step) + 0.5))
+            };
+            let square = |hz: f64| decibels(at(&b, hz) / at(&a, hz)).powi(2);
+            let rms = (steps(20.0, 1000.0).map(square).sum::<f64>() / 5000.0).sqrt();
+            prop_assert!((error.rms_db - rms).abs() < 0.01 * rms + 1e-6, "{} {}", error.rms_db, rms);
+            let bands = (0..BAND_COUNT).map(|band| {
+                let (low, high) = band_edges_hz(band);
+                let power = |model| steps(low, high).map(|hz| at(model, hz)).sum::<f64>();
+                decibels(power(&b) / power(&a)).abs()
+            });
+            let worst = bands.fold(0.0, f64::max);
+            let found = error.third_octave_db;
+            prop_assert!((found - worst).abs() < 0.02 * worst + 1e-3, "{found} {worst}");
+        }
+    }
+
+    /// The difference is 2.6 dB at 1000 Hz, and falls by half within 10 Hz.
+    #[test]
+    fn a_line_at_the_end_of_the_range_counts_as_far_as_it_lies_within() {
+        let k = [
+            -0.360_142_541_703_119_55,
+            0.044_945_545_389_948_65,
+            -0.320_462_771_523_416_96,
+            -0.292_563_594_288_660_9,
+            -0.637_133_487_299_018_5,
+            -0.542_171_027_972_315_5,
+            -0.553_129_619_270_218_8,
+            0.516_090_815_645_316_2,
+            0.644_135_485_427_644_2,
+            -0.624_654_152_150_036_8,
+        ];
+        let other = k.map(|k| k + 0.001_594_611_516_740_692_5);
+        let error = ModelError::between(&k, &other, RATE_HZ);
+        // By NumPy, over two million frequencies.
+        assert!(
+            (error.rms_db - 0.166_622_7).abs() < 1e-4,
+            "{}",
+            error.rms_db
+        );
+    }
+
+    /// A line of 0.03 Hz between two of the frequencies that are compared, moved by a tenth of its width.
+    #[test]
+    fn a_line_is_found_between_the_steps_and_compared_in_its_place() {
+        for line_hz in [60.0, 200.2, 517.77, 999.0] {
+            let pole = |hz: f64| {
+                let (radius, angle) = (0.99999f64, std::f64::consts::TAU * hz / RATE_HZ);
+                let k2 = radius * radius;
+                vec![-2.0 * radius * angle.cos() / (1.0 + k2), k2]
+            };
+            let error = ModelError::between(&pole(line_hz), &pole(line_hz + 0.0016), RATE_HZ);
+            // 1 + (2 · 0.1)², of a width of 0.016 Hz.
+            assert!((error.line_db - 0.17).abs() < 0.02, "{line_hz}: {error:?}");
+            let wide = ModelError::between(&[-0.9, 0.99], &[-0.9, 0.9901], RATE_HZ);
+            assert_eq!(wide.line_db, 0.0);
+        }
+    }
+}

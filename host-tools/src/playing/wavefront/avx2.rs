@@ -1,0 +1,293 @@
+//! The wavefront in vectors of AVX2: four samples in a vector, up to four vectors in a pass.
+//!
+//! A lane of 64 bits holds a sample: its forward signal in the lower half, and in the upper half the backward signal
+//! that its last stage made. The products of 32 bits read lower halves alone. Neighbouring samples are in neighbouring
+//! vectors, so that the signal that goes from one to the next changes its lane once per round and not in each step.
+//! Four vectors are as many as the registers hold, and enough to fill the time that one step waits for the step before.
+
+use core::arch::x86_64::__m256i;
+
+use pulp::x86::V3;
+use stylus_kernel::arithmetic::{Arithmetic, Portable, SUMS, Turn};
+use stylus_kernel::rotation::Rotation;
+
+use super::rotations::{MAX_SAMPLES, SpacedRotations};
+
+/// Samples in a vector.
+const LANES: usize = 4;
+
+/// Half of full scale: what is beyond saturates when it is doubled.
+const HALF_SCALE: i32 = 1 << 30;
+
+/// Runs a closure with the instructions of `simd` in all that is inlined into it.
+#[inline(always)]
+fn dispatched<Output>(simd: V3, work: impl FnOnce(V3) -> Output) -> Output {
+    simd.vectorize(
+        #[inline(always)]
+        || work(simd),
+    )
+}
+
+/// See [`Arithmetic::rotate_block`].
+pub fn rotate_block(simd: V3, rotations: &[Rotation], backward: &mut [i32], samples: &mut [i32]) {
+    // A single sample has nobody to run beside.
+    if rotations.is_empty() || samples.len() < 2 {
+        return Portable::rotate_block(rotations, backward, samples);
+    }
+    let whole = samples.len() - samples.len() % MAX_SAMPLES;
+    let (whole, rest) = samples.split_at_mut(whole);
+    for samples in [whole, rest] {
+        match samples.len().div_ceil(LANES) {
+            0 => {}
+            1 => passes::<1, 2>(simd, rotations, backward, samples),
+            2 => passes::<2, 4>(simd, rotations, backward, samples),
+            3 => passes::<3, 6>(simd, rotations, backward, samples),
+            _ => passes::<4, 8>(simd, rotations, backward, samples),
+        }
+    }
+}
+
+/// Passes `samples` through in passes of `V` vectors, of which each is two stages behind the one before.
+fn passes<const V: usize, const SPACING: usize>(
+    simd: V3,
+    rotations: &[Rotation],
+    backward: &mut [i32],
+    samples: &mut [i32],
+) {
+    const { assert!(SPACING == 2 * V && V * LANES <= MAX_SAMPLES) };
+    let lattice = Lattice {
+        stages: rotations.len() as isize,
+        rotations: &SpacedRotations::<SPACING>::new(rotations),
+    };
+    for samples in samples.chunks_mut(V * LANES) {
+        dispatched(
+            simd,
+            #[inline(always)]
+            |simd| lattice.pass::<V>(simd, backward, samples),
+        );
+    }
+}
+
+/// A lattice with at least one stage.
+#[derive(Clone, Copy)]
+struct Lattice<'a, const SPACING: usize> {
+    stages: isize,
+    rotations: &'a SpacedRotations<SPACING>,
+}
+
+impl<const SPACING: usize> Lattice<'_, SPACING> {
+    /// Passes `samples` through, at most four for each of the `V` vectors.
+    ///
+    /// In step t, sample j is at stage M - 1 - t + 2j, counted from 0. Samples wait above the last stage, and end below
+    /// the first, where there is nothing but zeros.
+    #[inline(always)]
+    fn pass<const V: usize>(self, simd: V3, backward: &mut [i32], samples: &mut [i32]) {
+        let step = Step::new(simd);
+        let behind = 2 * (samples.len() as isize - 1);
+        let last = self.stages - 1;
+        let mut lanes = [simd.avx._mm256_set1_epi32(0); V];
+        // Samples begin.
+        let begun = behind.min(last);
+        for stage in (last - begun + 1..=last).rev() {
+            let at = last - stage;
+            if at % 2 == 0 {
+                step.begin(&mut lanes, at / 2, samples);
+            }
+            let below = backward[stage as usize];
+            let shifted = step.backward(&lanes, below);
+            step.rotate(&mut lanes, &shifted, self.rotations, stage);
+        }
+        // All are on their way: the last sample leaves its backward signals for the next pass.
+        if behind < last {
+            step.begin(&mut lanes, behind / 2, samples);
+        }
+        for stage in (1..=last - behind).rev() {
+            let below = backward[stage as usize];
+            let shifted = step.backward(&lanes, below);
+            step.rotate(&mut lanes, &shifted, self.rotations, stage);
+            backward[(stage + behind + 1) as usize] = lane_of(&lanes, samples.len() - 1)[1];
+        }
+        // Samples end, and in a short lattice some have yet to begin.
+        let mut output = 0;
+        for stage in (-behind..=0).rev() {
+            let at = last - stage;
+            if at % 2 == 0 && at <= behind {
+                step.begin(&mut lanes, at / 2, samples);
+            }
+            let below = backward[stage.max(0) as usize];
+            let mut shifted = step.backward(&lanes, below);
+            let at_first_stage = (stage % 2 == 0).then_some((-stage / 2) as usize);
+            if let Some(number) = at_first_stage.filter(|&number| number > 0) {
+                // The backward signal below the first stage is the output of the sample before.
+                step.put_lower_half(&mut shifted, number, output);
+            }
+            step.rotate(&mut lanes, &shifted, self.rotations, stage);
+            if let Some(number) = at_first_stage {
+                output = lane_of(&lanes, number)[0];
+                samples[number] = output;
+            }
+            if at >= behind {
+                backward[(stage + behind + 1) as usize] = lane_of(&lanes, samples.len() - 1)[1];
+            }
+        }
+        backward[0] = output;
+    }
+}
+
+/// The constants of a step.
+#[derive(Clone, Copy)]
+struct Step {
+    simd: V3,
+    half_scale: __m256i,
+    /// The highest word that does not saturate when it is doubled.
+    highest: __m256i,
+    /// The lowest one, before it is truncated toward zero.
+    lowest: __m256i,
+    /// Takes the upper half of each lane to the lower half of the next.
+    to_next_lane: __m256i,
+}
+
+impl Step {
+    #[inline(always)]
+    fn new(simd: V3) -> Self {
+        Self {
+            simd,
+            half_scale: simd.avx._mm256_set1_epi32(HALF_SCALE),
+            highest: simd.avx._mm256_set1_epi32(HALF_SCALE - 1),
+            lowest: simd.avx._mm256_set1_epi32(-HALF_SCALE - 1),
+            to_next_lane: simd.avx._mm256_setr_epi32(7, 7, 1, 1, 3, 3, 5, 5),
+        }
+    }
+
+    /// The backward signals that the samples are to read, in lower halves: that of the sample before, and `below` for
+    /// the first.
+    #[inline(always)]
+    fn backward<const V: usize>(self, lanes: &[__m256i; V], below: i32) -> [__m256i; V] {
+        let Self { simd, .. } = self;
+        let below = simd.sse2._mm_cvtsi32_si128(below);
+        let below = simd.avx._mm256_castsi128_si256(below);
+        let turned = (simd.avx2)._mm256_permutevar8x32_epi32(lanes[V - 1], self.to_next_lane);
+        let mut backward = [simd.avx2._mm256_blend_epi32::<1>(turned, below); V];
+        for (to, &from) in backward[1..].iter_mut().zip(lanes) {
+            *to = simd.avx2._mm256_srli_epi64::<32>(from);
+        }
+        backward
+    }
+
+    /// One stage of each sample, the first at `stage`; see [`stylus_kernel::arithmetic::rotated`].
+    #[inline(always)]
+    fn rotate<const V: usize, const SPACING: usize>(
+        self,
+        lanes: &mut [__m256i; V],
+        backward: &[__m256i; V],
+        rotations: &SpacedRotations<SPACING>,
+        stage: isize,
+    ) {
+        let simd = self.simd;
+        for (index, (vector, &backward)) in lanes.iter_mut().zip(backward).enumerate() {
+            let forward = *vector;
+            let entries = rotations.at_stage::<LANES>(stage + 2 * index as isize);
+            let cos: __m256i = pulp::cast(entries);
+            let sin = simd.avx2._mm256_srli_epi64::<32>(cos);
+            let down = (simd.avx2)._mm256_sub_epi64(
+                simd.avx2._mm256_mul_epi32(cos, forward),
+                simd.avx2._mm256_mul_epi32(sin, backward),
+            );
+            let up = (simd.avx2)._mm256_add_epi64(
+                simd.avx2._mm256_mul_epi32(sin, forward),
+                simd.avx2._mm256_mul_epi32(cos, backward),
+            );
+            let down = simd.avx2._mm256_srli_epi64::<32>(down);
+            let high = simd.avx2._mm256_blend_epi32::<0b1010_1010>(down, up);
+            *vector = self.doubled_toward_zero(high);
+        }
+    }
+
+    /// Twice the upper halves of sums, truncated toward zero and saturated.
+    ///
+    /// Truncation adds one to what is negative, so that all that is below -2³⁰ - 1 saturates. 2·2³⁰ - 1 is the positive
+    /// full scale, and a comparison that holds is -1.
+    #[inline(always)]
+    fn doubled_toward_zero(self, high: __m256i) -> __m256i {
+        let avx2 = self.simd.avx2;
+        let is_negative = avx2._mm256_srli_epi32::<31>(high);
+        let is_beyond = avx2._mm256_cmpgt_epi32(high, self.highest);
+        let correction = avx2._mm256_add_epi32(is_negative, is_negative);
+        let correction = avx2._mm256_add_epi32(correction, is_beyond);
+        let clamped = avx2._mm256_max_epi32(high, self.lowest);
+        let clamped = avx2._mm256_min_epi32(clamped, self.half_scale);
+        avx2._mm256_add_epi32(avx2._mm256_add_epi32(clamped, clamped), correction)
+    }
+
+    /// Lets sample `number` begin, if there is one.
+    #[inline(always)]
+    fn begin<const V: usize>(self, lanes: &mut [__m256i; V], number: isize, samples: &[i32]) {
+        let number = number as usize;
+        if let Some(&sample) = samples.get(number) {
+            self.put_lower_half(lanes, number, sample);
+        }
+    }
+
+    /// Puts `word` into the lower half of the lane of sample `number`.
+    #[inline(always)]
+    fn put_lower_half<const V: usize>(self, lanes: &mut [__m256i; V], number: usize, word: i32) {
+        const NONE: i32 = i32::MIN;
+        let Self { simd, .. } = self;
+        let word = simd.avx._mm256_set1_epi32(word);
+        let halves = (simd.avx)._mm256_setr_epi32(0, NONE, 1, NONE, 2, NONE, 3, NONE);
+        for (index, vector) in lanes.iter_mut().enumerate() {
+            let lane = if index == number % V {
+                (number / V) as i32
+            } else {
+                -1
+            };
+            let is_lane = simd
+                .avx2
+                ._mm256_cmpeq_epi32(halves, simd.avx._mm256_set1_epi32(lane));
+            *vector = simd.avx2._mm256_blendv_epi8(*vector, word, is_lane);
+        }
+    }
+}
+
+/// Both halves of the lane of sample `number`, the lower one first.
+#[inline(always)]
+fn lane_of<const V: usize>(lanes: &[__m256i; V], number: usize) -> [i32; 2] {
+    let mut lane = [0; 2];
+    // Indices that are known when this is compiled leave the vectors in registers.
+    for (index, &vector) in lanes.iter().enumerate() {
+        if index == number % V {
+            let halves: [[i32; 2]; LANES] = pulp::cast(vector);
+            lane = halves[number / V % LANES];
+        }
+    }
+    lane
+}
+
+/// See [`Arithmetic::sums_of_products`]. Sums wrap at 64 bits, so that their order does not matter.
+pub fn sums_of_products(simd: V3, coefficients: &[Turn], samples: &[i32]) -> [i64; SUMS] {
+    let coefficients = coefficients.as_flattened();
+    let samples = &samples[..coefficients.len() + SUMS - 1];
+    dispatched(
+        simd,
+        #[inline(always)]
+        |simd| {
+            let mut sums = [simd.avx._mm256_set1_epi32(0); SUMS];
+            let wide = |words: [i32; LANES]| simd.avx2._mm256_cvtepi32_epi64(pulp::cast(words));
+            for (place, &a) in coefficients.as_chunks::<LANES>().0.iter().enumerate() {
+                let a = wide(a);
+                for (sum, total) in sums.iter_mut().enumerate() {
+                    let from = &samples[LANES * place + SUMS - 1 - sum..];
+                    let Some(&b) = from.first_chunk() else {
+                        continue;
+                    };
+                    let product = simd.avx2._mm256_mul_epi32(a, wide(b));
+                    *total = simd.avx2._mm256_add_epi64(*total, product);
+                }
+            }
+            sums.map(|sum| {
+                let lanes: [i64; LANES] = pulp::cast(sum);
+                lanes.into_iter().fold(0, i64::wrapping_add)
+            })
+        },
+    )
+}
