@@ -2,17 +2,16 @@
 
 use std::path::Path;
 
-use csv::StringRecord;
-
-use super::csv_table::{CsvText, csv_error};
 use super::rate::{length_fault, rate_fault};
 use super::source::{Cut, MAX_CHANNELS, Source};
+use super::times::rate_of;
+use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 
 /// Column of the time of each sample, s.
 const TIME_COLUMN: &str = "time_s";
 
-/// Largest deviation of a step of the time column from the mean step, as a share of it.
+/// Largest deviation of a step of the first column from the mean step, as a share of it, at which it counts as times.
 const UNEVENNESS: f64 = 0.5;
 
 /// Names of columns that hold a time, in lower case, without a unit.
@@ -32,43 +31,36 @@ const LEAST_TIMES: usize = 8;
 /// A first line with a field that is not a number is a header. Without a column `time_s`, `sample_rate_hz` must be
 /// given.
 pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Result<Source> {
-    let table = CsvText::read(path)?;
-    let mut reader = table.reader(false);
+    // Regular files alone, because a recording is read again: for its kind, and for the hash of its bytes.
+    TABLE.open(path)?;
+    let table = CsvTable::read(path, TABLE)?;
+    let mut rows = table.rows();
     let mut columns: Vec<Vec<f64>> = Vec::new();
-    let mut names: Option<StringRecord> = None;
-    for (number, record) in reader.records().enumerate() {
-        let record = record.map_err(|failure| unequal(csv_error(path, failure), &table))?;
-        let line = record.position().map_or(0, csv::Position::line);
-        if number == 0 {
-            columns.resize(record.len(), Vec::new());
-            if record.iter().any(|field| table.number(field).is_none()) {
-                refuse_numbers_in_header(path, line, &record, &table)?;
-                names = Some(record);
+    let mut names: Option<Header<'_>> = None;
+    while let Some(row) = rows.next_row()? {
+        if columns.is_empty() {
+            columns.resize(row.width(), Vec::new());
+            if row.fields().any(|field| table.number(field).is_none()) {
+                refuse_numbers_in_header(&row, &table)?;
+                names = Some(table.header()?);
                 continue;
             }
         }
-        for (index, (column, field)) in columns.iter_mut().zip(&record).enumerate() {
-            column.push(table.number(field).ok_or_else(|| {
-                let problem = format!(
-                    "'{field}' in column {} is not a number (fields are separated by a {})",
-                    index + 1,
-                    table.separator_name()
-                );
-                Error::line(path, line, problem)
-            })?);
+        for (index, column) in columns.iter_mut().enumerate() {
+            column.push(row.number(index)?);
         }
     }
     let time_column = match &names {
-        Some(names) => time_column(path, names)?,
+        Some(names) => time_column(names)?,
         None => None,
     };
     let time = time_column.map(|index| columns.remove(index));
     if columns.is_empty() || columns.len() > MAX_CHANNELS {
         let problem = format!(
-            "{} columns of samples, separated by a {}: give 1 to {MAX_CHANNELS}, one per axis, and name a column of \
-             times '{TIME_COLUMN}'",
+            "{} columns of samples ({}): give 1 to {MAX_CHANNELS}, one per axis, and name a column of times \
+             '{TIME_COLUMN}'",
             columns.len(),
-            table.separator_name()
+            table.conventions()
         );
         return Err(Error::file(path, problem));
     }
@@ -76,7 +68,7 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
         refuse_times_without_a_name(path, &columns)?;
     }
     let rate_hz = match (time, sample_rate_hz) {
-        (Some(time), _) => rate_of(path, &time)?,
+        (Some(time), _) => near_whole(rate_of(&table, TIME_COLUMN, &time)?),
         (None, Some(rate_hz)) => rate_hz,
         (None, None) => {
             let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
@@ -106,8 +98,8 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
 }
 
 /// Returns the index of the column of times, after a check that every other column can be an axis.
-fn time_column(path: &Path, names: &StringRecord) -> Result<Option<usize>> {
-    for (index, name) in names.iter().enumerate() {
+fn time_column(names: &Header<'_>) -> Result<Option<usize>> {
+    for (index, name) in names.names().enumerate() {
         let lower = name.to_lowercase();
         let stem = lower.split(['_', ' ', '[', '(']).next().unwrap_or_default();
         let problem = if MOTION_COLUMNS.contains(&name) {
@@ -118,7 +110,7 @@ fn time_column(path: &Path, names: &StringRecord) -> Result<Option<usize>> {
             format!(
                 "has a column '{name}': name it '{TIME_COLUMN}' if it is the time in seconds, or remove it"
             )
-        } else if COUNTER_NAMES.contains(&stem) && names.len() > 1 {
+        } else if COUNTER_NAMES.contains(&stem) && names.width() > 1 {
             format!(
                 "has a column '{name}', which is no acceleration: remove column {}",
                 index + 1
@@ -130,36 +122,41 @@ fn time_column(path: &Path, names: &StringRecord) -> Result<Option<usize>> {
         } else {
             continue;
         };
-        return Err(Error::file(path, problem));
+        return Err(names.error(problem));
     }
-    Ok(names.iter().position(|name| name == TIME_COLUMN))
+    names.column(TIME_COLUMN)
+}
+
+/// The whole rate next to `rate_hz`, if it is close: times are often printed with few digits.
+fn near_whole(rate_hz: f64) -> f64 {
+    let whole = rate_hz.round();
+    if (rate_hz / whole - 1.0).abs() < 1e-3 {
+        whole
+    } else {
+        rate_hz
+    }
 }
 
 /// Refuses a header that is a line of numbers with one that cannot be read.
-fn refuse_numbers_in_header(
-    path: &Path,
-    line: u64,
-    header: &StringRecord,
-    table: &CsvText,
-) -> Result<()> {
+fn refuse_numbers_in_header(header: &Row<'_, '_>, table: &CsvTable) -> Result<()> {
     let is_number = |field: &str| table.number(field).is_some();
     let Some((index, bad)) = header
-        .iter()
+        .fields()
         .enumerate()
         .find(|(_, field)| !is_number(field))
     else {
         return Ok(());
     };
-    if !header.iter().any(is_number) && !bad.starts_with(|c: char| c.is_ascii_digit() || c == '-') {
+    if !header.fields().any(is_number) && !bad.starts_with(|c: char| c.is_ascii_digit() || c == '-')
+    {
         return Ok(());
     }
-    let problem = format!(
-        "'{bad}' in column {} is neither a number nor, beside numbers, a name (fields are separated by a {}, decimals \
-         by a point; by a comma only where fields are not)",
+    Err(header.error(format!(
+        "'{bad}' in column {} is neither a number nor, beside numbers, a name ({}; decimal commas need another \
+         separator)",
         index + 1,
-        table.separator_name()
-    );
-    Err(Error::line(path, line, problem))
+        table.conventions()
+    )))
 }
 
 /// Refuses a first column that rises in even steps, which is no acceleration.
@@ -180,44 +177,4 @@ fn refuse_times_without_a_name(path: &Path, columns: &[Vec<f64>]) -> Result<()> 
         return Err(Error::file(path, problem));
     }
     Ok(())
-}
-
-/// Adds the separator to a failure of lines that are not equally long.
-fn unequal(failure: Error, table: &CsvText) -> Error {
-    match failure {
-        Error::Line {
-            path,
-            line,
-            problem,
-        } => Error::Line {
-            path,
-            line,
-            problem: format!(
-                "{problem} (fields are separated by a {})",
-                table.separator_name()
-            ),
-        },
-        other => other,
-    }
-}
-
-/// Returns the sample rate of evenly spaced times, in Hz.
-fn rate_of(path: &Path, time: &[f64]) -> Result<f64> {
-    let (Some(first), Some(last)) = (time.first(), time.last()) else {
-        return Err(Error::file(path, "holds no samples"));
-    };
-    let step = (last - first) / (time.len() - 1).max(1) as f64;
-    let even = |pair: &[f64]| ((pair[1] - pair[0]) / step - 1.0).abs() <= UNEVENNESS;
-    if !step.is_finite() || step <= 0.0 || !time.windows(2).all(even) {
-        let problem = "its column 'time_s' does not ascend in even steps; resample it first";
-        return Err(Error::file(path, problem));
-    }
-    let rate_hz = 1.0 / step;
-    // Times are often printed with few digits, so that a rate close to a whole number is that number.
-    let whole = rate_hz.round();
-    Ok(if (rate_hz / whole - 1.0).abs() < 1e-3 {
-        whole
-    } else {
-        rate_hz
-    })
 }

@@ -3,13 +3,13 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use csv::StringRecord;
 use model_format::Provenance;
 
-use super::csv_table::{CsvText, csv_error, csv_header};
 use super::rate::rate_fault;
 use super::trial::Trial;
+use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
+use crate::support::hand::{force_fault, speed_fault};
 
 /// Returns whether the file at `path` is a list of trials, by the names in its first line.
 pub(super) fn is_list(path: &Path) -> bool {
@@ -17,20 +17,18 @@ pub(super) fn is_list(path: &Path) -> bool {
         let extension = extension.to_string_lossy().to_lowercase();
         extension == "csv" || extension == "txt"
     });
-    let Ok(table) = (if is_text {
-        CsvText::read(path)
-    } else {
+    if !is_text {
         return false;
-    }) else {
+    }
+    let Ok(table) = CsvTable::read(path, TABLE) else {
         return false;
     };
-    let mut reader = table.reader(true);
-    let Ok(header) = reader.headers() else {
+    let Ok(header) = table.header() else {
         return false;
     };
     ["file", "texture"]
         .iter()
-        .all(|name| header.iter().any(|known| known == *name))
+        .all(|name| header.names().any(|known| known == *name))
 }
 
 /// Reads a list of trials; its files are relative to its folder.
@@ -38,20 +36,18 @@ pub(super) fn is_list(path: &Path) -> bool {
 /// # Errors
 /// A list that is missing or empty, or a line that cannot be used, with its number.
 pub(super) fn read(list: &Path) -> Result<Vec<Trial>> {
-    let table = CsvText::read(list)?;
-    let mut reader = table.reader(true);
-    let header = csv_header(list, &mut reader)?;
-    let columns = Columns::of(list, &header)?;
+    // Regular files alone, because a list is read again for its kind.
+    TABLE.open(list)?;
+    let table = CsvTable::read(list, TABLE)?;
+    let columns = Columns::of(&table.header()?)?;
     let folder = list.parent().unwrap_or(Path::new("."));
-    let mut trials = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|failure| csv_error(list, failure))?;
+    let (mut rows, mut trials) = (table.rows_below_header()?, Vec::new());
+    while let Some(row) = rows.next_row()? {
         if trials.len() == MOST_TRIALS {
-            let line = record.position().map_or(0, csv::Position::line);
             let problem = format!("lists more than {MOST_TRIALS} trials: make several lists");
-            return Err(Error::line(list, line, problem));
+            return Err(row.error(problem));
         }
-        trials.push(columns.trial(list, folder, &record, &table)?);
+        trials.push(columns.trial(folder, &row)?);
     }
     if trials.is_empty() {
         return Err(Error::file(list, "lists no trials: add at least one line"));
@@ -62,8 +58,8 @@ pub(super) fn read(list: &Path) -> Result<Vec<Trial>> {
 /// Indices of a list's columns, by name.
 struct Columns(HashMap<&'static str, usize>);
 
-/// Most trials of a list. Each is compared with every other one.
-const MOST_TRIALS: usize = 20_000;
+/// Most trials of a list: a large laboratory's, at some 600 bytes of memory each.
+const MOST_TRIALS: usize = 1_000_000;
 
 const REQUIRED: [&str; 4] = ["file", "texture", "speed_mm_s", "force_n"];
 
@@ -76,54 +72,39 @@ const OPTIONAL: [&str; 5] = [
 ];
 
 impl Columns {
-    fn of(list: &Path, header: &StringRecord) -> Result<Self> {
-        let line = header.position().map_or(1, csv::Position::line);
+    fn of(header: &Header<'_>) -> Result<Self> {
+        let expected = format!(
+            "the columns of a list are {}, {}",
+            REQUIRED.join(", "),
+            OPTIONAL.join(", ")
+        );
         let mut columns = HashMap::new();
-        for (index, name) in header.iter().enumerate() {
+        for name in REQUIRED {
+            columns.insert(name, header.needed(name, &expected)?);
+        }
+        for name in header.names() {
             let known = REQUIRED.iter().chain(&OPTIONAL).find(|&&k| k == name);
             let Some(&known) = known else {
-                let problem = format!(
-                    "unknown column '{name}': the columns are {}, {}",
-                    REQUIRED.join(", "),
-                    OPTIONAL.join(", ")
-                );
-                return Err(Error::line(list, line, problem));
+                return Err(header.error(format!("unknown column '{name}': {expected}")));
             };
-            if columns.insert(known, index).is_some() {
-                return Err(Error::line(
-                    list,
-                    line,
-                    format!("more than one column '{name}'"),
-                ));
-            }
-        }
-        if let Some(missing) = REQUIRED.iter().find(|name| !columns.contains_key(*name)) {
-            let problem = format!("no column '{missing}': add it to the header and to every line");
-            return Err(Error::line(list, line, problem));
+            columns.extend(header.column(name)?.map(|index| (known, index)));
         }
         Ok(Self(columns))
     }
 
-    fn trial(
-        &self,
-        list: &Path,
-        folder: &Path,
-        record: &StringRecord,
-        table: &CsvText,
-    ) -> Result<Trial> {
-        let line = record.position().map_or(0, csv::Position::line);
-        let bad = |problem: String| Error::line(list, line, problem);
+    fn trial(&self, folder: &Path, row: &Row<'_, '_>) -> Result<Trial> {
+        let bad = |problem: String| row.error(problem);
         let field = |name: &str| {
             let index = *self.0.get(name)?;
-            record.get(index).filter(|text| !text.is_empty())
+            Some((index, row.text(index))).filter(|(_, text)| !text.is_empty())
         };
-        let text = |name: &str| field(name).ok_or_else(|| bad(format!("no {name}")));
+        let text = |name: &str| {
+            let text = field(name).map(|(_, text)| text);
+            text.ok_or_else(|| bad(format!("no {name}")))
+        };
         let number = |name: &str| match field(name) {
             None => Ok(None),
-            Some(text) => match table.number(text) {
-                Some(value) if value.is_finite() => Ok(Some(value)),
-                _ => Err(bad(format!("{name} '{text}' is not a finite number"))),
-            },
+            Some((index, _)) => row.finite(index, name).map(Some),
         };
         let at_least_zero = |name: &str| match number(name)? {
             Some(value) if value < 0.0 => Err(bad(format!("{name} {value} is negative"))),
@@ -133,14 +114,20 @@ impl Columns {
             Some(value) if value <= 0.0 => Err(bad(format!("{name} {value} is not above zero"))),
             value => Ok(value),
         };
-        let required = |name: &str| at_least_zero(name)?.ok_or_else(|| bad(format!("no {name}")));
-        let provenance = match field("simulated") {
+        let required = |name: &str, fault: fn(f64) -> Option<String>| {
+            let value = at_least_zero(name)?.ok_or_else(|| bad(format!("no {name}")))?;
+            match fault(value) {
+                None => Ok(value),
+                Some(fault) => Err(bad(format!("{name} is {fault}"))),
+            }
+        };
+        let provenance = match field("simulated").map(|(_, text)| text) {
             None | Some("false") => Provenance::Recorded,
             Some("true") => Provenance::Simulated,
             Some(other) => return Err(bad(format!("simulated '{other}' is not true or false"))),
         };
-        let scale_m_s2 = number("scale_m_s2")?.unwrap_or(1.0);
-        if scale_m_s2.abs() <= 0.0 {
+        let scale_m_s2 = number("scale_m_s2")?;
+        if scale_m_s2.is_some_and(|scale| scale.abs() <= 0.0) {
             return Err(bad("scale_m_s2 is zero".into()));
         }
         let sample_rate_hz = above_zero("sample_rate_hz")?;
@@ -156,13 +143,14 @@ impl Columns {
         Ok(Trial {
             file: folder.join(text("file")?),
             texture: texture.to_owned(),
-            speed_mm_s: required("speed_mm_s")?,
-            force_n: required("force_n")?,
+            speed_mm_s: required("speed_mm_s", speed_fault)?,
+            force_n: required("force_n", force_fault)?,
             scale_m_s2,
             start_s: at_least_zero("start_s")?.unwrap_or(0.0),
             duration_s: above_zero("duration_s")?,
             sample_rate_hz,
             provenance,
+            held: None,
         })
     }
 }

@@ -7,7 +7,7 @@ use model_format::SAMPLE_RATE_HZ;
 use super::defects::Defects;
 use super::rate::length_fault;
 use super::samples::Samples;
-use super::source::Cut;
+use super::source::{Cut, Source};
 use super::trial::Trial;
 use super::{csv_file, resample, wav};
 use crate::support::error::{Error, Result};
@@ -18,20 +18,22 @@ use crate::support::error::{Error, Result};
 /// A file that cannot be read, that holds no samples in the trial's part of it, or that holds a sample that is not
 /// finite; the error names the first such sample.
 pub fn read(trial: &Trial) -> Result<Samples> {
+    read_at(trial, SAMPLE_RATE_HZ)
+}
+
+/// As [`read`], at `model_rate_hz`.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     let path = trial.file.as_path();
     let cut = Cut {
         start_s: trial.start_s,
         duration_s: trial.duration_s.unwrap_or(f64::INFINITY),
     };
-    let source = match extension(path).as_str() {
-        "wav" | "wave" => wav::read(path, &cut)?,
-        "csv" | "txt" => csv_file::read(path, &cut, trial.sample_rate_hz)?,
-        other => {
-            // A mistyped name is reported as a missing file, not as a file of an unknown kind.
-            std::fs::metadata(path).map_err(Error::io("read", path))?;
-            let problem = format!("'{other}' files cannot be read: give .wav or .csv");
-            return Err(Error::file(path, problem));
-        }
+    let source = match &trial.held {
+        Some(held) => held.source(&cut),
+        None => from_file(trial, &cut)?,
     };
     let mut axes = source.channels;
     if axes.first().is_none_or(Vec::is_empty) {
@@ -45,13 +47,13 @@ pub fn read(trial: &Trial) -> Result<Samples> {
     let rate_hz = source.rate_hz;
     let mut defects = Defects::of(&axes, rate_hz);
     defects.truncation = source.truncation;
-    if (rate_hz - f64::from(SAMPLE_RATE_HZ)).abs() > 0.0 {
-        axes = at_model_rate(path, &axes, rate_hz)?;
+    if (rate_hz - f64::from(model_rate_hz)).abs() > 0.0 {
+        axes = at_model_rate(path, &axes, rate_hz, model_rate_hz)?;
     }
-    // The scale is exactly one if the list has none.
-    if trial.scale_m_s2.to_bits() != 1.0f64.to_bits() {
+    let scale = trial.scale();
+    if scale.to_bits() != 1.0f64.to_bits() {
         for sample in axes.iter_mut().flatten() {
-            *sample *= trial.scale_m_s2;
+            *sample *= scale;
         }
     }
     Ok(Samples {
@@ -59,6 +61,21 @@ pub fn read(trial: &Trial) -> Result<Samples> {
         source_rate_hz: rate_hz,
         defects,
     })
+}
+
+/// Reads the part of a trial's file within `cut`.
+fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
+    let path = trial.file.as_path();
+    match extension(path).as_str() {
+        "wav" | "wave" => wav::read(path, cut),
+        "csv" | "txt" => csv_file::read(path, cut, trial.sample_rate_hz),
+        other => {
+            // A mistyped name is reported as a missing file, not as a file of an unknown kind.
+            std::fs::metadata(path).map_err(Error::io("read", path))?;
+            let problem = format!("'{other}' files cannot be read: give .wav or .csv");
+            Err(Error::file(path, problem))
+        }
+    }
 }
 
 fn extension(path: &Path) -> String {
@@ -84,7 +101,12 @@ fn check_finite(path: &Path, channels: &[Vec<f64>], first_frame: usize) -> Resul
     Ok(())
 }
 
-fn at_model_rate(path: &Path, axes: &[Vec<f64>], rate_hz: f64) -> Result<Vec<Vec<f64>>> {
+fn at_model_rate(
+    path: &Path,
+    axes: &[Vec<f64>],
+    rate_hz: f64,
+    model_rate_hz: u32,
+) -> Result<Vec<Vec<f64>>> {
     let whole = rate_hz.round();
     if (rate_hz - whole).abs() > 1e-9 * rate_hz || whole < 1.0 || whole > f64::from(u32::MAX) {
         let problem = format!(
@@ -93,10 +115,69 @@ fn at_model_rate(path: &Path, axes: &[Vec<f64>], rate_hz: f64) -> Result<Vec<Vec
         return Err(Error::file(path, problem));
     }
     let frames = axes.first().map_or(0, Vec::len);
-    if let Some(fault) = length_fault(frames as f64 * f64::from(SAMPLE_RATE_HZ) / whole) {
-        let problem = format!("at {SAMPLE_RATE_HZ} Hz it has {fault}");
+    if let Some(fault) = length_fault(frames as f64 * f64::from(model_rate_hz) / whole) {
+        let problem = format!("at {model_rate_hz} Hz it has {fault}");
         return Err(Error::file(path, problem));
     }
-    resample::resample(axes, whole as u32, SAMPLE_RATE_HZ)
+    resample::resample(axes, whole as u32, model_rate_hz)
         .map_err(|problem| Error::file(path, problem))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::HeldSamples;
+    use model_format::Provenance;
+
+    /// Samples of 2 s at 8 kHz, on two axes, with a clipped peak.
+    fn axes() -> Vec<Vec<f64>> {
+        let sample = |index: u32, of: f64| (of * f64::from(index)).sin().clamp(-0.9, 0.9);
+        let axis = |of: f64| (0..16_000).map(|index| sample(index, of)).collect();
+        vec![axis(0.11), axis(0.023)]
+    }
+
+    #[test]
+    fn samples_in_memory_are_read_as_those_of_a_wav_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.wav");
+        let spec = hound::WavSpec {
+            channels: 2,
+            sample_rate: 8000,
+            bits_per_sample: 32,
+            sample_format: hound::SampleFormat::Float,
+        };
+        let mut writer = hound::WavWriter::create(&file, spec).unwrap();
+        // Single precision, which this file has.
+        let axes: Vec<Vec<f64>> = axes()
+            .iter()
+            .map(|axis| axis.iter().map(|&x| f64::from(x as f32)).collect())
+            .collect();
+        for frame in 0..axes[0].len() {
+            for axis in &axes {
+                writer.write_sample(axis[frame] as f32).unwrap();
+            }
+        }
+        writer.finalize().unwrap();
+        let of_file = Trial {
+            file,
+            texture: "felt".into(),
+            speed_mm_s: 100.0,
+            force_n: 1.0,
+            scale_m_s2: Some(3.0),
+            start_s: 0.25,
+            duration_s: Some(1.5),
+            sample_rate_hz: None,
+            provenance: Provenance::Recorded,
+            held: None,
+        };
+        let held = HeldSamples::new(8000.0, axes, false).unwrap();
+        let in_memory = Trial {
+            held: Some(held.into()),
+            ..of_file.clone()
+        };
+        let (of_file, in_memory) = (read(&of_file).unwrap(), read(&in_memory).unwrap());
+        assert_eq!(of_file.axes, in_memory.axes);
+        assert_eq!(of_file.defects, in_memory.defects);
+        assert_eq!(in_memory.axes[0].len(), 7500);
+    }
 }

@@ -1,12 +1,12 @@
 //! Recordings: the trials of a set, their samples in m/s² at the models' sample rate, verdicts on them, and the steady
 //! segments of a free hand's recording.
 //!
-//! Invariant: files in, samples and verdicts out. Nothing here fits a model.
+//! Invariant: files, or samples that a program holds, in; samples and verdicts out. Nothing here fits a model.
 
 mod csv_file;
-mod csv_table;
 mod defects;
 pub mod freehand;
+mod held;
 mod list;
 mod load;
 mod rate;
@@ -14,17 +14,22 @@ mod resample;
 mod riff;
 mod samples;
 mod set;
+mod snap;
 mod source;
+mod times;
 pub mod triage;
 mod trial;
 mod wav;
 
-pub(crate) use csv_table::{TABLE, csv_error, csv_header, csv_table};
 pub use defects::{Defects, Hold, Spike, Truncation};
-pub use load::read;
+pub use held::HeldSamples;
+pub use load::{read, read_at};
 pub use rate::{MAX_FRAMES, RATES_HZ, rate_fault};
 pub use resample::resample;
+pub use riff::holds_integers;
 pub use samples::Samples;
-pub use set::{RecordingSet, TRIALS_FILE};
+pub use set::{Assumed, RecordingSet, TRIALS_FILE};
+pub use snap::{Nominal, Spread, nominal};
+pub(crate) use source::RECORDING;
 pub use source::{Cut, MAX_CHANNELS, Source};
 pub use trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, TRIAL_DURATION_S, Trial};

@@ -8,7 +8,7 @@ use std::io::{BufReader, Chain, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::rate::rate_fault;
-use super::source::MAX_CHANNELS;
+use super::source::{MAX_CHANNELS, RECORDING};
 use crate::support::error::{Error, Result};
 
 /// Longest format chunk, bytes; the extensible format takes 40.
@@ -34,7 +34,7 @@ pub(super) type Samples = Chain<Cursor<Vec<u8>>, BufReader<File>>;
 /// A file that cannot be read, a chunk that is longer than the file, and a format that no recording has.
 pub(super) fn open(path: &Path) -> Result<Samples> {
     let failed = |failure| Error::io("read", path)(failure);
-    let file = File::open(path).map_err(Error::io("open", path))?;
+    let file = RECORDING.open(path)?;
     let mut left = file.metadata().map_err(failed)?.len();
     let mut file = BufReader::new(file);
     let mut header = take(&mut file, 12).map_err(failed)?;
@@ -89,6 +89,33 @@ pub(super) fn open(path: &Path) -> Result<Samples> {
         return Err(Error::file(path, problem));
     }
     Ok(Cursor::new(header).chain(file))
+}
+
+/// Formats of samples in a WAV file's header: integers, and those that an extension names.
+const PCM: u16 = 1;
+const EXTENSIBLE: u16 = 0xfffe;
+
+/// First byte of the extension's own format, in a format chunk.
+const EXTENDED_FORMAT: usize = 24;
+
+/// Returns whether the file at `path` is a WAV file of integer samples, whose full scale no file tells.
+pub fn holds_integers(path: &Path) -> bool {
+    let Ok(samples) = open(path) else {
+        return false;
+    };
+    let (header, _) = samples.into_inner();
+    let header = header.into_inner();
+    let Some(format) = header.windows(4).position(|id| id == b"fmt ") else {
+        return false;
+    };
+    let word = |at: usize| {
+        let bytes = header.get(format + 8 + at..)?.first_chunk::<2>()?;
+        Some(u16::from_le_bytes(*bytes))
+    };
+    match word(0) {
+        Some(EXTENSIBLE) => word(EXTENDED_FORMAT) == Some(PCM),
+        tag => tag == Some(PCM),
+    }
 }
 
 /// Checks the numbers of a format chunk that size the reader's memory. Fewer bytes are for that reader to refuse.

@@ -1,5 +1,6 @@
 //! Recording sets: a folder with a list of trials, or recordings that are given one by one.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use model_format::Provenance;
@@ -10,6 +11,33 @@ use crate::support::error::{Error, Result};
 
 /// File name of the list of trials in a recording set's folder.
 pub const TRIALS_FILE: &str = "trials.csv";
+
+/// Values that files and lists may lack. None of them changes what a list gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Assumed {
+    /// Duration of a trial whose list gives none, s; to its end if none.
+    pub duration_s: Option<f64>,
+    /// Sample rate of CSV recordings without a time column, Hz.
+    pub sample_rate_hz: Option<f64>,
+    /// Acceleration of a sample of 1 of trials whose list gives no scale, m/s²; 1 if none.
+    pub scale_m_s2: Option<f64>,
+    /// Tangential speed of recordings without a list, mm/s.
+    pub speed_mm_s: f64,
+    /// Normal force of recordings without a list, N.
+    pub force_n: f64,
+}
+
+impl Default for Assumed {
+    fn default() -> Self {
+        Self {
+            duration_s: None,
+            sample_rate_hz: None,
+            scale_m_s2: None,
+            speed_mm_s: NOMINAL_SPEED_MM_S,
+            force_n: NOMINAL_FORCE_N,
+        }
+    }
+}
 
 /// A set of trials, in the order of their list.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +73,29 @@ impl RecordingSet {
         Ok(set)
     }
 
+    /// Opens inputs as [`RecordingSet::open`] does, with values for what they lack.
+    ///
+    /// # Errors
+    /// An input that cannot be opened, and those of [`RecordingSet::open`].
+    pub fn open_with(inputs: &[PathBuf], assumed: &Assumed) -> Result<Self> {
+        for input in inputs {
+            if let Err(source) = std::fs::metadata(input) {
+                return Err(Error::io("open", input)(source));
+            }
+        }
+        let mut set = Self::open(inputs)?;
+        for trial in &mut set.trials {
+            trial.duration_s = trial.duration_s.or(assumed.duration_s);
+            trial.scale_m_s2 = trial.scale_m_s2.or(assumed.scale_m_s2);
+            trial.sample_rate_hz = trial.sample_rate_hz.or(assumed.sample_rate_hz);
+            if !set.is_listed {
+                trial.speed_mm_s = assumed.speed_mm_s;
+                trial.force_n = assumed.force_n;
+            }
+        }
+        Ok(set)
+    }
+
     fn from_files(files: &[PathBuf]) -> Result<Self> {
         let trials = files.iter().map(|file| {
             if file.is_dir() {
@@ -57,11 +108,12 @@ impl RecordingSet {
                 texture: stem.to_string_lossy().into_owned(),
                 speed_mm_s: NOMINAL_SPEED_MM_S,
                 force_n: NOMINAL_FORCE_N,
-                scale_m_s2: 1.0,
+                scale_m_s2: None,
                 start_s: 0.0,
                 duration_s: None,
                 sample_rate_hz: None,
                 provenance: Provenance::Recorded,
+                held: None,
             })
         });
         Ok(Self {
@@ -83,12 +135,32 @@ impl RecordingSet {
 
     /// Returns the textures' names, each once, in the order of their first trials.
     pub fn textures(&self) -> Vec<&str> {
-        let mut names: Vec<&str> = Vec::new();
-        for trial in &self.trials {
-            if !names.contains(&trial.texture.as_str()) {
-                names.push(&trial.texture);
+        let groups = self.by_texture().into_iter();
+        groups.map(|(name, _)| name).collect()
+    }
+
+    /// Returns the textures' names, in the order of their first trials, with the indices of the trials of each.
+    pub fn by_texture(&self) -> Vec<(&str, Vec<usize>)> {
+        let mut numbers: HashMap<&str, usize> = HashMap::new();
+        let mut groups: Vec<(&str, Vec<usize>)> = Vec::new();
+        for (index, trial) in self.trials.iter().enumerate() {
+            let name = trial.texture.as_str();
+            let number = *numbers.entry(name).or_insert(groups.len());
+            if number == groups.len() {
+                groups.push((name, Vec::new()));
             }
+            groups[number].1.push(index);
         }
-        names
+        groups
+    }
+
+    /// Returns the set of the trials `indices` alone.
+    #[must_use]
+    pub fn part(&self, indices: &[usize]) -> Self {
+        let trials = indices.iter().map(|&index| self.trials[index].clone());
+        Self {
+            trials: trials.collect(),
+            is_listed: self.is_listed,
+        }
     }
 }

@@ -1,6 +1,13 @@
 //! Part of a recording's file, at the file's own sample rate.
 
 use super::defects::Truncation;
+use crate::support::bounded_file::{Limit, MIB};
+
+/// A recording's file: a WAV file states its length in 32 bits, and a table is shorter.
+pub(crate) const RECORDING: Limit = Limit {
+    of: "a recording",
+    bytes: (1 << 32) + MIB,
+};
 
 /// Largest number of channels of a recording: three axes.
 pub const MAX_CHANNELS: usize = 3;

@@ -1,8 +1,11 @@
 //! One recording of a recording set.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use model_format::Provenance;
+
+use super::held::HeldSamples;
 
 /// Length of a trial of the paper's protocol, s.
 pub const TRIAL_DURATION_S: f64 = 2.0;
@@ -16,7 +19,7 @@ pub const NOMINAL_FORCE_N: f64 = 1.0;
 /// One recording of one texture at one speed and force.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {
-    /// The WAV or CSV file.
+    /// The WAV or CSV file, or the name of samples in memory.
     pub file: PathBuf,
     /// Name of the texture.
     pub texture: String,
@@ -24,8 +27,8 @@ pub struct Trial {
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
-    /// Acceleration of a sample of 1, the full scale of integer samples, m/s².
-    pub scale_m_s2: f64,
+    /// Acceleration of a sample of 1, the full scale of integer samples, m/s²; 1 if not given.
+    pub scale_m_s2: Option<f64>,
     /// Start of the used part, s.
     pub start_s: f64,
     /// Longest duration of the used part, s; to the end of the file if not given.
@@ -34,9 +37,16 @@ pub struct Trial {
     pub sample_rate_hz: Option<f64>,
     /// Origin of the samples: recorded or simulated.
     pub provenance: Provenance,
+    /// Samples in memory, which are read in place of the file.
+    pub held: Option<Arc<HeldSamples>>,
 }
 
 impl Trial {
+    /// Acceleration of a sample of 1, m/s².
+    pub fn scale(&self) -> f64 {
+        self.scale_m_s2.unwrap_or(1.0)
+    }
+
     /// Returns whether both speed and force are above zero. Anywhere else the stylus is silent.
     pub fn is_in_motion_and_contact(&self) -> bool {
         self.speed_mm_s > 0.0 && self.force_n > 0.0

@@ -3,21 +3,22 @@
 //! The order of steps makes it so also where the power fails in between: the content is on the disk before the file
 //! gets its name, and the name is on the disk before the write counts as done.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
-
-use tempfile::NamedTempFile;
+use std::path::{Path, PathBuf};
 
 use crate::support::error::{Error, Result};
+use crate::support::temporaries::TemporaryFile;
 
 /// Writes `path` by way of a temporary file in the same folder, which replaces it after `write` has succeeded.
 ///
 /// An earlier file stays until then, and stays after any failure; one that is replaced hands its permissions on. A new
-/// file has those of an ordinary one. Returns the value of `write`.
+/// file has those of an ordinary one. A link is followed: the file at its end is replaced, and the link stays. Returns
+/// the value of `write`.
 ///
 /// # Errors
-/// The error of `write`, or a file that cannot be created, brought to the disk, or replaced.
+/// The error of `write`, something at `path` that is no regular file, or a file that cannot be created, brought to the
+/// disk, or replaced.
 pub fn write_with<T>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
@@ -35,12 +36,102 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     })
 }
 
+/// Writes several files: none has its name before all are on the disk.
+///
+/// # Errors
+/// As [`write()`]. Files that have their names already stay where a later one cannot get its own.
+pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
+    let written = files.iter().map(|(path, bytes)| {
+        let content = |file: &mut BufWriter<&mut File>| {
+            file.write_all(bytes).map_err(Error::io("write", path))
+        };
+        Unnamed::write(&Disk, path, content).map(|(unnamed, ())| unnamed)
+    });
+    let written: Vec<Unnamed<'_>> = written.collect::<Result<_>>()?;
+    written.into_iter().try_for_each(|file| file.name(&Disk))
+}
+
+/// Returns the path of the file that is written under the name `path`: that at the end of a link, or `path` itself.
+///
+/// # Errors
+/// A folder, device, pipe or socket, which a file must not replace; a link to nothing, because it may be meant for
+/// another place than the one where a file would appear.
+pub fn target(path: &Path) -> Result<PathBuf> {
+    let found = match fs::symlink_metadata(path) {
+        Ok(found) => found,
+        // A folder that is missing is an error of its own, when the file is created.
+        Err(failure) if is_missing(&failure) => return Ok(path.to_owned()),
+        Err(failure) => return Err(Error::io("write", path)(failure)),
+    };
+    if !found.is_symlink() {
+        return regular(path, &found).map(|()| path.to_owned());
+    }
+    let end = match fs::canonicalize(path) {
+        Ok(end) => end,
+        Err(failure) if is_missing(&failure) => {
+            let problem =
+                "is a link to a file that is not there: remove the link, or name another file";
+            return Err(Error::file(path, problem));
+        }
+        Err(failure) => return Err(Error::io("follow the link", path)(failure)),
+    };
+    let found = fs::metadata(&end).map_err(Error::io("write", path))?;
+    regular(path, &found).map(|()| end)
+}
+
+/// Refuses what is no regular file. It is decided by the type, before anything is opened.
+fn regular(path: &Path, found: &fs::Metadata) -> Result<()> {
+    let Some(other) = other_than_a_file(found) else {
+        return Ok(());
+    };
+    let problem = format!("is {other}, where a file is to be written: name another file");
+    Err(Error::file(path, problem))
+}
+
+/// Returns true if nothing is at a path.
+fn is_missing(failure: &io::Error) -> bool {
+    [io::ErrorKind::NotFound, io::ErrorKind::NotADirectory].contains(&failure.kind())
+}
+
+/// Names, with its article, what is at a path if it is no regular file.
+pub fn other_than_a_file(found: &fs::Metadata) -> Option<&'static str> {
+    let kind = found.file_type();
+    if kind.is_file() {
+        return None;
+    }
+    if kind.is_dir() {
+        return Some("a folder");
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        if kind.is_fifo() {
+            return Some("a pipe");
+        }
+        if kind.is_socket() {
+            return Some("a socket");
+        }
+        if kind.is_block_device() || kind.is_char_device() {
+            return Some("a device");
+        }
+    }
+    Some("no regular file")
+}
+
+/// Folder of the file at `path`.
+pub fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
 /// The steps after the content was written. Tests watch them, and let them fail.
 trait Steps {
     /// Brings a file's content to the disk.
     fn sync_file(&self, file: &File) -> io::Result<()>;
     /// Gives the file its name.
-    fn rename(&self, file: NamedTempFile, path: &Path) -> io::Result<()>;
+    fn rename(&self, file: TemporaryFile, path: &Path) -> io::Result<()>;
     /// Brings the names in a folder to the disk.
     fn sync_folder(&self, folder: &Path) -> io::Result<()>;
 }
@@ -52,11 +143,9 @@ impl Steps for Disk {
         file.sync_all()
     }
 
-    fn rename(&self, file: NamedTempFile, path: &Path) -> io::Result<()> {
+    fn rename(&self, file: TemporaryFile, path: &Path) -> io::Result<()> {
         // The temporary file is removed if it cannot get the name.
         file.persist(path)
-            .map(drop)
-            .map_err(|failure| failure.error)
     }
 
     #[cfg(unix)]
@@ -84,44 +173,51 @@ fn write_through<T>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
 ) -> Result<T> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let mut temporary = temporary_in(folder).map_err(Error::io("create", path))?;
-    let mut buffer = BufWriter::new(temporary.as_file_mut());
-    let value = write(&mut buffer)?;
-    buffer.flush().map_err(Error::io("write", path))?;
-    drop(buffer);
-    keep_permissions(temporary.as_file(), path).map_err(Error::io("write", path))?;
-    steps
-        .sync_file(temporary.as_file())
-        .map_err(Error::io("bring to the disk", path))?;
-    steps
-        .rename(temporary, path)
-        .map_err(Error::io("replace", path))?;
-    steps
-        .sync_folder(folder)
-        .map_err(Error::io("bring to the disk the name of", path))?;
+    let (unnamed, value) = Unnamed::write(steps, path, write)?;
+    unnamed.name(steps)?;
     Ok(value)
 }
 
-/// Creates a file with the permissions of an ordinary one: the process's umask takes its share. A temporary file would
-/// be its owner's alone.
-#[cfg(unix)]
-fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
-    use std::os::unix::fs::PermissionsExt;
-    tempfile::Builder::new()
-        .prefix(".stylus-")
-        .permissions(std::fs::Permissions::from_mode(0o666))
-        .tempfile_in(folder)
+/// A file that is on the disk and has no name yet.
+struct Unnamed<'a> {
+    path: &'a Path,
+    target: PathBuf,
+    temporary: TemporaryFile,
 }
 
-#[cfg(not(unix))]
-fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
-    tempfile::Builder::new()
-        .prefix(".stylus-")
-        .tempfile_in(folder)
+impl<'a> Unnamed<'a> {
+    fn write<T>(
+        steps: &impl Steps,
+        path: &'a Path,
+        write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
+    ) -> Result<(Self, T)> {
+        let target = target(path)?;
+        let folder = folder_of(&target);
+        let mut temporary = TemporaryFile::new_in(folder).map_err(Error::io("create", path))?;
+        let mut buffer = BufWriter::new(temporary.as_file_mut());
+        let value = write(&mut buffer)?;
+        buffer.flush().map_err(Error::io("write", path))?;
+        drop(buffer);
+        keep_permissions(temporary.as_file(), &target).map_err(Error::io("write", path))?;
+        steps
+            .sync_file(temporary.as_file())
+            .map_err(Error::io("bring to the disk", path))?;
+        let unnamed = Self {
+            path,
+            target,
+            temporary,
+        };
+        Ok((unnamed, value))
+    }
+
+    fn name(self, steps: &impl Steps) -> Result<()> {
+        steps
+            .rename(self.temporary, &self.target)
+            .map_err(Error::io("replace", self.path))?;
+        steps
+            .sync_folder(folder_of(&self.target))
+            .map_err(Error::io("bring to the disk the name of", self.path))
+    }
 }
 
 /// Gives `file` the permissions of the file at `path`, which it will replace, if there is one.
@@ -187,7 +283,7 @@ mod tests {
             self.step("file").and_then(|()| Disk.sync_file(file))
         }
 
-        fn rename(&self, file: NamedTempFile, path: &Path) -> io::Result<()> {
+        fn rename(&self, file: TemporaryFile, path: &Path) -> io::Result<()> {
             self.step("rename").and_then(|()| Disk.rename(file, path))
         }
 
@@ -223,6 +319,61 @@ mod tests {
         let expected = expected.map(|(step, content)| (step, content.as_bytes().to_vec()));
         assert_eq!(steps, expected);
         assert_eq!((content.as_slice(), files), (&b"new"[..], 1));
+    }
+
+    #[test]
+    fn files_that_belong_together_are_all_written_or_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+        std::fs::create_dir(&two).unwrap();
+        assert!(write_together(&[(&one, b"1"), (&two, b"2")]).is_err());
+        assert!(!one.exists());
+        std::fs::remove_dir(&two).unwrap();
+        write_together(&[(&one, b"1"), (&two, b"2")]).unwrap();
+        assert_eq!(std::fs::read(&one).unwrap(), b"1");
+        assert_eq!(std::fs::read(&two).unwrap(), b"2");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_is_followed_and_stays_and_one_to_nothing_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("deep")).unwrap();
+        std::fs::write(at("deep/file"), "old").unwrap();
+        std::os::unix::fs::symlink("deep/file", at("link")).unwrap();
+        std::os::unix::fs::symlink("link", at("chain")).unwrap();
+        write(&at("chain"), b"new").unwrap();
+        assert_eq!(std::fs::read(at("deep/file")).unwrap(), b"new");
+        assert!(at("link").is_symlink() && at("chain").is_symlink());
+        std::os::unix::fs::symlink("nothing", at("dangling")).unwrap();
+        let message = write(&at("dangling"), b"new").unwrap_err().to_string();
+        assert!(message.contains("not there"), "{message}");
+        assert!(!at("nothing").exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_file_is_refused_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("folder")).unwrap();
+        let _socket = std::os::unix::net::UnixListener::bind(at("socket")).unwrap();
+        std::os::unix::fs::symlink("socket", at("link")).unwrap();
+        for (name, word) in [
+            ("folder", "a folder"),
+            ("socket", "a socket"),
+            ("link", "a socket"),
+        ] {
+            let before = std::fs::symlink_metadata(at(name)).unwrap().file_type();
+            let message = write(&at(name), b"new").unwrap_err().to_string();
+            assert!(message.contains(word), "{message}");
+            assert_eq!(
+                std::fs::symlink_metadata(at(name)).unwrap().file_type(),
+                before
+            );
+        }
     }
 
     #[test]

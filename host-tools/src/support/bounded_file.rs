@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use super::atomic_file::other_than_a_file;
 use super::error::{Error, Result};
 
 /// One mebibyte, bytes.
@@ -20,6 +21,34 @@ pub struct Limit {
 }
 
 impl Limit {
+    /// Opens the file at `path`, which must be a regular one of at most so many bytes, because it is read more than
+    /// once or in leaps. Devices and pipes are refused before they are opened.
+    ///
+    /// # Errors
+    /// A file that cannot be opened, is no regular file, or is larger than the limit.
+    pub fn open(&self, path: &Path) -> Result<File> {
+        let found = std::fs::metadata(path).map_err(Error::io("open", path))?;
+        if let Some(other) = other_than_a_file(&found) {
+            let problem = format!(
+                "is {other}, and {} is read from a file: copy it to one",
+                self.of
+            );
+            return Err(Error::file(path, problem));
+        }
+        if found.len() > self.bytes {
+            return Err(self.exceeded(path));
+        }
+        File::open(path).map_err(Error::io("open", path))
+    }
+
+    fn exceeded(&self, path: &Path) -> Error {
+        let problem = format!(
+            "has more than {} bytes, the most of {}: give another file, or a part of it",
+            self.bytes, self.of
+        );
+        Error::file(path, problem)
+    }
+
     /// Reads the file at `path`.
     ///
     /// # Errors
@@ -32,11 +61,7 @@ impl Limit {
             .read_to_end(&mut bytes)
             .map_err(Error::io("read", path))?;
         if bytes.len() as u64 > self.bytes {
-            let problem = format!(
-                "has more than {} bytes, the most of {}: give another file, or a part of it",
-                self.bytes, self.of
-            );
-            return Err(Error::file(path, problem));
+            return Err(self.exceeded(path));
         }
         Ok(bytes)
     }
@@ -74,6 +99,24 @@ mod tests {
             message.contains("4 bytes") && message.contains("a note"),
             "{message}"
         );
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_read_in_leaps_is_a_regular_file_within_the_limit() {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("socket");
+        let _socket = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        let message = SMALL.open(&socket).unwrap_err().to_string();
+        assert!(message.contains("a socket"), "{message}");
+        let message = SMALL.open(folder.path()).unwrap_err().to_string();
+        assert!(message.contains("a folder"), "{message}");
+        let file = folder.path().join("file");
+        std::fs::write(&file, "five!").unwrap();
+        let message = SMALL.open(&file).unwrap_err().to_string();
+        assert!(message.contains("4 bytes"), "{message}");
+        std::fs::write(&file, "four").unwrap();
+        assert!(SMALL.open(&file).is_ok());
     }
 
     #[test]

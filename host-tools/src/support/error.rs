@@ -80,4 +80,16 @@ impl Error {
             problem: problem.into(),
         }
     }
+    /// The error with its path, if it has one, changed by `of`.
+    #[must_use]
+    pub fn with_path(mut self, of: impl FnOnce(&Path) -> PathBuf) -> Self {
+        if let Self::Io { path, .. }
+        | Self::File { path, .. }
+        | Self::Line { path, .. }
+        | Self::Library { path, .. } = &mut self
+        {
+            *path = of(path);
+        }
+        self
+    }
 }

@@ -1,12 +1,25 @@
-//! Tools that every other wing needs: the error type, files read up to a limit, files written whole or not at all,
-//! names of files, text made fit to be shown, progress bars, and fields of a TOML text.
+//! Tools that every other wing needs: the error type, files read up to a limit, tables as CSV, files and folders
+//! written whole or not at all, kinds and identities of files, decimals, names of files, bounds of a hand's motion,
+//! hashes of content, text made fit to be shown, progress bars, fields of a TOML text, and the user's
+//! configuration.
 //!
 //! Invariant: nothing here knows of signals, textures or devices, and nothing here imports another wing.
 
 pub mod atomic_file;
 pub mod bounded_file;
+pub mod configuration;
+pub mod csv_table;
+pub mod decimal;
 pub mod error;
+pub mod file_kind;
 pub mod file_name;
+pub mod fnv;
+pub mod hand;
+pub mod nearest;
+pub mod output_file;
+pub mod output_folder;
 pub mod progress;
+pub mod same_file;
+pub mod temporaries;
 pub mod toml_field;
 pub mod visible;

@@ -1,6 +1,21 @@
 //! Progress of long work, on standard error, shown only at a terminal.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use indicatif::{ProgressBar, ProgressStyle};
+
+/// True if this process shows no progress.
+static IS_HIDDEN: AtomicBool = AtomicBool::new(false);
+
+/// Hides the progress of all that this process does from now on.
+pub fn hide() {
+    IS_HIDDEN.store(true, Ordering::Relaxed);
+}
+
+/// Returns true once [`hide`] was called.
+pub fn is_hidden() -> bool {
+    IS_HIDDEN.load(Ordering::Relaxed)
+}
 
 /// Creates a bar over `total` pieces of work, named by the `action`.
 ///
@@ -8,7 +23,18 @@ use indicatif::{ProgressBar, ProgressStyle};
 pub fn bar(total: u64, action: &str) -> ProgressBar {
     let style = ProgressStyle::with_template("{msg:<24} {wide_bar} {pos}/{len}  {eta} left")
         .expect("the template is fixed");
-    ProgressBar::new(total)
-        .with_style(style)
-        .with_message(action.to_owned())
+    shown(ProgressBar::new(total), style, action)
+}
+
+/// Creates a line with the state of something without a known end, such as a play; hidden as [`bar`] is.
+pub fn line(what: &str) -> ProgressBar {
+    let style = ProgressStyle::with_template("{spinner} {msg}").expect("the template is fixed");
+    shown(ProgressBar::new_spinner(), style, what)
+}
+
+fn shown(bar: ProgressBar, style: ProgressStyle, what: &str) -> ProgressBar {
+    if is_hidden() {
+        return ProgressBar::hidden();
+    }
+    bar.with_style(style).with_message(what.to_owned())
 }

@@ -21,11 +21,14 @@ pub const TEXT: Limit = Limit {
 /// # Errors
 /// Text that is not TOML, or a field that is unknown, missing or of the wrong type, with the line.
 pub(crate) fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
-    toml::from_str(text).map_err(|failure| {
-        let start = failure.span().map_or(0, |span| span.start);
-        let problem = failure.message().trim_end().replace('\n', "; ");
-        Error::line(path, line_at(text, start), problem)
-    })
+    toml::from_str(text).map_err(|failure| parse_failure(path, text, &failure))
+}
+
+/// The failure to parse `text`, the content of `path`, with its line.
+pub(crate) fn parse_failure(path: &Path, text: &str, failure: &toml::de::Error) -> Error {
+    let start = failure.span().map_or(0, |span| span.start);
+    let problem = failure.message().trim_end().replace('\n', "; ");
+    Error::line(path, line_at(text, start), problem)
 }
 
 /// A field of a TOML text, as the path of keys and indices that leads to it.
@@ -155,7 +158,7 @@ impl Field {
 }
 
 /// Returns the line, from 1, of a byte of `text`.
-fn line_at(text: &str, byte: usize) -> u64 {
+pub(crate) fn line_at(text: &str, byte: usize) -> u64 {
     let before = text.get(..byte).unwrap_or(text);
     1 + before.matches('\n').count() as u64
 }

@@ -64,6 +64,23 @@ fn replaced(
     Cow::Owned(shown)
 }
 
+/// `text` as it stands in an element or in a quoted attribute of a page. Characters that turn the text around or that
+/// no page may hold are shown by their numbers.
+pub fn escaped(text: &str) -> String {
+    let mut html = String::with_capacity(text.len());
+    for character in visible(text).chars() {
+        match character {
+            '&' => html.push_str("&amp;"),
+            '<' => html.push_str("&lt;"),
+            '>' => html.push_str("&gt;"),
+            '"' => html.push_str("&quot;"),
+            '\'' => html.push_str("&#39;"),
+            other => html.push(other),
+        }
+    }
+    html
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

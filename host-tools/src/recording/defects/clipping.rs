@@ -1,5 +1,7 @@
 //! Detection of clipping from the samples of a recording.
 
+use crate::dsp::sums::extremes;
+
 /// Smallest number of clipped samples that counts, because one sample is no evidence in a short recording.
 const MIN_CLIPPED_SAMPLES: usize = 8;
 
@@ -72,24 +74,6 @@ pub(super) fn clips(axis: &[f64], rate_hz: f64) -> Vec<Clip> {
         seconds: run.len() as f64 / rate_hz,
     };
     clipped.map(clip).collect()
-}
-
-/// Number of partial results, which the compiler keeps in vector registers.
-const LANES: usize = 8;
-
-/// Returns the lowest and the highest of finite values.
-fn extremes(axis: &[f64]) -> (f64, f64) {
-    let (mut low, mut high) = ([f64::MAX; LANES], [f64::MIN; LANES]);
-    let (chunks, rest) = axis.as_chunks::<LANES>();
-    for chunk in chunks {
-        for ((low, high), &x) in low.iter_mut().zip(&mut high).zip(chunk) {
-            *low = if x < *low { x } else { *low };
-            *high = if x > *high { x } else { *high };
-        }
-    }
-    let least = low.iter().chain(rest).fold(f64::MAX, |a, &b| a.min(b));
-    let most = high.iter().chain(rest).fold(f64::MIN, |a, &b| a.max(b));
-    (least, most)
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! Stretches in which a value does not change: a converter that stands still, or samples that were lost.
 
+use crate::dsp::sums::extremes;
+
 /// Shortest hold, s. Shorter ones take less than 0.1 dB from the level of a recording even if there are ten per second.
 const LEAST_S: f64 = 2e-3;
 
@@ -51,8 +53,7 @@ impl Hold {
 /// equal, a run of L samples is expected N p^(L-1) times in N samples. A run at the highest or lowest value is
 /// clipping.
 pub(super) fn holds(axis: &[f64], rate_hz: f64) -> Vec<Hold> {
-    let low = axis.iter().copied().fold(f64::MAX, f64::min);
-    let high = axis.iter().copied().fold(f64::MIN, f64::max);
+    let (low, high) = extremes(axis);
     let least = ((LEAST_S * rate_hz).round() as usize).max(LEAST_SAMPLES);
     let most = (SILENCE_S * rate_hz) as usize;
     let mut found = Vec::new();
@@ -89,13 +90,17 @@ fn is_unnatural(axis: &[f64], first: usize, end: usize) -> bool {
 
 /// Returns the number of times that every value of `axis` is repeated; 1 if it is not.
 pub(super) fn repeats(axis: &[f64]) -> usize {
+    let pairs = axis.iter().zip(axis.get(1..).unwrap_or_default());
+    let count: usize = pairs
+        .map(|(before, after)| usize::from(before != after))
+        .sum();
+    let densest = axis.len() / count.max(1);
+    if count < MOST_REPEATS || densest < 2 {
+        return 1;
+    }
     let changes: Vec<usize> = (1..axis.len())
         .filter(|&n| axis[n] != axis[n - 1])
         .collect();
-    let densest = axis.len() / changes.len().max(1);
-    if changes.len() < MOST_REPEATS || densest < 2 {
-        return 1;
-    }
     let aligned = |times: &usize| {
         let mut phases = vec![0usize; *times];
         changes

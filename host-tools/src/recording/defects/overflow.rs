@@ -1,5 +1,7 @@
 //! Samples that left the range at one end and came back at the other: an integer that overflowed.
 
+use crate::dsp::sums::{extremes, steps};
+
 /// Least jump, as a share of the range.
 const JUMP: f64 = 0.7;
 
@@ -11,8 +13,7 @@ const LEAST_JUMPS: usize = 2;
 
 /// Returns the times of the jumps, s; none if steps of such size are ordinary, as in white noise.
 pub(super) fn overflows(axis: &[f64], rate_hz: f64) -> Vec<f64> {
-    let low = axis.iter().copied().fold(f64::MAX, f64::min);
-    let high = axis.iter().copied().fold(f64::MIN, f64::max);
+    let (low, high) = extremes(axis);
     let range = high - low;
     if range <= 0.0 {
         return Vec::new();
@@ -21,9 +22,14 @@ pub(super) fn overflows(axis: &[f64], rate_hz: f64) -> Vec<f64> {
         let (lower, upper) = (pair[0].min(pair[1]), pair[0].max(pair[1]));
         lower < low + 0.15 * range && upper > high - 0.15 * range
     };
+    let (_, largest_step) = steps(axis);
     let steps = || axis.windows(2).enumerate();
     let size = |pair: &[f64]| (pair[1] - pair[0]).abs() / range;
     let is_jump = |pair: &[f64]| size(pair) >= JUMP && at_ends(pair);
+    // Few recordings have any large step, and the others are done with here.
+    if largest_step < ORDINARY_STEP * range {
+        return Vec::new();
+    }
     let large = steps().filter(|(_, pair)| size(pair) >= ORDINARY_STEP && !is_jump(pair));
     let ordinary = large.count() * 200 <= axis.len();
     let jumps = steps().filter(|(_, pair)| is_jump(pair));

@@ -1,15 +1,12 @@
 //! Steps of a converter, from the smallest change between successive samples.
 
 use super::deviation::deviation;
+use crate::dsp::sums::steps;
 
 /// Returns the ratio of the power of `axis` about its mean to that of the round-off of its steps, a twelfth of their
 /// square, in dB; infinite for a constant.
 pub(super) fn snr_db(axis: &[f64]) -> f64 {
-    let step = axis
-        .windows(2)
-        .map(|pair| (pair[1] - pair[0]).abs())
-        .filter(|&step| step > 0.0)
-        .fold(f64::INFINITY, f64::min);
+    let (step, _) = steps(axis);
     if step.is_finite() {
         20.0 * (deviation(axis) * 12f64.sqrt() / step).log10()
     } else {

@@ -5,19 +5,19 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::recording::MAX_CHANNELS;
-use crate::recording::csv_table::{CsvText, csv_error, csv_header};
 use crate::recording::rate_fault;
+use crate::recording::times;
+use crate::support::csv_table::{CsvTable, Header, TABLE};
 use crate::support::error::{Error, Result};
+use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 
 /// Names of the columns other than accelerations.
 const TIME: &str = "time_s";
 const SPEED: &str = "speed_mm_s";
 const FORCE: &str = "force_n";
 
-/// Largest magnitudes; a value beyond them is an outlier. A hand presses with tens of newtons and moves at some metres
-/// per second, and the stylus plays up to 2048 m/s².
-const MAX_FORCE_N: f64 = 100.0;
-const MAX_SPEED_MM_S: f64 = 10_000.0;
+/// Largest magnitude of an acceleration, as the stylus plays it; a value beyond it is an outlier, as are motions that
+/// no hand has.
 const MAX_ACCELERATION_M_S2: f64 = 2048.0;
 
 /// Largest share of samples with an outlier; a file with a larger share is refused.
@@ -65,15 +65,17 @@ pub struct Outlier {
 /// # Errors
 /// A file that cannot be read or lacks one of these columns, a field that is not a number, or too many outliers.
 pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freehand> {
-    let table = CsvText::read(path)?;
-    let mut reader = table.reader(true);
-    let header = csv_header(path, &mut reader)?;
+    // Regular files alone, because a recording is read again for its kind.
+    TABLE.open(path)?;
+    let table = CsvTable::read(path, TABLE)?;
+    let header = table.header()?;
+    let names: Vec<&str> = header.names().collect();
     let Columns {
         time,
         speed,
         force,
         axes,
-    } = Columns::of(path, &header)?;
+    } = Columns::of(&header)?;
     let mut recording = Freehand {
         rate_hz: 0.0,
         axes: vec![Vec::new(); axes.len()],
@@ -83,7 +85,7 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         outliers: Vec::new(),
         is_backward: Vec::new(),
         is_simulated: table
-            .as_str()
+            .text()
             .lines()
             .take_while(|line| line.starts_with('#'))
             .any(|line| {
@@ -93,20 +95,10 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
             }),
     };
     let mut times = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|failure| csv_error(path, failure))?;
-        let line = record.position().map_or(0, csv::Position::line);
-        let number = |index: usize| {
-            let field = &record[index];
-            table.number(field).ok_or_else(|| {
-                let problem = format!(
-                    "'{field}' in column '{}' is not a number (fields are separated by a {})",
-                    &header[index],
-                    table.separator_name()
-                );
-                Error::line(path, line, problem)
-            })
-        };
+    let mut rows = table.rows_below_header()?;
+    while let Some(row) = rows.next_row()? {
+        let line = row.line;
+        let number = |index: usize| row.number(index);
         if let Some(time) = time {
             times.push(number(time)?);
         }
@@ -119,7 +111,7 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
             if recording.outliers.len() < NAMED_OUTLIERS {
                 recording.outliers.push(Outlier {
                     line,
-                    column: header[index].to_owned(),
+                    column: names[index].to_owned(),
                     value,
                 });
             }
@@ -139,7 +131,7 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         recording.force_n.push(force);
         recording.is_outlier.push(bad);
     }
-    recording.rate_hz = rate_of(path, &times, rate_hz)?;
+    recording.rate_hz = rate_of(&table, &times, rate_hz)?;
     refuse_too_many_outliers(path, &recording)?;
     let remedy = format!("a column '{TIME}' holds seconds");
     if let Some(fault) = rate_fault(recording.rate_hz, &remedy) {
@@ -177,26 +169,21 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(path: &Path, header: &csv::StringRecord) -> Result<Self> {
-        let column = |name: &str| header.iter().position(|known| known == name);
-        let needed = |name: &str| {
-            column(name).ok_or_else(|| {
-                let problem = format!(
-                    "no column '{name}': a free hand's recording needs {SPEED} and {FORCE}"
-                );
-                Error::file(path, problem)
-            })
-        };
-        let (speed, force, time) = (needed(SPEED)?, needed(FORCE)?, column(TIME));
-        let axes: Vec<usize> = (0..header.len())
+    fn of(header: &Header<'_>) -> Result<Self> {
+        let expected = format!("a free hand's recording needs {SPEED} and {FORCE}");
+        let (speed, force) = (
+            header.needed(SPEED, &expected)?,
+            header.needed(FORCE, &expected)?,
+        );
+        let time = header.column(TIME)?;
+        let axes: Vec<usize> = (0..header.width())
             .filter(|index| ![Some(speed), Some(force), time].contains(&Some(*index)))
             .collect();
         if axes.is_empty() || axes.len() > MAX_CHANNELS {
-            let problem = format!(
-                "{} columns of accelerations: give 1 to {MAX_CHANNELS}",
+            return Err(header.error(format!(
+                "{} columns of accelerations beside {SPEED}, {FORCE} and {TIME}: give 1 to {MAX_CHANNELS}",
                 axes.len()
-            );
-            return Err(Error::file(path, problem));
+            )));
         }
         Ok(Self {
             time,
@@ -208,20 +195,13 @@ impl Columns {
 }
 
 /// Returns the given rate, or that of the times, which must ascend in even steps, in Hz.
-fn rate_of(path: &Path, times: &[f64], given: Option<f64>) -> Result<f64> {
+fn rate_of(table: &CsvTable, times: &[f64], given: Option<f64>) -> Result<f64> {
     if let Some(rate_hz) = given {
         return Ok(rate_hz);
     }
-    let (Some(first), Some(last)) = (times.first(), times.last()) else {
+    if times.is_empty() {
         let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
-        return Err(Error::file(path, problem));
-    };
-    let step = (last - first) / (times.len() - 1).max(1) as f64;
-    let even = |pair: &[f64]| ((pair[1] - pair[0]) / step - 1.0).abs() <= 0.5;
-    if !(step > 0.0 && step.is_finite() && times.windows(2).all(even)) {
-        let problem =
-            format!("its column '{TIME}' does not ascend in even steps; resample it first");
-        return Err(Error::file(path, problem));
+        return Err(Error::file(table.path(), problem));
     }
-    Ok((1.0 / step).round().max(1.0))
+    Ok(times::rate_of(table, TIME, times)?.round().max(1.0))
 }

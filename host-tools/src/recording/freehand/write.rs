@@ -9,23 +9,33 @@ use super::segment::{Placed, Segmentation};
 use crate::recording::TRIALS_FILE;
 use crate::support::atomic_file;
 use crate::support::error::{Error, Result};
+use crate::support::output_folder::OutputFolder;
 
-/// Writes every segment as a WAV file (32-bit float, m/s²) into `folder`, and then the list of the trials of `texture`.
+/// The command whose results these folders are.
+pub const COMMAND: &str = "segment";
+
+/// Writes every segment as a WAV file (32-bit float, m/s²) into `folder`, and then the list of the trials of `texture`:
+/// all of it or nothing. An earlier result in `folder` is replaced.
 ///
 /// # Errors
-/// A folder that already has a list of trials, or that cannot be written to.
+/// A folder with other files, or that cannot be written to.
 pub fn write(
     folder: &Path,
     texture: &str,
     recordings: &[Freehand],
     segmentation: &Segmentation,
 ) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
+    OutputFolder::begin(folder, COMMAND)?
+        .fill(|folder| write_into(folder.path(), texture, recordings, segmentation))
+}
+
+fn write_into(
+    folder: &Path,
+    texture: &str,
+    recordings: &[Freehand],
+    segmentation: &Segmentation,
+) -> Result<()> {
     let list = folder.join(TRIALS_FILE);
-    if list.exists() {
-        let problem = "is there already: name a new or empty folder";
-        return Err(Error::file(&list, problem));
-    }
     let mut writer = csv::Writer::from_writer(Vec::new());
     let header = [
         "file",

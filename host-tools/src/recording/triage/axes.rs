@@ -1,6 +1,7 @@
 //! Verdicts that compare the axes of a trial, and its level with that of any texture.
 
 use super::verdict::{ScaleDoubt, Verdict};
+use crate::dsp::sums::{mean, variance};
 
 /// Ratio of a dead axis's RMS to the strongest one's. The cross-axis sensitivity of accelerometers is about one per
 /// cent, so that an axis 60 dB below another measures not even that.
@@ -76,17 +77,9 @@ fn scale(moments: &[Moments]) -> Option<Verdict> {
 }
 
 fn moments(axis: &[f64]) -> Moments {
-    let n = axis.len().max(1) as f64;
-    let first = axis.first().copied().unwrap_or(0.0);
-    let mean = axis.iter().map(|x| x - first).sum::<f64>() / n;
-    let power = axis
-        .iter()
-        .map(|x| (x - first - mean) * (x - first - mean))
-        .sum::<f64>()
-        / n;
     Moments {
-        mean: first + mean,
-        rms: power.sqrt(),
+        mean: mean(axis),
+        rms: variance(axis).sqrt(),
     }
 }
 

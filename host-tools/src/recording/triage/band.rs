@@ -4,6 +4,7 @@ use model_format::SAMPLE_RATE_HZ;
 
 use super::verdict::{SLOW_HZ, Verdict};
 use crate::dsp::spectrum::PowerSpectrum;
+use crate::dsp::sums::{energy, mean, sum_of};
 
 /// Least share of the energy below [`SLOW_HZ`] of a wandering trial. A fit spends its first coefficients on it then.
 const SLOW_SHARE: f64 = 0.25;
@@ -76,7 +77,7 @@ pub(super) fn verdicts(axes: &[Vec<f64>], source_rate_hz: f64) -> Vec<Verdict> {
 }
 
 fn centred(axis: &[f64]) -> Vec<f64> {
-    let mean = axis.iter().sum::<f64>() / axis.len() as f64;
+    let mean = mean(axis);
     axis.iter().map(|x| x - mean).collect()
 }
 
@@ -106,9 +107,8 @@ fn edge(bands: &[f64]) -> Option<Verdict> {
 
 /// White, Gaussian and weak on every axis.
 fn sensor_noise(centred: &[Vec<f64>], bands: &[f64]) -> Option<Verdict> {
-    let power = |axis: &Vec<f64>| axis.iter().map(|x| x * x).sum::<f64>() / axis.len() as f64;
-    let fourth =
-        |axis: &Vec<f64>| axis.iter().map(|x| x * x * x * x).sum::<f64>() / axis.len() as f64;
+    let power = |axis: &Vec<f64>| energy(axis) / axis.len() as f64;
+    let fourth = |axis: &Vec<f64>| sum_of(axis, |x| (x * x) * (x * x)) / axis.len() as f64;
     let rms_m_s2 = centred.iter().map(power).sum::<f64>().sqrt();
     let gaussian = centred.iter().all(|axis| {
         let power = power(axis);

@@ -24,8 +24,10 @@ pub fn usable(verdicts: &[Verdict], samples: usize) -> Vec<Span> {
     let mut parts = Vec::new();
     let mut from = 0;
     for cut in cuts.into_iter().chain(std::iter::once(samples..samples)) {
-        if cut.start >= from + LEAST_KEPT {
-            parts.push(from..cut.start.min(samples));
+        // A verdict of another file may lie beyond the end.
+        let end = cut.start.min(samples);
+        if end >= from + LEAST_KEPT {
+            parts.push(from..end);
         }
         from = from.max(cut.end);
     }
@@ -125,6 +127,11 @@ mod tests {
         let many = (0..100).map(|n| 100 * n..100 * n + 10).collect();
         assert_eq!(usable(&silent(many), 10_000), [0..10_000]);
         assert_eq!(usable(&[], 100), [0..100]);
+        // Cuts beyond the end take nothing.
+        assert_eq!(
+            usable(&silent(vec![11_000..12_000, 20_000..20_010]), 10_000),
+            [0..10_000]
+        );
     }
 
     #[test]

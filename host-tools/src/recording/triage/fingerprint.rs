@@ -8,12 +8,19 @@
 //! A signal that its predictor explains but for round-off, such as a pure tone, has no whitened signal: any two tones
 //! of a frequency are shifted copies of each other. Only equal samples make such signals copies.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt;
+use std::hash::{BuildHasherDefault, Hasher};
 
 use model_format::SAMPLE_RATE_HZ;
 
-use crate::dsp::linear_prediction::{Prediction, corrected};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
+use crate::dsp::sums::{dot, mean};
+use crate::support::error::Result;
 
 /// Order of the predictor that whitens.
 const ORDER: usize = 16;
@@ -40,21 +47,24 @@ pub const COPY_CORRELATION: f64 = 0.9995;
 /// Lags on either side between which the correlation of a copy is interpolated.
 const INTERPOLATED_LAGS: i64 = 6;
 
+/// Correlation at the best whole shift below which two recordings are no copies, whatever lies between two shifts: the
+/// smoothed signals of a copy that is shifted by half a sample have 0.9 there.
+const LEAST_WHOLE_CORRELATION: f64 = 0.5;
+
 /// The content of a recording, to be compared with that of others.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fingerprint {
     /// Hash of the samples' bits.
     hash: u64,
-    /// Signal with a mean of zero; empty if it is predictable.
-    signal: Vec<f32>,
-    /// Reflection coefficients of the predictor that whitens it.
-    reflection: Vec<f64>,
+    /// Signal with a mean of zero, if it is held; empty if it is predictable.
+    #[serde(skip)]
+    signal: Option<Vec<f32>>,
     /// Positions of the landmarks, ascending.
     landmarks: Vec<u32>,
 }
 
 /// Relation of a copy to the recording that it was made of.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Likeness {
     /// Factor from the original's samples to the copy's; negative if inverted.
     pub scale: f64,
@@ -89,51 +99,223 @@ impl fmt::Display for Likeness {
 
 /// Returns the fingerprint of a signal of one axis at 5 kHz, in any unit.
 pub fn fingerprint(signal: &[f64]) -> Fingerprint {
-    let mean = signal.iter().sum::<f64>() / signal.len().max(1) as f64;
-    let centred: Vec<f32> = signal.iter().map(|x| (x - mean) as f32).collect();
+    let centred = centred(signal);
     let reflection = whitening(&centred);
     Fingerprint {
         hash: hash(signal),
         landmarks: landmarks(&whitened(&centred, &reflection)),
-        signal: if reflection.is_empty() {
+        signal: Some(if reflection.is_empty() {
             Vec::new()
         } else {
             centred
-        },
-        reflection,
+        }),
     }
 }
 
-/// Returns how `copy` was made of `original`, or `None` if it was not.
+/// Returns `signal` as fingerprints compare it.
+pub fn centred(signal: &[f64]) -> Vec<f32> {
+    let mean = mean(signal);
+    signal.iter().map(|x| (x - mean) as f32).collect()
+}
+
+/// Returns how `copy` was made of `original`, or `None` if it was not. Both hold their signals.
 ///
 /// A copy has equal samples, or a [correlation](COPY_CORRELATION) with the original over 0.2 s or more.
 pub fn likeness(original: &Fingerprint, copy: &Fingerprint) -> Option<Likeness> {
-    copies(&[original, copy])[1].map(|(_, likeness)| likeness)
+    let both = [original, copy].map(|print| Member { group: 0, print });
+    let never = |_| Ok(Vec::new());
+    copies(&both, &never).ok()?[1].map(|(_, likeness)| likeness)
 }
 
-/// Returns for each recording the index of the earliest that it is a copy of, and the relation to it.
-pub fn copies(recordings: &[&Fingerprint]) -> Vec<Option<(usize, Likeness)>> {
+/// A recording among others.
+#[derive(Clone, Copy, Debug)]
+pub struct Member<'a> {
+    /// Number of its group, such as a texture.
+    pub group: usize,
+    /// Its content.
+    pub print: &'a Fingerprint,
+}
+
+/// Recordings up to which each is compared with every earlier one. Of more, a recording is compared with those of its
+/// group, and with all others by a longer row of landmarks, whose gaps must be the same to the sample: copies that are
+/// equal, scaled, inverted or cut are found there, those that are shifted by part of a sample are not.
+const MOST_COMPARED_WITH_ALL: usize = 5000;
+
+/// Returns for each recording the index of the earliest that it is a copy of, and the relation to it. `signal_of` reads
+/// the [`centred`] signal of a recording whose fingerprint does not hold it.
+///
+/// # Errors
+/// Those of `signal_of`.
+pub fn copies(
+    recordings: &[Member<'_>],
+    signal_of: &(impl Fn(usize) -> Result<Vec<f32>> + Sync),
+) -> Result<Vec<Option<(usize, Likeness)>>> {
+    copies_among(recordings, signal_of, MOST_COMPARED_WITH_ALL)
+}
+
+fn copies_among(
+    recordings: &[Member<'_>],
+    signal_of: &(impl Fn(usize) -> Result<Vec<f32>> + Sync),
+    most_compared_with_all: usize,
+) -> Result<Vec<Option<(usize, Likeness)>>> {
     let mut first_with = HashMap::new();
-    let mut index = LandmarkIndex::default();
-    recordings
+    // Of equal recordings the first one stands for all.
+    let equal_to: Vec<Option<usize>> = recordings
         .iter()
         .enumerate()
         .map(|(number, recording)| {
-            if let Some(&equal) = first_with.get(&recording.hash) {
-                return Some((equal, Likeness::EQUAL));
-            }
-            first_with.insert(recording.hash, number);
-            let found = index
-                .candidates(recording)
-                .into_iter()
-                .find_map(|(original, shift)| {
-                    likeness_at(recordings[original], recording, shift)
-                        .map(|found| (original, found))
-                });
-            index.insert(number, recording);
-            found
+            let first = *first_with.entry(recording.print.hash).or_insert(number);
+            (first != number).then_some(first)
         })
-        .collect()
+        .collect();
+    let candidates = if recordings.len() <= most_compared_with_all {
+        let all: Vec<usize> = (0..recordings.len()).collect();
+        candidates_among(recordings, &all, &equal_to)
+    } else {
+        let mut found = candidates_within_groups(recordings, &equal_to);
+        found.extend(candidates_across(recordings, &equal_to));
+        found
+    };
+    let mut of_each: Vec<Vec<(usize, i64)>> = vec![Vec::new(); recordings.len()];
+    for (copy, original, shift) in candidates {
+        of_each[copy].push((original, shift));
+    }
+    let signal = |number: usize| -> Result<Cow<'_, [f32]>> {
+        Ok(match &recordings[number].print.signal {
+            Some(signal) => Cow::Borrowed(signal.as_slice()),
+            None => Cow::Owned(signal_of(number)?),
+        })
+    };
+    let verified = |(number, mut originals): (usize, Vec<(usize, i64)>)| {
+        if let Some(equal) = equal_to[number] {
+            return Ok(Some((equal, Likeness::EQUAL)));
+        }
+        if originals.is_empty() {
+            return Ok(None);
+        }
+        originals.sort_unstable();
+        originals.dedup();
+        let copy = signal(number)?;
+        for (original, shift) in originals {
+            if let Some(found) = likeness_at(&signal(original)?, &copy, shift) {
+                return Ok(Some((original, found)));
+            }
+        }
+        Ok(None)
+    };
+    of_each
+        .into_par_iter()
+        .enumerate()
+        .map(verified)
+        .collect::<Result<_>>()
+}
+
+/// A recording that may be a copy of an earlier one, at a shift.
+type Candidate = (usize, usize, i64);
+
+/// Candidates among the recordings `numbers`, which ascend: those with enough common landmarks at one shift.
+fn candidates_among(
+    recordings: &[Member<'_>],
+    numbers: &[usize],
+    equal_to: &[Option<usize>],
+) -> Vec<Candidate> {
+    let mut index = LandmarkIndex::default();
+    let mut found = Vec::new();
+    for &number in numbers.iter().filter(|&&number| equal_to[number].is_none()) {
+        let print = recordings[number].print;
+        let originals = index.candidates(print).into_iter();
+        found.extend(originals.map(|(original, shift)| (number, original, shift)));
+        index.insert(number, print);
+    }
+    found
+}
+
+fn candidates_within_groups(
+    recordings: &[Member<'_>],
+    equal_to: &[Option<usize>],
+) -> Vec<Candidate> {
+    let mut groups: HashMap<usize, Vec<usize>> = HashMap::new();
+    for (number, recording) in recordings.iter().enumerate() {
+        groups.entry(recording.group).or_default().push(number);
+    }
+    let groups: Vec<Vec<usize>> = groups.into_values().collect();
+    let among = |numbers: &Vec<usize>| candidates_among(recordings, numbers, equal_to);
+    groups.par_iter().flat_map_iter(among).collect()
+}
+
+/// Rows of landmarks that are kept at most while all recordings are compared, 16 bytes each.
+const MOST_ROWS: usize = 8_000_000;
+
+/// Landmarks of a row by which recordings of different groups are compared.
+const ROW: usize = 6;
+
+/// Candidates of any group, by rows of landmarks with the same gaps. A share of the rows is enough if there are many:
+/// which ones, their gaps say, so that a copy keeps those of its original.
+fn candidates_across(recordings: &[Member<'_>], equal_to: &[Option<usize>]) -> Vec<Candidate> {
+    let rows = |print: &Fingerprint| print.landmarks.len().saturating_sub(ROW - 1);
+    let total: usize = recordings
+        .iter()
+        .map(|recording| rows(recording.print))
+        .sum();
+    let share = total.div_ceil(MOST_ROWS).max(1) as u64;
+    let mut kept: Vec<(u64, u32, u32)> = Vec::with_capacity(total / share as usize + 1);
+    for (number, recording) in recordings.iter().enumerate() {
+        if equal_to[number].is_some() {
+            continue;
+        }
+        for row in recording.print.landmarks.windows(ROW) {
+            let mut hasher = GapHasher::default();
+            row.windows(2)
+                .for_each(|pair| hasher.write_u32(pair[1] - pair[0]));
+            let hash = hasher.finish();
+            if hash % share == 0 {
+                kept.push((hash, number as u32, row[0]));
+            }
+        }
+    }
+    kept.par_sort_unstable();
+    let alike = kept
+        .chunk_by(|a, b| a.0 == b.0)
+        .filter(|alike| alike.len() > 1);
+    let pairs = alike.flat_map(|alike| {
+        let (_, original, at) = alike[0];
+        alike[1..].iter().map(move |&(_, copy, there)| {
+            let shift = i64::from(there) - i64::from(at);
+            (copy as usize, original as usize, shift)
+        })
+    });
+    let mut found: Vec<Candidate> = pairs
+        .filter(|(copy, original, _)| copy != original)
+        .collect();
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// Hash of gaps: quick, because a set has millions of them, and the same in every run.
+#[derive(Default)]
+struct GapHasher(u64);
+
+impl Hasher for GapHasher {
+    fn finish(&self) -> u64 {
+        self.0 ^ (self.0 >> 29)
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        bytes
+            .iter()
+            .for_each(|&byte| self.write_u32(u32::from(byte)));
+    }
+
+    fn write_u32(&mut self, value: u32) {
+        // A multiplier of Steele and Vigna's (Computationally easy, spectrally good multipliers, 2021).
+        let mixed = (self.0.rotate_left(23) ^ u64::from(value)).wrapping_mul(0xf135_7aea_2e62_a9c5);
+        self.0 = mixed ^ (mixed >> 32);
+    }
+
+    fn write_usize(&mut self, value: usize) {
+        self.write_u32(value as u32);
+    }
 }
 
 /// Gaps between four successive landmarks, in samples.
@@ -141,7 +323,7 @@ type Gaps = [u32; 3];
 
 /// Landmarks of recordings by their gaps.
 #[derive(Default)]
-struct LandmarkIndex(HashMap<Gaps, Vec<(usize, u32)>>);
+struct LandmarkIndex(HashMap<Gaps, Vec<(usize, u32)>, BuildHasherDefault<GapHasher>>);
 
 impl LandmarkIndex {
     fn insert(&mut self, number: usize, recording: &Fingerprint) {
@@ -171,6 +353,23 @@ impl LandmarkIndex {
 }
 
 impl Fingerprint {
+    /// Memory that the signal takes, bytes.
+    pub fn signal_bytes(&self) -> usize {
+        self.signal.as_ref().map_or(0, |signal| 4 * signal.len())
+    }
+
+    /// Returns whether the landmarks are different places of a recording, in ascending order.
+    pub fn is_sound(&self) -> bool {
+        let ascend = self.landmarks.is_sorted_by(|a, b| a < b);
+        let last = self.landmarks.last().copied().unwrap_or(0);
+        ascend && (last as usize) < crate::recording::MAX_FRAMES
+    }
+
+    /// Lets go of the signal. It is read again where it is compared.
+    pub fn forget_signal(&mut self) {
+        self.signal = None;
+    }
+
     fn gaps(&self) -> impl Iterator<Item = (Gaps, u32)> + '_ {
         self.landmarks.windows(4).map(|marks| {
             let gaps = [0, 1, 2].map(|gap| marks[gap + 1] - marks[gap]);
@@ -197,20 +396,25 @@ fn commonest(mut shifts: Vec<i64>) -> Option<i64> {
 }
 
 /// Returns the relation of two recordings at `shift`, give or take two samples, if they are copies.
-fn likeness_at(original: &Fingerprint, copy: &Fingerprint, shift: i64) -> Option<Likeness> {
+fn likeness_at(original: &[f32], copy: &[f32], shift: i64) -> Option<Likeness> {
     // One predictor whitens both, because a copy of a part has another one of its own.
-    let first = whitened(&original.signal, &original.reflection);
-    let second = whitened(&copy.signal, &original.reflection);
+    let reflection = whitening(original);
+    let first = Whitened::of(original, &reflection);
+    let second = Whitened::of(copy, &reflection);
     let products = |shift: i64| {
-        let a = first.get((-shift).max(0) as usize..)?;
-        let b = second.get(shift.max(0) as usize..)?;
-        let length = a.len().min(b.len());
+        let (a, b) = ((-shift).max(0) as usize, shift.max(0) as usize);
+        let rest = |signal: &Whitened, from: usize| signal.samples.len().checked_sub(from);
+        let length = rest(&first, a)?.min(rest(&second, b)?);
         // At the start of either recording its filters have no past.
-        (length >= LEAST_OVERLAP).then(|| correlate(&a[PAST..length], &b[PAST..length]))
+        (length >= LEAST_OVERLAP)
+            .then(|| correlate(&first, a + PAST, &second, b + PAST, length - PAST))
     };
     let (shift, at) = (shift - 2..=shift + 2)
         .filter_map(|shift| Some((shift, products(shift)?)))
         .max_by(|a, b| a.1.correlation.abs().total_cmp(&b.1.correlation.abs()))?;
+    if at.correlation.abs() < LEAST_WHOLE_CORRELATION {
+        return None;
+    }
     let lags: Vec<(f64, f64)> = (-INTERPOLATED_LAGS..=INTERPOLATED_LAGS)
         .filter_map(|lag| Some((lag as f64, products(shift + lag)?.correlation)))
         .collect();
@@ -251,15 +455,38 @@ struct Correlated {
     ratio: f64,
 }
 
-fn correlate(a: &[f32], b: &[f32]) -> Correlated {
-    let (aa, bb) = (inner_product(a, a), inner_product(b, b));
+/// A whitened signal, with the sums of the squares of its first samples.
+struct Whitened {
+    samples: Vec<f32>,
+    energy: Vec<f64>,
+}
+
+impl Whitened {
+    fn of(signal: &[f32], reflection: &[f64]) -> Self {
+        let samples = whitened(signal, reflection);
+        let mut sum = 0.0;
+        let squares = samples.iter().map(|&x| {
+            sum += f64::from(x) * f64::from(x);
+            sum
+        });
+        Self {
+            energy: std::iter::once(0.0).chain(squares).collect(),
+            samples,
+        }
+    }
+}
+
+/// Correlates `length` samples of `first` from sample `a` on with those of `second` from `b` on.
+fn correlate(first: &Whitened, a: usize, second: &Whitened, b: usize, length: usize) -> Correlated {
+    let aa = first.energy[a + length] - first.energy[a];
+    let bb = second.energy[b + length] - second.energy[b];
     let both = (aa * bb).sqrt();
+    let product = dot(
+        &first.samples[a..a + length],
+        &second.samples[b..b + length],
+    );
     Correlated {
-        correlation: if both > 0.0 {
-            inner_product(a, b) / both
-        } else {
-            0.0
-        },
+        correlation: if both > 0.0 { product / both } else { 0.0 },
         ratio: if aa > 0.0 { (bb / aa).sqrt() } else { 0.0 },
     }
 }
@@ -269,7 +496,7 @@ fn whitening(signal: &[f32]) -> Vec<f64> {
     if signal.len() <= 2 * ORDER {
         return Vec::new();
     }
-    let lag = |lag: usize| inner_product(&signal[..signal.len() - lag], &signal[lag..]);
+    let lag = |lag: usize| dot(&signal[..signal.len() - lag], &signal[lag..]);
     let lags: Vec<f64> = (0..=ORDER).map(lag).collect();
     let prediction = Prediction::levinson_durbin(&corrected(lags), ORDER);
     let left = prediction.error_power.last().copied().unwrap_or(0.0);
@@ -281,26 +508,39 @@ fn whitening(signal: &[f32]) -> Vec<f64> {
 
 /// Prediction error of `signal`, smoothed below about 800 Hz; empty without coefficients.
 fn whitened(signal: &[f32], reflection: &[f64]) -> Vec<f32> {
+    /// Samples that are computed at once, in vector registers.
+    const AT_ONCE: usize = 8;
+    /// The smoothing: binomial.
+    const SMOOTHING: [f64; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
     if reflection.is_empty() {
         return Vec::new();
     }
-    let mut backward = [0.0; ORDER];
-    let mut recent = [0.0; 5];
-    let smooth = |x: &f32| {
-        let mut forward = f64::from(*x);
-        let mut carried = forward;
-        for (delayed, k) in backward.iter_mut().zip(reflection) {
-            let next = *delayed + k * forward;
-            forward += k * *delayed;
-            *delayed = carried;
-            carried = next;
+    // Predictor and smoothing in one filter, the weight of the present sample first.
+    let predictor = step_up(reflection);
+    let mut filter = vec![0.0; predictor.len() + SMOOTHING.len()];
+    for (lag, a) in std::iter::once(1.0).chain(predictor).enumerate() {
+        for (sum, weight) in filter[lag..].iter_mut().zip(SMOOTHING) {
+            *sum += a * weight / 16.0;
         }
-        recent.rotate_right(1);
-        recent[0] = forward;
-        let binomial = recent[0] + recent[4] + 4.0 * (recent[1] + recent[3]) + 6.0 * recent[2];
-        (binomial / 16.0) as f32
-    };
-    signal.iter().map(smooth).collect()
+    }
+    let past = filter.len() - 1;
+    let mut padded = vec![0.0; past];
+    padded.extend(signal.iter().map(|&x| f64::from(x)));
+    padded.resize(past + signal.len().next_multiple_of(AT_ONCE), 0.0);
+    let mut result = Vec::with_capacity(signal.len() + AT_ONCE);
+    for first in (0..signal.len()).step_by(AT_ONCE) {
+        let mut sums = [0.0; AT_ONCE];
+        for (lag, weight) in filter.iter().enumerate() {
+            let from = first + past - lag;
+            let samples: &[f64; AT_ONCE] = padded[from..].first_chunk().expect("it is padded");
+            for (sum, x) in sums.iter_mut().zip(samples) {
+                *sum += weight * x;
+            }
+        }
+        result.extend(sums.map(|sum| sum as f32));
+    }
+    result.truncate(signal.len());
+    result
 }
 
 /// Positions at which the magnitude is the largest within [`LANDMARK_REACH`].
@@ -319,25 +559,24 @@ fn landmarks(whitened: &[f32]) -> Vec<u32> {
         .collect()
 }
 
-fn inner_product<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
-    a.iter().zip(b).map(|(&a, &b)| a.into() * b.into()).sum()
-}
-
-/// Hash of the samples' bits. It is compared within one run and never stored, because Rust may change its hash
-/// function.
+/// Hash of the samples' bits, the same on every computer: in eight lanes, by the multiplication of FNV-1a (Fowler, Noll
+/// and Vo) on words instead of bytes.
 fn hash(signal: &[f64]) -> u64 {
-    use std::hash::{DefaultHasher, Hasher};
-    let mut hasher = DefaultHasher::new();
-    hasher.write_usize(signal.len());
-    // Eight independent lanes, because the processor can then overlap their multiplications.
-    let mut mixed = [0u64; 8];
-    for chunk in signal.chunks(8) {
-        for (mix, sample) in mixed.iter_mut().zip(chunk) {
-            *mix = (mix.rotate_left(5) ^ sample.to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    const PRIME: u64 = 0x0100_0000_01b3;
+    let mut lanes = [0xcbf2_9ce4_8422_2325_u64; 8];
+    let next = |hash: u64, word: u64| {
+        let mixed = (hash ^ word).wrapping_mul(PRIME);
+        mixed ^ (mixed >> 32)
+    };
+    let (chunks, rest) = signal.as_chunks::<8>();
+    for chunk in chunks {
+        for (lane, x) in lanes.iter_mut().zip(chunk) {
+            *lane = next(*lane, x.to_bits());
         }
     }
-    mixed.into_iter().for_each(|mix| hasher.write_u64(mix));
-    hasher.finish()
+    let rest = rest.iter().map(|x| x.to_bits());
+    let words = rest.chain([signal.len() as u64]).chain(lanes);
+    words.fold(PRIME, next)
 }
 
 #[cfg(test)]
@@ -350,10 +589,28 @@ mod tests {
     }
 
     #[test]
+    fn landmarks_that_no_recording_has_are_unsound() {
+        for (landmarks, is_sound) in [
+            (vec![], true),
+            (vec![4, 9, 10], true),
+            (vec![4, 4], false),
+            (vec![9, 4], false),
+            (vec![4, u32::MAX], false),
+        ] {
+            let print = Fingerprint {
+                hash: 0,
+                signal: None,
+                landmarks,
+            };
+            assert_eq!(print.is_sound(), is_sound);
+        }
+    }
+
+    #[test]
     fn other_recordings_of_one_spectrum_are_no_copies() {
         let prints: Vec<_> = (1..20).map(|seed| fingerprint(&noise(seed))).collect();
-        let all: Vec<&Fingerprint> = prints.iter().collect();
-        assert!(copies(&all).iter().all(Option::is_none));
+        assert!(copies_of(&prints, usize::MAX).iter().all(Option::is_none));
+        assert!(copies_of(&prints, 0).iter().all(Option::is_none));
         assert_eq!(
             found(
                 &tone(100.0, 1.0).collect::<Vec<_>>(),
@@ -417,11 +674,47 @@ mod tests {
         let (a, b) = (noise(7), noise(8));
         let twice: Vec<f64> = b.iter().map(|x| 2.0 * x).collect();
         let prints = [&a, &b, &twice, &b].map(|signal| fingerprint(signal));
-        let found = copies(&prints.iter().collect::<Vec<_>>());
-        let originals: Vec<_> = found
+        assert_eq!(
+            originals(&copies_of(&prints, usize::MAX)),
+            [None, None, Some(1), Some(1)]
+        );
+    }
+
+    fn originals(found: &[Option<(usize, Likeness)>]) -> Vec<Option<usize>> {
+        let original = |copy: &Option<(usize, Likeness)>| copy.map(|(original, _)| original);
+        found.iter().map(original).collect()
+    }
+
+    /// Copies among recordings of a group each, none of which holds its signal.
+    fn copies_of(
+        prints: &[Fingerprint],
+        most_compared_with_all: usize,
+    ) -> Vec<Option<(usize, Likeness)>> {
+        let signals: Vec<Vec<f32>> = prints
             .iter()
-            .map(|copy| copy.map(|(original, _)| original))
+            .map(|print| print.signal.clone().unwrap())
             .collect();
-        assert_eq!(originals, [None, None, Some(1), Some(1)]);
+        let mut bare = prints.to_vec();
+        bare.iter_mut().for_each(Fingerprint::forget_signal);
+        let members: Vec<Member<'_>> = bare
+            .iter()
+            .enumerate()
+            .map(|(group, print)| Member { group, print })
+            .collect();
+        let signal_of = |number: usize| Ok(signals[number].clone());
+        copies_among(&members, &signal_of, most_compared_with_all).unwrap()
+    }
+
+    /// In a set of too many recordings for a comparison of each with each, copies in other groups are found all the
+    /// same: equal ones, scaled and inverted ones, and those that begin at another sample.
+    #[test]
+    fn copies_in_other_groups_of_a_large_set_are_found() {
+        let (a, b) = (noise(7), noise(8));
+        let inverted: Vec<f64> = a.iter().map(|x| -0.2 * x).collect();
+        let cut = b[3000..].to_vec();
+        let prints = [&a, &b, &inverted, &cut, &a].map(|signal| fingerprint(signal));
+        let expected = [None, None, Some(0), Some(1), Some(0)];
+        assert_eq!(originals(&copies_of(&prints, 0)), expected);
+        assert_eq!(originals(&copies_of(&prints, usize::MAX)), expected);
     }
 }

@@ -4,6 +4,7 @@
 //! exceeds this by far is a finding. Bounds are those of 24 real takes, whole and in parts of 2 s.
 
 use super::verdict::{Span, Verdict};
+use crate::dsp::sums::variance;
 
 /// Samples of a part for silence: 20 ms.
 const SILENCE_PART: usize = 100;
@@ -78,8 +79,7 @@ fn powers(axes: &[Vec<f64>], part: usize) -> Vec<f64> {
     let mut powers = vec![0.0; count];
     for axis in axes {
         for (power, samples) in powers.iter_mut().zip(axis.chunks_exact(part)) {
-            let mean = samples.iter().sum::<f64>() / part as f64;
-            *power += samples.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / part as f64;
+            *power += variance(samples);
         }
     }
     powers

@@ -57,10 +57,12 @@ mod verdict;
 pub use axes::LARGE_RMS_M_S2;
 pub use band::SENSOR_NOISE_M_S2;
 pub use cut::{LEAST_KEPT, kept, kept_spans, usable};
-pub use fingerprint::{COPY_CORRELATION, Fingerprint, Likeness, copies, fingerprint, likeness};
+pub use fingerprint::{
+    COPY_CORRELATION, Fingerprint, Likeness, Member, centred, copies, fingerprint, likeness,
+};
 pub use hum::{HUM_RATIO_DB, confirmed_hum, mains_line};
 pub use set::{Compared, all_verdicts};
 pub use single_trial::{
     CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, SHORT_SAMPLES, SILENCE_FLOOR_M_S2, flaws, samples,
 };
-pub use verdict::{SLOW_HZ, ScaleDoubt, Span, Verdict};
+pub use verdict::{SLOW_HZ, ScaleDoubt, Span, Verdict, in_words};

@@ -2,6 +2,7 @@
 //! end there, whatever the level around them is.
 
 use super::verdict::Verdict;
+use crate::dsp::sums::{extremes, mean, sum_of};
 
 /// Samples of a part: 10 ms.
 const PART: usize = 50;
@@ -46,16 +47,14 @@ pub(super) fn clipped_before(axes: &[Vec<f64>], is_clipped: bool) -> Option<Verd
 
 /// Returns the share of parts with a peak at the limit on the side of `sign`, and the limit, if there is one.
 fn limit(axis: &[f64], sign: f64) -> Option<(f64, f64)> {
-    let mean = axis.iter().sum::<f64>() / axis.len().max(1) as f64;
+    let mean = mean(axis);
     let parts = axis.chunks_exact(PART);
     // Peak and RMS of each part.
     let mut measured: Vec<(f64, f64)> = parts
         .map(|part| {
-            let peak = part
-                .iter()
-                .map(|x| sign * (x - mean))
-                .fold(f64::MIN, f64::max);
-            let energy: f64 = part.iter().map(|x| (x - mean) * (x - mean)).sum();
+            let (low, high) = extremes(part);
+            let peak = if sign > 0.0 { high - mean } else { mean - low };
+            let energy = sum_of(part, |x| (x - mean) * (x - mean));
             (peak, (energy / PART as f64).sqrt())
         })
         .collect();

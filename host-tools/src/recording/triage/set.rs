@@ -1,8 +1,11 @@
 //! Verdicts that only a comparison of trials tells: hum, copies, and a scale unlike that of the others.
 
-use super::fingerprint::{Fingerprint, copies};
+use std::collections::HashMap;
+
+use super::fingerprint::{Fingerprint, Member, copies};
 use super::hum::confirmed_hum;
 use super::verdict::{ScaleDoubt, Verdict};
+use crate::support::error::Result;
 
 /// Deviation of a trial's level from the median of its texture at which its scale is doubted, dB. From the slowest and
 /// lightest trial of a grid to the fastest and heaviest the level rises by some 40 dB; wrong units are 60 dB off.
@@ -36,34 +39,50 @@ impl Compared<'_> {
     }
 }
 
-/// Returns all verdicts on each trial: its own, and those of the comparison.
-pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
+/// Returns all verdicts on each trial: its own, and those of the comparison. `signal_of` reads the
+/// [centred](super::centred) signal of a trial whose fingerprint does not hold it.
+///
+/// # Errors
+/// Those of `signal_of`.
+pub fn all_verdicts(
+    trials: &[Compared<'_>],
+    signal_of: &(impl Fn(usize) -> Result<Vec<f32>> + Sync),
+) -> Result<Vec<Vec<Verdict>>> {
     let mut verdicts: Vec<Vec<Verdict>> = trials.iter().map(own_verdicts).collect();
-    let mut textures: Vec<&str> = trials.iter().map(|trial| trial.texture).collect();
-    textures.sort_unstable();
-    textures.dedup();
-    for texture in textures {
-        let members: Vec<usize> = (0..trials.len())
-            .filter(|&index| trials[index].texture == texture)
-            .collect();
-        add_hum(trials, &members, &mut verdicts);
-        add_unlike_levels(trials, &members, &mut verdicts);
+    let mut numbers: HashMap<&str, usize> = HashMap::new();
+    let mut textures: Vec<Vec<usize>> = Vec::new();
+    let mut groups = Vec::with_capacity(trials.len());
+    for (index, trial) in trials.iter().enumerate() {
+        let group = *numbers.entry(trial.texture).or_insert(textures.len());
+        if group == textures.len() {
+            textures.push(Vec::new());
+        }
+        textures[group].push(index);
+        groups.push(group);
+    }
+    for members in &textures {
+        add_hum(trials, members, &mut verdicts);
+        add_unlike_levels(trials, members, &mut verdicts);
     }
     // All silence is alike.
     let loud: Vec<usize> = (0..trials.len())
         .filter(|&index| !trials[index].is_silent())
         .collect();
-    let prints: Vec<&Fingerprint> = loud
+    let members: Vec<Member<'_>> = loud
         .iter()
-        .map(|&index| trials[index].fingerprint)
+        .map(|&index| Member {
+            group: groups[index],
+            print: trials[index].fingerprint,
+        })
         .collect();
-    for (&index, copy) in loud.iter().zip(copies(&prints)) {
+    let copies = copies(&members, &|number: usize| signal_of(loud[number]))?;
+    for (&index, copy) in loud.iter().zip(copies) {
         verdicts[index].extend(copy.map(|(original, likeness)| Verdict::Duplicate {
             of: loud[original],
             likeness,
         }));
     }
-    verdicts
+    Ok(verdicts)
 }
 
 /// The verdicts of a trial by itself, without those that idleness explains.
@@ -122,6 +141,11 @@ mod tests {
     use super::super::test_signals::noise;
     use super::*;
 
+    /// Fails, because every fingerprint here holds its signal.
+    fn held(_: usize) -> Result<Vec<f32>> {
+        unreachable!("the signal is held")
+    }
+
     #[test]
     fn a_trial_in_other_units_than_its_texture_is_told() {
         let prints: Vec<Fingerprint> = (0..5).map(|seed| fingerprint(&noise(seed))).collect();
@@ -140,7 +164,7 @@ mod tests {
             .enumerate()
             .map(|(index, &rms)| trial(index, rms))
             .collect();
-        let verdicts = all_verdicts(&trials);
+        let verdicts = all_verdicts(&trials, &held).unwrap();
         for (index, found) in verdicts.iter().enumerate() {
             assert_eq!(found.len(), usize::from(index == 2), "{found:?}");
         }
@@ -157,7 +181,7 @@ mod tests {
             Verdict::TooShort { samples: 9 },
         ];
         let verdicts = |is_idle: bool| {
-            all_verdicts(&[Compared {
+            let trial = Compared {
                 texture: "felt",
                 speed_mm_s: 100.0,
                 is_idle,
@@ -165,8 +189,8 @@ mod tests {
                 mains_line_hz: None,
                 fingerprint: &print,
                 verdicts: &own,
-            }])
-            .remove(0)
+            };
+            all_verdicts(&[trial], &held).unwrap().remove(0)
         };
         assert_eq!(verdicts(false), own);
         assert_eq!(verdicts(true), own[1..]);

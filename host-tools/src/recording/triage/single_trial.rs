@@ -2,6 +2,7 @@
 
 use super::verdict::{Span, Verdict};
 use super::{axes, band, level, peaks};
+use crate::dsp::sums::variance;
 use crate::recording::defects::Truncation;
 use crate::recording::samples::Samples;
 use model_format::SAMPLE_RATE_HZ;
@@ -146,17 +147,6 @@ fn of_defects(samples: &Samples) -> Vec<Verdict> {
 
 fn worst(axes: &[Vec<f64>], measure: fn(&[f64]) -> f64) -> f64 {
     axes.iter().map(|axis| measure(axis)).fold(0.0, f64::max)
-}
-
-/// Power about the mean, (m/s²)².
-fn variance(axis: &[f64]) -> f64 {
-    let n = axis.len().max(1) as f64;
-    let first = axis.first().copied().unwrap_or(0.0);
-    let mean = axis.iter().map(|x| x - first).sum::<f64>() / n;
-    axis.iter()
-        .map(|x| (x - first - mean) * (x - first - mean))
-        .sum::<f64>()
-        / n
 }
 
 /// Length of a chunk, which the compiler keeps in vector registers.

@@ -4,7 +4,7 @@ use std::fmt;
 use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 use super::fingerprint::Likeness;
 
@@ -15,7 +15,7 @@ pub const SLOW_HZ: f64 = 10.0;
 pub type Span = Range<usize>;
 
 /// A verdict on a trial.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Verdict {
     /// No signal, apart from a constant.
     Silent,
@@ -158,7 +158,7 @@ pub enum Verdict {
 }
 
 /// Reason to doubt a scale.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ScaleDoubt {
     /// An RMS that no texture has, m/s².
     TooLarge(f64),
@@ -447,8 +447,10 @@ impl fmt::Display for Verdict {
     }
 }
 
-impl Serialize for Verdict {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
-    }
+/// Serialises verdicts as lines for a reader.
+///
+/// # Errors
+/// Those of the serialiser.
+pub fn in_words<S: Serializer>(verdicts: &[Verdict], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(verdicts.iter().map(ToString::to_string))
 }

@@ -1,0 +1,33 @@
+//! The 64-bit FNV-1a hash (Fowler, Noll and Vo; IETF draft-eastlake-fnv): the same on every computer and in every
+//! version, which the standard library's hashes are not. It tells accidents, not attacks.
+
+/// A hash of the bytes so far.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fnv(u64);
+
+impl Default for Fnv {
+    /// The hash of no bytes.
+    fn default() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl Fnv {
+    /// The hash of `bytes`.
+    pub fn of(bytes: &[u8]) -> u64 {
+        Self::default().then(bytes).value()
+    }
+
+    /// The hash of what was hashed, with `bytes` after it.
+    #[must_use]
+    pub fn then(self, bytes: &[u8]) -> Self {
+        Self(bytes.iter().fold(self.0, |hash, &byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        }))
+    }
+
+    /// Its value.
+    pub fn value(self) -> u64 {
+        self.0
+    }
+}
