@@ -7,7 +7,7 @@ use std::sync::Arc;
 use model_format::link::MAX_DEVICE_FRAME_BYTES;
 use postcard_rpc::host_client::{WireRx, WireTx};
 
-use super::wire::Health;
+use super::health::Health;
 
 /// Number of queued transfers from the device, so that no frame of the device waits for the host.
 const WAITING_TRANSFERS: usize = 8;

@@ -9,6 +9,7 @@ use model_format::link::{
 use postcard_rpc::standard_icd::WireError;
 
 use super::Mismatch;
+use crate::support::nearest::listed;
 
 /// A failure of the link, or a refusal of the device. Each message is one line with the remedy.
 #[derive(Debug, thiserror::Error)]
@@ -37,6 +38,22 @@ pub enum LinkError {
         /// Their serial numbers.
         found: Vec<String>,
     },
+    /// No device is attached.
+    #[error(
+        "{}plug one in by its own USB port or by the debug port of its board, or start a virtual one with `cargo \
+         virtual-stylus`; `stylus devices` lists what is attached, and --link names what is not found",
+        nothing(silent)
+    )]
+    NoDevice {
+        /// Ports of probes behind which none has answered.
+        silent: Vec<String>,
+    },
+    /// Several devices are attached, and none was named.
+    #[error("{} styluses are attached: name one, --link {}", found.len(), found.join(" or --link "))]
+    SeveralDevices {
+        /// Their links.
+        found: Vec<String>,
+    },
     /// The operating system denies this user access.
     #[error("{link}: no permission: {remedy}")]
     Permission {
@@ -62,7 +79,7 @@ pub enum LinkError {
     /// The device did not answer in time.
     #[error(
         "{link}: no answer to the {request} request within {:.1} s: check that it is a stylus, that its firmware runs, \
-         and that no other program uses it", after.as_secs_f64()
+         and that no other program uses it{}", after.as_secs_f64(), longer(*timeout)
     )]
     NoAnswer {
         /// The link.
@@ -71,14 +88,30 @@ pub enum LinkError {
         request: &'static str,
         /// Time that the host waited.
         after: Duration,
+        /// The timeout that the user may give: that of an answer which takes no flash.
+        timeout: Duration,
     },
     /// The link accepted no more frames.
-    #[error("{link}: nothing could be sent for {:.1} s: check the cable, then try again", after.as_secs_f64())]
+    #[error(
+        "{link}: nothing could be sent for {:.1} s: check the cable, then try again{}", after.as_secs_f64(),
+        longer(*after)
+    )]
     Stalled {
         /// The link.
         link: String,
         /// Time that the host waited.
         after: Duration,
+    },
+    /// The process that shares the link has failed to open it.
+    #[error("{0}")]
+    Broker(String),
+    /// Another program has the motion, or the upload.
+    #[error("{link}: {what}")]
+    Held {
+        /// The link.
+        link: String,
+        /// The program, its process, and the remedy.
+        what: String,
     },
     /// The link broke.
     #[error("{link}: the link was lost: {reason}")]
@@ -144,6 +177,19 @@ pub enum LinkError {
     /// The device refuses to play.
     #[error("the device refuses to play: {0}")]
     Play(Box<PlayError>),
+    /// The active library has no texture or scene of this name.
+    #[error(
+        "the device refuses to play: the active library has no {what} \"{name}\"; it has {}",
+        listed(name, there)
+    )]
+    Absent {
+        /// A texture or a scene, in words.
+        what: &'static str,
+        /// The name asked for.
+        name: String,
+        /// The names that are there, in the device's order.
+        there: Vec<String>,
+    },
     /// The device refuses to stop.
     #[error("the device refuses to stop: {0}")]
     Stop(#[from] StopError),
@@ -204,6 +250,28 @@ impl From<LinkError> for crate::support::error::Error {
     fn from(failure: LinkError) -> Self {
         Self::Request(failure.to_string())
     }
+}
+
+fn nothing(silent: &[String]) -> String {
+    if silent.is_empty() {
+        "no stylus is attached: ".to_owned()
+    } else {
+        format!("no stylus answers at {}: ", silent.join(" or "))
+    }
+}
+
+/// Longest timeout that is proposed, s. A device that takes longer has another trouble.
+const LONGEST_PROPOSED_S: f64 = 60.0;
+
+/// Proposal of a timeout that is several times as long as `timeout`, in words.
+fn longer(timeout: Duration) -> String {
+    /// A computer under load, or an emulated device, is rarely slower than this.
+    const FACTOR: f64 = 5.0;
+    let proposed = (timeout.as_secs_f64() * FACTOR).ceil();
+    if proposed > LONGEST_PROPOSED_S {
+        return String::new();
+    }
+    format!("; where device or computer is slow, wait longer, with --timeout {proposed}")
 }
 
 fn links(serials: &[String]) -> String {

@@ -13,8 +13,9 @@ use tokio::net::TcpStream;
 use tokio_serial::{SerialPortBuilderExt, SerialStream};
 
 use super::error::{LinkError, Result};
-use super::wire::{CobsRx, CobsTx, Health, Spawn};
-use super::{LinkAddress, bulk, usb, virtual_usb};
+use super::health::Health;
+use super::wire::{CobsRx, CobsTx, Spawn};
+use super::{CustomLink, LinkAddress, bulk, usb, virtual_usb};
 
 /// Timeout of a TCP connection.
 const TCP_TIMEOUT: Duration = Duration::from_secs(3);
@@ -29,47 +30,107 @@ const SERIAL_REMEDY: &str = "add yourself to the port's group (often dialout: `s
 /// Client of one device.
 pub(super) type Client = HostClient<WireError>;
 
-/// Opens a link. Its two tasks run on the current runtime.
-pub(super) async fn open(address: &LinkAddress, health: &Arc<Health>) -> Result<Client> {
+/// Use of the two ends of an open link.
+pub(super) trait Ends {
+    /// The thing that is made of them.
+    type Made;
+
+    /// Makes it.
+    fn take(self, sender: impl WireTx, receiver: impl WireRx) -> Self::Made;
+}
+
+/// Makes a client of the ends. Its two tasks run on the current runtime.
+pub(super) struct AsClient;
+
+impl Ends for AsClient {
+    type Made = Client;
+
+    /// A client with sequence numbers of two bytes, so that a late answer cannot be taken for that of a later request.
+    fn take(self, sender: impl WireTx, receiver: impl WireRx) -> Client {
+        Client::new_with_wire(
+            sender,
+            receiver,
+            Spawn,
+            VarSeqKind::Seq2,
+            ERROR_PATH,
+            OUTGOING_FRAMES,
+        )
+    }
+}
+
+/// Opens a link, and gives its ends to `ends`.
+pub(super) async fn open<E: Ends>(
+    address: &LinkAddress,
+    health: &Arc<Health>,
+    ends: E,
+) -> Result<E::Made> {
     let link = address.to_string();
     match address {
         LinkAddress::Usb { serial } => {
             let (output, input) = usb::open(serial.as_deref(), &link).await?;
-            transfers(output, input, &link, health).await
+            transfers(output, input, &link, health, ends).await
         }
         LinkAddress::UsbVirtual { host, port } => {
             let (output, input) = virtual_usb::open(tcp(host, *port, &link).await?);
-            transfers(output, input, &link, health).await
+            transfers(output, input, &link, health, ends).await
         }
         LinkAddress::Serial { path } => {
             let (reader, writer) = tokio::io::split(serial(path, &link)?);
-            stream(reader, writer, &link, health).await
+            stream(reader, writer, &link, health, ends).await
         }
         LinkAddress::Tcp { host, port } => {
             let (reader, writer) = tcp(host, *port, &link).await?.into_split();
-            stream(reader, writer, &link, health).await
+            stream(reader, writer, &link, health, ends).await
         }
+        // A route of its own opens it.
+        LinkAddress::Custom { .. } => Err(LinkError::Open {
+            link,
+            reason: "the link belongs to the program that has brought it: connect over that one"
+                .to_owned(),
+        }),
     }
 }
 
-async fn transfers(
+/// Opens a link that this program brings, and gives its ends to `ends`.
+pub(super) async fn open_own<E: Ends>(
+    own: &dyn CustomLink,
+    health: &Arc<Health>,
+    ends: E,
+) -> Result<E::Made> {
+    let link = own.name();
+    let opened = own.open().map_err(|failure| LinkError::Open {
+        link: link.clone(),
+        reason: failure.to_string(),
+    })?;
+    stream(opened.reader, opened.writer, &link, health, ends).await
+}
+
+async fn transfers<E: Ends>(
     output: impl bulk::BulkOut,
     input: impl bulk::BulkIn,
     link: &str,
     health: &Arc<Health>,
-) -> Result<Client> {
+    ends: E,
+) -> Result<E::Made> {
     let opened = bulk::open(output, input, health).await;
     let (sender, receiver) = opened.map_err(|failure| LinkError::Lost {
         link: link.to_owned(),
         reason: failure.to_string(),
     })?;
-    Ok(client(sender, receiver))
+    Ok(ends.take(sender, receiver))
 }
 
-async fn stream<R, W>(reader: R, writer: W, link: &str, health: &Arc<Health>) -> Result<Client>
+async fn stream<R, W, E>(
+    reader: R,
+    writer: W,
+    link: &str,
+    health: &Arc<Health>,
+    ends: E,
+) -> Result<E::Made>
 where
     R: tokio::io::AsyncRead + Send + Unpin + 'static,
     W: tokio::io::AsyncWrite + Send + Unpin + 'static,
+    E: Ends,
 {
     let sender = CobsTx::open(writer, health.clone())
         .await
@@ -77,19 +138,7 @@ where
             link: link.to_owned(),
             reason: failure.to_string(),
         })?;
-    Ok(client(sender, CobsRx::new(reader, health.clone())))
-}
-
-/// A client with sequence numbers of two bytes, so that a late answer cannot be taken for that of a later request.
-fn client(sender: impl WireTx, receiver: impl WireRx) -> Client {
-    Client::new_with_wire(
-        sender,
-        receiver,
-        Spawn,
-        VarSeqKind::Seq2,
-        ERROR_PATH,
-        OUTGOING_FRAMES,
-    )
+    Ok(ends.take(sender, CobsRx::new(reader, health.clone())))
 }
 
 async fn tcp(host: &str, port: u16, link: &str) -> Result<TcpStream> {

@@ -1,11 +1,11 @@
-//! Upload of a library: in chunks, resumed after a broken link, and read back.
+//! Upload of a library: in chunks, resumed after a broken link, and read back; with its budget of time.
 
 use std::time::Duration;
 
 use model_format::Library;
 use model_format::link::{
     CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, SlotFault, SlotId, SlotInfo, SlotState, UploadBegin,
-    UploadChunk, UploadError, UploadState,
+    UploadError, UploadState, UploadTimes,
 };
 
 use super::Device;
@@ -32,6 +32,8 @@ pub struct Uploaded {
     pub resumed_from: u32,
     /// Number of times that the upload was resumed after a failure.
     pub retries: u32,
+    /// Time that it took, by the device's clock; none if the link lost the device's word.
+    pub times: Option<UploadTimes>,
 }
 
 /// Uploads `library`, the bytes of a library file, and reads it back. `progress` gets the number of bytes in the
@@ -73,6 +75,7 @@ pub fn upload_over(
         resumed_from: None,
         next_offset: 0,
         committing: false,
+        times: None,
     };
     let (mut furthest, mut failures, mut retries) = (0, 0, 0);
     let (slot, info, textures) = loop {
@@ -102,6 +105,7 @@ pub fn upload_over(
         textures,
         resumed_from: run.resumed_from.unwrap_or(0),
         retries,
+        times: run.times,
     })
 }
 
@@ -136,6 +140,7 @@ struct Run<'a> {
     next_offset: u32,
     /// True if a commit was sent and its answer has not arrived.
     committing: bool,
+    times: Option<UploadTimes>,
 }
 
 impl Run<'_> {
@@ -151,21 +156,14 @@ impl Run<'_> {
             return Ok(done);
         }
         self.committing = false;
-        let mut at = device.upload_begin(self.begin)?.next_offset;
+        let at = device.upload_begin(self.begin)?.next_offset;
         self.resumed_from.get_or_insert(at);
         self.next_offset = at;
         progress(at as usize);
-        while let Some(rest) = self.library.get(at as usize..)
-            && !rest.is_empty()
-        {
-            let chunk = UploadChunk {
-                offset: at,
-                data: &rest[..rest.len().min(MAX_CHUNK_BYTES)],
-            };
-            at = device.upload_chunk(&chunk)?.next_offset;
-            self.next_offset = at;
-            progress(at as usize);
-        }
+        device.upload_chunks(self.library, at, |next| {
+            self.next_offset = next;
+            progress(next as usize);
+        })?;
         self.committing = true;
         let committed = match device.upload_commit() {
             Err(LinkError::NoAnswer { .. }) if wait_for_proof(device)? => {
@@ -173,6 +171,7 @@ impl Run<'_> {
             }
             answer => answer?,
         };
+        self.times = Some(committed.times);
         let slots = device.slots()?;
         match &slots.slots[committed.slot.index()] {
             SlotState::Valid(info) if self.is_ours(info) && info.sequence == committed.sequence => {

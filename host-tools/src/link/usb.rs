@@ -25,17 +25,7 @@ pub(super) async fn open(
     serial: Option<&str>,
     link: &str,
 ) -> Result<(Endpoint<Bulk, Out>, Endpoint<Bulk, In>)> {
-    let devices = nusb::list_devices()
-        .await
-        .map_err(|failure| match failure.os_error() {
-            // A computer without USB has no list of devices.
-            Some(NO_SUCH_FILE) => LinkError::NoUsbDevice,
-            _ => refused(link, &failure),
-        })?;
-    let styluses = devices.filter(|device| {
-        (device.vendor_id(), device.product_id()) == (USB_VENDOR_ID, USB_PRODUCT_ID)
-    });
-    let device = choose(styluses.collect(), serial)?;
+    let device = choose(attached(link).await?, serial)?;
     let opened = device
         .open()
         .await
@@ -63,6 +53,33 @@ pub(super) async fn open(
         .endpoint::<Bulk, In>(address(Direction::In)?)
         .map_err(|failure| refused(link, &failure))?;
     Ok((output, input))
+}
+
+/// The styluses on USB. A computer without USB has none.
+async fn attached(link: &str) -> Result<Vec<DeviceInfo>> {
+    let devices = match nusb::list_devices().await {
+        Ok(devices) => devices,
+        Err(failure) if failure.os_error() == Some(NO_SUCH_FILE) => return Ok(Vec::new()),
+        Err(failure) => return Err(refused(link, &failure)),
+    };
+    let is_stylus = |device: &DeviceInfo| {
+        (device.vendor_id(), device.product_id()) == (USB_VENDOR_ID, USB_PRODUCT_ID)
+    };
+    Ok(devices.filter(is_stylus).collect())
+}
+
+/// Serial number of the stylus with this one, or of the only stylus; none if it has none.
+#[cfg(unix)]
+pub(super) async fn serial_number(serial: Option<&str>, link: &str) -> Result<Option<String>> {
+    let device = choose(attached(link).await?, serial)?;
+    Ok(device.serial_number().map(str::to_owned))
+}
+
+/// Serial numbers of the styluses on USB, where they have one.
+pub(super) async fn serial_numbers() -> Result<Vec<Option<String>>> {
+    let attached = attached("usb").await?;
+    let serials = attached.iter().map(DeviceInfo::serial_number);
+    Ok(serials.map(|serial| serial.map(str::to_owned)).collect())
 }
 
 fn choose(mut styluses: Vec<DeviceInfo>, wanted: Option<&str>) -> Result<DeviceInfo> {

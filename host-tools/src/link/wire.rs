@@ -2,40 +2,13 @@
 
 use std::collections::VecDeque;
 use std::io;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use model_format::link::MAX_DEVICE_FRAME_BYTES;
 use postcard_rpc::host_client::{WireRx, WireSpawn, WireTx};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
-/// State of a link that its client does not report: broken frames, and the reason for its end.
-#[derive(Debug, Default)]
-pub(super) struct Health {
-    broken_frames: AtomicU64,
-    ended: OnceLock<String>,
-}
-
-impl Health {
-    /// Number of frames that arrived and could not be decoded.
-    pub(super) fn broken_frames(&self) -> u64 {
-        self.broken_frames.load(Ordering::Relaxed)
-    }
-
-    /// Reason for the end of the link.
-    pub(super) fn why_ended(&self) -> &str {
-        self.ended.get().map_or("it was closed", String::as_str)
-    }
-
-    /// Records the reason for the end of the link; the first one stays.
-    pub(super) fn end(&self, reason: &impl ToString) {
-        self.ended.get_or_init(|| reason.to_string());
-    }
-
-    fn count_broken(&self) {
-        self.broken_frames.fetch_add(1, Ordering::Relaxed);
-    }
-}
+use super::health::Health;
 
 /// Runs the client's two tasks on the current runtime.
 pub(super) struct Spawn;
@@ -78,7 +51,7 @@ impl<W: AsyncWrite + Send + Unpin + 'static> WireTx for CobsTx<W> {
 /// The receiving end.
 pub(super) struct CobsRx<R> {
     reader: R,
-    decoder: Decoder,
+    decoder: FrameDecoder,
     ready: VecDeque<Vec<u8>>,
     health: Arc<Health>,
 }
@@ -88,7 +61,7 @@ impl<R> CobsRx<R> {
     pub(super) fn new(reader: R, health: Arc<Health>) -> Self {
         Self {
             reader,
-            decoder: Decoder::default(),
+            decoder: FrameDecoder::default(),
             ready: VecDeque::new(),
             health,
         }
@@ -115,7 +88,7 @@ impl<R: AsyncRead + Send + Unpin + 'static> WireRx for CobsRx<R> {
             for &byte in &buffer[..count] {
                 match self.decoder.push(byte) {
                     Some(Ok(frame)) => self.ready.push_back(frame),
-                    Some(Err(Broken)) => self.health.count_broken(),
+                    Some(Err(BrokenFrame)) => self.health.count_broken(),
                     None => {}
                 }
             }
@@ -125,19 +98,22 @@ impl<R: AsyncRead + Send + Unpin + 'static> WireRx for CobsRx<R> {
 
 /// Separates a stream of bytes into frames.
 #[derive(Default)]
-struct Decoder {
+pub struct FrameDecoder {
     encoded: Vec<u8>,
     /// True if the bytes are more than a frame can have; the rest is dropped up to the next zero.
     overlong: bool,
 }
 
 /// Bytes between two zeros that are not a frame.
-#[derive(Debug, PartialEq)]
-struct Broken;
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BrokenFrame;
 
-impl Decoder {
+impl FrameDecoder {
     /// Takes one byte, and returns the frame that it ends, if it ends one.
-    fn push(&mut self, byte: u8) -> Option<Result<Vec<u8>, Broken>> {
+    ///
+    /// # Errors
+    /// Bytes before this zero that are no frame, or one that is too long.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Vec<u8>, BrokenFrame>> {
         if byte != 0 {
             if self.encoded.len() < cobs::max_encoding_length(MAX_DEVICE_FRAME_BYTES) {
                 self.encoded.push(byte);
@@ -148,17 +124,18 @@ impl Decoder {
         }
         let encoded = std::mem::take(&mut self.encoded);
         if std::mem::take(&mut self.overlong) {
-            return Some(Err(Broken));
+            return Some(Err(BrokenFrame));
         }
         if encoded.is_empty() {
             return None;
         }
-        let decoded = cobs::decode_vec(&encoded).map_err(|_| Broken);
+        let decoded = cobs::decode_vec(&encoded).map_err(|_| BrokenFrame);
         Some(decoded.and_then(|frame| {
-            if frame.len() <= MAX_DEVICE_FRAME_BYTES {
+            // A frame without bytes is no message, and none is sent.
+            if (1..=MAX_DEVICE_FRAME_BYTES).contains(&frame.len()) {
                 Ok(frame)
             } else {
-                Err(Broken)
+                Err(BrokenFrame)
             }
         }))
     }
@@ -170,12 +147,12 @@ mod tests {
     use proptest::prelude::*;
 
     fn decode(bytes: &[u8]) -> (Vec<Vec<u8>>, usize) {
-        let mut decoder = Decoder::default();
+        let mut decoder = FrameDecoder::default();
         let (mut frames, mut broken) = (Vec::new(), 0);
         for &byte in bytes {
             match decoder.push(byte) {
                 Some(Ok(frame)) => frames.push(frame),
-                Some(Err(Broken)) => broken += 1,
+                Some(Err(BrokenFrame)) => broken += 1,
                 None => {}
             }
         }
@@ -191,6 +168,11 @@ mod tests {
         bytes.extend(cobs::encode_vec(&[7; MAX_DEVICE_FRAME_BYTES]));
         bytes.push(0);
         assert_eq!(decode(&bytes), (vec![vec![7; MAX_DEVICE_FRAME_BYTES]], 2));
+    }
+
+    #[test]
+    fn a_frame_without_bytes_is_broken() {
+        assert_eq!(decode(&[0, 1, 0, 2, 7, 0]), (vec![vec![7]], 1));
     }
 
     proptest! {

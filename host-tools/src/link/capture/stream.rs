@@ -95,7 +95,10 @@ impl<'a> Stream<'a> {
     /// A lost link.
     pub fn next(&mut self, within: Duration) -> Result<Option<Arrival>> {
         let Some(block) = self.blocks.next(self.device, within)? else {
-            return Ok(None);
+            return match self.device.stopped_by() {
+                Some(by) if self.is_running => Err(self.stopped(&by)),
+                _ => Ok(None),
+            };
         };
         self.received += 1;
         Ok(Some(self.arrival(&block)))
@@ -137,8 +140,12 @@ impl<'a> Stream<'a> {
     /// A lost link, or a status that reports the recording as still in progress.
     pub fn stop(mut self) -> Result<Loss> {
         self.is_running = false;
+        // A request to stop would end what yet another program may record by now.
+        if let Some(by) = self.device.stopped_by() {
+            return Err(self.stopped(&by));
+        }
         let stopped = self.device.record_stop()?;
-        if self.device.status()?.record.recording {
+        if self.device.status()?.record.recording && !self.device.others_record() {
             return Err(self.device.not_verified(
                 "recording was stopped, but the status reports that it goes on: stop it again"
                     .to_owned(),
@@ -148,6 +155,13 @@ impl<'a> Stream<'a> {
         let sent = stopped.blocks.saturating_sub(stopped.lost_blocks);
         while self.received < sent && self.next(LATE_BLOCKS)?.is_some() {}
         Ok(self.loss(stopped))
+    }
+
+    fn stopped(&self, by: &str) -> LinkError {
+        LinkError::Held {
+            link: self.device.address().to_string(),
+            what: format!("the recording was stopped by {by}: record again"),
+        }
     }
 
     fn loss(&self, stopped: RecordStopped) -> Loss {
@@ -164,7 +178,7 @@ impl<'a> Stream<'a> {
 
 impl Drop for Stream<'_> {
     fn drop(&mut self) {
-        if self.is_running {
+        if self.is_running && self.device.stopped_by().is_none() {
             // The failure that led here says more than a failure to stop would.
             let _ = self.device.record_stop();
         }

@@ -14,16 +14,18 @@ use tokio::runtime::{Handle, Runtime};
 use super::requester::Requester;
 use super::timeouts::Timeouts;
 use crate::link::address::LinkAddress;
+use crate::link::custom::CustomLink;
 use crate::link::error::{LinkError, Result};
-use crate::link::open;
+use crate::link::health::Health;
+use crate::link::open::{self, AsClient};
+use crate::link::route::Route;
 use crate::link::version::Mismatch;
-use crate::link::wire::Health;
 
 /// Interval between attempts to open a broken link.
 const RECONNECT_INTERVAL: Duration = Duration::from_millis(250);
 
 /// Interval between requests to a device whose flash is busy.
-const BUSY_INTERVAL: Duration = Duration::from_millis(50);
+pub(super) const BUSY_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Interval between readings of the status while the device is waited for.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(10);
@@ -35,8 +37,15 @@ pub struct Device {
     // Dropped first, which ends the tasks that use the runtime.
     pub(super) requester: Requester,
     address: LinkAddress,
+    way: Way,
     info: DeviceInfo,
     runtime: Option<Runtime>,
+}
+
+/// The way on which the link is opened, also anew.
+enum Way {
+    Route(Route),
+    Own(Arc<dyn CustomLink>),
 }
 
 impl Device {
@@ -45,16 +54,39 @@ impl Device {
     /// # Errors
     /// A link that cannot be opened, a device that does not answer, or one that speaks another protocol.
     pub fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Self> {
+        Self::connect_by(address, timeouts, Route::Direct)
+    }
+
+    /// Opens the link by this route and reads the device's identity.
+    ///
+    /// # Errors
+    /// As [`Device::connect`], and a route that cannot be had.
+    pub fn connect_by(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
+        Self::connect_on(address, timeouts, Way::Route(route))
+    }
+
+    /// Opens a link that this program brings itself, and reads the device's identity. The link is opened anew after a
+    /// loss, as any other.
+    ///
+    /// # Errors
+    /// As [`Device::connect`].
+    pub fn connect_over(link: Arc<dyn CustomLink>, timeouts: Timeouts) -> Result<Self> {
+        let address = LinkAddress::Custom { name: link.name() };
+        Self::connect_on(&address, timeouts, Way::Own(link))
+    }
+
+    fn connect_on(address: &LinkAddress, timeouts: Timeouts, way: Way) -> Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
             .thread_name("stylus-link")
             .enable_all()
             .build()
             .map_err(LinkError::Host)?;
-        let (requester, info) = runtime.block_on(Self::identify(address, timeouts))?;
+        let (requester, info) = runtime.block_on(Self::identify(address, timeouts, &way))?;
         Ok(Self {
             requester,
             address: address.clone(),
+            way,
             info,
             runtime: Some(runtime),
         })
@@ -63,10 +95,14 @@ impl Device {
     async fn identify(
         address: &LinkAddress,
         timeouts: Timeouts,
+        way: &Way,
     ) -> Result<(Requester, DeviceInfo)> {
         let health = Arc::new(Health::default());
         let requester = Requester {
-            client: open::open(address, &health).await?,
+            client: match way {
+                Way::Route(route) => route.open(address, &health).await?,
+                Way::Own(link) => open::open_own(link.as_ref(), &health, AsClient).await?,
+            },
             health,
             link: address.to_string().into(),
             timeouts,
@@ -98,7 +134,7 @@ impl Device {
         loop {
             match self
                 .runtime()
-                .block_on(Self::identify(&self.address, timeouts))
+                .block_on(Self::identify(&self.address, timeouts, &self.way))
             {
                 Ok((requester, info)) if info.serial == self.info.serial => {
                     (self.requester, self.info) = (requester, info);
@@ -216,6 +252,16 @@ impl Device {
     /// Number of frames since the link was opened that arrived and could not be decoded.
     pub fn broken_frames(&self) -> u64 {
         self.requester.broken_frames()
+    }
+
+    /// The program that has stopped what this one played or recorded, in words, where the link is shared.
+    pub fn stopped_by(&self) -> Option<String> {
+        self.requester.health.stopped_by()
+    }
+
+    /// Returns true if other programs go on with a recording that this one has stopped.
+    pub(in crate::link) fn others_record(&self) -> bool {
+        self.requester.health.others_record()
     }
 
     /// Checks that the device plays the library format that this program writes.

@@ -5,19 +5,22 @@ use std::time::Instant;
 
 use model_format::link::{
     Activity, CycleReport, CyclesEndpoint, KeepAliveTopic, MotionSample, MotionTopic, OutputStatus,
-    PlayEndpoint, PlayRequest, Playing, StopEndpoint, StopError,
+    PlayEndpoint, PlayError, PlayRequest, Playing, StopEndpoint, StopError,
 };
 
 use super::connection::{Device, POLL_INTERVAL};
-use crate::link::error::Result;
+use crate::link::error::{LinkError, Result};
 
 impl Device {
     /// Plays a texture or scene of the active library.
     ///
     /// # Errors
-    /// A refusal, after which the device goes on with what it played before; an answer that names another request.
+    /// A refusal, after which the device goes on with what it played before; one of a name that is not there lists
+    /// those that are. An answer that names another request.
     pub fn play(&self, request: &PlayRequest) -> Result<Playing> {
-        let playing = self.request::<PlayEndpoint>("play", request)??;
+        self.requester.health.begin();
+        let answer = self.request::<PlayEndpoint>("play", request)?;
+        let playing = answer.map_err(|refusal| self.with_names(refusal))?;
         if playing.request == *request {
             Ok(playing)
         } else {
@@ -25,6 +28,32 @@ impl Device {
                 "the device plays {} instead of {}: stop it, then play again",
                 playing.request.selection, request.selection
             )))
+        }
+    }
+
+    /// `refusal`, with the names of the active library if it lacks the one that was asked for.
+    fn with_names(&self, refusal: PlayError) -> LinkError {
+        let (what, name) = match &refusal {
+            PlayError::NoSuchTexture { name } => ("texture", name.to_string()),
+            PlayError::NoSuchScene { name } => ("scene", name.to_string()),
+            _ => return refusal.into(),
+        };
+        let names = || -> Result<Vec<String>> {
+            let Some(slot) = self.status()?.active else {
+                return Ok(Vec::new());
+            };
+            Ok(if what == "texture" {
+                let textures = self.textures(slot)?.into_iter();
+                textures.map(|texture| texture.name.to_string()).collect()
+            } else {
+                let scenes = self.scenes(slot)?.into_iter();
+                scenes.map(|scene| scene.name.to_string()).collect()
+            })
+        };
+        match names() {
+            Ok(there) => LinkError::Absent { what, name, there },
+            // The refusal is what the user asked about, whatever became of the link since.
+            Err(_) => refusal.into(),
         }
     }
 

@@ -20,6 +20,7 @@ impl Device {
     /// # Errors
     /// A refusal, a lost link or a missing answer.
     pub(in crate::link) fn record_start(&self) -> Result<(RecordStarted, Blocks)> {
+        self.requester.health.begin();
         let client = &self.requester.client;
         let subscription = self
             .runtime()

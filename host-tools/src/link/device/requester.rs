@@ -11,8 +11,8 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use super::timeouts::Timeouts;
 use crate::link::error::{LinkError, Result};
+use crate::link::health::Health;
 use crate::link::open::Client;
-use crate::link::wire::Health;
 
 /// Sends requests to one device; a clone serves tasks other than the owner of the [`Device`](super::Device).
 #[derive(Clone)]
@@ -41,10 +41,13 @@ impl Requester {
         match answer {
             Ok(Ok(response)) => Ok(response),
             Ok(Err(HostErr::Closed)) => Err(self.lost()),
-            Ok(Err(HostErr::Wire(error))) => Err(LinkError::Frame {
-                link: link(),
-                request: name,
-                error,
+            Ok(Err(HostErr::Wire(error))) => Err(match self.health.take_refusal(E::REQ_KEY) {
+                Some(what) => LinkError::Held { link: link(), what },
+                None => LinkError::Frame {
+                    link: link(),
+                    request: name,
+                    error,
+                },
             }),
             Ok(Err(HostErr::BadResponse | HostErr::Postcard(_))) => Err(LinkError::Answer {
                 link: link(),
@@ -54,6 +57,7 @@ impl Requester {
                 link: link(),
                 request: name,
                 after: timeout,
+                timeout: self.timeouts.answer,
             }),
         }
     }

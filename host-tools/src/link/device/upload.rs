@@ -1,12 +1,55 @@
-//! Requests of an upload, one by one; [`crate::link::upload`] makes an upload of them.
+//! Requests of an upload; [`crate::link::upload`] makes an upload of them.
+
+use std::collections::VecDeque;
+use std::future::poll_fn;
+use std::pin::Pin;
+use std::task::{Context, Poll};
+use std::thread;
+use std::time::Instant;
 
 use model_format::link::{
-    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
-    UploadCommitEndpoint, UploadCommitted, UploadProgress, UploadProgressEndpoint, UploadState,
+    MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint,
+    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
+    UploadProgressEndpoint, UploadState,
 };
 
-use super::connection::Device;
-use crate::link::error::Result;
+use postcard_rpc::standard_icd::WireError;
+
+use super::connection::{BUSY_INTERVAL, Device};
+use crate::link::error::{LinkError, Result};
+
+/// A chunk on its way: its answer, or the wait for it.
+enum OnItsWay<'a> {
+    Waiting(Pin<Box<dyn Future<Output = Result<UploadProgress>> + 'a>>),
+    Answered(Result<UploadProgress>),
+}
+
+impl OnItsWay<'_> {
+    /// Sends the chunk if that was not done, and looks for its answer.
+    fn poll(&mut self, context: &mut Context<'_>) {
+        if let Self::Waiting(answer) = self
+            && let Poll::Ready(answer) = answer.as_mut().poll(context)
+        {
+            *self = Self::Answered(answer);
+        }
+    }
+}
+
+/// Answer to the first of `chunks`, which is taken away; meanwhile all of them are sent, in their order.
+async fn first_answer(chunks: &mut VecDeque<OnItsWay<'_>>) -> Option<Result<UploadProgress>> {
+    poll_fn(|context| {
+        chunks.iter_mut().for_each(|chunk| chunk.poll(context));
+        match chunks.front() {
+            Some(OnItsWay::Waiting(_)) => Poll::Pending,
+            Some(OnItsWay::Answered(_)) | None => Poll::Ready(()),
+        }
+    })
+    .await;
+    match chunks.pop_front() {
+        Some(OnItsWay::Answered(answer)) => Some(answer),
+        Some(OnItsWay::Waiting(_)) | None => None,
+    }
+}
 
 impl Device {
     /// Announces a library. The answer has the offset of the first byte that the device lacks.
@@ -15,6 +58,84 @@ impl Device {
     /// A refusal, a lost link or a missing answer.
     pub fn upload_begin(&self, upload: UploadBegin) -> Result<UploadProgress> {
         Ok(self.request_flash::<UploadBeginEndpoint>("upload begin", &upload)??)
+    }
+
+    /// Sends the chunks of `library` from byte `from` on, up to [`UPLOAD_WINDOW`] of them before the answer to the
+    /// first, so that the next ones cross the link while one is programmed. `progress` gets the device's next offset
+    /// after each answer.
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer. Chunks may be on their way then; the device works them off before it
+    /// answers another request about the upload.
+    pub fn upload_chunks(
+        &self,
+        library: &[u8],
+        from: u32,
+        mut progress: impl FnMut(u32),
+    ) -> Result<()> {
+        let mut begin = Instant::now();
+        let mut at = from as usize;
+        while at < library.len() {
+            let sent = self
+                .runtime()
+                .block_on(self.send_window(library, at, |next| {
+                    (at, begin) = (next as usize, Instant::now());
+                    progress(next);
+                }));
+            match sent {
+                // The other link may have jobs in the device's queue.
+                Err(LinkError::Frame {
+                    error: WireError::FailedToSpawn,
+                    ..
+                }) if begin.elapsed() < self.timeouts().flash => thread::sleep(BUSY_INTERVAL),
+                sent => return sent,
+            }
+        }
+        Ok(())
+    }
+
+    /// As [`Self::upload_chunks`], up to the first failure. All answers that are due have come by then, unless the link
+    /// has failed.
+    async fn send_window(
+        &self,
+        library: &[u8],
+        from: usize,
+        mut progress: impl FnMut(u32),
+    ) -> Result<()> {
+        let timeout = self.timeouts().flash;
+        let mut rest = library[from..].chunks(MAX_CHUNK_BYTES);
+        let mut next = from as u32;
+        let mut chunks: VecDeque<OnItsWay<'_>> = VecDeque::new();
+        loop {
+            while chunks.len() < UPLOAD_WINDOW
+                && let Some(data) = rest.next()
+            {
+                let offset = next;
+                next += data.len() as u32;
+                let answer = async move {
+                    let chunk = UploadChunk { offset, data };
+                    let answer = (self.requester).request::<UploadChunkEndpoint<'_>>(
+                        "upload chunk",
+                        timeout,
+                        &chunk,
+                    );
+                    Ok(answer.await??)
+                };
+                chunks.push_back(OnItsWay::Waiting(Box::pin(answer)));
+            }
+            match first_answer(&mut chunks).await {
+                None => return Ok(()),
+                Some(Ok(there)) => progress(there.next_offset),
+                Some(Err(failure)) => {
+                    // A refused chunk makes the device refuse those after it. Their answers are not those of what is
+                    // sent next.
+                    if matches!(failure, LinkError::Frame { .. } | LinkError::Upload(_)) {
+                        while first_answer(&mut chunks).await.is_some() {}
+                    }
+                    return Err(failure);
+                }
+            }
+        }
     }
 
     /// Sends a chunk.

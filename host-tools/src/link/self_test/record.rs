@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::line::{Line, Verdict};
 use crate::support::atomic_file;
-use crate::support::error::{Error, Result};
+use crate::support::error::Result;
 
 /// A self test with its device and its date.
 #[derive(Clone, Debug, Serialize)]
@@ -43,22 +43,6 @@ impl Record {
             not_measured: count(Verdict::NotMeasured),
             lines,
         }
-    }
-
-    /// Checks that a record can be placed at `path`, before time is spent on measuring.
-    ///
-    /// # Errors
-    /// There is no such folder.
-    pub fn check_place(path: &Path) -> Result<()> {
-        let above = path.parent().filter(|above| !above.as_os_str().is_empty());
-        let is_placeable = path.is_dir() || above.is_none_or(Path::is_dir);
-        if is_placeable {
-            return Ok(());
-        }
-        Err(Error::Request(format!(
-            "{}: there is no such folder: make it, or name another place for the record",
-            path.display()
-        )))
     }
 
     /// Writes it to `path`, or into the folder at `path` under a name with serial number and date. Returns its path.

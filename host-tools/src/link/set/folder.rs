@@ -10,8 +10,9 @@ use model_format::Provenance;
 use super::planned_trial::{PlannedTrial, key};
 use super::wav;
 use crate::link::capture::{Calibration, Capture};
-use crate::recording::{RecordingSet, TABLE, TRIALS_FILE, Trial};
+use crate::recording::{RecordingSet, TRIALS_FILE, Trial};
 use crate::support::atomic_file;
+use crate::support::csv_table::TABLE;
 use crate::support::error::{Error, Result};
 use crate::support::file_name;
 
@@ -142,11 +143,12 @@ impl Folder {
             texture: planned.texture.clone(),
             speed_mm_s: planned.speed_mm_s,
             force_n: planned.force_n,
-            scale_m_s2,
+            scale_m_s2: Some(scale_m_s2),
             start_s: 0.0,
             duration_s: Some(capture.samples.len() as f64 / f64::from(capture.rate_hz)),
             sample_rate_hz: None,
             provenance,
+            held: None,
         })
     }
 }

@@ -4,9 +4,10 @@ use std::path::Path;
 
 use model_format::limits::MAX_NAME_BYTES;
 
-use crate::recording::{TABLE, csv_table};
+use crate::support::csv_table::{CsvTable, TABLE};
 use crate::support::error::{Error, Result};
 use crate::support::file_name;
+use crate::support::hand::{force_fault, speed_fault};
 
 /// A trial to be recorded: one texture at one speed and force.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,42 +40,41 @@ impl PlannedTrial {
     /// A file that cannot be read, a missing or unknown column, or a line without a texture or with a speed or force
     /// that is not a number of at least zero.
     pub fn from_csv(path: &Path, texture: Option<&str>) -> Result<Vec<Self>> {
-        #[derive(serde::Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct Row {
-            texture: Option<String>,
-            speed_mm_s: f64,
-            force_n: f64,
+        let table = CsvTable::read(path, TABLE)?;
+        let header = table.header()?;
+        let expected =
+            "a list of trials to record has speed_mm_s, force_n, and texture if there are several";
+        let speed = header.needed("speed_mm_s", expected)?;
+        let force = header.needed("force_n", expected)?;
+        let name = header.column("texture")?;
+        let mut columns = header.names().enumerate();
+        let known = [Some(speed), Some(force), name];
+        if let Some((_, other)) = columns.find(|(index, _)| !known.contains(&Some(*index))) {
+            return Err(header.error(format!("unknown column '{other}': {expected}")));
         }
-        let text = TABLE.read_text(path)?;
-        let mut reader = csv_table().from_reader(text.as_bytes());
         let mut trials = Vec::new();
-        for row in reader.deserialize() {
-            let row: Row = row.map_err(|failure| {
-                let line = failure.position().map_or(0, csv::Position::line);
-                Error::line(path, line, failure.to_string())
-            })?;
-            let line = trials.len() as u64 + 2;
-            let name = row.texture.filter(|name| !name.is_empty());
-            let Some(name) = name.or_else(|| texture.map(str::to_owned)) else {
-                return Err(Error::line(
-                    path,
-                    line,
-                    "no texture: add a column 'texture', or give --texture",
-                ));
+        let mut rows = table.rows_below_header()?;
+        while let Some(row) = rows.next_row()? {
+            let own = name
+                .map(|index| row.text(index))
+                .filter(|name| !name.is_empty());
+            let Some(texture) = own.or(texture) else {
+                return Err(row.error("no texture: add a column 'texture', or give --texture"));
             };
-            let is_sound = |value: f64| value.is_finite() && value >= 0.0;
-            if !is_sound(row.speed_mm_s) || !is_sound(row.force_n) {
-                return Err(Error::line(
-                    path,
-                    line,
-                    "speed_mm_s and force_n must be finite and at least 0",
-                ));
-            }
+            let sound = |index: usize, name: &str, fault: fn(f64) -> Option<String>| {
+                let value = row.finite(index, name)?;
+                let negative =
+                    (value < 0.0).then(|| "negative: a trial is at 0 or above".to_owned());
+                negative
+                    .or_else(|| fault(value))
+                    .map_or(Ok(value), |fault| {
+                        Err(row.error(format!("{name} is {fault}")))
+                    })
+            };
             trials.push(Self {
-                texture: name,
-                speed_mm_s: row.speed_mm_s,
-                force_n: row.force_n,
+                texture: texture.to_owned(),
+                speed_mm_s: sound(speed, "speed_mm_s", speed_fault)?,
+                force_n: sound(force, "force_n", force_fault)?,
             });
         }
         if trials.is_empty() {

@@ -1,0 +1,76 @@
+//! Messages between a broker and its clients, after the greeting.
+//!
+//! Each is its length, four bytes in little-endian order, and a value in postcard, as on a virtual USB.
+
+use std::collections::VecDeque;
+use std::io;
+
+use serde::{Deserialize, Serialize};
+use tokio::io::{AsyncRead, AsyncReadExt};
+
+use crate::link::virtual_usb::take;
+
+/// A message of a client.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum ToBroker {
+    /// A frame for the device.
+    Frame(Vec<u8>),
+}
+
+/// A message of a broker.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum FromBroker {
+    /// A frame of the device.
+    Frame(Vec<u8>),
+    /// The reason for which the next error answers the request of this key.
+    Refused {
+        /// Key of the request.
+        key: [u8; 8],
+        /// The reason, with the remedy.
+        words: String,
+    },
+    /// The program that has stopped what this client played or recorded.
+    Stopped {
+        /// The program, in words.
+        by: String,
+    },
+    /// Tells if other clients go on with the recording that this one stops.
+    OthersRecord(bool),
+    /// Number of the device's frames that were broken since this client joined.
+    Broken(u64),
+    /// The link to the device has ended, for this reason.
+    Ended(String),
+}
+
+/// Messages that arrive.
+pub(super) struct Messages<R> {
+    reader: R,
+    bytes: VecDeque<u8>,
+}
+
+impl<R: AsyncRead + Unpin> Messages<R> {
+    /// The messages in `reader`.
+    pub(super) fn new(reader: R) -> Self {
+        Self {
+            reader,
+            bytes: VecDeque::new(),
+        }
+    }
+
+    /// Waits for the next message. What was read of it stays where this is cancelled.
+    ///
+    /// # Errors
+    /// The end of the connection, or bytes that are no message.
+    pub(super) async fn next<T: for<'a> Deserialize<'a>>(&mut self) -> io::Result<T> {
+        loop {
+            if let Some(message) = take(&mut self.bytes)? {
+                return Ok(message);
+            }
+            let mut buffer = [0; 4096];
+            match self.reader.read(&mut buffer).await? {
+                0 => return Err(io::ErrorKind::UnexpectedEof.into()),
+                count => self.bytes.extend(&buffer[..count]),
+            }
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! The socket and the lock of a device, in the user's runtime folder.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io;
+use std::net::ToSocketAddrs;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+
+use virtual_link::runtime_folder;
+
+use crate::link::error::{LinkError, Result};
+use crate::link::{LinkAddress, usb};
+use crate::support::fnv::Fnv;
+
+/// Remedy where no broker can be had.
+const REMEDY: &str = "--no-broker opens the device without sharing it";
+
+/// The place of a device's broker.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    /// The device's address, the same whichever way the user has written it.
+    pub(super) address: LinkAddress,
+    /// The socket.
+    pub(super) socket: PathBuf,
+    /// The lock, which the broker holds as long as it lives.
+    lock: PathBuf,
+}
+
+impl Place {
+    /// The place of the broker of `address`.
+    ///
+    /// # Errors
+    /// No such device on USB, or a runtime folder that others might write to.
+    pub(super) async fn of(address: &LinkAddress) -> Result<Self> {
+        let address = canonical(address).await?;
+        let folder = runtime_folder::own().map_err(|failure| unusable(&address, &failure))?;
+        Ok(Self::within(&folder, address))
+    }
+
+    fn within(folder: &Path, address: LinkAddress) -> Self {
+        // A socket's path has at most 104 bytes on some systems, and a serial port's path may be longer.
+        let name = format!("link-{:016x}", Fnv::of(address.to_string().as_bytes()));
+        Self {
+            socket: folder.join(format!("{name}.sock")),
+            lock: folder.join(format!("{name}.lock")),
+            address,
+        }
+    }
+
+    /// Takes the lock, or returns `None` if another broker has it. A crash frees it, so that it tells of a broker that
+    /// lives, which the socket does not.
+    ///
+    /// # Errors
+    /// A file that cannot be made or locked.
+    pub(super) fn lock(&self) -> Result<Option<File>> {
+        let failed = |failure: io::Error| unusable(&self.address, &failure);
+        let file = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .mode(0o600)
+            .open(&self.lock)
+            .map_err(failed)?;
+        match file.try_lock() {
+            Ok(()) => Ok(Some(file)),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(failure)) => Err(failed(failure)),
+        }
+    }
+}
+
+/// An error for a broker that cannot be had.
+pub(super) fn unusable(address: &LinkAddress, reason: &impl ToString) -> LinkError {
+    LinkError::Open {
+        link: address.to_string(),
+        reason: format!("it cannot be shared: {}: {REMEDY}", reason.to_string()),
+    }
+}
+
+/// The address of a device that all ways of writing it have in common.
+async fn canonical(address: &LinkAddress) -> Result<LinkAddress> {
+    // What cannot be resolved is left to the opening, which says why.
+    let resolved = |host: &str, port: u16| {
+        let found = (host, port).to_socket_addrs().ok()?.next()?;
+        Some(found.ip().to_string())
+    };
+    Ok(match address {
+        LinkAddress::Usb { serial } => LinkAddress::Usb {
+            serial: usb::serial_number(serial.as_deref(), &address.to_string())
+                .await?
+                .or_else(|| serial.clone()),
+        },
+        LinkAddress::Serial { path } => LinkAddress::Serial {
+            path: path.canonicalize().unwrap_or_else(|_| path.clone()),
+        },
+        LinkAddress::Tcp { host, port } => LinkAddress::Tcp {
+            host: resolved(host, *port).unwrap_or_else(|| host.clone()),
+            port: *port,
+        },
+        LinkAddress::UsbVirtual { host, port } => LinkAddress::UsbVirtual {
+            host: resolved(host, *port).unwrap_or_else(|| host.clone()),
+            port: *port,
+        },
+        LinkAddress::Custom { name } => LinkAddress::Custom { name: name.clone() },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_device_has_one_place_however_it_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let port = folder.path().join("port");
+        std::fs::write(&port, "").unwrap();
+        let name = folder.path().join("by-id");
+        std::os::unix::fs::symlink(&port, &name).unwrap();
+        let serial = |path: &Path| LinkAddress::Serial { path: path.into() };
+        let place = async |address: LinkAddress| {
+            Place::within(folder.path(), canonical(&address).await.unwrap())
+        };
+        assert_eq!(place(serial(&port)).await, place(serial(&name)).await);
+        let other = folder.path().join("other");
+        assert_ne!(place(serial(&port)).await, place(serial(&other)).await);
+        let parsed = |text: &str| text.parse::<LinkAddress>().unwrap();
+        let one = place(parsed("tcp:127.0.0.1:4000")).await;
+        assert_ne!(one, place(parsed("usb-virtual:127.0.0.1:4000")).await);
+        assert_ne!(one, place(parsed("tcp:127.0.0.1:4001")).await);
+    }
+
+    #[test]
+    fn a_lock_is_held_once_and_is_free_after_its_holder() {
+        let folder = tempfile::tempdir().unwrap();
+        let address: LinkAddress = "tcp:127.0.0.1:4000".parse().unwrap();
+        let place = Place::within(folder.path(), address);
+        let held = place.lock().unwrap();
+        assert!(held.is_some());
+        assert!(place.lock().unwrap().is_none());
+        drop(held);
+        assert!(place.lock().unwrap().is_some());
+    }
+}

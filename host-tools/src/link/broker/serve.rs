@@ -1,0 +1,423 @@
+//! The process of a broker: its sockets, its queues, and its end.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File, Permissions};
+use std::io;
+use std::os::unix::fs::PermissionsExt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use postcard_rpc::host_client::{WireRx, WireTx};
+use tokio::io::AsyncWriteExt;
+use tokio::net::{UnixListener, UnixStream};
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::Instant;
+
+use super::client::{ClientId, Program};
+use super::greeting::{self, Answer, Versions};
+use super::message::{FromBroker, Messages, ToBroker};
+use super::outgoing::Outgoing;
+use super::place::{Place, unusable};
+use super::switchboard::{Action, Switchboard};
+use crate::link::LinkAddress;
+use crate::link::error::{LinkError, Result};
+use crate::link::health::Health;
+use crate::link::open::{self, Ends};
+use crate::link::virtual_usb::encode;
+
+/// Time without a client after which a broker ends.
+const IDLE: Duration = Duration::from_secs(3);
+
+/// Time in which a client has to greet.
+const GREETING_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Time that clients have to take the last messages of a broker that ends.
+const LAST_MESSAGES: Duration = Duration::from_millis(200);
+
+/// Frames of one client on their way to the device. Its further ones wait in its socket, so that a client that sends
+/// more than the link takes keeps nobody else waiting.
+const CLIENT_FRAMES: usize = 8;
+
+/// Messages that wait for a client above which blocks of a recording are left out: more than a second of blocks.
+const MOST_WITH_BLOCKS: usize = 256;
+
+/// Messages that wait for a client above which it counts as dead.
+const MOST_MESSAGES: usize = 4096;
+
+/// End of a broker that did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Served {
+    /// It had clients, and all have left, or its link has ended.
+    Ended,
+    /// Another broker serves this device.
+    Taken,
+}
+
+/// Owns the link to a device and shares it, until the last client has left. `ready` is called once clients may come.
+///
+/// # Errors
+/// A link that cannot be opened, or a socket that cannot be made.
+pub fn serve(address: &LinkAddress, ready: impl FnOnce()) -> Result<Served> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(LinkError::Host)?;
+    let mut lock = None;
+    let served = runtime.block_on(run(address, &mut lock, ready));
+    // A read of a port may still block a thread.
+    runtime.shutdown_background();
+    // Whoever takes the lock finds the device closed.
+    drop(lock);
+    served
+}
+
+async fn run(
+    address: &LinkAddress,
+    lock: &mut Option<File>,
+    ready: impl FnOnce(),
+) -> Result<Served> {
+    let place = Place::of(address).await?;
+    *lock = place.lock()?;
+    if lock.is_none() {
+        return Ok(Served::Taken);
+    }
+    let failed = |failure: io::Error| unusable(address, &failure);
+    let mut terminated = signal(SignalKind::terminate()).map_err(failed)?;
+    // The terminal of the first client may close; the others go on.
+    let mut hung_up = signal(SignalKind::hangup()).map_err(failed)?;
+    let (events, mut arrivals) = mpsc::unbounded_channel();
+    let health = Arc::new(Health::default());
+    let outgoing = Arc::new(Outgoing::default());
+    let pumps = Pumps {
+        outgoing: outgoing.clone(),
+        events: events.clone(),
+        health: health.clone(),
+    };
+    open::open(&place.address, &health, pumps).await?;
+    // Nobody listens at a socket whose lock was free: it is that of a broker that has crashed.
+    let _ = fs::remove_file(&place.socket);
+    let listener = UnixListener::bind(&place.socket).map_err(failed)?;
+    let _socket = Socket(&place);
+    fs::set_permissions(&place.socket, Permissions::from_mode(0o600)).map_err(failed)?;
+    ready();
+    let mut broker = Broker {
+        switchboard: Switchboard::default(),
+        clients: BTreeMap::new(),
+        last_client: 0,
+        outgoing,
+        events,
+        health,
+        idle_since: Instant::now(),
+    };
+    loop {
+        let is_idle = broker.clients.is_empty();
+        tokio::select! {
+            Some(event) = arrivals.recv() => {
+                if broker.serve(event) {
+                    break;
+                }
+            }
+            Ok((stream, _)) = listener.accept() => broker.greet(stream),
+            () = tokio::time::sleep_until(broker.idle_since + IDLE), if is_idle => break,
+            _ = terminated.recv() => {
+                broker.tell_all("the process that shares it was ended");
+                break;
+            }
+            _ = hung_up.recv() => {}
+        }
+    }
+    drop(listener);
+    let _ = fs::remove_file(&place.socket);
+    broker.flush().await;
+    Ok(Served::Ended)
+}
+
+/// A socket that is removed with its broker, also where that fails.
+struct Socket<'a>(&'a Place);
+
+impl Drop for Socket<'_> {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.0.socket);
+    }
+}
+
+/// An arrival at the broker.
+enum Event {
+    /// A client that has greeted.
+    Greeted {
+        stream: UnixStream,
+        versions: Versions,
+        program: Program,
+    },
+    /// A frame of a client, with the permit that bounds its number.
+    OfClient(ClientId, Vec<u8>, OwnedSemaphorePermit),
+    /// The end of a client.
+    Left(ClientId),
+    /// A frame of the device.
+    OfDevice(Vec<u8>),
+    /// The end of the link.
+    LinkEnded,
+}
+
+/// The two tasks between the device and the queues.
+struct Pumps {
+    outgoing: Arc<Outgoing>,
+    events: UnboundedSender<Event>,
+    health: Arc<Health>,
+}
+
+impl Ends for Pumps {
+    type Made = ();
+
+    fn take(self, mut sender: impl WireTx, mut receiver: impl WireRx) {
+        let Self {
+            outgoing,
+            events,
+            health,
+        } = self;
+        let ended = events.clone();
+        tokio::spawn(async move {
+            loop {
+                // The permit is held until the frame is sent.
+                let (frame, _permit) = outgoing.next().await;
+                if let Err(failure) = sender.send(frame).await {
+                    health.end(&format!("{failure:?}"));
+                    let _ = ended.send(Event::LinkEnded);
+                    return;
+                }
+            }
+        });
+        tokio::spawn(async move {
+            while let Ok(frame) = receiver.receive().await {
+                if events.send(Event::OfDevice(frame)).is_err() {
+                    return;
+                }
+            }
+            let _ = events.send(Event::LinkEnded);
+        });
+    }
+}
+
+/// A client's end of its socket.
+struct Client {
+    messages: UnboundedSender<FromBroker>,
+    waiting: Arc<AtomicUsize>,
+    /// Broken frames of the device that were there before it.
+    broken_before: u64,
+    broken: u64,
+}
+
+impl Client {
+    /// Appends a message; false if the client counts as dead.
+    fn tell(&self, message: FromBroker) -> bool {
+        self.waiting.fetch_add(1, Ordering::Relaxed) < MOST_MESSAGES
+            && self.messages.send(message).is_ok()
+    }
+
+    fn is_slow(&self) -> bool {
+        self.waiting.load(Ordering::Relaxed) >= MOST_WITH_BLOCKS
+    }
+}
+
+struct Broker {
+    switchboard: Switchboard,
+    clients: BTreeMap<ClientId, Client>,
+    last_client: ClientId,
+    outgoing: Arc<Outgoing>,
+    events: UnboundedSender<Event>,
+    health: Arc<Health>,
+    idle_since: Instant,
+}
+
+impl Broker {
+    /// Serves an event; true if the broker is to end.
+    fn serve(&mut self, event: Event) -> bool {
+        match event {
+            Event::Greeted {
+                stream,
+                versions,
+                program,
+            } => return self.answer(stream, versions, program),
+            Event::OfClient(client, frame, permit) if self.clients.contains_key(&client) => {
+                let actions = self.switchboard.frame_of(client, &frame);
+                self.act(actions, Some(permit));
+            }
+            Event::OfClient(..) => {}
+            Event::Left(client) => self.remove(client),
+            Event::OfDevice(frame) => {
+                self.tell_broken();
+                let actions = self.switchboard.frame_of_device(&frame);
+                self.act(actions, None);
+            }
+            Event::LinkEnded => {
+                let reason = self.health.why_ended().to_owned();
+                self.tell_all(&reason);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Waits for the greeting of a client in a task of its own.
+    fn greet(&mut self, mut stream: UnixStream) {
+        self.idle_since = Instant::now();
+        let events = self.events.clone();
+        tokio::spawn(async move {
+            let Ok(peer) = stream.peer_cred() else { return };
+            // The folder keeps others out already.
+            if !is_own(&peer) {
+                return;
+            }
+            let greeting = greeting::read_client(&mut stream);
+            if let Ok(Ok((versions, command))) =
+                tokio::time::timeout(GREETING_TIMEOUT, greeting).await
+            {
+                let program = Program {
+                    command,
+                    process: peer.pid(),
+                };
+                let _ = events.send(Event::Greeted {
+                    stream,
+                    versions,
+                    program,
+                });
+            }
+        });
+    }
+
+    /// Answers a greeting; true if the broker leaves for a client of other versions.
+    fn answer(&mut self, stream: UnixStream, versions: Versions, program: Program) -> bool {
+        let (answer, words) = if versions == Versions::OWN {
+            (Answer::Welcome, String::new())
+        } else if self.clients.is_empty() {
+            (Answer::Leaves, String::new())
+        } else {
+            (Answer::InUse, self.switchboard.programs())
+        };
+        let bytes = greeting::of_broker(answer, &words);
+        // A socket that nothing was written to has room for a greeting.
+        let is_said = stream.try_write(&bytes).is_ok_and(|n| n == bytes.len());
+        if answer == Answer::Welcome && is_said {
+            self.join(stream, program);
+        }
+        answer == Answer::Leaves
+    }
+
+    fn join(&mut self, stream: UnixStream, program: Program) {
+        self.last_client += 1;
+        let id = self.last_client;
+        let (reader, mut writer) = stream.into_split();
+        let (messages, outbox) = mpsc::unbounded_channel();
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let events = self.events.clone();
+        tokio::spawn(async move {
+            let permits = Arc::new(Semaphore::new(CLIENT_FRAMES));
+            let mut messages = Messages::new(reader);
+            while let Ok(ToBroker::Frame(frame)) = messages.next().await {
+                let Ok(permit) = permits.clone().acquire_owned().await else {
+                    break;
+                };
+                if events.send(Event::OfClient(id, frame, permit)).is_err() {
+                    break;
+                }
+            }
+            let _ = events.send(Event::Left(id));
+        });
+        let told = waiting.clone();
+        tokio::spawn(async move {
+            write(outbox, &mut writer, &told).await;
+        });
+        let client = Client {
+            messages,
+            waiting,
+            broken_before: self.health.broken_frames(),
+            broken: 0,
+        };
+        self.clients.insert(id, client);
+        self.switchboard.joined(id, program);
+    }
+
+    fn remove(&mut self, client: ClientId) {
+        if self.clients.remove(&client).is_some() {
+            self.idle_since = Instant::now();
+            let actions = self.switchboard.left(client);
+            self.act(actions, None);
+        }
+    }
+
+    fn act(&mut self, actions: Vec<Action>, mut permit: Option<OwnedSemaphorePermit>) {
+        let mut dead = Vec::new();
+        for action in actions {
+            match action {
+                Action::ToDevice(urgency, frame) => {
+                    self.outgoing.push(urgency, frame, permit.take());
+                }
+                Action::ToClient {
+                    to,
+                    message,
+                    may_be_lost,
+                } => {
+                    if let Some(client) = self.clients.get(&to)
+                        && !(may_be_lost && client.is_slow())
+                        && !client.tell(message)
+                    {
+                        dead.push(to);
+                    }
+                }
+            }
+        }
+        dead.into_iter().for_each(|client| self.remove(client));
+    }
+
+    /// Tells the clients how many frames were broken, where that has changed.
+    fn tell_broken(&mut self) {
+        let all = self.health.broken_frames();
+        for client in self.clients.values_mut() {
+            let broken = all - client.broken_before;
+            if broken != client.broken {
+                client.broken = broken;
+                client.tell(FromBroker::Broken(broken));
+            }
+        }
+    }
+
+    fn tell_all(&self, reason: &str) {
+        for client in self.clients.values() {
+            client.tell(FromBroker::Ended(reason.to_owned()));
+        }
+    }
+
+    /// Gives the clients time to take what was said last.
+    async fn flush(&self) {
+        let is_waiting = |client: &Client| {
+            !client.messages.is_closed() && client.waiting.load(Ordering::Relaxed) > 0
+        };
+        let end = Instant::now() + LAST_MESSAGES;
+        while self.clients.values().any(is_waiting) && Instant::now() < end {
+            tokio::time::sleep(Duration::from_millis(2)).await;
+        }
+    }
+}
+
+/// Writes messages until the client or the broker ends.
+async fn write(
+    mut outbox: UnboundedReceiver<FromBroker>,
+    writer: &mut (impl tokio::io::AsyncWrite + Unpin),
+    waiting: &AtomicUsize,
+) {
+    while let Some(message) = outbox.recv().await {
+        if writer.write_all(&encode(&message)).await.is_err() {
+            return;
+        }
+        waiting.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// True if the program at the other end is this user's.
+fn is_own(peer: &tokio::net::unix::UCred) -> bool {
+    let own = UnixStream::pair().and_then(|(one, _)| one.peer_cred());
+    own.is_ok_and(|own| own.uid() == peer.uid())
+}

@@ -1,0 +1,91 @@
+//! State of a link beside its frames: broken frames, the reason for its end, and what a broker says of other programs.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+
+use postcard_rpc::Key;
+
+/// State of a link that its client does not report.
+#[derive(Debug, Default)]
+pub(super) struct Health {
+    broken_frames: AtomicU64,
+    ended: OnceLock<String>,
+    /// Refusals of a broker, by the keys of their requests, in words.
+    refusals: Mutex<HashMap<[u8; 8], String>>,
+    /// The program that has stopped what this one played.
+    stopped_by: Mutex<Option<String>>,
+    /// True if other programs go on with a recording that this one has stopped.
+    others_record: AtomicBool,
+}
+
+impl Health {
+    /// Number of frames that arrived and could not be decoded.
+    pub(super) fn broken_frames(&self) -> u64 {
+        self.broken_frames.load(Ordering::Relaxed)
+    }
+
+    /// Counts a frame that could not be decoded.
+    pub(super) fn count_broken(&self) {
+        self.broken_frames.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Reason for the end of the link.
+    pub(super) fn why_ended(&self) -> &str {
+        self.ended.get().map_or("it was closed", String::as_str)
+    }
+
+    /// Records the reason for the end of the link; the first one stays.
+    pub(super) fn end(&self, reason: &impl ToString) {
+        self.ended.get_or_init(|| reason.to_string());
+    }
+
+    /// Takes the words in which a broker has refused the request of this key.
+    pub(super) fn take_refusal(&self, key: Key) -> Option<String> {
+        lock(&self.refusals).remove(&key.to_bytes())
+    }
+
+    /// The program that has stopped what this one played, if one has.
+    pub(super) fn stopped_by(&self) -> Option<String> {
+        lock(&self.stopped_by).clone()
+    }
+
+    /// Forgets who has stopped an earlier play.
+    pub(super) fn begin(&self) {
+        *lock(&self.stopped_by) = None;
+    }
+
+    /// True if other programs go on with a recording that this one has stopped.
+    pub(super) fn others_record(&self) -> bool {
+        self.others_record.load(Ordering::Relaxed)
+    }
+}
+
+/// Words of a broker.
+#[cfg(unix)]
+impl Health {
+    /// Sets the number of broken frames that the broker has counted.
+    pub(super) fn set_broken(&self, frames: u64) {
+        self.broken_frames.store(frames, Ordering::Relaxed);
+    }
+
+    /// Keeps the words of a refusal until the request is answered.
+    pub(super) fn refuse(&self, key: [u8; 8], words: String) {
+        lock(&self.refusals).insert(key, words);
+    }
+
+    /// Notes the program that has stopped what this one played.
+    pub(super) fn stop(&self, by: String) {
+        *lock(&self.stopped_by) = Some(by);
+    }
+
+    /// Notes whether other programs go on with a recording.
+    pub(super) fn set_others_record(&self, others: bool) {
+        self.others_record.store(others, Ordering::Relaxed);
+    }
+}
+
+/// The state; a panic elsewhere leaves it whole, because each change is one step.
+fn lock<T>(state: &Mutex<T>) -> MutexGuard<'_, T> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}

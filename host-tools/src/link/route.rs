@@ -1,0 +1,45 @@
+//! Routes to a device: over a link of one's own, or over one that programs share.
+
+use std::sync::Arc;
+
+use super::error::Result;
+use super::health::Health;
+use super::open::{self, AsClient, Client};
+use super::sharing::Sharing;
+use super::{LinkAddress, broker};
+
+/// A route to a device.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Route {
+    /// Over a link of one's own, which no other program can open meanwhile.
+    #[default]
+    Direct,
+    /// As [`Route::Direct`], after a broker that nobody uses was asked to leave.
+    Alone(Sharing),
+    /// Over a link that another program of this user shares, if one does, and else as [`Route::Direct`]: for programs
+    /// that are no broker themselves. The text names what opens the link, for others that want to know.
+    Joined(String),
+    /// Over a link that other programs of this user share. It is as [`Route::Direct`] on systems without sockets of
+    /// files, such as Windows.
+    Shared(Sharing),
+}
+
+impl Route {
+    /// Opens a link. Its two tasks run on the current runtime.
+    pub(super) async fn open(&self, address: &LinkAddress, health: &Arc<Health>) -> Result<Client> {
+        match self {
+            Self::Direct => {}
+            Self::Alone(sharing) => broker::leave(address, sharing).await?,
+            Self::Joined(command) => {
+                let joined = broker::join(address, command, health, AsClient).await?;
+                if let Some(joined) = joined {
+                    return Ok(joined);
+                }
+            }
+            Self::Shared(sharing) => {
+                return broker::open(address, sharing, health, AsClient).await;
+            }
+        }
+        open::open(address, health, AsClient).await
+    }
+}

@@ -1,0 +1,121 @@
+//! Announcements of virtual styluses, in the user's runtime folder, so that others find them.
+//!
+//! A file names the links of one virtual stylus, one per line. Its lock is held as long as the virtual stylus lives, so
+//! that one that was killed is not found.
+
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use crate::runtime_folder;
+
+/// Beginning of the names of the files.
+const PREFIX: &str = "virtual-";
+
+/// Number of the next announcement of this process.
+static NUMBER: AtomicU32 = AtomicU32::new(0);
+
+/// Longest announcement that is read, bytes.
+const MAX_BYTES: u64 = 4096;
+
+/// Announcement of a virtual stylus, which ends when this is dropped.
+#[derive(Debug)]
+pub struct Announcement {
+    path: PathBuf,
+    _locked: File,
+}
+
+impl Announcement {
+    /// Announces a virtual stylus of this process with these links, as `stylus --link` takes them.
+    ///
+    /// # Errors
+    /// A runtime folder that cannot be used, or a file that cannot be written.
+    pub fn new(links: &[String]) -> io::Result<Self> {
+        Self::within(&runtime_folder::own()?, links)
+    }
+
+    fn within(folder: &Path, links: &[String]) -> io::Result<Self> {
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let name = format!("{}-{number}", std::process::id());
+        // It gets its name once it is locked and whole.
+        let unnamed = folder.join(format!("new-{name}"));
+        let path = folder.join(format!("{PREFIX}{name}"));
+        let mut file = File::create(&unnamed)?;
+        file.lock()?;
+        for link in links {
+            writeln!(file, "{link}")?;
+        }
+        fs::rename(&unnamed, &path)?;
+        Ok(Self {
+            path,
+            _locked: file,
+        })
+    }
+}
+
+impl Drop for Announcement {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+/// The links of each virtual stylus that is announced and lives. A folder that cannot be used has none.
+pub fn announced() -> Vec<Vec<String>> {
+    runtime_folder::own().map_or_else(|_| Vec::new(), |folder| announced_in(&folder))
+}
+
+fn announced_in(folder: &Path) -> Vec<Vec<String>> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut paths: Vec<PathBuf> = entries
+        .filter(|entry| entry.file_name().to_string_lossy().starts_with(PREFIX))
+        .map(|entry| entry.path())
+        .collect();
+    paths.sort();
+    paths.iter().filter_map(|path| read(path)).collect()
+}
+
+/// The links in an announcement; none if its virtual stylus is gone, or still writes.
+fn read(path: &Path) -> Option<Vec<String>> {
+    if !fs::symlink_metadata(path).ok()?.is_file() {
+        return None;
+    }
+    let file = File::open(path).ok()?;
+    match file.try_lock_shared() {
+        Err(TryLockError::WouldBlock) => {}
+        Ok(()) => {
+            let _ = fs::remove_file(path);
+            return None;
+        }
+        Err(TryLockError::Error(_)) => return None,
+    }
+    let mut text = String::new();
+    file.take(MAX_BYTES).read_to_string(&mut text).ok()?;
+    let links: Vec<String> = text.lines().map(str::to_owned).collect();
+    (!links.is_empty()).then_some(links)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_virtual_stylus_is_found_while_it_lives_and_one_that_was_killed_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let one = ["tcp:127.0.0.1:4000", "usb-virtual:127.0.0.1:4001"].map(str::to_owned);
+        let other = ["tcp:127.0.0.1:5000".to_owned()];
+        let first = Announcement::within(folder.path(), &one).unwrap();
+        let second = Announcement::within(folder.path(), &other).unwrap();
+        // A file without a lock is what a killed process leaves.
+        let left = folder.path().join("virtual-1-0");
+        fs::write(&left, "tcp:127.0.0.1:6000\n").unwrap();
+        fs::write(folder.path().join("link-1.lock"), "tcp:127.0.0.1:7000\n").unwrap();
+        let found = announced_in(folder.path());
+        assert_eq!(found, [one.to_vec(), other.to_vec()]);
+        assert!(!left.exists());
+        drop(first);
+        assert_eq!(announced_in(folder.path()), [other.to_vec()]);
+        drop(second);
+        assert!(announced_in(folder.path()).is_empty());
+    }
+}

@@ -1,0 +1,13 @@
+//! The meeting of programs and a virtual stylus on one computer.
+//!
+//! | module | subject |
+//! |---|---|
+//! | [`runtime_folder`] | the user's folder for sockets, locks and announcements |
+//! | [`announcement`] | announcements of virtual styluses in that folder |
+//! | [`usb_messages`] | messages between a program and the USB host of a virtual stylus |
+//!
+//! A package of its own, because the virtual stylus is built without the host's tools.
+
+pub mod announcement;
+pub mod runtime_folder;
+pub mod usb_messages;

@@ -1,0 +1,118 @@
+//! The user's folder for what lives as long as a process: sockets, locks, and announcements of virtual styluses.
+
+use std::env;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Name of the folder in the user's runtime folder.
+const NAME: &str = "stylus";
+
+/// Permissions of all but the owner.
+#[cfg(unix)]
+const OTHERS: u32 = 0o077;
+
+/// The folder, made if need be: in `XDG_RUNTIME_DIR`, or else in the temporary folder under a name with the user's
+/// number. It is a folder of this user's that nobody else may enter, or there is none.
+///
+/// # Errors
+/// A folder that cannot be made, or one of another user's, or one that others may enter.
+pub fn own() -> io::Result<PathBuf> {
+    if let Some(runtime) = env::var_os("XDG_RUNTIME_DIR") {
+        let runtime = PathBuf::from(runtime);
+        // It may be one that is gone, or another user's where a command runs as root.
+        if runtime.is_absolute()
+            && is_own(&runtime)
+            && let Ok(folder) = private(&runtime.join(NAME))
+        {
+            return Ok(folder);
+        }
+    }
+    private(&env::temp_dir().join(temporary_name()?))
+}
+
+#[cfg(unix)]
+fn temporary_name() -> io::Result<String> {
+    Ok(format!("{NAME}-{}", user()?))
+}
+
+#[cfg(not(unix))]
+fn temporary_name() -> io::Result<String> {
+    Ok(NAME.to_owned())
+}
+
+/// Number of this user: that of the owner of a file that this process makes.
+#[cfg(unix)]
+fn user() -> io::Result<u32> {
+    use std::os::unix::fs::MetadataExt;
+    Ok(tempfile::tempfile()?.metadata()?.uid())
+}
+
+#[cfg(unix)]
+fn is_own(folder: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let owner = folder.metadata().map(|metadata| metadata.uid());
+    matches!((owner, user()), (Ok(owner), Ok(user)) if owner == user)
+}
+
+#[cfg(not(unix))]
+fn is_own(folder: &Path) -> bool {
+    folder.is_dir()
+}
+
+/// Makes the folder if it is not there, and returns it if it is this user's alone.
+#[cfg(unix)]
+fn private(folder: &Path) -> io::Result<PathBuf> {
+    use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+    match std::fs::DirBuilder::new().mode(0o700).create(folder) {
+        Err(failure) if failure.kind() != io::ErrorKind::AlreadyExists => {
+            return Err(io::Error::new(
+                failure.kind(),
+                format!("{}: {failure}", folder.display()),
+            ));
+        }
+        _ => {}
+    }
+    // A link may lead anywhere, so it is not followed.
+    let found = folder.symlink_metadata()?;
+    if found.is_dir() && found.uid() == user()? && found.mode() & OTHERS == 0 {
+        return Ok(folder.to_owned());
+    }
+    Err(io::Error::other(format!(
+        "{} is not a folder of yours that nobody else may enter: remove it",
+        folder.display()
+    )))
+}
+
+#[cfg(not(unix))]
+fn private(folder: &Path) -> io::Result<PathBuf> {
+    std::fs::create_dir_all(folder)?;
+    Ok(folder.to_owned())
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::fs::{Permissions, create_dir, set_permissions};
+    use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
+
+    use super::*;
+
+    #[test]
+    fn a_folder_that_others_may_enter_or_that_is_a_link_is_refused() {
+        let bench = tempfile::tempdir().unwrap();
+        let own = bench.path().join("own");
+        assert_eq!(private(&own).unwrap(), own);
+        assert_eq!(own.metadata().unwrap().mode() & 0o777, 0o700);
+        assert_eq!(private(&own).unwrap(), own);
+        let open = bench.path().join("open");
+        create_dir(&open).unwrap();
+        set_permissions(&open, Permissions::from_mode(0o750)).unwrap();
+        let link = bench.path().join("link");
+        symlink(&own, &link).unwrap();
+        let file = bench.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        for folder in [open, link, file] {
+            let message = private(&folder).unwrap_err().to_string();
+            assert!(message.contains("remove it"), "{message}");
+        }
+    }
+}
