@@ -3,16 +3,19 @@
 use std::path::Path;
 
 use stylus_costs::Origin;
-use stylus_kernel::arithmetic::TURN_TAPS;
+use stylus_kernel::direct::{NEAR_TAPS, TAPS_PER_TURN};
 
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::frontier::{
-    CLOCKS_HZ, Filter, FilterStructure, Frontier, INTERVALS, PARTS_COLUMNS, PartsRow, Point,
-    interval_ms, moving, share,
+    CLOCKS_HZ, Change, Earlier, Filter, FilterStructure, Frontier, INTERVALS, PARTS_COLUMNS,
+    PartsRow, Place, Point, interval_ms, moving, share,
 };
 use crate::fit::Order;
 use crate::report::html::{Column, Page};
-use crate::report::plot::{Caption, FrontPoint, FrontSeries, Quantity, Svg, front_chart};
+use crate::report::plot::{
+    COST, Caption, FrontAxis, FrontLine, FrontLook, FrontPoint, FrontSeries, Quantity, Svg,
+    front_chart,
+};
 use crate::support::error::Result;
 
 /// The interval that a device has, samples.
@@ -30,54 +33,50 @@ pub struct Pictures {
     pub intervals: Svg,
 }
 
-/// Draws them.
+/// Draws them, with the front of an earlier comparison where there is one.
 ///
 /// # Errors
 /// A picture that cannot be laid out.
-pub fn pictures(frontier: &Frontier) -> Result<Pictures> {
+pub fn pictures(frontier: &Frontier, before: Option<&Earlier>) -> Result<Pictures> {
     let caption = |title| Caption {
         title,
         simulated: frontier.simulated,
     };
-    let cycles = "cycles a sample at worst (Cortex-M4, modelled)";
-    let by_order = |y: fn(&Filter) -> f64, on_front: fn(&Filter) -> bool| {
-        series(frontier, |structure| {
+    let cycles = FrontAxis::octaves(Quantity::new(
+        "cycles per sample at worst (Cortex-M4, modelled)",
+        "",
+    ));
+    let with_updates = FrontAxis::octaves(Quantity::new(
+        "cycles per sample at worst, updates included (Cortex-M4, modelled)",
+        "",
+    ));
+    let from_zero = |name, unit| FrontAxis::from_zero(Quantity::new(name, unit));
+    let by_order = |y: fn(&Filter) -> f64| {
+        series(|structure| {
             let filters = frontier.filters.iter().filter(|f| f.structure == structure);
             let points = filters.map(|filter| FrontPoint {
                 x: filter.m4.sample.worst_cycles,
                 y: y(filter),
-                label: if on_front(filter) {
-                    short_order(filter)
-                } else {
-                    String::new()
-                },
-                on_front: on_front(filter),
                 joined: matches!(filter.order, Order::Fixed(_)),
             });
             points.collect()
         })
     };
-    let total = series(frontier, |structure| {
+    let total = series(|structure| {
         let points = frontier.points.iter().filter_map(|point| {
             let filter = &frontier.filters[point.filter];
             let joined =
                 point.interval == DEVICE_INTERVAL && matches!(filter.order, Order::Fixed(_));
             let shown = joined || point.on_front || point.on_safe_front;
-            (filter.structure == structure && shown).then(|| FrontPoint {
+            (filter.structure == structure && shown).then_some(FrontPoint {
                 x: point.worst_cycles,
                 y: point.total_error_db,
-                label: if point.on_safe_front {
-                    format!("{} @ {}", short_order(filter), point.interval_ms())
-                } else {
-                    String::new()
-                },
-                on_front: point.on_front,
                 joined,
             })
         });
         points.collect()
     });
-    let intervals = series(frontier, |structure| {
+    let intervals = series(|structure| {
         let points = frontier.points.iter().filter(|point| {
             let filter = &frontier.filters[point.filter];
             filter.structure == structure && filter.order == Order::Auto
@@ -85,8 +84,6 @@ pub fn pictures(frontier: &Frontier) -> Result<Pictures> {
         let points = points.map(|point| FrontPoint {
             x: point.interval_ms(),
             y: point.motion_error_db,
-            label: String::new(),
-            on_front: false,
             joined: true,
         });
         points.collect()
@@ -94,60 +91,119 @@ pub fn pictures(frontier: &Frontier) -> Result<Pictures> {
     Ok(Pictures {
         cost: front_chart(
             &caption("Cost C at rest against time, by order"),
-            (Quantity::octaves(cycles), Quantity::from_zero("cost C (%)")),
-            &by_order(
-                |filter| 100.0 * filter.still.cost,
-                |filter| filter.on_cost_front,
-            ),
+            (cycles, FrontAxis::from_zero(COST)),
+            &by_order(|filter| 100.0 * filter.still.cost),
+            &[cost_front(frontier)],
         )?,
         snr: front_chart(
             &caption("Noise of the arithmetic against time, by order"),
-            (
-                Quantity::octaves(cycles),
-                Quantity::from_zero("SNR of the noisiest node (dB)"),
-            ),
-            &by_order(|filter| filter.still.lowest_snr_db, |_| false),
+            (cycles, from_zero("SNR of the noisiest node", "dB")),
+            &by_order(|filter| filter.still.lowest_snr_db),
+            &[],
         )?,
         total: front_chart(
             &caption("Error in third-octave bands, at rest and in motion, against time"),
-            (
-                Quantity::octaves(
-                    "cycles a sample at worst, updates included (Cortex-M4, modelled)",
-                ),
-                Quantity::from_zero("RMS error (dB)"),
-            ),
+            (with_updates, from_zero("RMS error", "dB")),
             &total,
+            &fronts(frontier, before),
         )?,
         intervals: front_chart(
             &caption("Error in motion by the interval of updates, order per node by AIC"),
             (
-                Quantity::from_zero("from update to update (ms)"),
-                Quantity::from_zero("RMS error (dB)"),
+                from_zero("from update to update", "ms"),
+                from_zero("RMS error", "dB"),
             ),
             &intervals,
+            &[],
         )?,
     })
 }
 
-fn series(
-    frontier: &Frontier,
-    points: impl Fn(FilterStructure) -> Vec<FrontPoint>,
-) -> Vec<FrontSeries> {
-    let present = |structure: &FilterStructure| {
-        frontier
-            .filters
-            .iter()
-            .any(|filter| filter.structure == *structure)
+/// The fronts of all choices and of those that hold every hard case, and the latter of an earlier comparison.
+fn fronts(frontier: &Frontier, before: Option<&Earlier>) -> Vec<FrontLine> {
+    let line = |name: &str, look, is_on: fn(&Point) -> bool| {
+        let on = frontier.points.iter().filter(|point| is_on(point));
+        let points = on.map(|point| {
+            let order = short_order(&frontier.filters[point.filter]);
+            let label = format!("{order} @ {}", point.interval_ms());
+            (point.worst_cycles, point.total_error_db, label)
+        });
+        FrontLine {
+            name: name.to_owned(),
+            look,
+            points: by_cycles(points.collect()),
+        }
     };
+    let mut fronts = vec![
+        line("front of all", FrontLook::Ringed, |point| point.on_front),
+        line(
+            "front of what holds every hard case",
+            FrontLook::Squared,
+            |point| point.on_safe_front,
+        ),
+    ];
+    fronts.extend(before.map(|before| {
+        let places = before.safe_front().into_iter();
+        FrontLine {
+            name: "the front before, of what holds every hard case".to_owned(),
+            look: FrontLook::Faded,
+            points: places.map(|(x, y)| (x, y, String::new())).collect(),
+        }
+    }));
+    fronts
+}
+
+/// The front of C at rest.
+fn cost_front(frontier: &Frontier) -> FrontLine {
+    let on = frontier
+        .filters
+        .iter()
+        .filter(|filter| filter.on_cost_front);
+    let points = on.map(|filter| {
+        let cycles = filter.m4.sample.worst_cycles;
+        (cycles, 100.0 * filter.still.cost, short_order(filter))
+    });
+    FrontLine {
+        name: "front of all".to_owned(),
+        look: FrontLook::Ringed,
+        points: by_cycles(points.collect()),
+    }
+}
+
+fn by_cycles(mut points: Vec<(f64, f64, String)>) -> Vec<(f64, f64, String)> {
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    points
+}
+
+fn series(points: impl Fn(FilterStructure) -> Vec<FrontPoint>) -> Vec<FrontSeries> {
     FilterStructure::ALL
         .into_iter()
-        .filter(present)
         .map(|structure| FrontSeries {
             name: structure.to_string(),
             points: points(structure),
             dashed: !structure.is_shipped(),
         })
         .collect()
+}
+
+/// The orders that are the same for all nodes, in words.
+fn orders_in_words(frontier: &Frontier) -> String {
+    let mut orders: Vec<usize> = frontier
+        .filters
+        .iter()
+        .filter_map(|filter| match filter.order {
+            Order::Fixed(order) => Some(order),
+            _ => None,
+        })
+        .collect();
+    orders.sort_unstable();
+    orders.dedup();
+    let words: Vec<String> = orders.iter().map(ToString::to_string).collect();
+    match words.split_last() {
+        None => "no orders".to_owned(),
+        Some((only, [])) => format!("order {only}"),
+        Some((last, before)) => format!("orders {} and {last}", before.join(", ")),
+    }
 }
 
 fn short_order(filter: &Filter) -> String {
@@ -158,11 +214,16 @@ fn short_order(filter: &Filter) -> String {
     }
 }
 
-/// Writes the page.
+/// Writes the page, with an earlier comparison's front beside this one's where there is one.
 ///
 /// # Errors
 /// A picture that cannot be laid out, or a file that cannot be written.
-pub fn write(frontier: &Frontier, pictures: &Pictures, path: &Path) -> Result<()> {
+pub fn write(
+    frontier: &Frontier,
+    before: Option<&Earlier>,
+    pictures: &Pictures,
+    path: &Path,
+) -> Result<()> {
     let mut page = Page::new("What accuracy costs in time");
     page.paragraph(&format!(
         "Structures by orders by intervals of updates: how near each comes, and what it costs on a Cortex-M4. {} \
@@ -179,23 +240,42 @@ pub fn write(frontier: &Frontier, pictures: &Pictures, path: &Path) -> Result<()
     }
     page.paragraph(&format!(
         "Made by stylus frontier; instructions and cycles by cargo tasks costs with rustc {} and QEMU {}. \
-         Instructions are counted and exact for that compiler. Cycles are modelled: ARM's published timings of the \
-         Cortex-M4 with no wait states, at best and at worst. No cycle-true model of a Cortex-M7 is to be had; its \
-         cycles are bounded by the Cortex-M4's worst.",
-        frontier.rustc, frontier.qemu
+         Instructions are counted and exact for that compiler. Cycles are modelled, and there are two models. The \
+         fronts go by the first: ARM's published timings of the Cortex-M4 with no wait states, at best and at worst; \
+         its worst bounds a Cortex-M7, the device's processor, too. The second is llvm-mca's{}, of the \
+         Cortex-M7 and of the code as it is built for it, and stands beside in the tables where it was computed. \
+         Neither is true to the cycle.",
+        frontier.rustc,
+        frontier.qemu,
+        frontier
+            .llvm_mca
+            .as_ref()
+            .map_or(String::new(), |version| format!(" (LLVM {version})"))
     ));
     page.section("Errors against time")
         .figure(
             &pictures.total,
-            "Error at rest and in motion together against the time of a sample and its share of the updates. Lines \
-             join the orders 10 to 400 at the stylus's own interval of 2 ms; ringed is the front over all intervals. \
-             Labels, order @ interval in ms, are on the front of what holds every hard case. Dashed structures are \
-             not shipped.",
+            &format!(
+                "Error at rest and in motion together against the time of a sample and its share of the updates. \
+                 Coloured lines join {} at the stylus's own interval of {} ms; dashed structures are not shipped. The \
+                 steps are the fronts over all orders and intervals, each choice with its order @ its interval in ms.\
+                 {}",
+                orders_in_words(frontier),
+                interval_ms(DEVICE_INTERVAL),
+                if before.is_some() {
+                    " Grey is the front before."
+                } else {
+                    ""
+                }
+            ),
         )
         .figure(
             &pictures.cost,
-            "The paper's cost C against recordings that were held out. Lines join the orders; points beside are \
-             orders chosen per node.",
+            &format!(
+                "The paper's cost C against recordings that were held out. Coloured lines join {}; points beside are \
+                 orders chosen per node. The steps are the front, each choice with its order.",
+                orders_in_words(frontier)
+            ),
         )
         .figure(
             &pictures.snr,
@@ -213,6 +293,9 @@ pub fn write(frontier: &Frontier, pictures: &Pictures, path: &Path) -> Result<()
         frontier.take_band_error_db
     ));
     front_table(&mut page, frontier);
+    if let Some(before) = before {
+        change_table(&mut page, &before.changes(frontier));
+    }
     filter_table(&mut page, frontier);
     time_table(&mut page, frontier);
     interval_table(&mut page, frontier);
@@ -278,6 +361,66 @@ fn front_table(page: &mut Page, frontier: &Frontier) {
          are of 200 µs, at worst",
         &columns,
         &rows,
+    );
+}
+
+fn change_table(page: &mut Page, changes: &[Change]) {
+    let error = |place: Option<Place>| match place {
+        Some(place) if place.error_db.is_finite() => format!("{:.2}", place.error_db),
+        _ => String::new(),
+    };
+    let cycles = |place: Option<Place>| match place {
+        Some(place) => format!("{:.0}", place.worst_cycles),
+        None => String::new(),
+    };
+    let ratio = |change: &Change| match (change.before, change.now) {
+        (Some(before), Some(now)) => format!("{:.2}", now.worst_cycles / before.worst_cycles),
+        _ => String::new(),
+    };
+    let front = |place: Option<Place>| match place {
+        Some(place) if place.on_front && place.on_safe_front => "both",
+        Some(place) if place.on_front => "all",
+        Some(place) if place.on_safe_front => "safe",
+        _ => "",
+    };
+    let rows = changes.iter().map(|change| {
+        let (before, now) = (front(change.before), front(change.now));
+        let is_what = match (before, now) {
+            ("", _) => "new",
+            (_, "") => "gone",
+            _ => "stays",
+        };
+        vec![
+            change.structure.name().to_owned(),
+            change.order.clone(),
+            interval_ms(change.interval).to_string(),
+            cycles(change.before),
+            cycles(change.now),
+            ratio(change),
+            error(change.before),
+            error(change.now),
+            before.to_owned(),
+            now.to_owned(),
+            is_what.to_owned(),
+        ]
+    });
+    page.section("The front before and now").table(
+        "Choices on a front of this comparison or of the one before, with the cycles of a sample at worst, updates \
+         included; both, all and safe as above",
+        &[
+            Column::Text("structure"),
+            Column::Text("order"),
+            Column::Number("update, ms"),
+            Column::Number("cycles before"),
+            Column::Number("now"),
+            Column::Number("now / before"),
+            Column::Number("error before, dB"),
+            Column::Number("now"),
+            Column::Text("front before"),
+            Column::Text("now"),
+            Column::Text("the choice"),
+        ],
+        &rows.collect::<Vec<_>>(),
     );
 }
 
@@ -369,6 +512,10 @@ fn filter_table(page: &mut Page, frontier: &Frontier) {
 }
 
 fn time_table(page: &mut Page, frontier: &Frontier) {
+    let has_modelled = frontier
+        .filters
+        .iter()
+        .any(|f| f.m7.modelled_cycles.is_some());
     let rows: Vec<Vec<String>> = frontier
         .filters
         .iter()
@@ -383,6 +530,12 @@ fn time_table(page: &mut Page, frontier: &Frontier) {
                 format!("{:.0}", m4.sample.worst_cycles),
             ];
             row.extend(CLOCKS_HZ.map(|clock| percent(share(m4.sample.worst_cycles, clock))));
+            if has_modelled {
+                row.push(
+                    m7.modelled_cycles
+                        .map_or("-".to_owned(), |c| format!("{c:.0}")),
+                );
+            }
             row.extend([
                 format!(
                     "{:.0} to {:.0}",
@@ -404,13 +557,17 @@ fn time_table(page: &mut Page, frontier: &Frontier) {
         Column::Number("worst"),
     ];
     columns.extend(clocks.iter().map(|clock| Column::Number(clock)));
+    if has_modelled {
+        columns.push(Column::Number("cycles, M7 (llvm-mca)"));
+    }
     columns.extend([
         Column::Number("an update, instructions"),
-        Column::Number("flash, bytes a node"),
+        Column::Number("flash, bytes per node"),
         Column::Number("RAM, bytes"),
     ]);
     page.section("Time and memory").table(
-        "A sample, without updates; shares are of 200 µs, at worst",
+        "A sample, without updates; cycles are those of an M4 unless they are said to be others, and shares are of \
+         200 µs, at its worst",
         &columns,
         &rows,
     );
@@ -438,7 +595,7 @@ fn interval_table(page: &mut Page, frontier: &Frontier) {
         })
         .collect();
     page.section("In motion").table(
-        "RMS error in bands, dB / cycles a sample at worst, updates included; 0.2 ms is every sample",
+        "RMS error in bands, dB / cycles per sample at worst, updates included; 0.2 ms is every sample",
         &columns,
         &rows,
     );
@@ -455,6 +612,8 @@ fn peer_table(page: &mut Page, frontier: &Frontier) {
                 peer.instructions.to_string(),
                 peer.best_cycles.to_string(),
                 peer.worst_cycles.to_string(),
+                peer.cortex_m7_cycles
+                    .map_or("-".to_owned(), |c| c.to_string()),
                 peer.includes.clone(),
                 match peer.origin {
                     Origin::Measured => "counted in this run",
@@ -468,13 +627,14 @@ fn peer_table(page: &mut Page, frontier: &Frontier) {
         return;
     }
     page.section("Beside others").table(
-        "One sample a call on a Cortex-M4",
+        "One sample per call on a Cortex-M4, and as modelled on a Cortex-M7",
         &[
             Column::Text("what"),
             Column::Number("order"),
             Column::Number("instructions"),
             Column::Number("cycles, best"),
             Column::Number("worst"),
+            Column::Number("M7 (llvm-mca)"),
             Column::Text("beside the filter"),
             Column::Text("origin"),
         ],
@@ -511,8 +671,8 @@ fn notes(frontier: &Frontier) -> Vec<String> {
             .to_owned(),
         format!(
             "Between measured orders instructions and cycles are on a straight line; a direct form's are those of the \
-             next multiple of {TURN_TAPS} taps. Per node, the time is that of the highest order: a texture's tick \
-             takes the same time wherever the hand is."
+             next multiple of {TAPS_PER_TURN} taps beyond {NEAR_TAPS}. Per node, the time is that of the highest \
+             order: a texture's tick takes the same time wherever the hand is."
         ),
         "Time with updates: at worst, updates that stay in a cell take the share of the dearest that their \
          instructions are. Updates run below the sample's priority; only the sample has to be done in 200 µs."

@@ -1,45 +1,69 @@
-//! A page for a report: one file that holds its pictures and its style, and needs no script and no network.
+//! A page for a report: one file that holds its pictures, sounds, style and script, and needs no network.
+//!
+//! All that is said can be read without the script, which tells values where one points, and plays nodes of maps.
+//! Colours are those of the reader's scheme; text is no wider than is read with ease. Tables may fill the window; what
+//! is wider, and pictures on a narrow window, scroll in themselves, so that the page never does.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use serde::Serialize;
 
+use crate::report::family;
 use crate::report::plot::Svg;
 use crate::support::atomic_file;
 use crate::support::error::Result;
+pub use crate::support::visible::escaped;
 use crate::support::visible::visible;
 
-/// Dark on light, no wider than is read with ease; what is wider scrolls in itself.
-const STYLE: &str = "\
-:root { color-scheme: light; }
-body { margin: 2rem auto; max-width: 62rem; padding: 0 1rem; background: #fff; color: #222;
-  font: 16px/1.5 system-ui, sans-serif; overflow-wrap: break-word; }
-h1 { font-size: 1.7rem; line-height: 1.2; }
-h2 { font-size: 1.3rem; margin-top: 2.5rem; border-bottom: 1px solid #ccc; }
-h3 { font-size: 1.05rem; margin-top: 1.8rem; }
-p, li { max-width: 45rem; }
-.notice { max-width: none; padding: 0.6rem 1rem; border-left: 0.4rem solid #d55e00; background: #fdf1e7; }
-.wide { overflow-x: auto; margin: 1rem 0; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-caption { text-align: left; font-weight: 600; padding-bottom: 0.3rem; }
-th, td { padding: 0.25rem 0.55rem; border-bottom: 1px solid #ddd; text-align: left; vertical-align: top; }
-th { border-bottom: 2px solid #888; vertical-align: bottom; overflow-wrap: normal; }
-th.number, td.number { text-align: right; }
-td.number, td:first-child { white-space: nowrap; }
-figure { margin: 1.5rem 0; }
-figure svg { display: block; max-width: 100%; height: auto; }
-.sound { display: inline-block; margin: 0.3rem 1.5rem 0.3rem 0; font-size: 0.9rem; }
-figcaption { font-size: 0.9rem; color: #444; }
-@media print { body { margin: 0; max-width: none; } figure, tr { break-inside: avoid; } }
-";
+/// The page's policy: nothing is fetched, from anywhere; scripts and pictures are those in the page.
+pub const POLICY: &str = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; \
+     script-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
+
+/// Headings from which on a page has contents.
+const CONTENTS_FROM: usize = 3;
 
 /// A page in the making. All text is escaped; what is called is what comes next on it.
 #[derive(Clone, Debug)]
 pub struct Page {
     title: String,
     body: String,
+    /// Headings with their tags and anchors, escaped.
+    headings: Vec<Heading>,
+    /// Tables so far, whose captions name them.
+    tables: usize,
+    /// Sounds of nodes of maps.
+    nodes: Nodes,
+}
+
+/// Sounds of nodes, as the script reads them.
+#[derive(Clone, Debug, Default, Serialize)]
+struct Nodes {
+    /// Samples per second of every clip.
+    rate_hz: u32,
+    /// Duration of the longest clip, s.
+    seconds: f64,
+    textures: BTreeMap<String, NodesOfTexture>,
+}
+
+/// Sounds of a texture's nodes.
+#[derive(Clone, Debug, Default, Serialize)]
+struct NodesOfTexture {
+    /// Speed, mm/s, and force, N.
+    nodes: Vec<(f64, f64)>,
+    /// Recording and synthesis of each: 16 bits a sample, low byte first, in base64.
+    clips: Vec<[String; 2]>,
+}
+
+/// A heading that the contents lead to.
+#[derive(Clone, Debug)]
+struct Heading {
+    tag: &'static str,
+    anchor: String,
+    text: String,
 }
 
 /// A column of a table.
@@ -69,19 +93,23 @@ impl Column<'_> {
 impl Page {
     /// A page that begins with its title.
     pub fn new(title: &str) -> Self {
-        let title = escaped(title);
-        let body = format!("<h1>{title}</h1>\n");
-        Self { title, body }
+        Self {
+            title: escaped(title),
+            body: String::new(),
+            headings: Vec::new(),
+            tables: 0,
+            nodes: Nodes::default(),
+        }
     }
 
     /// The heading of a section.
     pub fn section(&mut self, heading: &str) -> &mut Self {
-        self.element("h2", heading)
+        self.heading("h2", heading)
     }
 
     /// The heading of a part of a section.
     pub fn subsection(&mut self, heading: &str) -> &mut Self {
-        self.element("h3", heading)
+        self.heading("h3", heading)
     }
 
     /// A paragraph.
@@ -110,9 +138,18 @@ impl Page {
         columns: &[Column<'_>],
         rows: &[R],
     ) -> &mut Self {
-        self.push("<div class=\"wide\"><table>")
-            .element("caption", caption)
-            .push("<thead><tr>");
+        self.tables += 1;
+        let name = format!("table-{}", self.tables);
+        // Beside the table, because a caption in it is as wide as the table, and scrolls with it.
+        self.push(&format!(
+            "<p class=\"caption\" id=\"{name}\">{}</p>",
+            escaped(caption)
+        ));
+        self.push(&format!(
+            "<div class=\"wide\" role=\"region\" tabindex=\"0\" aria-labelledby=\"{name}\">\
+             <table aria-labelledby=\"{name}\">"
+        ))
+        .push("<thead><tr>");
         for column in columns {
             let heading = escaped(column.heading());
             self.push(&format!(
@@ -136,33 +173,65 @@ impl Page {
 
     /// A picture, with what it shows below it, which also stands for it where it cannot be seen.
     pub fn figure(&mut self, picture: &Svg, caption: &str) -> &mut Self {
+        self.figure_with_sounds(picture, caption, &[])
+    }
+
+    /// A picture with players below it; each belongs to the panel of its name.
+    pub fn figure_with_sounds(
+        &mut self,
+        picture: &Svg,
+        caption: &str,
+        sounds: &[Sound],
+    ) -> &mut Self {
         let caption = escaped(caption);
+        let players = players(sounds);
         self.push(&format!(
-            "<figure role=\"group\" aria-label=\"{caption}\">\n{}<figcaption>{caption}</figcaption></figure>",
+            "<figure role=\"group\" aria-label=\"{caption}\">\n\
+             <div class=\"wide\" role=\"region\" tabindex=\"0\" aria-label=\"{caption}\">\n{}</div>\
+             <figcaption>{caption}</figcaption>{players}</figure>",
             picture.as_str()
         ))
     }
 
-    /// A player for a sound, with what it is before it; `wav` are the bytes of a WAV file, which the page then holds.
-    pub fn sound(&mut self, label: &str, wav: &[u8]) -> &mut Self {
-        let label = escaped(label);
-        let data = STANDARD.encode(wav);
-        self.push(&format!(
-            "<p class=\"sound\">{label}<br><audio controls preload=\"none\" aria-label=\"{label}\" \
-             src=\"data:audio/wav;base64,{data}\"></audio></p>"
-        ))
+    /// Players for sounds, each with a label, beside each other.
+    pub fn sounds(&mut self, sounds: &[Sound]) -> &mut Self {
+        let players = players(sounds);
+        self.push(&players)
+    }
+
+    /// Keeps the sounds of a node of a texture's maps, which a click on the node plays: recording and synthesis.
+    pub fn node(&mut self, texture: &str, place: (f64, f64), rate_hz: u32, clips: [&[i16]; 2]) {
+        let longest = clips[0].len().max(clips[1].len());
+        self.nodes.rate_hz = rate_hz;
+        let seconds = longest as f64 / f64::from(rate_hz);
+        self.nodes.seconds = self.nodes.seconds.max(seconds);
+        let own = self.nodes.textures.entry(texture.to_owned()).or_default();
+        own.nodes.push(place);
+        own.clips.push(clips.map(|clip| {
+            let bytes: Vec<u8> = clip.iter().flat_map(|value| value.to_le_bytes()).collect();
+            STANDARD.encode(bytes)
+        }));
     }
 
     /// The page's text.
     pub fn finish(&self) -> String {
-        let Self { title, body } = self;
+        let Self { title, body, .. } = self;
+        let contents = self.contents();
         let mut page = String::new();
         // Writing into a string does not fail.
         let _ = write!(
             page,
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+             <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n"
+             <link rel=\"icon\" href=\"data:,\">\n\
+             <title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n\
+             {contents}{body}</main>\n{nodes}<script>\n{plots}</script>\n<script>\n{players}</script>\n\
+             </body>\n</html>\n",
+            style = family::style(),
+            nodes = self.nodes(),
+            plots = family::plots_script(),
+            players = family::players_script(),
         );
         page
     }
@@ -173,6 +242,41 @@ impl Page {
     /// A file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, self.finish().as_bytes())
+    }
+
+    /// The sounds of nodes, which end no script element whatever a texture is called.
+    fn nodes(&self) -> String {
+        if self.nodes.textures.is_empty() {
+            return String::new();
+        }
+        let text = serde_json::to_string(&self.nodes).expect("names are text");
+        let text = visible(&text).replace('<', "\\u003c");
+        format!("<script type=\"application/json\" id=\"nodes\">{text}</script>\n")
+    }
+
+    /// The contents, if there is enough on the page to be looked for.
+    fn contents(&self) -> String {
+        if self.headings.len() < CONTENTS_FROM {
+            return String::new();
+        }
+        let mut list = String::new();
+        for Heading { tag, anchor, text } in &self.headings {
+            let class = if *tag == "h3" { " class=\"sub\"" } else { "" };
+            // Writing into a string does not fail.
+            let _ = writeln!(list, "<li{class}><a href=\"#{anchor}\">{text}</a></li>");
+        }
+        format!(
+            "<nav aria-label=\"Contents\"><details open><summary>Contents</summary>\n<ul>\n{list}</ul></details>\
+             </nav>\n"
+        )
+    }
+
+    fn heading(&mut self, tag: &'static str, text: &str) -> &mut Self {
+        let anchor = format!("s{}-{}", self.headings.len() + 1, slug(text));
+        let text = escaped(text);
+        self.push(&format!("<{tag} id=\"{anchor}\">{text}</{tag}>"));
+        self.headings.push(Heading { tag, anchor, text });
+        self
     }
 
     fn element(&mut self, tag: &str, text: &str) -> &mut Self {
@@ -186,21 +290,39 @@ impl Page {
     }
 }
 
-/// `text` as it stands in an element or in a quoted attribute of a page. Characters that turn the text around or that
-/// no page may hold are shown by their numbers.
-pub fn escaped(text: &str) -> String {
-    let mut html = String::with_capacity(text.len());
-    for character in visible(text).chars() {
-        match character {
-            '&' => html.push_str("&amp;"),
-            '<' => html.push_str("&lt;"),
-            '>' => html.push_str("&gt;"),
-            '"' => html.push_str("&quot;"),
-            '\'' => html.push_str("&#39;"),
-            other => html.push(other),
-        }
+/// A sound of a page.
+#[derive(Clone, Debug)]
+pub struct Sound {
+    /// The panel of a picture that shows it; empty if none does.
+    pub panel: String,
+    /// Its label.
+    pub label: String,
+    /// The bytes of a WAV file, which the page then holds.
+    pub wav: Vec<u8>,
+}
+
+/// Players, each with its label before it; nothing without sounds.
+fn players(sounds: &[Sound]) -> String {
+    if sounds.is_empty() {
+        return String::new();
     }
-    html
+    let player = |sound: &Sound| {
+        let (label, panel) = (escaped(&sound.label), escaped(&sound.panel));
+        let data = STANDARD.encode(&sound.wav);
+        format!(
+            "<p class=\"sound\">{label}<audio controls preload=\"none\" aria-label=\"{label}\" \
+             data-panel=\"{panel}\" src=\"data:audio/wav;base64,{data}\"></audio></p>\n"
+        )
+    };
+    let players: String = sounds.iter().map(player).collect();
+    format!("<div class=\"sounds\">\n{players}</div>")
+}
+
+/// Letters and digits of `text`, with one hyphen for all between them.
+fn slug(text: &str) -> String {
+    let words = text.split(|c: char| !c.is_ascii_alphanumeric());
+    let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+    words.join("-").to_lowercase()
 }
 
 #[cfg(test)]
@@ -266,14 +388,22 @@ mod tests {
 
     #[test]
     fn every_tag_that_opens_is_closed() {
+        // What is in a script is no markup.
         let page = page_of("text");
+        let pieces = page.split("<script>");
+        let page: String = pieces
+            .map(|piece| match piece.split_once("</script>") {
+                Some((_, rest)) => format!("<script></script>{rest}"),
+                None => piece.to_owned(),
+            })
+            .collect();
         let mut open = Vec::new();
         for piece in page.split('<').skip(1) {
             let (tag, _) = piece.split_once('>').unwrap();
             let name = tag.split_whitespace().next().unwrap();
             if let Some(closed) = name.strip_prefix('/') {
                 assert_eq!(open.pop(), Some(closed));
-            } else if !tag.ends_with('/') && !["!DOCTYPE", "meta"].contains(&name) {
+            } else if !tag.ends_with('/') && !["!DOCTYPE", "meta", "link"].contains(&name) {
                 open.push(name);
             }
         }
@@ -285,10 +415,57 @@ mod tests {
         let page = page_of("text");
         assert!(page.contains(picture().as_str()));
         // The name of a namespace is not fetched.
-        let page = page.replace("http://www.w3.org/2000/svg", "");
-        for reference in ["http", "src=", "href=", "url(", "@import", "<script"] {
+        // Those of the page itself, and no others, whatever its text.
+        assert_eq!(page.matches("<script").count(), 2);
+        let page = page
+            .replace("http://www.w3.org/2000/svg", "")
+            .replace("http-equiv", "")
+            .replace("href=\"data:,\"", "");
+        for reference in [
+            "http",
+            "src=",
+            "url(",
+            "@import",
+            "fetch(",
+            "XMLHttpRequest",
+            "import(",
+        ] {
             assert!(!page.contains(reference), "{reference}");
         }
+        assert!(page.contains("default-src 'none'"));
+        assert_eq!(
+            page.matches("href=").count(),
+            page.matches("href=\"#").count()
+        );
+    }
+
+    #[test]
+    fn the_contents_lead_to_every_heading_by_an_anchor_of_its_own() {
+        let mut page = Page::new("title");
+        for text in ["one", "one", "ⅱ & <b>", "", "one"] {
+            page.section(text).subsection(text);
+        }
+        let page = page.finish();
+        let after = |mark: &str| -> Vec<String> {
+            let found = page.split(mark).skip(1);
+            found
+                .map(|rest| rest.split('"').next().unwrap().to_owned())
+                .collect()
+        };
+        let (links, mut anchors) = (after("href=\"#"), after("<h2 id=\""));
+        anchors.extend(after("<h3 id=\""));
+        assert_eq!(links.len(), 10);
+        let distinct: std::collections::BTreeSet<&String> = anchors.iter().collect();
+        assert_eq!(distinct, links.iter().collect());
+        assert_eq!(distinct.len(), 10);
+        for anchor in anchors {
+            assert!(
+                anchor
+                    .chars()
+                    .all(|c| c.is_ascii_alphanumeric() || c == '-')
+            );
+        }
+        assert!(!Page::new("title").section("one").finish().contains("<nav"));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Sections on the removed-node test: Table I of the paper, interpolation domains, smoothing, and maps.
 
 use super::html::{Column, Page};
-use super::plot::{GridCell, GridMap, SpectraView, grid_map, time_and_frequency};
+use super::plot::{COST, GridCell, GridMap, grid_map};
 use super::sections::{Sections, distance};
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::leave_one_out;
@@ -10,7 +10,6 @@ use crate::evaluation::leave_one_out::{
 };
 use crate::support::error::Result;
 use crate::texture::domain::Method;
-use model_format::SAMPLE_RATE_HZ;
 
 /// The removed-node test with the set that it was made from.
 pub struct RemovedNodeTest<'a> {
@@ -34,9 +33,9 @@ pub(super) fn table_one(page: &mut Page, test: &LeaveOneOut) {
     ));
     let textures = test.textures();
     let percent = |mean: f64, sd: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * sd);
-    let mut columns = vec![Column::Text("C (%), mean ± sd")];
+    let mut columns = vec![Column::Text("C, %, mean ± sd")];
     columns.extend(textures.iter().map(|name| Column::Number(name)));
-    columns.extend(["all", "σ² error", "not playable"].map(Column::Number));
+    columns.extend(["all", "σ² error, (m/s²)²", "not playable"].map(Column::Number));
     let mut rows = Vec::new();
     if let Some(papers) = paper_row(test) {
         let mut row = vec!["the paper's figures, real recordings".to_owned()];
@@ -74,11 +73,11 @@ pub(super) fn domains(page: &mut Page, test: &LeaveOneOut) {
     let within = format!("within {AMPLITUDE_JND_DB} dB");
     let columns = [
         Column::Text("domain, level"),
-        Column::Number("C ± sd"),
-        Column::Number("σ² error"),
-        Column::Number("band (dB)"),
+        Column::Number("C, %, mean ± sd"),
+        Column::Number("σ² error, (m/s²)²"),
+        Column::Number("|band|, dB"),
         Column::Number(&within),
-        Column::Number("LSD (dB)"),
+        Column::Number("LSD, dB"),
         Column::Number("not playable"),
     ];
     let rows: Vec<Vec<String>> = test
@@ -88,7 +87,11 @@ pub(super) fn domains(page: &mut Page, test: &LeaveOneOut) {
             let s = summarise(test, row, None)?;
             Some(vec![
                 row.name(),
-                format!("{:.3} ± {:.3}", s.mean_cost, s.cost_deviation),
+                format!(
+                    "{:.1} ± {:.1}",
+                    100.0 * s.mean_cost,
+                    100.0 * s.cost_deviation
+                ),
                 format!("{:.1e}", s.excitation_error),
                 format!("{:.2}", s.mean_band_error_db),
                 format!("{:.1} %", 100.0 * s.bands_within_jnd),
@@ -109,13 +112,13 @@ pub(super) fn smoothing(page: &mut Page, test: &LeaveOneOut) {
         test.smoothing
     ));
     let widths: Vec<String> = SMOOTHING_WIDTHS_HZ.map(|w| format!("{w} Hz")).to_vec();
-    let mut columns = vec![Column::Text("mean C")];
+    let mut columns = vec![Column::Text("mean C, %")];
     columns.extend(widths.iter().map(|width| Column::Number(width)));
     let rows: Vec<Vec<String>> = Row::TABLE_I
         .into_iter()
         .filter_map(|row| {
             let costs = summarise(test, row, None)?.costs_by_width;
-            let costs = costs.iter().map(|cost| format!("{cost:.3}"));
+            let costs = costs.iter().map(|cost| format!("{:.1}", 100.0 * cost));
             Some(std::iter::once(row.name()).chain(costs).collect())
         })
         .collect();
@@ -167,22 +170,28 @@ pub(super) fn maps(
                 value: nodes
                     .iter()
                     .find(|n| n.speed_mm_s == speed && n.force_n == force)
-                    .map(|n| n.outcomes[column].judged.cost),
+                    .map(|n| 100.0 * n.outcomes[column].judged.cost),
                 flags: model_format::NodeFlags::NONE,
             })
             .collect();
         let title = format!("{texture}: C of removed nodes, {}", row.name());
         let map = GridMap {
+            texture,
             speeds_mm_s: &speeds,
             forces_n: &forces,
             cells: &cells,
-            quantity: "C",
-            decimals: 2,
+            quantity: COST,
+            scale: sections.cost_scale,
+            decimals: 1,
         };
         let picture = grid_map(&sections.caption(&title), &map)?;
-        sections
-            .page
-            .figure(&picture, "C of every removed node against its recording.");
+        let stem = sections.stems.of(texture).clone();
+        let caption = format!(
+            "C of every removed node against its recording, in the colours of all maps of C on this page.{}",
+            sections.playing_in_words()
+        );
+        let name = format!("{stem}-removed-nodes-{}", in_a_name(row));
+        sections.figure(&picture, &name, &caption)?;
     }
     let example = nodes.iter().min_by(|a, b| {
         let far = |n: &Removed| distance(n.speed_mm_s, n.force_n);
@@ -204,22 +213,22 @@ pub(super) fn maps(
                 .paragraph(&format!("{place}: cannot be played."));
             continue;
         };
-        let view = SpectraView {
-            smoothing_width_hz: options.smoothing_hz,
-            ..SpectraView::default()
-        };
-        let rate_hz = f64::from(SAMPLE_RATE_HZ);
-        let picture = time_and_frequency(
-            &sections.caption(&place),
-            &recorded,
-            &played,
-            rate_hz,
-            &view,
-        )?;
-        sections.page.figure(
-            &picture,
+        let stem = sections.stems.of(texture).clone();
+        let name = format!("{stem}-removed-node-{}", in_a_name(row));
+        sections.spectra(
+            &place,
+            (&recorded, &played),
+            &name,
             "A recording, and what is played there when its node is removed (the paper's figure 10).",
-        );
+        )?;
     }
     Ok(())
+}
+
+/// A row in the name of a file.
+fn in_a_name(row: Row) -> String {
+    let name = row.name();
+    let words = name.split(|c: char| !c.is_ascii_alphanumeric());
+    let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+    words.join("-").to_lowercase()
 }

@@ -5,11 +5,11 @@ use std::path::Path;
 
 use model_format::{Library, Texture};
 
+use super::figures;
 use super::html::Page;
 use super::plot::{forward_prediction, grid_and_motion, spectrograms};
 use super::removed_nodes::{self, RemovedNodeTest};
-use super::sections::{Sections, columns};
-use super::sound::sound;
+use super::sections::{Example, HIGHEST_HZ, OWN_SCALE, Sections, columns, is_small};
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
 use crate::evaluation::evaluate;
 use crate::evaluation::evaluate::{Comparison, Evaluation, texture_named};
@@ -19,7 +19,6 @@ use crate::fit::Estimator;
 use crate::fit::part::lags_of_blocks;
 use crate::recording::RecordingSet;
 use crate::support::error::Result;
-use crate::support::file_name::Stems;
 use crate::texture::grid::as_written;
 use model_format::SAMPLE_RATE_HZ;
 
@@ -42,20 +41,27 @@ pub struct Inputs<'a> {
     pub unused_takes: &'a [String],
 }
 
-/// Writes the page, telling `progress` of each texture done.
+/// Writes the page, and the data of its pictures into the folder `data`, telling `progress` of each texture done.
 ///
 /// # Errors
 /// A recording that cannot be used any more, or a file that cannot be written.
-pub fn write(inputs: &Inputs<'_>, path: &Path, progress: impl Fn()) -> Result<()> {
-    let mut sections = Sections {
-        set: inputs.set,
-        library: inputs.library,
-        evaluation: inputs.evaluation,
-        options: inputs.options,
-        pictures: None,
-        stems: Stems::default(),
-        page: Page::new("Recordings and what the stylus plays"),
-    };
+pub fn write(
+    inputs: &Inputs<'_>,
+    path: &Path,
+    data: Option<&Path>,
+    progress: impl Fn(),
+) -> Result<()> {
+    let removed = inputs.test.iter().flat_map(|of| &of.test.removed);
+    let further_costs = removed.flat_map(|node| node.outcomes.iter().map(|o| o.judged.cost));
+    let mut sections = Sections::new(
+        inputs.set,
+        inputs.library,
+        inputs.evaluation,
+        inputs.options,
+        further_costs,
+    );
+    sections.data = data.map(figures::Folder::new).transpose()?;
+    sections.share_scales()?;
     sections.overview();
     takes(&mut sections.page, inputs.evaluation, inputs.unused_takes);
     if let Some(RemovedNodeTest { test, .. }) = inputs.test {
@@ -69,7 +75,7 @@ pub fn write(inputs: &Inputs<'_>, path: &Path, progress: impl Fn()) -> Result<()
         write_texture(&mut sections, inputs.test.as_ref(), texture)?;
         progress();
     }
-    sections.page.write(path)
+    sections.write(path)
 }
 
 fn write_texture(
@@ -82,39 +88,13 @@ fn write_texture(
         sections.page.paragraph("Silent in every trial.");
         return Ok(());
     };
-    let (recorded, played) = (
-        &example.comparison.recording,
-        &example.comparison.synthesised,
-    );
-    let origin = if sections.evaluation.simulated {
-        " (SIMULATED)"
-    } else {
-        ""
-    };
-    let mut heard = vec![("recorded", recorded), ("synthesised", played)];
-    let versions = example.comparison.versions.iter();
-    heard.extend(versions.map(|version| (version.parts.as_str(), &version.synthesised)));
-    let all: Vec<&Vec<f64>> = heard.iter().map(|(_, signal)| *signal).collect();
-    let full_scale = loudest(&all);
-    for (what, signal) in heard {
-        let wav = sound(signal, full_scale)?;
-        let label = format!("{}: {what}{origin}", example.title);
-        sections.page.sound(&label, &wav);
-    }
-    sections
-        .page
-        .paragraph("All sounds have one scale; what is heard is the acceleration.");
+    spectrogram(sections, &example)?;
+    sections.nodes(texture.name());
     if example.judged.judge != JudgeKind::Nothing {
-        prediction(sections, &example.title, &example.comparison)?;
+        prediction(sections, &example)?;
     }
     sections.time_and_frequency(&example)?;
     sections.waveforms(&example)?;
-    let caption = sections.caption(&example.title);
-    let rate_hz = f64::from(SAMPLE_RATE_HZ);
-    let picture = spectrograms(&caption, recorded, played, rate_hz, 1000.0)?;
-    sections
-        .page
-        .figure(&picture, "Spectrograms of both, to one scale.");
     sections.bands(&example)?;
     if texture.speed_axis().len() * texture.force_axis().len() > 1 {
         grid(sections, &texture)?;
@@ -124,6 +104,35 @@ fn write_texture(
         Some(test) => removed_nodes::maps(sections, test, texture.name()),
         None => Ok(()),
     }
+}
+
+/// Draws the spectrograms of an example, with the sounds that they show.
+fn spectrogram(sections: &mut Sections<'_>, example: &Example<'_>) -> Result<()> {
+    let sounds = sections.sounds_of(example)?;
+    let Comparison {
+        recording,
+        synthesised,
+        ..
+    } = &example.comparison;
+    let picture = spectrograms(
+        &sections.caption(&example.title),
+        recording,
+        synthesised,
+        f64::from(SAMPLE_RATE_HZ),
+        HIGHEST_HZ,
+        sections.ends.level_db,
+    )?;
+    let heard = if sounds.is_empty() {
+        ""
+    } else {
+        " Click in one to hear it from there. All sounds below have one scale; what is heard is the acceleration."
+    };
+    let caption = format!(
+        "Spectrograms of the recording and of the synthesis, to one scale with those of the other textures.{heard}"
+    );
+    let stem = sections.stems.of(&example.trial.texture).clone();
+    let name = format!("{stem}-spectrograms");
+    sections.figure_with_sounds(&picture, &name, &caption, &sounds)
 }
 
 fn takes(page: &mut Page, evaluation: &Evaluation, unused: &[String]) {
@@ -147,10 +156,16 @@ fn takes(page: &mut Page, evaluation: &Evaluation, unused: &[String]) {
 }
 
 /// Draws the forward prediction of a held-out block: the paper's figure 5.
-fn prediction(sections: &mut Sections<'_>, place: &str, comparison: &Comparison) -> Result<()> {
+///
+/// The model has the order that the library has there, or the highest, as far as the fitted blocks give it.
+fn prediction(sections: &mut Sections<'_>, example: &Example<'_>) -> Result<()> {
+    let comparison = &example.comparison;
     let (fitted, recorded) = comparison.fitted_and_left();
     let samples: usize = fitted.iter().map(|block| block.len()).sum();
-    let order = model_format::limits::MAX_ORDER.min(samples / 4);
+    let order = example
+        .order
+        .unwrap_or(model_format::limits::MAX_ORDER)
+        .min(samples / 4);
     let lags = lags_of_blocks(&fitted, Estimator::Rectangular, order);
     let model = Prediction::levinson_durbin(&corrected(lags), order);
     let a = step_up(&model.reflection);
@@ -162,15 +177,26 @@ fn prediction(sections: &mut Sections<'_>, place: &str, comparison: &Comparison)
             -a.iter().zip(past).map(|(a, x)| a * x).sum::<f64>()
         })
         .collect();
-    let title = format!("{place}: n = {}", a.len());
+    let title = format!("{}: order {}", example.title, a.len());
     let stretch = &recorded[begin..begin + shown];
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
-    let picture = forward_prediction(&sections.caption(&title), stretch, &predicted, rate_hz)?;
-    sections.page.figure(
-        &picture,
+    let stem = sections.stems.of(&example.trial.texture).clone();
+    let shared = sections.ends.peak_m_s2;
+    let own = stretch.iter().map(|value| value.abs()).reduce(f64::max);
+    let mut scales = vec![(
+        shared,
+        "prediction",
         "Forward prediction of a part of the recording by a model that was fitted to another part, and what it leaves \
-         (the paper's figure 5).",
-    );
+         (the paper's figure 5). The scale is that of all textures.",
+    )];
+    if is_small(own, shared) {
+        scales.push((None, "prediction-own-scale", OWN_SCALE));
+    }
+    for (peak, name, caption) in scales {
+        let title = sections.caption(&title);
+        let picture = forward_prediction(&title, stretch, &predicted, rate_hz, peak)?;
+        sections.figure(&picture, &format!("{stem}-{name}"), caption)?;
+    }
     Ok(())
 }
 
@@ -197,16 +223,17 @@ fn grid(sections: &mut Sections<'_>, texture: &Texture<'_>) -> Result<()> {
         })
         .collect();
     let title = format!("{}: the grid of models", texture.name());
-    let picture = grid_and_motion(&sections.caption(&title), &nodes, &motion)?;
-    sections.page.figure(
-        &picture,
-        "Models over speed and force, and a motion (the paper's figure 9).",
+    let picture = grid_and_motion(
+        &sections.caption(&title),
+        texture.name(),
+        &nodes,
+        &motion,
+        sections.ends.variance,
+    )?;
+    let stem = sections.stems.of(texture.name()).clone();
+    let caption = format!(
+        "Models over speed and force, and a motion (the paper's figure 9). Areas are to the scale of all textures.{}",
+        sections.playing_in_words()
     );
-    Ok(())
-}
-
-/// Largest magnitude of all signals.
-fn loudest(signals: &[&Vec<f64>]) -> f64 {
-    let values = signals.iter().flat_map(|signal| signal.iter());
-    values.map(|value| value.abs()).fold(0.0, f64::max)
+    sections.figure(&picture, &format!("{stem}-grid"), &caption)
 }

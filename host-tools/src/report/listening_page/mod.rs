@@ -10,7 +10,8 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-use super::html::escaped;
+use super::family;
+use super::html::{POLICY, escaped};
 use super::sound::whole_sound;
 use crate::evaluation::listening::{CHANCE, CONFIDENCE, FADE_S, Plan, Trial};
 use crate::support::atomic_file;
@@ -22,10 +23,6 @@ const BREAK_EVERY: usize = 12;
 
 /// Share of full scale that the highest peak of all sounds has; what is between two samples stays below it.
 const PEAK: f64 = 0.8;
-
-/// The page's policy: nothing is fetched, from anywhere.
-const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; \
-     base-uri 'none'; form-action 'none'";
 
 /// The plan as the script reads it.
 #[derive(Serialize)]
@@ -99,11 +96,13 @@ fn page(plan: &Plan) -> Result<String> {
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n\
+         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n\
+         <style>\n{family}{style}</style>\n</head>\n<body>\n\
          {notice}{body}\
          <script type=\"application/json\" id=\"plan\">{plan}</script>\n\
          <script type=\"application/json\" id=\"sounds\">{sounds}</script>\n\
          <script>\n{script}</script>\n</body>\n</html>\n",
+        family = family::style(),
         style = include_str!("style.css"),
         body = include_str!("body.html"),
         plan = json(&script_plan),

@@ -3,54 +3,62 @@
 use plotters::prelude::*;
 
 use super::canvas::{
-    Axis, BLUE, INK, Mark, Swatch, TEXT, Ticks, VERMILION, at, axes, centred, legend, line, picture,
+    Axis, BLUE, INK, Mark, Quantity, Swatch, TEXT, Ticks, VERMILION, at, axes, centred, highest_of,
+    legend, line, picture,
 };
+use super::colours::SHADE;
+use super::figure::{Kind, Series};
 use super::{Caption, Svg};
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ};
+use crate::support::decimal::signed;
 use crate::support::error::Result;
 
-/// The colour of the range within the just noticeable difference.
-const SHADE: RGBColor = RGBColor(222, 235, 247);
+/// Level of a synthesis over its recording's.
+const LEVEL_ERROR: Quantity<'static> = Quantity::new("level, synthesised over recorded", "dB");
 
 /// Bars of the level of a synthesis over that of its recording in each third-octave band, dB
-/// ([`crate::dsp::spectrum::band_errors_db`]), with the range shaded in which skin tells no difference.
+/// ([`crate::dsp::spectrum::band_errors_db`]), with the range shaded in which skin tells no difference. The
+/// axis reaches to `largest_db` where pictures are compared.
 ///
 /// # Errors
 /// A picture that cannot be laid out.
 pub fn band_error_chart(
     caption: &Caption<'_>,
     errors_db: &[Option<f64>; BAND_COUNT],
+    largest_db: Option<f64>,
 ) -> Result<Svg> {
     let errors_db = errors_db.map(|error| error.filter(|error| error.is_finite()));
-    let largest = errors_db
-        .iter()
-        .flatten()
-        .map(|error| error.abs())
-        .fold(0.0, f64::max);
+    let own = highest_of(errors_db.iter().flatten().copied());
+    let largest = largest_db.or(own).unwrap_or(0.0);
     // Room for the number at the end of the longest bar.
     let highest = (1.2 * largest).max(3.0 * AMPLITUDE_JND_DB);
     let x = Axis {
         range: -0.6..BAND_COUNT as f64 - 0.4,
-        quantity: "third-octave band (Hz)",
+        quantity: Quantity::new("third-octave band", "Hz"),
         ticks: Ticks::Names(&BAND_LABELS_HZ),
     };
     let y = Axis {
         range: -highest..highest,
-        quantity: "synthesised - recorded (dB)",
+        quantity: LEVEL_ERROR,
         ticks: Ticks::Numbers(9),
     };
     let within = format!("±{AMPLITUDE_JND_DB} dB, the just noticeable difference");
-    let mut entries = vec![
-        (Swatch::Box(SHADE), within.as_str()),
-        (Swatch::Box(BLUE), "error within"),
-    ];
-    entries.push((Swatch::Box(VERMILION), "error beyond"));
+    let mut entries = vec![(Swatch::Box(SHADE), within.as_str())];
+    let is_within = |error: &f64| error.abs() <= AMPLITUDE_JND_DB;
+    let mut errors = errors_db.iter().flatten();
+    if errors.clone().any(is_within) {
+        entries.push((Swatch::Box(BLUE), "error within"));
+    }
+    if errors.any(|error| !is_within(error)) {
+        entries.push((Swatch::Box(VERMILION), "error beyond"));
+    }
     if errors_db.contains(&None) {
         entries.push((Swatch::Mark(Mark::Cross), "no power in the band"));
     }
-    picture(caption, (960, 400), |area| {
+    picture(caption, (960, 400), |area, panels| {
         let below = legend(area, &entries)?;
-        let mut chart = axes(&below, &x, &y)?;
+        let mut plot = axes(&below, "", &x, &y)?;
+        let chart = &mut plot.chart;
         let shade = [
             (x.range.start, -AMPLITUDE_JND_DB),
             (x.range.end, AMPLITUDE_JND_DB),
@@ -66,21 +74,27 @@ pub fn band_error_chart(
                 chart.draw_series([Cross::new((centre, 0.0), at(4), line(INK, 3))])?;
                 continue;
             };
-            let colour = if error.abs() <= AMPLITUDE_JND_DB {
-                BLUE
-            } else {
-                VERMILION
-            };
+            let colour = if is_within(&error) { BLUE } else { VERMILION };
             let bar = [
                 (centre - 0.3, error.max(0.0)),
                 (centre + 0.3, error.min(0.0)),
             ];
             chart.draw_series([Rectangle::new(bar, colour.filled())])?;
             let above = if error < 0.0 { at(9) } else { -at(9) };
+            let decimals = usize::from(error.abs() < 99.5);
+            let written = signed(error, decimals);
             let number = EmptyElement::at((centre, error))
-                + Text::new(format!("{error:+.1}"), (0, above), centred(TEXT - 1, INK));
+                + Text::new(written, (0, above), centred(TEXT - 2, INK));
             chart.draw_series([number])?;
         }
+        let points: Vec<(f64, f64)> = errors_db
+            .iter()
+            .enumerate()
+            .map(|(band, error)| (band as f64, error.unwrap_or(f64::NAN)))
+            .collect();
+        let series = Series::new("error", Kind::Bars, BLUE, &points);
+        plot.panel.series.push(series);
+        panels.push(plot.panel);
         Ok(())
     })
 }
@@ -97,6 +111,7 @@ mod tests {
                 simulated: false,
             },
             errors_db,
+            None,
         )
         .unwrap()
     }

@@ -1,7 +1,8 @@
 //! The parts that all pictures share: size, colours, lettering, heading, legend and axes.
 //!
 //! plotters draws at whole pixels, which is coarse for a curve, so pictures are drawn [`SCALE`] times as large as they
-//! are shown.
+//! are shown. Colours are those for light paper; each picture carries the rules by which a dark screen shows its own,
+//! see [`colours`](super::colours).
 
 use std::error::Error as StdError;
 use std::ops::Range;
@@ -11,9 +12,20 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use super::colours::dark_style;
+use super::figure::{AxisData, AxisScale, Figure, Kind, Panel, Series, overlay};
+use super::labels::Frame;
 use super::{Caption, Svg};
+use crate::support::decimal::fixed;
 use crate::support::error::{Error, Result};
-use crate::support::visible::visible;
+use crate::support::visible::{escaped, visible};
+
+pub use super::quantity::{
+    ACCELERATION, COST, FORCE, FREQUENCY, ORDER, POWER_DENSITY, Quantity, SPEED, TIME_MS, TIME_S,
+};
+use super::thinned::thinned;
+
+pub use super::colours::{ALERT, BLUE, GREEN, INK, ON_PALE, ORANGE, PALE, PURPLE, SKY, VERMILION};
 
 /// Pixels drawn for a pixel shown.
 const SCALE: u32 = 2;
@@ -23,23 +35,6 @@ pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// The result of drawing, which fails only where a picture is laid out wrongly.
 pub type Drawn<T = ()> = std::result::Result<T, Box<dyn StdError>>;
-
-/// Colours of Okabe and Ito, told apart with any colour vision, on white.
-pub const BLUE: RGBColor = RGBColor(0, 114, 178);
-/// See [`BLUE`].
-pub const VERMILION: RGBColor = RGBColor(213, 94, 0);
-/// See [`BLUE`].
-pub const GREEN: RGBColor = RGBColor(0, 158, 115);
-/// See [`BLUE`].
-pub const PURPLE: RGBColor = RGBColor(204, 121, 167);
-/// See [`BLUE`].
-pub const ORANGE: RGBColor = RGBColor(230, 159, 0);
-/// See [`BLUE`].
-pub const SKY: RGBColor = RGBColor(86, 180, 233);
-/// Text and axes.
-pub const INK: RGBColor = RGBColor(40, 40, 40);
-/// Lines of a mesh and what is not there.
-pub const PALE: RGBColor = RGBColor(225, 225, 225);
 
 /// Lettering on axes and in legends, shown pixels.
 pub const TEXT: u32 = 13;
@@ -80,31 +75,37 @@ pub fn centred(shown: u32, colour: RGBColor) -> TextStyle<'static> {
     text(shown, colour).pos(Pos::new(HPos::Center, VPos::Center))
 }
 
+/// Lettering that runs upwards, anchored at its middle.
+pub fn upwards(shown: u32, colour: RGBColor) -> TextStyle<'static> {
+    centred(shown, colour).transform(FontTransform::Rotate270)
+}
+
 /// About how wide `text` comes out in lettering `shown` pixels high, drawn pixels. The reader's font is not known.
 pub fn text_width(text: &str, shown: u32) -> i32 {
     (text.chars().count() as f64 * f64::from(px(shown)) * 0.56) as i32
 }
 
-/// Makes a picture: its heading, and below it what `draw` draws.
+/// Makes a picture: its heading, and below it what `draw` draws, with the data of the panels that it gives.
 ///
 /// # Errors
 /// A picture that plotters cannot lay out.
 pub fn picture(
     caption: &Caption<'_>,
     (width, height): (u32, u32),
-    draw: impl FnOnce(&Area<'_>) -> Drawn,
+    draw: impl FnOnce(&Area<'_>, &mut Vec<Panel>) -> Drawn,
 ) -> Result<Svg> {
     let mut drawn = String::new();
+    let mut panels = Vec::new();
     let outcome = (|| -> Drawn {
         let root = SVGBackend::with_string(&mut drawn, (px(width), px(height))).into_drawing_area();
         root.fill(&WHITE)?;
         let (heading, below) = root.split_vertically(px(HEADING));
         heading.draw_text(caption.title, &bold(16, INK), (at(10), at(HEADING / 2 + 2)))?;
         if caption.simulated {
-            let style = bold(14, VERMILION).pos(Pos::new(HPos::Right, VPos::Center));
+            let style = bold(14, ALERT).pos(Pos::new(HPos::Right, VPos::Center));
             heading.draw_text("SIMULATED", &style, (at(width - 10), at(HEADING / 2 + 2)))?;
         }
-        draw(&below)?;
+        draw(&below, &mut panels)?;
         root.present()?;
         Ok(())
     })();
@@ -114,9 +115,19 @@ pub fn picture(
             caption.title
         ))
     })?;
-    let shown = shown_at_size(&drawn, width, height);
+    let figure = Figure {
+        title: caption.title.to_owned(),
+        simulated: caption.simulated,
+        panels,
+    };
+    let mut shown = shown_at_size(&drawn, caption, width, height);
+    shown.insert_str(
+        shown.rfind("</svg>").unwrap_or(shown.len()),
+        &overlay(&figure),
+    );
     // Only texts hold such characters, and a picture that holds them is not XML.
-    Ok(Svg(visible(&shown).into_owned()))
+    let text = visible(&shown).into_owned();
+    Ok(Svg { text, figure })
 }
 
 /// Bold [`text`].
@@ -126,16 +137,24 @@ fn bold(shown: u32, colour: RGBColor) -> TextStyle<'static> {
     style
 }
 
-/// Replaces the opening tag of a drawing by one that shows it at the size asked for.
-fn shown_at_size(drawn: &str, width: u32, height: u32) -> String {
+/// Replaces the opening tag of a drawing by one that shows it at the size asked for, names it for those who do not see
+/// it, and is followed by its colours on a dark screen.
+fn shown_at_size(drawn: &str, caption: &Caption<'_>, width: u32, height: u32) -> String {
     let content = drawn
         .split_once(">\n")
         .map_or(drawn, |(_, content)| content);
+    let simulated = if caption.simulated {
+        " (SIMULATED)"
+    } else {
+        ""
+    };
+    let name = escaped(&format!("{}{simulated}", caption.title));
     format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-         viewBox=\"0 0 {} {}\">\n{content}",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" role=\"img\" aria-label=\"{name}\" width=\"{width}\" \
+         height=\"{height}\" viewBox=\"0 0 {} {}\">\n<style>{}</style>\n{content}",
         px(width),
-        px(height)
+        px(height),
+        dark_style()
     )
 }
 
@@ -151,6 +170,9 @@ pub enum Swatch {
     },
     /// A filled box.
     Box(RGBColor),
+    /// A filled circle.
+    #[cfg(feature = "spectrograms")]
+    Disc(RGBColor),
     /// A cell of a grid with a mark in it.
     Mark(Mark),
 }
@@ -166,6 +188,8 @@ pub enum Mark {
     Dot,
     /// A ring around a point.
     Ring,
+    /// A square around a point.
+    Square,
     /// A cross on a point.
     Cross,
 }
@@ -187,16 +211,22 @@ impl Mark {
             (left, top),
         ];
         match self {
-            Self::Corner => area.draw(&Polygon::new(corner, INK.filled()))?,
+            Self::Corner => area.draw(&Polygon::new(corner, ON_PALE.filled()))?,
             Self::HollowCorner => {
                 area.draw(&Polygon::new(corner, WHITE.filled()))?;
-                area.draw(&PathElement::new(corner, line(INK, 2)))?;
+                area.draw(&PathElement::new(corner, line(ON_PALE, 2)))?;
             }
             Self::Dot => {
                 let place = (right - size * 2 / 3, top + size * 2 / 3);
                 area.draw(&Circle::new(place, size * 2 / 5, VERMILION.filled()))?;
             }
-            Self::Ring => area.draw(&Circle::new(middle, at(5), line(INK, 3)))?,
+            Self::Ring => area.draw(&Circle::new(middle, at(6), line(INK, 3)))?,
+            Self::Square => {
+                let ((x, y), half) = (middle, at(7));
+                let corners = [(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)];
+                let path = corners.map(|(dx, dy)| (x + dx * half, y + dy * half));
+                area.draw(&PathElement::new(path, line(INK, 3)))?;
+            }
             Self::Cross => area.draw(&Cross::new(middle, at(4), line(INK, 3)))?,
         }
         Ok(())
@@ -237,6 +267,11 @@ pub fn legend<'a>(area: &Area<'a>, entries: &[(Swatch, &str)]) -> Drawn<Area<'a>
                 let corners = [(x + at(4), y - at(6)), (x + swatch_width, y + at(6))];
                 area.draw(&Rectangle::new(corners, colour.filled()))?;
             }
+            #[cfg(feature = "spectrograms")]
+            Swatch::Disc(colour) => {
+                let middle = (x + swatch_width / 2, y);
+                area.draw(&Circle::new(middle, at(6), colour.filled()))?;
+            }
             Swatch::Mark(mark) => {
                 let (from, to) = ((x + at(4), y - at(8)), (x + swatch_width, y + at(8)));
                 if matches!(mark, Mark::Corner | Mark::HollowCorner | Mark::Dot) {
@@ -257,20 +292,27 @@ pub type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64
 pub struct Axis<'a> {
     /// From where to where.
     pub range: Range<f64>,
-    /// The quantity with its unit; empty where a neighbour's axis tells.
-    pub quantity: &'a str,
+    /// The quantity, which is written unless the ticks are blank, as where a neighbour's axis tells.
+    pub quantity: Quantity<'a>,
     /// Ticks along it.
     pub ticks: Ticks<'a>,
 }
 
-/// The quantity along an axis.
+/// The ticks along an axis, with their numbers or names.
 pub enum Ticks<'a> {
     /// About so many numbers, at round values.
     Numbers(usize),
-    /// About so many lines of the mesh, with nothing written.
+    /// About so many lines of the mesh, with nothing written, not even the quantity.
     Blank(usize),
     /// A name at 0, at 1, and so on.
     Names(&'a [&'a str]),
+    /// Octaves: a name at 0, which is 2^`lowest`, at 1, which is twice that, and so on.
+    Octaves {
+        /// Logarithm to base 2 of the value at 0.
+        lowest: f64,
+        /// Names of the octaves' ends.
+        names: &'a [&'a str],
+    },
 }
 
 impl Ticks<'_> {
@@ -278,7 +320,7 @@ impl Ticks<'_> {
     fn count(&self) -> usize {
         match self {
             Self::Numbers(count) | Self::Blank(count) => *count,
-            Self::Names(names) => names.len() + 1,
+            Self::Names(names) | Self::Octaves { names, .. } => names.len() + 1,
         }
     }
 
@@ -286,7 +328,7 @@ impl Ticks<'_> {
         match self {
             Self::Numbers(_) => number(value, span),
             Self::Blank(_) => String::new(),
-            Self::Names(names) => {
+            Self::Names(names) | Self::Octaves { names, .. } => {
                 let index = value.round();
                 let name = (index >= 0.0).then(|| names.get(index as usize)).flatten();
                 name.filter(|_| (value - index).abs() < 1e-6)
@@ -301,31 +343,99 @@ impl Ticks<'_> {
 /// A value with the decimals that tell it from its neighbours on an axis that spans `span`.
 fn number(value: f64, span: f64) -> String {
     let decimals = (1.0 - (span / 2.0).log10().floor()).clamp(0.0, 9.0) as usize;
-    let text = format!("{value:.decimals$}");
-    let text = if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.')
+    let text = fixed(value, decimals);
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
     } else {
-        &text
-    };
-    if text == "-0" {
-        "0".to_owned()
-    } else {
-        text.to_owned()
+        text
     }
 }
 
-/// Draws the axes of a chart, which fills `area`.
-pub fn axes<'a>(area: &Area<'a>, x: &Axis<'_>, y: &Axis<'_>) -> Drawn<Chart<'a>> {
-    let bottom = if x.quantity.is_empty() { 10 } else { 44 };
+/// Room on the left of a chart for the names and the numbers of its vertical axis, shown pixels.
+pub const LEFT: u32 = 76;
+
+/// A value of a grid's axis, with three decimals at most.
+pub fn grid_value(value: f64) -> String {
+    let text = fixed(value, 3);
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// A curve's look.
+#[derive(Clone, Copy)]
+pub struct Stroke {
+    /// Its colour.
+    pub colour: RGBColor,
+    /// Its width, halves of a shown pixel.
+    pub half_pixels: u32,
+    /// With gaps.
+    pub dashed: bool,
+}
+
+impl Stroke {
+    /// A line without gaps.
+    pub fn solid(colour: RGBColor, half_pixels: u32) -> Self {
+        Self {
+            colour,
+            half_pixels,
+            dashed: false,
+        }
+    }
+}
+
+/// A chart with the data that are drawn in it.
+pub struct Plot<'a> {
+    /// The chart.
+    pub chart: Chart<'a>,
+    /// Its data.
+    pub panel: Panel,
+}
+
+impl Plot<'_> {
+    /// Draws a curve, whose x rises, thinned to what can be seen, and keeps all of it.
+    pub fn curve(
+        &mut self,
+        name: &str,
+        points: impl Iterator<Item = (f64, f64)>,
+        stroke: Stroke,
+    ) -> Drawn {
+        let points: Vec<(f64, f64)> = points.collect();
+        let series = Series::new(name, Kind::Line, stroke.colour, &points);
+        self.panel.series.push(series);
+        let Stroke {
+            colour,
+            half_pixels,
+            dashed,
+        } = stroke;
+        let shown = thinned(points.into_iter());
+        let style = line(colour, half_pixels);
+        if dashed {
+            self.chart
+                .draw_series(DashedLineSeries::new(shown, at(6), at(4), style))?;
+        } else {
+            self.chart.draw_series(LineSeries::new(shown, style))?;
+        }
+        Ok(())
+    }
+}
+
+/// Draws the axes of a chart, which fills `area`, and begins the data of the panel called `name`.
+pub fn axes<'a>(area: &Area<'a>, name: &str, x: &Axis<'_>, y: &Axis<'_>) -> Drawn<Plot<'a>> {
+    let is_blank = |axis: &Axis<'_>| matches!(axis.ticks, Ticks::Blank(_));
+    let bottom = if is_blank(x) { 10 } else { 44 };
     let mut chart = ChartBuilder::on(area)
         .margin_top(px(8))
         .margin_right(px(22))
         .margin_left(px(6))
         .margin_bottom(px(4))
         .x_label_area_size(px(bottom))
-        .y_label_area_size(px(62))
+        .y_label_area_size(px(LEFT))
         .build_cartesian_2d(x.range.clone(), y.range.clone())?;
     let span = |axis: &Axis<'_>| axis.range.end - axis.range.start;
+    let x_label = if is_blank(x) {
+        String::new()
+    } else {
+        x.quantity.label()
+    };
     chart
         .configure_mesh()
         .axis_style(line(INK, 2))
@@ -338,10 +448,104 @@ pub fn axes<'a>(area: &Area<'a>, x: &Axis<'_>, y: &Axis<'_>) -> Drawn<Chart<'a>>
         .y_labels(y.ticks.count())
         .x_label_formatter(&|value| x.ticks.label(*value, span(x)))
         .y_label_formatter(&|value| y.ticks.label(*value, span(y)))
-        .x_desc(x.quantity)
-        .y_desc(y.quantity)
+        .x_desc(x_label)
         .draw()?;
-    Ok(chart)
+    let (columns, rows) = chart.plotting_area().get_pixel_range();
+    if !is_blank(y) {
+        let top = area.get_base_pixel().1;
+        let middle = i32::midpoint(rows.start, rows.end) - top;
+        let length = rows.end - rows.start;
+        draw_upwards(area, y.quantity, (at(14), middle), length)?;
+    }
+    let frame = Frame {
+        left: columns.start,
+        top: rows.start,
+        right: columns.end,
+        bottom: rows.end,
+    };
+    let panel = Panel::new(name, frame, axis_data(x), axis_data(y));
+    Ok(Plot { chart, panel })
+}
+
+/// The data of an axis as it is drawn.
+fn axis_data(axis: &Axis<'_>) -> AxisData {
+    let (mut from, mut to) = (axis.range.start, axis.range.end);
+    let mut names = Vec::new();
+    let scale = match axis.ticks {
+        Ticks::Numbers(_) | Ticks::Blank(_) => AxisScale::Linear,
+        Ticks::Names(written) => {
+            names = written.iter().map(ToString::to_string).collect();
+            AxisScale::Names
+        }
+        Ticks::Octaves { lowest, .. } => {
+            (from, to) = ((from + lowest).exp2(), (to + lowest).exp2());
+            AxisScale::Log
+        }
+    };
+    AxisData {
+        quantity: axis.quantity.name().to_owned(),
+        unit: axis.quantity.unit().to_owned(),
+        scale,
+        from,
+        to,
+        names,
+    }
+}
+
+/// Name and unit in one line, or in one each where they are too long for `length` drawn pixels.
+fn lines_of(quantity: Quantity<'_>, length: i32) -> Vec<String> {
+    let label = quantity.label();
+    if quantity.unit().is_empty() || text_width(&label, TEXT) <= length {
+        vec![label]
+    } else {
+        vec![format!("{},", quantity.name()), quantity.unit().to_owned()]
+    }
+}
+
+/// Writes a quantity upwards around a place, in two lines where one is longer than `length` drawn pixels.
+pub fn draw_upwards(
+    area: &Area<'_>,
+    quantity: Quantity<'_>,
+    (x, y): (i32, i32),
+    length: i32,
+) -> Drawn {
+    for (index, text) in lines_of(quantity, length).iter().enumerate() {
+        let x = x + at(TEXT + 2) * index as i32;
+        area.draw_text(text, &upwards(TEXT, INK), (x, y))?;
+    }
+    Ok(())
+}
+
+/// Width of the column with a colour bar, shown pixels.
+pub const BAR: u32 = 116;
+
+/// Draws the scale of a map beside it, from `top` to `bottom`: its colours from 0 to 1, values written at shares of it,
+/// and the quantity.
+pub fn colour_bar(
+    area: &Area<'_>,
+    (top, bottom): (i32, i32),
+    colour: impl Fn(f64) -> RGBColor,
+    values: &[(f64, String)],
+    quantity: Quantity<'_>,
+) -> Drawn {
+    const STEPS: i32 = 48;
+    for step in 0..STEPS {
+        let y = |step: i32| bottom - (bottom - top) * step / STEPS;
+        let share = (f64::from(step) + 0.5) / f64::from(STEPS);
+        // Each reaches into the one below, so that no light shows between them.
+        let cell = [
+            (at(4), y(step + 1)),
+            (at(20), (y(step) + at(2)).min(bottom)),
+        ];
+        area.draw(&Rectangle::new(cell, colour(share).filled()))?;
+    }
+    for (share, value) in values {
+        let y = bottom - (f64::from(bottom - top) * share).round() as i32;
+        area.draw(&PathElement::new([(at(20), y), (at(24), y)], line(INK, 2)))?;
+        area.draw_text(value, &text(TEXT, INK), (at(28), y))?;
+    }
+    let middle = (at(BAR - 30), i32::midpoint(top, bottom));
+    draw_upwards(area, quantity, middle, bottom - top)
 }
 
 /// A range that holds zero and all finite `values` with a little room; 0 to 1 where there are none.
@@ -358,30 +562,18 @@ pub fn range_with_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     }
 }
 
-/// At most `MAX_POINTS` points that look like `points`, whose x rise: of each of equal shares, in their order, the
-/// lowest and the highest. What is not finite is left out.
-pub fn thinned(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
-    const MAX_POINTS: usize = 1500;
-    let points: Vec<(f64, f64)> = points
-        .filter(|(x, y)| x.is_finite() && y.is_finite())
-        .collect();
-    if points.len() <= MAX_POINTS {
-        return points;
-    }
-    let share = points.len().div_ceil(MAX_POINTS / 2);
-    let extremes = points.chunks(share).flat_map(|chunk| {
-        let by_y = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
-        let lowest = chunk.iter().min_by(by_y);
-        let highest = chunk.iter().max_by(by_y);
-        let mut both: Vec<(f64, f64)> = lowest.into_iter().chain(highest).copied().collect();
-        both.sort_by(|a, b| a.0.total_cmp(&b.0));
-        both
-    });
-    extremes.collect()
+/// The largest magnitude of values that are finite, if that is above zero.
+pub fn highest_of(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let finite = values.into_iter().filter(|value| value.is_finite());
+    finite
+        .map(f64::abs)
+        .reduce(f64::max)
+        .filter(|highest| *highest > 0.0)
 }
 
 #[cfg(test)]
 pub mod tests {
+    use super::super::labels::Frame;
     use super::*;
     use proptest::prelude::*;
 
@@ -417,6 +609,56 @@ pub mod tests {
                 }
             }
         }
+    }
+
+    /// A text of a picture.
+    #[derive(Clone, Debug)]
+    pub struct Text {
+        /// Its characters.
+        pub words: String,
+        /// The frame that it fills, about.
+        pub frame: Frame,
+        /// True if it runs upwards.
+        pub runs_up: bool,
+    }
+
+    /// Returns all texts of a picture, by the sizes that the layout reckons with.
+    pub fn texts(svg: &Svg) -> Vec<Text> {
+        let elements = svg.as_str().split("<text ").skip(1);
+        let text = |element: &str| {
+            let (attributes, rest) = element.split_once('>').unwrap();
+            let text = rest.split('<').next().unwrap().trim().to_owned();
+            let attribute = |name: &str| {
+                let (_, rest) = attributes.split_once(&format!("{name}=\"")).unwrap();
+                rest.split('"').next().unwrap()
+            };
+            let number = |name| attribute(name).parse::<f64>().unwrap();
+            let (x, y, size) = (number("x") as i32, number("y") as i32, number("font-size"));
+            let width = (text.chars().count() as f64 * size * 0.56) as i32;
+            let height = size as i32;
+            let runs_up = attributes.contains("rotate(270");
+            let shift = match attribute("text-anchor") {
+                "start" => width / 2,
+                "end" => -width / 2,
+                _ => 0,
+            };
+            let lift = match attribute("dy") {
+                "0.76em" => height / 2,
+                "-0.5ex" => -height / 2,
+                _ => 0,
+            };
+            let frame = if runs_up {
+                Frame::around((x + lift, y - shift), (height, width))
+            } else {
+                Frame::around((x + shift, y + lift), (width, height))
+            };
+            Text {
+                words: text,
+                frame,
+                runs_up,
+            }
+        };
+        elements.map(text).collect()
     }
 
     proptest! {
@@ -484,9 +726,11 @@ pub mod tests {
             title: "a < b & \"c\"",
             simulated: true,
         };
-        let svg = picture(&caption, (300, 200), |_| Ok(())).unwrap();
-        let opening = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"300\" height=\"200\" viewBox=\"0 0 600 400\">";
-        assert!(svg.as_str().starts_with(opening));
+        let svg = picture(&caption, (300, 200), |_, _| Ok(())).unwrap();
+        let opening = "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" role=\"img\" \
+             aria-label=\"a &lt; b &amp; &quot;c&quot; (SIMULATED)\" width=\"300\" height=\"200\" \
+             viewBox=\"0 0 600 400\">";
+        assert!(svg.as_str().starts_with(opening), "{}", svg.as_str());
         assert!(svg.as_str().trim_end().ends_with("</svg>"));
         assert_eq!(svg.as_str().matches("<svg").count(), 1);
         assert!(svg.as_str().contains("a &lt; b &amp; &quot;c&quot;"));
@@ -497,7 +741,7 @@ pub mod tests {
                 ..caption
             },
             (300, 200),
-            |_| Ok(()),
+            |_, _| Ok(()),
         )
         .unwrap();
         assert!(!recorded.as_str().contains("SIMULATED"));
@@ -515,7 +759,7 @@ pub mod tests {
                 title: "",
                 simulated: false,
             };
-            picture(&caption, (300, 200), |area| {
+            picture(&caption, (300, 200), |area, _| {
                 left = legend(area, &entries)?.dim_in_pixel().1;
                 Ok(())
             })

@@ -6,9 +6,12 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::canvas::{
-    Area, Drawn, INK, Mark, Swatch, TEXT, VERMILION, at, centred, legend, picture, text_width,
+    Area, BAR, Drawn, FORCE, INK, Mark, ON_PALE, Quantity, SPEED, Swatch, TEXT, at, centred,
+    colour_bar, draw_upwards, grid_value, legend, picture, text_width,
 };
+use super::figure::{AxisData, Panel, Series};
 use super::grid::{is_dark, labels_apart, mixed};
+use super::labels::Frame;
 use super::{Caption, Svg};
 use crate::support::error::{Error, Result};
 use crate::texture::certificate::{Cell, Certification, Finding};
@@ -16,13 +19,16 @@ use crate::texture::certificate::{Cell, Certification, Finding};
 const WHITISH: RGBColor = RGBColor(247, 247, 247);
 const DARK: RGBColor = RGBColor(8, 48, 107);
 
+/// A cell that fails. No line has this colour, so that it is the same on a dark screen.
+const FAILS: RGBColor = RGBColor(190, 76, 0);
+
 /// Decades of 1 - radius over the scale: palest at a radius of 0, darkest from 1 - 10⁻⁵ on.
 const DECADES: f64 = 5.0;
 
 /// Draws a map of the cells of `report`.
 ///
 /// A cell shows the largest sampled pole radius (direct form) or the largest reflection coefficient |k| (lattice). It
-/// is darker the nearer that value is to one. It is vermilion if it fails: a sampled pole at radius 1 or more, or no
+/// is darker the nearer that value is to one. It is red if it fails: a sampled pole at radius 1 or more, or no
 /// proof. In a direct form a cross marks the sampled point of the largest radius. The figure is left out where it does
 /// not fit. All cells have one size; the values of an axis stand at the borders of the cells.
 ///
@@ -35,28 +41,79 @@ pub fn certificate_map(caption: &Caption<'_>, report: &Certification) -> Result<
     let Some(first) = report.cells.first() else {
         return Err(Error::Request("a map needs a cell to show".to_owned()));
     };
-    let value = if direct(first) {
-        "holds: largest pole radius (darker towards 1)"
+    let quantity = if direct(first) {
+        Quantity::new("largest pole radius", "")
     } else {
-        "holds: largest |k| (darker towards 1)"
+        Quantity::new("largest reflection |k|", "")
     };
-    let mut entries = vec![(Swatch::Box(colour(0.99)), value)];
+    let mut entries = vec![(Swatch::Box(colour(0.99)), "holds")];
     if report.cells.iter().any(|cell| !cell.holds()) {
-        entries.push((Swatch::Box(VERMILION), "fails"));
+        entries.push((Swatch::Box(FAILS), "fails"));
     }
     if direct(first) {
         entries.push((Swatch::Mark(Mark::Cross), "worst point sampled"));
     }
     let layout = Layout::new(report);
     let height = (140 + 34 * layout.rows as u32).clamp(280, 700);
-    picture(caption, (960, height), |area| {
-        let chart = legend(area, &entries)?;
+    picture(caption, (960, height), |area, panels| {
+        let below = legend(area, &entries)?;
+        let (chart, bar) = below.split_horizontally(at(960 - BAR));
         for (index, cell) in report.cells.iter().enumerate() {
             let (speed, force) = (index / layout.rows, index % layout.rows);
             draw_cell(&chart, layout.cell(&chart, speed, force), cell)?;
         }
-        layout.draw_axes(&chart, report)
+        layout.draw_axes(&chart, report)?;
+        panels.push(panel(report, quantity, &layout, &chart));
+        let ends = (at(16), bar.dim_in_pixel().1 as i32 - at(56));
+        let radius = |share: f64| 1.0 - 10f64.powf(-share * DECADES);
+        let values = (0..=DECADES as usize).map(|decade| {
+            let share = decade as f64 / DECADES;
+            (share, format!("{:.decade$}", radius(share)))
+        });
+        let values: Vec<(f64, String)> = values.collect();
+        colour_bar(&bar, ends, |share| colour(radius(share)), &values, quantity)
     })
+}
+
+/// The data of the map: a cell stands between two speeds and two forces.
+fn panel(
+    report: &Certification,
+    quantity: Quantity<'_>,
+    layout: &Layout,
+    area: &Area<'_>,
+) -> Panel {
+    let names = |axis: &[f32]| -> Vec<String> {
+        let value = |value: f32| grid_value(f64::from(value));
+        match axis {
+            [only] => vec![value(*only)],
+            _ => axis
+                .windows(2)
+                .map(|ends| format!("{} to {}", value(ends[0]), value(ends[1])))
+                .collect(),
+        }
+    };
+    let (left, top) = area.get_base_pixel();
+    let frame = Frame {
+        left: left + layout.column(area, 0),
+        top: top + layout.row(area, layout.rows),
+        right: left + layout.column(area, layout.columns),
+        bottom: top + layout.row(area, 0),
+    };
+    let x = AxisData::of_cells(SPEED, names(&report.speeds_mm_s));
+    let y = AxisData::of_cells(FORCE, names(&report.forces_n));
+    let verdict = |cell: &Cell| if cell.holds() { "holds" } else { "fails" };
+    let mut panel = Panel::new("", frame, x, y);
+    panel.series.push(Series::cells(
+        quantity,
+        (layout.columns, layout.rows),
+        report.cells.iter().map(value).collect(),
+        report
+            .cells
+            .iter()
+            .map(|cell| verdict(cell).to_owned())
+            .collect(),
+    ));
+    panel
 }
 
 /// The radius or coefficient that stands for a cell.
@@ -77,10 +134,10 @@ fn draw_cell(area: &Area<'_>, place: [(i32, i32); 2], cell: &Cell) -> Drawn {
     let colour = if cell.holds() {
         colour(value(cell))
     } else {
-        VERMILION
+        FAILS
     };
     area.draw(&Rectangle::new(place, colour.filled()))?;
-    let ink = if is_dark(colour) { WHITE } else { INK };
+    let ink = if is_dark(colour) { WHITE } else { ON_PALE };
     if let Finding::Direct { worst, .. } = &cell.finding {
         let share = |value: f64, [low, high]: [f32; 2]| {
             if low < high {
@@ -152,7 +209,7 @@ impl Layout {
         let speeds = &report.speeds_mm_s;
         let widest = speeds
             .iter()
-            .map(|v| text_width(&v.to_string(), TEXT))
+            .map(|v| text_width(&grid_value(f64::from(*v)), TEXT))
             .max();
         let cell = self.column(area, 1) - self.column(area, 0);
         for (index, value) in speeds
@@ -162,7 +219,8 @@ impl Layout {
         {
             let (from, to) = (self.column(area, index), self.column(area, self.columns));
             let x = between(from, to, speeds.len() == 1);
-            area.draw_text(&value.to_string(), &small, (x, self.row(area, 0) + at(12)))?;
+            let written = grid_value(f64::from(*value));
+            area.draw_text(&written, &small, (x, self.row(area, 0) + at(12)))?;
         }
         let forces = &report.forces_n;
         let cell = self.row(area, 0) - self.row(area, 1);
@@ -174,13 +232,12 @@ impl Layout {
             let (from, to) = (self.row(area, index), self.row(area, self.rows));
             let y = between(from, to, forces.len() == 1);
             let style = small.pos(Pos::new(HPos::Right, VPos::Center));
-            area.draw_text(&value.to_string(), &style, (at(56), y))?;
+            area.draw_text(&grid_value(f64::from(*value)), &style, (at(56), y))?;
         }
         let below = (width as i32 / 2, height as i32 - at(14));
-        area.draw_text("tangential speed (mm/s)", &small, below)?;
-        let turned = small.transform(FontTransform::Rotate270);
-        area.draw_text("normal force (N)", &turned, (at(16), height as i32 / 2))?;
-        Ok(())
+        area.draw_text(&SPEED.label(), &small, below)?;
+        let length = self.row(area, 0) - self.row(area, self.rows);
+        draw_upwards(area, FORCE, (at(14), height as i32 / 2), length)
     }
 }
 

@@ -1,29 +1,34 @@
 //! A quantity over the grid of speeds and forces.
 
-use std::ops::Range;
-
 use model_format::NodeFlags;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::canvas::{
-    Area, BLUE, Drawn, INK, Mark, PALE, Swatch, TEXT, VERMILION, at, centred, legend, line,
-    picture, text, text_width,
+    Area, BAR, Drawn, FORCE, INK, Mark, ON_PALE, PALE, Quantity, SPEED, Swatch, TEXT, at, centred,
+    colour_bar, draw_upwards, grid_value, legend, picture, text_width,
 };
+use super::figure::{AxisData, Panel, Series};
+use super::labels::Frame;
 use super::{Caption, Svg};
+use crate::support::decimal::fixed;
 use crate::support::error::{Error, Result};
 
 /// A quantity over a texture's grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridMap<'a> {
+    /// The texture, whose nodes a page may play.
+    pub texture: &'a str,
     /// Tangential speeds, mm/s, ascending.
     pub speeds_mm_s: &'a [f64],
     /// Normal forces, N, ascending.
     pub forces_n: &'a [f64],
     /// Speed-major, as many as there are speeds times forces.
     pub cells: &'a [GridCell],
-    /// Name of the values, with their unit.
-    pub quantity: &'a str,
+    /// The values' quantity.
+    pub quantity: Quantity<'a>,
+    /// Their colours: one scale for all maps that are compared.
+    pub scale: Scale,
     /// Digits after the point of the values written.
     pub decimals: usize,
 }
@@ -46,6 +51,18 @@ pub struct GridCell {
 /// # Errors
 /// Cells that are not as many as the grid has nodes, and that the picture cannot be laid out.
 pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>) -> Result<Svg> {
+    grid_map_of_width(caption, map, 960)
+}
+
+/// A [`grid_map`] `width` shown pixels wide.
+///
+/// # Errors
+/// As [`grid_map`].
+pub(super) fn grid_map_of_width(
+    caption: &Caption<'_>,
+    map: &GridMap<'_>,
+    width: u32,
+) -> Result<Svg> {
     let (columns, rows) = (map.speeds_mm_s.len(), map.forces_n.len());
     if map.cells.len() != columns * rows || map.cells.is_empty() {
         return Err(Error::Request(format!(
@@ -76,18 +93,17 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>) -> Result<Svg> {
         .collect();
     // Rows high enough for a number, within what fits a page.
     let height = (130 + 30 * rows as u32).clamp(280, 640);
-    picture(caption, (960, height), |area| {
+    picture(caption, (width, height), |area, panels| {
         let below = if entries.is_empty() {
             area.clone()
         } else {
             legend(area, &entries)?
         };
-        let (chart, bar) = below.split_horizontally(at(860));
-        let scale = Scale::of(map.cells.iter().filter_map(|cell| cell.value));
+        let (chart, bar) = below.split_horizontally(at(width - BAR));
         let layout = Layout::new(&chart, columns, rows);
         for (index, cell) in map.cells.iter().enumerate() {
             let place = layout.cell(index / rows, index % rows);
-            draw_cell(&chart, place, cell, &scale, map.decimals)?;
+            draw_cell(&chart, place, cell, map.scale, map.decimals)?;
             for (flag, mark, _) in &marks {
                 if cell.flags.contains(*flag) {
                     mark.draw(&chart, place[0], place[1])?;
@@ -95,8 +111,43 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>) -> Result<Svg> {
             }
         }
         layout.draw_axes(&chart, map)?;
-        draw_bar(&bar, &scale, map)
+        panels.push(panel(map, layout.frame(&chart)));
+        draw_bar(&bar, map)
     })
+}
+
+/// The data of a map that is drawn in a frame.
+fn panel(map: &GridMap<'_>, frame: Frame) -> Panel {
+    let names = |values: &[f64]| values.iter().map(|value| grid_value(*value)).collect();
+    let x = AxisData::of_cells(SPEED, names(map.speeds_mm_s));
+    let y = AxisData::of_cells(FORCE, names(map.forces_n));
+    let cells = map.cells.iter();
+    let values = cells.clone().map(|cell| cell.value.unwrap_or(f64::NAN));
+    let size = (map.speeds_mm_s.len(), map.forces_n.len());
+    let series = Series::cells(
+        map.quantity,
+        size,
+        values.collect(),
+        cells.map(flags_in_words).collect(),
+    );
+    let mut panel = Panel::new("", frame, x, y);
+    panel.series.push(series);
+    panel.plays = Some(map.texture.to_owned());
+    panel
+}
+
+fn flags_in_words(cell: &GridCell) -> String {
+    let known = [
+        (NodeFlags::SILENT, "silent"),
+        (NodeFlags::INTERPOLATED, "interpolated"),
+        (NodeFlags::EXTRAPOLATED, "extrapolated"),
+        (NodeFlags::DOUBTFUL, "doubtful recording"),
+    ];
+    let set = known
+        .iter()
+        .filter(|(flag, _)| cell.flags.contains(*flag))
+        .map(|(_, name)| *name);
+    set.collect::<Vec<&str>>().join(", ")
 }
 
 /// Draws one cell without its marks.
@@ -104,7 +155,7 @@ fn draw_cell(
     area: &Area<'_>,
     place: [(i32, i32); 2],
     cell: &GridCell,
-    scale: &Scale,
+    scale: Scale,
     decimals: usize,
 ) -> Drawn {
     let [(left, top), (right, bottom)] = place;
@@ -112,13 +163,17 @@ fn draw_cell(
     let colour = value.map_or(PALE, |value| scale.colour(value));
     area.draw(&Rectangle::new(place, colour.filled()))?;
     let written = match value {
-        Some(value) => format!("{value:.decimals$}"),
+        Some(value) => fixed(value, decimals),
         None if cell.flags.contains(NodeFlags::SILENT) => "silent".to_owned(),
         None => "–".to_owned(),
     };
     let fits = text_width(&written, TEXT) < right - left && at(TEXT) < bottom - top;
     if fits {
-        let ink = if is_dark(colour) { WHITE } else { INK };
+        let ink = match value {
+            Some(_) if is_dark(colour) => WHITE,
+            Some(_) => ON_PALE,
+            None => INK,
+        };
         let middle = (i32::midpoint(left, right), i32::midpoint(top, bottom));
         area.draw_text(&written, &centred(TEXT, ink), middle)?;
     }
@@ -148,6 +203,17 @@ impl Layout {
         }
     }
 
+    /// The rectangle of all cells in the picture.
+    fn frame(&self, area: &Area<'_>) -> Frame {
+        let (left, top) = area.get_base_pixel();
+        Frame {
+            left: left + self.left,
+            top: top + self.top,
+            right: left + self.right,
+            bottom: top + self.bottom,
+        }
+    }
+
     /// Left edge of a column; that of the one after the last is the right edge of all.
     fn column(&self, speed: i32) -> i32 {
         self.left + (self.right - self.left) * speed / self.columns
@@ -169,7 +235,7 @@ impl Layout {
 
     fn draw_axes(&self, area: &Area<'_>, map: &GridMap<'_>) -> Drawn {
         let small = centred(TEXT, INK);
-        let labels: Vec<String> = map.speeds_mm_s.iter().map(ToString::to_string).collect();
+        let labels: Vec<String> = map.speeds_mm_s.iter().map(|v| grid_value(*v)).collect();
         let widest = labels
             .iter()
             .map(|label| text_width(label, TEXT))
@@ -184,17 +250,12 @@ impl Layout {
         for (force, value) in map.forces_n.iter().enumerate().step_by(step) {
             let y = i32::midpoint(self.row(force as i32), self.row(force as i32 + 1));
             let style = small.pos(Pos::new(HPos::Right, VPos::Center));
-            area.draw_text(&value.to_string(), &style, (self.left - at(8), y))?;
+            area.draw_text(&grid_value(*value), &style, (self.left - at(8), y))?;
         }
         let centre = (i32::midpoint(self.left, self.right), self.bottom + at(34));
-        area.draw_text("tangential speed (mm/s)", &small, centre)?;
-        let turned = small.transform(FontTransform::Rotate270);
-        area.draw_text(
-            "normal force (N)",
-            &turned,
-            (at(16), i32::midpoint(self.top, self.bottom)),
-        )?;
-        Ok(())
+        area.draw_text(&SPEED.label(), &small, centre)?;
+        let middle = (at(14), i32::midpoint(self.top, self.bottom));
+        draw_upwards(area, FORCE, middle, self.bottom - self.top)
     }
 }
 
@@ -204,76 +265,61 @@ pub(super) fn labels_apart(needed: i32, cell: i32) -> usize {
 }
 
 /// Draws what the colours stand for.
-fn draw_bar(area: &Area<'_>, scale: &Scale, map: &GridMap<'_>) -> Drawn {
-    const STEPS: i32 = 48;
+fn draw_bar(area: &Area<'_>, map: &GridMap<'_>) -> Drawn {
     let (_, height) = area.dim_in_pixel();
-    let (top, bottom) = (at(16), height as i32 - at(56));
-    let Range { start, end } = scale.range;
-    for step in 0..STEPS {
-        let value = start + (end - start) * (f64::from(step) + 0.5) / f64::from(STEPS);
-        let y = |step: i32| bottom - (bottom - top) * step / STEPS;
-        let colour = scale.colour(value).filled();
-        // Each reaches into the one below, so that no light shows between them.
-        area.draw(&Rectangle::new(
-            [
-                (at(4), y(step + 1)),
-                (at(20), (y(step) + at(2)).min(bottom)),
-            ],
-            colour,
-        ))?;
-    }
-    let decimals = map.decimals;
-    for (value, y) in [
-        (start, bottom),
-        (f64::midpoint(start, end), i32::midpoint(top, bottom)),
-        (end, top),
-    ] {
-        area.draw(&PathElement::new([(at(20), y), (at(24), y)], line(INK, 2)))?;
-        area.draw_text(
-            &format!("{value:.decimals$}"),
-            &text(TEXT, INK),
-            (at(28), y),
-        )?;
-    }
-    let style = text(TEXT, INK)
-        .transform(FontTransform::Rotate270)
-        .pos(Pos::new(HPos::Center, VPos::Center));
-    area.draw_text(map.quantity, &style, (at(84), i32::midpoint(top, bottom)))?;
-    Ok(())
+    let ends = (at(16), height as i32 - at(56));
+    let Scale { start, end } = map.scale;
+    let value = |share: f64| start + (end - start) * share;
+    let values = [0.0, 0.5, 1.0].map(|share| (share, fixed(value(share), map.decimals)));
+    let colour = |share| map.scale.colour(value(share));
+    colour_bar(area, ends, colour, &values, map.quantity)
+}
+
+/// The next value with half a unit of the first digit, because the ends of a scale are written.
+fn round_up(value: f64) -> f64 {
+    let step = 0.5 * 10f64.powf(value.log10().floor());
+    let rounded = (value / step).ceil() * step;
+    if rounded.is_finite() { rounded } else { value }
 }
 
 /// From values to colours.
-struct Scale {
-    range: Range<f64>,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    start: f64,
+    end: f64,
 }
 
 impl Scale {
-    fn of(values: impl Iterator<Item = f64>) -> Self {
+    /// The scale of all maps that show `values` together.
+    pub fn of(values: impl Iterator<Item = f64>) -> Self {
         let (mut low, mut high) = (0.0f64, 0.0f64);
         for value in values.filter(|value| value.is_finite()) {
             (low, high) = (low.min(value), high.max(value));
         }
-        let range = if low < 0.0 {
+        let (start, end) = if low < 0.0 {
             // Zero in the middle, so that equal errors of either sign are equally strong.
-            let largest = high.max(-low);
-            -largest..largest
+            let largest = round_up(high.max(-low));
+            (-largest, largest)
         } else if high > 0.0 {
-            0.0..high
+            (0.0, round_up(high))
         } else {
-            0.0..1.0
+            (0.0, 1.0)
         };
-        Self { range }
+        Self { start, end }
     }
 
-    fn colour(&self, value: f64) -> RGBColor {
+    fn colour(self, value: f64) -> RGBColor {
+        // Not those of lines, which a dark screen replaces.
+        const BELOW: RGBColor = RGBColor(0, 113, 178);
+        const ABOVE: RGBColor = RGBColor(212, 94, 0);
         const WHITISH: RGBColor = RGBColor(247, 247, 247);
         const DARK: RGBColor = RGBColor(8, 48, 107);
-        if self.range.start < 0.0 {
-            let strength = (value / self.range.end).clamp(-1.0, 1.0);
-            let end = if strength < 0.0 { BLUE } else { VERMILION };
+        if self.start < 0.0 {
+            let strength = (value / self.end).clamp(-1.0, 1.0);
+            let end = if strength < 0.0 { BELOW } else { ABOVE };
             return mixed(WHITISH, end, strength.abs());
         }
-        let strength = (value / self.range.end).clamp(0.0, 1.0);
+        let strength = (value / self.end).clamp(0.0, 1.0);
         // By way of the palette's blue the scale is even to the eye.
         if strength < 0.5 {
             mixed(WHITISH, RGBColor(91, 163, 207), 2.0 * strength)
@@ -302,6 +348,7 @@ fn luma(RGBColor(red, green, blue): RGBColor) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::canvas::COST;
     use super::super::canvas::tests::assert_drawn_within;
     use super::*;
     use proptest::prelude::*;
@@ -313,10 +360,12 @@ mod tests {
 
     fn map<'a>(speeds_mm_s: &'a [f64], forces_n: &'a [f64], cells: &'a [GridCell]) -> GridMap<'a> {
         GridMap {
+            texture: "test",
             speeds_mm_s,
             forces_n,
             cells,
-            quantity: "C (%)",
+            quantity: COST,
+            scale: Scale::of(cells.iter().filter_map(|cell| cell.value)),
             decimals: 1,
         }
     }
@@ -387,6 +436,33 @@ mod tests {
             },
         ]);
         assert!(svg.as_str().contains("silent"));
+    }
+
+    #[test]
+    fn maps_of_one_scale_show_equal_values_in_equal_colours_and_with_equal_bars() {
+        let (quiet, loud) = ([cell(3.0), cell(4.0)], [cell(4.0), cell(40.0)]);
+        let scale = Scale::of(quiet.iter().chain(&loud).filter_map(|cell| cell.value));
+        let drawn = |cells: &[GridCell]| {
+            let map = GridMap {
+                scale,
+                ..map(&[20.0, 40.0], &[0.2], cells)
+            };
+            grid_map(&CAPTION, &map).unwrap().as_str().to_owned()
+        };
+        let (quiet, loud) = (drawn(&quiet), drawn(&loud));
+        let RGBColor(red, green, blue) = scale.colour(4.0);
+        let colour = format!("fill=\"#{red:02X}{green:02X}{blue:02X}\"");
+        for value in ["0.0", "20.0", "40.0"] {
+            assert!(quiet.contains(&format!(">\n{value}\n<")), "{value}");
+        }
+        assert!(quiet.contains(&colour) && loud.contains(&colour));
+    }
+
+    #[test]
+    fn no_value_is_minus_zero() {
+        let cells = [cell(-0.001), cell(-2.0)];
+        let svg = grid_map(&CAPTION, &map(&[20.0, 40.0], &[0.2], &cells)).unwrap();
+        assert!(!svg.as_str().contains(">\n-0.0\n<"));
     }
 
     #[test]

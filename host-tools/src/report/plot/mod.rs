@@ -1,21 +1,30 @@
 //! Pictures for reports, as SVG. Making them needs no font and no display; spectrograms embed PNG images.
 //!
-//! Invariant: axes have units, colours differ for any colour vision, curves are thinned to the picture's width so that
-//! a picture stays small whatever the length of a recording, and a picture of simulated data says SIMULATED.
+//! Invariant: axes have a quantity and a unit, maps a bar of their colours, colours differ for any colour vision and on
+//! light and dark screens, no label covers another, curves are thinned to the picture's width so that a picture stays
+//! small whatever the length of a recording, and a picture of simulated data says SIMULATED.
 
 mod bands;
 mod canvas;
 mod certificate;
+pub(super) mod colours;
+pub mod figure;
 mod frontier;
 mod grid;
+mod labels;
+mod live;
 mod orders;
 #[cfg(feature = "spectrograms")]
 mod paper;
+#[cfg(test)]
+pub mod properties;
+mod quantity;
 #[cfg(feature = "spectrograms")]
 mod scene;
 mod spectra;
 #[cfg(feature = "spectrograms")]
 mod spectrogram;
+mod thinned;
 mod waveforms;
 
 use std::path::Path;
@@ -24,18 +33,21 @@ use crate::support::atomic_file;
 use crate::support::error::Result;
 
 pub use bands::band_error_chart;
+pub use canvas::{COST, Quantity};
 pub use certificate::certificate_map;
-pub use frontier::{FrontPoint, FrontSeries, Quantity, front_chart};
-pub use grid::{GridCell, GridMap, grid_map};
+pub use figure::Figure;
+pub use frontier::{FrontAxis, FrontLine, FrontLook, FrontPoint, FrontSeries, front_chart};
+pub use grid::{GridCell, GridMap, Scale, grid_map};
+pub use live::{live_map, spectrum_axes, waveform_axes};
 pub use orders::{OrderSeries, order_against_cost};
 #[cfg(feature = "spectrograms")]
 pub use paper::{forward_prediction, grid_and_motion};
 #[cfg(feature = "spectrograms")]
 pub use scene::{SceneRegion, SceneView, scene};
-pub use spectra::{SpectraView, time_and_frequency};
+pub use spectra::{SpectraEnds, SpectraView, spectra_ends, time_and_frequency};
 #[cfg(feature = "spectrograms")]
-pub use spectrogram::spectrograms;
-pub use waveforms::waveforms;
+pub use spectrogram::{highest_level_db, spectrograms};
+pub use waveforms::{peak, waveforms};
 
 /// The heading of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,22 +58,22 @@ pub struct Caption<'a> {
     pub simulated: bool,
 }
 
-/// A picture: one `<svg>` element, which is a file of its own as well as a part of a page.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Svg(String);
+/// A picture: one `<svg>` element, which is a file of its own as well as a part of a page, and the data that it shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Svg {
+    text: String,
+    figure: Figure,
+}
 
 impl Svg {
     /// The element's text.
     pub fn as_str(&self) -> &str {
-        &self.0
+        &self.text
     }
 
-    /// The picture with `elements` over it: what plotters does not draw into an SVG, such as bitmaps.
-    #[cfg(feature = "spectrograms")]
-    fn with(&self, elements: &str) -> Self {
-        let text = self.as_str();
-        let (before, after) = text.split_at(text.rfind("</svg>").unwrap_or(text.len()));
-        Self(format!("{before}{elements}{after}"))
+    /// The data of the picture.
+    pub fn figure(&self) -> &Figure {
+        &self.figure
     }
 
     /// Writes the picture into a file, whole or not at all.
@@ -69,6 +81,6 @@ impl Svg {
     /// # Errors
     /// A file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        atomic_file::write(path, self.0.as_bytes())
+        atomic_file::write(path, self.text.as_bytes())
     }
 }

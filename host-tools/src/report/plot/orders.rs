@@ -3,9 +3,11 @@
 use plotters::prelude::*;
 
 use super::canvas::{
-    Axis, BLUE, GREEN, INK, Mark, ORANGE, PURPLE, SKY, Swatch, Ticks, VERMILION, at, axes, legend,
-    line, picture, range_with_zero, thinned,
+    Axis, COST, INK, Mark, ORDER, Stroke, Swatch, Ticks, at, axes, legend, line, picture,
+    range_with_zero,
 };
+use super::colours::SERIES;
+use super::figure::{Kind, Series};
 use super::{Caption, Svg};
 use crate::support::error::Result;
 
@@ -26,27 +28,29 @@ pub struct OrderSeries<'a> {
 /// A picture that cannot be laid out.
 pub fn order_against_cost(caption: &Caption<'_>, series: &[OrderSeries<'_>]) -> Result<Svg> {
     // Past the last colour they come again, dashed.
-    const COLOURS: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
-    let look = |index: usize| {
-        (
-            COLOURS[index % COLOURS.len()],
-            index / COLOURS.len() % 2 == 1,
-        )
-    };
+    let look = |index: usize| (SERIES[index % SERIES.len()], index / SERIES.len() % 2 == 1);
     let names: Vec<String> = series
         .iter()
         .map(|series| match series.chosen {
-            Some(order) => format!("{} (n = {order})", series.name),
+            Some(order) => format!("{} (order {order})", series.name),
             None => series.name.to_owned(),
         })
         .collect();
     let mut entries: Vec<(Swatch, &str)> = Vec::new();
     for (index, name) in names.iter().enumerate() {
         let (colour, dashed) = look(index);
-        entries.push((Swatch::Line { colour, dashed }, name));
+        let costs = series[index].costs.iter();
+        if costs.filter(|cost| cost.1.is_finite()).count() > 0 {
+            entries.push((Swatch::Line { colour, dashed }, name));
+        }
     }
-    if series.iter().any(|series| series.chosen.is_some()) {
-        entries.push((Swatch::Mark(Mark::Ring), "chosen order"));
+    let chosen = |series: &OrderSeries<'_>| {
+        let order = series.chosen?;
+        let cost = cost_at(series.costs, order).filter(|cost| cost.is_finite())?;
+        Some((order as f64, 100.0 * cost))
+    };
+    if series.iter().any(|series| chosen(series).is_some()) {
+        entries.push((Swatch::Mark(Mark::Ring), "the library's order there"));
     }
     let orders = series
         .iter()
@@ -56,40 +60,41 @@ pub fn order_against_cost(caption: &Caption<'_>, series: &[OrderSeries<'_>]) -> 
         .flat_map(|series| series.costs.iter().map(|cost| 100.0 * cost.1));
     let x = Axis {
         range: range_with_zero(orders),
-        quantity: "order n",
+        quantity: ORDER,
         ticks: Ticks::Numbers(12),
     };
     let y = Axis {
         range: range_with_zero(costs),
-        quantity: "cost C (%)",
+        quantity: COST,
         ticks: Ticks::Numbers(8),
     };
-    picture(caption, (960, 400), |area| {
+    picture(caption, (960, 400), |area, panels| {
         let below = legend(area, &entries)?;
-        let mut chart = axes(&below, &x, &y)?;
+        let mut plot = axes(&below, "", &x, &y)?;
         for (index, series) in series.iter().enumerate() {
             let (colour, dashed) = look(index);
-            let points = thinned(
-                series
-                    .costs
-                    .iter()
-                    .map(|&(order, cost)| (order as f64, 100.0 * cost)),
-            );
-            if dashed {
-                let dashes = DashedLineSeries::new(points, at(6), at(4), line(colour, 4));
-                chart.draw_series(dashes)?;
-            } else {
-                chart.draw_series(LineSeries::new(points, line(colour, 4)))?;
-            }
+            let stroke = Stroke {
+                colour,
+                half_pixels: 4,
+                dashed,
+            };
+            let costs = series.costs.iter();
+            let points = costs.map(|&(order, cost)| (order as f64, 100.0 * cost));
+            plot.curve(series.name, points, stroke)?;
+        }
+        for (index, series) in series.iter().enumerate() {
+            let Some(place) = chosen(series) else {
+                continue;
+            };
+            let name = format!("{}, the library's order there", series.name);
+            let data = Series::new(&name, Kind::Points, look(index).0, &[place]);
+            plot.panel.series.push(data);
         }
         for series in series {
-            let chosen = series
-                .chosen
-                .and_then(|order| Some((order as f64, cost_at(series.costs, order)?)));
-            let ring =
-                chosen.map(|(order, cost)| Circle::new((order, 100.0 * cost), at(5), line(INK, 3)));
-            chart.draw_series(ring)?;
+            let ring = chosen(series).map(|place| Circle::new(place, at(6), line(INK, 3)));
+            plot.chart.draw_series(ring)?;
         }
+        panels.push(plot.panel);
         Ok(())
     })
 }
@@ -142,7 +147,7 @@ mod tests {
         let svg = order_against_cost(&caption, &series).unwrap();
         assert_drawn_within(&svg, 960, 400);
         for name in &names {
-            assert!(svg.as_str().contains(&format!("{name} (n = 100)")));
+            assert!(svg.as_str().contains(&format!("{name} (order 100)")));
         }
         // One of them in the legend.
         assert_eq!(svg.as_str().matches("<circle").count(), series.len() + 1);

@@ -3,19 +3,22 @@
 use plotters::prelude::*;
 
 use super::canvas::{
-    Area, Axis, BLUE, Chart, Drawn, GREEN, INK, ORANGE, PALE, PURPLE, SKY, Swatch, Ticks,
-    VERMILION, axes, legend, line, picture, px, range_with_zero, thinned,
+    ACCELERATION, Area, Axis, BAR, BLUE, Drawn, FORCE, FREQUENCY, GREEN, INK, ORANGE, PALE, PURPLE,
+    Quantity, SKY, SPEED, Stroke, Swatch, TIME_S, Ticks, VERMILION, at, axes, legend, line,
+    picture, px, range_with_zero,
 };
-use super::spectrogram::{image, levels_db, png};
+use super::colours::pale;
+use super::figure::Panel;
+use super::spectrogram::{Windows, draw_bar, fill, highest, levels_db, top_of};
 use super::{Caption, Svg};
 use crate::playing::motion::Hand;
 use crate::support::error::{Error, Result};
 
 /// Size of the picture, shown pixels.
-const SIZE: (u32, u32) = (960, 900);
+const SIZE: (u32, u32) = (960, 1020);
 
 /// Heights of path, speed, force and output, shown pixels; the spectrogram has the rest.
-const HEIGHTS: [u32; 4] = [190, 100, 100, 170];
+const HEIGHTS: [u32; 4] = [190, 160, 150, 170];
 
 /// Length of a window of the spectrogram, s: short enough to tell taps apart.
 const WINDOW_S: f64 = 0.05;
@@ -82,46 +85,49 @@ pub fn scene(caption: &Caption<'_>, view: &SceneView<'_>) -> Result<Svg> {
     let highest_hz = view.highest_hz.min(0.5 * rate_hz);
     let moments = moments(&view.hand, end_s);
     let panel = levels_db(view.samples_m_s2, rate_hz, highest_hz, WINDOW_S);
-    let top_db = panel.iter().flatten().copied();
-    let top_db = top_db.filter(|db| db.is_finite()).fold(f64::MIN, f64::max);
-    let mut picture_of_levels = String::new();
-    let svg = picture(caption, SIZE, |area| {
-        let below = legend(area, &entries(view))?;
-        let mut rest = below;
+    let top_db = highest(panel.iter().flatten().copied()).map(top_of);
+    picture(caption, SIZE, |area, drawn| {
+        let below = legend(area, &entries(view, &moments))?;
+        // The spectrogram has its bar on the right, and all panes are as wide as it is.
+        let (mut rest, mut bar) = below.split_horizontally(at(SIZE.0 - BAR));
         let mut panes = Vec::new();
         for height in HEIGHTS {
             let (pane, after) = rest.split_vertically(px(height));
             panes.push(pane);
             rest = after;
+            bar = bar.split_vertically(px(height)).1;
         }
-        draw_path(&panes[0], view, &moments, end_s)?;
-        let speed: Vec<(f64, f64)> = moments.iter().map(|m| (m.time_s, m.speed_mm_s)).collect();
-        draw_curve(&panes[1], &speed, "mm/s", INK, end_s)?;
-        let force: Vec<(f64, f64)> = moments.iter().map(|m| (m.time_s, m.force_n)).collect();
-        draw_curve(&panes[2], &force, "N", INK, end_s)?;
+        drawn.push(draw_path(&panes[0], view, &moments, end_s)?);
+        let of = |value: fn(&Moment) -> f64| -> Vec<(f64, f64)> {
+            moments.iter().map(|m| (m.time_s, value(m))).collect()
+        };
         let output = view.samples_m_s2.iter().enumerate();
-        let output = output.map(|(n, x)| (n as f64 / rate_hz, *x));
-        draw_curve(&panes[3], &thinned(output), "m/s²", INK, end_s)?;
+        let output = output.map(|(n, x)| (n as f64 / rate_hz, *x)).collect();
+        let curves = [
+            (of(|moment| moment.speed_mm_s), SPEED),
+            (of(|moment| moment.force_n), FORCE),
+            (output, ACCELERATION),
+        ];
+        for (pane, (points, quantity)) in panes[1..].iter().zip(curves) {
+            drawn.push(draw_curve(pane, points, quantity, end_s)?);
+        }
         let y = Axis {
             range: 0.0..highest_hz,
-            quantity: "Hz, 60 dB",
+            quantity: FREQUENCY,
             ticks: Ticks::Numbers(5),
         };
-        let chart = axes(&rest, &time_axis(end_s, "time (s)", Ticks::Numbers(10)), &y)?;
+        let x = time_axis(end_s, Ticks::Numbers(10));
+        let mut own = axes(&rest, "spectrogram", &x, &y)?.panel;
         // Silence has no levels; its pane stays empty.
-        if top_db > f64::MIN {
-            let (columns, rows) = chart.plotting_area().get_pixel_range();
-            let place = (
-                columns.start,
-                rows.start,
-                columns.end - columns.start,
-                rows.end - rows.start,
-            );
-            picture_of_levels = image(place, &png(&panel, top_db)?);
+        if let Some(top_db) = top_db {
+            let windows = Windows::of(view.samples_m_s2.len(), rate_hz, WINDOW_S);
+            fill(&mut own, &panel, top_db, windows)?;
+            let ends = (at(12), bar.dim_in_pixel().1 as i32 - at(52));
+            draw_bar(&bar, ends, top_db)?;
         }
+        drawn.push(own);
         Ok(())
-    })?;
-    Ok(svg.with(&picture_of_levels))
+    })
 }
 
 fn moments(hand: &Hand<'_>, end_s: f64) -> Vec<Moment> {
@@ -141,17 +147,29 @@ fn moments(hand: &Hand<'_>, end_s: f64) -> Vec<Moment> {
         .collect()
 }
 
-fn entries<'a>(view: &'a SceneView<'_>) -> Vec<(Swatch, &'a str)> {
+fn entries<'a>(view: &'a SceneView<'_>, moments: &[Moment]) -> Vec<(Swatch, &'a str)> {
     let names = view.surface_names.iter().enumerate();
+    // Without regions the first surface lies everywhere.
+    let lies = |index: usize| {
+        let mut regions = view.regions.iter();
+        regions.any(|region| region.surface == index) || view.regions.is_empty() && index == 0
+    };
     let mut entries: Vec<(Swatch, &str)> = names
+        .filter(|(index, _)| lies(*index))
         .map(|(index, name)| (Swatch::Box(pale(colour_of(index))), name.as_str()))
         .collect();
     let path = |colour| Swatch::Line {
         colour,
         dashed: false,
     };
-    entries.push((path(INK), "the tool, touching"));
-    entries.push((path(VERMILION), "not touching"));
+    for (contact, colour, name) in [
+        (true, INK, "the tool, touching"),
+        (false, VERMILION, "not touching"),
+    ] {
+        if moments.iter().any(|moment| moment.contact == contact) {
+            entries.push((path(colour), name));
+        }
+    }
     entries
 }
 
@@ -159,22 +177,21 @@ fn colour_of(surface: usize) -> RGBColor {
     SURFACES[surface % SURFACES.len()]
 }
 
-/// Two thirds of the way to white, so that what is drawn over it stands out.
-fn pale(RGBColor(r, g, b): RGBColor) -> RGBColor {
-    let lighter = |c: u8| 255 - (255 - c) / 3;
-    RGBColor(lighter(r), lighter(g), lighter(b))
-}
-
-fn time_axis<'a>(end_s: f64, quantity: &'a str, ticks: Ticks<'a>) -> Axis<'a> {
+fn time_axis(end_s: f64, ticks: Ticks<'_>) -> Axis<'_> {
     Axis {
         range: 0.0..end_s,
-        quantity,
+        quantity: TIME_S,
         ticks,
     }
 }
 
 /// The place of the tool over time, over bands that are the surfaces.
-fn draw_path(area: &Area<'_>, view: &SceneView<'_>, moments: &[Moment], end_s: f64) -> Drawn {
+fn draw_path(
+    area: &Area<'_>,
+    view: &SceneView<'_>,
+    moments: &[Moment],
+    end_s: f64,
+) -> Drawn<Panel> {
     let ends = view.regions.iter().flat_map(|r| [r.start_mm, r.end_mm]);
     let places = moments.iter().map(|moment| moment.position_mm);
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -185,10 +202,11 @@ fn draw_path(area: &Area<'_>, view: &SceneView<'_>, moments: &[Moment], end_s: f
     let (low, high) = (low - room, high + room);
     let y = Axis {
         range: low..high,
-        quantity: "path (mm)",
+        quantity: Quantity::new("place on the path", "mm"),
         ticks: Ticks::Numbers(6),
     };
-    let mut chart = axes(area, &time_axis(end_s, "", Ticks::Blank(10)), &y)?;
+    let x = time_axis(end_s, Ticks::Blank(10));
+    let mut plot = axes(area, "place", &x, &y)?;
     let everywhere = [SceneRegion {
         start_mm: low,
         end_mm: high,
@@ -199,46 +217,39 @@ fn draw_path(area: &Area<'_>, view: &SceneView<'_>, moments: &[Moment], end_s: f
     } else {
         view.regions
     };
-    chart.draw_series(regions.iter().map(|region| {
+    plot.chart.draw_series(regions.iter().map(|region| {
         let corners = [(0.0, region.start_mm), (end_s, region.end_mm)];
         Rectangle::new(corners, pale(colour_of(region.surface)).filled())
     }))?;
     for run in moments.chunk_by(|a, b| a.contact == b.contact) {
-        let colour = if run[0].contact { INK } else { VERMILION };
-        draw_line(
-            &mut chart,
-            run.iter().map(|m| (m.time_s, m.position_mm)),
-            colour,
-        )?;
+        let (colour, name) = if run[0].contact {
+            (INK, "touching")
+        } else {
+            (VERMILION, "not touching")
+        };
+        let points = run.iter().map(|m| (m.time_s, m.position_mm));
+        plot.curve(name, points, Stroke::solid(colour, 3))?;
     }
-    Ok(())
-}
-
-fn draw_line(
-    chart: &mut Chart<'_>,
-    points: impl Iterator<Item = (f64, f64)>,
-    colour: RGBColor,
-) -> Drawn {
-    chart.draw_series(LineSeries::new(points, line(colour, 3)))?;
-    Ok(())
+    Ok(plot.panel)
 }
 
 fn draw_curve(
     area: &Area<'_>,
-    points: &[(f64, f64)],
-    quantity: &str,
-    colour: RGBColor,
+    points: Vec<(f64, f64)>,
+    quantity: Quantity<'_>,
     end_s: f64,
-) -> Drawn {
+) -> Drawn<Panel> {
     let y = Axis {
         range: range_with_zero(points.iter().map(|point| point.1)),
         quantity,
         ticks: Ticks::Numbers(4),
     };
-    let mut chart = axes(area, &time_axis(end_s, "", Ticks::Blank(10)), &y)?;
-    chart.draw_series(LineSeries::new([(0.0, 0.0), (end_s, 0.0)], line(PALE, 2)))?;
-    chart.draw_series(LineSeries::new(points.iter().copied(), line(colour, 2)))?;
-    Ok(())
+    let x = time_axis(end_s, Ticks::Blank(10));
+    let mut plot = axes(area, quantity.name(), &x, &y)?;
+    let zero = LineSeries::new([(0.0, 0.0), (end_s, 0.0)], line(PALE, 2));
+    plot.chart.draw_series(zero)?;
+    plot.curve("", points.into_iter(), Stroke::solid(INK, 2))?;
+    Ok(plot.panel)
 }
 
 #[cfg(test)]

@@ -3,9 +3,10 @@
 use plotters::prelude::*;
 
 use super::canvas::{
-    Area, Axis, BLUE, Drawn, Swatch, Ticks, VERMILION, axes, legend, line, picture, px,
-    range_with_zero, thinned,
+    ACCELERATION, Area, Axis, BLUE, Drawn, FREQUENCY, Quantity, Stroke, Swatch, TIME_MS, TIME_S,
+    Ticks, VERMILION, axes, highest_of, legend, picture, px, range_with_zero,
 };
+use super::figure::Panel;
 use super::{Caption, Svg};
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{DEFAULT_SMOOTHING_WIDTH_HZ, smoothed_amplitude};
@@ -20,6 +21,69 @@ pub struct SpectraView {
     pub highest_hz: f64,
     /// Full width of the Hann kernel that smooths the amplitudes, Hz.
     pub smoothing_width_hz: f64,
+    /// Ends of the axes where pictures are compared.
+    pub ends: SpectraEnds,
+}
+
+/// Ends of the axes of pictures that are compared; `None` for those of the picture's own signals.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpectraEnds {
+    /// The largest magnitude of the excerpts, m/s².
+    pub acceleration_m_s2: Option<f64>,
+    /// The largest smoothed amplitude, m/s²/√Hz.
+    pub amplitude: Option<f64>,
+}
+
+impl SpectraEnds {
+    /// The ends that hold the signals of both pictures.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        let larger = |a: Option<f64>, b: Option<f64>| [a, b].into_iter().flatten().reduce(f64::max);
+        Self {
+            acceleration_m_s2: larger(self.acceleration_m_s2, other.acceleration_m_s2),
+            amplitude: larger(self.amplitude, other.amplitude),
+        }
+    }
+}
+
+/// The ends of the axes that hold a recording and its synthesis, drawn as `view`.
+pub fn spectra_ends(
+    recorded: &[f64],
+    synthesised: &[f64],
+    rate_hz: f64,
+    view: &SpectraView,
+) -> SpectraEnds {
+    let len = recorded.len().min(synthesised.len());
+    let signals = [&recorded[..len], &synthesised[..len]];
+    let excerpts = signals
+        .iter()
+        .flat_map(|signal| excerpt(signal, rate_hz, view));
+    let curves = signals
+        .iter()
+        .flat_map(|signal| amplitudes(signal, rate_hz, view));
+    SpectraEnds {
+        acceleration_m_s2: highest_of(excerpts.copied()),
+        amplitude: highest_of(curves.map(|point| point.1)),
+    }
+}
+
+/// The middle of a signal.
+fn excerpt<'s>(signal: &'s [f64], rate_hz: f64, view: &SpectraView) -> &'s [f64] {
+    let shown = ((view.excerpt_s * rate_hz).round() as usize).min(signal.len());
+    let begin = (signal.len() - shown) / 2;
+    &signal[begin..begin + shown]
+}
+
+/// Frequencies, Hz, up to the highest shown, with smoothed amplitudes, m/s²/√Hz.
+fn amplitudes(signal: &[f64], rate_hz: f64, view: &SpectraView) -> Vec<(f64, f64)> {
+    let len = signal.len().max(1) as f64;
+    let scale = (2.0 / (len * rate_hz)).sqrt();
+    let end_hz = view.highest_hz.min(rate_hz / 2.0);
+    let amplitude = smoothed_amplitude(signal, rate_hz, view.smoothing_width_hz);
+    let bins = amplitude.into_iter().enumerate();
+    bins.map(|(bin, x)| (bin as f64 * rate_hz / len, scale * x))
+        .take_while(|point| point.0 <= end_hz)
+        .collect()
 }
 
 impl Default for SpectraView {
@@ -29,6 +93,7 @@ impl Default for SpectraView {
             excerpt_s: 0.1,
             highest_hz: 1000.0,
             smoothing_width_hz: DEFAULT_SMOOTHING_WIDTH_HZ,
+            ends: SpectraEnds::default(),
         }
     }
 }
@@ -60,7 +125,10 @@ pub fn time_and_frequency(
         }
     }
     let len = recorded.len().min(synthesised.len());
-    let signals = [(&recorded[..len], BLUE), (&synthesised[..len], VERMILION)];
+    let signals = [
+        (&recorded[..len], BLUE, NAMES[0]),
+        (&synthesised[..len], VERMILION, NAMES[1]),
+    ];
     let cost = spectrum::spectral_cost(recorded, synthesised, rate_hz, view.smoothing_width_hz);
     let cost = cost.map_or("C is undefined".to_owned(), |cost| {
         format!("C = {:.1} %", 100.0 * cost)
@@ -72,9 +140,8 @@ pub fn time_and_frequency(
             ..*caption
         },
         (960, 400),
-        |area| {
-            let names = [(BLUE, "recorded"), (VERMILION, "synthesised")];
-            let entries = names.map(|(colour, name)| {
+        |area, panels| {
+            let entries = signals.map(|(_, colour, name)| {
                 (
                     Swatch::Line {
                         colour,
@@ -85,42 +152,44 @@ pub fn time_and_frequency(
             });
             let below = legend(area, &entries)?;
             let (left, right) = below.split_horizontally((50).percent_width());
-            draw_time(&left, signals, rate_hz, view)?;
-            draw_frequency(&right, signals, rate_hz, view)
+            draw_time(&left, panels, signals, rate_hz, view)?;
+            draw_frequency(&right, panels, signals, rate_hz, view)
         },
     )
 }
 
-/// Signals with their colours, recorded first, of the same length.
-type Pair<'a> = [(&'a [f64], RGBColor); 2];
+/// Names of both signals.
+const NAMES: [&str; 2] = ["recorded", "synthesised"];
+
+/// Signals with their colours and names, recorded first, of the same length.
+type Pair<'a> = [(&'a [f64], RGBColor, &'a str); 2];
 
 /// Draws the middle of both signals, one above the other and to the same scale.
-fn draw_time(area: &Area<'_>, signals: Pair<'_>, rate_hz: f64, view: &SpectraView) -> Drawn {
-    let len = signals[0].0.len();
-    let shown = ((view.excerpt_s * rate_hz).round() as usize).min(len);
-    let begin = (len - shown) / 2;
-    let excerpts = signals.map(|(signal, colour)| (&signal[begin..begin + shown], colour));
-    let values = excerpts.iter().flat_map(|(signal, _)| signal.iter());
-    let largest = values
-        .map(|value| value.abs())
-        .filter(|value| value.is_finite())
-        .fold(0.0, f64::max);
-    let highest = if largest > 0.0 { 1.06 * largest } else { 1.0 };
-    let end_s = shown.max(1) as f64 / rate_hz;
+fn draw_time(
+    area: &Area<'_>,
+    panels: &mut Vec<Panel>,
+    signals: Pair<'_>,
+    rate_hz: f64,
+    view: &SpectraView,
+) -> Drawn {
+    let excerpts =
+        signals.map(|(signal, colour, name)| (excerpt(signal, rate_hz, view), colour, name));
+    let values = excerpts.iter().flat_map(|(signal, ..)| signal.iter());
+    let own = highest_of(values.copied());
+    let highest = view.ends.acceleration_m_s2.or(own);
+    let highest = highest.map_or(1.0, |highest| 1.06 * highest);
+    let end_s = excerpts[0].0.len().max(1) as f64 / rate_hz;
     let (unit, quantity) = if end_s < 2.0 {
-        (1000.0, "time (ms)")
+        (1000.0, TIME_MS)
     } else {
-        (1.0, "time (s)")
+        (1.0, TIME_S)
     };
 
     let (_, height) = area.dim_in_pixel();
     // The lower chart also has the numbers and the name of the time axis below it.
     let (upper, lower) = area.split_vertically(height.saturating_sub(px(34)) / 2);
-    let halves = [
-        (upper, "", Ticks::Blank(8)),
-        (lower, quantity, Ticks::Numbers(8)),
-    ];
-    for ((half, quantity, ticks), (signal, colour)) in halves.into_iter().zip(excerpts) {
+    let halves = [(upper, Ticks::Blank(6)), (lower, Ticks::Numbers(6))];
+    for ((half, ticks), (signal, colour, name)) in halves.into_iter().zip(excerpts) {
         let x = Axis {
             range: 0.0..unit * end_s,
             quantity,
@@ -128,55 +197,49 @@ fn draw_time(area: &Area<'_>, signals: Pair<'_>, rate_hz: f64, view: &SpectraVie
         };
         let y = Axis {
             range: -highest..highest,
-            quantity: "m/s²",
+            quantity: ACCELERATION,
             ticks: Ticks::Numbers(5),
         };
-        let mut chart = axes(&half, &x, &y)?;
-        let time = |n: usize| unit * n as f64 / rate_hz;
-        let points = thinned(
-            signal
-                .iter()
-                .enumerate()
-                .map(|(n, value)| (time(n), *value)),
-        );
-        chart.draw_series(LineSeries::new(points, line(colour, 2)))?;
+        let mut plot = axes(&half, name, &x, &y)?;
+        let samples = signal.iter().enumerate();
+        let points = samples.map(|(n, value)| (unit * n as f64 / rate_hz, *value));
+        plot.curve("", points, Stroke::solid(colour, 2))?;
+        panels.push(plot.panel);
     }
     Ok(())
 }
 
 /// Draws the smoothed amplitudes of both signals in one chart.
-fn draw_frequency(area: &Area<'_>, signals: Pair<'_>, rate_hz: f64, view: &SpectraView) -> Drawn {
-    let len = signals[0].0.len().max(1) as f64;
-    let scale = (2.0 / (len * rate_hz)).sqrt();
-    let end_hz = view.highest_hz.min(rate_hz / 2.0);
-    let curves = signals.map(|(signal, colour)| {
-        let amplitude = smoothed_amplitude(signal, rate_hz, view.smoothing_width_hz);
-        let points = amplitude
-            .into_iter()
-            .enumerate()
-            .map(|(bin, x)| (bin as f64 * rate_hz / len, scale * x));
-        (
-            thinned(points.take_while(|point| point.0 <= end_hz)),
-            colour,
-        )
-    });
+fn draw_frequency(
+    area: &Area<'_>,
+    panels: &mut Vec<Panel>,
+    signals: Pair<'_>,
+    rate_hz: f64,
+    view: &SpectraView,
+) -> Drawn {
+    let curves =
+        signals.map(|(signal, colour, name)| (amplitudes(signal, rate_hz, view), colour, name));
     let values = curves
         .iter()
-        .flat_map(|(points, _)| points.iter().map(|point| point.1));
+        .flat_map(|(points, ..)| points.iter().map(|point| point.1));
     let x = Axis {
-        range: 0.0..end_hz,
-        quantity: "frequency (Hz)",
-        ticks: Ticks::Numbers(8),
+        range: 0.0..view.highest_hz.min(rate_hz / 2.0),
+        quantity: FREQUENCY,
+        ticks: Ticks::Numbers(6),
     };
     let y = Axis {
-        range: range_with_zero(values),
-        quantity: "smoothed DFT amplitude (m/s²/√Hz)",
+        range: match view.ends.amplitude {
+            Some(highest) => range_with_zero([highest]),
+            None => range_with_zero(values),
+        },
+        quantity: Quantity::new("smoothed DFT amplitude", "m/s²/√Hz"),
         ticks: Ticks::Numbers(8),
     };
-    let mut chart = axes(area, &x, &y)?;
-    for (points, colour) in curves {
-        chart.draw_series(LineSeries::new(points, line(colour, 3)))?;
+    let mut plot = axes(area, "spectra", &x, &y)?;
+    for (points, colour, name) in curves {
+        plot.curve(name, points.into_iter(), Stroke::solid(colour, 3))?;
     }
+    panels.push(plot.panel);
     Ok(())
 }
 
@@ -218,6 +281,7 @@ mod tests {
             excerpt_s: 1e6,
             highest_hz: 1e6,
             smoothing_width_hz: 0.0,
+            ..SpectraView::default()
         };
         let odd = [f64::NAN, f64::INFINITY, 1e300, -1e300];
         for (recorded, synthesised, view) in [
@@ -228,7 +292,7 @@ mod tests {
             (&odd, &long[..4], all),
         ] {
             let svg = time_and_frequency(&CAPTION, recorded, synthesised, 5000.0, &view).unwrap();
-            assert!(svg.as_str().len() < 150_000, "{}", svg.as_str().len());
+            assert!(svg.as_str().len() < 200_000, "{}", svg.as_str().len());
             assert_drawn_within(&svg, 960, 400);
         }
     }

@@ -6,9 +6,15 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use plotters::prelude::*;
 
-use super::canvas::{Area, Axis, Drawn, INK, TEXT, Ticks, at, axes, centred, picture, text};
+use super::canvas::{
+    Area, Axis, BAR, Drawn, FREQUENCY, INK, POWER_DENSITY, TEXT, TIME_S, Ticks, at, axes, centred,
+    colour_bar, picture,
+};
+use super::figure::{Bitmap, Kind, Panel, Series, Third};
+use super::labels::Frame;
 use super::{Caption, Svg};
 use crate::dsp::spectrum::dft_amplitude;
+use crate::support::decimal::fixed;
 use crate::support::error::{Error, Result};
 
 /// Length of a window, s: lines 12 Hz apart are told apart.
@@ -20,7 +26,29 @@ const COLUMNS: usize = 240;
 /// Levels shown below the highest, dB.
 const RANGE_DB: f64 = 60.0;
 
-/// Spectrograms of a recording and of its synthesis, m/s², from 0 Hz to `highest_hz`, in dB to one scale.
+/// The highest level of signals, m/s², in a spectrogram up to `highest_hz`, dB re 1 (m/s²)²/Hz; `None` of silence.
+///
+/// Pictures that are compared are drawn with the highest of all.
+pub fn highest_level_db(signals: &[&[f64]], rate_hz: f64, highest_hz: f64) -> Option<f64> {
+    let levels = signals
+        .iter()
+        .flat_map(|signal| levels_db(signal, rate_hz, highest_hz, WINDOW_S));
+    highest(levels.flatten())
+}
+
+/// The highest of levels that are finite.
+pub(super) fn highest(levels: impl Iterator<Item = f64>) -> Option<f64> {
+    let finite = levels.filter(|level| level.is_finite());
+    finite.reduce(f64::max)
+}
+
+/// The top of a scale that shows levels up to `highest_db`: the next multiple of ten, dB.
+pub(super) fn top_of(highest_db: f64) -> f64 {
+    10.0 * (highest_db / 10.0).ceil()
+}
+
+/// Spectrograms of a recording and of its synthesis, m/s², from 0 Hz to `highest_hz`, to one scale; that of all
+/// pictures whose highest level is `highest_db`, where it is given.
 ///
 /// # Errors
 /// Signals without power, a rate or highest frequency that is not positive, and that the picture cannot be laid out.
@@ -30,6 +58,7 @@ pub fn spectrograms(
     synthesised: &[f64],
     rate_hz: f64,
     highest_hz: f64,
+    highest_db: Option<f64>,
 ) -> Result<Svg> {
     if !(rate_hz > 0.0 && highest_hz > 0.0 && highest_hz.is_finite()) {
         return Err(Error::Request(format!(
@@ -40,51 +69,144 @@ pub fn spectrograms(
     let highest_hz = highest_hz.min(0.5 * rate_hz);
     let panels = [recorded, synthesised]
         .map(|signal| levels_db(&signal[..len], rate_hz, highest_hz, WINDOW_S));
-    let top_db = panels
-        .iter()
-        .flat_map(|panel| panel.iter().flatten())
-        .copied()
-        .filter(|level| level.is_finite())
-        .fold(f64::MIN, f64::max);
-    if top_db <= f64::MIN {
+    let own = highest(panels.iter().flatten().flatten().copied());
+    let Some(own_db) = own else {
         return Err(Error::Request(format!(
             "the spectrogram '{}' is of silence",
             caption.title
         )));
-    }
-    let mut images = Vec::new();
-    let svg = picture(caption, (960, 380), |area| {
-        let (panes, bar) = area.split_horizontally(at(880));
+    };
+    let top_db = top_of(highest_db.unwrap_or(own_db));
+    picture(caption, (960, 380), |area, drawn| {
+        let (panes, bar) = area.split_horizontally(at(960 - BAR));
         let halves = panes.split_evenly((1, 2));
         let names = ["recorded", "synthesised"];
         for ((half, panel), name) in halves.iter().zip(&panels).zip(names) {
-            let place = draw_axes(half, name, len as f64 / rate_hz, highest_hz)?;
-            images.push(image(place, &png(panel, top_db)?));
+            let seconds = len as f64 / rate_hz;
+            let mut own = draw_axes(half, name, seconds, highest_hz)?;
+            fill(&mut own, panel, top_db, Windows::of(len, rate_hz, WINDOW_S))?;
+            drawn.push(own);
         }
-        draw_bar(&bar, top_db)
-    })?;
-    // In the frames drawn for them.
-    Ok(svg.with(&images.concat()))
+        let ends = (at(30), bar.dim_in_pixel().1 as i32 - at(52));
+        draw_bar(&bar, ends, top_db)
+    })
 }
 
-/// One column a window of `window_s`, its levels from the lowest frequency up, dB.
+/// The windows of a spectrogram.
+#[derive(Clone, Copy)]
+pub(super) struct Windows {
+    /// Samples of one.
+    len: usize,
+    /// Samples that its beginning moves over, from the first window to the last.
+    spare: usize,
+    /// Their number.
+    count: usize,
+    rate_hz: f64,
+}
+
+impl Windows {
+    /// The windows of `window_s` over so many samples.
+    pub fn of(samples: usize, rate_hz: f64, window_s: f64) -> Self {
+        let len = ((window_s * rate_hz) as usize).clamp(2, samples.max(2));
+        let spare = samples.saturating_sub(len);
+        Self {
+            len,
+            spare,
+            count: (4 * spare / len + 1).min(COLUMNS),
+            rate_hz,
+        }
+    }
+
+    /// First sample of a window.
+    fn begin(&self, window: usize) -> usize {
+        self.spare * window / (self.count - 1).max(1)
+    }
+
+    /// Time at the middle of a window, s.
+    fn middle_s(&self, window: usize) -> f64 {
+        (self.begin(window) as f64 + 0.5 * self.len as f64) / self.rate_hz
+    }
+
+    /// From bin to bin, Hz.
+    fn bin_hz(&self) -> f64 {
+        self.rate_hz / self.len as f64
+    }
+
+    /// From window to window, s; of a single window its length.
+    fn step_s(&self) -> f64 {
+        let (steps, samples) = if self.count > 1 {
+            (self.count - 1, self.spare)
+        } else {
+            (1, self.len)
+        };
+        samples as f64 / steps as f64 / self.rate_hz
+    }
+}
+
+/// Puts levels into a panel, as data and as the bitmap in its frame, where each window is drawn around its middle.
+pub(super) fn fill(panel: &mut Panel, levels: &[Vec<f64>], top_db: f64, windows: Windows) -> Drawn {
+    let bins = levels.first().map_or(0, Vec::len);
+    panel.series.push(Series {
+        name: String::new(),
+        kind: Kind::Levels,
+        colour: None,
+        x: (0..levels.len()).map(|n| windows.middle_s(n)).collect(),
+        y: (0..bins).map(|bin| bin as f64 * windows.bin_hz()).collect(),
+        z: Some(Third::new(POWER_DENSITY, levels.concat())),
+        notes: Vec::new(),
+    });
+    let Frame { left, right, .. } = panel.frame;
+    let per_s = f64::from(right - left) / (panel.x.to - panel.x.from);
+    let half_s = 0.5 * windows.step_s();
+    let at = |time_s: f64| left + ((time_s - panel.x.from) * per_s).round() as i32;
+    let from = at(windows.middle_s(0) - half_s).clamp(left, right - 1);
+    let to = at(windows.middle_s(levels.len().saturating_sub(1)) + half_s);
+    panel.bitmap = Some(Bitmap {
+        png: STANDARD.encode(png(levels, top_db)?),
+        frame: Frame {
+            left: from,
+            right: to.clamp(from + 1, right),
+            ..panel.frame
+        },
+        from: top_db - RANGE_DB,
+        to: top_db,
+        palette: hexadecimal(&palette()),
+    });
+    Ok(())
+}
+
+/// Bytes as two digits each.
+fn hexadecimal(bytes: &[u8]) -> String {
+    let digits: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+    digits.concat()
+}
+
+/// All colours of the scale, three bytes each.
+fn palette() -> Vec<u8> {
+    (0..=u8::MAX)
+        .flat_map(|index| colour(f64::from(index) / f64::from(u8::MAX)))
+        .collect()
+}
+
+/// One column per window of `window_s`, its power spectral densities from the lowest frequency up, one-sided, in dB
+/// re 1 (m/s²)²/Hz.
 pub(super) fn levels_db(
     signal: &[f64],
     rate_hz: f64,
     highest_hz: f64,
     window_s: f64,
 ) -> Vec<Vec<f64>> {
-    let window = ((window_s * rate_hz) as usize).clamp(2, signal.len().max(2));
-    let spare = signal.len().saturating_sub(window);
-    let columns = (4 * spare / window + 1).min(COLUMNS);
+    let windows = Windows::of(signal.len(), rate_hz, window_s);
+    let window = windows.len;
     let weights: Vec<f64> = (0..window)
         .map(|n| 0.5 - 0.5 * (TAU * (n as f64 + 0.5) / window as f64).cos())
         .collect();
     let bins = (highest_hz * window as f64 / rate_hz) as usize + 1;
-    (0..columns)
+    let energy: f64 = weights.iter().map(|weight| weight * weight).sum();
+    let scale_db = 10.0 * (2.0 / (rate_hz * energy)).log10();
+    (0..windows.count)
         .map(|column| {
-            let begin = spare * column / columns.max(2).saturating_sub(1).max(1);
-            let windowed: Vec<f64> = signal[begin.min(spare)..]
+            let windowed: Vec<f64> = signal[windows.begin(column)..]
                 .iter()
                 .zip(&weights)
                 .map(|(value, weight)| value * weight)
@@ -93,65 +215,39 @@ pub(super) fn levels_db(
             amplitude
                 .iter()
                 .take(bins)
-                .map(|a| 20.0 * a.log10())
+                .map(|a| 20.0 * a.log10() + scale_db)
                 .collect()
         })
         .collect()
 }
 
-/// Draws the frame of a panel and gives where it is, in drawn pixels: left, top, width, height.
-fn draw_axes(
-    area: &Area<'_>,
-    name: &str,
-    seconds: f64,
-    highest_hz: f64,
-) -> Drawn<(i32, i32, i32, i32)> {
+/// Draws the frame of a panel.
+fn draw_axes(area: &Area<'_>, name: &str, seconds: f64, highest_hz: f64) -> Drawn<Panel> {
     let (heading, below) = area.split_vertically(at(22));
     let middle = (heading.dim_in_pixel().0 as i32 / 2, at(12));
     heading.draw_text(name, &centred(TEXT, INK), middle)?;
     let x = Axis {
         range: 0.0..seconds.max(1e-3),
-        quantity: "time (s)",
+        quantity: TIME_S,
         ticks: Ticks::Numbers(6),
     };
     let y = Axis {
         range: 0.0..highest_hz,
-        quantity: "frequency (Hz)",
+        quantity: FREQUENCY,
         ticks: Ticks::Numbers(8),
     };
-    let chart = axes(&below, &x, &y)?;
-    let (columns, rows) = chart.plotting_area().get_pixel_range();
-    Ok((
-        columns.start,
-        rows.start,
-        columns.end - columns.start,
-        rows.end - rows.start,
-    ))
+    Ok(axes(&below, name, &x, &y)?.panel)
 }
 
-fn draw_bar(area: &Area<'_>, top_db: f64) -> Drawn {
-    const STEPS: i32 = 40;
-    let (top, bottom) = (at(30), area.dim_in_pixel().1 as i32 - at(52));
-    for step in 0..STEPS {
-        let y = |step: i32| bottom - (bottom - top) * step / STEPS;
-        let [r, g, b] = colour((f64::from(step) + 0.5) / f64::from(STEPS));
-        // Each reaches into the one below, so that no light shows between them.
-        let cell = [
-            (at(4), y(step + 1)),
-            (at(18), (y(step) + at(1)).min(bottom)),
-        ];
-        area.draw(&Rectangle::new(cell, RGBColor(r, g, b).filled()))?;
-    }
-    for (level, y) in [(top_db, top), (top_db - RANGE_DB, bottom)] {
-        area.draw_text(
-            &format!("{:.0}", level - top_db),
-            &text(TEXT, INK),
-            (at(24), y),
-        )?;
-    }
-    let style = text(TEXT, INK);
-    area.draw_text("dB", &style, (at(24), i32::midpoint(top, bottom)))?;
-    Ok(())
+/// Draws what the colours of a spectrogram stand for.
+pub(super) fn draw_bar(area: &Area<'_>, ends: (i32, i32), top_db: f64) -> Drawn {
+    let values =
+        [0.0, 20.0, 40.0, 60.0].map(|below| (1.0 - below / RANGE_DB, fixed(top_db - below, 0)));
+    let of = |share| {
+        let [r, g, b] = colour(share);
+        RGBColor(r, g, b)
+    };
+    colour_bar(area, ends, of, &values, POWER_DENSITY)
 }
 
 /// A colour of a scale that rises in lightness throughout, from dark blue by green to yellow.
@@ -171,37 +267,31 @@ fn colour(share: f64) -> [u8; 3] {
     })
 }
 
-/// The panel as a PNG, a pixel a window and bin.
-pub(super) fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
+/// The panel as a PNG, a pixel per window and bin, in indices of the palette.
+fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
     let (width, height) = (panel.len(), panel[0].len());
-    let mut pixels = Vec::with_capacity(3 * width * height);
+    let mut pixels = Vec::with_capacity(width * height);
     for bin in (0..height).rev() {
         for column in panel {
-            let level = column[bin];
-            let share = (level - top_db + RANGE_DB) / RANGE_DB;
-            pixels.extend(colour(if share.is_nan() { 0.0 } else { share }));
+            let share = (column[bin] - top_db + RANGE_DB) / RANGE_DB;
+            // Not a number becomes zero.
+            pixels.push((255.0 * share.clamp(0.0, 1.0)).round() as u8);
         }
     }
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
-    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_color(png::ColorType::Indexed);
     encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_palette(palette());
     encoder.write_header()?.write_image_data(&pixels)?;
     Ok(bytes)
-}
-
-/// The element that shows a PNG in a frame: left, top, width, height in drawn pixels.
-pub(super) fn image((x, y, width, height): (i32, i32, i32, i32), png: &[u8]) -> String {
-    format!(
-        "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" preserveAspectRatio=\"none\" \
-         href=\"data:image/png;base64,{}\"/>\n",
-        STANDARD.encode(png)
-    )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
 
     const CAPTION: Caption<'_> = Caption {
         title: "test",
@@ -216,7 +306,15 @@ mod tests {
 
     #[test]
     fn both_signals_are_pictures_within_the_picture() {
-        let svg = spectrograms(&CAPTION, &chirp(10_000), &chirp(12_000), 5000.0, 1000.0).unwrap();
+        let svg = spectrograms(
+            &CAPTION,
+            &chirp(10_000),
+            &chirp(12_000),
+            5000.0,
+            1000.0,
+            None,
+        )
+        .unwrap();
         assert_eq!(svg.as_str().matches("<image").count(), 2);
         assert!(svg.as_str().trim_end().ends_with("</svg>"));
         assert!(svg.as_str().contains("SIMULATED"));
@@ -237,10 +335,45 @@ mod tests {
     }
 
     #[test]
+    fn the_level_of_white_noise_is_its_power_over_the_band() {
+        let generator = rand_pcg::Pcg64::seed_from_u64(7);
+        let noise: Vec<f64> = StandardNormal
+            .sample_iter(generator)
+            .take(50_000)
+            .map(|x: f64| 3.0 * x)
+            .collect();
+        let levels = levels_db(&noise, 5000.0, 2000.0, WINDOW_S);
+        let powers = || {
+            let inner = levels.iter().flat_map(|column| &column[5..]);
+            inner.map(|level| 10f64.powf(level / 10.0))
+        };
+        let mean = powers().sum::<f64>() / powers().count() as f64;
+        // Nine (m/s²)² over 2500 Hz.
+        assert!((mean / (9.0 / 2500.0) - 1.0).abs() < 0.05, "{mean}");
+    }
+
+    #[test]
+    fn pictures_with_one_highest_level_have_one_scale() {
+        let quiet: Vec<f64> = chirp(10_000).iter().map(|x| 0.01 * x).collect();
+        let loud = chirp(10_000);
+        let highest = highest_level_db(&[&quiet, &loud], 5000.0, 1000.0);
+        assert_eq!(highest, highest_level_db(&[&loud], 5000.0, 1000.0));
+        let bar = |signal: &[f64], highest| -> Vec<String> {
+            let svg = spectrograms(&CAPTION, signal, signal, 5000.0, 1000.0, highest).unwrap();
+            let texts = svg.as_str().split("<text").skip(1);
+            let texts = texts.map(|t| t.split(['>', '<']).nth(1).unwrap().trim().to_owned());
+            texts.collect()
+        };
+        assert_eq!(bar(&quiet, highest), bar(&loud, highest));
+        assert_ne!(bar(&quiet, None), bar(&loud, None));
+        assert_eq!(highest_level_db(&[&[0.0; 900]], 5000.0, 1000.0), None);
+    }
+
+    #[test]
     fn silence_and_next_to_nothing_do_not_fail_otherwise_than_by_an_error() {
-        assert!(spectrograms(&CAPTION, &[0.0; 900], &[0.0; 900], 5000.0, 1000.0).is_err());
-        assert!(spectrograms(&CAPTION, &[], &[], 5000.0, 1000.0).is_err());
-        assert!(spectrograms(&CAPTION, &chirp(10), &chirp(10), 5000.0, 0.0).is_err());
-        assert!(spectrograms(&CAPTION, &chirp(10), &chirp(10), 5000.0, 1000.0).is_ok());
+        assert!(spectrograms(&CAPTION, &[0.0; 900], &[0.0; 900], 5000.0, 1000.0, None).is_err());
+        assert!(spectrograms(&CAPTION, &[], &[], 5000.0, 1000.0, None).is_err());
+        assert!(spectrograms(&CAPTION, &chirp(10), &chirp(10), 5000.0, 0.0, None).is_err());
+        assert!(spectrograms(&CAPTION, &chirp(10), &chirp(10), 5000.0, 1000.0, None).is_ok());
     }
 }

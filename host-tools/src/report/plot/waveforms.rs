@@ -3,9 +3,11 @@
 use plotters::prelude::*;
 
 use super::canvas::{
-    Area, Axis, BLUE, Chart, Drawn, GREEN, INK, ORANGE, PURPLE, Swatch, TEXT, Ticks, VERMILION, at,
-    axes, legend, line, picture, text, thinned,
+    ACCELERATION, Area, Axis, Drawn, INK, LEFT, Stroke, Swatch, TEXT, TIME_MS, TIME_S, Ticks, at,
+    axes, highest_of, legend, picture, text,
 };
+use super::colours::SERIES;
+use super::figure::Panel;
 use super::{Caption, Svg};
 use crate::support::error::{Error, Result};
 
@@ -19,51 +21,37 @@ const ENVELOPE_S: f64 = 0.01;
 const ROW: u32 = 130;
 
 /// Signals, m/s², each with its name, one below the other: 100 ms of the middle on the left, 2 s on the right, with
-/// the envelope, ± the RMS over windows of 10 ms. All have one scale.
+/// the envelope, ± the RMS over windows of 10 ms. All have one scale, up to `peak_m_s2` where pictures are compared.
 ///
 /// # Errors
 /// A rate that is not positive, and that the picture cannot be laid out.
-pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64) -> Result<Svg> {
+pub fn waveforms(
+    caption: &Caption<'_>,
+    signals: &[(&str, &[f64])],
+    rate_hz: f64,
+    peak_m_s2: Option<f64>,
+) -> Result<Svg> {
     if !(rate_hz > 0.0 && rate_hz.is_finite()) {
         return Err(Error::Request(format!(
             "waveforms at {rate_hz} Hz cannot be drawn"
         )));
     }
-    let shown = |seconds: f64| -> Vec<&[f64]> {
-        let samples = (seconds * rate_hz).round() as usize;
-        let middle = |signal: &&[f64]| -> (usize, usize) {
-            let len = samples.min(signal.len());
-            ((signal.len() - len) / 2, len)
-        };
-        signals
-            .iter()
-            .map(|(_, signal)| {
-                let (begin, len) = middle(signal);
-                &signal[begin..begin + len]
-            })
-            .collect()
-    };
-    let columns = DURATIONS_S.map(shown);
-    let peak = columns
-        .iter()
-        .flatten()
-        .flat_map(|signal| signal.iter())
-        .map(|value| value.abs())
-        .filter(|value| value.is_finite())
-        .fold(0.0, f64::max);
-    let highest = if peak > 0.0 { 1.06 * peak } else { 1.0 };
+    let columns = DURATIONS_S.map(|seconds| {
+        let signals = signals.iter();
+        let middles = signals.map(|(_, signal)| middle(signal, seconds, rate_hz));
+        middles.collect::<Vec<&[f64]>>()
+    });
+    let own = peak(signals.iter().map(|(_, signal)| *signal), rate_hz);
+    let highest = peak_m_s2.or(own).map_or(1.0, |peak| 1.06 * peak);
     let rows = signals.len().max(1) as u32;
-    picture(caption, (960, 32 + 24 + 40 + ROW * rows), |area| {
-        let entries = [
-            (Swatch::Box(BLUE), "samples"),
-            (
-                Swatch::Line {
-                    colour: INK,
-                    dashed: false,
-                },
-                "± RMS over 10 ms",
-            ),
-        ];
+    picture(caption, (960, 32 + 24 + 40 + ROW * rows), |area, panels| {
+        let entries = [(
+            Swatch::Line {
+                colour: INK,
+                dashed: false,
+            },
+            "± RMS over 10 ms, over the samples",
+        )];
         let below = legend(area, &entries)?;
         let halves = below.split_evenly((1, 2));
         for ((half, column), seconds) in halves.iter().zip(&columns).zip(DURATIONS_S) {
@@ -82,17 +70,29 @@ pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64
                     highest,
                     is_last,
                 };
-                draw(&own, name, signal, colour(row), &view)?;
+                panels.push(draw(&own, name, signal, colour(row), &view)?);
             }
         }
         Ok(())
     })
 }
 
+/// The largest magnitude that [`waveforms`] draws of signals; `None` of silence.
+pub fn peak<'s>(signals: impl Iterator<Item = &'s [f64]>, rate_hz: f64) -> Option<f64> {
+    let longest_s = DURATIONS_S.into_iter().fold(0.0, f64::max);
+    highest_of(signals.flat_map(|signal| middle(signal, longest_s, rate_hz).iter().copied()))
+}
+
+/// The middle of a signal.
+fn middle(signal: &[f64], seconds: f64, rate_hz: f64) -> &[f64] {
+    let len = ((seconds * rate_hz).round() as usize).min(signal.len());
+    let begin = (signal.len() - len) / 2;
+    &signal[begin..begin + len]
+}
+
 /// Colour of a row; the recording is the first.
 fn colour(row: usize) -> RGBColor {
-    const COLOURS: [RGBColor; 5] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE];
-    COLOURS[row % COLOURS.len()]
+    SERIES[row % SERIES.len()]
 }
 
 /// The frame of a panel.
@@ -103,15 +103,21 @@ struct View {
     is_last: bool,
 }
 
-fn draw(area: &Area<'_>, name: &str, signal: &[f64], colour: RGBColor, view: &View) -> Drawn {
+fn draw(
+    area: &Area<'_>,
+    name: &str,
+    signal: &[f64],
+    colour: RGBColor,
+    view: &View,
+) -> Drawn<Panel> {
     let (unit, quantity) = if view.seconds < 1.0 {
-        (1000.0, "time (ms)")
+        (1000.0, TIME_MS)
     } else {
-        (1.0, "time (s)")
+        (1.0, TIME_S)
     };
     let x = Axis {
         range: 0.0..unit * view.seconds,
-        quantity: if view.is_last { quantity } else { "" },
+        quantity,
         ticks: if view.is_last {
             Ticks::Numbers(6)
         } else {
@@ -120,27 +126,21 @@ fn draw(area: &Area<'_>, name: &str, signal: &[f64], colour: RGBColor, view: &Vi
     };
     let y = Axis {
         range: -view.highest..view.highest,
-        quantity: "m/s²",
+        quantity: ACCELERATION,
         ticks: Ticks::Numbers(4),
     };
-    let mut chart = axes(area, &x, &y)?;
+    let mut plot = axes(area, &format!("{name}, {} s", view.seconds), &x, &y)?;
     let time = |n: f64| unit * n / view.rate_hz;
     let samples = signal.iter().enumerate();
-    let points = thinned(samples.map(|(n, value)| (time(n as f64), *value)));
-    chart.draw_series(LineSeries::new(points, line(colour, 2)))?;
+    let points = samples.map(|(n, value)| (time(n as f64), *value));
+    plot.curve("samples", points, Stroke::solid(colour, 2))?;
     let envelope = envelope(signal, view.rate_hz);
-    for sign in [1.0, -1.0] {
+    for (sign, name) in [(1.0, "+ RMS over 10 ms"), (-1.0, "- RMS over 10 ms")] {
         let points = envelope.iter().map(|&(n, rms)| (time(n), sign * rms));
-        draw_line(&mut chart, points)?;
+        plot.curve(name, points, Stroke::solid(INK, 3))?;
     }
-    area.draw_text(name, &text(TEXT, INK), (at(76), at(16)))?;
-    Ok(())
-}
-
-fn draw_line(chart: &mut Chart<'_>, points: impl Iterator<Item = (f64, f64)>) -> Drawn {
-    let points: Vec<(f64, f64)> = points.filter(|(_, y)| y.is_finite()).collect();
-    chart.draw_series(LineSeries::new(points, line(INK, 3)))?;
-    Ok(())
+    area.draw_text(name, &text(TEXT, INK), (at(LEFT + 14), at(16)))?;
+    Ok(plot.panel)
 }
 
 /// RMS over windows of 10 ms that overlap by half, each with the sample at its middle.
@@ -174,7 +174,7 @@ mod tests {
         let long: Vec<f64> = (0..30_000).map(|n| (f64::from(n) * 0.1).sin()).collect();
         let names = ["recording", "synthesis", "Gaussian", "residual"];
         let signals: Vec<(&str, &[f64])> = names.iter().map(|name| (*name, &long[..])).collect();
-        let svg = waveforms(&caption(), &signals, 5000.0).unwrap();
+        let svg = waveforms(&caption(), &signals, 5000.0, None).unwrap();
         assert_drawn_within(&svg, 960, 96 + 130 * 4);
         for name in names {
             assert_eq!(
@@ -196,10 +196,10 @@ mod tests {
             vec![("odd", &odd[..])],
         ] {
             let rows = signals.len().max(1) as u32;
-            let svg = waveforms(&caption(), &signals, 5000.0).unwrap();
+            let svg = waveforms(&caption(), &signals, 5000.0, None).unwrap();
             assert_drawn_within(&svg, 960, 96 + 130 * rows);
         }
-        assert!(waveforms(&caption(), &[], 0.0).is_err());
+        assert!(waveforms(&caption(), &[], 0.0, None).is_err());
     }
 
     #[test]

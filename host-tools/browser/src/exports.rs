@@ -1,0 +1,323 @@
+//! The exports of the module: the calls and arrays of the package's page.
+//!
+//! A module has one thread, and one session. Its arrays lie in a box that is made with the module's first call and
+//! never moves, so that their addresses stay.
+
+use std::cell::RefCell;
+
+use model_format::{Library, OutputSample};
+use stylus_kernel::digest::{DIGEST_SEED, DIGEST_WORDS};
+
+use crate::fault::Fault;
+use crate::library_numbers::{scene_numbers, texture_numbers};
+use crate::limits::{MOST_BLOCKS, MOST_SAMPLES};
+use crate::session::{BLOCK_NUMBERS, BlockMotion, STATE_NUMBERS, Selection, Session, Without};
+
+/// Room for texts, bytes.
+const TEXT_BYTES: usize = 1024;
+
+/// All that the module holds.
+struct Module {
+    /// Room for the library, until it is loaded.
+    bytes: Vec<u8>,
+    session: Option<Session<'static>>,
+    motion: [[f64; BLOCK_NUMBERS]; MOST_BLOCKS],
+    blocks: Vec<BlockMotion>,
+    outputs: Vec<OutputSample>,
+    words: Vec<i32>,
+    samples: Vec<f32>,
+    state: [f64; STATE_NUMBERS],
+    numbers: Vec<f64>,
+}
+
+thread_local! {
+    static MODULE: RefCell<Box<Module>> = RefCell::new(Box::new(Module::new()));
+    static TEXT: RefCell<String> = RefCell::new(String::with_capacity(TEXT_BYTES));
+}
+
+impl Module {
+    fn new() -> Self {
+        // The text of a fault is all that a page has to show for it.
+        std::panic::set_hook(Box::new(|fault| say(&fault.to_string())));
+        Self {
+            bytes: Vec::new(),
+            session: None,
+            motion: [[0.0; BLOCK_NUMBERS]; MOST_BLOCKS],
+            blocks: Vec::with_capacity(MOST_BLOCKS),
+            outputs: vec![OutputSample::SILENCE; MOST_SAMPLES],
+            words: vec![0; MOST_SAMPLES],
+            samples: vec![0.0; MOST_SAMPLES],
+            state: [0.0; STATE_NUMBERS],
+            numbers: Vec::new(),
+        }
+    }
+
+    fn session(&mut self) -> Result<&mut Session<'static>, Fault> {
+        self.session.as_mut().ok_or(Fault::NoLibrary)
+    }
+
+    /// Takes the library over for the rest of the module's life, because views into it are kept.
+    fn load(&mut self) -> Result<(), Fault> {
+        if self.session.is_some() {
+            return Err(Fault::Loaded);
+        }
+        let bytes = Vec::leak(std::mem::take(&mut self.bytes));
+        let library = Library::decode(bytes).map_err(Fault::Library)?;
+        self.session = Some(Session::new(library));
+        // Room for the longest list of numbers, so that none is made later.
+        for texture in library.textures() {
+            self.numbers.clear();
+            texture_numbers(&texture, &mut self.numbers);
+        }
+        for scene in library.scenes() {
+            self.numbers.clear();
+            scene_numbers(&scene, &mut self.numbers);
+        }
+        self.numbers.clear();
+        self.numbers.reserve(STATE_NUMBERS);
+        Ok(())
+    }
+
+    fn run(&mut self, blocks: usize) -> Result<(), Fault> {
+        let session = self.session.as_mut().ok_or(Fault::NoLibrary)?;
+        if blocks > MOST_BLOCKS {
+            return Err(Fault::TooManyBlocks(blocks));
+        }
+        self.blocks.clear();
+        let motion = self.motion[..blocks].iter().copied();
+        self.blocks.extend(motion.map(BlockMotion::of_numbers));
+        session.play(&self.blocks, &mut self.outputs)?;
+        let count = blocks * session.block_samples() as usize;
+        for (at, output) in self.outputs[..count].iter().enumerate() {
+            self.words[at] = output.0;
+            self.samples[at] = output.metres_per_second_squared().0;
+        }
+        self.state = session.state();
+        Ok(())
+    }
+}
+
+fn with<R>(call: impl FnOnce(&mut Module) -> R) -> R {
+    MODULE.with_borrow_mut(|module| call(module))
+}
+
+/// Makes `text` the module's text.
+fn say(text: &str) {
+    TEXT.with_borrow_mut(|held| {
+        held.clear();
+        held.push_str(text);
+    });
+}
+
+/// The status of `done`, whose fault becomes the module's text.
+fn status(done: Result<(), Fault>) -> u32 {
+    match done {
+        Ok(()) => 0,
+        Err(fault) => {
+            say(&fault.to_string());
+            fault.status()
+        }
+    }
+}
+
+/// The status of a call that needs a session.
+fn of_session(call: impl FnOnce(&mut Session<'static>) -> Result<(), Fault>) -> u32 {
+    status(with(|module| call(module.session()?)))
+}
+
+/// Returns what `call` finds in the session, or 0 without one.
+fn asked(call: impl FnOnce(&Session<'static>) -> u32) -> u32 {
+    with(|module| module.session.as_ref().map_or(0, call))
+}
+
+const fn seed(low: u32, high: u32) -> u64 {
+    low as u64 | (high as u64) << 32
+}
+
+/// Exports functions by their own names.
+macro_rules! exports {
+    ($($(#[doc = $doc:literal])+ fn $name:ident($($argument:ident: $kind:ty),*) -> $result:ty $body:block)+) => {
+        $(
+            $(#[doc = $doc])+
+            // SAFETY: no other function of the module has this name, because nothing else here keeps its own and the
+            // names are none of the compiler's.
+            #[expect(unsafe_code, reason = "an export has to keep its name")]
+            #[unsafe(no_mangle)]
+            pub extern "C" fn $name($($argument: $kind),*) -> $result $body
+        )+
+    };
+}
+
+exports! {
+    /// Makes room for a library of `bytes` bytes, and returns its address; 0 if there is none.
+    fn reserve(bytes: usize) -> *mut u8 {
+        with(|module| {
+            if module.session.is_some() {
+                status(Err(Fault::Loaded));
+                return std::ptr::null_mut();
+            }
+            let mut room = Vec::new();
+            if room.try_reserve_exact(bytes).is_err() {
+                say(&format!("there is no room for a library of {bytes} bytes"));
+                return std::ptr::null_mut();
+            }
+            room.resize(bytes, 0);
+            module.bytes = room;
+            module.bytes.as_mut_ptr()
+        })
+    }
+
+    /// Decodes the library in the room that was made for it.
+    fn load() -> u32 {
+        status(with(Module::load))
+    }
+
+    /// Number of textures.
+    fn texture_count() -> u32 {
+        asked(|session| session.library().len() as u32)
+    }
+
+    /// Number of scenes.
+    fn scene_count() -> u32 {
+        asked(|session| session.library().scene_count() as u32)
+    }
+
+    /// Tells the name and the numbers of a texture.
+    fn texture(index: usize) -> u32 {
+        status(with(|module| {
+            let texture = module.session()?.texture(index)?;
+            say(texture.name());
+            module.numbers.clear();
+            texture_numbers(&texture, &mut module.numbers);
+            Ok(())
+        }))
+    }
+
+    /// Tells the name and the numbers of a scene.
+    fn scene(index: usize) -> u32 {
+        status(with(|module| {
+            let scene = module.session()?.scene(index)?;
+            say(&scene.name);
+            module.numbers.clear();
+            scene_numbers(&scene, &mut module.numbers);
+            Ok(())
+        }))
+    }
+
+    /// Address of the numbers of the last call that tells some.
+    fn numbers() -> *const f64 {
+        with(|module| module.numbers.as_ptr())
+    }
+
+    /// Number of these.
+    fn number_count() -> usize {
+        with(|module| module.numbers.len())
+    }
+
+    /// Address of the last text.
+    fn text() -> *const u8 {
+        TEXT.with_borrow(|text| text.as_ptr())
+    }
+
+    /// Length of the last text, bytes.
+    fn text_length() -> usize {
+        TEXT.with_borrow(String::len)
+    }
+
+    /// Plays a texture from the next block on.
+    fn choose_texture(index: usize, without: u32, seed_low: u32, seed_high: u32) -> u32 {
+        let (without, seed) = (Without::of_bits(without), seed(seed_low, seed_high));
+        of_session(|session| session.choose(Selection::Texture(index), without, seed))
+    }
+
+    /// Plays a scene from the next block on.
+    fn choose_scene(index: usize, without: u32, seed_low: u32, seed_high: u32) -> u32 {
+        let (without, seed) = (Without::of_bits(without), seed(seed_low, seed_high));
+        of_session(|session| session.choose(Selection::Scene(index), without, seed))
+    }
+
+    /// Sample rate of the choice, Hz.
+    fn sample_rate_hz() -> u32 {
+        asked(Session::sample_rate_hz)
+    }
+
+    /// Samples of a block of the choice.
+    fn block_samples() -> u32 {
+        asked(Session::block_samples)
+    }
+
+    /// Most blocks of a run.
+    fn most_blocks() -> usize {
+        MOST_BLOCKS
+    }
+
+    /// Address of the motion.
+    fn motion() -> *mut f64 {
+        with(|module| module.motion.as_flattened_mut().as_mut_ptr())
+    }
+
+    /// Plays blocks.
+    fn run(blocks: usize) -> u32 {
+        status(with(|module| module.run(blocks)))
+    }
+
+    /// Address of the samples of the last run, m/s².
+    fn samples() -> *const f32 {
+        with(|module| module.samples.as_ptr())
+    }
+
+    /// Address of the words of the last run.
+    fn words() -> *const i32 {
+        with(|module| module.words.as_ptr())
+    }
+
+    /// Address of the state after the last run.
+    fn state() -> *const f64 {
+        with(|module| module.state.as_ptr())
+    }
+
+    /// Tells the voices at a speed, mm/s, a force, N, and a position, mm.
+    fn locate(speed: f64, force: f64, position: f64) -> u32 {
+        status(with(|module| {
+            let state = module.session()?.locate(speed, force, position)?;
+            module.numbers.clear();
+            module.numbers.extend(state);
+            Ok(())
+        }))
+    }
+
+    /// Writes blocks of the digest's motion.
+    fn digest_motion(first: u32, blocks: usize) -> u32 {
+        status(with(|module| {
+            let rate = module.session()?.sample_rate_hz();
+            if rate == 0 {
+                return Err(Fault::NothingChosen);
+            }
+            let written = module.motion.get_mut(..blocks).ok_or(Fault::TooManyBlocks(blocks))?;
+            for (block, written) in (first..).zip(written) {
+                *written = BlockMotion::of_digest(block, rate).numbers();
+            }
+            Ok(())
+        }))
+    }
+
+    /// Number of words that digests are compared of.
+    fn digest_length() -> u32 {
+        DIGEST_WORDS
+    }
+
+    /// Seed of the textures that digests are compared of.
+    fn digest_seed() -> u32 {
+        DIGEST_SEED as u32
+    }
+
+    /// Digest of the words since the choice took effect.
+    fn digest() -> u32 {
+        asked(|session| session.digest().0.value())
+    }
+
+    /// Number of these words.
+    fn digest_words() -> u32 {
+        asked(|session| session.digest().1)
+    }
+}

@@ -1,0 +1,101 @@
+//! The parts that all pages have: one stylesheet with one set of colours, and the script that tells values of pictures.
+
+use std::fmt::Write as _;
+use std::sync::LazyLock;
+
+use plotters::style::RGBColor;
+
+use super::plot::colours::{
+    BLUE, FADED, GREEN, INK, ORANGE, PALE, PURPLE, SKY, VERMILION, hex, in_the_dark,
+};
+
+/// Colours of pages, as CSS variables: on light ground and on dark.
+const PAGE: [(&str, &str, &str); 11] = [
+    ("ground", "#fff", "#16181a"),
+    ("ink", "#222", "#ececec"),
+    ("quiet", "#4a4a4a", "#bdbdbd"),
+    ("edge", "#cfcfcf", "#44494e"),
+    ("strong", "#767676", "#8c8c8c"),
+    ("accent", "#00568a", "#7cc4ee"),
+    ("on-accent", "#fff", "#10202b"),
+    ("soft", "#eef4f8", "#223038"),
+    ("warn", "#fdf1e7", "#3a2413"),
+    ("warn-edge", "#b34700", "#ff9c57"),
+    ("shade", "#00000038", "#000000b0"),
+];
+
+/// Colours of pictures by the names of their CSS variables, for what a page draws itself.
+const PICTURES: [(&str, RGBColor); 9] = [
+    ("blue", BLUE),
+    ("vermilion", VERMILION),
+    ("green", GREEN),
+    ("purple", PURPLE),
+    ("orange", ORANGE),
+    ("sky", SKY),
+    ("mesh", PALE),
+    ("faded", FADED),
+    ("plot-ink", INK),
+];
+
+/// The stylesheet of all pages: the colours as variables, light and dark, and the rules.
+pub fn style() -> &'static str {
+    static STYLE: LazyLock<String> = LazyLock::new(|| {
+        let (mut light, mut dark) = (String::new(), String::new());
+        // Writing into a string does not fail.
+        for (name, on_light, on_dark) in PAGE {
+            let _ = write!(light, " --{name}: {on_light};");
+            let _ = write!(dark, " --{name}: {on_dark};");
+        }
+        for (name, colour) in PICTURES {
+            let _ = write!(light, " --{name}: {};", hex(colour));
+            let _ = write!(dark, " --{name}: {};", hex(in_the_dark(colour)));
+        }
+        format!(
+            ":root {{ color-scheme: light dark;{light} }}\n\
+             @media screen and (prefers-color-scheme: dark) {{\n  :root {{{dark} }}\n}}\n{}",
+            include_str!("family.css")
+        )
+    });
+    &STYLE
+}
+
+/// The script that tells the values of pictures by pointer, touch and keyboard.
+pub fn plots_script() -> &'static str {
+    static SCRIPT: LazyLock<String> = LazyLock::new(|| {
+        let names = PICTURES.map(|(name, colour)| format!("\"{}\": \"--{name}\"", hex(colour)));
+        include_str!("plots.js").replace("/*COLOURS*/", &names.join(", "))
+    });
+    &SCRIPT
+}
+
+/// The script that plays nodes of maps and spectrograms, after [`plots_script`].
+pub fn players_script() -> &'static str {
+    include_str!("players.js")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_variable_that_a_rule_uses_has_a_light_and_a_dark_colour() {
+        let (colours, rules) = style().split_once("* {").unwrap();
+        let (light, dark) = colours.split_once("@media").unwrap();
+        for used in rules.split("var(").skip(1) {
+            let name = used.split(')').next().unwrap();
+            let declared = format!(" {name}: #");
+            assert!(
+                light.contains(&declared) && dark.contains(&declared),
+                "{name}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_colour_of_a_curve_is_the_same_in_pictures_and_on_pages() {
+        for (name, colour) in PICTURES {
+            assert!(style().contains(&format!("--{name}: {}", hex(colour))));
+            assert!(plots_script().contains(&hex(colour)));
+        }
+    }
+}

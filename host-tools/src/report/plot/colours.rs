@@ -1,0 +1,170 @@
+//! Colours of pictures on light paper, and those in which a dark screen shows the same pictures.
+//!
+//! A picture is written with the light colours, which every program draws. A style in it replaces them by dark ones
+//! where the reader prefers a dark scheme, on screens only: paper stays white. Colours of a scale, as in maps, have one
+//! meaning in both and are replaced nowhere.
+
+use std::fmt::Write as _;
+use std::sync::LazyLock;
+
+use plotters::style::RGBColor;
+
+/// Colours after Okabe and Ito, told apart with any colour vision; made darker where a line had less contrast than 3
+/// to 1 on white (WCAG 2.1, 1.4.11).
+pub const BLUE: RGBColor = RGBColor(0, 94, 162);
+/// See [`BLUE`].
+pub const VERMILION: RGBColor = RGBColor(213, 94, 0);
+/// See [`BLUE`].
+pub const GREEN: RGBColor = RGBColor(0, 140, 102);
+/// See [`BLUE`].
+pub const PURPLE: RGBColor = RGBColor(184, 92, 144);
+/// See [`BLUE`].
+pub const ORANGE: RGBColor = RGBColor(176, 122, 0);
+/// See [`BLUE`].
+pub const SKY: RGBColor = RGBColor(62, 148, 201);
+/// Text that must not be overlooked.
+pub const ALERT: RGBColor = RGBColor(179, 71, 0);
+/// Text and axes.
+pub const INK: RGBColor = RGBColor(40, 40, 40);
+/// Text and marks on a colour that is pale in both schemes.
+pub const ON_PALE: RGBColor = RGBColor(41, 41, 41);
+/// Lines of a mesh and what is not there.
+pub const PALE: RGBColor = RGBColor(225, 225, 225);
+/// An earlier front.
+pub const FADED: RGBColor = RGBColor(130, 130, 130);
+/// The range within a just noticeable difference.
+pub const SHADE: RGBColor = RGBColor(222, 235, 247);
+
+/// The ground of a dark screen, as of a page's.
+pub const DARK_GROUND: RGBColor = RGBColor(22, 24, 26);
+
+/// Series one after the other.
+pub const SERIES: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
+
+/// Colours with those that take their place on a dark screen; [`pale`] ones follow from them.
+const DARK: [(RGBColor, RGBColor); 11] = [
+    (ALERT, RGBColor(255, 156, 87)),
+    (INK, RGBColor(232, 232, 232)),
+    (PALE, RGBColor(62, 66, 70)),
+    (FADED, RGBColor(150, 150, 150)),
+    (SHADE, RGBColor(38, 56, 74)),
+    (BLUE, RGBColor(64, 150, 224)),
+    (VERMILION, RGBColor(255, 138, 61)),
+    (GREEN, RGBColor(47, 194, 152)),
+    (PURPLE, RGBColor(230, 155, 200)),
+    (ORANGE, RGBColor(240, 190, 50)),
+    (SKY, RGBColor(150, 212, 247)),
+];
+
+/// Two thirds of the way to white, so that what is drawn over it stands out.
+pub fn pale(RGBColor(r, g, b): RGBColor) -> RGBColor {
+    let lighter = |c: u8| 255 - (255 - c) / 3;
+    RGBColor(lighter(r), lighter(g), lighter(b))
+}
+
+/// The same on a dark screen: two thirds of the way to its ground.
+fn dim(RGBColor(r, g, b): RGBColor) -> RGBColor {
+    let RGBColor(ground_r, ground_g, ground_b) = DARK_GROUND;
+    let darker = |c: u8, ground: u8| ground + c.saturating_sub(ground) / 3;
+    RGBColor(
+        darker(r, ground_r),
+        darker(g, ground_g),
+        darker(b, ground_b),
+    )
+}
+
+/// A colour as SVG and CSS write it.
+pub fn hex(RGBColor(r, g, b): RGBColor) -> String {
+    format!("#{r:02X}{g:02X}{b:02X}")
+}
+
+/// The rules that show a picture in its dark colours.
+pub fn dark_style() -> &'static str {
+    static STYLE: LazyLock<String> = LazyLock::new(|| {
+        let pales = SERIES.map(|series| (pale(series), dim(in_the_dark(series))));
+        let mut style = String::from("@media screen and (prefers-color-scheme:dark){");
+        // Writing into a string does not fail. Single quotes, because double ones are those of attributes.
+        let _ = write!(
+            style,
+            ".plot rect[fill='#FFFFFF']{{fill:{}}}",
+            hex(DARK_GROUND)
+        );
+        for (light, dark) in DARK.into_iter().chain(pales) {
+            let (light, dark) = (hex(light), hex(dark));
+            let _ = write!(
+                style,
+                ".plot [fill='{light}']{{fill:{dark}}}.plot [stroke='{light}']{{stroke:{dark}}}"
+            );
+        }
+        style.push('}');
+        style
+    });
+    &STYLE
+}
+
+/// The colour that takes the place of one of [`DARK`].
+pub fn in_the_dark(light: RGBColor) -> RGBColor {
+    let pair = DARK.iter().find(|pair| pair.0 == light);
+    pair.map_or(light, |pair| pair.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The contrast of two colours by WCAG 2.1, 1 to 21.
+    fn contrast(a: RGBColor, b: RGBColor) -> f64 {
+        let luminance = |RGBColor(r, g, b): RGBColor| {
+            let linear = |c: u8| {
+                let c = f64::from(c) / 255.0;
+                if c <= 0.04045 {
+                    c / 12.92
+                } else {
+                    ((c + 0.055) / 1.055).powf(2.4)
+                }
+            };
+            0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b)
+        };
+        let (a, b) = (luminance(a), luminance(b));
+        (a.max(b) + 0.05) / (a.min(b) + 0.05)
+    }
+
+    #[test]
+    fn lines_and_text_have_contrast_on_light_and_on_dark_ground() {
+        let white = RGBColor(255, 255, 255);
+        for series in SERIES.into_iter().chain([FADED]) {
+            assert!(contrast(series, white) >= 3.0, "{series:?}");
+            assert!(
+                contrast(in_the_dark(series), DARK_GROUND) >= 3.0,
+                "{series:?}"
+            );
+        }
+        for ground in SERIES.map(pale).into_iter().chain([white, SHADE, PALE]) {
+            assert!(contrast(INK, ground) >= 4.5, "{ground:?}");
+            assert!(contrast(VERMILION, ground) >= 2.0, "{ground:?}");
+        }
+        assert!(contrast(ALERT, white) >= 4.5);
+        assert!(contrast(in_the_dark(ALERT), DARK_GROUND) >= 4.5);
+        let dims = SERIES.map(|series| dim(in_the_dark(series)));
+        let grounds = [DARK_GROUND, in_the_dark(SHADE), in_the_dark(PALE)];
+        for ground in dims.into_iter().chain(grounds) {
+            assert!(contrast(in_the_dark(INK), ground) >= 4.5, "{ground:?}");
+        }
+    }
+
+    #[test]
+    fn every_colour_of_a_series_has_one_of_its_own_in_the_dark() {
+        let dark: std::collections::BTreeSet<String> = SERIES
+            .iter()
+            .map(|series| hex(in_the_dark(*series)))
+            .collect();
+        assert_eq!(dark.len(), SERIES.len());
+        for series in SERIES {
+            assert_ne!(in_the_dark(series), series);
+            assert!(dark_style().contains(&format!("[fill='{}']", hex(series))));
+            assert!(dark_style().contains(&format!("[fill='{}']", hex(pale(series)))));
+        }
+        // A style ends at the first of these.
+        assert!(!dark_style().contains(['<', '"']));
+    }
+}

@@ -1,0 +1,100 @@
+// What the page holds besides its text: the kernel, the library, and what the library does not say.
+
+function bytesOf(text) {
+  const binary = atob(text.trim());
+  const bytes = new Uint8Array(binary.length);
+  for (let n = 0; n < binary.length; n++) bytes[n] = binary.charCodeAt(n);
+  return bytes;
+}
+
+function bytesOfElement(id) {
+  return bytesOf(document.getElementById(id).textContent);
+}
+
+function base64Of(bytes) {
+  let binary = "";
+  for (const byte of bytes) binary += String.fromCharCode(byte);
+  return btoa(binary);
+}
+
+// Levels in dB of a list of i16 in hundredths; null is no level.
+function levelsOf(base64) {
+  if (!base64) return null;
+  const bytes = bytesOf(base64);
+  const view = new DataView(bytes.buffer);
+  return Array.from({ length: bytes.length / 2 }, (_, n) => {
+    const code = view.getInt16(2 * n, true);
+    return code === -32768 ? null : code / 100;
+  });
+}
+
+// Samples of a clip, m/s²: codes are companded, so that quiet parts keep their shape.
+function clipSamples({ peak_m_s2: peak, codes_base64: codes }) {
+  const shares = Float32Array.from({ length: 128 }, (_, code) => (256 ** (code / 127) - 1) / 255);
+  const bytes = new Int8Array(bytesOf(codes).buffer);
+  return Float32Array.from(bytes, (code) => (code < 0 ? -peak : peak) * shares[Math.abs(code)]);
+}
+
+// A texture of the page with its spectra and clips.
+class PageTexture {
+  constructor(data, index) {
+    this.data = data.textures[index];
+    this.index = index;
+    this.name = this.data.name;
+    this.nodes = this.data.nodes;
+    this.count = data.frequencies_hz.length;
+    this.clips = data.clips.filter((clip) => clip.texture === index);
+    this.known = {};
+  }
+
+  // Levels of all nodes, decoded when they are first asked for.
+  all(kind) {
+    this.known[kind] ??= { levels: levelsOf(this.data[`${kind}_base64`]) };
+    return this.known[kind].levels;
+  }
+
+  // Clips as the worklet plays them.
+  sounds() {
+    return this.clips.map((clip) => {
+      const { speed_mm_s: speed, force_n: force } = this.nodes[clip.node];
+      return { speed, force, node: clip.node, rate: clip.sample_rate_hz, samples: clipSamples(clip) };
+    });
+  }
+
+  // Levels of a node's model or recording, or null where there are none.
+  levels(kind, node) {
+    const levels = this.all(kind)?.slice(node * this.count, (node + 1) * this.count);
+    return levels?.some((level) => level !== null) ? levels : null;
+  }
+
+  // The node with the most weight that `has` something, of nodes and weights of a voice.
+  heaviest(voice, has = () => true) {
+    let best = null;
+    voice.nodes.forEach((node, corner) => {
+      const weight = voice.weights[corner];
+      if (has(node) && (best === null || weight > best.weight)) best = { node, weight };
+    });
+    return best === null || best.weight === 0 ? null : best.node;
+  }
+
+  // What excites the models, in words.
+  excitation() {
+    const { codebooks, track, lines } = this.data.can_leave_out;
+    const source = codebooks ? "pieces of the residual" : "Gaussian noise";
+    const parts = [track ? "track of the level" : "steady level", lines.length > 0 ? `${lines.length} lines` : null];
+    return [source, ...parts.filter((part) => part !== null)].join(", ");
+  }
+
+  // Kinds of sound that can be compared: choices without texture, scene and seed.
+  kinds() {
+    const can = this.data.can_leave_out;
+    const kinds = [{ id: "synthesis", name: "Synthesis", look: "synthesis", without: 0 }];
+    if (this.clips.length > 0) kinds.push({ id: "recording", name: "Recording", look: "recorded", recording: true });
+    const parts = (can.codebooks ? WITHOUT.codebooks : 0) + (can.track ? WITHOUT.track : 0);
+    if (parts > 0) kinds.push({ id: "gaussian", name: "Gaussian noise", look: "other", without: parts });
+    if (can.lines.length > 0) {
+      kinds.push({ id: "no-lines", name: "Without lines", look: "other", without: WITHOUT.lines });
+    }
+    return kinds;
+  }
+}

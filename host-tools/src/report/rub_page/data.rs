@@ -1,0 +1,481 @@
+//! The page's data, in the form that `host-tools/browser/README.md` states.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use model_format::scene::{MotionOfScene, Scene};
+use model_format::{NodeFlags, PartKind, Provenance, Texture};
+use rayon::prelude::*;
+use serde::Serialize;
+use stylus_kernel::digest::{DIGEST_SEED, DIGEST_WORDS, of_plan};
+use stylus_kernel::scene::Plan;
+
+use super::clips::{Clip, Thinning};
+use super::inputs::{Inputs, Recordings};
+use super::kernel::{KERNEL, KERNEL_BUILT_BY};
+use super::spectra::{Spectrum, band_centres_hz, level_db, model_spectrum, recorded_spectrum};
+use crate::evaluation::evaluate::rms;
+use crate::fit;
+use crate::playing::wavefront::Wavefront;
+use crate::recording::Trial;
+use crate::support::error::Result;
+use crate::texture::grid::as_written;
+
+/// Version of the data's form.
+const VERSION: u32 = 1;
+
+/// Peak over RMS of Gaussian noise through a filter, which hardly exceeds it.
+const NOISE_PEAK: f64 = 4.0;
+
+/// Peak over RMS of textures with codebooks or a track of the level: of 30 s of each of twelve real surfaces, at most
+/// 0.023 % of the samples exceed it, and up to 0.97 % [`NOISE_PEAK`].
+const LIVELY_PEAK: f64 = 10.0;
+
+/// All data.
+#[derive(Serialize)]
+pub struct Data {
+    version: u32,
+    stylus: &'static str,
+    pub title: String,
+    pub simulated: bool,
+    kernel: KernelData,
+    seed: u64,
+    digest: DigestData,
+    pub frequencies_hz: Vec<f64>,
+    pub full_scale_m_s2: f64,
+    pub textures: Vec<TextureData>,
+    scenes: Vec<SceneData>,
+    pub clips: Vec<Clip>,
+    clip_note: String,
+}
+
+#[derive(Serialize)]
+struct KernelData {
+    bytes: usize,
+    built_by: &'static str,
+}
+
+#[derive(Serialize)]
+struct DigestData {
+    words: u32,
+    seed: u64,
+    of_textures: Vec<String>,
+}
+
+/// A texture.
+#[derive(Serialize)]
+pub struct TextureData {
+    pub name: String,
+    simulated: bool,
+    sample_rate_hz: u32,
+    structure: String,
+    bytes: usize,
+    pub speeds_mm_s: Vec<f64>,
+    pub forces_n: Vec<f64>,
+    rms_m_s2: f64,
+    highest_rms_m_s2: f64,
+    can_leave_out: PartsData,
+    pub nodes: Vec<NodeData>,
+    model_base64: String,
+    recorded_base64: Option<String>,
+    map_quantity: &'static str,
+    /// Highest level of all spectra, dB.
+    #[serde(skip)]
+    pub highest_db: f64,
+}
+
+#[derive(Serialize)]
+struct PartsData {
+    codebooks: bool,
+    track: bool,
+    lines: Vec<LineData>,
+}
+
+#[derive(Serialize)]
+struct LineData {
+    wavelength_mm: f64,
+}
+
+/// A node.
+#[derive(Serialize)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "the page's scripts read each mark of a node by its name"
+)]
+pub struct NodeData {
+    pub speed_mm_s: f64,
+    pub force_n: f64,
+    order: usize,
+    pub rms_m_s2: f64,
+    silent: bool,
+    interpolated: bool,
+    extrapolated: bool,
+    doubtful: bool,
+    /// C as a share.
+    pub cost: Option<f64>,
+    recorded_rms_m_s2: Option<f64>,
+    clip: Option<usize>,
+    #[serde(skip)]
+    pub flags: NodeFlags,
+}
+
+#[derive(Serialize)]
+struct SceneData {
+    name: String,
+    sample_rate_hz: u32,
+    transition_mm: f32,
+    constant: Option<ConstantData>,
+    equaliser_sections: usize,
+    surfaces: Vec<SurfaceData>,
+    regions: Vec<RegionData>,
+}
+
+#[derive(Serialize)]
+struct ConstantData {
+    speed_mm_s: f32,
+    force_n: f32,
+}
+
+#[derive(Serialize)]
+struct SurfaceData {
+    texture: Option<u8>,
+    gain: f32,
+    tap: Option<TapData>,
+    stick_slip: Option<StickSlipData>,
+}
+
+#[derive(Serialize)]
+struct TapData {
+    frequency_hz: f32,
+}
+
+#[derive(Serialize)]
+struct StickSlipData {
+    period_mm: f32,
+}
+
+#[derive(Serialize)]
+struct RegionData {
+    start_mm: f32,
+    end_mm: f32,
+    surface: u8,
+}
+
+impl Data {
+    /// The data of `inputs`, telling `progress` of each texture done.
+    ///
+    /// # Errors
+    /// A recording that cannot be used any more.
+    pub fn of(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<Self> {
+        let library = inputs.library;
+        let thinning = inputs
+            .recordings
+            .map(|recordings| Thinning::of(library, &recordings));
+        let mut textures = Vec::new();
+        let mut clips = Vec::new();
+        for (index, texture) in library.textures().enumerate() {
+            let found = inputs.recordings.zip(thinning.as_ref());
+            textures.push(TextureData::of(index, &texture, found, &mut clips)?);
+            progress();
+        }
+        let digests = library.textures().collect::<Vec<_>>();
+        let digests = digests.into_par_iter().map(|texture| {
+            let digest = of_plan::<Wavefront>(Plan::of_texture(texture));
+            format!("{:08x}", digest.value())
+        });
+        let peaks = textures.iter().map(TextureData::peak_m_s2);
+        let loudest = peaks.fold(0.0, f64::max);
+        let names: Vec<&str> = textures.iter().map(|one| one.name.as_str()).collect();
+        Ok(Self {
+            version: VERSION,
+            stylus: env!("CARGO_PKG_VERSION"),
+            title: format!("Rub {}", in_words(&names)),
+            simulated: textures.iter().any(|one| one.simulated),
+            kernel: KernelData {
+                bytes: KERNEL.len(),
+                built_by: KERNEL_BUILT_BY.trim(),
+            },
+            seed: inputs.seed,
+            digest: DigestData {
+                words: DIGEST_WORDS,
+                seed: DIGEST_SEED,
+                of_textures: digests.collect(),
+            },
+            frequencies_hz: band_centres_hz().map(|hz| rounded(hz, 100.0)).collect(),
+            full_scale_m_s2: significant(loudest),
+            scenes: library.scenes().map(|scene| scene_data(&scene)).collect(),
+            clip_note: thinning.map_or_else(
+                || "No recordings are in this page.".to_owned(),
+                |thinning| thinning.in_words(clips.len()),
+            ),
+            textures,
+            clips,
+        })
+    }
+
+    /// Digest of each texture with its name.
+    pub fn digests(&self) -> Vec<(String, String)> {
+        let names = self.textures.iter().map(|texture| texture.name.clone());
+        names.zip(self.digest.of_textures.iter().cloned()).collect()
+    }
+}
+
+/// Findings of a node's recordings.
+#[derive(Default)]
+struct Recorded {
+    spectrum: Option<Spectrum>,
+    rms_m_s2: Option<f64>,
+    cost: Option<f64>,
+    clip: Option<Clip>,
+}
+
+impl TextureData {
+    /// The acceleration that samples of the loudest node hardly exceed, m/s².
+    fn peak_m_s2(&self) -> f64 {
+        let is_lively = self.can_leave_out.codebooks || self.can_leave_out.track;
+        self.highest_rms_m_s2 * if is_lively { LIVELY_PEAK } else { NOISE_PEAK }
+    }
+
+    /// Levels of each node's model, dB, as the page keeps them; NaN for a band without power.
+    pub fn model_db(&self) -> Vec<Vec<f64>> {
+        decoded(&self.model_base64)
+    }
+
+    /// Levels of each node's recordings, as [`Self::model_db`]; none if the page has no recordings.
+    pub fn recorded_db(&self) -> Vec<Vec<f64>> {
+        self.recorded_base64.as_deref().map_or(Vec::new(), decoded)
+    }
+
+    fn of(
+        index: usize,
+        texture: &Texture<'_>,
+        found: Option<(Recordings<'_>, &Thinning)>,
+        clips: &mut Vec<Clip>,
+    ) -> Result<Self> {
+        let speeds: Vec<f32> = texture.speed_axis().values().collect();
+        let forces: Vec<f32> = texture.force_axis().values().collect();
+        let rate_hz = f64::from(texture.sample_rate_hz());
+        let places: Vec<(usize, usize)> = (0..speeds.len())
+            .flat_map(|speed| (0..forces.len()).map(move |force| (speed, force)))
+            .collect();
+        let models: Vec<Spectrum> = places
+            .par_iter()
+            .map(|&(speed, force)| model_spectrum(&texture.node(speed, force), rate_hz))
+            .collect();
+        let recorded: Vec<Recorded> = places
+            .par_iter()
+            .map(|&place| match found {
+                Some((recordings, thinning)) => {
+                    recorded_at(index, texture, place, &recordings, thinning)
+                }
+                None => Ok(Recorded::default()),
+            })
+            .collect::<Result<_>>()?;
+        let any_recorded = recorded.iter().any(|node| node.spectrum.is_some());
+        let all = recorded.iter().filter_map(|node| node.spectrum.as_ref());
+        let highest_db = models.iter().chain(all).map(Spectrum::highest_db);
+        let highest_db = highest_db.fold(f64::NEG_INFINITY, f64::max);
+        let recorded_base64 = any_recorded.then(|| {
+            let silence = Spectrum::silence();
+            let of_node = |node: &Recorded| node.spectrum.as_ref().unwrap_or(&silence).codes();
+            encoded(recorded.iter().flat_map(of_node))
+        });
+        let mut nodes = Vec::new();
+        for (&(speed, force), recorded) in places.iter().zip(recorded) {
+            let node = texture.node(speed, force);
+            let clip = recorded.clip.map(|clip| {
+                clips.push(clip);
+                clips.len() - 1
+            });
+            nodes.push(NodeData {
+                speed_mm_s: as_written(speeds[speed]),
+                force_n: as_written(forces[force]),
+                order: node.coefficients.order(),
+                rms_m_s2: significant(f64::from(node.output_power).sqrt()),
+                silent: node.flags.contains(NodeFlags::SILENT),
+                interpolated: node.flags.contains(NodeFlags::INTERPOLATED),
+                extrapolated: node.flags.contains(NodeFlags::EXTRAPOLATED),
+                doubtful: node.flags.contains(NodeFlags::DOUBTFUL),
+                cost: recorded.cost.map(significant),
+                recorded_rms_m_s2: recorded.rms_m_s2.map(significant),
+                clip,
+                flags: node.flags,
+            });
+        }
+        let powers = texture.nodes().map(|node| f64::from(node.output_power));
+        let mean_power = powers.sum::<f64>() / places.len() as f64;
+        let any_cost = nodes.iter().any(|node| node.cost.is_some());
+        Ok(Self {
+            name: texture.name().to_owned(),
+            simulated: texture.provenance() == Provenance::Simulated,
+            sample_rate_hz: texture.sample_rate_hz(),
+            structure: texture.structure().to_string(),
+            bytes: texture.coefficient_bytes() + part_bytes(texture),
+            speeds_mm_s: speeds.iter().map(|&v| as_written(v)).collect(),
+            forces_n: forces.iter().map(|&f| as_written(f)).collect(),
+            rms_m_s2: significant(mean_power.sqrt()),
+            highest_rms_m_s2: significant(f64::from(texture.max_output_power()).sqrt()),
+            can_leave_out: PartsData {
+                codebooks: texture.excitation().is_some(),
+                track: texture.modulation().is_some(),
+                lines: texture
+                    .lines()
+                    .into_iter()
+                    .flat_map(|lines| {
+                        lines
+                            .iter()
+                            .map(|line| line.wavelength_mm())
+                            .collect::<Vec<_>>()
+                    })
+                    .map(|wavelength| LineData {
+                        wavelength_mm: as_written(wavelength),
+                    })
+                    .collect(),
+            },
+            nodes,
+            model_base64: encoded(models.iter().flat_map(Spectrum::codes)),
+            recorded_base64,
+            map_quantity: if any_cost { "C" } else { "RMS level" },
+            highest_db,
+        })
+    }
+}
+
+fn recorded_at(
+    index: usize,
+    texture: &Texture<'_>,
+    (speed, force): (usize, usize),
+    recordings: &Recordings<'_>,
+    thinning: &Thinning,
+) -> Result<Recorded> {
+    let (speed_mm_s, force_n) = (texture.speed(speed).0, texture.force(force).0);
+    let of_node = |trial: &Trial| {
+        trial.texture == texture.name()
+            && trial.speed_mm_s as f32 == speed_mm_s
+            && trial.force_n as f32 == force_n
+    };
+    let set = recordings.set;
+    let trials: Vec<usize> = (0..set.trials.len())
+        .filter(|&trial| of_node(&set.trials[trial]))
+        .collect();
+    let signals = trials.iter().map(|&trial| {
+        let signal = fit::signal(&set.trials[trial], recordings.reduction)?;
+        Ok(signal.samples)
+    });
+    let signals = signals.collect::<Result<Vec<Vec<f64>>>>()?;
+    let judged = recordings.evaluation.trials.iter();
+    let judged = judged.filter(|trial| {
+        trial.texture == texture.name()
+            && trial.speed_mm_s as f32 == speed_mm_s
+            && trial.force_n as f32 == force_n
+    });
+    let costs: Vec<f64> = judged.filter_map(|trial| trial.scores.cost).collect();
+    let levels: Vec<f64> = signals.iter().map(|signal| rms(signal)).collect();
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let longest = (trials.iter().zip(&signals)).max_by_key(|(_, signal)| signal.len());
+    let clip = longest
+        .filter(|_| thinning.keeps(speed, force))
+        .and_then(|(&trial, signal)| {
+            let node = speed * texture.force_axis().len() + force;
+            let place = (index, node, as_written(speed_mm_s), as_written(force_n));
+            let samples = thinning.samples();
+            Clip::of(place, &set.trials[trial].file, signal, samples)
+        });
+    Ok(Recorded {
+        spectrum: recorded_spectrum(&signals),
+        rms_m_s2: (!levels.is_empty()).then(|| mean(&levels)),
+        cost: (!costs.is_empty()).then(|| mean(&costs)),
+        clip,
+    })
+}
+
+fn part_bytes(texture: &Texture<'_>) -> usize {
+    let parts: Vec<(PartKind, usize)> = texture.parts().collect();
+    parts.iter().map(|(_, bytes)| bytes).sum()
+}
+
+fn scene_data(scene: &Scene) -> SceneData {
+    SceneData {
+        name: scene.name.to_string(),
+        sample_rate_hz: scene.sample_rate_hz,
+        transition_mm: scene.transition_mm,
+        constant: match scene.motion {
+            MotionOfScene::Followed => None,
+            MotionOfScene::Constant {
+                speed_mm_s,
+                force_n,
+            } => Some(ConstantData {
+                speed_mm_s,
+                force_n,
+            }),
+        },
+        equaliser_sections: scene.equaliser.len(),
+        surfaces: scene
+            .surfaces
+            .iter()
+            .map(|surface| SurfaceData {
+                texture: surface.texture,
+                gain: surface.gain,
+                tap: surface.tap.map(|tap| TapData {
+                    frequency_hz: tap.frequency_hz,
+                }),
+                stick_slip: surface.stick_slip.map(|slip| StickSlipData {
+                    period_mm: slip.period_mm,
+                }),
+            })
+            .collect(),
+        regions: scene
+            .regions
+            .iter()
+            .map(|region| RegionData {
+                start_mm: region.start_mm,
+                end_mm: region.end_mm,
+                surface: region.surface,
+            })
+            .collect(),
+    }
+}
+
+/// Codes as Base64 of little-endian numbers.
+fn encoded(codes: impl Iterator<Item = i16>) -> String {
+    STANDARD.encode(codes.flat_map(i16::to_le_bytes).collect::<Vec<u8>>())
+}
+
+/// Levels in the codes that [`encoded`] makes of spectra, node by node.
+fn decoded(text: &str) -> Vec<Vec<f64>> {
+    let bytes = STANDARD.decode(text).unwrap_or_default();
+    let codes = bytes
+        .chunks_exact(2)
+        .map(|code| i16::from_le_bytes([code[0], code[1]]));
+    let levels: Vec<f64> = codes.map(level_db).collect();
+    levels
+        .chunks(band_centres_hz().count())
+        .map(<[f64]>::to_vec)
+        .collect()
+}
+
+/// The names as a list in words.
+fn in_words(names: &[&str]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => (*one).to_owned(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
+
+fn rounded(value: f64, steps_per_unit: f64) -> f64 {
+    (value * steps_per_unit).round() / steps_per_unit
+}
+
+/// The value with four digits, which is more than anybody reads; 0 for what is not finite.
+fn significant(value: f64) -> f64 {
+    if value == 0.0 || !value.is_finite() {
+        return 0.0;
+    }
+    let digits = 3 - value.abs().log10().floor() as i32;
+    let factor = 10f64.powi(digits);
+    if factor.is_finite() && factor > 0.0 {
+        rounded(value, factor)
+    } else {
+        value
+    }
+}

@@ -1,0 +1,797 @@
+// The page: what was chosen, what the hand does, and what is shown. Everything begins at the end of this file.
+
+// Interval at which the hand is told to the worklet while it touches, ms.
+const TELL_MS = 4;
+
+// Pictures per second, and with reduced motion.
+const PICTURES_PER_S = 30;
+const STILL_PICTURES_PER_S = 4;
+
+const byId = (id) => document.getElementById(id);
+
+// A number with about three digits.
+function shown(value, unit) {
+  const digits = Math.abs(value) >= 100 ? 0 : Math.abs(value) >= 10 ? 1 : 2;
+  return `${value.toFixed(digits)} ${unit}`;
+}
+
+function median(values) {
+  const sorted = [...values].sort((a, b) => a - b);
+  return sorted[Math.floor(sorted.length / 2)];
+}
+
+class RubPage {
+  constructor(data) {
+    this.data = data;
+    this.textures = data.textures.map((_, index) => new PageTexture(data, index));
+    this.surfaces = [
+      ...this.textures.map((texture) => ({ name: texture.name, texture: texture.index })),
+      ...data.scenes.map((scene, index) => ({ name: scene.name, scene: index })),
+    ];
+    this.seed = data.seed;
+    this.kind = "synthesis";
+    this.isMute = false;
+    this.stroke = new KeyStroke();
+    this.recent = new Float32Array(0);
+    this.rate = 5000;
+    this.played = null;
+    this.delays = [];
+    this.clipped = 0;
+    this.takes = [];
+    // By texture: the kernel's digest, and the relief of the patch.
+    this.digests = new Map();
+    this.reliefs = new Map();
+    this.isTaking = false;
+    // Times since the page was opened, ms; null until it happens.
+    this.times = { ready: null, touched: null, heard: null };
+    this.patch = new Patch(byId("patch"), byId("patch-picture"));
+    this.patch.onresize = () => this.showScale();
+    this.pointer = new Pointer(byId("patch"), {
+      onbegin: () => this.touch(),
+      onmove: () => this.tellHand(),
+      onend: () => this.tellHand(),
+      onwheel: (steps) => this.stepForce(steps),
+    });
+    this.setUpControls();
+    listenToKeys(this);
+    stylusPlots.onplay = (_texture, speed, force) => this.playNode(speed, force);
+    globalThis.addEventListener("blur", () => this.letGo());
+    document.addEventListener("visibilitychange", () => document.hidden && this.letGo());
+    this.waveform = new Waveform(byId("waveform-picture"));
+    this.spectrumPicture = new SpectrumPicture(byId("spectrum-picture"), data.frequencies_hz);
+    this.spectrum = new LiveSpectrum(this.rate, data.frequencies_hz);
+    this.isStill = matchMedia("(prefers-reduced-motion: reduce)");
+    this.chooseSurface(0);
+    this.showFacts();
+  }
+
+  get surface() {
+    return this.surfaces[this.surfaceIndex];
+  }
+
+  // The texture that is played, or the one under the tool of a scene; null on a smooth surface.
+  get texture() {
+    return this.textures[this.surface.texture ?? this.under ?? 0];
+  }
+
+  // ---- Sound ----
+
+  // Takes over the sound: its context and the worklet's node there.
+  connect(context, node) {
+    this.context = context;
+    this.node = node;
+    this.node.port.onmessage = ({ data }) => this.hear(data);
+    this.node.onprocessorerror = () => this.fail("the browser's audio worklet stopped: reload the page");
+    this.tellVolume();
+    this.tellHand();
+    this.play();
+  }
+
+  hear(message) {
+    if (message.type === "ready") this.times.ready = performance.now();
+    else if (message.type === "fault") this.fail(message.text);
+    else if (message.type === "heard") this.times.heard = message.at - performance.timeOrigin;
+    else if (message.type === "chosen") this.takeOver(message);
+    else if (message.type === "taken") this.keepTake(message);
+    else if (message.type === "played") this.takeIn(message);
+    if (message.type !== "played") this.showFacts();
+  }
+
+  fail(text) {
+    const trouble = byId("trouble");
+    trouble.textContent = `No sound: ${text}`;
+    trouble.hidden = false;
+  }
+
+  // Tells the worklet what to play, from its beginning.
+  play(take = false) {
+    if (this.choice().recording) this.sendClips(this.texture);
+    this.node?.port.postMessage({ type: "choose", choice: this.choice(), take });
+  }
+
+  // Gives the worklet the recordings of a texture, once.
+  sendClips(texture) {
+    if (!this.node || texture.isSent) return;
+    const clips = texture.sounds();
+    this.node.port.postMessage({ type: "clips", texture: texture.index, clips, rate: clips[0].rate });
+    texture.isSent = true;
+  }
+
+  choice() {
+    const { texture, scene } = this.surface;
+    const kind = this.kinds().find(({ id }) => id === this.kind);
+    return { texture, scene, seed: this.seed, without: kind.without ?? 0, recording: kind.recording ?? false };
+  }
+
+  takeOver({ rate }) {
+    if (rate !== this.spectrum.rate) this.spectrum = new LiveSpectrum(rate, this.data.frequencies_hz);
+    this.rate = rate;
+    this.spectrum.clear();
+    this.recent = new Float32Array(0);
+  }
+
+  takeIn(message) {
+    this.played = message;
+    this.clipped += message.clipped;
+    this.delays.push(...message.delays);
+    if (this.delays.length > 400) this.delays.splice(0, this.delays.length - 400);
+    const isSounding = message.samples.some((sample) => sample !== 0);
+    if (isSounding && this.spectrum.add(message.samples)) this.hasNewSpectrum = true;
+    const joined = new Float32Array(this.recent.length + message.samples.length);
+    joined.set(this.recent);
+    joined.set(message.samples, this.recent.length);
+    this.recent = joined.slice(-Math.round(0.1 * this.rate));
+    if (message.takeBlocks > 0) byId("take-text").textContent = `${(message.takeBlocks * BLOCK_S).toFixed(1)} s kept`;
+    if (this.surface.scene !== undefined && message.state) {
+      const under = Kernel.voices(message.state).findLast((voice) => voice.texture >= 0)?.texture ?? null;
+      if (under !== this.under) this.spectrum.clear();
+      this.under = under;
+    }
+  }
+
+  tellVolume() {
+    const decibels = Number(byId("volume").value);
+    // Full scale of the output, m/s².
+    this.fullScale = this.data.full_scale_m_s2 * 10 ** (-decibels / 20);
+    this.node?.port.postMessage({ type: "gain", gain: this.isMute ? 0 : 1 / this.fullScale });
+    byId("volume-text").textContent = `0 dBFS is ${shown(this.fullScale, "m/s²")}`;
+  }
+
+  // ---- The hand ----
+
+  touch() {
+    this.context?.resume();
+    this.times.touched ??= performance.now();
+    byId("patch").classList.add("touched");
+    this.watch();
+    this.tellHand();
+  }
+
+  // Tells the hand again and again while it touches: a pointer that rests reports nothing.
+  watch() {
+    if (this.timer) return;
+    let before = performance.now();
+    this.timer = setInterval(() => {
+      const now = performance.now();
+      if (this.stroke.moves && !this.pointer.touches) this.stroke.step(now - before, this.keySpeed, this.lengthMm());
+      before = now;
+      this.tellHand();
+      if (!this.touches) {
+        clearInterval(this.timer);
+        this.timer = null;
+      }
+    }, TELL_MS);
+  }
+
+  letGo() {
+    this.stroke.held = [];
+    this.stroke.goesOn = false;
+    this.pointer.lift();
+    this.tellHand();
+  }
+
+  get touches() {
+    return this.pointer.touches || this.stroke.moves;
+  }
+
+  tellHand() {
+    const { pointer, stroke } = this;
+    const isPointer = pointer.touches;
+    const now = performance.now();
+    const scale = this.mmPerPx();
+    const keySpeed = stroke.moves ? this.keySpeed : 0;
+    const speed = isPointer ? pointer.path.speed(now) * scale : keySpeed;
+    const along = isPointer ? pointer.path.along(now) * scale : keySpeed * stroke.direction;
+    const share = isPointer ? pointer.x : stroke.place;
+    const force = isPointer && pointer.pressure !== null ? this.forceOf(pointer.pressure) : this.force;
+    if (isPointer) stroke.place = share;
+    this.hand = { speed, along, force, contact: this.touches, path: this.pathOf(share) };
+    const stamp = isPointer && pointer.stamp !== null ? Date.now() - (now - pointer.stamp) : null;
+    pointer.stamp = null;
+    this.node?.port.postMessage({ type: "hand", ...this.hand, stamp });
+    this.place = { x: share, y: isPointer ? pointer.y : 0.5 };
+  }
+
+  // Length of the patch, mm: that of a scene's path, or what the pointer's scale makes of it.
+  lengthMm() {
+    const path = this.scenePath();
+    return path ? path.end - path.start : this.patch.width * Number(byId("scale").value);
+  }
+
+  mmPerPx() {
+    return this.lengthMm() / Math.max(1, this.patch.width);
+  }
+
+  // Place on a scene's path, mm, or along the patch.
+  pathOf(share) {
+    return (this.scenePath()?.start ?? 0) + share * this.lengthMm();
+  }
+
+  scenePath() {
+    const regions = this.surface.scene === undefined ? [] : this.data.scenes[this.surface.scene].regions;
+    if (regions.length === 0) return null;
+    const start = Math.min(...regions.map((region) => region.start_mm));
+    const end = Math.max(...regions.map((region) => region.end_mm));
+    return { start, end };
+  }
+
+  forceOf(pressure) {
+    const { min, max } = byId("force");
+    return Number(min) + pressure * (Number(max) - Number(min));
+  }
+
+  get force() {
+    return Number(byId("force").value);
+  }
+
+  get keySpeed() {
+    return Number(byId("speed").value);
+  }
+
+  // ---- Choices ----
+
+  chooseSurface(index) {
+    if (index >= this.surfaces.length || index === this.surfaceIndex) return;
+    this.endTake();
+    this.surfaceIndex = index;
+    const surfaces = this.data.scenes[this.surface.scene]?.surfaces ?? [];
+    this.under = this.surface.texture ?? surfaces.find(({ texture }) => texture !== null)?.texture;
+    document.getElementsByName("surface")[index].checked = true;
+    if (!this.kinds().some(({ id }) => id === this.kind)) this.kind = "synthesis";
+    this.setRanges();
+    this.showKinds();
+    this.showMap();
+    this.showPatch();
+    this.play();
+    this.computeDigest();
+    this.say(this.surface.name);
+  }
+
+  // Kinds of sound of the surface: a scene has its synthesis alone.
+  kinds() {
+    if (this.surface.scene === undefined) return this.texture.kinds();
+    return [{ id: "synthesis", name: "Synthesis", look: "synthesis", without: 0 }];
+  }
+
+  chooseKind(id) {
+    this.endTake();
+    this.kind = id;
+    this.play();
+    this.showKinds();
+    this.say(this.kinds().find((kind) => kind.id === id).name);
+  }
+
+  compare() {
+    const kinds = this.kinds();
+    const index = kinds.findIndex(({ id }) => id === this.kind);
+    if (kinds.length > 1) this.chooseKind(kinds[(index + 1) % kinds.length].id);
+    else this.say(`${this.surface.name} has nothing else to compare`);
+  }
+
+  stepSeed(step) {
+    this.endTake();
+    this.seed = Math.max(0, this.seed + step);
+    this.play();
+    this.showFacts();
+    this.say(`seed ${this.seed}`);
+  }
+
+  toggleMute() {
+    this.isMute = !this.isMute;
+    byId("mute").setAttribute("aria-pressed", this.isMute);
+    this.tellVolume();
+    this.say(this.isMute ? "silence" : "sound");
+  }
+
+  stepForce(step) {
+    this.stepRange("force", step);
+    this.say(shown(this.force, "N"));
+  }
+
+  stepSpeed(step) {
+    this.stepRange("speed", step);
+    this.say(shown(this.keySpeed, "mm/s"));
+  }
+
+  stepRange(id, step) {
+    const range = byId(id);
+    const width = Number(range.max) - Number(range.min);
+    range.value = Number(range.value) + (step * width) / 20;
+    range.dispatchEvent(new Event("input"));
+  }
+
+  holdKey(direction) {
+    this.stroke.hold(direction);
+    this.touch();
+  }
+
+  releaseKey(direction) {
+    this.stroke.release(direction);
+    this.tellHand();
+  }
+
+  // Strokes at a node of the map for two seconds. Returns what the map's box says of it.
+  playNode(speed, force) {
+    byId("speed").value = speed;
+    byId("force").value = force;
+    this.showRanges();
+    this.stroke.goesOn = true;
+    this.touch();
+    clearTimeout(this.lifting);
+    this.lifting = setTimeout(() => this.letGo(), 2000);
+    return "strokes here for two seconds";
+  }
+
+  toggleStroke() {
+    clearTimeout(this.lifting);
+    this.stroke.goesOn = !this.stroke.goesOn;
+    this.touch();
+    this.say(this.stroke.goesOn ? "a stroke that goes on" : "lifted");
+  }
+
+  // ---- Takes ----
+
+  toggleTake() {
+    if (this.isTaking) {
+      this.endTake();
+    } else if (this.choice().recording) {
+      byId("take-text").textContent = "A take is of the synthesis: choose it first.";
+    } else {
+      this.isTaking = true;
+      this.context?.resume();
+      this.play(true);
+    }
+    byId("take").setAttribute("aria-pressed", this.isTaking);
+  }
+
+  endTake() {
+    if (this.isTaking) this.node?.port.postMessage({ type: "take" });
+    this.isTaking = false;
+    byId("take").setAttribute("aria-pressed", false);
+  }
+
+  keepTake(take) {
+    const name = this.surface.name.replaceAll(/[^\p{L}\p{N}]+/gu, "-");
+    const csv = motionCsv(take);
+    this.takes.push({ ...take, csv });
+    const text = byId("take-text");
+    text.replaceChildren(`${(take.words.length / take.rate).toFixed(1)} s, seed ${take.choice.seed}: `);
+    const file = (label, action) => {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.className = "small";
+      button.textContent = label;
+      button.addEventListener("click", action);
+      text.append(button, " ");
+    };
+    file("Motion, CSV", () => saveFile(`${name}.csv`, csv, "text/csv"));
+    file("Sound, WAV in m/s²", () => saveFile(`${name}.wav`, wavBytes(take), "audio/wav"));
+    const isWhole = take.choice.without === 0;
+    text.append(isWhole ? "stylus render plays the same samples along this motion." : "");
+    this.isTaking = false;
+    byId("take").setAttribute("aria-pressed", false);
+  }
+
+  // ---- Controls ----
+
+  setUpControls() {
+    const surfaces = byId("surfaces");
+    this.surfaces.forEach(({ name, scene }, index) => {
+      const text = scene === undefined ? name : `${name} (scene)`;
+      surfaces.append(this.chip("surface", text, () => this.chooseSurface(index)));
+    });
+    for (const id of ["force", "speed", "volume", "scale"]) {
+      byId(id).addEventListener("input", () => this.showRanges());
+    }
+    byId("seed").addEventListener("click", (event) => this.stepSeed(event.shiftKey ? -1 : 1));
+    byId("mute").addEventListener("click", () => this.toggleMute());
+    byId("take").addEventListener("click", () => this.toggleTake());
+    byId("zoom").addEventListener("click", () => this.zoom());
+    byId("clip-note").textContent = this.data.clip_note ?? "";
+    byId("title").textContent = this.data.title;
+  }
+
+  chip(group, text, action) {
+    const label = document.createElement("label");
+    const input = document.createElement("input");
+    input.type = "radio";
+    input.name = group;
+    input.addEventListener("change", action);
+    label.append(input, text);
+    return label;
+  }
+
+  // Sliders over what the grid has, a little below it and above.
+  setRanges() {
+    const { speeds_mm_s: speeds, forces_n: forces } = this.texture.data;
+    const set = (id, values, digits) => {
+      const range = byId(id);
+      const value = Number(range.value);
+      const isNew = !range.dataset.isSet;
+      const [least, most] = [values[0], values.at(-1)];
+      range.min = (0.5 * least).toFixed(digits);
+      range.max = (1.2 * most).toFixed(digits);
+      range.step = 10 ** -digits;
+      range.value = isNew ? (least + most) / 2 : value;
+      range.dataset.isSet = true;
+    };
+    set("force", forces, 2);
+    set("speed", speeds, 0);
+    this.showRanges();
+  }
+
+  showRanges() {
+    byId("force-text").textContent = `${this.force.toFixed(2)} N`;
+    byId("speed-text").textContent = `${this.keySpeed} mm/s`;
+    this.tellVolume();
+    this.showScale();
+    this.tellHand();
+  }
+
+  showScale() {
+    const scale = this.mmPerPx();
+    const isScene = this.scenePath() !== null;
+    byId("scale").disabled = isScene;
+    byId("scale-text").textContent = `${scale.toFixed(3)} mm per pixel${isScene ? ", the path's" : ""}`;
+    const length = [100, 50, 20, 10, 5, 2].find((mm) => mm / scale < 0.4 * this.patch.width) ?? 1;
+    byId("patch-bar").style.width = `${length / scale}px`;
+    byId("patch-length").textContent = `${length} mm`;
+  }
+
+  showKinds() {
+    const kinds = byId("kinds");
+    for (const label of kinds.querySelectorAll("label")) label.remove();
+    for (const { id, name } of this.kinds()) {
+      const chip = this.chip("kind", name, () => this.chooseKind(id));
+      chip.firstChild.checked = id === this.kind;
+      kinds.append(chip);
+    }
+    const { look, name } = this.kinds().find(({ id }) => id === this.kind);
+    this.waveform?.look(look);
+    this.spectrumPicture?.look(look);
+    for (const id of ["waveform-key", "spectrum-key"]) {
+      byId(id).className = `key ${look}`;
+      byId(id).textContent = name.toLowerCase();
+    }
+  }
+
+  zoom() {
+    const button = byId("zoom");
+    const isOn = button.getAttribute("aria-pressed") !== "true";
+    button.setAttribute("aria-pressed", isOn);
+    byId("zoom-text").textContent = isOn ? "four times as high as the axis says" : "";
+    this.waveform.gain = isOn ? 4 : 1;
+  }
+
+  say(text) {
+    byId("said").textContent = text;
+  }
+
+  // ---- Pictures ----
+
+  showMap() {
+    const index = this.texture.index;
+    if (this.mapOf === index) return;
+    this.mapOf = index;
+    this.map = new MapPicture(byId("map-picture"), `map-${index}`, this.texture);
+    byId("map-text").textContent = `Click a node, or press Enter on it, for a stroke there. The point is your speed and
+      force of the moment; the rings are the four nodes whose models are mixed, larger with more weight.`;
+  }
+
+  showPatch() {
+    const path = this.scenePath();
+    const scene = this.data.scenes[this.surface.scene];
+    const bands = (path ? scene.regions : []).map(({ start_mm: start, end_mm: end, surface }) => ({
+      from: (start - path.start) / (path.end - path.start),
+      to: (end - path.start) / (path.end - path.start),
+      surface,
+    }));
+    this.patch.show(null, bands);
+    const list = byId("regions");
+    list.hidden = !path;
+    list.replaceChildren(
+      ...(path ? scene.regions : []).map((region) => {
+        const item = document.createElement("li");
+        const swatch = document.createElement("span");
+        swatch.className = "swatch";
+        swatch.style.background = `var(${SURFACE_COLOURS[region.surface % SURFACE_COLOURS.length]})`;
+        const { texture } = scene.surfaces[region.surface];
+        const name = texture === null ? "smooth" : this.textures[texture].name;
+        item.append(swatch, `${name}, ${region.start_mm} to ${region.end_mm} mm`);
+        return item;
+      }),
+    );
+    this.showScale();
+  }
+
+  drawPictures() {
+    const { played } = this;
+    if (!played) return;
+    byId("now-speed").textContent = `${Math.round(Math.abs(played.contact ? played.speed : 0))} mm/s`;
+    byId("now-force").textContent = `${(played.contact ? played.force : 0).toFixed(2)} N`;
+    const power = this.recent.reduce((sum, value) => sum + value * value, 0) / Math.max(1, this.recent.length);
+    byId("now-level").textContent = power > 0 ? shown(Math.sqrt(power), "m/s²") : "silent";
+    this.waveform.draw(this.recent, this.rate);
+    if (this.place) this.patch.move(this.place.x, this.place.y, this.touches);
+    const voice = this.voice();
+    this.drawSpectrum(voice);
+    this.drawPlace(voice);
+    if (played.clip !== null) {
+      const node = this.texture.nodes[played.clip];
+      byId("place-text").textContent = `The recording at ${node.speed_mm_s} mm/s and ${node.force_n} N,
+        the nearest one.`;
+    }
+  }
+
+  // The voice of the tool's texture. A recording has none, so the kernel's state stands for the place alone.
+  voice() {
+    const { played, texture } = this;
+    if (!played.contact) return null;
+    if (!played.state) return placeOnGrid(texture.data, Math.abs(played.speed), played.force);
+    return Kernel.voices(played.state).findLast((voice) => voice.texture >= 0) ?? null;
+  }
+
+  drawSpectrum(voice) {
+    if (this.hasNewSpectrum) {
+      this.spectrumPicture.draw("live", this.spectrum.levels());
+      this.hasNewSpectrum = false;
+    }
+    if (!voice) return;
+    const texture = this.textures[voice.texture] ?? this.texture;
+    // A recording that sounds is its own spectrum.
+    const isRecording = this.played.clip !== null;
+    const at = (kind, name) => {
+      const node = this.played.clip ?? texture.heaviest(voice, (index) => texture.levels(kind, index) !== null);
+      const levels = node === null ? null : texture.levels(kind, node);
+      this.spectrumPicture.draw(name, levels);
+      if (node === null) return null;
+      const { speed_mm_s: speed, force_n: force } = texture.nodes[node];
+      return `at ${speed} mm/s, ${force} N`;
+    };
+    const recorded = isRecording ? this.spectrumPicture.draw("recorded", null) : at("recorded", "recorded");
+    byId("recorded-key").hidden = isRecording || texture.all("recorded") === null;
+    byId("recorded-at").textContent = recorded ?? "of no node near";
+    byId("model-at").textContent = at("model", "model") ?? "of a silent node";
+  }
+
+  drawPlace(voice) {
+    if (this.surface.scene !== undefined && this.under !== null && this.under !== undefined) this.showMap();
+    if (!voice) {
+      this.map.hide();
+      byId("place-text").textContent = this.played.contact ? "A smooth surface." : "Nothing is touched.";
+      return;
+    }
+    this.map.draw(voice);
+    const fade = voice.fade < 1 ? ` Below the grid the level fades: ${Math.round(100 * voice.fade)} % are left.` : "";
+    byId("place-text").textContent = `${this.texture.name} at ${Math.round(Math.abs(voice.speed))} mm/s and
+      ${voice.force.toFixed(2)} N.${fade}`;
+    const key = voice.nodes.join() + voice.weights.map((weight) => weight.toFixed(2)).join();
+    if (key === this.shownNodes) return;
+    this.shownNodes = key;
+    const rows = voice.nodes.map((index, corner) => {
+      const node = this.texture.nodes[index];
+      const cost = node.cost === null ? "–" : (100 * node.cost).toFixed(1);
+      const weight = voice.weights[corner].toFixed(2);
+      return [node.speed_mm_s, node.force_n, weight, node.silent ? "silent" : node.order, cost];
+    });
+    byId("nodes").replaceChildren(
+      ...rows.map((cells) => {
+        const row = document.createElement("tr");
+        cells.forEach((cell) => {
+          const data = document.createElement("td");
+          data.textContent = cell;
+          data.className = "number";
+          row.append(data);
+        });
+        return row;
+      }),
+    );
+  }
+
+  // ---- Facts ----
+
+  latency() {
+    const { context } = this;
+    return {
+      pointerMs: this.delays.length > 0 ? median(this.delays) : null,
+      longestMs: this.delays.length > 0 ? Math.max(...this.delays) : null,
+      filterMs: 1000 * Resampler.delay(this.rate),
+      baseMs: 1000 * (context?.baseLatency ?? 0),
+      outputMs: 1000 * (context?.outputLatency ?? 0),
+    };
+  }
+
+  // Times that the sound broke off: the browser's own count where it has one, and the worklet's.
+  dropouts() {
+    const stats = this.context?.playbackStats ?? this.context?.playoutStats;
+    return { browser: stats?.underrunEvents ?? stats?.fallbackFramesEvents ?? null, gaps: this.played?.gaps ?? 0 };
+  }
+
+  showFacts() {
+    const milliseconds = (value) => (value === null ? "not yet" : `${value.toFixed(value < 10 ? 1 : 0)} ms`);
+    const latency = this.latency();
+    const { ready, touched, heard } = this.times;
+    const first = heard === null || touched === null ? null : heard - touched;
+    const total = latency.filterMs + latency.baseMs + latency.outputMs;
+    list("latency", [
+      ["pointer to its first sample, median", milliseconds(latency.pointerMs)],
+      ["longest of the last 400", milliseconds(latency.longestMs)],
+      ["filter to the context's rate", milliseconds(latency.filterMs)],
+      ["context's own: base", milliseconds(latency.baseMs)],
+      ["context's own: output", milliseconds(latency.outputMs)],
+      ["pointer to ear", latency.pointerMs === null ? "not yet" : milliseconds(latency.pointerMs + total), true],
+      ["speed, a mean of 20 ms as on the stylus", "10 ms old"],
+      ["kernel ready after opening", milliseconds(ready)],
+      ["first sample after the first touch", milliseconds(first)],
+    ]);
+    const { browser, gaps } = this.dropouts();
+    list("level", [
+      ["0 dBFS", shown(this.fullScale, "m/s²"), true],
+      ["samples beyond full scale, cut", String(this.clipped)],
+      ["rate of the kernel", `${this.rate} Hz`],
+      ["rate of the output", this.context ? `${this.context.sampleRate} Hz` : "not yet"],
+      ["dropouts, by the browser", browser === null ? "not told" : String(browser)],
+      ["gaps of the audio clock", String(gaps)],
+    ]);
+    const found = this.digests.get(this.surface.texture);
+    const expected = this.data.digest.of_textures[this.surface.texture];
+    const same = found && (found.digest === expected ? "the same" : `DIFFERENT: ${expected}`);
+    list("bits", [
+      ["seed", String(this.seed)],
+      ["excitation", this.surface.scene === undefined ? this.texture.excitation() : "that of each surface"],
+      ["words of a fixed motion", this.data.digest.words.toLocaleString("en").replace(",", " ")],
+      ["their digest on this page", found?.digest ?? (this.surface.scene === undefined ? "computing" : "of textures")],
+      ["on the host that made it", found ? same : (expected ?? "–"), true],
+      ["kernel", `${Math.round(this.data.kernel.bytes / 1000)} KB of WebAssembly`],
+      ["built by", this.data.kernel.built_by],
+      ["speed", found ? `${Math.round(found.timesRealTime)} times real time` : "computing"],
+    ]);
+  }
+
+  // Computes the digest of the chosen texture, once, while nothing else is to do; and what the patch shows of it.
+  async computeDigest() {
+    const { texture } = this.surface;
+    if (!this.newKernel || texture === undefined) return;
+    // One after the other.
+    this.computing = (this.computing ?? Promise.resolve()).then(async () => {
+      const { digests, reliefs } = this;
+      if (!reliefs.has(texture)) reliefs.set(texture, await reliefOf(this.newKernel(), this.textures[texture]));
+      if (this.surface.texture === texture) this.patch.show(reliefs.get(texture), []);
+      if (!digests.has(texture)) digests.set(texture, await digestOf(this.newKernel(), texture));
+      this.showFacts();
+    });
+    await this.computing.catch((fault) => this.fail(fault.message));
+  }
+
+  // Draws on and on, as often as the reader wants to see things move.
+  animate() {
+    let due = 0;
+    const frame = (now) => {
+      if (now >= due) {
+        due = now + 1000 / (this.isStill.matches ? STILL_PICTURES_PER_S : PICTURES_PER_S) - 4;
+        this.drawPictures();
+      }
+      requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+    setInterval(() => this.showFacts(), 500);
+  }
+}
+
+// Fills a list of facts: name, value, and true if it is the one to look at.
+function list(id, facts) {
+  const holder = byId(id);
+  facts.forEach(([name, value, isStrong], index) => {
+    let row = holder.children[index];
+    if (!row) {
+      row = document.createElement("div");
+      row.append(document.createElement("dt"), document.createElement("dd"));
+      holder.append(row);
+    }
+    const [term, text] = row.children;
+    if (term.textContent !== name) term.textContent = name;
+    if (text.textContent !== value) text.textContent = value;
+    text.className = isStrong ? "strong" : "";
+  });
+}
+
+// The four nodes around a speed and force with their bilinear weights, as the kernel finds them; for recordings, which
+// the kernel does not play.
+function placeOnGrid({ speeds_mm_s: speeds, forces_n: forces }, speed, force) {
+  const along = (values, value) => {
+    const after = values.findIndex((other) => other > value);
+    if (after === 0 || values.length === 1) return [0, 0, 0];
+    if (after === -1) return [values.length - 1, values.length - 1, 0];
+    return [after - 1, after, (value - values[after - 1]) / (values[after] - values[after - 1])];
+  };
+  const [slow, fast, speedShare] = along(speeds, speed);
+  const [light, hard, forceShare] = along(forces, force);
+  const corners = [[slow, light], [slow, hard], [fast, light], [fast, hard]];
+  const weights = [
+    (1 - speedShare) * (1 - forceShare),
+    (1 - speedShare) * forceShare,
+    speedShare * (1 - forceShare),
+    speedShare * forceShare,
+  ];
+  const nodes = corners.map(([s, f]) => s * forces.length + f);
+  return { texture: -1, nodes, weights, speed, force, fade: 1 };
+}
+
+// What a texture plays along 100 mm at its middle speed and force, as shares of its peak: the patch's picture.
+async function reliefOf(kernel, texture) {
+  const { speeds_mm_s: speeds, forces_n: forces } = texture.data;
+  const middle = (values) => (values[0] + values.at(-1)) / 2;
+  const speed = middle(speeds);
+  kernel.choose({ texture: texture.index, seed: 1 });
+  const relief = [];
+  const blocks = Math.min(1500, Math.round(100 / speed / BLOCK_S));
+  for (let block = 0; block < blocks; block += 1) {
+    if (block % DIGEST_BLOCKS === 0) await pause();
+    kernel.motion.set([speed, middle(forces), NaN, NaN, 1]);
+    kernel.run(1);
+    relief.push(...kernel.samples.subarray(0, kernel.blockSamples));
+  }
+  const rms = Math.sqrt(relief.reduce((sum, value) => sum + value * value, 0) / relief.length);
+  return Float32Array.from(relief, (value) => value / (2 * Math.max(rms, 1e-9)));
+}
+
+// Begins the sound: the context, and the worklet with its own kernels.
+async function soundOf(context, kernel, library) {
+  const bytes = new TextEncoder().encode(byId("worklet").textContent);
+  // A blob of a page that was opened as a file is refused while the browser is offline; data is not.
+  await context.audioWorklet.addModule(`data:text/javascript;base64,${base64Of(bytes)}`);
+  const options = { numberOfInputs: 0, outputChannelCount: [1], processorOptions: { kernel, library } };
+  const node = new AudioWorkletNode(context, "rubbing", options);
+  node.connect(context.destination);
+  return node;
+}
+
+async function main() {
+  if (!globalThis.AudioWorkletNode || !globalThis.WebAssembly) {
+    const trouble = byId("trouble");
+    trouble.textContent =
+      "No sound: this browser has no audio worklets or no WebAssembly. Open the page in a newer one.";
+    trouble.hidden = false;
+    return;
+  }
+  // The sound first, because it is made beside all else.
+  const context = new AudioContext({ latencyHint: "interactive" });
+  const kernelBytes = bytesOfElement("kernel");
+  const libraryBytes = bytesOfElement("library");
+  const sound = soundOf(context, kernelBytes, libraryBytes);
+  const page = new RubPage(JSON.parse(byId("data").textContent));
+  globalThis.rubPage = page;
+  try {
+    page.connect(context, await sound);
+    page.animate();
+    // On the page itself for digests and patches, when the sound is ready.
+    const module = await WebAssembly.compile(kernelBytes);
+    page.newKernel = () => new Kernel(module, libraryBytes);
+    await page.computeDigest();
+  } catch (fault) {
+    page.fail(fault.message ?? String(fault));
+    throw fault;
+  }
+}
+
+main();

@@ -1,0 +1,133 @@
+//! Power densities of recordings and models in bands of a twelfth of an octave, as a page keeps them.
+
+use model_format::{Coefficients, Node, SAMPLE_RATE_HZ};
+
+use crate::dsp::linear_prediction::step_down;
+use crate::dsp::log_spectrum::LogSpectrum;
+use crate::dsp::model::Model;
+use crate::dsp::spectrum::{PowerSpectrum, longest_segment};
+use crate::texture::stored::{predictor, reflection};
+
+/// Bands per octave.
+const PER_OCTAVE: f64 = 12.0;
+
+/// The lowest centre, Hz.
+const LOWEST_HZ: f64 = 20.0;
+
+/// Number of bands, the last one's centre being the last up to 1 kHz.
+const BANDS: usize = 68;
+
+/// Steps per decibel of a code.
+const STEPS_PER_DB: f64 = 100.0;
+
+/// Code of a band without power.
+const NO_POWER: i16 = i16::MIN;
+
+/// Frequencies of a model's spectrum: steps of 0.5 Hz at 5 kHz, finer than the narrowest band by half.
+const MODEL_BINS: usize = 5001;
+
+/// Centres of the bands, Hz, ascending.
+pub fn band_centres_hz() -> impl Iterator<Item = f64> {
+    (0..BANDS).map(|band| LOWEST_HZ * (band as f64 / PER_OCTAVE).exp2())
+}
+
+/// Lower and upper edge of each band, Hz.
+fn band_edges_hz() -> impl Iterator<Item = (f64, f64)> {
+    let half = (0.5 / PER_OCTAVE).exp2();
+    band_centres_hz().map(move |centre| (centre / half, centre * half))
+}
+
+/// The level of a code, dB re 1 (m/s²)²/Hz; NaN for a band without power.
+pub fn level_db(code: i16) -> f64 {
+    if code == NO_POWER {
+        f64::NAN
+    } else {
+        f64::from(code) / STEPS_PER_DB
+    }
+}
+
+/// Mean power densities, (m/s²)²/Hz, one per band; 0 where there is no power.
+pub struct Spectrum([f64; BANDS]);
+
+impl Spectrum {
+    /// No power anywhere.
+    pub fn silence() -> Self {
+        Self([0.0; BANDS])
+    }
+
+    /// The mean in each band of `power_between`, the power between two frequencies, Hz.
+    fn of(power_between: impl Fn(f64, f64) -> f64) -> Self {
+        let mut densities = [0.0; BANDS];
+        for (density, (low, high)) in densities.iter_mut().zip(band_edges_hz()) {
+            *density = power_between(low, high) / (high - low);
+        }
+        Self(densities)
+    }
+
+    fn levels_db(&self) -> impl Iterator<Item = Option<f64>> {
+        self.0
+            .iter()
+            .map(|&density| (density > 0.0).then(|| 10.0 * density.log10()))
+    }
+
+    /// Highest level, dB re 1 (m/s²)²/Hz; negative infinity for silence.
+    pub fn highest_db(&self) -> f64 {
+        self.levels_db().flatten().fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Levels in steps of 0.01 dB re 1 (m/s²)²/Hz.
+    pub fn codes(&self) -> impl Iterator<Item = i16> + use<> {
+        let code = |level: Option<f64>| {
+            let level = level.map(|db| (STEPS_PER_DB * db).round());
+            level.map_or(NO_POWER, |code| (code as i16).max(NO_POWER + 1))
+        };
+        self.levels_db().map(code).collect::<Vec<_>>().into_iter()
+    }
+}
+
+/// The spectrum of what a node's model plays without lines, at its own level; silence for a direct form that is not
+/// stable, which no library has.
+pub fn model_spectrum(node: &Node<'_>, rate_hz: f64) -> Spectrum {
+    let reflection = match node.coefficients {
+        Coefficients::Lattice { .. } => Some(reflection(node.coefficients)),
+        Coefficients::Direct16 { .. } | Coefficients::Direct32 { .. } => {
+            let a: Vec<f64> = predictor(node.coefficients).iter().map(|h| -h).collect();
+            step_down(&a)
+        }
+    };
+    let output_power = f64::from(node.output_power);
+    let (Some(reflection), true) = (reflection, output_power > 0.0) else {
+        return Spectrum::silence();
+    };
+    let model = Model {
+        reflection,
+        output_power,
+        flags: node.flags,
+    };
+    let values = LogSpectrum::of_model_at(&model, MODEL_BINS);
+    let step_hz = rate_hz / 2.0 / (MODEL_BINS - 1) as f64;
+    Spectrum::of(|low_hz, high_hz| {
+        // Each value is for the frequencies nearer to its own than to any other.
+        let first = (low_hz / step_hz).round() as usize;
+        let last = ((high_hz / step_hz).round() as usize).min(MODEL_BINS - 1);
+        let share = |bin: usize| {
+            let (from, to) = ((bin as f64 - 0.5) * step_hz, (bin as f64 + 0.5) * step_hz);
+            (to.min(high_hz) - from.max(low_hz)).max(0.0)
+        };
+        let values = (first..=last).filter_map(|bin| Some((bin, values.values().get(bin)?)));
+        // One-sided: twice the density of both sides, per hertz of the rate.
+        let power = values.map(|(bin, value)| value.exp() * share(bin));
+        power.sum::<f64>() * 2.0 / rate_hz
+    })
+}
+
+/// The spectrum of recordings of one node, m/s²; none without a signal.
+pub fn recorded_spectrum(signals: &[Vec<f64>]) -> Option<Spectrum> {
+    let blocks: Vec<&[f64]> = signals.iter().map(Vec::as_slice).collect();
+    let shortest = blocks.iter().map(|block| block.len()).min()?;
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    let segment = longest_segment(rate_hz).min(shortest);
+    let density = PowerSpectrum::of_blocks(&blocks, segment, rate_hz);
+    let spectrum = Spectrum::of(|low_hz, high_hz| density.power_between(low_hz, high_hz));
+    spectrum.highest_db().is_finite().then_some(spectrum)
+}
