@@ -1,0 +1,156 @@
+//! Arguments and results: arrays, choices by their names, and results as plain Python objects.
+
+use clap::ValueEnum;
+use numpy::{
+    AllowTypeChange, Element, PyArray1, PyArray2, PyArrayLike1, PyArrayMethods, PyReadonlyArray1,
+    PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+use serde::Serialize;
+
+use crate::error::refused;
+
+/// The choice that the command calls `text`, of the argument `name`.
+///
+/// # Errors
+/// A text that is no choice, with those that are.
+pub fn choice<T: ValueEnum>(name: &str, text: &str) -> PyResult<T> {
+    T::from_str(text, false).map_err(|_| {
+        let all: Vec<String> = T::value_variants()
+            .iter()
+            .filter_map(ValueEnum::to_possible_value)
+            .map(|value| format!("'{}'", value.get_name()))
+            .collect();
+        refused(format!("{name} is '{text}': it must be {}", all.join(", ")))
+    })
+}
+
+/// Checks a number that must be finite and above zero.
+///
+/// # Errors
+/// Another number.
+pub fn positive(name: &str, value: f64) -> PyResult<f64> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(refused(format!(
+            "{name} is {value}: it must be a number above zero"
+        )))
+    }
+}
+
+/// Checks a number that must be finite and at least zero.
+///
+/// # Errors
+/// Another number.
+pub fn not_negative(name: &str, value: f64) -> PyResult<f64> {
+    if value.is_finite() && value >= 0.0 {
+        Ok(value)
+    } else {
+        Err(refused(format!(
+            "{name} is {value}: it must be a number that is not negative"
+        )))
+    }
+}
+
+/// `value` as plain Python objects: what `json.loads` makes of the command's JSON.
+///
+/// # Errors
+/// None for results.
+pub fn plain<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(value).map_err(|failure| refused(failure.to_string()))?;
+    py.import("json")?.call_method1("loads", (text,))
+}
+
+/// `values` as an array of one dimension, without a copy.
+pub fn array<T: Element>(py: Python<'_>, values: Vec<T>) -> Py<PyArray1<T>> {
+    PyArray1::from_vec(py, values).unbind()
+}
+
+/// `values`, row by row, as an array of `rows` rows.
+///
+/// # Errors
+/// Values that make no such array.
+pub fn table<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResult<Py<PyArray2<T>>> {
+    let columns = values.len() / rows.max(1);
+    let flat = PyArray1::from_vec(py, values);
+    Ok(flat.reshape([rows, columns])?.unbind())
+}
+
+/// The numbers of an array-like of one dimension.
+///
+/// # Errors
+/// Something else.
+pub fn numbers(values: &PyArrayLike1<'_, f64, AllowTypeChange>) -> Vec<f64> {
+    values.as_array().iter().copied().collect()
+}
+
+/// Channels of samples: one per column of an array of two dimensions, or one of an array of one.
+pub struct Channels {
+    /// Samples of each channel; those of integers are divided by their full scale, as those of WAV files.
+    pub channels: Vec<Vec<f64>>,
+    /// True if the array holds integers.
+    pub are_integers: bool,
+}
+
+/// The channels of an array-like.
+///
+/// # Errors
+/// An array of another kind or shape.
+pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
+    let py = samples.py();
+    let numpy = py.import("numpy")?;
+    let array = numpy.call_method1("asarray", (samples,))?;
+    let array = array.cast_into::<PyUntypedArray>()?;
+    let dtype = array.dtype();
+    let (kind, bytes) = (
+        dtype.getattr("kind")?.extract::<String>()?,
+        dtype.getattr("itemsize")?.extract::<usize>()?,
+    );
+    let full_scale = match (kind.as_str(), bytes) {
+        ("f", 2 | 4 | 8) => None,
+        ("i", 2) => Some(f64::from(1u32 << 15)),
+        ("i", 4) => Some(f64::from(1u32 << 31)),
+        _ => {
+            return Err(refused(format!(
+                "samples are of type {dtype}: give float32 or float64 in units of the scale, or int16 or int32 of full \
+                 scale"
+            )));
+        }
+    };
+    let shape = array.shape().to_vec();
+    let as_float = array.call_method1("astype", ("float64",))?;
+    let mut channels: Vec<Vec<f64>> = match shape.as_slice() {
+        [_] => {
+            let read: PyReadonlyArray1<'_, f64> = as_float.extract()?;
+            vec![read.as_array().iter().copied().collect()]
+        }
+        [_, 1..=3] => {
+            let read: PyReadonlyArray2<'_, f64> = as_float.extract()?;
+            let view = read.as_array();
+            (view.columns().into_iter())
+                .map(|column| column.iter().copied().collect())
+                .collect()
+        }
+        [axes @ 1..=3, samples] => {
+            return Err(refused(format!(
+                "samples have the shape ({axes}, {samples}): give one row per sample and one column per axis, which is \
+                 the transpose"
+            )));
+        }
+        _ => {
+            return Err(refused(format!(
+                "samples have the shape {shape:?}: give (N,) or (N, axes), with one to three axes"
+            )));
+        }
+    };
+    if let Some(full_scale) = full_scale {
+        for sample in channels.iter_mut().flatten() {
+            *sample /= full_scale;
+        }
+    }
+    Ok(Channels {
+        channels,
+        are_integers: full_scale.is_some(),
+    })
+}

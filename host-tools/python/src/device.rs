@@ -1,0 +1,478 @@
+//! A stylus on a link: what is in it, uploads, plays and settings.
+
+use std::cell::Cell;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use host_tools::link::consequences::consequences;
+use host_tools::link::discovery;
+use host_tools::link::heard::Heard;
+use host_tools::link::play::{Drive, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
+use host_tools::link::setting_row::SettingRow;
+use host_tools::link::upload::upload_over;
+use host_tools::link::{Device as Linked, LinkAddress, LinkError, Route, Timeouts, setting_text};
+use host_tools::support::error::{Error, Result};
+use host_tools::texture::certificate;
+use host_tools::texture::library_file::decode_library;
+use model_format::link::{
+    Activity, DeviceInfo, MotionSource, PlayRequest, Selection, SettingChange, SettingSet,
+    SettingsChange, SlotId, Status, TextureName,
+};
+use model_format::scene::SceneName;
+use pyo3::prelude::*;
+use serde::Serialize;
+
+use crate::convert::{plain, positive};
+use crate::error::{link_raised, raised, refused};
+use crate::library_like::LibraryLike;
+use crate::motion::{Along, Asked, MotionLike, warn_if_silent};
+use crate::work::{self, AfterEnd};
+
+/// Longest timeout, s: a day, so that sums of timeouts do not overflow.
+const LONGEST_TIMEOUT_S: f64 = 86_400.0;
+
+// A literal below, so that `help` shows it.
+const _: () = assert!(MAX_MOTION_RATE_HZ == 1000);
+
+/// A link, which is none once it is closed.
+type Shared = Arc<Mutex<Option<Linked>>>;
+
+/// A stylus on a link, for as long as it is open. Use it in a `with` statement, or close it.
+///
+/// `link` is usb, usb:SERIAL, serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT; None takes the only stylus that is
+/// attached. `timeout_s` is that of an answer, s (default 1); requests that write flash have 16 times as long. The link
+/// is open for this program alone, as with `--no-broker` of the command.
+#[pyclass(frozen, module = "stylus_haptics")]
+pub struct Device {
+    shared: Shared,
+    link: String,
+    info: DeviceInfo,
+}
+
+/// The status, as `stylus status --json` has it.
+#[derive(Serialize)]
+struct StatusReport<'a> {
+    link: &'a str,
+    device: &'a DeviceInfo,
+    muted: Vec<String>,
+    status: &'a Status,
+}
+
+impl Device {
+    /// Makes requests without the interpreter's lock.
+    fn ask<T: Send>(
+        &self,
+        py: Python<'_>,
+        request: impl FnOnce(&Linked) -> std::result::Result<T, LinkError> + Send,
+    ) -> PyResult<T> {
+        let answer = py.detach(|| locked(&self.shared).as_ref().map(request));
+        match answer {
+            Some(answer) => answer.map_err(|failure| link_raised(&failure)),
+            None => Err(refused("the link to the stylus is closed: open it again")),
+        }
+    }
+}
+
+#[pymethods]
+impl Device {
+    #[new]
+    #[pyo3(signature = (link = None, *, timeout_s = None))]
+    fn new(py: Python<'_>, link: Option<&str>, timeout_s: Option<f64>) -> PyResult<Self> {
+        let timeouts = match timeout_s {
+            Some(seconds) => {
+                let seconds = positive("timeout_s", seconds)?.min(LONGEST_TIMEOUT_S);
+                Timeouts::scaled_to(Duration::from_secs_f64(seconds))
+            }
+            None => Timeouts::default(),
+        };
+        let address = link.map(address).transpose()?;
+        let device = py.detach(|| {
+            let address = match address {
+                Some(address) => address,
+                None => discovery::only(&route())?.0,
+            };
+            Linked::connect_by(&address, timeouts, route())
+        });
+        let device = device.map_err(|failure| link_raised(&failure))?;
+        Ok(Self {
+            link: device.address().to_string(),
+            info: device.info().clone(),
+            shared: Arc::new(Mutex::new(Some(device))),
+        })
+    }
+
+    /// The link.
+    #[getter]
+    fn link(&self) -> &str {
+        &self.link
+    }
+
+    /// The device's identity as plain objects: product, serial number, versions.
+    #[getter]
+    fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        plain(py, &self.info)
+    }
+
+    /// The status as plain objects: that of `stylus status --json`.
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let status = self.ask(py, Linked::status)?;
+        let reasons = status.output.mute.iter();
+        plain(
+            py,
+            &StatusReport {
+                link: &self.link,
+                device: &self.info,
+                muted: reasons.map(|reason| reason.to_string()).collect(),
+                status: &status,
+            },
+        )
+    }
+
+    /// The slots with their textures and scenes as plain objects: those of `stylus list --json`.
+    fn slots<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        plain(py, &self.ask(py, Linked::contents)?)
+    }
+
+    /// Uploads a library to the slot that is not active, resumes where a broken link left off, reads it back, and with
+    /// `activate` makes it the one that is played. Returns the slot, 'A' or 'B'.
+    ///
+    /// `replace_last` allows the upload to erase the last library that the device can read. `progress(done, total)`
+    /// counts bytes.
+    #[pyo3(signature = (library, *, activate = false, replace_last = false, progress = None))]
+    fn upload<'py>(
+        &self,
+        py: Python<'py>,
+        library: LibraryLike<'py>,
+        activate: bool,
+        replace_last: bool,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<String> {
+        let library = library.library(py)?;
+        let (bytes, path) = (library.get().bytes().clone(), library.get().named());
+        let total = bytes.len() as u64;
+        let device = self.shared.clone();
+        let slot = work::run_until(py, total, progress, AfterEnd::Waits, move |steps| {
+            let decoded = decode_library(&path, &bytes)?;
+            certificate::prove_as_device(&decoded)
+                .map_err(|refusal| Error::file(&path, refusal.to_string()))?;
+            let mut device = locked(&device);
+            let device = open(&mut device)?;
+            let uploaded = device.check_library_format().and_then(|()| {
+                upload_over(device, &bytes, replace_last, |there| {
+                    steps.set_done(there as u64);
+                    steps.between();
+                })
+            });
+            Ok(uploaded.and_then(|uploaded| {
+                if activate {
+                    device.activate(uploaded.slot)?;
+                }
+                Ok(uploaded.slot)
+            }))
+        })?;
+        Ok(slot.map_err(|failure| link_raised(&failure))?.to_string())
+    }
+
+    /// Makes the library in `slot`, 'A' or 'B', the one that is played; the newest if None. Returns the slot.
+    #[pyo3(signature = (slot = None))]
+    fn activate(&self, py: Python<'_>, slot: Option<&str>) -> PyResult<String> {
+        let slot = match slot {
+            None => None,
+            Some(name) => {
+                let mut slots = SlotId::ALL.into_iter();
+                let found = slots.find(|slot| slot.to_string().eq_ignore_ascii_case(name));
+                let absent = || refused(format!("slot is '{name}': it must be 'A' or 'B'"));
+                Some(found.ok_or_else(absent)?)
+            }
+        };
+        let activated = self.ask(py, |device| {
+            let slot = match slot {
+                Some(slot) => Some(slot),
+                None => device.newest_slot()?,
+            };
+            slot.map(|slot| device.activate(slot)).transpose()
+        })?;
+        let none = || refused("no slot holds a library: upload one");
+        Ok(activated.ok_or_else(none)?.slot.to_string())
+    }
+
+    /// Plays a texture or a scene of the active library until `seconds` are over or the motion ends, then stops it and
+    /// reads that back. Returns counts as plain objects: motions, keep-alives, mutes, missed ticks.
+    ///
+    /// The motion is that of the sensors, a constant `speed_mm_s` and `force_n`, or `motion`, a `Motion` or the path of
+    /// a table; `rate_hz` motions are sent per second. `gain` is a factor on the amplitude. `progress(done, total)`
+    /// counts milliseconds. Ctrl-C stops the output before it is raised.
+    ///
+    /// Raises `StylusError` for a play that was muted throughout, or that another program or the device has stopped.
+    #[pyo3(signature = (
+        *, texture = None, scene = None, speed_mm_s = None, force_n = None, motion = None, seconds = None, gain = 1.0,
+        rate_hz = 1000, seed = 1, progress = None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords")]
+    fn play<'py>(
+        &self,
+        py: Python<'py>,
+        texture: Option<&str>,
+        scene: Option<&str>,
+        speed_mm_s: Option<f64>,
+        force_n: Option<f64>,
+        motion: Option<MotionLike<'py>>,
+        seconds: Option<f64>,
+        gain: f32,
+        rate_hz: u32,
+        seed: u64,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let selection = selection(texture, scene)?;
+        let asked = Asked {
+            speed_mm_s,
+            force_n,
+            motion,
+            seconds,
+        };
+        let along = asked.along()?;
+        if !(MIN_MOTION_RATE_HZ..=MAX_MOTION_RATE_HZ).contains(&rate_hz) {
+            return Err(refused(format!(
+                "rate_hz is {rate_hz}: it must be {MIN_MOTION_RATE_HZ} to {MAX_MOTION_RATE_HZ}"
+            )));
+        }
+        let (motion, seconds) = match along {
+            Some(Along { path, seconds }) => (Some(path), seconds),
+            None => (None, seconds),
+        };
+        if let (Some(motion), Some(_)) = (&motion, texture) {
+            warn_if_silent(py, motion)?;
+        }
+        let Some(seconds) = seconds else {
+            return Err(refused("a motion without an end: give seconds"));
+        };
+        let request = PlayRequest {
+            selection,
+            gain,
+            motion: match motion {
+                Some(_) => MotionSource::Host,
+                None => MotionSource::Sensors,
+            },
+            seed,
+        };
+        let plan = Drive {
+            motion,
+            rate_hz,
+            duration: Some(Duration::from_secs_f64(seconds.min(LONGEST_TIMEOUT_S))),
+        };
+        let device = self.shared.clone();
+        let total = (seconds * 1000.0).ceil() as u64;
+        let played = work::run_until(py, total, progress, AfterEnd::Waits, move |steps| {
+            let mut device = locked(&device);
+            let device = open(&mut device)?;
+            Ok(played(device, &plan, &request, steps))
+        })?;
+        plain(py, &played.map_err(Failure::into_exception)?)
+    }
+
+    /// Stops what is played or recorded, also what another program plays, and reads that back. Returns True if
+    /// anything was played.
+    fn stop(&self, py: Python<'_>) -> PyResult<bool> {
+        Ok(self.ask(py, Linked::stop)?.0)
+    }
+
+    /// The settings as plain objects: those of `stylus settings --json`, with value, unit and range.
+    fn settings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let (settings, state) = self.ask(py, |device| {
+            Ok((device.settings()?, device.status()?.settings))
+        })?;
+        let rows = settings
+            .iter()
+            .map(|change| SettingRow::new(change, &state));
+        plain(py, &rows.collect::<Vec<_>>())
+    }
+
+    /// Changes settings, given by name and value in the setting's unit, all or none, and reads them back.
+    ///
+    /// A change that protects coil and hand less than before is refused, with what it would allow in volts and watts,
+    /// unless `accept` is True.
+    #[pyo3(signature = (values, *, accept = false))]
+    fn change_settings(
+        &self,
+        py: Python<'_>,
+        values: HashMap<String, f32>,
+        accept: bool,
+    ) -> PyResult<()> {
+        let changes = values.iter().map(|(name, &value)| {
+            let setting = setting_text::named(name)?;
+            Ok(SettingChange { setting, value })
+        });
+        let changes: Vec<SettingChange> = changes.collect::<Result<_>>().map_err(raised)?;
+        let change = SettingsChange::of(&changes).map_err(|error| refused(error.to_string()))?;
+        let told = self.ask(py, |device| {
+            let (before, state) = (device.settings()?, device.status()?.settings);
+            let proposal = device.propose(&change)?;
+            if !proposal.loosens.is_empty() && !accept {
+                let after = change.applied_to(before)?;
+                let unknown = state.lost.or(SettingSet::REQUIRED.without(state.set));
+                return Ok(Some(consequences(
+                    &before,
+                    &after,
+                    proposal.loosens,
+                    unknown,
+                )));
+            }
+            device.apply(&proposal).map(|_| None)
+        })?;
+        let Some(lines) = told else {
+            return Ok(());
+        };
+        let lines: Vec<&str> = lines.iter().map(|line| line.trim()).collect();
+        Err(refused(format!(
+            "nothing was changed, because it would protect coil and hand less, or by first values: {}: give \
+             accept=True if that is meant",
+            lines.join("; ")
+        )))
+    }
+
+    /// Closes the link. What is played goes on only as long as the device allows without a host.
+    fn close(&self, py: Python<'_>) {
+        py.detach(|| drop(locked(&self.shared).take()));
+    }
+
+    fn __enter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    #[pyo3(signature = (*_exception))]
+    fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, pyo3::types::PyTuple>) {
+        self.close(py);
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Device({:?}, serial {})", self.link, self.info.serial)
+    }
+}
+
+/// Counts of a play, as `stylus play --json` has them.
+#[derive(Serialize)]
+struct Played {
+    #[serde(flatten)]
+    driven: host_tools::link::play::Driven,
+    saturations: u32,
+    mutes: u32,
+    muted_share: Option<f64>,
+    missed_ticks: u32,
+}
+
+/// A play that failed.
+enum Failure {
+    Link(LinkError),
+    Play(String),
+}
+
+impl Failure {
+    fn into_exception(self) -> PyErr {
+        match self {
+            Self::Link(failure) => link_raised(&failure),
+            Self::Play(problem) => refused(problem),
+        }
+    }
+}
+
+impl From<LinkError> for Failure {
+    fn from(failure: LinkError) -> Self {
+        Self::Link(failure)
+    }
+}
+
+/// Plays, and stops the output whatever comes.
+fn played(
+    device: &Linked,
+    plan: &Drive,
+    request: &PlayRequest,
+    steps: &work::Steps,
+) -> std::result::Result<Played, Failure> {
+    let link = device.address().to_string();
+    let failed = |problem: String| Failure::Play(format!("{link}: {problem}"));
+    let mut heard = Heard::since(&device.status()?);
+    device.play(request)?;
+    let ended = Cell::new(false);
+    let driven = drive(
+        device,
+        plan,
+        || !ended.get() && !steps.is_ended(),
+        |driven, status| {
+            heard.hear(status);
+            steps.set_done((driven.seconds * 1000.0) as u64);
+            // Only idle means stopped, because the output may still fade out of the previous play.
+            ended.set(status.output.activity == Activity::Idle);
+        },
+    );
+    // A stop would end what yet another program may play by now.
+    if let Some(by) = device.stopped_by() {
+        return Err(failed(format!("stopped by {by}")));
+    }
+    // The output is switched off after a failure, too; the first failure is the one that is reported.
+    let stopped = device.stop();
+    let driven = driven?;
+    let (was_playing, status) = stopped?;
+    if ended.get() || !was_playing {
+        return Err(failed(
+            "the device has stopped by itself; read its status".into(),
+        ));
+    }
+    if let Some(failure) = heard.failure(&driven) {
+        return Err(failed(failure));
+    }
+    Ok(Played {
+        driven,
+        saturations: status.saturations,
+        mutes: heard.mutes,
+        muted_share: heard.muted_share(),
+        missed_ticks: heard.missed_ticks,
+    })
+}
+
+fn selection(texture: Option<&str>, scene: Option<&str>) -> PyResult<Selection> {
+    let too_long = |what: &str, name: &str| {
+        refused(format!(
+            "no {what} has a name as long as '{name}'; see Device.slots"
+        ))
+    };
+    match (texture, scene) {
+        (Some(name), None) => TextureName::try_from(name)
+            .map(Selection::Texture)
+            .map_err(|_| too_long("texture", name)),
+        (None, Some(name)) => SceneName::try_from(name)
+            .map(Selection::Scene)
+            .map_err(|_| too_long("scene", name)),
+        _ => Err(refused("give one of texture and scene")),
+    }
+}
+
+/// The device, also after work on it was ended by unwinding: a request that lost its answer is told from later ones by
+/// its number.
+fn locked(device: &Shared) -> MutexGuard<'_, Option<Linked>> {
+    device.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The device of an open link.
+fn open(device: &mut Option<Linked>) -> Result<&mut Linked> {
+    let closed = || Error::Request("the link to the stylus is closed: open it again".into());
+    device.as_mut().ok_or_else(closed)
+}
+
+fn address(link: &str) -> PyResult<LinkAddress> {
+    link.parse()
+        .map_err(|problem| refused(format!("link is '{link}': it {problem}")))
+}
+
+/// The route of a program that is no broker: over a link that `stylus` shares, or over one of its own.
+fn route() -> Route {
+    Route::Joined("stylus_haptics".to_owned())
+}
+
+/// Lists the styluses and serial ports that are attached as plain objects: those of `stylus devices --json`. `link` of
+/// each is what `Device` takes.
+#[pyfunction]
+pub fn devices(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+    let found = py.detach(|| discovery::rows(&route()));
+    plain(py, &found.map_err(|failure| link_raised(&failure))?)
+}

@@ -1,0 +1,96 @@
+//! The Python package `stylus_haptics`: the library of the command `stylus`, with NumPy arrays in and out.
+//!
+//! **Invariant: thin.** A function takes its arguments apart, calls `host-tools`, and puts the results together. What a
+//! result is, the library alone decides, so that it is bit for bit that of the command.
+//!
+//! | module | subject |
+//! |---|---|
+//! | `error` | exceptions and warnings |
+//! | `work` | long work without the interpreter's lock, with progress, that Ctrl-C ends |
+//! | `convert` | arrays, paths and choices |
+//! | `recording` | recordings from arrays and files, and sets of them |
+//! | `fitting`, `evaluating` | fits and their evaluation |
+//! | `library`, `texture` | libraries, their textures and nodes; `library_like` arguments that stand for one |
+//! | `motion`, `rendering` | motions, and what the stylus plays along them; `playing` renders textures |
+//! | `scene` | scenes: costed and rendered; `compiling` compiles them |
+//! | `certifying` | proofs of stability |
+//! | `simulating` | simulated recordings |
+//! | `hatt` | HaTT's models |
+//! | `device` | a stylus on a link |
+//!
+//! There is no unsafe code here: what the bindings need of it, PyO3 and rust-numpy have.
+
+#![expect(
+    clippy::needless_pass_by_value,
+    reason = "arguments come out of Python objects by value"
+)]
+
+mod certifying;
+mod compiling;
+mod convert;
+#[cfg(feature = "device")]
+mod device;
+mod error;
+mod evaluating;
+mod fitting;
+mod hatt;
+mod library;
+mod library_like;
+mod motion;
+mod playing;
+mod recording;
+mod rendering;
+mod scene;
+mod simulating;
+mod texture;
+mod work;
+
+use pyo3::prelude::*;
+
+/// Data-driven haptic textures: recordings to models, models to what the stylus plays.
+#[pymodule]
+#[pyo3(name = "_native")]
+mod native {
+    #[pymodule_export]
+    use crate::certifying::{Certification, certify};
+    #[pymodule_export]
+    use crate::compiling::compile_scene;
+    #[cfg(feature = "device")]
+    #[pymodule_export]
+    use crate::device::{Device, devices};
+    #[pymodule_export]
+    use crate::evaluating::{Evaluation, TrialEvaluation, evaluate};
+    #[pymodule_export]
+    use crate::fitting::{Fit, TrialReport, fit};
+    #[pymodule_export]
+    use crate::hatt::{HattImport, import_hatt};
+    #[pymodule_export]
+    use crate::library::Library;
+    #[pymodule_export]
+    use crate::library_like::inspect;
+    #[pymodule_export]
+    use crate::motion::Motion;
+    #[pymodule_export]
+    use crate::playing::render;
+    #[pymodule_export]
+    use crate::recording::{Recording, Recordings};
+    #[pymodule_export]
+    use crate::rendering::Rendering;
+    #[pymodule_export]
+    use crate::scene::Scene;
+    #[pymodule_export]
+    use crate::simulating::{paper_rig, simulate_rig};
+    #[pymodule_export]
+    use crate::texture::{Node, Texture};
+
+    use super::error;
+    use pyo3::prelude::*;
+
+    /// Adds the exceptions, and the version of the package.
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        error::add_to(module)?;
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("SAMPLE_RATE_HZ", model_format::SAMPLE_RATE_HZ)
+    }
+}

@@ -1,0 +1,215 @@
+//! Libraries: bytes that were validated, with what is known of their fit.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use host_tools::fit::record::FitRecord;
+use host_tools::scene::{scene_named, with_scenes};
+use host_tools::support::atomic_file;
+use host_tools::support::error::Result;
+use host_tools::support::file_kind::FileKind;
+use host_tools::support::output_file;
+use host_tools::texture::library_file::{decode_library, read_library};
+use pyo3::exceptions::PyKeyError;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::error::{raised, refused};
+use crate::scene::Scene;
+use crate::texture::Texture;
+
+/// Another way out than a file of another name.
+const REMEDY: &str = ", or give overwrite=True";
+
+/// A library of textures and scenes: validated bytes, as the stylus holds them.
+///
+/// `Library(data)` takes bytes, `Library.open(path)` a file with the record of its fit beside it. It is a mapping from
+/// names to textures.
+#[pyclass(frozen, mapping, module = "stylus_haptics")]
+pub struct Library {
+    bytes: Arc<[u8]>,
+    path: Option<PathBuf>,
+    record: Option<Arc<FitRecord>>,
+}
+
+impl Library {
+    /// A library of valid `bytes`.
+    pub fn of(bytes: Arc<[u8]>, path: Option<PathBuf>, record: Option<Arc<FitRecord>>) -> Self {
+        Self {
+            bytes,
+            path,
+            record,
+        }
+    }
+
+    /// Reads a library, and the record beside it.
+    pub fn read(path: PathBuf) -> Result<Self> {
+        let bytes = read_library(&path)?;
+        decode_library(&path, &bytes)?;
+        let record = FitRecord::beside(&path, &bytes)?;
+        Ok(Self::of(bytes.into(), Some(path), record.map(Arc::new)))
+    }
+
+    /// Its bytes.
+    pub fn bytes(&self) -> &Arc<[u8]> {
+        &self.bytes
+    }
+
+    /// The record of its fit, if it is known.
+    pub fn record(&self) -> Option<&Arc<FitRecord>> {
+        self.record.as_ref()
+    }
+
+    /// The file, or a name that stands for it in errors.
+    pub fn named(&self) -> PathBuf {
+        let unnamed = || PathBuf::from("library");
+        self.path.clone().unwrap_or_else(unnamed)
+    }
+
+    /// The decoded library.
+    pub fn decoded(&self) -> Result<model_format::Library<'_>> {
+        decode_library(&self.named(), &self.bytes)
+    }
+
+    /// A few words about it.
+    pub fn text(&self) -> String {
+        let names = self.decoded().map(|library| {
+            let names: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
+            names.join(", ")
+        });
+        let names = names.unwrap_or_default();
+        format!("Library({names}; {} bytes)", self.bytes.len())
+    }
+
+    /// Writes it with its record, if it has one.
+    pub fn write(&self, path: &Path, overwrite: bool) -> PyResult<()> {
+        let check = output_file::check(path, FileKind::Library, overwrite, REMEDY);
+        check.map_err(raised)?;
+        let written = match &self.record {
+            Some(record) => {
+                let beside = FitRecord::path_for(path);
+                output_file::check(&beside, FileKind::Json, overwrite, REMEDY)
+                    .and_then(|()| record.write_with(path, &self.bytes))
+            }
+            None => atomic_file::write(path, &self.bytes),
+        };
+        written.map_err(raised)
+    }
+}
+
+#[pymethods]
+impl Library {
+    #[new]
+    fn new(data: &[u8]) -> PyResult<Self> {
+        let library = Self::of(data.into(), None, None);
+        library.decoded().map_err(raised)?;
+        Ok(library)
+    }
+
+    /// Reads the library at `path`, and the record of its fit beside it, if there is one.
+    #[staticmethod]
+    fn open(path: PathBuf) -> PyResult<Self> {
+        Self::read(path).map_err(raised)
+    }
+
+    /// Writes the library to `path`, whole or not at all, and the record of its fit, if it is known, to
+    /// PATH.fit.json. A file of another kind is replaced with `overwrite` alone.
+    #[pyo3(signature = (path, *, overwrite = false))]
+    fn save(&self, path: PathBuf, overwrite: bool) -> PyResult<()> {
+        self.write(&path, overwrite)
+    }
+
+    /// The textures, in their order.
+    #[getter]
+    fn textures(&self) -> PyResult<Vec<Texture>> {
+        let count = self.decoded().map_err(raised)?.len();
+        let of = |index| Texture::of(self.bytes.clone(), index);
+        (0..count).map(of).collect()
+    }
+
+    /// The scenes, in their order.
+    #[getter]
+    fn scenes(&self) -> PyResult<Vec<Scene>> {
+        let library = self.decoded().map_err(raised)?;
+        let names = library.scenes().map(|scene| scene.name.as_str().to_owned());
+        let names: Vec<String> = names.collect();
+        names
+            .iter()
+            .map(|name| self.scene(Some(name.as_str())))
+            .collect()
+    }
+
+    /// The scene `name`, or the only one.
+    #[pyo3(signature = (name = None))]
+    fn scene(&self, name: Option<&str>) -> PyResult<Scene> {
+        let library = self.decoded().map_err(raised)?;
+        let scene = scene_named(&library, name, &self.named()).map_err(raised)?;
+        Ok(Scene::of(scene, self.bytes.clone()))
+    }
+
+    /// The library with these scenes; those of the same name are replaced, all others stay. The record of the fit
+    /// does not go with it, because it is of other bytes.
+    fn with_scenes(&self, scenes: Vec<PyRef<'_, Scene>>) -> PyResult<Self> {
+        let library = self.decoded().map_err(raised)?;
+        let mut wired: Vec<model_format::scene::Scene> = Vec::new();
+        for scene in &scenes {
+            let scene = scene.wired();
+            if wired.iter().any(|other| other.name == scene.name) {
+                return Err(refused(format!(
+                    "two scenes are called '{}': rename one",
+                    scene.name
+                )));
+            }
+            wired.push(scene.clone());
+        }
+        let bytes = with_scenes(&library, &wired).map_err(raised)?;
+        let made = Self::of(bytes.into(), None, None);
+        made.decoded().map_err(raised)?;
+        Ok(made)
+    }
+
+    fn __getitem__(&self, name: &str) -> PyResult<Texture> {
+        let library = self.decoded().map_err(raised)?;
+        let index = library
+            .textures()
+            .position(|texture| texture.name() == name);
+        let absent = || PyKeyError::new_err(name.to_owned());
+        Texture::of(self.bytes.clone(), index.ok_or_else(absent)?)
+    }
+
+    fn __contains__(&self, name: &str) -> PyResult<bool> {
+        Ok(self.decoded().map_err(raised)?.texture(name).is_some())
+    }
+
+    /// Names of the textures, in their order.
+    fn keys(&self) -> PyResult<Vec<String>> {
+        let library = self.decoded().map_err(raised)?;
+        Ok(library.textures().map(|t| t.name().to_owned()).collect())
+    }
+
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let keys = self.keys()?.into_pyobject(py)?;
+        Ok(keys.try_iter()?.into_any())
+    }
+
+    fn __len__(&self) -> PyResult<usize> {
+        Ok(self.decoded().map_err(raised)?.len())
+    }
+
+    fn __bytes__<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.bytes)
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        let other = other.cast::<Self>();
+        other.is_ok_and(|other| other.get().bytes == self.bytes)
+    }
+
+    fn __hash__(&self) -> u64 {
+        host_tools::support::fnv::Fnv::of(&self.bytes)
+    }
+
+    fn __repr__(&self) -> String {
+        self.text()
+    }
+}

@@ -1,0 +1,352 @@
+//! Recordings from arrays and files, and sets of them.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use host_tools::recording::{
+    self, Assumed, HeldSamples, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, Trial,
+};
+use host_tools::support::error::Error;
+use host_tools::support::hand::{force_fault, speed_fault};
+use model_format::{Provenance, SAMPLE_RATE_HZ};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PySequence};
+
+use crate::convert::{array, channels, choice, not_negative, positive, table};
+use crate::error::{raised, refused};
+
+// Literals below, so that `help` shows them.
+const _: () = assert!(NOMINAL_SPEED_MM_S == 100.0 && NOMINAL_FORCE_N == 1.0);
+const _: () = assert!(SAMPLE_RATE_HZ == 5000);
+
+/// One recording of a texture at one speed and force: samples in memory, or a part of a file.
+///
+/// `samples` have the shape (N,), or (N, axes) with one to three axes, at `rate_hz`: floats, of which 1.0 is
+/// `scale_m_s2` (m/s², default 1), or int16 or int32, of which the full scale is. They are copied once, so that the
+/// array may change while they are fitted. A fit treats them as those of a WAV file of the same samples.
+#[pyclass(frozen, module = "stylus_haptics")]
+pub struct Recording(pub Trial);
+
+#[pymethods]
+impl Recording {
+    #[new]
+    #[pyo3(signature = (
+        samples, rate_hz, *, texture, speed_mm_s = 100.0, force_n = 1.0, scale_m_s2 = None,
+        start_s = 0.0, duration_s = None, simulated = false, name = None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords")]
+    fn new(
+        samples: &Bound<'_, PyAny>,
+        rate_hz: f64,
+        texture: String,
+        speed_mm_s: f64,
+        force_n: f64,
+        scale_m_s2: Option<f64>,
+        start_s: f64,
+        duration_s: Option<f64>,
+        simulated: bool,
+        name: Option<String>,
+    ) -> PyResult<Self> {
+        let found = channels(samples)?;
+        let held = HeldSamples::new(rate_hz, found.channels, found.are_integers).map_err(raised)?;
+        let name = name.unwrap_or_else(|| format!("{texture}, {speed_mm_s} mm/s, {force_n} N"));
+        let trial = Trial {
+            file: PathBuf::from(name),
+            texture,
+            speed_mm_s,
+            force_n,
+            scale_m_s2,
+            start_s,
+            duration_s,
+            sample_rate_hz: None,
+            provenance: if simulated {
+                Provenance::Simulated
+            } else {
+                Provenance::Recorded
+            },
+            held: Some(Arc::new(held)),
+        };
+        checked(trial).map(Self)
+    }
+
+    /// A recording in a WAV or CSV file. `sample_rate_hz` is that of a CSV file without a time column.
+    #[staticmethod]
+    #[pyo3(signature = (
+        path, *, texture = None, speed_mm_s = 100.0, force_n = 1.0, scale_m_s2 = None,
+        start_s = 0.0, duration_s = None, sample_rate_hz = None, simulated = false
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords")]
+    fn from_file(
+        path: PathBuf,
+        texture: Option<String>,
+        speed_mm_s: f64,
+        force_n: f64,
+        scale_m_s2: Option<f64>,
+        start_s: f64,
+        duration_s: Option<f64>,
+        sample_rate_hz: Option<f64>,
+        simulated: bool,
+    ) -> PyResult<Self> {
+        if let Err(source) = std::fs::metadata(&path) {
+            return Err(raised(Error::io("open", &path)(source)));
+        }
+        let stem = || path.file_stem().unwrap_or_default().to_string_lossy();
+        let trial = Trial {
+            texture: texture.unwrap_or_else(|| stem().into_owned()),
+            file: path,
+            speed_mm_s,
+            force_n,
+            scale_m_s2,
+            start_s,
+            duration_s,
+            sample_rate_hz,
+            provenance: if simulated {
+                Provenance::Simulated
+            } else {
+                Provenance::Recorded
+            },
+            held: None,
+        };
+        checked(trial).map(Self)
+    }
+
+    /// The file, or the name of samples in memory.
+    #[getter]
+    fn name(&self) -> String {
+        self.0.file.display().to_string()
+    }
+
+    /// Name of the texture.
+    #[getter]
+    fn texture(&self) -> &str {
+        &self.0.texture
+    }
+
+    /// Tangential speed, mm/s.
+    #[getter]
+    fn speed_mm_s(&self) -> f64 {
+        self.0.speed_mm_s
+    }
+
+    /// Normal force, N.
+    #[getter]
+    fn force_n(&self) -> f64 {
+        self.0.force_n
+    }
+
+    /// Acceleration of a sample of 1, or of the full scale of integers, m/s²; None if it was not given.
+    #[getter]
+    fn scale_m_s2(&self) -> Option<f64> {
+        self.0.scale_m_s2
+    }
+
+    /// Start of the used part, s.
+    #[getter]
+    fn start_s(&self) -> f64 {
+        self.0.start_s
+    }
+
+    /// Longest duration of the used part, s; None to the end.
+    #[getter]
+    fn duration_s(&self) -> Option<f64> {
+        self.0.duration_s
+    }
+
+    /// True for simulated samples.
+    #[getter]
+    fn simulated(&self) -> bool {
+        self.0.provenance == Provenance::Simulated
+    }
+
+    /// The samples of the used part as a fit reads them: an array of the shape (N, axes), float64, m/s², at
+    /// `rate_hz`.
+    #[pyo3(signature = (rate_hz = 5000))]
+    fn samples(&self, py: Python<'_>, rate_hz: u32) -> PyResult<Py<PyArray2<f64>>> {
+        let trial = self.0.clone();
+        let samples = py.detach(|| recording::read_at(&trial, rate_hz));
+        let axes = samples.map_err(raised)?.axes;
+        let frames = axes.first().map_or(0, Vec::len);
+        let rows = (0..frames).flat_map(|frame| axes.iter().map(move |axis| axis[frame]));
+        table(py, rows.collect(), frames)
+    }
+
+    /// The signal that a fit takes of it: one axis, float64, m/s², at 5 kHz, with a mean of zero, without what triage
+    /// cuts. `reduce` is 'pca', 'dft321', 'x', 'y' or 'z'.
+    #[pyo3(signature = (*, reduce = "pca"))]
+    fn signal(&self, py: Python<'_>, reduce: &str) -> PyResult<Py<PyArray1<f64>>> {
+        let reduction = choice("reduce", reduce)?;
+        let trial = self.0.clone();
+        let signal = py.detach(|| host_tools::fit::signal(&trial, reduction));
+        Ok(array(py, signal.map_err(raised)?.samples))
+    }
+
+    fn __repr__(&self) -> String {
+        let trial = &self.0;
+        format!(
+            "Recording({:?}, texture={:?}, speed_mm_s={}, force_n={})",
+            trial.file.display().to_string(),
+            trial.texture,
+            trial.speed_mm_s,
+            trial.force_n
+        )
+    }
+}
+
+/// The trial, if its numbers are those of a recording.
+fn checked(trial: Trial) -> PyResult<Trial> {
+    if trial.texture.is_empty() || trial.texture.contains(char::is_control) {
+        return Err(refused(format!(
+            "texture {:?} has no name, or a control character in it: rename it",
+            trial.texture
+        )));
+    }
+    for (name, value, fault) in [
+        (
+            "speed_mm_s",
+            trial.speed_mm_s,
+            speed_fault(trial.speed_mm_s),
+        ),
+        ("force_n", trial.force_n, force_fault(trial.force_n)),
+    ] {
+        not_negative(name, value)?;
+        if let Some(fault) = fault {
+            return Err(refused(format!("{name} is {fault}")));
+        }
+    }
+    not_negative("start_s", trial.start_s)?;
+    for (name, value) in [
+        ("duration_s", trial.duration_s),
+        ("scale_m_s2", trial.scale_m_s2.map(f64::abs)),
+        ("sample_rate_hz", trial.sample_rate_hz),
+    ] {
+        value.map(|value| positive(name, value)).transpose()?;
+    }
+    Ok(trial)
+}
+
+/// A set of recordings: a folder with `trials.csv`, a list of any name, WAV or CSV files, or `Recording`s.
+///
+/// The keywords say what files do not: `duration_s` and `scale_m_s2` where a list gives none, `sample_rate_hz` (Hz) of
+/// CSV files without a time column, `speed_mm_s` and `force_n` of files without a list.
+#[pyclass(frozen, sequence, module = "stylus_haptics")]
+pub struct Recordings(pub RecordingSet);
+
+#[pymethods]
+impl Recordings {
+    #[new]
+    #[pyo3(signature = (
+        source, *, duration_s = None, sample_rate_hz = None, scale_m_s2 = None, speed_mm_s = 100.0,
+        force_n = 1.0
+    ))]
+    fn new(
+        source: &Bound<'_, PyAny>,
+        duration_s: Option<f64>,
+        sample_rate_hz: Option<f64>,
+        scale_m_s2: Option<f64>,
+        speed_mm_s: f64,
+        force_n: f64,
+    ) -> PyResult<Self> {
+        for (name, value) in [
+            ("duration_s", duration_s),
+            ("sample_rate_hz", sample_rate_hz),
+            ("scale_m_s2", scale_m_s2),
+            ("speed_mm_s", Some(speed_mm_s)),
+            ("force_n", Some(force_n)),
+        ] {
+            value.map(|value| positive(name, value)).transpose()?;
+        }
+        let assumed = Assumed {
+            duration_s,
+            sample_rate_hz,
+            scale_m_s2,
+            speed_mm_s,
+            force_n,
+        };
+        set_of(source, &assumed).map(Self)
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.trials.len()
+    }
+
+    fn __getitem__(&self, index: isize) -> PyResult<Recording> {
+        let count = self.0.trials.len() as isize;
+        let at = if index < 0 { index + count } else { index };
+        let trial = usize::try_from(at)
+            .ok()
+            .and_then(|at| self.0.trials.get(at));
+        let absent = || pyo3::exceptions::PyIndexError::new_err("no such recording");
+        trial.cloned().map(Recording).ok_or_else(absent)
+    }
+
+    /// Names of the textures, in the order of their first recordings.
+    #[getter]
+    fn textures(&self) -> Vec<String> {
+        self.0.textures().into_iter().map(str::to_owned).collect()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "Recordings({} of {})",
+            self.0.trials.len(),
+            self.0.textures().join(", ")
+        )
+    }
+}
+
+/// The set that an argument stands for.
+///
+/// # Errors
+/// A set that cannot be opened, or an argument that is none.
+pub fn recordings(source: &Bound<'_, PyAny>) -> PyResult<RecordingSet> {
+    set_of(source, &Assumed::default())
+}
+
+fn set_of(source: &Bound<'_, PyAny>, assumed: &Assumed) -> PyResult<RecordingSet> {
+    if let Ok(set) = source.cast::<Recordings>() {
+        return Ok(set.get().0.clone());
+    }
+    if let Ok(only) = source.cast::<Recording>() {
+        return Ok(held(vec![only.get().0.clone()]));
+    }
+    if let Ok(path) = source.extract::<PathBuf>() {
+        return RecordingSet::open_with(&[path], assumed).map_err(raised);
+    }
+    let problem = "recordings are a folder, a list or files by their paths, or Recording objects";
+    let Ok(items) = source.cast::<PySequence>() else {
+        return Err(refused(format!(
+            "{} is no set of recordings: {problem}",
+            source.get_type().name()?
+        )));
+    };
+    let items: Bound<'_, PyList> = items.to_list()?;
+    let (mut trials, mut paths) = (Vec::new(), Vec::new());
+    for item in items.iter() {
+        if let Ok(recording) = item.cast::<Recording>() {
+            trials.push(recording.get().0.clone());
+        } else if let Ok(path) = item.extract::<PathBuf>() {
+            paths.push(path);
+        } else {
+            return Err(refused(format!(
+                "{} is no recording: {problem}",
+                item.get_type().name()?
+            )));
+        }
+    }
+    match (trials.is_empty(), paths.is_empty()) {
+        (false, true) => Ok(held(trials)),
+        (true, _) => RecordingSet::open_with(&paths, assumed).map_err(raised),
+        (false, false) => Err(refused(
+            "paths and Recording objects together: make the paths Recordings by Recording.from_file",
+        )),
+    }
+}
+
+/// A set of recordings whose speeds and forces a program gives.
+fn held(trials: Vec<Trial>) -> RecordingSet {
+    RecordingSet {
+        trials,
+        is_listed: true,
+    }
+}

@@ -1,0 +1,156 @@
+//! Long work: without the interpreter's lock, with progress, ended by Ctrl-C.
+//!
+//! The work runs in a thread of its own. The caller's thread waits for it, and every [`POLL`] lets Python handle
+//! signals and call the function that is told of progress. If either raises, the caller has its exception at once; the
+//! work ends at its next step, by unwinding, and leaves nothing behind, because it only computes.
+
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
+
+use host_tools::support::error::{Error, Result};
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+
+use crate::error::raised;
+
+/// Time between two looks at Python's signals.
+const POLL: Duration = Duration::from_millis(20);
+
+/// Payload of the unwinding of work that nobody waits for any more.
+struct Ended;
+
+/// Count of the steps that are done, and the wish that the work ends.
+#[derive(Default)]
+pub struct Steps {
+    done: AtomicU64,
+    is_ended: AtomicBool,
+}
+
+impl Steps {
+    /// Counts a step.
+    pub fn done(&self) {
+        self.done.fetch_add(1, Ordering::Relaxed);
+        self.between();
+    }
+
+    /// Ends the work if nobody waits for it.
+    pub fn between(&self) {
+        if self.is_ended.load(Ordering::Relaxed) {
+            // Without the panic hook, because this is no fault.
+            resume_unwind(Box::new(Ended));
+        }
+    }
+
+    /// Returns true if nobody waits for the work: for work that must bring something in order first.
+    #[cfg(feature = "device")]
+    pub fn is_ended(&self) -> bool {
+        self.is_ended.load(Ordering::Relaxed)
+    }
+
+    /// Sets the number of steps that are done.
+    #[cfg(feature = "device")]
+    pub fn set_done(&self, done: u64) {
+        self.done.store(done, Ordering::Relaxed);
+    }
+}
+
+/// Runs `work` of `total` steps, telling `progress` of those done: `progress(done, total)`.
+///
+/// # Errors
+/// Those of `work`; what a signal's handler or `progress` raises.
+pub fn run<T: Send + 'static>(
+    py: Python<'_>,
+    total: u64,
+    progress: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Steps) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    run_until(py, total, progress, AfterEnd::Returns, work)
+}
+
+/// The caller's way once it has ended the work.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum AfterEnd {
+    /// It returns at once.
+    Returns,
+    /// It waits until the work has brought a device in order.
+    #[cfg(feature = "device")]
+    Waits,
+}
+
+/// As [`run`], with a choice of what comes after the end.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_until<T: Send + 'static>(
+    py: Python<'_>,
+    total: u64,
+    progress: Option<&Bound<'_, PyAny>>,
+    after_end: AfterEnd,
+    work: impl FnOnce(&Steps) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let steps = Arc::new(Steps::default());
+    let (sender, receiver) = mpsc::channel();
+    let of_thread = steps.clone();
+    let spawned = thread::Builder::new()
+        .name("stylus-work".to_owned())
+        .spawn(move || {
+            let outcome = catch_unwind(AssertUnwindSafe(|| work(&of_thread)));
+            // The receiver is gone if nobody waits any more; a panic shows as a missing outcome.
+            if let Ok(outcome) = outcome {
+                let _ = sender.send(outcome);
+            }
+        });
+    if let Err(failure) = spawned {
+        return Err(raised(Error::Request(format!(
+            "the system gives no thread: {failure}"
+        ))));
+    }
+    let mut told = 0;
+    let mut tell = |all: bool| -> PyResult<()> {
+        let done = steps.done.load(Ordering::Relaxed);
+        match progress {
+            Some(progress) if all || done != told => {
+                told = done;
+                progress.call1((done.min(total), total)).map(drop)
+            }
+            _ => Ok(()),
+        }
+    };
+    let receiver = std::sync::Mutex::new(receiver);
+    loop {
+        let outcome = py.detach(|| match receiver.lock() {
+            Ok(receiver) => receiver.recv_timeout(POLL),
+            Err(_) => Err(RecvTimeoutError::Disconnected),
+        });
+        match outcome {
+            Ok(outcome) => {
+                let outcome = outcome.map_err(raised)?;
+                tell(true)?;
+                return Ok(outcome);
+            }
+            Err(RecvTimeoutError::Timeout) => {
+                if let Err(raised) = py.check_signals().and_then(|()| tell(false)) {
+                    steps.is_ended.store(true, Ordering::Relaxed);
+                    if after_end != AfterEnd::Returns {
+                        py.detach(|| {
+                            receiver
+                                .lock()
+                                .map(|receiver| receiver.recv().map(drop))
+                                .ok()
+                        });
+                    }
+                    return Err(raised);
+                }
+            }
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(PyRuntimeError::new_err(
+                    "the work has panicked, which is a fault of stylus_haptics: report what standard error says",
+                ));
+            }
+        }
+    }
+}
