@@ -56,7 +56,7 @@ impl Structure {
 pub enum Core {
     /// Cortex-M4.
     M4,
-    /// Cortex-M7, whose cycles are bounded by the Cortex-M4's worst ones.
+    /// Cortex-M7, whose cycles are bounded by the Cortex-M4's worst ones. A second model is [`Entry::modelled_cycles`].
     M7,
 }
 
@@ -108,6 +108,9 @@ pub struct Entry {
     pub sample: SampleCost,
     /// The cost of an update.
     pub update: UpdateCost,
+    /// Cycles of a sample on a Cortex-M7, as llvm-mca models them; none of a Cortex-M4.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub modelled_cycles: Option<u32>,
 }
 
 impl Entry {
@@ -143,7 +146,7 @@ pub enum Origin {
     Reference,
 }
 
-/// A filter of 400 taps or stages on a Cortex-M4, one sample per call.
+/// A filter of 400 taps or stages on a Cortex-M4, per sample; one sample per call unless the name says else.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Peer {
     /// The library and the filter.
@@ -160,6 +163,9 @@ pub struct Peer {
     pub best_cycles: u32,
     /// Cycles of a Cortex-M4, modelled, at worst.
     pub worst_cycles: u32,
+    /// Cycles on a Cortex-M7 of the code that is built for it, as llvm-mca models them; none of a reference.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cortex_m7_cycles: Option<u32>,
 }
 
 /// The whole table.
@@ -169,6 +175,9 @@ pub struct Costs {
     pub rustc: String,
     /// The version of the emulator that counted.
     pub qemu: String,
+    /// The version of LLVM whose llvm-mca modelled the Cortex-M7.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub llvm_mca: Option<String>,
     /// One entry for each structure, number of nodes, core and order.
     pub entries: Vec<Entry>,
     /// The product's filters at order 400, and those of other libraries.
@@ -212,6 +221,7 @@ mod tests {
                 best_cycles: 12,
                 worst_cycles: 40,
             },
+            modelled_cycles: None,
         }
     }
 
@@ -220,6 +230,7 @@ mod tests {
         let costs = Costs {
             rustc: "1.95.0".to_owned(),
             qemu: "7.2".to_owned(),
+            llvm_mca: None,
             entries: vec![entry(10), entry(400)],
             peers: Vec::new(),
         };

@@ -9,10 +9,12 @@ use host_tools::evaluation::listening::{Answers, CONFIDENCE, Pair, Score, plan, 
 use host_tools::fit::record::FitRecord;
 use host_tools::report::listening_page;
 use host_tools::support::error::{Error, Result};
+use host_tools::support::file_kind::FileKind;
 
+use super::destination::{self, Destination, Overwrite};
 use super::input::{Recordings, positive};
 use super::table::table;
-use crate::cli::evaluate::takes::choose;
+use crate::cli::evaluate::takes::{as_fitted, choose};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{note, print};
 
@@ -24,8 +26,10 @@ pub struct Arguments {
     #[arg(long, value_name = "LIB", required = true)]
     library: Option<PathBuf>,
     /// HTML file to write
-    #[arg(long, value_name = "HTML", required = true)]
-    out: Option<PathBuf>,
+    #[arg(long, value_name = "HTML", required = true, value_parser = destination::file(FileKind::Html))]
+    out: Option<Destination>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Other takes of the same trials, as a folder or a list, which are heard instead
     #[arg(long, value_name = "DIR")]
     takes: Option<PathBuf>,
@@ -54,7 +58,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let files = arguments.score.iter().map(|path| Answers::read(path));
         return print(&scores(&score(&files.collect::<Result<Vec<_>>>()?)?));
     }
-    let (Some(path), Some(out)) = (&arguments.library, &arguments.out) else {
+    let out = arguments.out.as_ref().map(Destination::path);
+    let (Some(path), Some(out)) = (&arguments.library, out) else {
         return Err(Error::Request(
             "a page needs --library and --out, and scores need --score".into(),
         ));
@@ -63,6 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
     let record = FitRecord::beside(path, &bytes)?;
+    let set = as_fitted(record.as_ref(), set)?;
     let takes = arguments.takes.as_deref();
     let chosen = choose(&set, takes, record.as_ref(), arguments.reduce)?;
     let evaluate = evaluate::Options {

@@ -6,6 +6,7 @@ use std::time::Instant;
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::held_out::judges;
 use host_tools::fit;
+use host_tools::fit::record::FitRecord;
 use host_tools::playing::motion::MotionPath;
 #[cfg(feature = "device")]
 use host_tools::playing::pin::render_pin_wav;
@@ -14,14 +15,19 @@ use host_tools::playing::render::Rendering;
 use host_tools::playing::render::{WavFormat, render_wav};
 use host_tools::recording::RecordingSet;
 use host_tools::report::evaluation_folder as report;
+use host_tools::report::rub_page::{Clips, Inputs, Recordings};
+use host_tools::report::sound::node_seconds;
 use host_tools::rig::{self, RigFile};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
+use host_tools::support::output_folder::OutputFolder;
+use host_tools::texture::summary::TextureSummary;
 #[cfg(feature = "device")]
 use model_format::link::Settings;
 use model_format::{Library, MillimetresPerSecond, Newton};
 
-use super::inspect::{TextureSummary, texture_table};
+use super::destination::{self, Destination};
+use super::inspect::texture_table;
 use crate::cli::library_file::decode_library;
 use crate::cli::output::print;
 
@@ -43,11 +49,25 @@ const LISTENING_FULL_SCALE_M_S2: f64 = 60.0;
 /// Duration of the rendering along the steady motion, s.
 const STEADY_SECONDS: f64 = 3.0;
 
+/// The command whose results its folders are.
+const COMMAND: &str = "demo";
+
+/// The page to rub in that of all outputs.
+const PAGE: &str = "page.html";
+
+/// Folder of the renderings in that of all outputs.
+const RENDERED: &str = "render";
+
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Folder for all outputs
-    #[arg(long, value_name = "DIR", default_value = "demo-out")]
-    out: PathBuf,
+    #[arg(
+        long,
+        value_name = "DIR",
+        default_value = "demo-out",
+        value_parser = destination::folder(COMMAND)
+    )]
+    out: Destination,
     /// Seed of the simulated recordings and of the syntheses
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -59,11 +79,23 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let begin = Instant::now();
-    let out = arguments.out.as_path();
-    std::fs::create_dir_all(out).map_err(Error::io("create", out))?;
+    let page = OutputFolder::begin(arguments.out.path(), COMMAND)?
+        .fill(|folder| all(arguments, folder, begin))?;
+    print(&format!(
+        "\nDone in {:.1} s. Rub {}, look at {}, listen to {}",
+        begin.elapsed().as_secs_f64(),
+        arguments.out.path().join(PAGE).display(),
+        page.display(),
+        arguments.out.path().join(RENDERED).display()
+    ))
+}
+
+/// Runs every step into `folder`; gives the path of the report's page after the end.
+fn all(arguments: &Arguments, folder: &OutputFolder<'_>, begin: Instant) -> Result<PathBuf> {
+    let out = folder.path();
     let step = |number: u32, what: &str| {
         print(&format!(
-            "\n[{number}/4, {:.1} s] {what}",
+            "\n[{number}/5, {:.1} s] {what}",
             begin.elapsed().as_secs_f64()
         ))
     };
@@ -78,7 +110,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let fit_options = fit::Options::default();
     let (fit, bytes) = super::fit::fit_library(&set, &fit_options)?;
     let path = out.join("textures.lib");
-    let record = super::fit::write_library(&path, &bytes, &set, &fit, &fit_options)?;
+    let mut record = FitRecord::of(&set, &fit_options, &bytes)?.with_account_of(&fit);
+    for trial in &mut record.trials {
+        trial.file = folder.named(Path::new(&trial.file)).display().to_string();
+    }
+    record.write_with(&path, &bytes)?;
     let library = decode_library(&path, &bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()
@@ -95,37 +131,59 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     )?;
     let options = evaluate::Options {
         seed: arguments.seed,
+        excerpt_s: node_seconds(set.trials.len()),
         ..evaluate::Options::default()
     };
     let judges = judges(&set, Vec::new(), Some(&record))?;
     let evaluation =
         super::evaluate::evaluate_set(&set, &library, judges, Some(&record), &options)?;
     print(&super::evaluate::summary(&evaluation))?;
-    let page = report::write(&set, &library, &evaluation, &options, &out.join("report"))?;
+    let reported = out.join("report");
+    std::fs::create_dir(&reported).map_err(Error::io("create", &reported))?;
+    let page = report::write(&set, &library, &evaluation, &options, &reported)?;
 
     step(4, "stylus render: each texture along one stroke")?;
-    render_all(&library, arguments.seed, out)?;
+    let rendered = out.join(RENDERED);
+    std::fs::create_dir(&rendered).map_err(Error::io("create", &rendered))?;
+    let named = |path: &Path| folder.named(path).display().to_string();
+    render_all(&library, arguments.seed, &rendered, named)?;
     #[cfg(feature = "device")]
     if arguments.pin {
-        render_pins(&library, arguments.seed, &out.join("render"))?;
+        render_pins(&library, arguments.seed, &rendered, named)?;
     }
-    print(&format!(
-        "\nDone in {:.1} s. Look at {}, listen to {}",
-        begin.elapsed().as_secs_f64(),
-        page.display(),
-        out.join("render").display()
-    ))
+
+    step(5, "stylus page: rub the textures in a browser")?;
+    let inputs = Inputs {
+        library: &library,
+        bytes: &bytes,
+        recordings: Some(Recordings {
+            set: &set,
+            evaluation: &evaluation,
+            reduction: options.reduction,
+            clips: Clips::Budget,
+        }),
+        seed: arguments.seed,
+    };
+    let rubbed = out.join(PAGE);
+    let written = super::page::write(&inputs, &rubbed, None)?;
+    print(&super::page::summary(&folder.named(&rubbed), &written))?;
+    Ok(folder.named(&page))
 }
 
 /// Renders each texture at the pin of a stylus with the default settings.
 #[cfg(feature = "device")]
-fn render_pins(library: &Library<'_>, seed: u64, folder: &Path) -> Result<()> {
+fn render_pins(
+    library: &Library<'_>,
+    seed: u64,
+    folder: &Path,
+    named: impl Fn(&Path) -> String,
+) -> Result<()> {
     let steady = steady()?;
     for texture in library.textures() {
         let path = folder.join(format!("{}_120mm_s_1N_pin_simulated.wav", texture.name()));
         let mut rendering = Rendering::new(texture, &steady, STEADY_SECONDS, seed)?;
         render_pin_wav(&mut rendering, &Settings::default(), &path)?;
-        print(&format!("{}: volts at the pin", path.display()))?;
+        print(&format!("{}: volts at the pin", named(&path)))?;
     }
     Ok(())
 }
@@ -135,9 +193,12 @@ fn steady() -> Result<MotionPath> {
     MotionPath::constant(MillimetresPerSecond(120.0), Newton(1.0))
 }
 
-fn render_all(library: &Library<'_>, seed: u64, out: &Path) -> Result<()> {
-    let folder = out.join("render");
-    std::fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
+fn render_all(
+    library: &Library<'_>,
+    seed: u64,
+    folder: &Path,
+    named: impl Fn(&Path) -> String,
+) -> Result<()> {
     let stroke = folder.join("stroke.csv");
     atomic_file::write(&stroke, STROKE.as_bytes())?;
     let along = MotionPath::from_csv(&stroke)?;
@@ -153,7 +214,7 @@ fn render_all(library: &Library<'_>, seed: u64, out: &Path) -> Result<()> {
         ] {
             let path = folder.join(format!("{name}_{suffix}_simulated.wav"));
             render_wav(texture, motion, seconds, seed, &path, format)?;
-            print(&path.display().to_string())?;
+            print(&named(&path))?;
         }
     }
     Ok(())

@@ -1,21 +1,29 @@
 //! `stylus frontier`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use host_tools::dsp::reduction::Reduction;
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::frontier;
 use host_tools::evaluation::frontier::{
-    Frontier, Material, Options, PARTS_COLUMNS, PartsRow, Point, Prepared,
+    Earlier, Frontier, Material, Options, PARTS_COLUMNS, PartsRow, Point, Prepared,
 };
 use host_tools::recording::RecordingSet;
-use host_tools::report::frontier_page;
+use host_tools::report::evaluation_folder::DATA;
+use host_tools::report::{figures, frontier_page};
+use host_tools::support::atomic_file::folder_of;
 use host_tools::support::error::{Error, Result};
+use host_tools::support::output_folder::{self, OutputFolder};
+use host_tools::support::temporaries::TemporaryFolder;
 use host_tools::support::{atomic_file, progress};
 
+use super::destination::{self, Destination};
 use super::input::not_negative;
 use super::table::table;
 use crate::cli::output::{print, to_json};
+
+/// The command whose results its folders are.
+const COMMAND: &str = "frontier";
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -26,9 +34,15 @@ pub struct Arguments {
     /// fitted]
     #[arg(long, value_name = "DIR", requires = "data")]
     takes: Option<PathBuf>,
-    /// Folder for the page, its figures and its numbers
-    #[arg(long, value_name = "DIR", default_value = "frontier-out")]
-    out: PathBuf,
+    /// Folder for the page, its figures and its numbers [default: frontier-out, or the folder of --redraw]
+    #[arg(long, value_name = "DIR", value_parser = destination::folder(COMMAND))]
+    out: Option<Destination>,
+    /// Numbers of an earlier comparison, whose front is to stand beside the new one: its frontier.json
+    #[arg(long, value_name = "FILE")]
+    before: Option<PathBuf>,
+    /// Draw page and figures anew from the numbers of a comparison, its frontier.json, without computing anything
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["data", "orders", "reduce", "smoothing", "seed"])]
+    redraw: Option<PathBuf>,
     /// Orders that are the same for all nodes, beside orders chosen per node
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = order, default_values_t = frontier::ORDERS)]
     orders: Vec<usize>,
@@ -44,10 +58,43 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let out = arguments.out.as_path();
-    std::fs::create_dir_all(out).map_err(Error::io("create", out))?;
+    // Read before the work, and before the new numbers may take the file's place.
+    let before = arguments.before.as_deref().map(Earlier::read).transpose()?;
+    let out = match (&arguments.out, &arguments.redraw) {
+        (Some(out), _) => out.path(),
+        (None, Some(numbers)) => folder_of(numbers),
+        (None, None) => Path::new("frontier-out"),
+    };
+    let redrawn = arguments.redraw.as_deref().map(read).transpose()?;
+    // A folder that is not named was not checked with the command line.
+    output_folder::check(out, &|folder| output_folder::earlier_of(folder, COMMAND))?;
+    let (frontier, numbers) = if let Some(redrawn) = redrawn {
+        redrawn
+    } else {
+        let frontier = compute(arguments)?;
+        let numbers = to_json(&frontier).into_bytes();
+        (frontier, numbers)
+    };
+    let page = OutputFolder::begin(out, COMMAND)?.fill(|folder| {
+        let page = write(&frontier, &numbers, before.as_ref(), folder.path())?;
+        Ok(folder.named(&page))
+    })?;
+    print(&summary(&frontier))?;
+    print(&format!("\n{}", page.display()))
+}
+
+/// Reads the numbers of a comparison, also as they are written.
+fn read(path: &Path) -> Result<(Frontier, Vec<u8>)> {
+    let frontier = Frontier::read(path)?;
+    let numbers = std::fs::read(path).map_err(Error::io("read", path))?;
+    Ok((frontier, numbers))
+}
+
+/// Fits, plays and compares.
+fn compute(arguments: &Arguments) -> Result<Frontier> {
     // Simulated recordings are needed only during the comparison.
-    let scratch = tempfile::tempdir().map_err(Error::io("create", &std::env::temp_dir()))?;
+    let scratch = std::env::temp_dir();
+    let scratch = TemporaryFolder::new_in(&scratch).map_err(Error::io("create", &scratch))?;
     let material = match (&arguments.data, &arguments.takes) {
         (None, _) => Material::simulated(scratch.path())?,
         (Some(data), None) => Material::halves(&RecordingSet::open(std::slice::from_ref(data))?)?,
@@ -69,20 +116,32 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bar = progress::bar(prepared.work() as u64, "comparing");
     let frontier = prepared.run(&options, || bar.inc(1))?;
     bar.finish_and_clear();
-    let pictures = frontier_page::pictures(&frontier)?;
+    Ok(frontier)
+}
+
+/// Writes the numbers, the pictures with their data, and the page into `out`; gives the page's path.
+fn write(
+    frontier: &Frontier,
+    numbers: &[u8],
+    before: Option<&Earlier>,
+    out: &Path,
+) -> Result<PathBuf> {
+    let pictures = frontier_page::pictures(frontier, before)?;
+    let mut data = figures::Folder::new(&out.join(DATA))?;
     for (name, picture) in [
-        ("error-against-time.svg", &pictures.total),
-        ("cost-against-time.svg", &pictures.cost),
-        ("snr-against-time.svg", &pictures.snr),
-        ("error-by-interval.svg", &pictures.intervals),
+        ("error-against-time", &pictures.total),
+        ("cost-against-time", &pictures.cost),
+        ("snr-against-time", &pictures.snr),
+        ("error-by-interval", &pictures.intervals),
     ] {
-        picture.write(&out.join(name))?;
+        picture.write(&out.join(format!("{name}.svg")))?;
+        data.add(name, picture)?;
     }
-    atomic_file::write(&out.join("frontier.json"), to_json(&frontier).as_bytes())?;
+    data.finish()?;
+    atomic_file::write(&out.join("frontier.json"), numbers)?;
     let page = out.join("index.html");
-    frontier_page::write(&frontier, &pictures, &page)?;
-    print(&summary(&frontier))?;
-    print(&format!("\n{}", page.display()))
+    frontier_page::write(frontier, before, &pictures, &page)?;
+    Ok(page)
 }
 
 /// Parses an order that a library can hold.

@@ -2,18 +2,18 @@
 
 use std::path::PathBuf;
 
-use host_tools::fit::hatt::comparison::{PlaceError, Summary};
-use host_tools::fit::hatt::convert::{Converted, ConvertedNode, ROLL_OFF_DB_PER_OCTAVE};
-use host_tools::fit::hatt::import::{Options, Source, files, import, plan, read_all};
+use host_tools::fit::hatt::comparison::Summary;
+use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE};
+use host_tools::fit::hatt::import::{Options, doubts, files, import, plan, read_all};
+use host_tools::fit::hatt::report::{ImportReport, far_nodes};
 use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
+use host_tools::support::file_kind::FileKind;
 use host_tools::support::progress;
 
-use super::table::table;
+use super::destination::{self, Destination, Overwrite};
+use super::table::{folded_table, table};
 use crate::cli::output::{note, print, print_json, warn};
-
-/// Error of a node that is worth a warning, dB.
-const WARN_DB: f64 = 1.0;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -21,8 +21,10 @@ pub struct Arguments {
     #[arg(required = true, value_name = "XML|DIR")]
     paths: Vec<PathBuf>,
     /// Library file to write
-    #[arg(long, value_name = "LIB")]
-    out: PathBuf,
+    #[arg(long, value_name = "LIB", value_parser = destination::file(FileKind::Library))]
+    out: Destination,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Most speeds of a grid [default: as many of the file's own as the slot has room for]
     #[arg(long)]
     speeds: Option<usize>,
@@ -35,17 +37,6 @@ pub struct Arguments {
     /// Print the errors of the conversion, place by place, as JSON
     #[arg(long)]
     json: bool,
-}
-
-#[derive(serde::Serialize)]
-struct ImportReport {
-    texture: String,
-    warnings: Vec<String>,
-    speeds_mm_s: Vec<f32>,
-    forces_n: Vec<f32>,
-    nodes: Vec<ConvertedNode>,
-    own_places: Vec<PlaceError>,
-    between: Vec<PlaceError>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -61,18 +52,23 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             warn(&format!("{}: {warning}", source.path.display()));
         }
     }
+    doubts(&sources).iter().for_each(|doubt| warn(doubt));
     note(&plan.in_words(sources.len()));
     let bar = progress::bar(sources.len() as u64, "converting");
     let (converted, bytes) = import(&sources, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
-    atomic_file::write(&arguments.out, &bytes)?;
+    atomic_file::write(arguments.out.path(), &bytes)?;
     for (source, converted) in sources.iter().zip(&converted) {
         if let Some(warning) = far_nodes(&converted.nodes) {
             warn(&format!("{}: {warning}", source.path.display()));
         }
     }
     if arguments.json {
-        let reports: Vec<ImportReport> = sources.into_iter().zip(converted).map(report).collect();
+        let reports: Vec<ImportReport> = sources
+            .into_iter()
+            .zip(converted)
+            .map(ImportReport::of)
+            .collect();
         return print_json(&reports);
     }
     match &converted[..] {
@@ -83,44 +79,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         "{} textures -> {} ({} bytes); errors are of what the library plays against the file's own definition, within \
          the models' own band; above it the level falls by {ROLL_OFF_DB_PER_OCTAVE} dB per octave",
         converted.len(),
-        arguments.out.display(),
+        arguments.out.path().display(),
         bytes.len()
     ))
-}
-
-fn report((source, converted): (Source, Converted)) -> ImportReport {
-    ImportReport {
-        texture: source.name,
-        warnings: source.toolkit.warnings,
-        speeds_mm_s: converted.spec.speed_axis_mm_s,
-        forces_n: converted.spec.force_axis_n,
-        nodes: converted.nodes,
-        own_places: converted.own,
-        between: converted.between,
-    }
-}
-
-/// A warning of nodes that are not what the file says.
-fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
-    let error = |node: &ConvertedNode| {
-        let (band, level) = (
-            node.worst_band_db.unwrap_or(0.0),
-            node.level_db.unwrap_or(0.0),
-        );
-        band.max(level.abs())
-    };
-    let far = nodes.iter().filter(|node| error(node) > WARN_DB).count();
-    let worst = nodes.iter().max_by(|a, b| error(a).total_cmp(&error(b)))?;
-    (far > 0).then(|| {
-        format!(
-            "{far} of {} nodes are more than {WARN_DB} dB from the file, by up to {:.1} dB in a third octave at {} \
-             mm/s, {} N",
-            nodes.len(),
-            error(worst),
-            worst.speed_mm_s,
-            worst.force_n
-        )
-    })
 }
 
 fn nodes(converted: &Converted) -> String {
@@ -219,5 +180,5 @@ fn textures(converted: &[Converted]) -> String {
         "95 %",
         "bands %",
     ];
-    table(&header, &rows)
+    folded_table(&header, &rows, 1)
 }

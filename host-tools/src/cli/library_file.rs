@@ -1,26 +1,3 @@
-//! Library files: reading and decoding, with errors that name the file.
+//! Library files, as the library reads them.
 
-use std::path::Path;
-
-use host_tools::support::bounded_file::{Limit, MIB};
-use host_tools::support::error::{Error, Result};
-use model_format::Library;
-
-/// A library. A slot holds half a mebibyte; the decoder names the lengths of what is a little larger.
-const LIBRARY: Limit = Limit {
-    of: "a library",
-    bytes: 16 * MIB,
-};
-
-/// Reads a library's bytes.
-pub fn read_library(path: &Path) -> Result<Vec<u8>> {
-    LIBRARY.read(path)
-}
-
-/// Decodes a library; `path` is only named in errors.
-pub fn decode_library<'a>(path: &Path, bytes: &'a [u8]) -> Result<Library<'a>> {
-    Library::decode(bytes).map_err(|source| Error::Library {
-        path: path.to_owned(),
-        source,
-    })
-}
+pub use host_tools::texture::library_file::{decode_library, read_library};

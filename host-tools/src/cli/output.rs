@@ -7,7 +7,10 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use host_tools::support::error::{Error, Result};
+use host_tools::support::progress;
 use host_tools::support::visible::{visible, visible_json, visible_line};
+
+use super::colour;
 
 /// Prints to standard output.
 ///
@@ -31,20 +34,90 @@ pub fn to_json(value: &impl serde::Serialize) -> String {
     visible_json(&text).into_owned()
 }
 
-/// Says something beside the results, on standard error. Where that is closed or full nobody reads it, and the command
-/// goes on: its exit code does not depend on notes.
+/// Prints bytes of this program's own making to standard output as they are, such as a script for a shell.
+///
+/// # Errors
+/// As [`print()`].
+pub fn print_exactly(bytes: &[u8]) -> Result<()> {
+    let mut output = io::stdout().lock();
+    (output.write_all(bytes).and_then(|()| output.flush()))
+        .map_err(Error::io("write to", Path::new("standard output")))
+}
+
+/// Says something beside the results, on standard error, unless `--quiet` leaves that out. Where standard error is
+/// closed or full nobody reads it, and the command goes on: its exit code does not depend on notes.
 pub fn note(text: &str) {
+    if !progress::is_hidden() {
+        tell(text);
+    }
+}
+
+/// Tells the person at the keyboard what must be known, such as a question or what to do now; as [`note`], also with
+/// `--quiet`.
+pub fn tell(text: &str) {
     let _ = print_to(&mut io::stderr().lock(), &visible(text));
 }
 
-/// Warns of something, in one line on standard error; see [`note`].
+/// Warns of something, in one line on standard error; see [`tell`].
 pub fn warn(text: &str) {
-    note(&format!("warning: {}", visible_line(text)));
+    tell_after(&colour::warning("warning:"), text);
 }
 
-/// Says why the command failed, in one line on standard error; see [`note`].
+/// Says why the command failed, in one line on standard error; see [`tell`].
 pub fn failed(failure: &Error) {
-    note(&format!("stylus: {}", visible_line(&failure.to_string())));
+    tell_after(&colour::error("stylus:"), &failure.to_string());
+}
+
+/// Tells `text` in one line after `word`, which is of this program and may have a colour.
+fn tell_after(word: &str, text: &str) {
+    let line = format!("{word} {}", visible_line(text));
+    let _ = print_to(&mut io::stderr().lock(), &line);
+}
+
+/// Prints a text that clap has made: the help on standard output, or the fault of a command line on standard error.
+///
+/// # Errors
+/// As [`print()`], for help.
+pub fn answer(answer: &clap::Error) -> Result<()> {
+    let styled = answer.render();
+    let plain = styled.to_string();
+    let plain = plain.trim_end();
+    if answer.use_stderr() {
+        match plain.split_once(' ') {
+            Some((word @ "error:", rest)) => {
+                let shown = format!("{} {}", colour::error(word), visible(rest));
+                let _ = print_to(&mut io::stderr().lock(), &shown);
+            }
+            _ => tell(plain),
+        }
+        return Ok(());
+    }
+    if colour::on_results() {
+        let shown = emphasised(styled.ansi().to_string().trim_end());
+        return print_exactly(format!("{shown}\n").as_bytes());
+    }
+    print(plain)
+}
+
+/// `text` with the marks by which clap emphasises words in help. All else that a terminal obeys is shown, because a
+/// value of the environment or of the user's configuration may be in it.
+fn emphasised(text: &str) -> String {
+    const MARKS: [&str; 3] = ["\u{1b}[0m", "\u{1b}[1m", "\u{1b}[4m"];
+    let mut shown = String::new();
+    let mut rest = text;
+    while let Some(at) = rest.find('\u{1b}') {
+        let (before, from) = rest.split_at(at);
+        shown.push_str(&visible(before));
+        let mark = MARKS.into_iter().find(|mark| from.starts_with(mark));
+        let length = mark.map_or(1, str::len);
+        match mark {
+            Some(mark) => shown.push_str(mark),
+            None => shown.push_str(&visible(&from[..length])),
+        }
+        rest = &from[length..];
+    }
+    shown.push_str(&visible(rest));
+    shown
 }
 
 /// Writes `text` with a line feed, all of it or an error.

@@ -10,7 +10,7 @@ use host_tools::playing::render::render_wav;
 use host_tools::support::error::Result;
 use model_format::{MillimetresPerSecond, Newton};
 
-use super::input::{not_negative, positive};
+use super::input::{force, positive, speed, warn_if_silent};
 #[cfg(feature = "device")]
 use super::pin::PinArguments;
 use crate::cli::library_file::{decode_library, read_library};
@@ -27,13 +27,21 @@ pub struct Arguments {
     #[arg(
         long,
         value_name = "MM_S",
-        value_parser = not_negative,
+        value_parser = speed,
+        allow_negative_numbers = true,
         requires = "force",
         required_unless_present = "motion"
     )]
     speed: Option<f64>,
     /// Normal force, in newtons
-    #[arg(long, value_name = "N", value_parser = not_negative, requires = "speed", required_unless_present = "motion")]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = force,
+        allow_negative_numbers = true,
+        requires = "speed",
+        required_unless_present = "motion"
+    )]
     force: Option<f64>,
     /// Motion instead: CSV with time_s, speed_mm_s, force_n
     #[arg(long, value_name = "CSV", conflicts_with_all = ["speed", "force"])]
@@ -62,7 +70,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             Newton(arguments.force.unwrap_or(0.0) as f32),
         )?,
     };
-    let seconds = arguments.seconds.unwrap_or_else(|| motion.duration_s());
+    let seconds = match (arguments.seconds, &arguments.motion) {
+        (Some(seconds), _) => seconds,
+        (None, Some(path)) => motion.end_s(path)?,
+        (None, None) => motion.duration_s(),
+    };
+    warn_if_silent(&motion);
     let source = format!("'{}' ({})", texture.name(), texture.provenance());
     #[cfg(feature = "device")]
     if arguments.pin.is_asked() {

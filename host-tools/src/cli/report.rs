@@ -12,21 +12,33 @@ use host_tools::fit::{self, Order};
 use host_tools::report::removed_nodes::RemovedNodeTest;
 use host_tools::report::set_page;
 use host_tools::report::set_page::Inputs;
+use host_tools::report::sound::node_seconds;
 use host_tools::support::error::Result;
+use host_tools::support::file_kind::FileKind;
+use host_tools::support::output_folder::OutputFolder;
 use host_tools::support::progress;
 
+use super::destination::{self, Destination, Overwrite};
 use super::input::{Recordings, not_negative};
 use crate::cli::evaluate::removed_nodes::removed_node_test;
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
+
+/// The command whose results folders of data are.
+const DATA: &str = "report --data";
 
 #[derive(clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,
     /// HTML file to write
-    #[arg(long, value_name = "HTML")]
-    out: PathBuf,
+    #[arg(long, value_name = "HTML", value_parser = destination::file(FileKind::Html))]
+    out: Destination,
+    /// Folder for the data of every figure: a CSV file each, and all of them as figures.npz for NumPy
+    #[arg(long, value_name = "DATA_DIR", value_parser = destination::folder(DATA))]
+    data: Option<Destination>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Library to report on [default: fitted to the recordings]
     #[arg(long, value_name = "LIB")]
     library: Option<PathBuf>,
@@ -63,6 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let record = FitRecord::of(&set, &options, &bytes)?.with_account_of(&fit);
         (bytes, Some(record))
     };
+    let set = super::evaluate::takes::as_fitted(record.as_ref(), set)?;
     let path = arguments.library.clone().unwrap_or_default();
     let library = decode_library(&path, &bytes)?;
     let options = evaluate::Options {
@@ -70,6 +83,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         smoothing_hz: arguments.smoothing,
         seed: arguments.seed,
         in_sample: true,
+        excerpt_s: node_seconds(set.trials.len()),
         ..evaluate::Options::default()
     };
     let takes = arguments.takes.as_deref();
@@ -105,12 +119,22 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         unused_takes: &chosen.unused,
     };
     let bar = progress::bar(evaluation.textures.len() as u64, "reporting");
-    set_page::write(&inputs, &arguments.out, || bar.inc(1))?;
+    let out = arguments.out.path();
+    if let Some(data) = &arguments.data {
+        OutputFolder::begin(data.path(), DATA)?
+            .fill(|folder| set_page::write(&inputs, out, Some(folder.path()), || bar.inc(1)))?;
+    } else {
+        set_page::write(&inputs, out, None, || bar.inc(1))?;
+    }
     bar.finish_and_clear();
     let origin = if evaluation.simulated {
         ", of SIMULATED recordings"
     } else {
         ""
     };
-    print(&format!("{}{origin}", arguments.out.display()))
+    print(&format!("{}{origin}", out.display()))?;
+    match &arguments.data {
+        Some(data) => print(&format!("data of its figures: {}", data.path().display())),
+        None => Ok(()),
+    }
 }

@@ -6,6 +6,7 @@ use host_tools::recording::freehand;
 use host_tools::recording::freehand::{Freehand, GridAxis, Options, Segmentation, Tolerance};
 use host_tools::support::error::{Error, Result};
 
+use super::destination::{self, Destination};
 use super::input::positive;
 use crate::cli::output::{note, print, warn};
 
@@ -21,8 +22,11 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME")]
     texture: String,
     /// Folder for the pieces and their list, as fit reads it
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", value_parser = destination::pieces())]
+    out: Destination,
+    /// Replace an earlier result in the folder
+    #[arg(long)]
+    overwrite: bool,
     /// Speeds of the grid, in mm/s [default: from the recordings]
     #[arg(long, value_name = "LOW:HIGH:STEP")]
     speeds: Option<GridAxis>,
@@ -93,7 +97,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
                 .into(),
         ));
     }
-    freehand::write(&arguments.out, &arguments.texture, &recordings, &cut)?;
+    freehand::write(arguments.out.path(), &arguments.texture, &recordings, &cut)?;
     let mut nodes: Vec<(f64, f64)> = cut
         .placed
         .iter()
@@ -110,7 +114,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         100.0 * cut.steady_share,
         cut.placed.len(),
         nodes.len(),
-        arguments.out.display()
+        arguments.out.path().display()
     ))
 }
 

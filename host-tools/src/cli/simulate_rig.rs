@@ -6,6 +6,7 @@ use host_tools::rig::{self, RigFile};
 use host_tools::support::error::Result;
 use host_tools::support::toml_field::TEXT;
 
+use crate::cli::destination::{self, Destination};
 use crate::cli::output::print;
 
 #[derive(clap::Args)]
@@ -14,8 +15,13 @@ pub struct Arguments {
     #[arg(long, value_name = "RIG.toml")]
     rig: Option<PathBuf>,
     /// Folder to write the recordings to
-    #[arg(long, value_name = "DIR", required_unless_present = "print_rig")]
-    out: Option<PathBuf>,
+    #[arg(
+        long,
+        value_name = "DIR",
+        required_unless_present = "print_rig",
+        value_parser = destination::simulated_set()
+    )]
+    out: Option<Destination>,
     /// Seed of everything random: the same seed gives the same recordings
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -32,7 +38,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             RigFile::from_toml(path, &text)?
         }
     };
-    let Some(out) = arguments.out.as_deref().filter(|_| !arguments.print_rig) else {
+    let Some(out) = arguments
+        .out
+        .as_ref()
+        .map(Destination::path)
+        .filter(|_| !arguments.print_rig)
+    else {
         return print(rig.text().trim_end());
     };
     let summary = rig::simulate_to_folder(&rig, arguments.seed, out)?;

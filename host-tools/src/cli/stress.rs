@@ -5,7 +5,7 @@ use host_tools::evaluation::stress::{Outcome, Rest, cases};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 
-use super::table::table;
+use super::table::{folded_table, folded_text};
 use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .count();
     if broken > 0 {
         return Err(Error::Request(format!(
-            "the lattice does not hold all of its guarantees in {broken} case(s): see the last column"
+            "the lattice does not hold all of its guarantees in {broken} case(s): see what it breaks below the tables"
         )));
     }
     Ok(())
@@ -57,42 +57,68 @@ fn summary(outcomes: &[Outcome]) -> String {
         "SNR dB",
         "off line dBc",
         "mean SE",
-        "spectrum dB",
-        "grows dB",
-        "silent after stop",
+        "spectrum",
+        "grows",
+        "stopped",
         "FS/3",
         "glitch",
-        "broken",
+        "breaks",
     ];
     let rows: Vec<Vec<String>> = outcomes.iter().map(row).collect();
     let lattices = || outcomes.iter().filter(|outcome| outcome.is_lattice());
     let held = lattices().filter(|outcome| outcome.broken().is_empty());
     let outside = lattices().filter(|outcome| !outcome.is_within_common_limits());
-    format!(
-        "{}\n\nThe lattice holds its guarantees in {} of {} cases. In {} of them, all marked *, the SNR is below {} dB \
-         or the spectrum deviates by more than {} dB: lines this narrow, of pole radius above 0.998, have limits of \
+    let broken: Vec<String> = outcomes.iter().filter_map(broken).collect();
+    let text = format!(
+        "Spectrum and growth are in dB; stopped, FS/3 and glitch: samples until silence after a stop, an overdrive and \
+         full scale in the whole state; breaks: the number of broken promises, which follow the \
+         tables.\nThe lattice holds its guarantees in {} of {} cases. In {} of them, all marked *, the SNR is below {} \
+         dB or the spectrum deviates by more than {} dB: lines this narrow, of pole radius above 0.998, have limits of \
          their own, set by the radius. SNR counts the damping of such a line as noise; what is noise stands in the \
          column off line, and what is damping in the level.\nThe direct forms guarantee none of this; they are shown \
          for comparison.",
-        table(&header, &rows),
         held.count(),
         lattices().count(),
         outside.count(),
         stress::SNR_DB,
         stress::SPECTRUM_DB,
+    );
+    format!(
+        "{}\n\n{}{}",
+        folded_table(&header, &rows, 2),
+        broken.join("\n"),
+        folded_text(&format!("\n\n{text}"))
     )
+}
+
+/// The case, with a star if its lines are narrow.
+fn name(outcome: &Outcome) -> String {
+    let narrow = if outcome.is_narrow() { " *" } else { "" };
+    format!("{}{narrow}", outcome.case)
+}
+
+/// The structure in few letters, so that its row has room.
+fn structure(outcome: &Outcome) -> String {
+    let name = outcome.structure.replace("normalised ", "");
+    name.replace("direct form, ", "direct ")
+        .replace(" bits", "")
+}
+
+/// All that a structure breaks in a case, one below the other; `None` if it breaks nothing.
+fn broken(outcome: &Outcome) -> Option<String> {
+    let broken = outcome.broken();
+    let head = format!("{}, {}:", name(outcome), structure(outcome));
+    (!broken.is_empty()).then(|| folded_text(&format!("{head} {}", broken.join("; "))))
 }
 
 fn row(outcome: &Outcome) -> Vec<String> {
     let optional = |value: Option<f64>, decimals: usize| {
         value.map_or("-".to_owned(), |value| format!("{value:.decimals$}"))
     };
-    let narrow = if outcome.is_narrow() { " *" } else { "" };
-    let name = format!("{}{narrow}", outcome.case);
-    let mut row = vec![name, outcome.structure.clone()];
+    let mut row = vec![name(outcome), structure(outcome)];
     if outcome.refused.is_some() {
         row.extend(std::iter::repeat_n("-".to_owned(), 10));
-        row.push("fit refuses it".to_owned());
+        row.push("refused".to_owned());
         return row;
     }
     let growth = [outcome.stopped, outcome.overdriven, outcome.glitched]
@@ -110,7 +136,10 @@ fn row(outcome: &Outcome) -> Vec<String> {
         rest(outcome.stopped),
         rest(outcome.overdriven),
         rest(outcome.glitched),
-        outcome.broken().join("; "),
+        match outcome.broken().len() {
+            0 => "-".to_owned(),
+            broken => broken.to_string(),
+        },
     ]);
     row
 }
@@ -120,5 +149,66 @@ fn rest(rest: Rest) -> String {
         Some(samples) => samples.to_string(),
         None if rest.left > 0.01 => "latched".to_owned(),
         None => "never".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::table::LINE_CHARS;
+    use model_format::Structure;
+
+    #[test]
+    fn every_line_fits_a_terminal_and_nothing_that_is_broken_is_missing() {
+        let mut outcomes = Vec::new();
+        for case in cases::suite(cases::Length::Long) {
+            for structure in [
+                Structure::NormalisedLattice,
+                Structure::DirectForm32,
+                Structure::DirectForm16,
+            ] {
+                let latched = Rest {
+                    left: 1.0,
+                    growing: 9,
+                    growth_db: 60.0,
+                    ..Rest::default()
+                };
+                outcomes.push(Outcome {
+                    case: case.name.clone(),
+                    structure: structure.to_string(),
+                    pole_radius: 0.99999,
+                    saturated: 100_000_000,
+                    level_db: Some(-10.1234),
+                    snr_db: Some(-110.1),
+                    off_line_dbc: Some(-140.0),
+                    mean_standard_errors: 100.1,
+                    spectrum_db: 10.123,
+                    stopped: latched,
+                    overdriven: latched,
+                    glitched: latched,
+                    ..Outcome::default()
+                });
+            }
+        }
+        let said = summary(&outcomes);
+        for line in said.lines() {
+            assert!(line.chars().count() <= LINE_CHARS, "{line}");
+        }
+        // Few tables, each with a line per outcome, and a paragraph per outcome.
+        let in_words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+        let lines: Vec<String> = said.lines().map(in_words).collect();
+        let tables = lines
+            .iter()
+            .filter(|line| line.starts_with("case structure "));
+        let tables = tables.count();
+        assert!((2..=3).contains(&tables), "{tables}");
+        for outcome in &outcomes {
+            let row = format!("{} {} ", name(outcome), structure(outcome));
+            let rows = lines.iter().filter(|line| line.starts_with(&row));
+            assert!(rows.count() >= tables, "{row}");
+            let broken = outcome.broken().join("; ");
+            let paragraph = format!("{}, {}: {broken}", name(outcome), structure(outcome));
+            assert!(in_words(&said).contains(&paragraph), "{paragraph}");
+        }
     }
 }

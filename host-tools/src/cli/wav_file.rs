@@ -1,10 +1,12 @@
 //! WAV file that a command renders into, with its line on standard output and its warnings.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use host_tools::playing::render::{RenderSummary, WavFormat};
 use host_tools::support::error::Result;
+use host_tools::support::file_kind::FileKind;
 
+use super::destination::{self, Destination, Overwrite};
 use super::input::positive;
 use super::output::{print, warn};
 
@@ -12,8 +14,10 @@ use super::output::{print, warn};
 #[derive(clap::Args)]
 pub struct WavFile {
     /// WAV file to write: 32-bit float, m/s²
-    #[arg(long, value_name = "WAV")]
-    out: PathBuf,
+    #[arg(long, value_name = "WAV", value_parser = destination::file(FileKind::Wav))]
+    out: Destination,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Write 16-bit samples with this full scale in m/s² instead, for listening
     #[arg(long, value_name = "FULL_SCALE", value_parser = positive)]
     pcm16: Option<f64>,
@@ -22,7 +26,7 @@ pub struct WavFile {
 impl WavFile {
     /// Path of the file.
     pub fn path(&self) -> &Path {
-        &self.out
+        self.out.path()
     }
 
     /// Format of the file.
@@ -37,7 +41,7 @@ impl WavFile {
     pub fn print(&self, source: &str, sample_rate_hz: u32, summary: RenderSummary) -> Result<()> {
         print(&format!(
             "{}: {} samples of {source} at {sample_rate_hz} Hz",
-            self.out.display(),
+            self.out.path().display(),
             summary.wav.samples,
         ))?;
         if summary.wav.clipped > 0 {

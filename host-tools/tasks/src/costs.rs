@@ -20,7 +20,7 @@ use stylus_costs::{Core, Costs, Entry, Origin, Peer, SampleCost, Structure, Upda
 use crate::error::{Error, Result};
 use crate::guest::{self, Processor};
 use crate::toolchain::Toolchain;
-use crate::{qemu, workspace};
+use crate::{mca, qemu, workspace};
 
 /// The file of the table.
 pub fn path() -> PathBuf {
@@ -153,9 +153,32 @@ impl Guest {
                     order: order as u32,
                     sample,
                     update,
+                    modelled_cycles: None,
                 })
             })
             .collect()
+    }
+
+    /// Cycles of a sample on a Cortex-M7 by [`mca`], in the order of [`Guest::count`].
+    ///
+    /// # Errors
+    /// QEMU or llvm-mca is missing, the image fails, or llvm-mca does not know an instruction.
+    pub fn model(&self, structure: Structure, orders: &[usize]) -> Result<Vec<u32>> {
+        let subject = subject(structure);
+        let library = counted_library(subject.stored, orders);
+        let job = Job::Count {
+            filter: subject.filter,
+            updates: 1,
+            library: &library,
+        };
+        let functions = [self.image.function(subject.sample)?];
+        let mut counter = Counter::new(&self.image, &functions)?;
+        qemu::trace(self.processor, &self.file, &job, |address| {
+            counter.take(address)
+        })?;
+        // All samples of a texture execute the same instructions.
+        let firsts = counter.paths(0).step_by(COUNTED_SAMPLES as usize);
+        firsts.map(|path| mca::cycles(&path)).collect()
     }
 }
 
@@ -178,7 +201,7 @@ fn ranges(addresses: &BTreeSet<u32>) -> Vec<RangeInclusive<u32>> {
 }
 
 /// Filters that the image runs without excitation and level: a part of the function's mangled name, and the filter.
-const ALONE: [(&str, &str); 7] = [
+const ALONE: [(&str, &str); 8] = [
     (
         "5peers13lattice_alone",
         "stylus: normalised lattice, 32 bits",
@@ -188,6 +211,10 @@ const ALONE: [(&str, &str); 7] = [
         "stylus: normalised lattice, 32 bits, two samples in one pass",
     ),
     ("5peers12direct_alone", "stylus: direct form, 32 bits"),
+    (
+        "5peers13direct_output",
+        "stylus: direct form, 32 bits, until the output is known",
+    ),
     (
         "5peers10idsp_fixed",
         "idsp 0.23: 200 second-order sections, i32, 64-bit sums",
@@ -239,9 +266,30 @@ impl Guest {
                 instructions: most(|call| call.instructions).unwrap_or_default(),
                 best_cycles: most(|call| call.cycles.best).unwrap_or_default(),
                 worst_cycles: most(|call| call.cycles.worst).unwrap_or_default(),
+                cortex_m7_cycles: None,
             })
         };
         ALONE.iter().enumerate().map(peer).collect()
+    }
+
+    /// Cycles of the same filters on a Cortex-M7 by [`mca`], of this image, which is built for it.
+    ///
+    /// # Errors
+    /// QEMU or llvm-mca is missing, the image fails, or llvm-mca does not know an instruction.
+    pub fn model_peers(&self) -> Result<Vec<u32>> {
+        let functions: Vec<u32> = ALONE
+            .iter()
+            .map(|(name, _)| self.image.function(name))
+            .collect::<std::result::Result<_, _>>()?;
+        let mut counter = Counter::new(&self.image, &functions)?;
+        qemu::trace(self.processor, &self.file, &Job::Peers, |address| {
+            counter.take(address)
+        })?;
+        let of = |function| {
+            let path = counter.paths(function).next().unwrap_or_default();
+            mca::cycles(&path)
+        };
+        (0..ALONE.len()).map(of).collect()
     }
 }
 
@@ -304,14 +352,29 @@ pub fn count(
     toolchain: &Toolchain,
     mut progress: impl FnMut(Processor, Structure),
 ) -> Result<Costs> {
+    // Without it, minutes of counting would be lost.
+    let llvm_mca = mca::version()?;
     let (mut entries, mut others) = (Vec::new(), Vec::new());
+    // The Cortex-M4 comes first: the Cortex-M7's figures are added to its peers.
     for processor in Processor::ALL {
         let guest = Guest::build(toolchain, processor)?;
-        if processor == Processor::CortexM4 {
-            others = guest.count_peers()?;
+        match processor {
+            Processor::CortexM4 => others = guest.count_peers()?,
+            Processor::CortexM7 => {
+                for (peer, cycles) in others.iter_mut().zip(guest.model_peers()?) {
+                    peer.cortex_m7_cycles = Some(cycles);
+                }
+            }
         }
         for structure in Structure::ALL {
-            entries.extend(guest.count(structure, &COUNTED_ORDERS)?);
+            let mut counted = guest.count(structure, &COUNTED_ORDERS)?;
+            if processor == Processor::CortexM7 {
+                let modelled = guest.model(structure, &COUNTED_ORDERS)?;
+                for (entry, cycles) in counted.iter_mut().zip(modelled) {
+                    entry.modelled_cycles = Some(cycles);
+                }
+            }
+            entries.extend(counted);
             progress(processor, structure);
         }
     }
@@ -319,6 +382,7 @@ pub fn count(
     Ok(Costs {
         rustc: compiler(toolchain)?,
         qemu: qemu::version()?,
+        llvm_mca: Some(llvm_mca),
         entries,
         peers,
     })
@@ -336,10 +400,13 @@ pub fn compiler(toolchain: &Toolchain) -> Result<String> {
         .to_owned())
 }
 
-/// CMSIS-DSP's filters at 400 taps, one sample per call, the fastest build of each: name, instructions, cycles at best
-/// and at worst. They were counted by the same rules on the same emulator. They are references, because the library is
-/// C and not part of this build.
-const CMSIS_DSP: [(&str, u32, u32, u32); 7] = [
+/// CMSIS-DSP's filters at 400 taps, the fastest build of each that was found: name, and per sample instructions, cycles
+/// at best and at worst. They are references, built by hand and counted by the same rules on the same emulator, because
+/// the library is C and not part of this build.
+///
+/// The sections and the blocks are of its sources at v1.17.1-16-gec1bb752: GCC 12.2.1 with `ARM_MATH_LOOPUNROLL` at -O2
+/// (lattice) and -O3 (FIR, blocks of sections), Clang 14 at -O2 without it (one sample of sections).
+const CMSIS_DSP: [(&str, u32, u32, u32); 11] = [
     ("FIR, q31", 2514, 3217, 4422),
     ("FIR, fast q31", 2564, 3908, 4825),
     ("FIR, q15", 1884, 2496, 3376),
@@ -347,7 +414,30 @@ const CMSIS_DSP: [(&str, u32, u32, u32); 7] = [
     ("FIR, f32", 3031, 3997, 5268),
     ("all-pole lattice, q31, two multipliers", 7096, 8536, 10161),
     ("all-pole lattice, f32, two multipliers", 5192, 7084, 8320),
+    ("200 second-order sections, q31", 11019, 15446, 16652),
+    ("FIR, q31, in blocks of 10", 1124, 1472, 1763),
+    (
+        "all-pole lattice, q31, two multipliers, in blocks of 10",
+        5972,
+        7034,
+        7664,
+    ),
+    (
+        "200 second-order sections, q31, in blocks of 10",
+        4003,
+        5165,
+        5625,
+    ),
 ];
+
+/// The modelled cycles of the same filter on a Cortex-M7.
+fn m7_cycles(entries: &[Entry], m4: &Entry) -> Option<u32> {
+    let of = |entry: &&Entry| {
+        (entry.structure, entry.nodes, entry.core, entry.order)
+            == (m4.structure, m4.nodes, Core::M7, m4.order)
+    };
+    entries.iter().find(of)?.modelled_cycles
+}
 
 /// The product's filters at the highest order on a Cortex-M4, then `others`, then CMSIS-DSP's.
 fn peers(entries: &[Entry], others: Vec<Peer>) -> Vec<Peer> {
@@ -363,6 +453,7 @@ fn peers(entries: &[Entry], others: Vec<Peer>) -> Vec<Peer> {
         instructions: entry.sample.instructions,
         best_cycles: entry.sample.best_cycles,
         worst_cycles: entry.sample.worst_cycles,
+        cortex_m7_cycles: m7_cycles(entries, entry),
     });
     let theirs = CMSIS_DSP
         .iter()
@@ -374,6 +465,7 @@ fn peers(entries: &[Entry], others: Vec<Peer>) -> Vec<Peer> {
             instructions,
             best_cycles,
             worst_cycles,
+            cortex_m7_cycles: None,
         });
     ours.chain(others).chain(theirs).collect()
 }
@@ -381,13 +473,24 @@ fn peers(entries: &[Entry], others: Vec<Peer>) -> Vec<Peer> {
 /// The entries as a table with columns for each core, and the peers, as text.
 pub fn table(costs: &Costs) -> String {
     let mut text = format!(
-        "rustc {}, QEMU {}; cycles are the Cortex-M4's, modelled, best to worst; the worst bounds a Cortex-M7\n\n",
-        costs.rustc, costs.qemu
+        "rustc {}, QEMU {}; cycles are the Cortex-M4's, modelled, best to worst; the worst bounds a Cortex-M7, which \
+         llvm-mca {} models\n\n",
+        costs.rustc,
+        costs.qemu,
+        costs.llvm_mca.as_deref().unwrap_or("has not")
     );
     let _ = writeln!(
         text,
-        "{:<32} {:>5} {:>5}  {:>8} {:>15}  {:>8} {:>15}  {:>16}",
-        "per sample", "nodes", "order", "M4", "cycles", "M7", "cycles", "per update, M4"
+        "{:<32} {:>5} {:>5}  {:>8} {:>15}  {:>8} {:>15} {:>9}  {:>16}",
+        "per sample",
+        "nodes",
+        "order",
+        "M4",
+        "cycles",
+        "M7",
+        "cycles",
+        "llvm-mca",
+        "per update, M4"
     );
     for m4 in costs.entries.iter().filter(|entry| entry.core == Core::M4) {
         let Some(m7) = costs.entry(m4.structure, m4.nodes, Core::M7, m4.order) else {
@@ -401,7 +504,7 @@ pub fn table(costs: &Costs) -> String {
         );
         let _ = writeln!(
             text,
-            "{:<32} {:>5} {:>5}  {:>8} {:>15}  {:>8} {:>15}  {:>16}",
+            "{:<32} {:>5} {:>5}  {:>8} {:>15}  {:>8} {:>15} {:>9}  {:>16}",
             m4.structure.name(),
             m4.nodes,
             m4.order,
@@ -409,13 +512,14 @@ pub fn table(costs: &Costs) -> String {
             cycles(m4.sample),
             m7.sample.instructions,
             cycles(m7.sample),
+            m7.modelled_cycles.unwrap_or_default(),
             update,
         );
     }
     let _ = writeln!(
         text,
         "\n{:<58} {:>12} {:>7} {:>7}  work of the call",
-        "at order 400 on a Cortex-M4, one sample per call", "instructions", "best", "worst",
+        "at order 400 on a Cortex-M4, per sample", "instructions", "best", "worst",
     );
     for peer in &costs.peers {
         let origin = match peer.origin {

@@ -15,6 +15,27 @@ pub enum Error {
         DEBIAN_PACKAGES.join(" ")
     )]
     NoToolchain,
+    /// No toolchain builds for pages.
+    #[error(
+        "the Rust toolchain here does not build for {target}; install it: `rustup target add {target}`. Pages take the \
+         module that is kept, which nothing holds against its sources meanwhile"
+    )]
+    NoPageTarget {
+        /// The target.
+        target: &'static str,
+    },
+    /// The kept module is not what its sources give.
+    #[error(
+        "{path}: {problem}; if the kernel or the format has changed on purpose, `cargo tasks browser-module` writes it \
+         anew",
+        path = path.display()
+    )]
+    KeptModule {
+        /// The file.
+        path: PathBuf,
+        /// The difference.
+        problem: String,
+    },
     /// A needed program is missing.
     #[error(
         "{program} is not installed; install it, on Debian as root: `apt-get install {package}`"

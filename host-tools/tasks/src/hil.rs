@@ -63,7 +63,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let product = firmware::build(&toolchain, Image::Product)?;
         let faults = firmware::build(&toolchain, Image::FaultInjection)?;
         if arguments.virtual_stylus {
-            suite.arg("--virtual-stylus").arg(virtual_stylus::build()?);
+            suite
+                .arg("--virtual-stylus")
+                .arg(virtual_stylus::build(process::Progress::Quiet)?);
             suite.arg("--brief");
         } else {
             let program = process::find("probe-rs").ok_or(Error::NoProbeRs)?;

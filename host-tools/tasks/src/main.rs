@@ -11,7 +11,8 @@ use tasks::firmware::Image;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::{Toolchain, check_clippy};
 use tasks::{
-    attack, compare, costs, firmware, hil, house, lint, qemu, tables, virtual_stylus, workspace,
+    attack, bench_host, browser_module, compare, costs, firmware, hil, house, lint, qemu, tables,
+    virtual_stylus, workspace,
 };
 
 /// Tasks around the microcontroller's core.
@@ -79,6 +80,15 @@ enum Task {
     },
     /// Fuzz, and model-check starts and interleaved requests, with fresh seeds as long as asked
     Attack(attack::Arguments),
+    /// Compare what rendering and whole commands take, before and after, in turns (some minutes)
+    BenchHost(bench_host::Arguments),
+    /// Build the kernel as a page's WebAssembly module, and keep it in host-tools/src/report/rub_page
+    BrowserModule {
+        /// Keep nothing, and fail if the kept module is not what this builds: byte by byte where the compiler is that
+        /// of the kept one, else by its samples
+        #[arg(long)]
+        check: bool,
+    },
     /// Lint all code for the target; every warning fails
     CheckTarget,
     /// Lint the virtual stylus; every warning fails
@@ -109,15 +119,27 @@ fn main() -> ExitCode {
             build_firmware(image).and_then(|file| firmware::flash(&file))
         }
         Task::VirtualStylus { arguments } => {
-            Toolchain::find().and_then(|toolchain| virtual_stylus::run(&toolchain, &arguments))
+            let ran =
+                Toolchain::find().and_then(|toolchain| virtual_stylus::run(&toolchain, &arguments));
+            match ran {
+                Ok(code) => return ExitCode::from(code),
+                Err(failure) => Err(failure),
+            }
         }
         Task::TestVirtualStylus { long, arguments } => Toolchain::find()
             .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
         Task::Hil(arguments) => hil::run(&arguments),
         Task::Attack(arguments) => attack::run(&arguments),
+        Task::BenchHost(arguments) => bench_host::run(&arguments),
         Task::House => check_house(),
         Task::Tables { check: true, .. } => tables::check_instant(),
         Task::Tables { names, .. } => write_tables(names),
+        Task::BrowserModule { check: true } => {
+            browser_module::check().map(|checked| println!("{checked}"))
+        }
+        Task::BrowserModule { check: false } => {
+            browser_module::write().map(|kept| println!("{kept}"))
+        }
         Task::CheckVirtualStylus => virtual_stylus::lint(),
         Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),
     };

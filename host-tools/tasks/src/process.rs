@@ -5,6 +5,35 @@ use std::process::Command;
 
 use crate::error::{Error, Result};
 
+/// Amount that a build says while it goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// Nothing but its warnings and errors.
+    Quiet,
+    /// Each package as it is built.
+    Shown,
+}
+
+impl Progress {
+    /// Cargo's argument for it, if it needs one.
+    pub fn argument(self) -> Option<&'static str> {
+        (self == Self::Quiet).then_some("--quiet")
+    }
+}
+
+/// Runs `command` to its end, as if it were this program, and returns its exit code; 1 if a signal ended it.
+///
+/// # Errors
+/// The program cannot be started.
+pub fn become_like(command: &mut Command) -> Result<u8> {
+    let status = command.status().map_err(|source| Error::Run {
+        program: name(command),
+        source,
+    })?;
+    let code = status.code().and_then(|code| u8::try_from(code).ok());
+    Ok(code.unwrap_or(1))
+}
+
 /// Runs `command` to its end; it prints to the screen.
 ///
 /// # Errors

@@ -56,20 +56,10 @@ impl Toolchain {
     /// # Errors
     /// It cannot be run.
     pub fn compiler_version(&self) -> Result<String> {
-        let mut rustc = match self {
-            Self::Installed { .. } => Command::new("rustc"),
-            Self::Debian => Command::new(Path::new(DEBIAN_FOLDER).join("rustc")),
-        };
-        // The folder decides which `rust-toolchain.toml` counts.
-        let output = rustc
-            .arg("--version")
-            .current_dir(workspace::root())
-            .output();
-        let output = output.map_err(|source| Error::Run {
-            program: process::name(&rustc),
-            source,
-        })?;
-        Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+        match self {
+            Self::Installed { .. } => version_of(Path::new("rustc")),
+            Self::Debian => version_of(&Path::new(DEBIAN_FOLDER).join("rustc")),
+        }
     }
 
     /// `cargo <subcommand> --target <the target>`, run in `folder`, with outputs in `target_folder`.
@@ -79,17 +69,7 @@ impl Toolchain {
             Self::Debian => Command::new(Path::new(DEBIAN_FOLDER).join("cargo")),
         };
         command.current_dir(folder);
-        // Cargo sets these for the programs it runs, such as this task or a test. They would change the other build.
-        for inherited in [
-            "CARGO_BUILD_TARGET",
-            "CARGO_ENCODED_RUSTFLAGS",
-            "RUSTC",
-            "RUSTC_WORKSPACE_WRAPPER",
-            "RUSTDOC",
-            "RUSTFLAGS",
-        ] {
-            command.env_remove(inherited);
-        }
+        without_inherited(&mut command);
         command.env("CARGO_TARGET_DIR", target_folder);
         command.args([subcommand, "--target", TARGET]);
         if *self == Self::Debian {
@@ -112,6 +92,34 @@ impl std::fmt::Display for Toolchain {
     }
 }
 
+/// The name and version of the compiler in use.
+///
+/// # Errors
+/// It cannot be run.
+pub fn version_in_use() -> Result<String> {
+    version_of(Path::new("rustc"))
+}
+
+fn version_of(rustc: &Path) -> Result<String> {
+    let mut rustc = Command::new(rustc);
+    // The folder decides which `rust-toolchain.toml` counts.
+    let output = rustc
+        .arg("--version")
+        .current_dir(workspace::root())
+        .output();
+    let output = output.map_err(|source| Error::Run {
+        program: process::name(&rustc),
+        source,
+    })?;
+    Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
+/// Returns whether the toolchain in use has the library of `target`.
+pub fn has_target(target: &str) -> bool {
+    let library = |sysroot: PathBuf| sysroot.join("lib/rustlib").join(target).join("lib");
+    sysroot(Path::new("rustc")).is_some_and(|sysroot| library(sysroot).is_dir())
+}
+
 fn sysroot(rustc: &Path) -> Option<PathBuf> {
     let output = Command::new(rustc)
         .args(["--print", "sysroot"])
@@ -120,6 +128,21 @@ fn sysroot(rustc: &Path) -> Option<PathBuf> {
         .ok()?;
     let text = String::from_utf8(output.stdout).ok()?;
     (output.status.success()).then(|| PathBuf::from(text.trim()))
+}
+
+/// Takes from `command` what cargo sets for the programs that it runs, such as this task or a test: it would change
+/// the other build.
+pub(crate) fn without_inherited(command: &mut Command) {
+    for inherited in [
+        "CARGO_BUILD_TARGET",
+        "CARGO_ENCODED_RUSTFLAGS",
+        "RUSTC",
+        "RUSTC_WORKSPACE_WRAPPER",
+        "RUSTDOC",
+        "RUSTFLAGS",
+    ] {
+        command.env_remove(inherited);
+    }
 }
 
 /// The search path with Debian's programs before all others.

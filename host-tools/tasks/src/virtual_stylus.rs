@@ -9,6 +9,7 @@ use std::process::Command;
 
 use crate::error::{Error, Result};
 use crate::firmware::{self, Image};
+use crate::process::Progress;
 use crate::target::TARGET;
 use crate::toolchain::Toolchain;
 use crate::{costs, process, tables, workspace};
@@ -19,24 +20,27 @@ fn folder() -> PathBuf {
 
 /// Cargo for the host, in the virtual stylus's workspace. It shares the folder of the product's own builds, so that
 /// common dependencies are built once.
-fn cargo(subcommand: &str) -> Command {
+fn cargo(subcommand: &str, progress: Progress) -> Command {
     let mut cargo = Command::new("cargo");
     cargo.current_dir(folder());
     cargo.env("CARGO_TARGET_DIR", workspace::host_target_folder());
-    cargo.args([subcommand, "--quiet", "--locked", "--ignore-rust-version"]);
+    cargo.arg(subcommand).args(progress.argument());
+    cargo.args(["--locked", "--ignore-rust-version"]);
     cargo
 }
 
-/// Runs the product's image by hand, with the virtual stylus's own `arguments`.
+/// Runs the product's image by hand, with the virtual stylus's own `arguments`, and returns its exit code. What is
+/// built before is shown, because a first build takes minutes.
 ///
 /// # Errors
-/// A build or the run fails.
-pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<()> {
-    let image = firmware::build(toolchain, Image::Product)?;
-    let mut run = cargo("run");
-    run.args(["--bin", "virtual-stylus", "--", "--image"])
-        .arg(image);
-    process::run(run.args(arguments))
+/// A build fails, or the run cannot be started.
+pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<u8> {
+    eprintln!("[1/2] building the image for the STM32H743");
+    let image = firmware::build_saying(toolchain, Image::Product, Progress::Shown)?;
+    eprintln!("[2/2] building the emulator");
+    let program = build(Progress::Shown)?;
+    let mut run = Command::new(program);
+    process::become_like(run.arg("--image").arg(image).args(arguments))
 }
 
 /// Builds the images and runs all tests on the virtual stylus, with `long` the long ones too. `arguments` go to the
@@ -61,12 +65,12 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
     Ok(())
 }
 
-/// Builds the virtual stylus's program, and returns it.
+/// Builds the virtual stylus's program, saying as much as `progress`, and returns it.
 ///
 /// # Errors
 /// The build fails.
-pub fn build() -> Result<PathBuf> {
-    process::run(cargo("build").args(["--bin", "virtual-stylus"]))?;
+pub fn build(progress: Progress) -> Result<PathBuf> {
+    process::run(cargo("build", progress).args(["--bin", "virtual-stylus"]))?;
     let program = workspace::host_target_folder().join("debug/virtual-stylus");
     if program.is_file() {
         Ok(program)
@@ -88,7 +92,7 @@ pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
 
 /// The command that tests the virtual stylus with the product's image in the file `product`.
 fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
-    let mut test = cargo("test");
+    let mut test = cargo("test", Progress::Quiet);
     test.env("STYLUS_IMAGE", product);
     test.env("STYLUS_COMPILER", costs::compiler(toolchain)?);
     test.env(
@@ -104,7 +108,8 @@ fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
 /// # Errors
 /// There is a warning, or the build fails.
 pub fn lint() -> Result<()> {
-    process::run(cargo("clippy").args(["--all-targets", "--", "--deny", "warnings"]))
+    let mut clippy = cargo("clippy", Progress::Quiet);
+    process::run(clippy.args(["--all-targets", "--", "--deny", "warnings"]))
 }
 
 /// Builds the image that compares the models with the manual, and returns it.
@@ -119,5 +124,60 @@ fn build_probe(toolchain: &Toolchain) -> Result<PathBuf> {
         Ok(image)
     } else {
         Err(Error::NoImage(image))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use toml::Table;
+
+    use super::*;
+
+    /// Names of the packages of this repository that a build of the package in `folder` builds, itself included.
+    fn built_with(folder: &Path) -> BTreeSet<String> {
+        let text = std::fs::read_to_string(folder.join("Cargo.toml")).expect("a package");
+        let manifest: Table = text.parse().expect("TOML");
+        let mut names = BTreeSet::from([manifest["package"]["name"].as_str().unwrap().to_owned()]);
+        let root: Table = std::fs::read_to_string(workspace::root().join("Cargo.toml"))
+            .expect("the workspace")
+            .parse()
+            .expect("TOML");
+        let shared = &root["workspace"]["dependencies"];
+        let dependencies = manifest.get("dependencies").and_then(toml::Value::as_table);
+        for (name, dependency) in dependencies.into_iter().flatten() {
+            let own = dependency
+                .get("path")
+                .map(|path| folder.join(path.as_str().unwrap()));
+            let inherited = || {
+                dependency.get("workspace")?;
+                let path = shared.get(name)?.get("path")?.as_str()?;
+                Some(workspace::root().join(path))
+            };
+            if let Some(path) = own.or_else(inherited) {
+                names.extend(built_with(&path));
+            }
+        }
+        names
+    }
+
+    #[test]
+    fn the_virtual_stylus_is_built_without_the_hosts_tools() {
+        for folder in [folder(), workspace::root().join("host-tools/tasks")] {
+            let built = built_with(&folder);
+            assert!(built.contains("model-format"), "{built:?}");
+            assert!(!built.contains("host-tools"), "{built:?}");
+        }
+    }
+
+    #[test]
+    fn the_virtual_stylus_shows_what_it_builds() {
+        let text = std::fs::read_to_string(workspace::root().join(".cargo/config.toml")).unwrap();
+        let config: Table = text.parse().expect("TOML");
+        let alias = config["alias"]["virtual-stylus"].as_str().unwrap();
+        assert!(!alias.contains("quiet"), "{alias}");
+        let build = cargo("build", Progress::Shown);
+        assert!(build.get_args().all(|argument| argument != "--quiet"));
     }
 }

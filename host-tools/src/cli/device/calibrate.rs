@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::connection::Link;
 use super::interrupt::Interrupt;
 use crate::cli::input::positive;
-use crate::cli::output::{note, print, print_json};
+use crate::cli::output::{print, print_json, tell};
 
 #[derive(clap::Args)]
 #[expect(
@@ -194,7 +194,7 @@ fn sensors(
 
 /// Prints to standard error, so that standard output holds the report alone.
 fn say(text: &str) {
-    note(text);
+    tell(text);
 }
 
 /// The operator's answer to `question`.

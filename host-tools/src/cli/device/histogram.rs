@@ -18,10 +18,18 @@ pub fn draw(histogram: &TickHistogram) -> String {
         "#".repeat((share * WIDTH).round().max(1.0) as usize)
     };
     let mut text = format!(
-        "{:.1} to {:.1} µs, {total} ticks (bars logarithmic)",
+        "{:.1} to {:.1} µs, {total} ticks",
         microseconds(histogram.shortest),
         microseconds(histogram.longest)
     );
+    if histogram.bins.iter().filter(|count| **count > 0).count() == 1 {
+        text.push_str(&format!(
+            "\nall in one of the stylus's bins, which are {:.1} µs wide",
+            microseconds(TICK_BIN_CYCLES)
+        ));
+        return text;
+    }
+    text.push_str(" (bars logarithmic)");
     let bins = histogram.bins.iter().enumerate();
     for (bin, &count) in bins.filter(|&(_, &count)| count > 0) {
         let from = microseconds(bin as u32 * TICK_BIN_CYCLES);
@@ -39,6 +47,22 @@ pub fn draw(histogram: &TickHistogram) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_bar_that_tells_nothing_is_not_drawn() {
+        let mut bins = [0; TICK_BIN_COUNT];
+        bins[1] = 5000;
+        let text = draw(&TickHistogram {
+            core_hz: 400_000_000,
+            shortest: 4100,
+            longest: 8000,
+            bins,
+        });
+        assert_eq!(
+            text,
+            "10.2 to 20.0 µs, 5000 ticks\nall in one of the stylus's bins, which are 10.2 µs wide"
+        );
+    }
 
     #[test]
     fn every_bin_that_has_ticks_is_drawn_and_the_fullest_is_the_longest() {

@@ -1,9 +1,8 @@
 //! `stylus list`
 
-use host_tools::link::Device;
+use host_tools::link::contents::{SlotContent, TextureEntry};
 use host_tools::support::error::Result;
-use model_format::link::{SceneInfo, SlotId, SlotState, TextureInfo};
-use serde::Serialize;
+use model_format::link::{SceneInfo, SlotState};
 
 use super::connection::Link;
 use crate::cli::output::{print, print_json};
@@ -18,56 +17,9 @@ pub struct Arguments {
     link: Link,
 }
 
-/// A slot with its content.
-#[derive(Serialize)]
-struct Slot {
-    #[serde(rename = "slot")]
-    name: String,
-    active: bool,
-    state: SlotState,
-    textures: Vec<Texture>,
-    scenes: Vec<SceneInfo>,
-}
-
-/// A texture in the device, with its enums in words.
-#[derive(Serialize)]
-struct Texture {
-    name: String,
-    structure: String,
-    provenance: String,
-    sample_rate_hz: u32,
-    max_order: u16,
-    speeds: u8,
-    forces: u8,
-    speed_range_mm_s: [f32; 2],
-    force_range_n: [f32; 2],
-    silent_nodes: u16,
-    filled_nodes: u16,
-    doubtful_nodes: u16,
-}
-
-impl From<TextureInfo> for Texture {
-    fn from(info: TextureInfo) -> Self {
-        Self {
-            name: info.name.to_string(),
-            structure: info.structure.to_string(),
-            provenance: info.provenance.to_string(),
-            sample_rate_hz: info.sample_rate_hz,
-            max_order: info.max_order,
-            speeds: info.speeds,
-            forces: info.forces,
-            speed_range_mm_s: info.speed_range.map(|speed| speed.0),
-            force_range_n: info.force_range.map(|force| force.0),
-            silent_nodes: info.silent_nodes,
-            filled_nodes: info.filled_nodes,
-            doubtful_nodes: info.doubtful_nodes,
-        }
-    }
-}
-
 pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
-    let slots = read(&device)?;
+    let slots = device.contents()?;
     if arguments.json {
         return print_json(&slots);
     }
@@ -75,29 +27,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&texts.join("\n\n"))
 }
 
-fn read(device: &Device) -> Result<Vec<Slot>> {
-    let both = device.slots()?;
-    let of_slot = |(id, state): (SlotId, SlotState)| {
-        let (textures, scenes) = match &state {
-            SlotState::Valid(_) => (device.textures(id)?, device.scenes(id)?),
-            _ => (Vec::new(), Vec::new()),
-        };
-        Ok(Slot {
-            name: id.to_string(),
-            active: both.active == Some(id),
-            state,
-            textures: textures.into_iter().map(Texture::from).collect(),
-            scenes,
-        })
-    };
-    SlotId::ALL
-        .into_iter()
-        .zip(both.slots.clone())
-        .map(of_slot)
-        .collect()
-}
-
-fn text(slot: &Slot) -> String {
+fn text(slot: &SlotContent) -> String {
     let active = if slot.active { " (active)" } else { "" };
     let state = match &slot.state {
         SlotState::Empty => "empty".to_owned(),
@@ -117,7 +47,7 @@ fn text(slot: &Slot) -> String {
     format!("slot {}{active}: {state}", slot.name)
 }
 
-fn textures(textures: &[Texture]) -> String {
+fn textures(textures: &[TextureEntry]) -> String {
     let header = [
         "texture",
         "from",

@@ -1,7 +1,6 @@
-//! A line on standard error that shows a command's progress.
+//! Levels in the line that shows a command's progress.
 
 use host_tools::link::capture::Level;
-use indicatif::{ProgressBar, ProgressStyle};
 
 /// Samples that a live level is the mean of: 0.1 s.
 pub const LIVE_SAMPLES: usize = 500;
@@ -9,12 +8,4 @@ pub const LIVE_SAMPLES: usize = 500;
 /// A level in a few words.
 pub fn live(level: &Level) -> String {
     format!("{:7.3} m/s² {:5.1} mm/s", level.rms_m_s2, level.speed_mm_s)
-}
-
-/// A line on standard error; hidden if standard error is no terminal.
-pub fn live_line(what: &'static str) -> ProgressBar {
-    let style = ProgressStyle::with_template("{spinner} {msg}").expect("the template is fixed");
-    ProgressBar::new_spinner()
-        .with_style(style)
-        .with_message(what)
 }

@@ -3,6 +3,7 @@
 pub mod activate;
 pub mod calibrate;
 mod connection;
+pub mod devices;
 mod histogram;
 mod interrupt;
 pub mod list;
@@ -14,16 +15,20 @@ pub mod record_strokes;
 pub mod selftest;
 mod sensing;
 pub mod settings;
+pub mod share_link;
 mod slot;
 pub mod status;
 pub mod stop;
 pub mod upload;
 
 use clap::Subcommand;
+use host_tools::link::BROKER_COMMAND;
 use host_tools::support::error::Result;
 
 #[derive(Subcommand)]
 pub enum Command {
+    /// List the styluses that are attached: on USB, behind a probe's serial port, or virtual
+    Devices(devices::Arguments),
     /// Record trials with the stylus's sensors, prompted for each speed and force
     Record(record::Arguments),
     /// Record free-hand strokes with speed and force per sample, for segment
@@ -48,11 +53,15 @@ pub enum Command {
     Settings(settings::Arguments),
     /// Set the coil's measured values and the sensors' zeros, with checks; nothing plays before
     Calibrate(calibrate::Arguments),
+    /// Share a link among commands
+    #[command(name = BROKER_COMMAND, hide = true)]
+    ShareLink(share_link::Arguments),
 }
 
 /// Runs a command.
 pub fn run(command: &Command) -> Result<()> {
     match command {
+        Command::Devices(arguments) => devices::run(arguments),
         Command::Record(arguments) => record::run(arguments),
         Command::RecordStrokes(arguments) => record_strokes::run(arguments),
         Command::Upload(arguments) => upload::run(arguments),
@@ -65,5 +74,9 @@ pub fn run(command: &Command) -> Result<()> {
         Command::Selftest(arguments) => selftest::run(arguments),
         Command::Settings(arguments) => settings::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(arguments),
+        Command::ShareLink(arguments) => {
+            share_link::run(arguments);
+            Ok(())
+        }
     }
 }

@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 use host_tools::link::LinkError;
 use host_tools::link::capture::{Calibration, Level, Loss, Stream};
 use host_tools::support::error::{Error, Result};
+use host_tools::support::progress;
 use host_tools::support::visible::{visible_json, visible_line};
 use model_format::link::{RecordError, Status};
 use serde::Serialize;
 
 use super::connection::Link;
 use super::interrupt::Interrupt;
-use super::live_line::live_line;
 use super::status::output;
 use crate::cli::input::positive;
 use crate::cli::output::{print, warn};
@@ -58,7 +58,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
         Err(failure) => return Err(failure.into()),
     };
-    let line = live_line("watching; Ctrl-C ends");
+    let line = progress::line("watching; Ctrl-C ends");
     let begin = Instant::now();
     let mut shown = 0;
     let is_over = || {

@@ -1,10 +1,9 @@
 //! `stylus record-strokes`
 
-use std::path::PathBuf;
-
 use host_tools::link::capture::{Level, Loss};
 use host_tools::link::strokes;
 use host_tools::support::error::{Error, Result};
+use host_tools::support::file_kind::FileKind;
 use host_tools::support::progress;
 use model_format::link::RecordSample;
 use serde::Serialize;
@@ -13,13 +12,15 @@ use super::connection::Link;
 use super::interrupt::Interrupt;
 use super::live_line::{LIVE_SAMPLES, live};
 use super::sensing::Sensing;
+use crate::cli::destination::{self, Destination};
 use crate::cli::input::positive;
 use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
     /// CSV file to write
-    file: PathBuf,
+    #[arg(value_parser = destination::file(FileKind::Csv))]
+    file: Destination,
     /// Duration, in seconds; Ctrl-C ends the recording earlier and keeps it
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 60.0)]
     seconds: f64,
@@ -46,9 +47,10 @@ struct StrokesReport {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    if arguments.file.exists() && !arguments.again {
+    let file = arguments.file.path();
+    if file.exists() && !arguments.again {
         let problem = "exists already; name another file, or give --again";
-        return Err(Error::file(&arguments.file, problem));
+        return Err(Error::file(file, problem));
     }
     let device = arguments.link.connect()?;
     let calibration = arguments.sensing.calibration(&device)?;
@@ -68,11 +70,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::Request("nothing was recorded".to_owned()));
     }
     let provenance = arguments.sensing.provenance();
-    strokes.write(&arguments.file, &calibration, provenance)?;
+    strokes.write(file, &calibration, provenance)?;
     let there: Vec<RecordSample> = strokes.samples.iter().flatten().copied().collect();
     let rate_hz = f64::from(strokes.rate_hz);
     let report = StrokesReport {
-        file: arguments.file.display().to_string(),
+        file: file.display().to_string(),
         seconds: strokes.samples.len() as f64 / rate_hz,
         level: Level::of(&there, &calibration, rate_hz),
         lost_samples: strokes.samples.len() - there.len(),

@@ -1,18 +1,17 @@
 //! `stylus selftest`
 
-use std::path::PathBuf;
-
 use host_tools::link::self_test::record::Record;
 use host_tools::link::self_test::{self, Options, Step, Verdict};
-use host_tools::link::{Device, LinkAddress, LinkError, Timeouts};
+use host_tools::link::{Device, LinkAddress, LinkError};
 use host_tools::support::error::{Error, Result};
+use host_tools::support::progress;
 use model_format::link::SlotId;
 
 use super::connection::Link;
-use super::live_line::live_line;
 use super::slot::Slot;
+use crate::cli::destination::{self, Destination};
 use crate::cli::input::positive;
-use crate::cli::output::{note, print, print_json};
+use crate::cli::output::{print, print_json, tell};
 use crate::cli::table::table;
 
 #[derive(clap::Args)]
@@ -33,8 +32,8 @@ pub struct Arguments {
     #[arg(long, value_name = "LINK")]
     also: Option<LinkAddress>,
     /// File of the record, or folder for a file named by serial number and date
-    #[arg(long, value_name = "PATH", default_value = ".")]
-    record: PathBuf,
+    #[arg(long, value_name = "PATH", default_value = ".", value_parser = destination::self_test_record())]
+    record: Destination,
     /// Print the record as JSON
     #[arg(long)]
     json: bool,
@@ -43,10 +42,9 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    Record::check_place(&arguments.record)?;
     let device = arguments.link.connect()?;
     let also = (arguments.also.as_ref())
-        .map(|address| other(address, device.info().serial.as_str()))
+        .map(|address| other(arguments, address, device.info().serial.as_str()))
         .transpose()?;
     let options = Options {
         traffic_s: arguments.seconds,
@@ -54,13 +52,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         moves: arguments.moves,
         erasable: arguments.use_slot.map(SlotId::from),
     };
-    note("the amplifier must be off; the output is moved while its pin is read back");
-    let line = live_line("self test");
+    tell("the amplifier must be off; the output is moved while its pin is read back");
+    let line = progress::line("self test");
     let mut lines = self_test::run(&device, &options, |step| {
         let words = words(step, arguments.seconds);
         line.set_message(words.clone());
         if matches!(step, Step::Move) {
-            line.suspend(|| note(&words));
+            line.suspend(|| tell(&words));
         }
     })?;
     if let Some(also) = &also {
@@ -74,7 +72,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         print(&text(&record))?;
     }
-    let path = record.write(&arguments.record)?;
+    let path = record.write(arguments.record.path())?;
     if !arguments.json {
         print(&format!("record: {}", path.display()))?;
     }
@@ -88,8 +86,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Opens a second link to the device with this serial number.
-fn other(address: &LinkAddress, serial: &str) -> Result<Device> {
-    let device = Device::connect(address, Timeouts::default())?;
+fn other(arguments: &Arguments, address: &LinkAddress, serial: &str) -> Result<Device> {
+    let device = arguments.link.connect_to(address)?;
     if device.info().serial.as_str() != serial {
         return Err(LinkError::NotVerified {
             link: address.to_string(),

@@ -5,11 +5,10 @@ use std::io::{BufRead, IsTerminal, Write};
 use clap::Subcommand;
 use host_tools::link::Device;
 use host_tools::link::consequences::consequences;
+use host_tools::link::setting_row::{SettingOrigin, SettingRow};
+use host_tools::link::setting_text;
 use host_tools::support::error::{Error, Result};
-use model_format::link::{
-    Setting, SettingChange, SettingSet, Settings, SettingsChange, SettingsError, SettingsState,
-};
-use serde::Serialize;
+use model_format::link::{SettingSet, Settings, SettingsChange, SettingsError, SettingsState};
 
 use super::connection::Link;
 use super::status::settings as remarks;
@@ -51,81 +50,16 @@ enum Action {
     },
 }
 
-/// Origin of a setting's value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum Origin {
-    Set,
-    Default,
-    NotSet,
-    Lost,
-}
-
-/// A setting with its value.
-#[derive(Serialize)]
-struct Row {
-    name: &'static str,
-    /// None if nobody has set it and it has no default, or if it was lost.
-    value: Option<f32>,
-    state: Origin,
-    unit: &'static str,
-    lowest: f32,
-    highest: f32,
-    /// None for a setting without which nothing plays.
-    default: Option<f32>,
-}
-
-impl Row {
-    fn new(SettingChange { setting, value }: SettingChange, state: &SettingsState) -> Self {
-        let spec = setting.spec();
-        let is_required = SettingSet::REQUIRED.contains(setting);
-        let origin = if state.lost.contains(setting) {
-            Origin::Lost
-        } else if state.set.contains(setting) {
-            Origin::Set
-        } else if is_required {
-            Origin::NotSet
-        } else {
-            Origin::Default
-        };
-        Self {
-            name: spec.name,
-            value: matches!(origin, Origin::Set | Origin::Default).then_some(value),
-            state: origin,
-            unit: spec.unit,
-            lowest: spec.lowest,
-            highest: spec.highest,
-            default: (!is_required).then_some(spec.default),
-        }
-    }
-
-    fn cells(&self) -> Vec<String> {
-        let value = match (self.state, self.value) {
-            (_, Some(value)) => value.to_string(),
-            (Origin::Lost, None) => "lost".to_owned(),
-            (_, None) => "not set".to_owned(),
-        };
-        vec![
-            self.name.to_owned(),
-            value,
-            self.unit.to_owned(),
-            format!("{} to {}", self.lowest, self.highest),
-            self.default
-                .map_or_else(|| "none".to_owned(), |default| default.to_string()),
-        ]
-    }
-}
-
 pub fn run(arguments: &Arguments) -> Result<()> {
     // Names and values are checked before the device is connected.
     let mut changes = Vec::new();
     let mut wanted = SettingSet::ALL;
     match &arguments.action {
         Some(Action::Get { name: Some(name) }) => {
-            wanted = SettingSet::NONE.with(named(name)?, true);
+            wanted = SettingSet::NONE.with(setting_text::named(name)?, true);
         }
         Some(Action::Set { pairs, .. }) => {
-            changes = parse(pairs)?;
+            changes = setting_text::changes(pairs)?;
             let set = SettingSet::NONE;
             wanted = changes
                 .iter()
@@ -199,46 +133,16 @@ fn consent(lines: &[String], yes: bool) -> Result<()> {
     }
 }
 
-/// The changes of `pairs`: a name, its value, and so on.
-fn parse(pairs: &[String]) -> Result<Vec<SettingChange>> {
-    let (pairs, rest) = pairs.as_chunks::<2>();
-    if let [name] = rest {
-        return Err(Error::Request(format!(
-            "{name} has no value: give each setting's name and its value in turn"
-        )));
-    }
-    pairs
-        .iter()
-        .map(|[name, value]| {
-            let setting = named(name)?;
-            let value = value.parse().map_err(|_| {
-                Error::Request(format!("{name} of '{value}': its value must be a number"))
-            })?;
-            Ok(SettingChange { setting, value })
-        })
-        .collect()
-}
-
-fn named(name: &str) -> Result<Setting> {
-    Setting::named(name).ok_or_else(|| {
-        let names: Vec<&str> = Setting::ALL.iter().map(|s| s.spec().name).collect();
-        Error::Request(format!(
-            "no setting '{name}'; there are {}",
-            names.join(", ")
-        ))
-    })
-}
-
 fn show(settings: &Settings, state: &SettingsState, wanted: SettingSet, json: bool) -> Result<()> {
-    let rows: Vec<Row> = settings
+    let rows: Vec<SettingRow> = settings
         .iter()
         .filter(|change| wanted.contains(change.setting))
-        .map(|change| Row::new(change, state))
+        .map(|change| SettingRow::new(change, state))
         .collect();
     if json {
         return print_json(&rows);
     }
-    let cells: Vec<Vec<String>> = rows.iter().map(Row::cells).collect();
+    let cells: Vec<Vec<String>> = rows.iter().map(cells).collect();
     print(&table(
         &["setting", "value", "unit", "range", "default"],
         &cells,
@@ -247,4 +151,25 @@ fn show(settings: &Settings, state: &SettingsState, wanted: SettingSet, json: bo
         print(&line)?;
     }
     Ok(())
+}
+
+/// Cells of the table.
+fn cells(row: &SettingRow) -> Vec<String> {
+    let value = match (row.state, row.value) {
+        (_, Some(value)) => value.to_string(),
+        (SettingOrigin::Lost, None) => "lost".to_owned(),
+        (_, None) => "not set".to_owned(),
+    };
+    vec![
+        row.name.to_owned(),
+        value,
+        row.unit.to_owned(),
+        if row.least_magnitude > 0.0 {
+            format!("{} to {}, not 0", row.lowest, row.highest)
+        } else {
+            format!("{} to {}", row.lowest, row.highest)
+        },
+        row.default
+            .map_or_else(|| "none".to_owned(), |default| default.to_string()),
+    ]
 }

@@ -2,10 +2,12 @@
 
 use std::path::PathBuf;
 
+use host_tools::link::budget::Budget;
 use host_tools::link::upload::upload_over;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 use host_tools::texture::certificate;
+use model_format::link::UploadTimes;
 use serde::Serialize;
 
 use super::connection::Link;
@@ -47,6 +49,62 @@ struct UploadReport<'a> {
     resumed_from: u32,
     retries: u32,
     active: bool,
+    /// Seconds by the device's clock; none if the link lost the device's word.
+    times: Option<Times>,
+    /// Least seconds by data sheets.
+    budget: Budget,
+}
+
+/// Time of an upload in the device, s.
+#[derive(Serialize)]
+struct Times {
+    erase_s: f64,
+    sectors: u16,
+    program_s: f64,
+    words: u32,
+    check_s: f64,
+    proof_s: f64,
+    wait_s: f64,
+    total_s: f64,
+}
+
+impl From<UploadTimes> for Times {
+    fn from(times: UploadTimes) -> Self {
+        let seconds = |us: u32| f64::from(us) / 1e6;
+        Self {
+            erase_s: seconds(times.erase_us),
+            sectors: times.sectors,
+            program_s: seconds(times.program_us),
+            words: times.words,
+            check_s: seconds(times.check_us),
+            proof_s: seconds(times.proof_us),
+            wait_s: seconds(times.wait_us),
+            total_s: times.total_us() as f64 / 1e6,
+        }
+    }
+}
+
+impl Times {
+    /// A line for the person at the keyboard, beside the `budget`.
+    fn in_words(&self, budget: &Budget) -> String {
+        format!(
+            "took {:.2} s by the stylus's clock: erasing {} sectors {:.2}, programming {} words {:.2}, checking {:.2}, \
+             proving {:.2}, waiting for the link {:.2}\n\
+             by data sheets at least {:.2} s: erasing {:.2}, programming {:.2}, the link {:.2}",
+            self.total_s,
+            self.sectors,
+            self.erase_s,
+            self.words,
+            self.program_s,
+            self.check_s,
+            self.proof_s,
+            self.wait_s,
+            budget.least_s(),
+            budget.erase_s,
+            budget.program_s,
+            budget.link_s
+        )
+    }
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -61,9 +119,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         device.check_library_format()?;
     }
     if arguments.replace_last {
-        eprintln!(
-            "warning: with --replace-last the last library that the device can read may be erased: until the upload is \
-             done, a restart would leave it without one"
+        warn(
+            "with --replace-last the last library that the device can read may be erased: until the upload is done, a \
+             restart would leave it without one",
         );
     }
     let bar = progress::bar(bytes.len() as u64, "uploading");
@@ -71,6 +129,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         bar.set_position(there as u64);
     })?;
     bar.finish_and_clear();
+    let times = uploaded.times.map(Times::from);
+    let budget = Budget::of(bytes.len(), device.address());
     if arguments.activate {
         device.activate(uploaded.slot)?;
     }
@@ -85,6 +145,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             resumed_from: uploaded.resumed_from,
             retries: uploaded.retries,
             active: arguments.activate,
+            times,
+            budget,
         });
     }
     if uploaded.resumed_from > 0 {
@@ -113,5 +175,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
                 uploaded.slot
             )
         }
-    ))
+    ))?;
+    match times {
+        // What a resumed upload took is not one run's time.
+        Some(times) if uploaded.resumed_from == 0 && uploaded.retries == 0 => {
+            print(&times.in_words(&budget))
+        }
+        _ => Ok(()),
+    }
 }

@@ -18,15 +18,22 @@ use host_tools::fit::Order;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::report::evaluation_folder as report;
+use host_tools::report::sound::node_seconds;
 use host_tools::support::error::Result;
+use host_tools::support::file_kind::FileKind;
+use host_tools::support::output_folder::OutputFolder;
 use host_tools::support::{atomic_file, progress};
 use model_format::Library;
 
 pub use summary::summary;
 
+use crate::cli::destination::{self, Destination, Overwrite};
 use crate::cli::input::{Recordings, not_negative, positive};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, to_json};
+
+/// The command whose result a report is.
+const REPORT: &str = "evaluate --report";
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -41,6 +48,9 @@ pub struct Arguments {
     /// Other takes of the same trials, as a folder or a list, which judge the library instead
     #[arg(long, value_name = "DIR", conflicts_with = "leave_one_out")]
     takes: Option<PathBuf>,
+    /// With --takes: a line per trial, with its file, instead of one per texture
+    #[arg(long, requires = "takes")]
+    each: bool,
     /// With --leave-one-out: order of the models, 0 to 400, or 'auto'
     #[arg(long, requires = "leave_one_out", default_value = "400")]
     order: Order,
@@ -48,11 +58,13 @@ pub struct Arguments {
     #[arg(long, value_enum, requires = "leave_one_out", default_value = "both")]
     neighbours: Around,
     /// Folder for a report with figures
-    #[arg(long, value_name = "OUT_DIR")]
-    report: Option<PathBuf>,
+    #[arg(long, value_name = "OUT_DIR", value_parser = destination::folder(REPORT))]
+    report: Option<Destination>,
     /// JSON file for the numbers of all trials
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", value_parser = destination::file(FileKind::Json))]
+    json: Option<Destination>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Reduction from three axes to one; the same as for the fit
     #[arg(long, value_enum, default_value = "pca")]
     reduce: Reduction,
@@ -88,7 +100,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
             seed: arguments.seed,
         };
-        return removed_nodes::run(&set, &options, arguments.json.as_deref());
+        let json = arguments.json.as_ref().map(Destination::path);
+        return removed_nodes::run(&set, &options, json);
     };
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
@@ -100,20 +113,25 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         seed: arguments.seed,
         in_sample: true,
         played: arguments.excitation,
+        excerpt_s: (arguments.report.as_ref()).and_then(|_| node_seconds(set.trials.len())),
     };
     let record = FitRecord::beside(path, &bytes)?;
+    let set = takes::as_fitted(record.as_ref(), set)?;
     let takes = arguments.takes.as_deref();
     let chosen = takes::choose(&set, takes, record.as_ref(), arguments.reduce)?;
     let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
-    if let Some(path) = &arguments.json {
-        atomic_file::write(path, to_json(&evaluation).as_bytes())?;
+    if let Some(json) = &arguments.json {
+        atomic_file::write(json.path(), to_json(&evaluation).as_bytes())?;
     }
     print(&summary(&evaluation))?;
-    if let Some(table) = summary::takes(&evaluation) {
+    if let Some(table) = summary::takes(&evaluation, arguments.each) {
         print(&format!("\n{table}"))?;
     }
-    if let Some(folder) = &arguments.report {
-        let page = report::write(&set, &library, &evaluation, &options, folder)?;
+    if let Some(report) = &arguments.report {
+        let page = OutputFolder::begin(report.path(), REPORT)?.fill(|folder| {
+            let page = report::write(&set, &library, &evaluation, &options, folder.path())?;
+            Ok(folder.named(&page))
+        })?;
         print(&format!("\nreport: {}", page.display()))?;
     }
     Ok(())

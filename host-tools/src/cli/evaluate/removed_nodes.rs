@@ -12,7 +12,7 @@ use host_tools::support::error::Result;
 use host_tools::support::{atomic_file, progress};
 
 use crate::cli::output::{print, to_json};
-use crate::cli::table::table;
+use crate::cli::table::{folded_table, folded_text};
 
 /// Runs the test, prints the tables, and writes the numbers to `json` if given.
 pub fn run(set: &RecordingSet, options: &Options, json: Option<&Path>) -> Result<()> {
@@ -45,14 +45,14 @@ fn tables(test: &LeaveOneOut) -> String {
     };
     let widths: Vec<String> = SMOOTHING_WIDTHS_HZ.map(|w| format!("{w} Hz")).to_vec();
     let widths: Vec<&str> = widths.iter().map(String::as_str).collect();
-    format!(
+    folded_text(&format!(
         "{origin}{} nodes removed, each predicted from its neighbours; models of order {}; C with amplitudes smoothed \
          by a {}\n\n\
          Table I of the paper, and the same test here\n{}\n\n\
          Domain of the average, and interpolation of the level\n{}\n\n\
          C by the width of its smoothing\n{}\n\n\
          C: equation (6), mean ± standard deviation; not playable: means that are unstable or too loud, which count as \
-         C = 1; in-sample: fitted to what it is compared with, not a measure of fidelity\n\
+         C = 100 %; in-sample: fitted to what it is compared with, not a measure of fidelity\n\
          σ² error: mean magnitude, (m/s²)² (the paper names no unit); |band|: mean error of third-octave \
          bands, 20 to 1000 Hz; LSD: 30 to 1000 Hz",
         test.removed.len(),
@@ -60,13 +60,13 @@ fn tables(test: &LeaveOneOut) -> String {
         test.smoothing,
         table_one(test),
         domains(test),
-        table(&[&["C"], &widths[..]].concat(), &smoothing(test)),
-    )
+        folded_table(&[&["C, %"], &widths[..]].concat(), &smoothing(test), 1),
+    ))
 }
 
 fn table_one(test: &LeaveOneOut) -> String {
     let textures = test.textures();
-    let mut header = vec!["C (%)"];
+    let mut header = vec!["C, %"];
     header.extend(&textures);
     header.extend(["all", "σ² error", "not playable"]);
     let percent =
@@ -98,14 +98,14 @@ fn table_one(test: &LeaveOneOut) -> String {
         row.push(all.unplayable.to_string());
         rows.push(row);
     }
-    table(&header, &rows)
+    folded_table(&header, &rows, 1)
 }
 
 fn domains(test: &LeaveOneOut) -> String {
     let within = format!("within {AMPLITUDE_JND_DB} dB");
     let header = [
         "domain, level",
-        "C",
+        "C, %",
         "± sd",
         "σ² error",
         "|band| dB",
@@ -120,8 +120,8 @@ fn domains(test: &LeaveOneOut) -> String {
             let summary = summarise(test, row, None)?;
             Some(vec![
                 row.name(),
-                format!("{:.3}", summary.mean_cost),
-                format!("{:.3}", summary.cost_deviation),
+                format!("{:.1}", 100.0 * summary.mean_cost),
+                format!("{:.1}", 100.0 * summary.cost_deviation),
                 format!("{:.2e}", summary.excitation_error),
                 format!("{:.2}", summary.mean_band_error_db),
                 format!("{:.1} %", 100.0 * summary.bands_within_jnd),
@@ -130,13 +130,16 @@ fn domains(test: &LeaveOneOut) -> String {
             ])
         })
         .collect();
-    table(&header, &rows)
+    folded_table(&header, &rows, 1)
 }
 
 fn smoothing(test: &LeaveOneOut) -> Vec<Vec<String>> {
     let followed = Row::TABLE_I.into_iter().filter_map(|row| {
         let summary = summarise(test, row, None)?;
-        let costs = summary.costs_by_width.iter().map(|c| format!("{c:.3}"));
+        let costs = summary
+            .costs_by_width
+            .iter()
+            .map(|c| format!("{:.1}", 100.0 * c));
         Some(std::iter::once(row.name()).chain(costs).collect())
     });
     followed.collect()

@@ -4,16 +4,20 @@ use std::path::Path;
 
 use crate::cli::output::warn;
 use host_tools::dsp::reduction::Reduction;
-use host_tools::evaluation::held_out::{Judge, judges};
-use host_tools::evaluation::takes::{Take, takes};
+use host_tools::evaluation::held_out::{Chosen, chosen};
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::Result;
 
-/// The judge of each trial of a set, and the takes that judge nothing, with the reason.
-pub struct Chosen {
-    pub judges: Vec<Judge>,
-    pub unused: Vec<String>,
+/// `set` with the speeds and forces that the fit of this `record` took for its own.
+///
+/// # Errors
+/// Values that its tolerance does not tell apart.
+pub fn as_fitted(record: Option<&FitRecord>, set: RecordingSet) -> Result<RecordingSet> {
+    match record {
+        Some(record) => record.as_fitted(set),
+        None => Ok(set),
+    }
 }
 
 /// Chooses the judges of `set` among the takes at `others`, if given, and warns of takes that the fit has seen.
@@ -23,25 +27,16 @@ pub fn choose(
     record: Option<&FitRecord>,
     reduction: Reduction,
 ) -> Result<Chosen> {
-    let found = match others {
+    let others = match others {
         Some(others) => {
             let others = RecordingSet::open(&[others.to_owned()])?;
-            takes(set, &others, record, reduction)?
+            Some(as_fitted(record, others)?)
         }
-        None => Vec::new(),
+        None => None,
     };
-    let unused: Vec<String> = found
-        .iter()
-        .filter_map(|take| match take {
-            Take::Seen(reason) => Some(reason.clone()),
-            Take::Other(_) => None,
-        })
-        .collect();
-    for reason in &unused {
+    let chosen = chosen(set, others.as_ref(), record, reduction)?;
+    for reason in &chosen.unused {
         warn(&format!("a take judges nothing: {reason}"));
     }
-    Ok(Chosen {
-        judges: judges(set, found, record)?,
-        unused,
-    })
+    Ok(chosen)
 }

@@ -1,4 +1,4 @@
-//! Fits with progress bars, and encoding of the library.
+//! Fits with progress bars.
 
 use std::path::Path;
 
@@ -8,23 +8,22 @@ use host_tools::fit;
 use host_tools::fit::record::FitRecord;
 use host_tools::fit::{ExcitationChoice, Fit, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
-use host_tools::support::error::{Error, Result};
-use host_tools::support::{atomic_file, progress};
+use host_tools::support::error::Result;
+use host_tools::support::progress;
 use host_tools::texture::quantise::StructureChoice;
-use model_format::TextureSpec;
 
 /// Fits `set` with a progress bar, and encodes the library.
 pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, Vec<u8>)> {
     let bar = progress::bar(set.trials.len() as u64, "fitting");
     let fit = fit::fit(set, options, || bar.inc(1))?;
     bar.finish_and_clear();
-    let bytes = encoded(&fit.specs)?;
+    let bytes = fit.library()?;
     Ok((fit, bytes))
 }
 
 /// Writes a library of `fit`, made of `set` with `options`, and beside it the record of the fit.
 ///
-/// The library is written first: a record that is missing, or of an earlier library, is not believed.
+/// The library gets its name first: a record that is missing, or of an earlier library, is not believed.
 pub fn write_library(
     path: &Path,
     bytes: &[u8],
@@ -33,8 +32,7 @@ pub fn write_library(
     options: &fit::Options,
 ) -> Result<FitRecord> {
     let record = FitRecord::of(set, options, bytes)?.with_account_of(fit);
-    atomic_file::write(path, bytes)?;
-    atomic_file::write(&FitRecord::path_for(path), record.to_text()?.as_bytes())?;
+    record.write_with(path, bytes)?;
     Ok(record)
 }
 
@@ -59,10 +57,4 @@ pub fn concessions(
     let without = fit::fit(set, &unbounded, || bar.inc(1))?;
     bar.finish_and_clear();
     Ok(budget::concessions(&without, fit, highest))
-}
-
-/// Encodes a library of `specs`.
-pub fn encoded(specs: &[TextureSpec]) -> Result<Vec<u8>> {
-    model_format::encode(specs)
-        .map_err(|failure| Error::Model(format!("the textures do not make a library: {failure}")))
 }

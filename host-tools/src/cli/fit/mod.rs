@@ -1,31 +1,39 @@
 //! `stylus fit`
 
 mod densify;
+mod each;
 mod library;
+mod parts;
 mod report;
-
-use std::path::PathBuf;
 
 use host_tools::dsp::reduction::Reduction;
 use host_tools::evaluation::budget;
 use host_tools::evaluation::budget::Budget;
 use host_tools::evaluation::frontier::costs;
 use host_tools::fit;
+use host_tools::fit::Fit;
 use host_tools::fit::lines::Lines;
-use host_tools::fit::record::FoundLines;
+use host_tools::fit::record::{FitRecord, FoundLines};
 use host_tools::fit::{Estimator, ExcitationChoice, ModulationChoice, Order};
+use host_tools::recording::RecordingSet;
 use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
-use host_tools::support::error::Result;
+use host_tools::support::error::{Error, Result};
 use host_tools::texture::quantise::StructureChoice;
+use host_tools::texture::summary::TextureSummary;
+use host_tools::texture::theta::{self, ThetaChoice};
+use model_format::SAMPLE_RATE_HZ;
 
-use library::{concessions, encoded};
-pub use library::{fit_library, write_library};
+pub use library::fit_library;
+use library::{concessions, write_library};
+use model_format::limits::MAX_TEXTURES;
+use parts::LargeSet;
 use report::{FitReport, energy_kept, excitations, given_up, lines_found, show_verdicts};
 
-use crate::cli::input::{Recordings, not_negative, positive};
-use crate::cli::inspect::{TextureSummary, texture_table};
+use crate::cli::destination::{self, Destination, Overwrite};
+use crate::cli::input::{Recordings, not_negative, positive, tolerance};
+use crate::cli::inspect::texture_table;
 use crate::cli::library_file::decode_library;
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{note, print, print_json};
 
 /// The table's cores, as the command line names them.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -49,9 +57,16 @@ impl From<Core> for costs::Core {
 pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,
-    /// Library file to write
-    #[arg(long, value_name = "LIB")]
-    out: PathBuf,
+    /// Library file to write; with --each the folder of the libraries
+    #[arg(
+        long,
+        value_name = "LIB",
+        required_unless_present = "shard",
+        value_parser = destination::fitted_library()
+    )]
+    out: Option<Destination>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Order of the models: 0 to 400, or chosen for each node: 'auto' (AIC) or 'bic', which is thriftier
     #[arg(long, default_value = "auto")]
     order: Order,
@@ -67,6 +82,10 @@ pub struct Arguments {
     /// Filter structure that the stylus runs
     #[arg(long, value_enum, default_value = "lattice")]
     structure: StructureChoice,
+    /// Bytes of a lattice's θ: one per stage after the 32nd (compact), two (fine), or the fewest that keep every node's
+    /// spectrum
+    #[arg(long, value_enum, default_value = "auto")]
+    theta: ThetaChoice,
     /// Reduction from three axes to one
     #[arg(long, value_enum, default_value = "pca")]
     reduce: Reduction,
@@ -85,19 +104,96 @@ pub struct Arguments {
     /// Lines that are locked to place, such as those of a weave: sought, or left in the noise
     #[arg(long, value_enum, default_value = "auto")]
     lines: Lines,
+    /// Sample rate of the models, Hz: 5000, or 10000 from recordings of that rate or above
+    #[arg(long, value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
+    model_rate: u32,
+    /// Largest share by which measured speeds and forces move to nominal ones, such as 0.05 [default: none moves]
+    #[arg(long, value_name = "SHARE", value_parser = tolerance)]
+    snap: Option<f64>,
     /// Refuse a set if triage finds anything
     #[arg(long)]
     strict: bool,
     /// Fill the grid between recorded nodes as densely as the slot allows, and show the gain
     #[arg(long)]
     densify: bool,
+    #[command(flatten)]
+    large: LargeSet,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
 }
 
+/// The options at their rate. What needs comparisons with recordings, which are made at 5 kHz, is refused at another.
+fn checked_rate(options: &fit::Options, arguments: &Arguments) -> Result<fit::Options> {
+    options.check_rate()?;
+    let asked = [
+        ("--densify", arguments.densify),
+        ("--budget-cycles", arguments.budget_cycles.is_some()),
+    ];
+    match asked.into_iter().find(|&(_, is_asked)| is_asked) {
+        Some((option, _)) if arguments.model_rate != SAMPLE_RATE_HZ => {
+            Err(Error::Request(format!(
+                "{option} compares models at {SAMPLE_RATE_HZ} Hz: leave it out at {} Hz",
+                arguments.model_rate
+            )))
+        }
+        _ => Ok(options.at_their_rate()),
+    }
+}
+
+/// A fit as one library holds it.
+struct Fitted {
+    fit: Fit,
+    bytes: Vec<u8>,
+    /// Hashes of the recordings' bytes, if they are known already.
+    contents: Option<Vec<u64>>,
+}
+
+/// Fits `set` in one go, or by its partial results.
+fn fitted(set: &RecordingSet, options: &fit::Options, large: &LargeSet) -> Result<Fitted> {
+    if large.shard.is_some() {
+        let problem =
+            "--shard with --merge is for --each alone: one library is merged by one process";
+        return Err(Error::Request(problem.into()));
+    }
+    let textures = set.by_texture().len();
+    if textures > MAX_TEXTURES {
+        return Err(Error::Request(format!(
+            "the set has {textures} textures, and a library holds {MAX_TEXTURES}: give --each for a library of each"
+        )));
+    }
+    if large.parts.is_none() {
+        let (fit, bytes) = fit_library(set, options)?;
+        return Ok(Fitted {
+            fit,
+            bytes,
+            contents: None,
+        });
+    }
+    let merged = parts::merged(set, options, None, large)?;
+    let (fit, bytes) = parts::fit_merged(&merged, set.trials.len())?;
+    Ok(Fitted {
+        fit,
+        bytes,
+        contents: Some(merged.contents().to_vec()),
+    })
+}
+
+/// The set with its speeds and forces moved to nominal ones, which is said.
+fn snapped(set: RecordingSet, tolerance: Option<f64>) -> Result<RecordingSet> {
+    let Some(tolerance) = tolerance else {
+        return Ok(set);
+    };
+    let (set, moves) = set.snapped(tolerance)?;
+    if moves.is_empty() {
+        note(&format!("no speed or force is moved by --snap {tolerance}"));
+    }
+    moves.iter().for_each(|moved| note(moved));
+    Ok(set)
+}
+
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let set = arguments.recordings.open()?;
+    let set = snapped(arguments.recordings.open()?, arguments.snap)?;
     let budget = arguments.budget_cycles.map(|cycles| Budget {
         cycles,
         core: arguments.core.into(),
@@ -112,6 +208,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }),
         estimator: arguments.estimator,
         structure: arguments.structure,
+        theta: arguments.theta,
         reduction: arguments.reduce,
         silence_floor_m_s2: arguments.silence_floor,
         excitation: arguments.excitation,
@@ -119,36 +216,58 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         drop: arguments.drop.clone(),
         lines: arguments.lines,
         strict: arguments.strict,
+        snap: arguments.snap,
+        sample_rate_hz: arguments.model_rate,
     };
-    let (fit, mut bytes) = fit_library(&set, &options)?;
+    let options = checked_rate(&options, arguments)?;
+    if let Some(shard) = arguments.large.shard_to_map() {
+        return parts::map_shard(&set, &options, shard, (&arguments.large, arguments.json));
+    }
+    // clap asks for it in every other case.
+    let Some(out) = arguments.out.as_ref().map(Destination::path) else {
+        return Err(Error::Request("give --out, the library to write".into()));
+    };
+    if arguments.large.each {
+        return each::run(&set, &options, out, (&arguments.large, arguments.json));
+    }
+    let Fitted {
+        mut fit,
+        mut bytes,
+        contents,
+    } = fitted(&set, &options, &arguments.large)?;
     let concessions = match highest_order {
         Some(highest) => Some(concessions(&set, &fit, &options, arguments.order, highest)?),
         None => None,
     };
-    let denser = if arguments.densify {
-        Some(densify::densify(&set, &fit, &options)?)
-    } else {
-        None
-    };
+    let denser = (arguments.densify).then(|| densify::densify(&set, &fit, &options));
+    let denser = denser.transpose()?;
     if let Some(denser) = &denser {
-        bytes = encoded(&denser.densified.specs)?;
+        bytes = fit::encoded(&denser.densified.specs)?;
+        fit.thetas.clone_from(&denser.densified.thetas);
     }
-    write_library(&arguments.out, &bytes, &set, &fit, &options)?;
-    let library = decode_library(&arguments.out, &bytes)?;
+    if let Some(contents) = contents {
+        let record = FitRecord::with_contents(&set, &options, &bytes, &contents);
+        record.with_account_of(&fit).write_with(out, &bytes)?;
+    } else {
+        write_library(out, &bytes, &set, &fit, &options)?;
+    }
+    let library = decode_library(out, &bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()
         .map(|t| TextureSummary::of(&t, arguments.json))
         .collect();
     if arguments.json {
         return print_json(&FitReport {
-            library: arguments.out.display().to_string(),
+            library: out.display().to_string(),
             bytes: bytes.len(),
             warnings: &fit.warnings,
             textures,
             trials: &fit.trials,
             excitations: &fit.excitations,
             lines: FoundLines::of(&fit),
+            thetas: &fit.thetas,
             added_lines: denser.as_ref().map(|d| d.densified.lines.as_slice()),
+            left_out: denser.as_ref().map(|d| d.left_out.as_slice()),
             removed_nodes: denser.as_ref().and_then(|d| d.test.as_ref()),
             budget: concessions.as_deref(),
         });
@@ -156,6 +275,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     show_verdicts(&fit);
     print(&texture_table(&textures))?;
     print(&format!("\n{}", lines_found(&fit)))?;
+    if !fit.thetas.is_empty() {
+        print(&format!("\n{}", theta::summary(&fit.thetas).join("\n")))?;
+    }
     if let Some(denser) = &denser {
         print(&format!("\n{}", densify::summary(denser)))?;
     }
@@ -168,7 +290,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&format!(
         "\n{} trials -> {} ({} bytes); the axes' energy kept: {}",
         fit.trials.len(),
-        arguments.out.display(),
+        out.display(),
         bytes.len(),
         energy_kept(&fit.trials)
     ))

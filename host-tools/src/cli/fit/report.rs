@@ -2,14 +2,15 @@
 
 use host_tools::evaluation::budget::{Budget, Concession};
 use host_tools::evaluation::leave_one_out::LeaveOneOut;
-use host_tools::fit::densify::AddedLine;
+use host_tools::fit::densify::{AddedLine, LeftOut};
 use host_tools::fit::excitation::{CodebookReport, ExcitationReport};
 use host_tools::fit::record::FoundLines;
 use host_tools::fit::{Fit, TrialReport};
+use host_tools::texture::summary::TextureSummary;
+use host_tools::texture::theta::ThetaReport;
 
-use crate::cli::inspect::TextureSummary;
-use crate::cli::output::{note, warn};
-use crate::cli::table::table;
+use crate::cli::output::{tell, warn};
+use crate::cli::table::{folded_table, table};
 
 /// Number of trials with a verdict that are shown one by one.
 const SHOWN_VERDICTS: usize = 20;
@@ -24,8 +25,11 @@ pub struct FitReport<'a> {
     pub trials: &'a [TrialReport],
     pub excitations: &'a [ExcitationReport],
     pub lines: Vec<FoundLines>,
+    pub thetas: &'a [ThetaReport],
     #[serde(skip_serializing_if = "Option::is_none")]
     pub added_lines: Option<&'a [AddedLine]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<&'a [LeftOut]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub removed_nodes: Option<&'a LeaveOneOut>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -76,7 +80,7 @@ pub fn given_up(concessions: &[Concession], budget: &Budget) -> String {
          sets the time of all its nodes.",
         budget.cycles,
         budget.core,
-        table(&header, &rows),
+        folded_table(&header, &rows, 1),
     )
 }
 
@@ -149,6 +153,9 @@ pub fn energy_kept(trials: &[TrialReport]) -> String {
         .filter(|trial| trial.rms_m_s2 > 0.0)
         .map(|trial| trial.energy_share * 100.0)
         .collect();
+    if shares.is_empty() {
+        return "none, because every trial is silent".to_owned();
+    }
     let mean = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
     let square: f64 = shares.iter().map(|share| (share - mean).powi(2)).sum();
     let deviation = (square / shares.len().max(1) as f64).sqrt();
@@ -179,14 +186,14 @@ pub fn show_verdicts(fit: &Fit) {
         })
         .collect();
     if !rows.is_empty() {
-        note(&table(&["trial", "triage", "use"], &rows));
+        tell(&table(&["trial", "triage", "use"], &rows));
         if doubtful.len() > rows.len() {
-            note(&format!(
+            tell(&format!(
                 "... and {} more (all are in --json)",
                 doubtful.len() - rows.len()
             ));
         }
-        note("");
+        tell("");
     }
     for warning in &fit.warnings {
         warn(warning);

@@ -5,11 +5,13 @@ mod texture;
 
 use std::path::PathBuf;
 
+use host_tools::scene::SceneSummary;
 use host_tools::support::error::Result;
+use host_tools::texture::summary::TextureSummary;
 use serde::Serialize;
 
-use scene::{SceneSummary, scene_table};
-pub use texture::{TextureSummary, texture_table};
+use scene::scene_table;
+pub use texture::texture_table;
 use texture::{excitation_table, line_table, storage_table};
 
 use crate::cli::library_file::{decode_library, read_library};

@@ -1,218 +1,8 @@
-//! Summary of a texture: its grid, its orders and its nodes.
+//! Tables of textures: their grids, their orders and their nodes.
 
-use host_tools::scene::parts;
-use model_format::{
-    CodebookSpec, ExcitationSpec, LEVEL_FRACTION_BITS, NodeFlags, PartKind, PartsSpec, Texture,
-    level_amplitude,
-};
-use serde::Serialize;
+use host_tools::texture::summary::{CodebookSummary, LineSummary, TextureSummary, TrackSummary};
 
-use crate::cli::table::table;
-
-/// Summary of a texture.
-#[derive(Serialize)]
-pub struct TextureSummary {
-    name: String,
-    structure: String,
-    provenance: String,
-    sample_rate_hz: u32,
-    speeds_mm_s: Vec<f32>,
-    forces_n: Vec<f32>,
-    /// Lowest, middle and highest order.
-    orders: [usize; 3],
-    /// Lowest and highest RMS of nodes that are not silent, m/s².
-    rms_m_s2: [f32; 2],
-    silent_nodes: usize,
-    filled_nodes: usize,
-    doubtful_nodes: usize,
-    /// Law of the level between nodes.
-    level_law: String,
-    /// Law of the level below the lowest speed and force.
-    fade_law: String,
-    /// Number of stages with 24 bits of θ.
-    fine_stages: usize,
-    /// Length of the coefficients of all nodes.
-    coefficient_bytes: usize,
-    /// The optional parts.
-    parts: Vec<PartSummary>,
-    /// The codebooks of the residual.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    codebooks: Vec<CodebookSummary>,
-    /// The track of the level.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    level_track: Option<TrackSummary>,
-    /// Lines that are locked to place.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    lines: Vec<LineSummary>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    nodes: Vec<NodeSummary>,
-}
-
-#[derive(Serialize)]
-struct PartSummary {
-    part: String,
-    bytes: usize,
-}
-
-#[derive(Serialize)]
-struct CodebookSummary {
-    seconds: f64,
-    /// Highest peak, standard deviations.
-    peak: f32,
-    /// Number of nodes that have it.
-    nodes: usize,
-}
-
-#[derive(Serialize)]
-struct TrackSummary {
-    seconds: f64,
-    step_s: f64,
-    /// Lowest and highest level, dB.
-    range_db: [f64; 2],
-}
-
-#[derive(Serialize)]
-struct LineSummary {
-    wavelength_mm: f32,
-    phase_turns: f64,
-    /// Lowest and highest amplitude of a node, m/s².
-    amplitude_m_s2: [f32; 2],
-    bytes: usize,
-}
-
-#[derive(Serialize)]
-struct NodeSummary {
-    speed_mm_s: f32,
-    force_n: f32,
-    order: usize,
-    rms_m_s2: f32,
-    prediction_error_rms_m_s2: f32,
-    flags: Vec<&'static str>,
-}
-
-const FLAG_NAMES: [(NodeFlags, &str); 4] = [
-    (NodeFlags::SILENT, "silent"),
-    (NodeFlags::INTERPOLATED, "interpolated"),
-    (NodeFlags::EXTRAPOLATED, "extrapolated"),
-    (NodeFlags::DOUBTFUL, "doubtful"),
-];
-
-impl TextureSummary {
-    /// Summarises `texture`, with every node if `with_nodes`.
-    pub fn of(texture: &Texture<'_>, with_nodes: bool) -> Self {
-        let mut orders: Vec<usize> = texture.nodes().map(|n| n.coefficients.order()).collect();
-        orders.sort_unstable();
-        let count = |flag: NodeFlags| texture.nodes().filter(|n| n.flags.contains(flag)).count();
-        let loud = || {
-            texture
-                .nodes()
-                .map(|node| node.output_power.sqrt())
-                .filter(|rms| *rms > 0.0)
-        };
-        let nodes = if with_nodes {
-            node_summaries(texture)
-        } else {
-            Vec::new()
-        };
-        Self {
-            name: texture.name().to_owned(),
-            structure: texture.structure().to_string(),
-            provenance: texture.provenance().to_string(),
-            sample_rate_hz: texture.sample_rate_hz(),
-            speeds_mm_s: texture.speed_axis().values().collect(),
-            forces_n: texture.force_axis().values().collect(),
-            orders: [
-                orders[0],
-                orders[orders.len() / 2],
-                orders[orders.len() - 1],
-            ],
-            rms_m_s2: [
-                loud()
-                    .fold(f32::INFINITY, f32::min)
-                    .min(loud().fold(0.0, f32::max)),
-                loud().fold(0.0, f32::max),
-            ],
-            silent_nodes: count(NodeFlags::SILENT),
-            filled_nodes: count(NodeFlags::INTERPOLATED) + count(NodeFlags::EXTRAPOLATED),
-            doubtful_nodes: count(NodeFlags::DOUBTFUL),
-            level_law: texture.level_law().to_string(),
-            fade_law: texture.fade_law().to_string(),
-            fine_stages: texture.fine_stages(),
-            coefficient_bytes: texture.coefficient_bytes(),
-            parts: texture
-                .parts()
-                .map(|(part, bytes)| PartSummary {
-                    part: part.to_string(),
-                    bytes,
-                })
-                .collect(),
-            codebooks: codebook_summaries(texture),
-            level_track: track_summary(texture),
-            lines: line_summaries(texture),
-            nodes,
-        }
-    }
-}
-
-fn codebook_summaries(texture: &Texture<'_>) -> Vec<CodebookSummary> {
-    let rate_hz = f64::from(texture.sample_rate_hz());
-    let PartsSpec { excitation, .. } = parts(texture);
-    let of = |part: &ExcitationSpec| -> Vec<CodebookSummary> {
-        let nodes = |number: usize| {
-            part.of_nodes
-                .iter()
-                .filter(move |&&n| usize::from(n) == number)
-        };
-        let codebooks = part.codebooks.iter().enumerate();
-        let summary = |(index, codebook): (usize, &CodebookSpec)| CodebookSummary {
-            seconds: codebook.codes.len() as f64 / rate_hz,
-            peak: codebook.peak,
-            nodes: nodes(index + 1).count(),
-        };
-        codebooks.map(summary).collect()
-    };
-    excitation.as_ref().map(of).unwrap_or_default()
-}
-
-fn track_summary(texture: &Texture<'_>) -> Option<TrackSummary> {
-    let track = parts(texture).modulation?;
-    let step_s = f64::from(track.step_samples) / f64::from(texture.sample_rate_hz());
-    let level_db = |entry: Option<&i8>| {
-        let unit = f64::from(1u32 << LEVEL_FRACTION_BITS);
-        20.0 * (f64::from(level_amplitude(*entry.expect("no track is empty"))) / unit).log10()
-    };
-    Some(TrackSummary {
-        seconds: track.entries.len() as f64 * step_s,
-        step_s,
-        range_db: [
-            level_db(track.entries.iter().min()),
-            level_db(track.entries.iter().max()),
-        ],
-    })
-}
-
-fn line_summaries(texture: &Texture<'_>) -> Vec<LineSummary> {
-    let Some(lines) = texture.lines() else {
-        return Vec::new();
-    };
-    let bytes = texture
-        .parts()
-        .find(|(kind, _)| *kind == PartKind::Lines)
-        .map_or(0, |(_, bytes)| bytes);
-    lines
-        .iter()
-        .map(|line| LineSummary {
-            wavelength_mm: line.wavelength_mm(),
-            phase_turns: f64::from(line.phase()) / 65_536.0,
-            amplitude_m_s2: [
-                line.amplitudes().fold(f32::INFINITY, f32::min),
-                line.amplitudes().fold(0.0, f32::max),
-            ],
-            // All lines take as many.
-            bytes: bytes / lines.len(),
-        })
-        .collect()
-}
+use crate::cli::table::{folded_table, table};
 
 /// Table of the lines that are locked to place, one per row; none if no texture has any.
 pub fn line_table(textures: &[TextureSummary]) -> Option<String> {
@@ -239,30 +29,6 @@ pub fn line_table(textures: &[TextureSummary]) -> Option<String> {
     };
     let rows: Vec<Vec<String>> = textures.iter().flat_map(of_texture).collect();
     (!rows.is_empty()).then(|| table(&header, &rows))
-}
-
-fn node_summaries(texture: &Texture<'_>) -> Vec<NodeSummary> {
-    let speeds: Vec<f32> = texture.speed_axis().values().collect();
-    let forces: Vec<f32> = texture.force_axis().values().collect();
-    let places = speeds
-        .iter()
-        .flat_map(|&speed| forces.iter().map(move |&force| (speed, force)));
-    texture
-        .nodes()
-        .zip(places)
-        .map(|(node, (speed_mm_s, force_n))| NodeSummary {
-            speed_mm_s,
-            force_n,
-            order: node.coefficients.order(),
-            rms_m_s2: node.output_power.sqrt(),
-            prediction_error_rms_m_s2: node.prediction_error_power.sqrt(),
-            flags: FLAG_NAMES
-                .iter()
-                .filter(|(flag, _)| node.flags.contains(*flag))
-                .map(|(_, name)| *name)
-                .collect(),
-        })
-        .collect()
 }
 
 /// Table with one line per texture.
@@ -304,7 +70,7 @@ pub fn texture_table(textures: &[TextureSummary]) -> String {
             ]
         })
         .collect();
-    table(&header, &rows)
+    folded_table(&header, &rows, 1)
 }
 
 /// Table of the laws of the level and of the bytes that each texture takes, with one line per texture.
@@ -314,6 +80,8 @@ pub fn storage_table(textures: &[TextureSummary]) -> String {
         "between nodes",
         "below the grid",
         "stages of 24-bit θ",
+        "of 8-bit θ",
+        "within rad",
         "bytes of coefficients",
         "bytes of parts",
     ];
@@ -327,6 +95,13 @@ pub fn storage_table(textures: &[TextureSummary]) -> String {
             texture.level_law.clone(),
             texture.fade_law.clone(),
             texture.fine_stages.to_string(),
+            texture.tail_stages.to_string(),
+            if texture.tail_stages == 0 {
+                String::new()
+            } else {
+                let [least, most] = texture.tail_range_rad;
+                format!("{least:.3} to {most:.3}")
+            },
             texture.coefficient_bytes.to_string(),
             if parts.is_empty() {
                 "none".to_owned()
@@ -335,7 +110,7 @@ pub fn storage_table(textures: &[TextureSummary]) -> String {
             },
         ]
     };
-    table(&header, &textures.iter().map(row).collect::<Vec<_>>())
+    folded_table(&header, &textures.iter().map(row).collect::<Vec<_>>(), 1)
 }
 
 /// Table of what excites the textures that have more than steady Gaussian noise; `None` if none has.
@@ -378,5 +153,5 @@ pub fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
     let fed =
         |texture: &&TextureSummary| !texture.codebooks.is_empty() || texture.level_track.is_some();
     let rows: Vec<Vec<String>> = textures.iter().filter(fed).map(row).collect();
-    (!rows.is_empty()).then(|| table(&header, &rows))
+    (!rows.is_empty()).then(|| folded_table(&header, &rows, 1))
 }

@@ -15,7 +15,7 @@ use crate::cli::table::table;
 pub struct Arguments {
     #[command(flatten)]
     source: Source,
-    /// Instructions per tick that the scene may take
+    /// Instructions per tick that the scene may take: for one sample at 5 kHz, for two at 10 kHz
     #[arg(long, value_name = "INSTRUCTIONS", default_value_t = cost::BUDGET)]
     budget: u32,
     /// Print all figures as JSON
@@ -55,12 +55,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Ok(());
     }
     Err(Error::Request(format!(
-        "scene '{}' takes {} instructions per tick ({}), and the budget is {}; use fewer sections, or textures of a \
-         lower order",
+        "scene '{}' takes {} instructions per sample ({}), and the budget is {} at {} Hz; use fewer sections, or \
+         textures of a lower order",
         report.scene,
         report.worst_case.instructions,
         report.worst_case.sum(),
-        report.budget_instructions
+        report.budget_instructions,
+        report.sample_rate_hz
     )))
 }
 
@@ -154,9 +155,10 @@ fn text(compiled: &CompiledScene, report: &CostReport) -> String {
     lines.push(table(&header, &rows));
     let share = f64::from(report.worst_case.instructions) / f64::from(report.budget_instructions);
     lines.push(format!(
-        "\nThe worst case takes {:.0} % of the budget of {} instructions per tick.",
+        "\nThe worst case takes {:.0} % of the budget of {} instructions per sample at {} Hz.",
         100.0 * share,
-        report.budget_instructions
+        report.budget_instructions,
+        report.sample_rate_hz
     ));
     lines.join("\n")
 }

@@ -10,6 +10,7 @@ use model_format::scene::Scene;
 use stylus_kernel::scene::cost;
 
 use super::check::headline;
+use crate::cli::destination::{self, Destination, Overwrite};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, warn};
 
@@ -22,11 +23,14 @@ pub struct Arguments {
     #[arg(long, value_name = "LIB")]
     library: PathBuf,
     /// Library file to write, with the scenes; may be the same
-    #[arg(long, value_name = "LIB")]
-    out: PathBuf,
+    #[arg(long, value_name = "LIB", value_parser = destination::library_in_place())]
+    out: Destination,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let out = arguments.out.path();
     let bytes = read_library(&arguments.library)?;
     let library = decode_library(&arguments.library, &bytes)?;
     let mut scenes: Vec<Scene> = Vec::new();
@@ -59,14 +63,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let written = with_scenes(&library, &scenes)?;
     // The stylus will decode these bytes, so they are checked before they are written.
-    let checked = decode_library(&arguments.out, &written).map(|l: Library<'_>| l.scene_count())?;
-    atomic_file::write(&arguments.out, &written)?;
+    let checked = decode_library(out, &written).map(|l: Library<'_>| l.scene_count())?;
+    atomic_file::write(out, &written)?;
     for line in lines {
         print(&line)?;
     }
     print(&format!(
         "-> {}: {} texture(s), {checked} scene(s), {} bytes",
-        arguments.out.display(),
+        out.display(),
         library.len(),
         written.len()
     ))

@@ -1,15 +1,15 @@
 //! `stylus scene plot`
 
-use std::path::PathBuf;
-
 use host_tools::playing::motion::Hand;
 use host_tools::playing::render::Rendering;
 use host_tools::report::plot;
 use host_tools::report::plot::{Caption, SceneRegion, SceneView};
 use host_tools::support::error::Result;
+use host_tools::support::file_kind::FileKind;
 use model_format::{OutputSample, Provenance};
 
-use super::source::{Along, Source, plan};
+use super::source::{Along, Source};
+use crate::cli::destination::{self, Destination, Overwrite};
 use crate::cli::input::positive;
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
@@ -24,8 +24,10 @@ pub struct Arguments {
     #[command(flatten)]
     along: Along,
     /// SVG file to write
-    #[arg(long, value_name = "SVG")]
-    out: PathBuf,
+    #[arg(long, value_name = "SVG", value_parser = destination::file(FileKind::Svg))]
+    out: Destination,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Highest frequency of the spectrogram, in hertz
     #[arg(long, value_name = "HZ", value_parser = positive, default_value_t = 1000.0)]
     highest: f64,
@@ -38,7 +40,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let compiled = arguments.source.compile(&library)?;
     let (motion, seconds) = arguments.along.motion(&compiled.scene)?;
     let seconds = seconds.min(LONGEST_S);
-    let plan = plan(&compiled, &library)?;
+    let plan = compiled.plan(&library)?;
     let rendering = Rendering::of_plan(plan, &motion, seconds, arguments.along.seed)?;
     let rate_hz = f64::from(rendering.sample_rate_hz());
     let samples_m_s2: Vec<f64> = rendering
@@ -66,6 +68,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         rate_hz,
         highest_hz: arguments.highest,
     };
-    plot::scene(&caption, &view)?.write(&arguments.out)?;
-    print(&format!("-> {}", arguments.out.display()))
+    plot::scene(&caption, &view)?.write(arguments.out.path())?;
+    print(&format!("-> {}", arguments.out.path().display()))
 }

@@ -3,7 +3,7 @@
 use host_tools::playing::render::{RenderSummary, Rendering, write_wav};
 use host_tools::support::error::Result;
 
-use super::source::{Along, Source, plan};
+use super::source::{Along, Source};
 use crate::cli::library_file::{decode_library, read_library};
 #[cfg(feature = "device")]
 use crate::cli::pin::PinArguments;
@@ -28,7 +28,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let library = decode_library(path, &bytes)?;
     let compiled = arguments.source.compile(&library)?;
     let (motion, seconds) = arguments.along.motion(&compiled.scene)?;
-    let plan = plan(&compiled, &library)?;
+    let plan = compiled.plan(&library)?;
     let mut rendering = Rendering::of_plan(plan, &motion, seconds, arguments.along.seed)?;
     let source = format!(
         "the scene '{}' ({})",

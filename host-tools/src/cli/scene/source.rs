@@ -4,13 +4,12 @@
 use std::path::{Path, PathBuf};
 
 use host_tools::playing::motion::MotionPath;
-use host_tools::scene::{CompiledScene, SceneFile, surface_names};
+use host_tools::scene::{CompiledScene, SceneFile, scene_named};
 use host_tools::support::error::{Error, Result};
 use model_format::scene::{MotionOfScene, Scene};
 use model_format::{Library, MillimetresPerSecond, Newton};
-use stylus_kernel::scene::Plan;
 
-use crate::cli::input::not_negative;
+use crate::cli::input::{force, speed};
 
 /// The scene that a command works on.
 #[derive(clap::Args)]
@@ -67,31 +66,7 @@ impl Source {
             }
             return Ok(compiled);
         }
-        let names: Vec<String> = library
-            .scenes()
-            .map(|scene| scene.name.as_str().to_owned())
-            .collect();
-        let found = match &self.scene {
-            Some(name) => library.scene(name),
-            None if names.len() == 1 => library.scenes().next(),
-            None => None,
-        };
-        let Some(scene) = found else {
-            let problem = match (&self.scene, names.is_empty()) {
-                (_, true) => "has no scenes; add some with 'stylus scene compile'".to_owned(),
-                (Some(name), _) => format!("has no scene '{name}'; it has {}", names.join(", ")),
-                (None, _) => format!(
-                    "has several scenes; name one with --scene: {}",
-                    names.join(", ")
-                ),
-            };
-            return Err(Error::file(&self.file, problem));
-        };
-        Ok(CompiledScene {
-            surface_names: surface_names(&scene, library),
-            scene,
-            design: None,
-        })
+        scene_named(library, self.scene.as_deref(), &self.file)
     }
 }
 
@@ -101,13 +76,6 @@ pub fn is_text(path: &Path) -> bool {
     extension.eq_ignore_ascii_case("toml")
 }
 
-/// The plan of a scene: the stages that the kernel runs.
-pub fn plan<'a>(compiled: &CompiledScene, library: &Library<'a>) -> Result<Plan<'a>> {
-    let scene = &compiled.scene;
-    Plan::new(scene, library)
-        .map_err(|error| Error::Request(format!("scene '{}': {error}", scene.name)))
-}
-
 /// The motion along a scene.
 #[derive(clap::Args)]
 pub struct Along {
@@ -115,10 +83,10 @@ pub struct Along {
     #[arg(long, value_name = "CSV", conflicts_with_all = ["speed", "force"])]
     motion: Option<PathBuf>,
     /// Constant tangential speed instead, in mm/s
-    #[arg(long, value_name = "MM_S", value_parser = not_negative, requires = "force")]
+    #[arg(long, value_name = "MM_S", value_parser = speed, allow_negative_numbers = true, requires = "force")]
     speed: Option<f64>,
     /// Constant normal force, in newtons
-    #[arg(long, value_name = "N", value_parser = not_negative, requires = "speed")]
+    #[arg(long, value_name = "N", value_parser = force, allow_negative_numbers = true, requires = "speed")]
     force: Option<f64>,
     /// Duration, in seconds [default: the motion's]
     #[arg(long, value_name = "S", value_parser = crate::cli::input::positive)]
@@ -157,13 +125,14 @@ impl Along {
                 )));
             }
         };
-        let Some(seconds) = self.seconds.or_else(|| {
-            let has_end = self.motion.is_some();
-            has_end.then(|| motion.duration_s())
-        }) else {
-            return Err(Error::Request(format!(
-                "scene '{name}': a constant motion has no end; give --seconds"
-            )));
+        let seconds = match (self.seconds, &self.motion) {
+            (Some(seconds), _) => seconds,
+            (None, Some(path)) => motion.end_s(path)?,
+            (None, None) => {
+                return Err(Error::Request(format!(
+                    "scene '{name}': a constant motion has no end; give --seconds"
+                )));
+            }
         };
         Ok((motion, seconds))
     }

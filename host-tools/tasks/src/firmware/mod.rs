@@ -7,9 +7,11 @@ mod reproducible;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::folders::Folders;
+use crate::process;
+use crate::process::Progress;
 use crate::target::TARGET;
 use crate::toolchain::Toolchain;
-use crate::{process, workspace};
 
 pub use memory::{Memory, Use};
 pub use placement::check as check_placement;
@@ -17,6 +19,9 @@ pub use reproducible::check as check_reproducible;
 
 /// The part's name for probe-rs.
 const CHIP: &str = "STM32H743ZITx";
+
+/// The name of the folder of its builds.
+const FOLDER: &str = "firmware";
 
 /// A variant of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,62 +53,33 @@ impl Image {
     }
 }
 
-/// The folders that an image is built from and in.
-struct Folders {
-    /// The workspace's.
-    sources: PathBuf,
-    /// Cargo's own, with the sources of dependencies.
-    cargo_home: PathBuf,
-    /// The outputs'.
-    target: PathBuf,
-}
-
-impl Folders {
-    /// Those of this workspace and its user.
-    fn here() -> Self {
-        let home = || std::env::home_dir().unwrap_or_default().join(".cargo");
-        Self {
-            sources: workspace::root().to_owned(),
-            cargo_home: std::env::var_os("CARGO_HOME").map_or_else(home, PathBuf::from),
-            target: workspace::target_folder("firmware"),
-        }
-    }
-
-    /// Flags for the compiler, separated as `CARGO_ENCODED_RUSTFLAGS` wants them.
-    ///
-    /// Folders of the building machine are renamed, because their names are in messages of panics: the image would
-    /// hold them, and its size would depend on them. Where a folder is reached by a link, the compiler is told some
-    /// files by the link's name and sees others by the folder's own. Of several names that match, it takes the last.
-    fn compiler_flags(&self) -> String {
-        let mut flags = vec!["-C".to_owned(), "target-cpu=cortex-m7".to_owned()];
-        for (folder, name) in [
-            (&self.sources, "stylus"),
-            (&self.cargo_home, "cargo"),
-            (&self.target, "target"),
-        ] {
-            let own = folder.canonicalize().ok();
-            for folder in own.iter().filter(|own| *own != folder).chain([folder]) {
-                flags.push(format!("--remap-path-prefix={}={name}", folder.display()));
-            }
-        }
-        flags.join("\x1f")
-    }
-}
-
 /// Builds `image`, checks that the tick's code reads no flash, and returns the file.
 ///
 /// # Errors
 /// There is no toolchain, the build fails, or the tick leads to flash.
 pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
-    let kept = build_in(toolchain, image, &Folders::here())?;
+    build_saying(toolchain, image, Progress::Quiet)
+}
+
+/// Builds as [`build`] does; `progress` says how much of it is shown.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> Result<PathBuf> {
+    let kept = build_in(toolchain, image, &Folders::here(FOLDER), progress)?;
     check_placement(&read(&kept)?)?;
     Ok(kept)
 }
 
-fn build_in(toolchain: &Toolchain, image: Image, folders: &Folders) -> Result<PathBuf> {
+fn build_in(
+    toolchain: &Toolchain,
+    image: Image,
+    folders: &Folders,
+    progress: Progress,
+) -> Result<PathBuf> {
     let mut cargo = toolchain.cargo("build", &folders.sources, &folders.target);
+    cargo.args(progress.argument());
     cargo.args([
-        "--quiet",
         "--locked",
         "--package",
         "stylus-firmware",
@@ -112,7 +88,10 @@ fn build_in(toolchain: &Toolchain, image: Image, folders: &Folders) -> Result<Pa
     ]);
     cargo.args(["--features", image.features()]);
     cargo.env("CARGO_HOME", &folders.cargo_home);
-    cargo.env("CARGO_ENCODED_RUSTFLAGS", folders.compiler_flags());
+    cargo.env(
+        "CARGO_ENCODED_RUSTFLAGS",
+        folders.compiler_flags(&["-C", "target-cpu=cortex-m7"]),
+    );
     // Without this variable defmt leaves out all but errors.
     if std::env::var_os("DEFMT_LOG").is_none() {
         cargo.env("DEFMT_LOG", "info");
@@ -177,6 +156,7 @@ pub fn flash(file: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::workspace;
 
     #[test]
     fn cargo_run_flashes_as_the_task_does() {

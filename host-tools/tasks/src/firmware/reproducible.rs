@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 
 use object::{Object, ObjectSection};
 
-use super::{Folders, Image, build, build_in, read};
+use super::{FOLDER, Image, build, build_in, read};
 use crate::error::{Error, Result};
+use crate::folders::Folders;
 use crate::house::tree::Tree;
+use crate::process::Progress;
 use crate::toolchain::Toolchain;
 use crate::workspace;
 
@@ -18,7 +20,7 @@ use crate::workspace;
 /// A build fails; the images differ; or the image names a folder of this machine.
 pub fn check(toolchain: &Toolchain) -> Result<usize> {
     let first = read(&build(toolchain, Image::Product)?)?;
-    let here = Folders::here();
+    let here = Folders::here(FOLDER);
     for folder in [&here.sources, &here.cargo_home, &here.target] {
         let name = folder.display().to_string();
         let mut windows = first.windows(name.len());
@@ -33,7 +35,12 @@ pub fn check(toolchain: &Toolchain) -> Result<usize> {
         target: elsewhere.join("outputs"),
     };
     copy_sources(&folders.sources)?;
-    let second = read(&build_in(toolchain, Image::Product, &folders)?)?;
+    let second = read(&build_in(
+        toolchain,
+        Image::Product,
+        &folders,
+        Progress::Quiet,
+    )?)?;
     match difference(&first, &second) {
         None => Ok(first.len()),
         Some(place) => Err(Error::Reproducible(format!(

@@ -15,7 +15,7 @@ struct Package {
 }
 
 /// All packages: first the product from the ground up, then its tests and tasks.
-const PACKAGES: [Package; 15] = [
+const PACKAGES: [Package; 18] = [
     package("model-format", &[], &[]),
     package("stylus-kernel", &["model-format"], &[]),
     package(
@@ -28,7 +28,13 @@ const PACKAGES: [Package; 15] = [
         &["model-format", "stylus-app", "stylus-kernel"],
         &[],
     ),
+    package(
+        "stylus-browser",
+        &["model-format", "stylus-kernel"],
+        &["host-tools", "kernel-vectors"],
+    ),
     package("stylus-costs", &[], &[]),
+    package("virtual-link", &[], &[]),
     package(
         "host-tools",
         &[
@@ -36,8 +42,14 @@ const PACKAGES: [Package; 15] = [
             "stylus-app",
             "stylus-costs",
             "stylus-kernel",
+            "virtual-link",
         ],
         &["fake-stylus"],
+    ),
+    package(
+        "stylus-python",
+        &["host-tools", "model-format", "stylus-kernel"],
+        &[],
     ),
     package(
         "fake-stylus",
@@ -87,18 +99,32 @@ const PACKAGES: [Package; 15] = [
         ],
         &[],
     ),
-    package("fuzz", &["model-format", "stylus-kernel"], &[]),
+    package(
+        "fuzz",
+        &["host-tools", "model-format", "stylus-kernel"],
+        &[],
+    ),
     package(
         "virtual-stylus",
-        &["host-tools"],
+        &["model-format", "virtual-link"],
         &[
+            "host-tools",
             "kernel-vectors",
             "model-format",
             "stylus-app",
             "stylus-kernel",
         ],
     ),
-    package("probe-image", &[], &[]),
+    package(
+        "probe-image",
+        &[
+            "kernel-vectors",
+            "model-format",
+            "stylus-firmware",
+            "stylus-kernel",
+        ],
+        &[],
+    ),
 ];
 
 const fn package(

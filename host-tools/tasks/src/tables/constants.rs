@@ -3,7 +3,7 @@
 use model_format::limits;
 use model_format::link::{Setting, SettingSet};
 use model_format::scene::limits as scene_limits;
-use stylus_kernel::arithmetic::TURN_TAPS;
+use stylus_kernel::direct::{NEAR_TAPS, TAPS_PER_TURN};
 use stylus_kernel::scene::cost::{self, StageCost};
 
 use super::markdown::{grouped, table};
@@ -32,7 +32,7 @@ pub fn settings() -> String {
 
 /// Instructions per tick of a scene's stages, and the budget of all of them together.
 pub fn scene_stages() -> String {
-    let taps = format!("{TURN_TAPS} taps");
+    let taps = format!("{TAPS_PER_TURN} taps beyond {NEAR_TAPS}");
     let rows = [
         ("list of stages and mix", cost::MIX, ""),
         ("voice, normalised lattice", cost::LATTICE, "stage"),
@@ -45,6 +45,11 @@ pub fn scene_stages() -> String {
         (
             "voice, direct form with codebooks or a track",
             cost::FED_DIRECT,
+            taps.as_str(),
+        ),
+        (
+            "sums ahead of a direct form, at the begin of a block",
+            cost::SUMS_AHEAD,
             taps.as_str(),
         ),
         ("stick-slip", cost::STICK_SLIP, ""),

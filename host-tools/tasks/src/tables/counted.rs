@@ -26,12 +26,24 @@ pub fn filters(costs: &Costs) -> String {
             peer.includes.clone(),
             grouped(peer.instructions.into()),
             range(peer.best_cycles.into(), peer.worst_cycles.into()),
+            modelled(peer.cortex_m7_cycles),
         ]
     };
     table(
-        ["filter", "the call includes", "instructions", "cycles"],
+        [
+            "filter",
+            "the call includes",
+            "instructions",
+            "cycles, Cortex-M4",
+            "cycles, Cortex-M7 (llvm-mca)",
+        ],
         costs.peers.iter().map(row),
     )
+}
+
+/// Cycles of a model, or a dash where there are none.
+fn modelled(cycles: Option<u32>) -> String {
+    cycles.map_or_else(|| "–".to_owned(), |cycles| grouped(cycles.into()))
 }
 
 /// Instructions and cycles per sample of each structure at each order, on a Cortex-M4 and four nodes.
@@ -41,6 +53,7 @@ pub fn samples_by_order(costs: &Costs) -> String {
         "order",
         "instructions",
         "cycles, Cortex-M4",
+        "cycles, Cortex-M7 (llvm-mca)",
         "instructions per update",
     ];
     let counted = Structure::ALL.into_iter().flat_map(|structure| {
@@ -56,11 +69,13 @@ pub fn samples_by_order(costs: &Costs) -> String {
             " (not shipped)"
         };
         let (sample, update) = (entry.sample, entry.update);
+        let m7 = costs.entry(entry.structure, NODES, Core::M7, entry.order);
         [
             format!("{}{shipped}", entry.structure.name()),
             entry.order.to_string(),
             grouped(sample.instructions.into()),
             range(sample.best_cycles.into(), sample.worst_cycles.into()),
+            modelled(m7.and_then(|m7| m7.modelled_cycles)),
             range(
                 update.instructions_least.into(),
                 update.instructions_most.into(),

@@ -6,14 +6,16 @@ use host_tools::link::set::PlannedTrial;
 use host_tools::recording::TRIAL_DURATION_S;
 use host_tools::support::error::Result;
 
+use crate::cli::destination::{self, Destination};
 use crate::cli::device::connection::Link;
 use crate::cli::device::sensing::Sensing;
-use crate::cli::input::{not_negative, positive};
+use crate::cli::input::{not_negative, positive, trial_force, trial_speed};
 
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Folder of the recording set; trials that are in it already are not recorded again
-    pub folder: PathBuf,
+    #[arg(value_parser = destination::growing_set())]
+    pub folder: Destination,
     /// Name of the texture
     #[arg(long, value_name = "NAME", required_unless_present = "trials")]
     texture: Option<String>,
@@ -22,13 +24,13 @@ pub struct Arguments {
         long,
         value_name = "MM_S",
         value_delimiter = ',',
-        value_parser = not_negative,
+        value_parser = trial_speed,
         requires = "forces",
         required_unless_present = "trials"
     )]
     speeds: Vec<f64>,
     /// Normal forces, in newtons; each speed is recorded with each force
-    #[arg(long, value_name = "N", value_delimiter = ',', value_parser = not_negative, requires = "speeds")]
+    #[arg(long, value_name = "N", value_delimiter = ',', value_parser = trial_force, requires = "speeds")]
     forces: Vec<f64>,
     /// List of trials instead: CSV with speed_mm_s, force_n, and texture if there are several
     #[arg(long, value_name = "CSV", conflicts_with_all = ["speeds", "forces"])]

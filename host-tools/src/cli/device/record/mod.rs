@@ -17,7 +17,7 @@ use crate::cli::output::{print, print_json};
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let points = arguments.points()?;
-    let mut folder = Folder::open(&arguments.folder)?;
+    let mut folder = Folder::open(arguments.folder.path())?;
     folder.check_names(&points)?;
     let (there, todo): (Vec<PlannedTrial>, Vec<PlannedTrial>) = points
         .into_iter()
@@ -27,7 +27,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         "{} trial(s) to record, {} already in {}",
         todo.len(),
         there.len(),
-        arguments.folder.display()
+        arguments.folder.path().display()
     ));
     let mut rows = Vec::new();
     for (index, point) in todo.iter().enumerate() {
@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     }
     let left_out = todo.len() - rows.len();
-    let report = RecordReport::new(&arguments.folder, rows, there.len(), left_out);
+    let report = RecordReport::new(arguments.folder.path(), rows, there.len(), left_out);
     if arguments.json {
         return print_json(&report);
     }

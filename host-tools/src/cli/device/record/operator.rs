@@ -8,7 +8,7 @@ use std::time::Duration;
 use host_tools::support::error::Result;
 
 use crate::cli::device::interrupt::Interrupt;
-use crate::cli::output::note;
+use crate::cli::output::tell;
 
 /// Interval at which a wait for an answer looks for Ctrl-C.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
@@ -80,7 +80,7 @@ impl Operator {
 
 /// Prints to standard error, so that standard output holds the report alone.
 pub fn say(text: &str) {
-    note(text);
+    tell(text);
 }
 
 /// Reads the lines of standard input in a thread; the channel ends with the input.

@@ -1,24 +1,27 @@
 //! `stylus play`
 
-use std::path::PathBuf;
+mod live;
+
+use std::cell::{Cell, RefCell};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::RangedU64ValueParser;
 use host_tools::link::Device;
+use host_tools::link::heard::Heard;
 use host_tools::link::play::{Drive, Driven, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
 use host_tools::playing::motion::MotionPath;
 use host_tools::support::error::{Error, Result};
-use model_format::link::{Activity, MotionSource, PlayRequest, Selection, Status, TextureName};
+use model_format::link::{Activity, MotionSource, PlayRequest, Selection, TextureName};
 use model_format::scene::SceneName;
 use model_format::{MillimetresPerSecond, Newton};
 use serde::Serialize;
 
 use super::connection::Link;
 use super::interrupt::Interrupt;
-use super::live_line::live_line;
-use super::status::output;
-use crate::cli::input::{not_negative, positive};
+use crate::cli::input::{force, positive, speed, warn_if_silent};
 use crate::cli::output::{print, print_json, warn};
+use live::Live;
 
 /// Value of `--motion` for the stylus's own sensors.
 const SENSORS: &str = "sensors";
@@ -44,10 +47,10 @@ pub struct Arguments {
     #[arg(long, value_name = "sensors|CSV", conflicts_with_all = ["speed", "force"])]
     motion: Option<String>,
     /// Constant tangential speed instead, in mm/s
-    #[arg(long, value_name = "MM_S", value_parser = not_negative, requires = "force")]
+    #[arg(long, value_name = "MM_S", value_parser = speed, allow_negative_numbers = true, requires = "force")]
     speed: Option<f64>,
     /// Constant normal force instead, in newtons
-    #[arg(long, value_name = "N", value_parser = not_negative, requires = "speed")]
+    #[arg(long, value_name = "N", value_parser = force, allow_negative_numbers = true, requires = "speed")]
     force: Option<f64>,
     /// Duration, in seconds [default: until the motion's end, or Ctrl-C]
     #[arg(long, value_name = "S", value_parser = positive)]
@@ -83,6 +86,14 @@ struct PlayReport<'a> {
     hard_limited: u32,
     slew_limited: u32,
     thermally_limited: u32,
+    /// Mutes but for those that belong to the begin and the end.
+    mutes: u32,
+    /// Share of the time in which the output was muted, as far as the status showed it.
+    muted_share: Option<f64>,
+    missed_ticks: u32,
+    /// The reason for which the play counts as failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    failure: Option<String>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -90,8 +101,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let request = request(arguments, &plan)?;
     let device = arguments.link.connect()?;
     let interrupt = Interrupt::listen()?;
+    let mut heard = Heard::since(&device.status()?);
     device.play(&request)?;
-    let played = keep_playing(&device, &plan, &interrupt);
+    let played = keep_playing(&device, &plan, &interrupt, &mut heard);
+    // A stop would end what yet another program may play by now.
+    if let Some(by) = device.stopped_by() {
+        let problem = format!("stopped by {by}");
+        return Err(Error::Request(format!("{}: {problem}", device.address())));
+    }
     // The output is switched off after a failure, too; the first failure is the one that is reported.
     let stopped = device.stop();
     let driven = played?;
@@ -100,8 +117,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let problem = "the device had stopped by itself; read its status";
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }
+    let failure = heard.failure(&driven);
     if arguments.json {
-        return print_json(&PlayReport {
+        print_json(&PlayReport {
             texture: arguments.texture.as_deref(),
             scene: arguments.scene.as_deref(),
             driven,
@@ -109,18 +127,43 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             hard_limited: status.hard_limited,
             slew_limited: status.slew_limited,
             thermally_limited: status.thermally_limited,
-        });
+            mutes: heard.mutes,
+            muted_share: heard.muted_share(),
+            missed_ticks: heard.missed_ticks,
+            failure: failure.clone(),
+        })?;
+    } else {
+        if driven.skipped > 0 && failure.is_none() {
+            warn(&format!(
+                "{} of {} motions were left out, because the link or this computer is too slow for {} Hz",
+                driven.skipped,
+                driven.motions + driven.skipped,
+                plan.rate_hz
+            ));
+        }
+        print(&summary(&request, &driven, &heard))?;
     }
-    if driven.skipped > 0 {
-        warn(&format!(
-            "{} motions were left out, because the link or this computer is too slow for {} Hz",
-            driven.skipped, plan.rate_hz
-        ));
+    match failure {
+        None => Ok(()),
+        Some(failure) => Err(Error::Request(format!("{}: {failure}", device.address()))),
     }
-    print(&format!(
-        "played {} for {:.1} s ({} motions, {} keep-alives); stopped, the output is at rest",
-        request.selection, driven.seconds, driven.motions, driven.keep_alives
-    ))
+}
+
+fn summary(request: &PlayRequest, driven: &Driven, heard: &Heard) -> String {
+    let muted = match heard.muted_share() {
+        Some(share) if share > 0.0 => format!(", muted {:.0} % of the time", share * 100.0),
+        _ => String::new(),
+    };
+    format!(
+        "played {} for {:.1} s ({} motions, {} keep-alives): {} mutes{muted}, {} missed ticks; stopped, the output is \
+         at rest",
+        request.selection,
+        driven.seconds,
+        driven.motions,
+        driven.keep_alives,
+        heard.mutes,
+        heard.missed_ticks
+    )
 }
 
 fn plan(arguments: &Arguments) -> Result<Drive> {
@@ -132,8 +175,18 @@ fn plan(arguments: &Arguments) -> Result<Drive> {
         (Some(file), ..) if file != SENSORS => Some(MotionPath::from_csv(&PathBuf::from(file))?),
         _ => None,
     };
-    let end = motion.as_ref().map(MotionPath::duration_s);
-    let seconds = arguments.seconds.or(end.filter(|&seconds| seconds > 0.0));
+    if let (Some(motion), Some(_)) = (&motion, &arguments.texture) {
+        warn_if_silent(motion);
+    }
+    let file = arguments
+        .motion
+        .as_deref()
+        .filter(|_| arguments.seconds.is_none());
+    let end = match (&motion, file) {
+        (Some(motion), Some(file)) => Some(motion.end_s(Path::new(file))?),
+        _ => None,
+    };
+    let seconds = arguments.seconds.or(end);
     Ok(Drive {
         motion,
         rate_hz: arguments.rate,
@@ -172,30 +225,31 @@ fn selection(arguments: &Arguments) -> Result<Selection> {
     Ok(Selection::Texture(texture))
 }
 
-fn keep_playing(device: &Device, plan: &Drive, interrupt: &Interrupt) -> Result<Driven> {
-    let line = live_line("playing; Ctrl-C stops");
-    let mut ended = false;
-    let goes_on = std::cell::Cell::new(true);
-    let heard = |driven: &Driven, status: &Status| {
-        line.set_message(format!(
-            "{:.1} s, {}",
-            driven.seconds,
-            output(&status.output)
-        ));
-        // Only idle means stopped, because the output may still fade out of the previous play.
-        if status.output.activity == Activity::Idle {
-            ended = true;
-            goes_on.set(false);
-        }
-    };
+fn keep_playing(
+    device: &Device,
+    plan: &Drive,
+    interrupt: &Interrupt,
+    heard: &mut Heard,
+) -> Result<Driven> {
+    let live = RefCell::new(Live::begin(device, plan.motion.as_ref()));
+    let ended = Cell::new(false);
     let driven = drive(
         device,
         plan,
-        || goes_on.get() && !interrupt.is_raised(),
-        heard,
-    )?;
-    line.finish_and_clear();
-    if ended {
+        || {
+            live.borrow_mut().listen();
+            !ended.get() && !interrupt.is_raised()
+        },
+        |driven, status| {
+            heard.hear(status);
+            live.borrow_mut().show(driven, status, heard);
+            // Only idle means stopped, because the output may still fade out of the previous play.
+            ended.set(status.output.activity == Activity::Idle);
+        },
+    );
+    live.into_inner().end();
+    let driven = driven?;
+    if ended.get() {
         let problem = "the device has stopped by itself; read its status";
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }

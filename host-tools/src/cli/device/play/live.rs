@@ -1,0 +1,135 @@
+//! The state of a play while it lasts: one line that changes on a terminal, and lines at intervals elsewhere.
+
+use std::time::{Duration, Instant};
+
+use host_tools::link::Device;
+use host_tools::link::capture::{Calibration, Level, Stream};
+use host_tools::link::heard::Heard;
+use host_tools::link::play::Driven;
+use host_tools::playing::motion::MotionPath;
+use host_tools::support::progress;
+use host_tools::support::visible::visible_line;
+use indicatif::ProgressBar;
+use model_format::link::{Activity, MuteReason, RecordSample, Status};
+
+use crate::cli::device::live_line::LIVE_SAMPLES;
+use crate::cli::output::note;
+
+/// Interval between lines where standard error is no terminal.
+const PLAIN_INTERVAL: Duration = Duration::from_secs(2);
+
+/// Blocks that are taken at a time, so that motions are not kept waiting.
+const BLOCKS_AT_A_TIME: usize = 16;
+
+/// Shows a play.
+pub struct Live<'a> {
+    line: ProgressBar,
+    shown: Instant,
+    motion: Option<&'a MotionPath>,
+    sensors: Option<Sensors<'a>>,
+}
+
+/// The sensors' motion, which the status does not have.
+struct Sensors<'a> {
+    stream: Stream<'a>,
+    calibration: Calibration,
+    recent: Vec<RecordSample>,
+}
+
+impl<'a> Live<'a> {
+    /// Begins to show a play along `motion`, or along the sensors of `device` if there is none. Where those cannot be
+    /// listened to, because something is recorded over another link, their speed is not shown.
+    pub fn begin(device: &'a Device, motion: Option<&'a MotionPath>) -> Self {
+        let sensors = || {
+            let settings = device.settings().ok()?;
+            Some(Sensors {
+                stream: Stream::start(device).ok()?,
+                calibration: Calibration::new(&settings, None),
+                recent: Vec::new(),
+            })
+        };
+        Self {
+            line: progress::line("playing; Ctrl-C stops"),
+            shown: Instant::now(),
+            sensors: if motion.is_none() { sensors() } else { None },
+            motion,
+        }
+    }
+
+    /// Takes what the sensors have sent, without waiting for more.
+    pub fn listen(&mut self) {
+        let Some(sensors) = &mut self.sensors else {
+            return;
+        };
+        for _ in 0..BLOCKS_AT_A_TIME {
+            match sensors.stream.next(Duration::ZERO) {
+                Ok(Some(arrival)) => sensors.recent.extend(arrival.samples),
+                Ok(None) => break,
+                // The next request tells why.
+                Err(_) => return,
+            }
+        }
+        let old = sensors.recent.len().saturating_sub(LIVE_SAMPLES);
+        sensors.recent.drain(..old);
+    }
+
+    /// Shows the state.
+    pub fn show(&mut self, driven: &Driven, status: &Status, heard: &Heard) {
+        let text = format!(
+            "{:.1} s: {}{}; {}; {} mutes, {} missed ticks",
+            driven.seconds,
+            self.motion_at(driven.seconds, status),
+            level(status),
+            state(status),
+            heard.mutes,
+            heard.missed_ticks
+        );
+        if !self.line.is_hidden() {
+            self.line.set_message(visible_line(&text).into_owned());
+        } else if self.shown.elapsed() >= PLAIN_INTERVAL {
+            self.shown = Instant::now();
+            note(&visible_line(&text));
+        }
+    }
+
+    /// Speed and force at `seconds`.
+    fn motion_at(&self, seconds: f64, status: &Status) -> String {
+        if let Some(motion) = self.motion {
+            let (speed, force) = motion.values_at(seconds);
+            return format!("{:.1} mm/s, {:.2} N", speed.0, force.0);
+        }
+        match &self.sensors {
+            Some(sensors) if !sensors.recent.is_empty() => {
+                let rate_hz = f64::from(sensors.stream.rate_hz());
+                let level = Level::of(&sensors.recent, &sensors.calibration, rate_hz);
+                format!("{:.1} mm/s, {:.2} N", level.speed_mm_s, level.force_n)
+            }
+            _ => format!("{:.2} N", status.levels.force_newton),
+        }
+    }
+
+    /// Ends the line, and the listening.
+    pub fn end(self) {
+        self.line.finish_and_clear();
+    }
+}
+
+/// Level of the accelerometer.
+fn level(status: &Status) -> String {
+    if status.levels.samples == 0 {
+        return String::new();
+    }
+    let rms = 10f64.powf(f64::from(status.levels.vibration_decibel) / 20.0 - 6.0);
+    format!(", {rms:.3} m/s² RMS")
+}
+
+fn state(status: &Status) -> String {
+    let output = &status.output;
+    match output.activity {
+        Activity::Playing { .. } if output.mute.is_empty() => "playing".to_owned(),
+        Activity::Playing { .. } => format!("muted: {}", output.mute),
+        Activity::FadingOut => "fading out".to_owned(),
+        Activity::Activating => MuteReason::Changing.to_string(),
+        Activity::Idle => "stopped".to_owned(),
+    }
+}

@@ -1,0 +1,188 @@
+//! `stylus page`
+
+use std::path::{Path, PathBuf};
+
+use host_tools::dsp::reduction::Reduction;
+use host_tools::evaluation::evaluate;
+use host_tools::fit;
+use host_tools::fit::record::FitRecord;
+use host_tools::recording::RecordingSet;
+use host_tools::report::rub_page;
+use host_tools::report::rub_page::{Clips, Inputs, Recordings, Written};
+use host_tools::support::error::{Error, Result};
+use host_tools::support::file_kind::FileKind;
+use host_tools::support::output_folder::OutputFolder;
+use host_tools::support::progress;
+use model_format::Library;
+
+use super::destination::{self, Destination, Overwrite};
+use super::input::positive;
+use crate::cli::evaluate::takes::{as_fitted, choose};
+use crate::cli::library_file::{decode_library, read_library};
+use crate::cli::output::print;
+
+/// The command whose results folders of data are.
+const DATA: &str = "page --data";
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Library, or recordings, to which one is fitted as `stylus fit` does: a folder with trials.csv, or such a list
+    #[arg(value_name = "LIB|DIR")]
+    input: PathBuf,
+    /// HTML file to write
+    #[arg(long, value_name = "HTML", value_parser = destination::file(FileKind::Html))]
+    out: Destination,
+    /// Folder for the data of every figure: a CSV file each, and all of them as figures.npz for NumPy
+    #[arg(long, value_name = "DATA_DIR", value_parser = destination::folder(DATA))]
+    data: Option<Destination>,
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// Recordings behind a library, as a folder or a list: their clips, their spectra and C of each node come too
+    #[arg(long, value_name = "DIR")]
+    recordings: Option<PathBuf>,
+    /// Duration of the clip of each recording, in seconds [default: 0.5 to 1.5, as the page's size allows, and at fewer
+    /// nodes where they are many]
+    #[arg(long, value_name = "S", value_parser = clip)]
+    clips: Option<f64>,
+    /// Reduction from three axes to one; the same as for the fit
+    #[arg(long, value_enum, default_value = "pca")]
+    reduce: Reduction,
+    /// Seed that the page begins with
+    #[arg(long, default_value_t = 1)]
+    seed: u32,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let is_recordings = is_recordings(&arguments.input);
+    if is_recordings && arguments.recordings.is_some() {
+        return Err(Error::Request(format!(
+            "{} is recordings already, to which a library is fitted: give --recordings beside a library only",
+            arguments.input.display()
+        )));
+    }
+    if arguments.clips.is_some() && !is_recordings && arguments.recordings.is_none() {
+        return Err(Error::Request(
+            "--clips are of recordings: give --recordings beside the library".into(),
+        ));
+    }
+    let recordings = if is_recordings {
+        Some(&arguments.input)
+    } else {
+        arguments.recordings.as_ref()
+    };
+    let set = recordings.map(|path| RecordingSet::open(std::slice::from_ref(path)));
+    let set = set.transpose()?;
+    let (bytes, record) = match &set {
+        Some(set) if is_recordings => fitted(set, arguments.reduce)?,
+        _ => {
+            let bytes = read_library(&arguments.input)?;
+            let record = FitRecord::beside(&arguments.input, &bytes)?;
+            (bytes, record)
+        }
+    };
+    let library = decode_library(&arguments.input, &bytes)?;
+    let out = arguments.out.path();
+    let Some(set) = set else {
+        let inputs = Inputs {
+            library: &library,
+            bytes: &bytes,
+            recordings: None,
+            seed: u64::from(arguments.seed),
+        };
+        return print(&summary(out, &write_all(arguments, &inputs)?));
+    };
+    let set = as_fitted(record.as_ref(), set)?;
+    let options = evaluate::Options {
+        reduction: arguments.reduce,
+        seed: u64::from(arguments.seed),
+        ..evaluate::Options::default()
+    };
+    let judges = choose(&set, None, record.as_ref(), arguments.reduce)?.judges;
+    let evaluation =
+        super::evaluate::evaluate_set(&set, &library, judges, record.as_ref(), &options)?;
+    let recordings = Recordings {
+        set: &set,
+        evaluation: &evaluation,
+        reduction: arguments.reduce,
+        clips: arguments.clips.map_or(Clips::Budget, Clips::Seconds),
+    };
+    let inputs = Inputs {
+        library: &library,
+        bytes: &bytes,
+        recordings: Some(recordings),
+        seed: u64::from(arguments.seed),
+    };
+    print(&summary(out, &write_all(arguments, &inputs)?))
+}
+
+/// Returns whether `path` is recordings: a folder or a list. Anything else is read as a library, which says what it is
+/// if it is none.
+fn is_recordings(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default();
+    path.is_dir() || extension.eq_ignore_ascii_case("csv")
+}
+
+/// Fits a library to `set` with the defaults of `stylus fit`; its bytes and its record.
+fn fitted(set: &RecordingSet, reduction: Reduction) -> Result<(Vec<u8>, Option<FitRecord>)> {
+    let options = fit::Options {
+        reduction,
+        ..fit::Options::default()
+    };
+    let (fit, bytes) = super::fit::fit_library(set, &options)?;
+    let record = FitRecord::of(set, &options, &bytes)?.with_account_of(&fit);
+    Ok((bytes, Some(record)))
+}
+
+/// Writes the page, and its data where they are asked for.
+fn write_all(arguments: &Arguments, inputs: &Inputs<'_>) -> Result<Written> {
+    let out = arguments.out.path();
+    match &arguments.data {
+        None => write(inputs, out, None),
+        Some(data) => OutputFolder::begin(data.path(), DATA)?
+            .fill(|folder| write(inputs, out, Some(folder.path()))),
+    }
+}
+
+/// Writes the page with a progress bar, and its data into the folder `data`.
+///
+/// # Errors
+/// As [`rub_page::write_with_data`].
+pub fn write(inputs: &Inputs<'_>, path: &Path, data: Option<&Path>) -> Result<Written> {
+    let library: &Library<'_> = inputs.library;
+    let bar = progress::bar(library.len() as u64, "page");
+    let written = rub_page::write_with_data(inputs, path, data, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(written)
+}
+
+/// The page in words, and the digest of each texture, to be compared with what a browser says.
+pub fn summary(path: &Path, written: &Written) -> String {
+    let origin = if written.simulated {
+        ", of SIMULATED recordings"
+    } else {
+        ""
+    };
+    let clips = match written.clips {
+        0 => "no clips of recordings".to_owned(),
+        1 => "1 clip of a recording".to_owned(),
+        many => format!("{many} clips of recordings"),
+    };
+    let digests = written.digests.iter();
+    let digests: Vec<String> = digests
+        .map(|(name, digest)| format!("{name} {digest}"))
+        .collect();
+    format!(
+        "{}: {:.2} MB, {clips}{origin}\ndigest of the first 50 000 words: {}",
+        path.display(),
+        written.bytes as f64 / 1e6,
+        digests.join(", ")
+    )
+}
+
+/// Parses the duration of clips, s.
+fn clip(text: &str) -> std::result::Result<f64, String> {
+    match positive(text) {
+        Ok(seconds) if (0.1..=10.0).contains(&seconds) => Ok(seconds),
+        _ => Err("must be 0.1 to 10 seconds".into()),
+    }
+}
