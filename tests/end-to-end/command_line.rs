@@ -1,8 +1,6 @@
 //! The command from outside: its results on good input, and its messages about bad input.
 
-mod support;
-
-use support::{Bench, RATE_HZ, all_pole, json, noise, scaled, text, two_textures, wav};
+use crate::support::{Bench, RATE_HZ, all_pole, json, noise, scaled, text, two_textures, wav};
 
 /// Two textures at two speeds and forces, on two axes of which the second is weak.
 fn small_set() -> Bench {
@@ -57,6 +55,37 @@ fn reports_for_scripts_are_json() {
     let content = json(&inspected);
     assert_eq!(content["textures"][0]["nodes"].as_array().unwrap().len(), 4);
     assert_eq!(content["scenes"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn a_fit_stores_theta_in_the_fewest_bytes_that_keep_the_spectra_and_says_so() {
+    let bench = small_set();
+    let plain = "--order 400 --excitation gaussian --modulation none --lines none";
+    let said = bench.succeed(&format!("fit set --out auto.lib {plain}"));
+    let words = "silk, felt: θ in 8 bits after stage 32, with errors of at most 0.0";
+    assert!(said.contains(words), "{said}");
+    let said = bench.succeed(&format!("fit set --out fine.lib --theta fine {plain}"));
+    assert!(said.contains("after stage 32, as asked"), "{said}");
+    let bytes = |name: &str| std::fs::read(bench.path(name)).unwrap();
+    let (auto, fine) = (bytes("auto.lib").len(), bytes("fine.lib").len());
+    assert!(100 * auto < 60 * fine, "{auto} of {fine} bytes");
+    for (library, fine_stages, tail_stages) in [("auto.lib", 24, 368), ("fine.lib", 32, 0)] {
+        let content = json(&bench.succeed(&format!("inspect {library} --json")));
+        for texture in content["textures"].as_array().unwrap() {
+            assert_eq!(texture["fine_stages"], fine_stages);
+            assert_eq!(texture["tail_stages"], tail_stages);
+        }
+    }
+    let record = json(&text(&bytes("auto.lib.fit.json")));
+    assert_eq!(record["options"]["theta"], "auto");
+    for theta in record["thetas"].as_array().unwrap() {
+        assert_eq!(
+            (&theta["stored"], &theta["forbidden_by"]),
+            (&json("\"compact\""), &json("null"))
+        );
+        assert!(theta["largest_error"]["rms_db"].as_f64().unwrap() <= 0.1);
+        assert!(theta["largest_error"]["third_octave_db"].as_f64().unwrap() <= 0.2);
+    }
 }
 
 #[test]
@@ -427,4 +456,48 @@ fn double_wav(signal: &[f64]) -> Vec<u8> {
     bytes.extend(data.to_le_bytes());
     bytes.extend(signal.iter().flat_map(|x| x.to_le_bytes()));
     bytes
+}
+
+/// Lines of the tables in `text`: from the heading above a rule down to an empty line.
+fn table_lines(text: &str) -> Vec<&str> {
+    let lines: Vec<&str> = text.lines().collect();
+    let is_rule = |line: &str| line.len() > 2 && line.bytes().all(|byte| byte == b'-');
+    let rules = (1..lines.len()).filter(|&at| is_rule(lines[at]));
+    let table = |rule: usize| lines[rule - 1..].iter().take_while(|line| !line.is_empty());
+    rules.flat_map(table).copied().collect()
+}
+
+#[test]
+fn tables_keep_to_a_hundred_columns() {
+    let bench = Bench::new();
+    let rig = bench.succeed("simulate-rig --print-rig");
+    let rig = rig
+        .lines()
+        .map(|line| match line.split('=').next().unwrap_or("").trim() {
+            "speeds_mm_s" => "speeds_mm_s = [60, 120, 180]",
+            "forces_n" => "forces_n = [0.4, 0.8, 1.2]",
+            _ => line,
+        })
+        .collect::<Vec<_>>()
+        .join("\n");
+    bench.write("rig.toml", rig);
+    bench.succeed("simulate-rig --rig rig.toml --out rig");
+    let fitted =
+        bench.succeed("fit rig --order 40 --excitation residual --modulation track --out a.lib");
+    let bounded = bench.succeed("fit rig --budget-cycles 900 --out b.lib");
+    for (command, text) in [
+        ("fit", fitted),
+        ("fit --budget-cycles", bounded),
+        ("inspect", bench.succeed("inspect a.lib")),
+        (
+            "evaluate --leave-one-out",
+            bench.succeed("evaluate rig --leave-one-out --order 8"),
+        ),
+    ] {
+        let lines = table_lines(&text);
+        assert!(lines.len() > 4, "{command}: {text}");
+        for line in lines {
+            assert!(line.chars().count() <= 100, "{command}: {line}\n{text}");
+        }
+    }
 }

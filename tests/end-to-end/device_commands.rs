@@ -1,13 +1,11 @@
 //! Commands to a stylus without faults: each is carried out, and its effect read back.
 
-mod support;
-
 use std::process::Command;
 
+use crate::support::{Bench, PLAY, interrupt, json, text, wait_for};
 use fake_stylus::library::library;
 use fake_stylus::{FakeStylus, Hand};
 use serde_json::Value;
-use support::{Bench, PLAY, interrupt, json, text, wait_for};
 
 /// A stylus with an active library of one texture, and a folder with the library in it.
 fn ready() -> (FakeStylus, Bench) {
@@ -198,7 +196,6 @@ fn stop_stops_what_another_program_plays_and_may_be_said_twice() {
     let link = stylus.link();
     let mut player = bench.spawn(PLAY.into_iter().chain(["--link", &link]));
     wait_for("motions", || stylus.count("stylus/motion/live") >= 20);
-    // This stylus has one link, and a new connection takes it.
     let stopped = json(&bench.succeed(&format!("stop --json --link {link}")));
     assert_eq!(stopped["was_playing"], true);
     let again = json(&bench.succeed(&format!("stop --json --link {link}")));
@@ -207,7 +204,7 @@ fn stop_stops_what_another_program_plays_and_may_be_said_twice() {
     let output = player.wait_with_output().unwrap();
     assert_eq!(status.code(), Some(2));
     assert!(
-        text(&output.stderr).contains("the link was lost"),
+        text(&output.stderr).contains("stopped by `stylus stop` (process "),
         "{}",
         text(&output.stderr)
     );
@@ -398,13 +395,37 @@ fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
     for (arguments, words) in [
         (
             "settings set hard-limit 5",
-            "hard-limit of 5; it must be 0 to 1.45 V",
+            "hard-limit of 5; it must be 0.001 to 1.45 V",
+        ),
+        (
+            "settings set hard-limit 0",
+            "hard-limit of 0; it must be 0.001 to 1.45 V",
+        ),
+        (
+            "settings set output-gain 0",
+            "output-gain of 0; it must be 0.000001 to 1",
+        ),
+        (
+            "settings set force-per-volt 0",
+            "force-per-volt of 0; it must be -100 to 100 N/V, and not between -0.001 and 0.001",
+        ),
+        (
+            "settings set path-per-count -0",
+            "path-per-count of -0; it must be -10 to 10 mm, and not between",
+        ),
+        (
+            "settings set acceleration-per-volt-y 1e-30",
+            "and not between -0.001 and 0.001",
         ),
         ("settings set hard-limit NaN", "hard-limit of NaN"),
         ("settings set force-zero 1.5", "a whole number"),
         (
             "play --texture absent --speed 1 --force 1",
-            "no texture \"absent\"",
+            "no texture \"absent\"; it has texture 0",
+        ),
+        (
+            "play --scene absent --speed 1 --force 1",
+            "no scene \"absent\"; it has none",
         ),
         (
             "play --texture absent --gain 5",
@@ -510,4 +531,23 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     assert_eq!(child.wait().unwrap().code(), Some(0));
     let status = json(&bench.succeed(&format!("status --json --link {link}")));
     assert_eq!(status["status"]["record"]["recording"], false);
+}
+
+#[test]
+fn a_texture_that_is_not_there_is_answered_by_those_that_are_the_nearest_first() {
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let link = stylus.link();
+    let names = ["vinyl", "Denim", "paper", "organza"];
+    bench.write("a.lib", fake_stylus::library::small_of(&names, 1));
+    bench.succeed(&format!("upload a.lib --activate --link {link}"));
+    let message = bench.refuse(&format!(
+        "play --texture denum --speed 1 --force 1 --link {link}"
+    ));
+    assert!(
+        message.contains("no texture \"denum\"; it has Denim, "),
+        "{message}"
+    );
+    for name in names {
+        assert!(message.contains(name), "{message}");
+    }
 }

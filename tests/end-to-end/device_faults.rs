@@ -1,16 +1,14 @@
 //! Links and devices that fail: the commands that recover, and the messages of those that cannot.
 
-mod support;
-
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use crate::support::{Bench, PLAY, json, text, wait_for};
 use fake_stylus::flash::Damage;
 use fake_stylus::library::library;
 use fake_stylus::{FakeStylus, Faults};
 use model_format::link::{DeviceInfo, MAX_CHUNK_BYTES};
 use serde_json::Value;
-use support::{Bench, PLAY, json, text, wait_for};
 
 /// A stylus, and a folder with a library of about 100 KB.
 fn bench() -> (FakeStylus, Bench, Vec<u8>) {
@@ -159,6 +157,8 @@ fn a_device_that_says_nothing_is_given_up_in_time() {
         message.contains("no answer to the identity request within 0.3 s"),
         "{message}"
     );
+    // The remedy is a value that can be typed.
+    assert!(message.contains("--timeout 2"), "{message}");
     assert!(begin.elapsed() < Duration::from_secs(5));
 }
 

@@ -1,16 +1,14 @@
 //! Links to a stylus: a serial port, TCP and USB; and the messages where there is no stylus.
 
-mod support;
-
 use std::process::Command;
 
+use crate::support::{Bench, text};
 use fake_stylus::FakeStylus;
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
-use support::{Bench, text};
 
 /// A pseudo-terminal in front of a stylus, whose other end is an ordinary serial port.
 #[cfg(unix)]
-mod port {
+pub mod port {
     use std::time::Duration;
 
     use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};

@@ -1,15 +1,13 @@
 //! Recording from a stylus: the set holds what was on the pins, without the holes, and a fit reads it.
 
-mod support;
-
 use std::io::Write;
 use std::process::{Child, Output};
 use std::time::Duration;
 
+use crate::support::{Bench, all_pole, interrupt, json, noise, text, wait_for};
 use fake_stylus::{FakeStylus, Faults, Hand};
 use model_format::AdcCode;
 use serde_json::Value;
-use support::{Bench, all_pole, interrupt, json, noise, text, wait_for};
 
 /// Default scale of the accelerometer, m/s² per V.
 const SCALE: f64 = 29.72;
@@ -325,7 +323,8 @@ fn a_recording_that_was_left_running_is_stopped_by_stop() {
     let mut child = spawn(
         &stylus,
         &bench,
-        "--texture silk --speeds 100 --forces 1 --seconds 60 --yes",
+        // A broker would stop it with its last client.
+        "--texture silk --speeds 100 --forces 1 --seconds 60 --yes --no-broker",
     );
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
     child.kill().unwrap();

@@ -1,12 +1,10 @@
 //! `stylus selftest`: a healthy device passes, each fault is named with what to do, and a record is kept.
 
-mod support;
-
+use crate::support::{Bench, json, text};
 use fake_stylus::library::library;
 use fake_stylus::{Board, FakeStylus, Faults, Hand};
 use model_format::link::SelfTestError;
 use serde_json::Value;
-use support::{Bench, json, text};
 
 /// A hand that lets the tool lie: noise of the converters, and a force within its range.
 fn lying() -> Hand {
@@ -335,6 +333,6 @@ fn a_record_without_a_folder_is_an_error_before_anything_is_measured() {
         stylus.link()
     ));
     assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("nowhere/record.json: there is no such folder"));
+    assert!(text(&output.stderr).contains("nowhere/record.json: there is no folder nowhere"));
     assert_eq!(stylus.count("stylus/selftest"), 0);
 }

@@ -1,7 +1,6 @@
 //! A known process recorded, fitted, stored and played by the device's kernel comes back as the same process.
 
-mod support;
-
+use crate::support::{Bench, RATE_HZ, all_pole, noise, wav};
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 use host_tools::fit;
 use host_tools::fit::{Estimator, Order};
@@ -11,7 +10,6 @@ use host_tools::recording::RecordingSet;
 use host_tools::texture::quantise::StructureChoice;
 use model_format::{Library, MillimetresPerSecond, Newton};
 use realfft::num_complex::Complex;
-use support::{Bench, RATE_HZ, all_pole, noise, wav};
 
 const SECONDS: f64 = 60.0;
 

@@ -1,10 +1,9 @@
 //! Hard cases on the device's kernel: the lattice keeps its bounds, and the direct form's unstable libraries are
 //! refused.
 
-mod support;
-
 use std::sync::OnceLock;
 
+use crate::support::{Bench, RATE_HZ, all_pole, noise, text, wav};
 use host_tools::dsp::linear_prediction::{step_down, step_up};
 use host_tools::evaluation::stress;
 use host_tools::evaluation::stress::models;
@@ -22,7 +21,6 @@ use proptest::prelude::*;
 use serde_json::Value;
 use stylus_kernel::Motion;
 use stylus_kernel::grid::GridPoint;
-use support::{Bench, RATE_HZ, all_pole, noise, text, wav};
 
 fn outcomes() -> &'static [Outcome] {
     static OUTCOMES: OnceLock<Vec<Outcome>> = OnceLock::new();
@@ -56,7 +54,7 @@ fn the_lattice_holds_its_promises_in_every_hard_case() {
     }
 }
 
-/// Takes a quarter of an hour on two cores: `cargo test --release --test hard_cases -- --ignored`.
+/// Takes a quarter of an hour on two cores: `cargo test --release --test end-to-end hard_cases:: -- --ignored`.
 #[test]
 #[ignore = "takes a quarter of an hour"]
 fn the_lattice_holds_its_promises_over_a_hundred_million_samples() {

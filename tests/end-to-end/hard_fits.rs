@@ -5,14 +5,12 @@
 //! guards, the white-noise correction (as small as the float can resolve) and the stop at the last sound order. Raw
 //! they give |k| above one; guarded they never do.
 
-mod support;
-
 use std::f64::consts::TAU;
 
+use crate::support::{Bench, RATE_HZ, all_pole, noise, wav};
 use host_tools::dsp::autocorrelation::Autocorrelation;
 use host_tools::dsp::linear_prediction::{Prediction, WHITE_NOISE_CORRECTION, corrected, step_up};
 use serde_json::Value;
-use support::{Bench, RATE_HZ, all_pole, noise, wav};
 
 const SAMPLES: usize = 10_000;
 const ORDER: usize = 400;

@@ -1,12 +1,10 @@
 //! Inputs that were made to hurt: numbers in files that size memory, shapes that cost more than their length,
 //! characters that a terminal obeys, names that are one name on some system, and outputs that are closed or full.
 
-mod support;
-
 use std::collections::HashSet;
 use std::process::{Command, Output, Stdio};
 
-use support::{Bench, RATE_HZ, json, noise, refusal, text, two_textures, wav};
+use crate::support::{Bench, RATE_HZ, json, noise, refusal, text, two_textures, wav};
 
 const HEADER: &str = "file,texture,speed_mm_s,force_n,sample_rate_hz\n";
 

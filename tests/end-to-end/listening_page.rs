@@ -1,15 +1,11 @@
 //! `stylus compare`: the page as a listener uses it, in a browser, and the score of its answers.
 
-#[path = "support/browser.rs"]
-mod browser;
-mod support;
-
 use std::time::{Duration, Instant};
 
-use browser::Browser;
+use crate::support::browser::Browser;
+use crate::support::{Bench, scaled, two_textures};
 use host_tools::dsp::binomial::clopper_pearson;
 use serde_json::Value;
-use support::{Bench, scaled, two_textures};
 
 const PAGE: &str =
     "compare set --library textures.lib --out page.html --segment 0.4 --trials 14 --seed 9";
@@ -60,7 +56,10 @@ fn what_cannot_be_compared_is_refused_with_the_remedy() {
             "nothing to compare",
         ),
         ("compare --score none.csv", "none.csv"),
-        ("compare --score textures.lib", "line 2"),
+        (
+            "compare --score textures.lib",
+            "line 1: is not UTF-8 text: save the file as UTF-8; give a file that the page of `stylus compare` saved",
+        ),
     ] {
         let message = bench.refuse(arguments);
         assert!(message.contains(word), "{arguments}: {message}");
@@ -278,43 +277,17 @@ fn the_pages_intervals_are_those_of_the_host() {
     }
 }
 
-/// The relative luminance and contrast of WCAG 2.1, section 1.4.3, of every visible text in both colour schemes.
 #[test]
 #[ignore = "needs Chromium; tests/run runs it"]
 fn all_text_has_contrast_and_every_button_has_a_name_in_light_and_dark() {
-    const LEAST: &str = "(() => {
-        const rgb = (text) => text.match(/[\\d.]+/g).map(Number);
-        const lum = (c) => c.slice(0, 3).map((v) => v / 255)
-            .map((v) => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
-            .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
-        const ground = (e) => {
-            for (; e; e = e.parentElement) {
-                const c = rgb(getComputedStyle(e).backgroundColor);
-                if (c.length === 3 || c[3] === 1) return c;
-            }
-            return [255, 255, 255];
-        };
-        let least = 100;
-        for (const e of document.body.querySelectorAll('*')) {
-            const own = [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim() !== '');
-            if (!own || !e.checkVisibility() || ['SCRIPT', 'NOSCRIPT'].includes(e.tagName)) continue;
-            const style = getComputedStyle(e);
-            const [a, b] = [lum(rgb(e instanceof SVGElement ? style.fill : style.color)), lum(ground(e))];
-            least = Math.min(least, (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05));
-        }
-        return least;
-    })()";
     let bench = fitted();
     bench.succeed(&PAGE.replace("--trials 14", "--trials 1"));
     let mut browser = Browser::start(&bench.path(""));
     browser.open(&bench.path("page.html"));
     let check = |browser: &mut Browser, at: &str| {
         for scheme in ["light", "dark"] {
-            browser.call(
-                "Emulation.setEmulatedMedia",
-                &serde_json::json!({"features": [{"name": "prefers-color-scheme", "value": scheme}]}),
-            );
-            let least = browser.value(LEAST).as_f64().unwrap();
+            browser.prefer(scheme);
+            let least = browser.least_contrast();
             assert!(least >= 4.5, "{at}, {scheme}: {least}");
             let folder = std::env::var("STYLUS_SCREENSHOTS");
             if let Ok(folder) = folder {

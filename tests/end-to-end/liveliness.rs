@@ -1,14 +1,12 @@
 //! Liveliness from the command line: textures with an excitation and a level of their own, which are written by hand,
 //! against recordings made by the same rule.
 
-mod support;
-
+use crate::support::{Bench, RATE_HZ, all_pole, json, noise, wav};
 use model_format::{
     CodebookSpec, ExcitationSpec, Library, ModulationSpec, PartsSpec, TextureSpec,
     encode_uncertified,
 };
 use serde_json::Value;
-use support::{Bench, RATE_HZ, all_pole, json, noise, wav};
 
 const POLES: [f64; 2] = [-0.6, 0.7];
 

@@ -1,18 +1,16 @@
 //! Codes at the stylus's pin, judged by a second path in floating point that shares no code with the device.
 
-mod support;
-
 use std::sync::Arc;
 
+use crate::support::{Bench, RATE_HZ, noise};
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::pin::{Pin, RATE_HZ as PIN_HZ, settings};
 use host_tools::playing::render::render;
 use model_format::{
     CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, OutputSample,
-    PartsSpec, Provenance, Structure, TextureSpec, encode,
+    PartsSpec, PlayRate, Provenance, Structure, TextureSpec, encode,
 };
 use realfft::{RealFftPlanner, RealToComplex};
-use support::{Bench, RATE_HZ, noise};
 
 /// Output gain of the settings that are played with here: their default, V per m/s².
 const GAIN: f64 = 0.01;
@@ -99,7 +97,7 @@ fn without_mean(samples: &[OutputSample]) -> Vec<f64> {
 fn at_the_pin(samples: &[OutputSample], changes: &[(&str, f32)]) -> Vec<f64> {
     let all = [("soft-start", 1.0), ("power-limit", 1.0)];
     let settings = settings(all.into_iter().chain(changes.iter().copied())).unwrap();
-    let mut pin = Pin::new(samples.iter().copied(), &settings);
+    let mut pin = Pin::new(samples.iter().copied(), PlayRate::Hz5000, &settings);
     let codes = pin
         .by_ref()
         .map(|code| f64::from(code.get()) - 2048.0)
@@ -292,7 +290,7 @@ fn images_of_a_sine_are_60_decibels_down_up_to_20_kilohertz() {
 
 #[test]
 fn the_command_writes_the_pin_in_volts_and_says_so() {
-    let bench = support::two_textures(|signal| [support::scaled(signal, 3.0)]);
+    let bench = crate::support::two_textures(|signal| [crate::support::scaled(signal, 3.0)]);
     bench.succeed("fit set --out cloths.lib");
     let render = "render cloths.lib --texture felt --speed 90 --force 0.7 --seconds 1";
     let told = bench.succeed(&format!("{render} --out pin.wav --pin --set soft-start=1"));

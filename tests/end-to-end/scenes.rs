@@ -1,10 +1,8 @@
 //! Scenes, from their text to what the stylus plays, through the command.
 
-mod support;
-
+use crate::support::{Bench, RATE_HZ, json, scaled, two_textures};
 use host_tools::dsp::spectrum::PowerSpectrum;
 use model_format::Library;
-use support::{Bench, RATE_HZ, json, scaled, two_textures};
 
 /// A library of two textures at two speeds and forces.
 fn bench() -> Bench {

@@ -4,18 +4,16 @@
 //! power at low frequencies; their kurtosis is that of real takes. A damage that passes without a verdict must change
 //! the fitted spectrum by less than its bound.
 
-mod support;
-
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
+use crate::support::{Bench, RATE_HZ, noise, scaled, wav};
 use host_tools::dsp::linear_prediction::{error_share, step_up};
 use host_tools::dsp::model::Model;
 use host_tools::fit::{self, Fit, Options, Order};
 use host_tools::recording::{RecordingSet, resample};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
-use support::{Bench, RATE_HZ, noise, wav};
 
 /// Rate of the recordings that are damaged before they are resampled, Hz.
 const FAST_HZ: u32 = 44_100;
@@ -108,7 +106,7 @@ fn rms(signal: &[f64]) -> f64 {
 }
 
 fn scaled_to(signal: &[f64], level: f64) -> Vec<f64> {
-    support::scaled(signal, level / rms(signal))
+    scaled(signal, level / rms(signal))
 }
 
 /// Rounded to steps of 2⁻¹⁵ of 16 m/s².
@@ -366,14 +364,14 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
         let length = x.len() as f64;
         x.iter_mut().enumerate().for_each(|(n, x)| *x *= (neper * (n as f64 / length - 0.5)).exp());
     }), [Alike(3.0), Caught("level-change"), Caught("level-change")]),
-    ("wrong units, whole set", |t, s| one(support::scaled(&t.clean, of([10.0, 300.0, 1000.0], s))),
+    ("wrong units, whole set", |t, s| one(scaled(&t.clean, of([10.0, 300.0, 1000.0], s))),
         [Alike(21.0), Caught("scale"), Refused("check scale_m_s2")]),
     ("wrong units, one trial", |t, s| {
-        let own = support::scaled(&t.clean, of([0.1, 5.0, 100.0], s) * 0.1);
-        let others = [1, 2, 3].map(|number| support::scaled(&t.other(number), 0.02));
+        let own = scaled(&t.clean, of([0.1, 5.0, 100.0], s) * 0.1);
+        let others = [1, 2, 3].map(|number| scaled(&t.other(number), 0.02));
         let names = ["a.wav", "b.wav", "c.wav"];
         let mut all: Vec<_> = names.into_iter().zip(&others).map(|(n, x)| (n, wav(&[x], RATE_HZ))).collect();
-        let own = if s == 2 { support::scaled(&own, 0.5) } else { own };
+        let own = if s == 2 { scaled(&own, 0.5) } else { own };
         all.push(("take.wav", wav(&[&own], RATE_HZ)));
         Files(all, "felt")
     }, [Alike(50.0), Alike(50.0), Caught("scale")]),
@@ -381,7 +379,7 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
         let tilt = of([0.0, 0.4, 0.8], s);
         let means = [tilt.sin(), 0.0, tilt.cos()];
         let axes = three_axes(t).into_iter().zip(means);
-        let axes: Vec<Vec<f64>> = axes.map(|(x, mean)| plus(&support::scaled(&x, 0.1), |_| mean, RATE_HZ)).collect();
+        let axes: Vec<Vec<f64>> = axes.map(|(x, mean)| plus(&scaled(&x, 0.1), |_| mean, RATE_HZ)).collect();
         files(&axes, RATE_HZ)
     }, [Caught("scale"); 3]),
     ("drift", |t, s| {
@@ -399,7 +397,7 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
     ("hum at 60 Hz with harmonics", |t, s| hum(t, s, &[(60.0, 1.0), (120.0, 0.5), (180.0, 0.4), (300.0, 0.2)]),
         [Weak(0.5), Either("hum", 1.5), Caught("hum")]),
     ("whistle at 733 Hz", |t, s| hum(t, s, &[(733.0, 1.0)]), [Weak(1.0), Alike(4.0), Alike(8.0)]),
-    ("sensor noise alone", |t, s| one(support::scaled(&noise(t.seed, sample(SECONDS)), of([0.01, 0.05, 0.15], s))),
+    ("sensor noise alone", |t, s| one(scaled(&noise(t.seed, sample(SECONDS)), of([0.01, 0.05, 0.15], s))),
         [Caught("sensor-noise"); 3]),
     ("sensor noise added", |t, s| {
         let level = 0.5 * of([0.01, 0.03, 0.1], s);
@@ -434,7 +432,7 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
         let length = sample(of([0.5, 2.0, 4.0], s));
         two(&t.clean[..length], &t.clean[..length])
     }, [Caught("duplicate"); 3]),
-    ("scaled or inverted duplicate", |t, s| two(&t.clean, &support::scaled(&t.clean, of([0.9, -1.0, -0.1], s))),
+    ("scaled or inverted duplicate", |t, s| two(&t.clean, &scaled(&t.clean, of([0.9, -1.0, -0.1], s))),
         [Caught("duplicate"); 3]),
     ("shifted duplicate", |t, s| {
         let by = sample(of([0.01, 0.1, 2.0], s));
@@ -443,7 +441,7 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
     }, [Caught("duplicate"); 3]),
     ("dead axis", |t, s| {
         let [x, y, z] = three_axes(t);
-        let floor = support::scaled(&noise(t.seed, x.len()), of([5e-3, 5e-5, 0.0], s));
+        let floor = scaled(&noise(t.seed, x.len()), of([5e-3, 5e-5, 0.0], s));
         assert_eq!(z.len(), floor.len());
         files(&[x, y, plus(&floor, |_| 0.3, RATE_HZ)], RATE_HZ)
     }, [Alike(2.0), Caught("dead-axis"), Caught("dead-axis")]),

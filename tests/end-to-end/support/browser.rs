@@ -16,6 +16,33 @@ const PATIENCE: Duration = Duration::from_mins(1);
 /// Programs that are tried, unless STYLUS_BROWSER names one.
 const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
+/// The least contrast of visible texts by the relative luminance of WCAG 2.1, section 1.4.3. A picture's ground is the
+/// page's.
+const LEAST_CONTRAST: &str = "(() => {
+    const rgb = (text) => text.match(/[\\d.]+/g).map(Number);
+    const lum = (c) => c.slice(0, 3).map((v) => v / 255)
+        .map((v) => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+        .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+    const ground = (e) => {
+        for (; e; e = e.parentElement) {
+            const c = rgb(getComputedStyle(e).backgroundColor);
+            if (c.length === 3 || c[3] === 1) return c;
+        }
+        return [255, 255, 255];
+    };
+    let least = 100;
+    for (const e of document.body.querySelectorAll('*')) {
+        const own = [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim() !== '');
+        if (!own || !e.checkVisibility() || ['SCRIPT', 'NOSCRIPT', 'STYLE', 'style'].includes(e.tagName)) continue;
+        // Text on a cell of a map has the cell for its ground.
+        if (e instanceof SVGElement && ['#FFFFFF', '#292929'].includes(e.getAttribute('fill'))) continue;
+        const style = getComputedStyle(e);
+        const [a, b] = [lum(rgb(e instanceof SVGElement ? style.fill : style.color)), lum(ground(e))];
+        least = Math.min(least, (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05));
+    }
+    return least;
+})()";
+
 /// A browser with one page.
 pub struct Browser {
     child: Child,
@@ -213,6 +240,19 @@ impl Browser {
             named(event, "Runtime.exceptionThrown") || named(event, "Log.entryAdded")
         });
         (requests.collect(), errors.map(Value::to_string).collect())
+    }
+
+    /// Makes the reader prefer a colour scheme, "light" or "dark".
+    pub fn prefer(&mut self, scheme: &str) {
+        self.call(
+            "Emulation.setEmulatedMedia",
+            &json!({"features": [{"name": "prefers-color-scheme", "value": scheme}]}),
+        );
+    }
+
+    /// The least contrast of visible texts, 1 to 21.
+    pub fn least_contrast(&mut self) -> f64 {
+        self.value(LEAST_CONTRAST).as_f64().expect("a number")
     }
 
     /// A picture of the page as PNG, in base64.

@@ -1,6 +1,6 @@
 //! Support for the end-to-end tests: the built command, folders, and synthetic recordings.
 
-#![allow(dead_code, reason = "each test uses a part of it")]
+pub mod browser;
 
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
@@ -40,6 +40,7 @@ impl Bench {
         Command::new(env!("CARGO_BIN_EXE_stylus"))
             .args(arguments.split_whitespace())
             .current_dir(self.0.path())
+            .env("XDG_CONFIG_HOME", self.path("no-configuration"))
             .output()
             .expect("the command runs")
     }
@@ -49,6 +50,7 @@ impl Bench {
         Command::new(env!("CARGO_BIN_EXE_stylus"))
             .args(arguments)
             .current_dir(self.0.path())
+            .env("XDG_CONFIG_HOME", self.path("no-configuration"))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

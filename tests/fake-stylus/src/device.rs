@@ -194,6 +194,10 @@ impl Stage for SharedControl {
         self.borrow_mut().set_upload(upload);
     }
 
+    fn now_us(&self) -> u64 {
+        self.borrow_mut().device().now() * 1_000 / u64::from(TICKS_PER_MS)
+    }
+
     /// Waits until the device has run for a millisecond; somebody else runs it.
     async fn pause(&mut self) {
         let now = || self.borrow_mut().device().now();

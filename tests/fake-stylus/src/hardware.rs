@@ -14,7 +14,7 @@ use model_format::link::{
     RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection, Settings, SiliconRevision,
     StartReport, TickCounters,
 };
-use model_format::{FORMAT_VERSION, Library, OutputSample};
+use model_format::{FORMAT_VERSION, Library, OutputSample, PlayRate};
 use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
 use stylus_app::levels::Sums;
@@ -45,9 +45,9 @@ const HEALTHY_START: StartReport = StartReport {
     hung_stage: None,
 };
 
-/// A plan of the fake hardware: the selection that was found playable.
+/// A plan of the fake hardware: the selection that was found playable, and its rate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Prepared(Selection);
+pub struct Prepared(Selection, PlayRate);
 
 /// The hardware's state, which tests may inspect.
 #[expect(clippy::struct_excessive_bools, reason = "each is a state of its own")]
@@ -106,7 +106,7 @@ pub struct Hardware {
     pub missed: u32,
     /// Cycles that every tick takes besides its own.
     pub slower_by: u32,
-    /// Instructions per sample that a scene may take.
+    /// Instructions per tick that a scene may take.
     pub budget: u32,
     /// Number of libraries to come that are damaged on their way to RAM.
     pub bad_loads: u32,
@@ -205,7 +205,13 @@ impl Hardware {
         let phase = self.now as f32 * 0.3;
         let level = if self.playing.is_some() { 2e7 } else { 0.0 };
         let output = OutputSample((phase.sin() * level) as i32);
-        self.safety.process(&self.config, output, self.muted);
+        match self.config.rate() {
+            PlayRate::Hz5000 => self.safety.process(&self.config, output, self.muted),
+            PlayRate::Hz10000 => {
+                let samples = [output; 2];
+                self.safety.process_pair(&self.config, samples, self.muted)
+            }
+        };
         if self.lose_samples > 0 {
             self.lose_samples -= 1;
         } else {
@@ -382,13 +388,13 @@ impl Device for Hardware {
         }
     }
 
-    fn plan(&self, selection: &Selection) -> Result<Prepared, PlayError> {
+    fn plan(&self, selection: &Selection) -> Result<(Prepared, PlayRate), PlayError> {
         if !self.is_loaded {
             return Err(PlayError::NoLibrary);
         }
         let library = Library::decode(&self.ram).map_err(|_| PlayError::NoLibrary)?;
-        plan_of(selection, &library, self.budget)?;
-        Ok(Prepared(selection.clone()))
+        let (_, rate) = plan_of(selection, &library, self.budget)?;
+        Ok((Prepared(selection.clone(), rate), rate))
     }
 
     fn prepare(&mut self, plan: Prepared) {
@@ -401,9 +407,10 @@ impl Device for Hardware {
             "a texture is exchanged while the output sounds"
         );
         self.playing = None;
-        let Prepared(selection) = self.prepared.take().ok_or(NotPrepared)?;
+        let Prepared(selection, rate) = self.prepared.take().ok_or(NotPrepared)?;
         assert_eq!(
-            selection, request.selection,
+            (selection, rate),
+            (request.selection.clone(), config.rate()),
             "another plan was prepared than is started"
         );
         self.playing = Some(request.clone());
@@ -412,9 +419,9 @@ impl Device for Hardware {
         Ok(())
     }
 
-    fn switch(&mut self, request: &PlayRequest, Prepared(selection): Prepared) {
+    fn switch(&mut self, request: &PlayRequest, Prepared(selection, rate): Prepared) {
         assert!(
-            self.playing.is_some() && selection == request.selection,
+            self.playing.is_some() && selection == request.selection && rate == self.config.rate(),
             "there is nothing to fade, or another plan to fade to"
         );
         self.playing = Some(request.clone());

@@ -14,8 +14,9 @@ use model_format::link::{
     ListEndpoint, ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_HOST_FRAME_BYTES, MotionEndpoint,
     MotionTopic, PlayEndpoint, RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint,
     SettingsApplyEndpoint, SettingsGetEndpoint, SettingsProposeEndpoint, SlotsEndpoint,
-    StatusEndpoint, StopEndpoint, TOPICS_IN, UploadAbortEndpoint, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
+    StatusEndpoint, StopEndpoint, TOPICS_IN, UPLOAD_WINDOW, UploadAbortEndpoint,
+    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
+    UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::standard_icd::{ERROR_KEY, PingEndpoint, WireError};
@@ -27,7 +28,7 @@ use crate::device::{SharedControl, Stores};
 use crate::self_test::BoardOf;
 
 /// Jobs that may wait for the storage, as in the image.
-const QUEUED_JOBS: usize = 4;
+const QUEUED_JOBS: usize = UPLOAD_WINDOW + 1;
 
 /// A frame of `body` under `key`, which is sent whole.
 pub fn frame(key: Key, mut header: VarHeader, body: &impl Serialize) -> Vec<u8> {

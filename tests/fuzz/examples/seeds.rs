@@ -1,8 +1,9 @@
-//! Seeds of the fuzzer: writes small valid libraries into the folder that is its only argument, of each structure, with
-//! grids of one and of several nodes and orders 0 to 400, and with every optional part.
+//! Seeds of the fuzzer: writes them into a folder of each target below the folder that is its only argument. For the
+//! decoder they are small valid libraries of each structure, with grids of one and of several nodes and orders 0 to
+//! 400, and with every optional part; for a parser of the host, a small file of each kind.
 
 use std::error::Error;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
@@ -11,9 +12,23 @@ use model_format::{
     encode_uncertified, encode_with_scenes_uncertified, limits,
 };
 
+#[path = "seeds/host.rs"]
+mod host;
+
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args_os().nth(1);
-    let folder = PathBuf::from(folder.ok_or("say which folder to write the seeds to")?);
+    let root = PathBuf::from(folder.ok_or("say which folder to write the seeds to")?);
+    host::write(&root)?;
+    for target in ["decode", "motion"] {
+        let folder = root.join(target);
+        std::fs::create_dir_all(&folder)?;
+        libraries(&folder)?;
+    }
+    Ok(())
+}
+
+/// Writes the libraries.
+fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
     let structures = [
         Structure::NormalisedLattice,
         Structure::DirectForm16,
@@ -35,6 +50,19 @@ fn main() -> Result<(), Box<dyn Error>> {
         let thetas: Vec<i32> = (0..40).map(|stage| 100_003 * (stage % 9 - 4)).collect();
         with_parts.nodes[0].codes = CodeSpec::fine_lattice(&thetas);
         all.push(with_parts);
+    }
+    for (order, size) in [(33, 1), (40, 3), (limits::MAX_ORDER, 1)] {
+        let mut with_tails = texture(
+            format!("tails {order} × {size}²"),
+            structures[0],
+            order,
+            size,
+        );
+        for node in &mut with_tails.nodes {
+            let thetas: Vec<i32> = node.codes.thetas().map(|theta| theta + 99).collect();
+            node.codes = CodeSpec::compact_lattice(&thetas, order % 32);
+        }
+        all.push(with_tails);
     }
     for lines in [1, limits::MAX_LINES] {
         let mut lined = texture(format!("{lines} lines"), structures[0], 3, 2);

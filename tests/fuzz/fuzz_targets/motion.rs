@@ -1,14 +1,14 @@
 //! Lattices under any grid, state, motion per sample and excitation: energy never grows, and nothing overflows.
 //!
-//! The input is read in order: a byte for the laws, one byte per order, two bytes per θ, a byte per fraction, four
-//! bytes per motion, two bytes per excitation.
+//! The input is read in order: a byte for the laws and for tails, one byte per order, two bytes per θ (one in a tail,
+//! and two for its step), a byte per fraction, four bytes per motion, two bytes per excitation.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER};
+use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER, MIN_LARGEST_TAIL_CODE};
 use model_format::{
     CodeSpec, FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec,
-    PartsSpec, Provenance, Structure, TextureSpec, encode,
+    PartsSpec, Provenance, Structure, TailSpec, TextureSpec, encode,
 };
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::grid::GridPoint;
@@ -35,7 +35,7 @@ fuzz_target!(|input: &[u8]| {
             Newton(f32::from(low) / 100.0),
         );
         let point = GridPoint::locate(&texture, motion.expect("it is finite"));
-        frame.update(&texture, &point, Levels::SILENT, 1);
+        frame.update::<Portable>(&texture, &point, Levels::SILENT, 1);
         let before = energy(state.backward(stages)) + energy(&[excitation]);
         state.next_sample::<Portable>(&frame, excitation, 0);
         assert!(energy(state.backward(stages)) <= before);
@@ -54,15 +54,37 @@ fn energy(signals: &[i32]) -> u128 {
     squares.sum()
 }
 
+/// A tail of so many stages, whose step is the least or the largest that its codes allow, or between.
+fn tail(stages: usize, bytes: &mut impl Iterator<Item = u8>) -> TailSpec {
+    let mut code = || bytes.next().unwrap_or(0).cast_signed();
+    let codes: Vec<i8> = (0..stages)
+        .map(|_| code().max(-TailSpec::MAX_CODE))
+        .collect();
+    let largest = codes.iter().map(|code| code.unsigned_abs()).max();
+    let step = match largest.unwrap_or(0) {
+        0 => 0,
+        1..MIN_LARGEST_TAIL_CODE => 1,
+        _ => sixteen(bytes).cast_unsigned().max(1),
+    };
+    TailSpec { codes, step }
+}
+
 fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
     let choice = usize::from(bytes.next().unwrap_or(0));
     let laws = Laws {
         level: LevelLaw::ALL[choice % LevelLaw::ALL.len()],
         fade: FadeLaw::ALL[choice / LevelLaw::ALL.len() % FadeLaw::ALL.len()],
     };
+    let tails = choice >= 128;
     let mut node = |_| {
         let order = usize::from(bytes.next().unwrap_or(0)).min(MAX_ORDER);
-        let codes = (0..order).map(|_| sixteen(bytes).max(-i16::MAX)).collect();
+        let before = if tails {
+            order.min(MAX_FINE_STAGES)
+        } else {
+            order
+        };
+        let codes = (0..before).map(|_| sixteen(bytes).max(-i16::MAX)).collect();
+        let tail = tail(order - before, bytes);
         let fine = 0..order.min(MAX_FINE_STAGES);
         let fractions = fine
             .map(|_| bytes.next().unwrap_or(0).cast_signed())
@@ -71,7 +93,11 @@ fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
             output_power: MAX_OUTPUT_POWER,
             prediction_error_power: 0.0,
             flags: NodeFlags::NONE,
-            codes: CodeSpec::Lattice { codes, fractions },
+            codes: CodeSpec::Lattice {
+                codes,
+                fractions,
+                tail,
+            },
         }
     };
     let texture = TextureSpec {

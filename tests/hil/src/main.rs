@@ -13,7 +13,7 @@ use hil::interrupt::Interrupt;
 use hil::keep;
 use hil::report::{Line, Report};
 use hil::suite::{Plan, run};
-use host_tools::link::{Device, LinkAddress, Timeouts};
+use host_tools::link::{Device, LinkAddress, Route, Sharing, Timeouts};
 use serde::Serialize;
 
 /// The part's name for probe-rs.
@@ -159,7 +159,12 @@ fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
     const ATTEMPTS: u32 = 10;
     let mut attempt = 1;
     loop {
-        match Device::connect(address, timeouts) {
+        // A command before this one may have left its broker at the link.
+        let route = Route::Alone(Sharing {
+            program: PathBuf::new(),
+            command: "hil".to_owned(),
+        });
+        match Device::connect_by(address, timeouts, route) {
             Ok(device) => return Ok(device),
             Err(error) if attempt == ATTEMPTS || !error.is_passing() => return Err(error.into()),
             Err(_) => std::thread::sleep(Duration::from_millis(500)),

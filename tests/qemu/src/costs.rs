@@ -24,9 +24,11 @@ pub fn to_text(costs: &Costs) -> String {
         values.iter().map(line).collect::<Vec<_>>().join(",\n")
     }
     format!(
-        "{{\n  \"rustc\": {},\n  \"qemu\": {},\n  \"entries\": [\n{}\n  ],\n  \"peers\": [\n{}\n  ]\n}}\n",
+        "{{\n  \"rustc\": {},\n  \"qemu\": {},\n  \"llvm_mca\": {},\n  \"entries\": [\n{}\n  ],\n  \
+         \"peers\": [\n{}\n  ]\n}}\n",
         json(&costs.rustc),
         json(&costs.qemu),
+        json(&costs.llvm_mca),
         lines(&costs.entries),
         lines(&costs.peers),
     )
@@ -61,6 +63,7 @@ mod tests {
             order,
             sample,
             update,
+            modelled_cycles: Some(900),
         };
         let peer = Peer {
             name: "a \"peer\"".to_owned(),
@@ -70,10 +73,12 @@ mod tests {
             instructions: 1,
             best_cycles: 2,
             worst_cycles: 3,
+            cortex_m7_cycles: None,
         };
         Costs {
             rustc: "1.95.0".to_owned(),
             qemu: "7.2".to_owned(),
+            llvm_mca: Some("14.0.6".to_owned()),
             entries: vec![entry(10), entry(400)],
             peers: vec![peer],
         }
@@ -83,7 +88,7 @@ mod tests {
     fn a_table_is_read_as_it_was_written_one_entry_a_line() {
         let text = to_text(&costs());
         assert_eq!(parse(&text).unwrap(), costs());
-        let line = text.lines().nth(4).unwrap();
+        let line = text.lines().nth(5).unwrap();
         assert!(
             line.contains(
                 r#""structure":"two_multiplier_lattice_32","nodes":4,"core":"m7","order":10,"#

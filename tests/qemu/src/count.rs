@@ -33,10 +33,14 @@ pub struct Counter<'a> {
     calls: Vec<Call>,
     /// The executed addresses of each function's calls.
     executed: Vec<BTreeSet<u32>>,
+    /// The executed addresses of each call, in order.
+    paths: Vec<Vec<u32>>,
 }
 
 struct Open {
     call: Call,
+    /// The executed addresses.
+    path: Vec<u32>,
     /// The address at which the caller continues.
     return_address: u32,
 }
@@ -57,6 +61,7 @@ impl<'a> Counter<'a> {
             open: None,
             calls: Vec::new(),
             executed: vec![BTreeSet::new(); functions.len()],
+            paths: Vec::new(),
         })
     }
 
@@ -73,10 +78,12 @@ impl<'a> Counter<'a> {
                 let before = self.before.and_then(|before| self.decoded.get(&before));
                 open.call.instructions += 1;
                 self.executed[open.call.function].insert(now);
+                open.path.push(now);
                 open.call.cycles += cycles(before, this, next);
                 open.call.data_dependent += u32::from(this.depends_on_data());
                 if next == open.return_address {
                     self.calls.push(open.call);
+                    self.paths.push(open.path);
                 } else {
                     self.open = Some(open);
                 }
@@ -96,6 +103,7 @@ impl<'a> Counter<'a> {
                         cycles: Cycles::default(),
                         data_dependent: 0,
                     },
+                    path: Vec::new(),
                     return_address: caller.end(),
                 });
             }
@@ -107,6 +115,14 @@ impl<'a> Counter<'a> {
     /// The addresses that calls of function `function` executed so far.
     pub fn executed(&self, function: usize) -> &BTreeSet<u32> {
         &self.executed[function]
+    }
+
+    /// The instructions of the calls of function `function` so far, in the order in which each call executed them.
+    pub fn paths(&self, function: usize) -> impl Iterator<Item = Vec<&Instruction>> {
+        let calls = self.calls.iter().zip(&self.paths);
+        calls
+            .filter(move |(call, _)| call.function == function)
+            .map(|(_, path)| path.iter().map(|address| &self.decoded[address]).collect())
     }
 
     /// Returns all calls, in order.

@@ -16,7 +16,7 @@ use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
     ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Problem, Provenance, SAMPLE_RATE_HZ, Structure,
-    TextureSpec, encode_with_scenes,
+    TailSpec, TextureSpec, encode_with_scenes,
 };
 use tasks::guest::{self, Processor};
 use tasks::qemu;
@@ -33,7 +33,7 @@ const CODEBOOK_SAMPLES: usize =
     (MAX_EXCITATION_BYTES - MAX_AXIS_LEN * MAX_AXIS_LEN) / MAX_CODEBOOKS - 16;
 
 /// Number of properties of a recipe.
-const PROPERTIES: usize = 20;
+const PROPERTIES: usize = 21;
 
 /// Names and highest values of the properties; the lowest is 0, or 1 where it must be.
 const HIGHEST: [(&str, u32, u32); PROPERTIES] = [
@@ -61,6 +61,7 @@ const HIGHEST: [(&str, u32, u32); PROPERTIES] = [
         MAX_MODULATION_ENTRIES as u32,
     ),
     ("lines", 0, MAX_LINES as u32),
+    ("tails", 0, 1),
 ];
 
 /// The properties of a hostile library.
@@ -141,12 +142,23 @@ impl Recipe {
         }
     }
 
+    /// Returns whether some stage of the library has one byte.
+    fn has_tails(&self) -> bool {
+        let lattice = self.0[5] == 0;
+        lattice && self.0[20] == 1 && self.0[4] > MAX_FINE_STAGES as u32
+    }
+
     /// Fewest bytes of all textures.
     fn texture_bytes(&self) -> usize {
         let [textures, with_grid, speeds, forces, order, structure, ..] =
             self.0.map(|n| n as usize);
         let lines = self.0[17] as usize;
-        let node = 16 + order * if structure == 2 { 4 } else { 2 } + 4 * lines;
+        let coefficients = match structure {
+            0 if self.0[20] == 1 => order + order.min(MAX_FINE_STAGES),
+            2 => 4 * order,
+            _ => 2 * order,
+        };
+        let node = 16 + coefficients + 4 * lines;
         let with_grid = with_grid.min(textures);
         let parts = self.0[17] as usize * CODEBOOK_SAMPLES + self.0[18] as usize;
         with_grid * speeds * forces * node + (textures - with_grid) * node + parts
@@ -177,12 +189,22 @@ impl Recipe {
         };
         // Taps of this size leave |A| at a half or more, and a margin of 1/4 is within it.
         let tap = |at: u32| if at.is_multiple_of(2) { 30 } else { -30 };
+        let before = match self.0[20] {
+            1 => order.min(MAX_FINE_STAGES as u32),
+            _ => order,
+        };
         let codes = match structure {
             Structure::NormalisedLattice => CodeSpec::Lattice {
-                codes: (0..order)
+                codes: (0..before)
                     .map(|at| (at * 71 % 30_000) as i16 - 15_000)
                     .collect(),
                 fractions: (0..order.min(self.0[6])).map(|at| at as i8 + 1).collect(),
+                tail: TailSpec {
+                    codes: (before..order)
+                        .map(|at| (127 - ((at - before) % 255).cast_signed()) as i8)
+                        .collect(),
+                    step: if before < order { 300 } else { 0 },
+                },
             },
             Structure::DirectForm16 => CodeSpec::Direct16 {
                 exponent: 0,
@@ -277,6 +299,7 @@ impl Recipe {
             stick_slips,
             sections,
             regions,
+            _,
             _,
             _,
             _,
@@ -379,13 +402,22 @@ fn beginnings() -> Vec<Recipe> {
         other.0[at] = lowest;
         recipes.extend([one, other]);
     }
+    // Grids of tails, from the shortest to the longest.
+    for order in [33, 64, MAX_ORDER as u32] {
+        let mut tails = least;
+        for (at, value) in [(2, 8), (3, 8), (4, order), (5, 0), (6, 32), (20, 1)] {
+            tails.0[at] = value;
+        }
+        assert!(tails.has_tails());
+        recipes.push(tails);
+    }
     recipes
 }
 
 /// A quantity that the search makes as large as it can.
 type Objective = (&'static str, fn(Cost, Recipe) -> i64);
 
-const OBJECTIVES: [Objective; 4] = [
+const OBJECTIVES: [Objective; 5] = [
     ("decoding beyond its bound", |cost, recipe| {
         cost.decode.cast_signed() - allowed(cost, recipe).cast_signed()
     }),
@@ -393,6 +425,15 @@ const OBJECTIVES: [Objective; 4] = [
         "decoding without scenes, in thousandths per byte",
         |cost, recipe| {
             if recipe.0[10] > 0 {
+                return 0;
+            }
+            (cost.decode * 1000 / cost.bytes).cast_signed()
+        },
+    ),
+    (
+        "decoding of tails without scenes, in thousandths per byte",
+        |cost, recipe| {
+            if recipe.0[10] > 0 || !recipe.has_tails() {
                 return 0;
             }
             (cost.decode * 1000 / cost.bytes).cast_signed()

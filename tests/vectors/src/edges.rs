@@ -1,13 +1,15 @@
 //! Operands at the ends of their ranges, which no texture's noise reaches.
 
 use model_format::limits::MAX_ORDER;
-use stylus_kernel::arithmetic::{Arithmetic, TURN_TAPS, Turn};
+use stylus_kernel::arithmetic::{Arithmetic, SUMS, TURN_TAPS, Turn};
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::{Rotation, THETA_QUARTER_TURN};
+use stylus_kernel::taps::{self, FACTOR_BITS};
+use stylus_kernel::theta::{Codes, PER_CODE, PER_FRACTION, Run};
 
-const MOST_TURNS: usize = 3;
+const MOST_TURNS: usize = 9;
 const SAMPLES: usize = 32;
-const MOST_FEW_STAGES: usize = 33;
+const MOST_FEW_STAGES: usize = 80;
 
 /// Passes to `sink` the results of the kernel's arithmetic for operands at the ends of their ranges.
 pub fn edges<A: Arithmetic>(mut sink: impl FnMut(u32)) {
@@ -16,21 +18,100 @@ pub fn edges<A: Arithmetic>(mut sink: impl FnMut(u32)) {
         lattice_at_full_scale::<A>(theta, &mut sink);
     }
     lattices_of_few_stages::<A>(&mut sink);
+    for weights in [
+        [1 << 16, 0, 0, 0],
+        [0, 0, 1, (1 << 16) - 1],
+        [20_011, 29_990, 9_999, 5536],
+    ] {
+        rotations_of_means::<A>(weights, &mut sink);
+        coefficients_of_means::<A>(weights, &mut sink);
+    }
+}
+
+/// Bytes for codes of any kind, more of them at the ends of their range than by chance.
+const CODES: [u8; 1024] = {
+    let mut bytes = [0; 1024];
+    let (mut at, mut seed) = (0, 1u32);
+    while at < bytes.len() {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        bytes[at] = match seed >> 29 {
+            0 => 0x7F,
+            1 => 0x81,
+            2 => 0xFF,
+            3 => 0,
+            _ => (seed >> 16) as u8,
+        };
+        at += 1;
+    }
+    bytes
+};
+
+/// Means of `weights` of every length modulo the number of stages that are computed together, of codes at odd and even
+/// addresses.
+fn rotations_of_means<A: Arithmetic>(weights: [u32; 4], sink: &mut impl FnMut(u32)) {
+    let mut rotations = [Rotation::NONE; MOST_FEW_STAGES];
+    for stages in 0..=MOST_FEW_STAGES {
+        let bytes = |from: usize| [0, 111, 200, 301].map(|node| &CODES[from + node..][..stages]);
+        let codes = Codes {
+            codes: [400, 511, 600, 701].map(|node| {
+                let bytes = &CODES[node..][..2 * stages];
+                bytes.as_chunks().0
+            }),
+            factors: weights.map(|weight| (weight * PER_CODE).cast_signed()),
+        };
+        let fine = Run::Fine {
+            codes,
+            fractions: bytes(3),
+            factors: weights.map(|weight| (weight * PER_FRACTION).cast_signed()),
+        };
+        let tail = Run::Tail {
+            codes: bytes(9),
+            factors: weights.map(|weight| (weight * 17_001).cast_signed()),
+        };
+        for run in [Run::Codes(codes), fine, tail] {
+            let rotations = &mut rotations[..stages];
+            A::mean_rotations(&run, rotations);
+            for rotation in rotations {
+                for word in [rotation.cos, rotation.sin, rotation.neg_sin] {
+                    sink(word.cast_unsigned());
+                }
+            }
+        }
+    }
+}
+
+/// As [`rotations_of_means`], for nodes of a direct form.
+fn coefficients_of_means<A: Arithmetic>(weights: [u32; 4], sink: &mut impl FnMut(u32)) {
+    let mut coefficients = [0; MOST_FEW_STAGES];
+    let [a, b, c, d] = weights.map(|weight| (weight << (FACTOR_BITS - 16)).cast_signed());
+    for taps in 0..=MOST_FEW_STAGES {
+        let halves = [400, 511, 600, 701].map(|node| CODES[node..][..2 * taps].as_chunks().0);
+        let words = [5, 200, 401, 602].map(|node| CODES[node..][..4 * taps].as_chunks().0);
+        for codes in [taps::Codes::Halves(halves), taps::Codes::Words(words)] {
+            let coefficients = &mut coefficients[..taps];
+            let factors = [a, b >> 10, c >> 1, d];
+            A::mean_coefficients(&taps::Run { codes, factors }, coefficients);
+            for coefficient in coefficients {
+                sink(coefficient.cast_unsigned());
+            }
+        }
+    }
 }
 
 /// Sums of words over their whole range, in an order that pairs each with each, so that sums wrap.
 fn sums_of_products<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
     const WORDS: [i32; 7] = [i32::MIN, i32::MIN + 1, -1, 0, 1, 0x1234_5678, i32::MAX];
-    let turns = |step: usize| -> [Turn; MOST_TURNS] {
-        core::array::from_fn(|turn| {
-            core::array::from_fn(|tap| WORDS[(turn * TURN_TAPS + tap) / step % WORDS.len()])
-        })
-    };
-    let (a, b) = (turns(1), turns(WORDS.len()));
+    const TAPS: usize = MOST_TURNS * TURN_TAPS;
+    let turns: [Turn; MOST_TURNS] = core::array::from_fn(|turn| {
+        core::array::from_fn(|tap| WORDS[(turn * TURN_TAPS + tap) % WORDS.len()])
+    });
+    let samples: [i32; TAPS + SUMS - 1] =
+        core::array::from_fn(|index| WORDS[index / WORDS.len() % WORDS.len()]);
     for length in 0..=MOST_TURNS {
-        let sum = A::sum_of_products(&a[..length], &b);
-        sink(sum as u32);
-        sink((sum >> 32) as u32);
+        for sum in A::sums_of_products(&turns[..length], &samples) {
+            sink(sum as u32);
+            sink((sum >> 32) as u32);
+        }
     }
 }
 

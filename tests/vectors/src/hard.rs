@@ -9,6 +9,7 @@ use model_format::{
 };
 use serde::{Deserialize, Serialize};
 use stylus_kernel::arithmetic::Arithmetic;
+use stylus_kernel::digest::Digest;
 use stylus_kernel::direct::{DirectFrame, DirectState};
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
@@ -117,7 +118,7 @@ impl<'a> HardCase<'a> {
                 ),
             }
         }
-        Ok(digest.0)
+        Ok(digest.value())
     }
 
     fn phases(
@@ -161,21 +162,6 @@ impl<'a> HardCase<'a> {
     }
 }
 
-/// A digest that depends on every sample and their order (FNV-1a over words).
-struct Digest(u32);
-
-impl Default for Digest {
-    fn default() -> Self {
-        Self(0x811c_9dc5)
-    }
-}
-
-impl Digest {
-    fn add(&mut self, sample: OutputSample) {
-        self.0 = (self.0 ^ sample.0.cast_unsigned()).wrapping_mul(0x0100_0193);
-    }
-}
-
 /// A filter whose excitation is given.
 trait Filter {
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion);
@@ -212,7 +198,7 @@ impl<A: Arithmetic> Filter for Lattice<A> {
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
         let from = self.frame.levels(0);
         self.frame
-            .update(texture, &GridPoint::locate(texture, motion), from, 1);
+            .update::<A>(texture, &GridPoint::locate(texture, motion), from, 1);
     }
 
     fn sample(&mut self, excitation: i32) -> OutputSample {
@@ -244,7 +230,8 @@ impl<A: Arithmetic> Filter for Direct<A> {
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
         let from = self.frame.levels(0);
         self.frame
-            .update(texture, &GridPoint::locate(texture, motion), from, 1);
+            .update::<A>(texture, &GridPoint::locate(texture, motion), from, 1);
+        self.state.begin::<A>(&self.frame);
     }
 
     fn sample(&mut self, excitation: i32) -> OutputSample {
@@ -253,6 +240,6 @@ impl<A: Arithmetic> Filter for Direct<A> {
 
     fn glitch(&mut self, noise: &mut Excitation) {
         let history: [i32; MAX_ORDER] = core::array::from_fn(|_| full_scale(noise));
-        self.state = DirectState::from_history(&history);
+        self.state = DirectState::from_history::<A>(&history, &self.frame);
     }
 }

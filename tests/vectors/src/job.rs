@@ -40,6 +40,11 @@ pub enum Job<'a> {
         /// [`Libraries`], one after the other.
         libraries: &'a [u8],
     },
+    /// Playback of a library's first texture along the fixed stroke of [`stylus_kernel::digest`].
+    Digest {
+        /// A library.
+        library: &'a [u8],
+    },
     /// Proof of a library's direct forms, with a count of each step's instructions.
     Proof {
         /// A library.
@@ -106,8 +111,8 @@ pub fn write(job: &Job<'_>) -> Option<alloc::vec::Vec<u8>> {
     (bytes.len() <= CAPACITY).then_some(bytes)
 }
 
-/// Largest number of bytes of a job beside the library of a [`Job::Count`], the cases of a [`Job::Hard`], or the
-/// libraries of a [`Job::Bounds`].
+/// Largest number of bytes of a job beside the library of a [`Job::Count`] or [`Job::Digest`], the cases of a
+/// [`Job::Hard`], or the libraries of a [`Job::Bounds`].
 pub const OVERHEAD_BYTES: usize = HEADER_BYTES + 16;
 
 #[cfg(all(test, feature = "library"))]

@@ -10,6 +10,8 @@
 #[cfg(feature = "library")]
 extern crate alloc;
 
+#[cfg(feature = "library")]
+mod digest;
 mod edges;
 mod hard;
 pub mod job;
@@ -20,6 +22,8 @@ mod play;
 pub mod report;
 mod textures;
 
+#[cfg(feature = "library")]
+pub use digest::{DIGESTED, digest_library};
 pub use edges::edges;
 pub use hard::{HardCase, Way};
 pub use job::Libraries;

@@ -10,7 +10,7 @@ use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, FadeLaw, Laws, LevelLaw, LineSpec,
     LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure,
-    THETA_STEP_RAD, TextureSpec, encode_uncertified,
+    THETA_STEP_RAD, TailSpec, TextureSpec, encode_uncertified,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -106,6 +106,16 @@ pub fn specs() -> [TextureSpec; 22] {
                 NormalisedLattice,
             ),
     ]
+}
+
+/// The texture whose digest platforms compare: every part that a texture may have, and an order that is played fast.
+pub(crate) fn digest_spec() -> TextureSpec {
+    Grid::new(|index| Model::resonant(SHORT_ORDER, 120 + index as u64).with_fractions(index as u64))
+        .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
+        .with_codebooks()
+        .with_track()
+        .with_lines(&FOUR_LINES[1..3])
+        .texture("digest", Structure::NormalisedLattice)
 }
 
 /// Orders at which costs are counted.
@@ -266,6 +276,7 @@ impl Model {
             Structure::NormalisedLattice => CodeSpec::Lattice {
                 codes: self.theta_codes.clone(),
                 fractions: self.fractions.clone(),
+                tail: TailSpec::default(),
             },
             Structure::DirectForm16 => {
                 let (exponent, codes) = quantise(&self.predictor(), 15);

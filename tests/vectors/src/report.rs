@@ -9,6 +9,7 @@
 //! follow-cost 11000 30000 160 lattice
 //! library-cost 4000 90000 5 30000 20000          bytes, decoding, steps, longest step, longest plan
 //! proof-cost 1500 90000 80000000                 steps, longest, all
+//! digest 89abcdef cortex-m7                      digest of the first words, arithmetic
 //! end                                            the report is complete
 //! ```
 
@@ -39,14 +40,23 @@ pub const LIBRARY_COST: &str = "library-cost";
 /// Instructions of a proof: number of steps, the longest, all.
 pub const PROOF_COST: &str = "proof-cost";
 
+/// Digest of a texture's first words: the digest, arithmetic.
+pub const DIGEST: &str = "digest";
+
 /// The last line.
 pub const END: &str = "end";
 
 /// The arithmetic of [`stylus_kernel::arithmetic::Portable`].
 pub const PORTABLE: &str = "portable";
 
-/// The arithmetic of the processor's own instructions.
-pub const CORTEX_M: &str = "cortex-m";
+/// The arithmetic of the processor's own instructions, in the order for a Cortex-M4.
+pub const CORTEX_M4: &str = "cortex-m4";
+
+/// The arithmetic of the processor's own instructions, in the order for a Cortex-M7.
+pub const CORTEX_M7: &str = "cortex-m7";
+
+/// Every arithmetic, in the order of a report.
+pub const ARITHMETICS: [&str; 3] = [PORTABLE, CORTEX_M4, CORTEX_M7];
 
 /// Prefix of the name of a hard case whose samples the product's synthesis made.
 pub const SYNTHESIS: &str = "synthesis";

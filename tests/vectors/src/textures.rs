@@ -105,22 +105,22 @@ pub const MEASURED: [Measured; 10] = [
     },
     Measured {
         texture: "direct 32, one node",
-        budget_instructions: 1300,
+        budget_instructions: 900,
     },
     Measured {
         texture: "direct 32",
-        budget_instructions: 1300,
+        budget_instructions: 900,
     },
     Measured {
         texture: "direct 32, codebooks and track",
-        budget_instructions: 1350,
+        budget_instructions: 950,
     },
     Measured {
         texture: "direct 16, one node",
-        budget_instructions: 1300,
+        budget_instructions: 900,
     },
     Measured {
         texture: "direct 16",
-        budget_instructions: 1300,
+        budget_instructions: 900,
     },
 ];

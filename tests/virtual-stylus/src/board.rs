@@ -3,7 +3,7 @@
 use std::num::NonZeroU64;
 use std::path::Path;
 
-use rigless::chip::uart::{Peer, TcpPeer};
+use rigless::chip::uart::Peer;
 use rigless::image::Image;
 use rigless::machine::stm32h743_bench::Stm32h743Bench;
 use rigless::machine::{Board, Target};
@@ -95,24 +95,9 @@ impl StylusBoard {
         self.ram_noise = Some(seed);
     }
 
-    /// The far end of the serial line, unless it is a socket.
+    /// The far end of the serial line, unless the emulator's user has put another there.
     pub fn line(&mut self) -> Option<&mut Line> {
         self.part.rest.usart[self.serial].chip_mut::<Line>()
-    }
-
-    /// Connects the serial line to a socket that listens on `port` of the loopback interface, in place of its far end.
-    ///
-    /// # Errors
-    /// The port cannot be listened on.
-    pub fn listen(&mut self, port: u16) -> Result<u16> {
-        let told = |error: std::io::Error| Error::Port {
-            port,
-            reason: error.to_string(),
-        };
-        let peer = TcpPeer::listen(port).map_err(told)?;
-        let port = peer.port().map_err(told)?;
-        self.part.rest.usart[self.serial].attach(peer);
-        Ok(port)
     }
 }
 

@@ -21,6 +21,14 @@ pub enum Error {
         /// The reason.
         reason: String,
     },
+    /// Another run keeps its flash in the file.
+    #[error(
+        "{path}: another virtual stylus keeps its flash in it: end that one, or name another file with --flash"
+    )]
+    FlashFileInUse {
+        /// The file.
+        path: PathBuf,
+    },
     /// A motion cannot be used.
     #[error("motion {0}")]
     Motion(String),

@@ -2,26 +2,35 @@
 
 use std::io::{BufRead, Write};
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use clap::Parser;
+use virtual_link::announcement::Announcement;
+use virtual_stylus::flash_file::FlashFile;
 use virtual_stylus::model::adc::Pins;
 use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::flash::Contents;
 use virtual_stylus::motion::{Motion, MotionLine, read_csv};
 use virtual_stylus::pins::{FunctionPins, MID_SCALE};
+use virtual_stylus::sensors::{self, FULL_SCALE, REFERENCE_VOLTS, force_at};
+use virtual_stylus::serial_socket::SerialSocket;
 use virtual_stylus::tick::TickStatistics;
 use virtual_stylus::usb_socket::UsbSocket;
 use virtual_stylus::{Options, ResetCause, RunReport, VirtualStylus};
 
 /// Virtual time between two comparisons with the wall clock.
 const STEP_NS: u64 = 1_000_000;
+/// The same with a program at the serial line.
+const SERIAL_STEP_NS: u64 = 250_000;
+/// The same with a host on USB.
 const USB_STEP_NS: u64 = 125_000;
 const NANOS_PER_SECOND: f64 = 1e9;
-const REFERENCE_VOLTS: f64 = 3.3;
-const FULL_SCALE: f64 = 65_535.0;
+
+/// Exit code of a start that the user can mend, as of the product's command.
+const EXIT_UNUSABLE: u8 = 2;
 
 /// Runs the stylus's image, unmodified, on an emulated STM32H743 in virtual time
 #[derive(Parser)]
@@ -47,16 +56,16 @@ struct Arguments {
     #[arg(long)]
     motion: Option<PathBuf>,
     /// Millimetres per count of the encoder
-    #[arg(long, default_value_t = 0.01)]
+    #[arg(long, default_value_t = sensors::mm_per_count())]
     mm_per_count: f64,
     /// Channel of the converter to which the force sensor is connected
     #[arg(long, default_value_t = 5)]
     force_channel: u8,
     /// Volts of the force sensor without force; at a rail it counts as not connected
-    #[arg(long, default_value_t = 0.206)]
+    #[arg(long, default_value_t = sensors::force_zero_volts())]
     force_zero_volts: f64,
-    /// Newtons per volt of the force sensor
-    #[arg(long, default_value_t = 1.0)]
+    /// Newtons per volt of the force sensor; the stylus has its own setting for it, force-per-volt
+    #[arg(long, default_value_t = sensors::newtons_per_volt())]
     newtons_per_volt: f64,
     /// Run as fast as this computer can, instead of in real time
     #[arg(long)]
@@ -69,9 +78,46 @@ struct Arguments {
     commands: bool,
 }
 
-fn main() -> Result<()> {
+/// Things of a run besides the stylus.
+struct Around {
+    serial: Option<SerialSocket>,
+    usb: Option<UsbSocket>,
+    flash: Option<FlashFile>,
+    /// `stylus devices` finds the stylus by this, as long as it runs.
+    _announced: Option<Announcement>,
+}
+
+fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let mut stylus = VirtualStylus::new(&arguments.image, options(&arguments)?)?;
+    let (mut stylus, mut around) = match start(&arguments) {
+        Ok(started) => started,
+        Err(failure) => return failed(&failure, ExitCode::from(EXIT_UNUSABLE)),
+    };
+    let end_ns = arguments.seconds.map_or(u64::MAX, nanos);
+    let ran = run(&mut stylus, &mut around, end_ns, &arguments);
+    let kept = finish(&mut stylus, around.flash.as_mut(), &arguments);
+    match ran.and(kept) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failed(&failure, ExitCode::FAILURE),
+    }
+}
+
+/// Says why a run did not start or go on, in one line.
+fn failed(failure: &anyhow::Error, code: ExitCode) -> ExitCode {
+    eprintln!("virtual-stylus: {failure:#}");
+    code
+}
+
+/// Reads the files, takes the flash's, and opens the sockets.
+fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
+    let (flash, contents) = match &arguments.flash {
+        Some(path) => {
+            let (file, contents) = FlashFile::open(path)?;
+            (Some(file), contents)
+        }
+        None => (None, Contents::default()),
+    };
+    let mut stylus = VirtualStylus::new(&arguments.image, options(arguments, contents)?)?;
     if let Some(path) = &arguments.motion {
         let lines = read_csv(path)?;
         let speeds: Vec<(u64, f64)> = lines
@@ -80,26 +126,41 @@ fn main() -> Result<()> {
             .collect();
         stylus.set_motion(Motion::linear(&speeds, arguments.mm_per_count)?)?;
     }
-    if let Some(port) = arguments.port {
-        println!("serial line on 127.0.0.1:{}", stylus.listen(port)?);
+    let mut links = Vec::new();
+    let serial = arguments.port.map(SerialSocket::listen).transpose()?;
+    if let Some(serial) = &serial {
+        let port = serial.port()?;
+        println!("serial line on 127.0.0.1:{port}");
         std::io::stdout().flush()?;
+        links.push(format!("tcp:127.0.0.1:{port}"));
     }
-    let mut usb = arguments.usb_port.map(UsbSocket::listen).transpose()?;
+    let usb = arguments.usb_port.map(UsbSocket::listen).transpose()?;
     if let Some(usb) = &usb {
-        println!("USB on 127.0.0.1:{}", usb.port()?);
+        let port = usb.port()?;
+        println!("USB on 127.0.0.1:{port}");
         std::io::stdout().flush()?;
+        links.push(format!("usb-virtual:127.0.0.1:{port}"));
     }
-    let end_ns = arguments.seconds.map_or(u64::MAX, nanos);
-    let ran = run(&mut stylus, usb.as_mut(), end_ns, &arguments);
-    let kept = finish(&mut stylus, &arguments);
-    ran.and(kept)
+    let around = Around {
+        serial,
+        usb,
+        flash,
+        _announced: announce(&links),
+    };
+    Ok((stylus, around))
 }
 
-fn options(arguments: &Arguments) -> Result<Options> {
-    let flash = match &arguments.flash {
-        Some(path) if path.exists() => Contents::read(path)?,
-        _ => Contents::default(),
-    };
+/// Announces the links. A folder that cannot be used is said, and is no reason not to run.
+fn announce(links: &[String]) -> Option<Announcement> {
+    if links.is_empty() {
+        return None;
+    }
+    Announcement::new(links)
+        .inspect_err(|failure| eprintln!("`stylus devices` will not find it: {failure}"))
+        .ok()
+}
+
+fn options(arguments: &Arguments, flash: Contents) -> Result<Options> {
     let pins = match &arguments.motion {
         Some(path) => force_pins(read_csv(path)?, arguments),
         None => force_pins(Vec::new(), arguments),
@@ -140,31 +201,17 @@ fn noise(channel: u8, at_ns: u64) -> f64 {
     ((mixed >> 40) as f64 / f64::from(1 << 24) * 2.0 - 1.0) * CODES
 }
 
-/// The force at an instant: linear between lines, constant beyond them, zero without any.
-fn force_at(lines: &[MotionLine], time_s: f64) -> f64 {
-    let next = lines.partition_point(|line| line.time_s <= time_s);
-    match (
-        next.checked_sub(1).and_then(|last| lines.get(last)),
-        lines.get(next),
-    ) {
-        (Some(last), Some(next)) => {
-            let share = (time_s - last.time_s) / (next.time_s - last.time_s);
-            last.force_n + share * (next.force_n - last.force_n)
-        }
-        (Some(only), None) | (None, Some(only)) => only.force_n,
-        (None, None) => 0.0,
-    }
-}
-
 fn run(
     stylus: &mut VirtualStylus,
-    mut usb: Option<&mut UsbSocket>,
+    around: &mut Around,
     end_ns: u64,
     arguments: &Arguments,
 ) -> Result<()> {
     /// Real time between two writes of the flash to its file, in case the run is interrupted.
     const KEEP_EVERY: Duration = Duration::from_secs(5);
-    let flash = arguments.flash.as_deref();
+    let Around {
+        serial, usb, flash, ..
+    } = around;
     let commands = arguments.commands.then(commands);
     let began = Instant::now();
     let mut kept = Instant::now();
@@ -175,9 +222,16 @@ fn run(
             Some(Err(TryRecvError::Disconnected)) => return Ok(()),
             None | Some(Err(TryRecvError::Empty)) => {}
         }
-        let step_ns = if usb.is_some() { USB_STEP_NS } else { STEP_NS };
+        let step_ns = match (&usb, &serial) {
+            (Some(_), _) => USB_STEP_NS,
+            (None, Some(_)) => SERIAL_STEP_NS,
+            (None, None) => STEP_NS,
+        };
         stylus.run_until((stylus.now_ns() + step_ns).min(end_ns))?;
-        if let Some(usb) = &mut usb {
+        if let Some(serial) = serial {
+            serial.serve(stylus)?;
+        }
+        if let Some(usb) = usb {
             usb.serve(stylus)?;
         }
         let wall = Duration::from_nanos(stylus.now_ns());
@@ -187,10 +241,10 @@ fn run(
         {
             std::thread::sleep(ahead);
         }
-        if let Some(path) = flash.filter(|_| kept.elapsed() > KEEP_EVERY) {
+        if let Some(flash) = flash.as_mut().filter(|_| kept.elapsed() > KEEP_EVERY) {
             let now = stylus.board(|board| board.part.flash.around.started())?;
             if now != operations {
-                stylus.flash()?.write(path)?;
+                flash.write(&stylus.flash()?)?;
                 operations = now;
             }
             kept = Instant::now();
@@ -223,7 +277,11 @@ fn commands() -> Receiver<Command> {
     commands
 }
 
-fn finish(stylus: &mut VirtualStylus, arguments: &Arguments) -> Result<()> {
+fn finish(
+    stylus: &mut VirtualStylus,
+    flash: Option<&mut FlashFile>,
+    arguments: &Arguments,
+) -> Result<()> {
     println!("ran {:.3} s", stylus.now_ns() as f64 / NANOS_PER_SECOND);
     for reset in stylus.resets()? {
         let cause = match reset.cause {
@@ -267,8 +325,8 @@ fn finish(stylus: &mut VirtualStylus, arguments: &Arguments) -> Result<()> {
         );
     }
     print(&stylus.report()?);
-    if let Some(path) = &arguments.flash {
-        stylus.flash()?.write(path)?;
+    if let Some(flash) = flash {
+        flash.write(&stylus.flash()?)?;
     }
     Ok(())
 }

@@ -3,11 +3,12 @@
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
-use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::net::TcpStream;
 
-use host_tools::link::virtual_usb::{FromBus, ToBus, encode, take};
+use virtual_link::usb_messages::{FromBus, ToBus, encode, take};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::loopback::Loopback;
 use crate::model::usb::host::{Transfer, TransferId};
 use crate::stylus::VirtualStylus;
 use crate::usb_host::{UsbHost, bulk_endpoints};
@@ -18,7 +19,7 @@ const UNPLUGGED_NS: u64 = 300_000_000;
 /// The host and its socket.
 #[derive(Debug)]
 pub struct UsbSocket {
-    listener: TcpListener,
+    listener: Loopback,
     usb: UsbHost,
     /// Addresses of the endpoints to the device and from it, while it is configured.
     endpoints: Option<[u8; 2]>,
@@ -42,14 +43,8 @@ impl UsbSocket {
     /// # Errors
     /// The port cannot be listened on.
     pub fn listen(port: u16) -> Result<Self> {
-        let told = |error: std::io::Error| Error::Port {
-            port,
-            reason: error.to_string(),
-        };
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(told)?;
-        listener.set_nonblocking(true).map_err(told)?;
         Ok(Self {
-            listener,
+            listener: Loopback::listen(port)?,
             usb: UsbHost::default(),
             endpoints: None,
             program: None,
@@ -61,13 +56,7 @@ impl UsbSocket {
     /// # Errors
     /// The system does not give it.
     pub fn port(&self) -> Result<u16> {
-        let address = self.listener.local_addr();
-        address
-            .map(|address| address.port())
-            .map_err(|error| Error::Port {
-                port: 0,
-                reason: error.to_string(),
-            })
+        self.listener.port()
     }
 
     /// True if fewer transfers of the program wait for the device than before, so that it is about to ask for more. A
@@ -95,9 +84,7 @@ impl UsbSocket {
                 .and_then(|read| bulk_endpoints(&read.configuration));
         }
         if self.program.is_none()
-            && let Ok((stream, _)) = self.listener.accept()
-            && stream.set_nonblocking(true).is_ok()
-            && stream.set_nodelay(true).is_ok()
+            && let Some(stream) = self.listener.accept()
             // Without a configured device there is nothing to open.
             && self.endpoints.is_some()
         {

@@ -9,7 +9,7 @@ use stylus_costs::cycles::{CycleRow, MeasuredCycles, MeasuredDevice};
 use crate::bench::Bench;
 use crate::error::{Error, Result};
 
-/// Time before a measurement, ms of the device: a direct form of order 400 is run up for 130 ms.
+/// Time before a measurement, ms of the device: a direct form of order 400 is run up for 92 ms.
 const RUN_UP_MS: u64 = 200;
 
 /// Updates per second.

@@ -13,6 +13,7 @@ mod failure;
 mod hard;
 mod job;
 mod library;
+mod native;
 mod output;
 mod peers;
 mod proof;
@@ -22,12 +23,15 @@ use cortex_m_semihosting::{debug, hio};
 use kernel_vectors::job::Job;
 use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, edges, motion, report, run};
 use model_format::Library;
-use stylus_firmware::CortexM;
+use stylus_firmware::{CortexM4, CortexM7};
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
+use stylus_kernel::digest::of_plan;
+use stylus_kernel::scene::Plan;
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::counter::{Counter, Range};
 use crate::library::LIBRARY;
+use crate::native::Native;
 use crate::output::{Output, Words};
 
 #[entry]
@@ -44,10 +48,12 @@ fn main() -> ! {
         Some(Job::Peers) => peers::play(),
         Some(Job::Hard { cases }) => hard::play(cases, &counter, &mut output),
         Some(Job::Bounds { libraries }) => bounds::measure(libraries, &counter, &mut output),
+        Some(Job::Digest { library }) => digest(library, &mut output),
         Some(Job::Proof { library }) => proof::measure(library, &counter, &mut output),
         None => {
             play::<Portable>(report::PORTABLE, &mut output);
-            play::<CortexM>(report::CORTEX_M, &mut output);
+            play::<CortexM4>(report::CORTEX_M4, &mut output);
+            play::<CortexM7>(report::CORTEX_M7, &mut output);
             measure(&counter, &mut output);
         }
     }
@@ -74,6 +80,19 @@ fn play<M: Arithmetic>(name: &str, output: &mut Output) {
     words.finish();
 }
 
+/// Prints the digest of the first texture of `library` with each arithmetic.
+fn digest(library: &[u8], output: &mut Output) {
+    fn played<M: Arithmetic>(library: &[u8], name: &str, output: &mut Output) {
+        let library = Library::decode(library).expect("the library is valid");
+        let texture = library.texture_at(0).expect("a library has one");
+        let digest = of_plan::<M>(Plan::of_texture(texture)).value();
+        output.line(format_args!("{} {digest:08x} {name}", report::DIGEST));
+    }
+    played::<Portable>(library, report::PORTABLE, output);
+    played::<CortexM4>(library, report::CORTEX_M4, output);
+    played::<CortexM7>(library, report::CORTEX_M7, output);
+}
+
 /// Prints the costs of a sample and of an update, over the whole path.
 fn measure(counter: &Counter, output: &mut Output) {
     let library = Library::decode_uncertified(LIBRARY).expect("the library is valid");
@@ -82,7 +101,7 @@ fn measure(counter: &Counter, output: &mut Output) {
             .texture(measured.texture)
             .expect("it is in the library");
         // The first update of a beginning would run a direct form up, which a device does not do at once.
-        let mut synthesis = Synthesis::<CortexM>::from_rest(texture, 0);
+        let mut synthesis = Synthesis::<Native>::from_rest(texture, 0);
         let (mut sample, mut follow) = (Range::default(), Range::default());
         for update in 0..PATH_UPDATES {
             let motion = motion(update);

@@ -16,6 +16,7 @@
 //! | `f` | | the reset flags, 4 bytes, and what survived a reset, 4 bytes |
 //! | `k` | keeps a word over the reset | `k` |
 //! | `w` | starts the watchdog with about 128 ms, and never feeds it | `w` |
+//! | `d` | plays a texture's first words with the stylus's kernel and arithmetic | their digest, 4 bytes |
 //! | `s` | resets the part | |
 #![no_std]
 #![no_main]
@@ -26,10 +27,14 @@ use core::sync::atomic::{AtomicU16, AtomicU32, Ordering};
 
 use cortex_m::peripheral::{NVIC, SCB};
 use cortex_m_rt::entry;
+use model_format::Library;
 use panic_halt as _;
 use stm32_metapac::adc::vals::{Exten, Pcsel, SampleTime};
 use stm32_metapac::timer::vals::Mms;
 use stm32_metapac::{ADC1, ADC12_COMMON, DAC1, FLASH, IWDG1, RCC, TIM3, TIM6, USART3, interrupt};
+use stylus_firmware::CortexM7;
+use stylus_kernel::digest::of_plan;
+use stylus_kernel::scene::Plan;
 
 /// 64 MHz over this is 5 kHz.
 const TICK_CYCLES: u16 = 12_800;
@@ -198,8 +203,22 @@ fn send(bytes: &[u8]) {
     }
 }
 
+/// The library whose digest every platform must have.
+static DIGEST_LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/digest.lib"));
+
+/// Digest of the library's texture; 0 if it cannot be decoded.
+#[inline(never)]
+fn digest() -> u32 {
+    let library = Library::decode(DIGEST_LIBRARY);
+    let texture = library.ok().and_then(|library| library.texture_at(0));
+    texture.map_or(0, |texture| {
+        of_plan::<CortexM7>(Plan::of_texture(texture)).value()
+    })
+}
+
 fn obey(command: u8) {
     match command {
+        b'd' => return send(&digest().to_le_bytes()),
         b'e' => erase(),
         b'p' => program(PROGRAMMED.fetch_add(1, Ordering::Relaxed)),
         b'P' => program(0),

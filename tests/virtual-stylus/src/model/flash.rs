@@ -21,6 +21,7 @@
 //! instructions from torn words, and mass erase by `OPTCR`.
 
 use std::collections::{BTreeSet, VecDeque};
+use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
@@ -112,7 +113,16 @@ impl Contents {
             path: path.to_owned(),
             reason,
         };
-        let mut bytes = std::fs::read(path).map_err(|error| told(error.to_string()))?;
+        // Every word may be marked, with four bytes each.
+        let most = BYTES + BYTES / WORD_BYTES as usize * 4;
+        let mut bytes = Vec::new();
+        let file = std::fs::File::open(path).map_err(|error| told(error.to_string()))?;
+        let mut file = file.take(most as u64 + 1);
+        file.read_to_end(&mut bytes)
+            .map_err(|error| told(error.to_string()))?;
+        if bytes.len() > most {
+            return Err(told(format!("is longer than a flash's {most} bytes")));
+        }
         if bytes.len() < BYTES || bytes.len() % 4 != 0 {
             return Err(told(format!(
                 "has {} bytes, not the flash's {BYTES}",
@@ -125,17 +135,21 @@ impl Contents {
         Ok(Self { bytes, unreadable })
     }
 
+    /// The bytes of a file of it: both banks, then the address of each unreadable word.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let marks = self
+            .unreadable
+            .iter()
+            .flat_map(|address| address.to_le_bytes());
+        self.bytes.iter().copied().chain(marks).collect()
+    }
+
     /// Writes it to a file.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let marks = self
-            .unreadable
-            .iter()
-            .flat_map(|address| address.to_le_bytes());
-        let bytes: Vec<u8> = self.bytes.iter().copied().chain(marks).collect();
-        std::fs::write(path, bytes).map_err(|error| Error::FlashFile {
+        std::fs::write(path, self.to_bytes()).map_err(|error| Error::FlashFile {
             path: path.to_owned(),
             reason: error.to_string(),
         })

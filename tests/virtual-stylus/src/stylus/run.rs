@@ -129,29 +129,29 @@ impl VirtualStylus {
     /// Puts `bytes` on the serial line; the image receives them as the run goes on.
     ///
     /// # Errors
-    /// The run is over, or a socket is on the line.
+    /// The run is over, or something else is on the line.
     pub fn send(&mut self, bytes: &[u8]) -> Result<()> {
         let bytes = bytes.to_vec();
         self.board(move |board| board.line().map(|line| line.put(&bytes)))?
-            .ok_or_else(|| Error::Emulator("a socket is on the serial line".to_owned()))
+            .ok_or_else(other_end)
     }
 
     /// Takes the bytes that the image has sent on the serial line since the last call.
     ///
     /// # Errors
-    /// The run is over, or a socket is on the line.
+    /// The run is over, or something else is on the line.
     pub fn receive(&mut self) -> Result<Vec<Sent>> {
         self.board(|board| board.line().map(crate::serial::Line::take))?
-            .ok_or_else(|| Error::Emulator("a socket is on the serial line".to_owned()))
+            .ok_or_else(other_end)
     }
 
-    /// Connects the serial line to a socket that listens on `port` of the loopback interface (0 for any); returns its
-    /// port.
+    /// Bytes on the serial line that the image's receiver has not begun to take.
     ///
     /// # Errors
-    /// The run is over, or the port cannot be listened on.
-    pub fn listen(&mut self, port: u16) -> Result<u16> {
-        self.board(move |board| board.listen(port))?
+    /// The run is over, or something else is on the line.
+    pub fn waiting(&mut self) -> Result<usize> {
+        self.board(|board| board.line().map(|line| line.waiting()))?
+            .ok_or_else(other_end)
     }
 
     /// Has the software of the host on USB do `work`, which is also given the instant.
@@ -425,6 +425,11 @@ impl VirtualStylus {
             _ => Error::Emulator("it has ended already".to_owned()),
         }
     }
+}
+
+/// The error of a line with another far end than this process.
+fn other_end() -> Error {
+    Error::Emulator("something else is on the serial line".to_owned())
 }
 
 impl Drop for VirtualStylus {

@@ -5,7 +5,7 @@ use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SUR
 use model_format::scene::{Biquad, Region, Scene, Surface, Tap};
 use model_format::{
     CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
-    TextureSpec, encode_with_scenes,
+    TailSpec, TextureSpec, encode_with_scenes,
 };
 use postcard_rpc::Endpoint;
 use virtual_stylus::motion::Motion;
@@ -30,6 +30,7 @@ fn hostile() -> Vec<u8> {
         codes: CodeSpec::Lattice {
             codes: vec![-9000; 8],
             fractions: vec![7; 8],
+            tail: TailSpec::default(),
         },
     };
     let texture = TextureSpec {

@@ -226,6 +226,14 @@ impl Device {
         R: Serialize,
     {
         let sequence = self.send_frame(E::REQ_KEY, request);
+        self.answer::<E>(sequence)
+    }
+
+    /// Runs until the answer with this number is there; none if the link breaks before.
+    fn answer<E>(&mut self, sequence: u32) -> Option<E::Response>
+    where
+        E: Endpoint<Response: DeserializeOwned>,
+    {
         let end = self.stylus.now_ns() + PATIENCE_NS;
         loop {
             if let Some(body) = self.take_answer(E::RESP_KEY, sequence) {
@@ -437,6 +445,32 @@ impl Device {
     pub fn upload(&mut self, library: &[u8]) -> UploadCommitted {
         let progress = self.begin_upload(library);
         self.send_chunks(library, progress, library.len());
+        self.request::<UploadCommitEndpoint>(&())
+            .expect("a valid library")
+    }
+
+    /// Uploads with up to `window` chunks on their way before the answer to the first of them, as the product's client
+    /// does with [`UPLOAD_WINDOW`](model_format::link::UPLOAD_WINDOW).
+    pub fn upload_ahead(&mut self, library: &[u8], window: usize) -> UploadCommitted {
+        self.begin_upload(library);
+        let offsets = (0..).step_by(MAX_CHUNK_BYTES);
+        let mut chunks = library.chunks(MAX_CHUNK_BYTES).zip(offsets);
+        let mut on_their_way = VecDeque::new();
+        loop {
+            while on_their_way.len() < window
+                && let Some((data, offset)) = chunks.next()
+            {
+                let chunk = UploadChunk { offset, data };
+                let sequence = self.send_frame(UploadChunkEndpoint::REQ_KEY, &chunk);
+                on_their_way.push_back(sequence);
+            }
+            let Some(first) = on_their_way.pop_front() else {
+                break;
+            };
+            self.answer::<UploadChunkEndpoint<'_>>(first)
+                .expect("the link holds")
+                .expect("the chunk that is due");
+        }
         self.request::<UploadCommitEndpoint>(&())
             .expect("a valid library")
     }

@@ -1,7 +1,7 @@
 //! The output that the image must give, from the product's own kernel and safety stages on this computer.
 
 use model_format::link::{RecordBlock, RecordSample, Settings};
-use model_format::{DacCode, Texture};
+use model_format::{DacCode, PlayRate, Texture};
 use stylus_app::inputs::{Follower, InputConfig, Sensors};
 use stylus_app::safety;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
@@ -89,12 +89,14 @@ pub struct Began {
 }
 
 /// Samples of `heard` from tick `play` on: a silent block, then blocks that follow the sensors at the block before.
+/// Each tick has one at 5 kHz, and two at 10 kHz.
 fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_format::OutputSample> {
     let config = InputConfig::new(&Settings::default());
     let mut player: ScenePlayer<'_> = ScenePlayer::new(heard.plan.clone(), heard.seed);
     let mut follower = heard.follower;
     let mut switch = heard.switch.clone();
-    let mut samples = vec![model_format::OutputSample::SILENCE; UPDATE_INTERVAL_SAMPLES as usize];
+    let block = heard.plan.block_samples();
+    let mut samples = vec![model_format::OutputSample::SILENCE; block as usize];
     let noted = recorded.noted().into_iter();
     for (tick, sensors) in noted.filter(|&(tick, _)| tick >= play) {
         if let Some((_, plan, next)) = switch.take_if(|(known, ..)| tick >= *known) {
@@ -102,8 +104,8 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
             follower = next;
         }
         let interaction = follower.follow(sensors.motion(&config), &sensors, &config, tick);
-        player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
-        samples.extend((0..UPDATE_INTERVAL_SAMPLES).map(|_| player.next_sample()));
+        player.follow(interaction, block);
+        samples.extend((0..block).map(|_| player.next_sample()));
     }
     samples
 }
@@ -121,7 +123,8 @@ pub fn explain(
         .zip(codes)
         .find(|&(tick, codes)| tick >= from && *codes != [MID_SCALE; CODES]);
     let (first_heard, _) = first_heard.expect("something is heard");
-    let config = safety::Config::new(&Settings::default(), 1.0);
+    let rate = PlayRate::of(heard.plan.sample_rate_hz()).expect("a stylus plays it");
+    let config = safety::Config::at_rate(&Settings::default(), 1.0, rate);
     // The state of the stages after the silence.
     let mut rested = safety::State::new(&config);
     for _ in 1..from {
@@ -141,9 +144,17 @@ pub fn explain(
             let mut state = rested;
             let mut tick = from;
             while tick < end {
-                let sample = tick.checked_sub(play).and_then(|n| played.get(n as usize));
-                let sample = sample.copied().unwrap_or_default();
-                let processed = state.process(&config, sample, tick < unmuted);
+                let sample = |of_tick: u64| {
+                    let per_tick = u64::from(rate.samples_per_tick());
+                    let number = tick.checked_sub(play)? * per_tick + of_tick;
+                    played.get(number as usize).copied()
+                };
+                let [first, second] = [0, 1].map(|of_tick| sample(of_tick).unwrap_or_default());
+                let muted = tick < unmuted;
+                let processed = match rate {
+                    PlayRate::Hz5000 => state.process(&config, first, muted),
+                    PlayRate::Hz10000 => state.process_pair(&config, [first, second], muted),
+                };
                 if codes.get(tick as usize - 1) != Some(&processed.map(DacCode::get)) {
                     break;
                 }

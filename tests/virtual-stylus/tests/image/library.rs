@@ -28,6 +28,11 @@ pub fn other() -> Vec<u8> {
     encode(&[grid("other", 5, 4, 200)]).expect("within the limits")
 }
 
+/// A library of about 50 KB: a texture of 15 x 8 nodes.
+pub fn middling() -> Vec<u8> {
+    encode(&[grid("middling", 15, 8, 200)]).expect("within the limits")
+}
+
 /// Four textures of 15 x 8 nodes of the highest order, which almost fill a slot.
 pub fn large() -> Vec<u8> {
     let textures = ["one", "two", "three", "four"].map(|name| grid(name, 15, 8, MAX_ORDER));

@@ -21,6 +21,7 @@ mod page;
 mod play;
 mod power;
 mod proof;
+mod rates;
 mod record;
 mod scenes;
 mod self_test;

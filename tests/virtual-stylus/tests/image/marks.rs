@@ -10,6 +10,7 @@ use virtual_stylus::model::dac::Cause;
 use virtual_stylus::model::flash::Stalls;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::pins::FunctionPins;
+use virtual_stylus::sensors;
 
 use crate::device::{CODE_NS, Device, MS, PERIOD_NS, frame};
 use crate::{library, scenes};
@@ -183,4 +184,31 @@ fn levels_are_those_of_the_signals_on_the_pins() {
         (f64::from(levels.force_newton) - force).abs() < 1e-3,
         "{levels:?}, {force}"
     );
+}
+
+#[test]
+fn a_device_that_was_never_set_reads_the_force_and_the_path_that_the_virtual_stylus_means_by_default()
+ {
+    /// Channel of the force sensor by default.
+    const FORCE_CHANNEL: u8 = 5;
+    let mut device = Device::started(Options::default());
+    let settings = device.settings();
+    assert_eq!(settings, Settings::default(), "it was never set");
+    let path = f64::from(settings.get(Setting::PathPerCount));
+    assert!(
+        (path / sensors::mm_per_count() - 1.0).abs() < 1e-6,
+        "{path}"
+    );
+    for newton in [0.0, 0.8, 2.5] {
+        let volts = sensors::force_zero_volts() + newton / sensors::newtons_per_volt();
+        let code = (volts / sensors::REFERENCE_VOLTS * sensors::FULL_SCALE).round() as u16;
+        let pins = FunctionPins(move |channel, _| match channel {
+            FORCE_CHANNEL => code,
+            _ => 0x8000,
+        });
+        device.stylus.set_pins(pins).expect("the run goes on");
+        device.run_for(2_100 * MS);
+        let read = f64::from(device.status().levels.force_newton);
+        assert!((read - newton).abs() < 1e-3, "{read} N for {newton} N");
+    }
 }

@@ -47,11 +47,11 @@ pub fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
     codes.as_chunks().0.to_vec()
 }
 
-fn plays_as_the_host_does(texture: &str) {
+fn plays_as_the_host_does(library: &[u8], texture: &str, options: Options) {
     // RAM holds what power-on leaves in it.
     let mut device = Device::started(Options {
         ram_noise: Some(2),
-        ..library::options()
+        ..options
     });
     device.stylus.set_pins(pins()).expect("the run goes on");
     let start = device.stylus.now_ns();
@@ -89,7 +89,7 @@ fn plays_as_the_host_does(texture: &str) {
 
     let recorded = Recorded::of(&device.blocks);
     let codes = latched(&mut device);
-    let library = Library::decode(library::small()).expect("a valid library");
+    let library = Library::decode(library).expect("a valid library");
     let texture = library.texture(texture).expect("it is in the library");
     let heard = Heard::of_texture(texture, 77);
     let (began, same_until) = explain(&heard, &recorded, &codes, asked);
@@ -107,12 +107,23 @@ fn plays_as_the_host_does(texture: &str) {
 
 #[test]
 fn a_lattice_is_put_out_as_the_host_computes_it_code_for_code() {
-    plays_as_the_host_does("lattice");
+    plays_as_the_host_does(library::small(), "lattice", library::options());
 }
 
 #[test]
 fn a_direct_form_is_put_out_as_the_host_computes_it_code_for_code() {
-    plays_as_the_host_does("direct 32");
+    plays_as_the_host_does(library::small(), "direct 32", library::options());
+}
+
+/// The texture whose digest all platforms compare, by the image itself, which gives no words but codes.
+#[test]
+fn the_texture_of_the_digest_is_put_out_as_the_host_computes_it_code_for_code() {
+    let library = kernel_vectors::digest_library();
+    let options = Options {
+        flash: library::flash_with(&library),
+        ..Options::default()
+    };
+    plays_as_the_host_does(&library, "digest", options);
 }
 
 #[test]

@@ -13,7 +13,7 @@ use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, Laws, Library, LineSpec, LinesSpec, ModulationSpec,
     NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec, encode_with_scenes,
 };
-use stylus_kernel::arithmetic::TURN_TAPS;
+use stylus_kernel::direct;
 use stylus_kernel::scene::Plan;
 use stylus_kernel::scene::cost::{self, StageCost};
 use virtual_stylus::Options;
@@ -62,7 +62,7 @@ const STICKY: StickSlip = StickSlip {
 };
 
 /// A texture of small models that differ in their first coefficient only.
-fn texture(name: &str, structure: Structure, order: u32) -> TextureSpec {
+pub fn texture(name: &str, structure: Structure, order: u32) -> TextureSpec {
     let node = |number: usize| {
         let first = (1_000 * (number as i16 + 1), order as usize);
         let codes = |(head, order): (i16, usize)| {
@@ -96,7 +96,7 @@ fn texture(name: &str, structure: Structure, order: u32) -> TextureSpec {
 }
 
 /// The same with so many lines that are locked to place.
-fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
+pub fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
     let line = |at: usize| LineSpec {
         wavelength_mm: 0.3 + 0.7 * at as f32,
         phase: 9_000 * at as u16,
@@ -111,7 +111,7 @@ fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
 }
 
 /// The same texture with codebooks and a level track: half of its nodes have a codebook, and half noise.
-fn fed(name: &str, spec: &TextureSpec) -> TextureSpec {
+pub fn fed(name: &str, spec: &TextureSpec) -> TextureSpec {
     let codebook = CodebookSpec {
         peak: 2.0,
         codes: [127, 0, -127, 0, 0, 0, 0, 0].repeat(125),
@@ -135,16 +135,16 @@ fn fed(name: &str, spec: &TextureSpec) -> TextureSpec {
     }
 }
 
-fn name(name: &str) -> SceneName {
+pub fn name(name: &str) -> SceneName {
     SceneName::try_from(name).expect("short")
 }
 
-fn of_surface(title: &str, surface: Surface) -> Scene {
+pub fn of_surface(title: &str, surface: Surface) -> Scene {
     Scene::of_surface(name(title), 5_000, surface)
 }
 
 /// The scene with `sections` different sections of the equaliser.
-fn equalised(mut scene: Scene, sections: usize) -> Scene {
+pub fn equalised(mut scene: Scene, sections: usize) -> Scene {
     for section in 0..sections {
         let pole = 0.3 + 0.05 * section as f64;
         let biquad = Biquad::from_f64([0.8, -0.2, 0.1], [-pole, 0.2]).expect("within range");
@@ -153,18 +153,18 @@ fn equalised(mut scene: Scene, sections: usize) -> Scene {
     scene
 }
 
-fn tapped(mut surface: Surface) -> Surface {
+pub fn tapped(mut surface: Surface) -> Surface {
     surface.tap = Some(HARD);
     surface
 }
 
-fn sticky(mut surface: Surface) -> Surface {
+pub fn sticky(mut surface: Surface) -> Surface {
     surface.stick_slip = Some(STICKY);
     surface
 }
 
 /// Two surfaces that meet at `boundary_mm`, with a transition of the largest width.
-fn two(title: &str, surfaces: [Surface; 2], boundary_mm: f32) -> Scene {
+pub fn two(title: &str, surfaces: [Surface; 2], boundary_mm: f32) -> Scene {
     let [first, second] = surfaces;
     let mut scene = of_surface(title, first);
     scene.surfaces.push(second).expect("there is room");
@@ -288,7 +288,7 @@ fn started() -> Device {
     })
 }
 
-fn plan<'a>(library: &Library<'a>, scene: &str) -> Plan<'a> {
+pub fn plan<'a>(library: &Library<'a>, scene: &str) -> Plan<'a> {
     let scene = library.scene(scene).expect("it is in the library");
     Plan::new(&scene, library).expect("it is valid")
 }
@@ -304,7 +304,7 @@ pub fn tapping() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
     })
 }
 
-fn press(device: &mut Device, newton: f64) {
+pub fn press(device: &mut Device, newton: f64) {
     let pins = FunctionPins(move |channel, _| match channel {
         5 => force_code(newton),
         _ => 0x8000,
@@ -477,13 +477,13 @@ fn a_scene_that_is_not_there_is_refused_and_what_is_played_goes_on() {
 /// Instructions per tick over some milliseconds: of the ticks that begin no block, which are all equal, and the most of
 /// those that do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Count {
-    within: u32,
-    beginning: u32,
+pub struct Count {
+    pub within: u32,
+    pub beginning: u32,
 }
 
 /// Counts over `millis` milliseconds.
-fn count(device: &mut Device, what: &str, millis: u64) -> Count {
+pub fn count(device: &mut Device, what: &str, millis: u64) -> Count {
     let ticks = ticks(device, millis);
     let beginning = |tick: &&Tick| begins_block(&ticks, tick);
     let within: Vec<u32> = ticks
@@ -525,7 +525,7 @@ fn begins_block(ticks: &[Tick], tick: &Tick) -> bool {
 }
 
 /// Plays `scene` and counts while it sounds.
-fn count_scene(device: &mut Device, scene: &str) -> Count {
+pub fn count_scene(device: &mut Device, scene: &str) -> Count {
     device
         .play_scene(scene, MotionSource::Sensors, 3)
         .expect("it is there");
@@ -544,6 +544,15 @@ fn count_struck(device: &mut Device, scene: &str) -> Count {
     press(device, 1.0);
     device.run_for(20 * MS);
     count(device, &format!("{scene}, struck"), 30)
+}
+
+/// Plays `scene` and counts while the force changes, so that a block begins with another frame.
+fn count_moved(device: &mut Device, scene: &str) -> Count {
+    count_scene(device, scene);
+    press(device, 0.9);
+    let moved = count(device, &format!("{scene}, moved"), 30);
+    press(device, 1.0);
+    moved
 }
 
 fn covers(model: StageCost, each: u32, measured: u32) {
@@ -590,9 +599,15 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     covers(cost::MIX, 0, mix);
     covers(cost::LATTICE, ORDERS[0], of_voice(lattice.within));
     covers(cost::LATTICE, ORDERS[1], of_voice(short_lattice));
-    let turns = ORDERS.map(|order| order.div_ceil(TURN_TAPS as u32));
+    let turns = ORDERS.map(|order| direct::turns(order as usize) as u32);
     covers(cost::DIRECT, turns[0], of_voice(direct));
     covers(cost::DIRECT, turns[1], of_voice(short_direct));
+    let beginning = ["lattice", "direct", "short direct"].map(|scene| {
+        let moved = count_moved(&mut device, scene);
+        moved.beginning - moved.within
+    });
+    covers(cost::SUMS_AHEAD, turns[0], beginning[1] - beginning[0]);
+    covers(cost::SUMS_AHEAD, turns[1], beginning[2] - beginning[0]);
     covers(cost::STICK_SLIP, 0, sticky - lattice.within);
     covers(cost::LINES, 1, one_line - lattice.within);
     covers(cost::LINES, 4, four_lines - lattice.within);

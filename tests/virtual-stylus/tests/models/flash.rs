@@ -1,7 +1,9 @@
 //! The flash: contents that outlive a run, power cuts, and unreadable words.
 
 use std::path::Path;
+use std::process::Command;
 
+use virtual_stylus::flash_file::FlashFile;
 use virtual_stylus::model::flash::{
     BASE, Contents, Kind, Moment, Operation, SECTOR_BYTES, Stalls, WORD_BYTES,
 };
@@ -230,4 +232,52 @@ fn a_captured_cut_is_what_the_same_cut_leaves() {
             (operation, contents)
         );
     }
+}
+
+/// The virtual stylus's program with its flash in `file`, and what it says; it has no image to run.
+fn start_with(file: &Path) -> (Option<i32>, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_virtual-stylus"))
+        .args(["--image", "no-such-image", "--flash"])
+        .arg(file)
+        .output()
+        .expect("the program starts");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code(), said)
+}
+
+#[test]
+fn a_second_run_with_the_same_flash_file_is_refused_by_its_name_until_the_first_ends() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let (file, link) = (folder.join("locked.flash"), folder.join("locked-link"));
+    let _ = std::fs::remove_file(&file);
+    let _ = std::fs::remove_file(&link);
+    std::os::unix::fs::symlink(&file, &link).unwrap();
+    let (mut held, contents) = FlashFile::open(&file).unwrap();
+    held.write(&contents).unwrap();
+    // Also under another name, and from this process.
+    for name in [&file, &link] {
+        let refused = FlashFile::open(name);
+        assert!(
+            matches!(&refused, Err(Error::FlashFileInUse { path }) if path == name),
+            "{refused:?}"
+        );
+        let (code, said) = start_with(name);
+        assert_eq!(code, Some(2), "{said}");
+        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+        assert!(said.contains(&name.display().to_string()), "{said}");
+        assert!(
+            said.contains("end that one") && said.contains("--flash"),
+            "{said}"
+        );
+    }
+    let kept = Contents::read(&file).unwrap();
+    assert_eq!(
+        kept.to_bytes(),
+        contents.to_bytes(),
+        "the refused ones changed nothing"
+    );
+    drop(held);
+    // Now only the image is missing.
+    let (code, said) = start_with(&file);
+    assert!(code == Some(2) && said.contains("no-such-image"), "{said}");
 }

@@ -2,6 +2,7 @@
 
 mod codes;
 mod converters;
+mod digest;
 mod flash;
 mod motion;
 mod no_memory;

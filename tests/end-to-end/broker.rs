@@ -1,0 +1,683 @@
+//! Several commands on one device at once, by the broker that shares its link; and the list of what is attached.
+
+use std::fs::{self, File};
+use std::io::{Read, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::thread;
+use std::time::Duration;
+
+use fake_stylus::library::library;
+use fake_stylus::{FakeStylus, Faults, Hand};
+use host_tools::link::{Device, LinkAddress, Route, Sharing, Timeouts};
+use model_format::link::SlotId;
+use rand::{RngExt, SeedableRng};
+use serde_json::Value;
+
+use crate::device_links::port;
+use crate::support::{Bench, PLAY, interrupt, json, refusal, text, wait_for};
+
+/// A desk with a stylus on it that has a library, and a runtime folder of its own, so that its brokers are its own.
+struct Desk {
+    stylus: FakeStylus,
+    bench: Bench,
+    /// The address that commands are given.
+    link: String,
+}
+
+impl Desk {
+    fn new() -> Self {
+        let stylus = FakeStylus::start();
+        let link = stylus.link();
+        Self::with(stylus, link)
+    }
+
+    fn with(stylus: FakeStylus, link: String) -> Self {
+        let bench = Bench::new();
+        fs::create_dir(bench.path("run")).unwrap();
+        let desk = Self {
+            stylus,
+            bench,
+            link,
+        };
+        desk.bench.write("a.lib", library(1, 20, 1));
+        desk.succeed("upload a.lib --activate");
+        desk.stylus.take_heard();
+        desk
+    }
+
+    fn command<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_stylus"));
+        command
+            .args(arguments)
+            .env("XDG_RUNTIME_DIR", self.bench.path("run"))
+            .env_remove("STYLUS_LINK")
+            .current_dir(self.bench.path(""))
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        command
+    }
+
+    fn run(&self, arguments: &str) -> Output {
+        let arguments = arguments.split_whitespace();
+        let mut command = self.command(arguments.chain(["--link", &self.link]));
+        command.output().unwrap()
+    }
+
+    fn succeed(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        let (out, err) = (text(&output.stdout), text(&output.stderr));
+        assert!(output.status.success(), "stylus {arguments}\n{out}\n{err}");
+        out
+    }
+
+    fn refuse(&self, arguments: &str) -> String {
+        refusal(&self.run(arguments), arguments)
+    }
+
+    fn spawn(&self, arguments: &str) -> Child {
+        let arguments = arguments.split_whitespace();
+        let mut command = self.command(arguments.chain(["--link", &self.link]));
+        command.spawn().unwrap()
+    }
+
+    /// Begins to play, and waits for the motions.
+    fn play(&self) -> Child {
+        let mut command = self.command(PLAY.into_iter().chain(["--json", "--link", &self.link]));
+        let player = command.spawn().unwrap();
+        wait_for("motions", || self.stylus.count("stylus/motion/live") >= 20);
+        player
+    }
+
+    fn is_playing(&self) -> bool {
+        let status = json(&self.succeed("status --json"));
+        let output = &status["status"]["output"];
+        output["activity"].is_object() && status["muted"] == serde_json::json!([])
+    }
+
+    /// Numbers of the processes that share a link of this desk's.
+    fn brokers(&self) -> Vec<u32> {
+        processes(&self.bench.path("run"))
+    }
+
+    fn folder(&self) -> PathBuf {
+        self.bench.path("run/stylus")
+    }
+
+    /// The one file in the runtime folder with this ending.
+    fn file(&self, ending: &str) -> PathBuf {
+        let entries = fs::read_dir(self.folder()).unwrap();
+        let mut paths = entries.map(|entry| entry.unwrap().path());
+        paths
+            .find(|path| path.to_string_lossy().ends_with(ending))
+            .unwrap_or_else(|| panic!("no {ending}"))
+    }
+
+    fn wait_until_idle(&self) {
+        wait_for("the end of the broker", || self.brokers().is_empty());
+    }
+}
+
+impl Drop for Desk {
+    /// No process is left behind by a test.
+    fn drop(&mut self) {
+        for broker in self.brokers() {
+            signal("TERM", broker);
+        }
+        if !thread::panicking() {
+            self.wait_until_idle();
+        }
+    }
+}
+
+/// Numbers of the living processes that share a link under this runtime folder.
+fn processes(run: &Path) -> Vec<u32> {
+    let wanted = format!("XDG_RUNTIME_DIR={}\0", run.display());
+    let entries = fs::read_dir("/proc").unwrap().flatten();
+    entries
+        .filter_map(|entry| {
+            let number = entry.file_name().to_str()?.parse().ok()?;
+            let command = fs::read(entry.path().join("cmdline")).ok()?;
+            let environment = fs::read(entry.path().join("environ")).ok()?;
+            let is_broker = text(&command).contains("\0share-link\0");
+            (is_broker && text(&environment).contains(&wanted)).then_some(number)
+        })
+        .collect()
+}
+
+fn signal(name: &str, process: u32) {
+    let sent = Command::new("kill")
+        .args([&format!("-{name}"), &process.to_string()])
+        .stderr(Stdio::null())
+        .status();
+    sent.expect("kill is there");
+}
+
+fn output_of(child: Child) -> (Option<i32>, String, String) {
+    let output = child.wait_with_output().unwrap();
+    (
+        output.status.code(),
+        text(&output.stdout),
+        text(&output.stderr),
+    )
+}
+
+/// Everything at once: a play, two monitors, a recording, and short commands, none of which ends another.
+fn all_at_once(desk: &Desk) {
+    let hand = Hand {
+        speed_mm_s: 100.0,
+        force_n: 1.0,
+        ..Hand::default()
+    };
+    desk.stylus.set_hand(hand);
+    let player = desk.play();
+    let monitors = [
+        desk.spawn("monitor --json --seconds 1.5"),
+        desk.spawn("monitor --json --seconds 1.2 --interval 0.3"),
+    ];
+    let strokes = desk.spawn("record-strokes strokes.csv --seconds 1 --json");
+    for arguments in ["status", "list", "settings", "settings get hard-limit"] {
+        desk.succeed(arguments);
+    }
+    for monitor in monitors {
+        let (code, out, err) = output_of(monitor);
+        assert_eq!(code, Some(0), "{out}\n{err}");
+        let lines: Vec<Value> = out.lines().map(json).collect();
+        assert!(lines.len() >= 3, "{out}");
+        let speed = lines.last().unwrap()["level"]["speed_mm_s"]
+            .as_f64()
+            .unwrap();
+        assert!((speed - 100.0).abs() < 5.0, "{out}");
+    }
+    let (code, out, err) = output_of(strokes);
+    assert_eq!(code, Some(0), "{out}\n{err}");
+    assert_eq!(json(&out)["lost_samples"], 0, "{out}");
+    // A busy computer may be late for a motion, which mutes for a moment.
+    wait_for("the play that goes on", || desk.is_playing());
+    interrupt(&player);
+    let (code, out, err) = output_of(player);
+    assert_eq!(code, Some(0), "{out}\n{err}");
+    let report = json(&out);
+    // A busy computer may be late for some motions.
+    assert!(report["muted_share"].as_f64().unwrap() < 0.5, "{out}");
+    let status = json(&desk.succeed("status --json"));
+    assert_eq!(status["status"]["output"]["activity"], "Idle");
+    assert_eq!(status["status"]["record"]["recording"], false);
+}
+
+#[test]
+fn commands_run_at_once_over_tcp_without_a_loss() {
+    let desk = Desk::new();
+    all_at_once(&desk);
+    assert_eq!(desk.stylus.connections(), 1);
+}
+
+#[test]
+fn commands_run_at_once_over_a_serial_port_under_any_of_its_names() {
+    let stylus = FakeStylus::start();
+    let mut port = port::before(stylus.port());
+    port.held = None;
+    let link = format!("serial:{}", port.name);
+    let desk = Desk::with(stylus, link);
+    all_at_once(&desk);
+    let name = desk.bench.path("by-id");
+    std::os::unix::fs::symlink(&port.name, &name).unwrap();
+    let other = format!("serial:{}", name.display());
+    let output = desk.command(["status", "--link", &other]).output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_eq!(desk.brokers().len(), 1);
+}
+
+#[test]
+fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_stopped() {
+    let desk = Desk::new();
+    let player = desk.play();
+    let refused = desk.refuse("play --scene none");
+    let who = format!("`stylus play` (process {}) plays, since ", player.id());
+    assert!(refused.contains(&who), "{refused}");
+    assert!(refused.contains("stop it with `stylus stop`"), "{refused}");
+    for arguments in [
+        "activate",
+        "settings set hard-limit 0.4",
+        "upload a.lib --activate",
+    ] {
+        let refused = desk.run(arguments);
+        let err = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(2), "{arguments}: {err}");
+        assert!(err.contains(&who), "{arguments}: {err}");
+    }
+    // An upload alone does not disturb, and neither does a command that is killed.
+    desk.succeed("upload a.lib");
+    let mut monitor = desk.spawn("monitor");
+    wait_for("a recording", || {
+        desk.stylus.count("stylus/record/start") > 0
+    });
+    monitor.kill().unwrap();
+    monitor.wait().unwrap();
+    wait_for("the play that goes on", || desk.is_playing());
+    wait_for("the end of the recording", || {
+        desk.stylus.count("stylus/record/stop") > 0
+    });
+    let stopped = desk.succeed("stop");
+    assert!(stopped.contains("stopped playing"), "{stopped}");
+    let (code, _, err) = output_of(player);
+    assert_eq!(code, Some(2));
+    assert!(err.contains("stopped by `stylus stop` (process "), "{err}");
+}
+
+#[test]
+fn a_player_that_is_killed_is_silent_as_without_a_broker_and_another_may_play() {
+    let desk = Desk::new();
+    let mut player = desk.play();
+    let mut monitor = desk.spawn("monitor --seconds 60");
+    player.kill().unwrap();
+    player.wait().unwrap();
+    thread::sleep(Duration::from_millis(150));
+    let status = json(&desk.succeed("status --json"));
+    assert!(
+        status["muted"].to_string().contains("link lost"),
+        "{status}"
+    );
+    desk.stylus.take_heard();
+    let next = desk.play();
+    wait_for("the play", || desk.is_playing());
+    interrupt(&next);
+    let (code, _, err) = output_of(next);
+    assert_eq!(code, Some(0), "{err}");
+    monitor.kill().unwrap();
+    monitor.wait().unwrap();
+}
+
+#[test]
+fn a_broker_that_is_killed_leaves_a_stale_socket_that_stops_nobody() {
+    let desk = Desk::new();
+    let late = Faults {
+        late: Duration::from_millis(4),
+        ..Faults::default()
+    };
+    desk.stylus.fail(late);
+    desk.bench.write("b.lib", library(1, 400, 3));
+    let upload = desk.spawn("upload b.lib --json");
+    let monitor = desk.spawn("monitor --seconds 60");
+    wait_for("chunks", || desk.stylus.count("stylus/upload/chunk") >= 30);
+    wait_for("a recording", || {
+        desk.stylus.count("stylus/record/start") > 0
+    });
+    let broker = desk.brokers();
+    assert_eq!(broker.len(), 1);
+    signal("KILL", broker[0]);
+    let (code, _, err) = output_of(monitor);
+    assert_eq!(code, Some(2));
+    assert!(
+        err.contains("the process that shared it has ended"),
+        "{err}"
+    );
+    // The upload goes on by a new broker, where it was.
+    let (code, out, err) = output_of(upload);
+    assert_eq!(code, Some(0), "{err}");
+    assert_eq!(json(&out)["retries"], 1, "{out}");
+    let now = desk.brokers();
+    assert!(now.len() == 1 && now != broker, "{now:?}");
+    assert_eq!(desk.stylus.count("stylus/upload/begin"), 2);
+}
+
+#[test]
+fn of_many_starters_one_broker_remains_and_it_goes_when_nobody_is_left() {
+    let desk = Desk::new();
+    desk.wait_until_idle();
+    assert!(!desk.folder().read_dir().unwrap().flatten().any(|entry| {
+        entry
+            .path()
+            .extension()
+            .is_some_and(|ending| ending == "sock")
+    }));
+    let connections = desk.stylus.connections();
+    let commands: Vec<Child> = (0..6).map(|_| desk.spawn("status --json")).collect();
+    for command in commands {
+        let (code, out, err) = output_of(command);
+        assert_eq!(code, Some(0), "{err}");
+        json(&out);
+    }
+    assert_eq!(desk.stylus.connections(), connections + 1);
+    assert_eq!(desk.brokers().len(), 1);
+    let mode = |path: &Path| path.metadata().unwrap().permissions().mode() & 0o777;
+    assert_eq!(mode(&desk.folder()), 0o700);
+    assert_eq!(mode(&desk.file(".sock")), 0o600);
+    assert_eq!(mode(&desk.file(".lock")), 0o600);
+    desk.wait_until_idle();
+}
+
+#[test]
+fn a_device_that_is_unplugged_ends_its_commands_and_its_broker() {
+    let mut desk = Desk::new();
+    let monitor = desk.spawn("monitor --seconds 60");
+    wait_for("a recording", || {
+        desk.stylus.count("stylus/record/start") > 0
+    });
+    desk.stylus = FakeStylus::start();
+    let (code, _, err) = output_of(monitor);
+    assert_eq!(code, Some(2));
+    assert!(err.contains("the link was lost: "), "{err}");
+    desk.wait_until_idle();
+    let refused = desk.refuse("status");
+    assert!(refused.contains("nothing listens there"), "{refused}");
+    desk.wait_until_idle();
+}
+
+/// A greeting of a program with other versions.
+fn greet(socket: &Path) -> (u8, String) {
+    let mut stream = UnixStream::connect(socket).unwrap();
+    stream
+        .write_all(b"stylus-b\x63\0\0\0\0\0\0\0\0\0\x03\0old")
+        .unwrap();
+    let mut head = [0; 21];
+    stream.read_exact(&mut head).unwrap();
+    let mut words = vec![0; usize::from(u16::from_le_bytes([head[19], head[20]]))];
+    stream.read_exact(&mut words).unwrap();
+    (head[18], text(&words))
+}
+
+#[test]
+fn a_broker_of_another_version_leaves_when_it_is_idle_and_says_who_uses_it_when_it_is_not() {
+    let desk = Desk::new();
+    desk.succeed("status");
+    let broker = desk.brokers();
+    assert_eq!(greet(&desk.file(".sock")), (1, String::new()));
+    desk.wait_until_idle();
+    let player = desk.play();
+    assert_ne!(desk.brokers(), broker);
+    let (code, words) = greet(&desk.file(".sock"));
+    assert_eq!(code, 2);
+    assert_eq!(words, format!("`stylus play` (process {})", player.id()));
+    wait_for("the play that goes on", || desk.is_playing());
+    interrupt(&player);
+    assert_eq!(output_of(player).0, Some(0));
+    // The other way round: this program is the other version.
+    desk.wait_until_idle();
+    let socket = desk.file(".lock").with_extension("sock");
+    let listener = UnixListener::bind(&socket).unwrap();
+    let answers = thread::spawn(move || {
+        for words in ["`stylus play` (process 1)", "", "silence"] {
+            let (mut stream, _) = listener.accept().unwrap();
+            let mut answer = b"stylus-b\x63\0\0\0\0\0\0\0\0\0\x02".to_vec();
+            answer.extend((words.len() as u16).to_le_bytes());
+            answer.extend(words.as_bytes());
+            match words {
+                // It is no broker.
+                "" => stream.write_all(&[0x5a; 64]).unwrap(),
+                // It hangs.
+                "silence" => {}
+                _ => stream.write_all(&answer).unwrap(),
+            }
+            // The client closes it first, which is an error where it has not read all.
+            let _ = stream.read_to_end(&mut Vec::new());
+        }
+    });
+    for words in [
+        "another version of stylus shares it with `stylus play` (process 1)",
+        "not a greeting of a broker",
+        "does not answer: end it",
+    ] {
+        let refused = desk.refuse("status");
+        assert!(refused.contains(words), "{words}: {refused}");
+        assert!(refused.contains("--no-broker"), "{refused}");
+    }
+    answers.join().unwrap();
+    // Nobody listens any more.
+    desk.succeed("status");
+}
+
+#[test]
+fn without_a_broker_a_link_is_opened_alone_unless_others_use_it() {
+    let desk = Desk::new();
+    let connections = desk.stylus.connections();
+    // The broker of the upload before is asked to leave.
+    desk.succeed("status --no-broker");
+    desk.wait_until_idle();
+    assert_eq!(desk.stylus.connections(), connections + 1);
+    let player = desk.play();
+    let refused = desk.refuse("status --no-broker");
+    let who = format!("in use by `stylus play` (process {})", player.id());
+    assert!(refused.contains(&who), "{refused}");
+    wait_for("the play that goes on", || desk.is_playing());
+    interrupt(&player);
+    assert_eq!(output_of(player).0, Some(0));
+}
+
+#[test]
+fn a_monitor_that_reads_too_slowly_loses_its_own_blocks_alone() {
+    let desk = Desk::new();
+    let slow = desk.spawn("monitor --seconds 6");
+    let quick = desk.spawn("record-strokes strokes.csv --seconds 7 --json");
+    wait_for("a recording", || {
+        desk.stylus.count("stylus/record/start") > 0
+    });
+    thread::sleep(Duration::from_millis(500));
+    signal("STOP", slow.id());
+    thread::sleep(Duration::from_millis(6500));
+    signal("CONT", slow.id());
+    let (code, out, err) = output_of(quick);
+    assert_eq!(code, Some(0), "{err}");
+    assert_eq!(json(&out)["lost_samples"], 0, "{out}");
+    let (code, out, err) = output_of(slow);
+    assert_eq!(code, Some(0), "{err}");
+    let last = out.lines().last().unwrap();
+    let lost = last
+        .split(", ")
+        .find_map(|part| part.strip_suffix(" on the link"));
+    assert!(
+        lost.is_some_and(|lost| lost.parse::<u32>().unwrap() > 0),
+        "{last}"
+    );
+}
+
+#[test]
+fn every_answer_goes_to_who_asked_in_any_interleaving() {
+    let desk = Desk::new();
+    let address: LinkAddress = desk.link.parse().unwrap();
+    let program = PathBuf::from(env!("CARGO_BIN_EXE_stylus"));
+    desk.stylus.fail(Faults {
+        late: Duration::from_millis(1),
+        ..Faults::default()
+    });
+    let clients = 5;
+    thread::scope(|scope| {
+        for client in 0..clients {
+            let (address, program) = (&address, &program);
+            scope.spawn(move || {
+                let mut random = rand_pcg::Pcg64::seed_from_u64(client);
+                let sharing = Sharing {
+                    program: program.clone(),
+                    command: format!("client {client}"),
+                };
+                let connect = || {
+                    let route = Route::Shared(sharing.clone());
+                    Device::connect_by(address, Timeouts::default(), route).unwrap()
+                };
+                let mut device = connect();
+                let mut uptime = 0;
+                for _ in 0..60 {
+                    match random.random_range(0..6) {
+                        0 => {
+                            let now = device.status().unwrap().uptime_ms;
+                            assert!(now >= uptime);
+                            uptime = now;
+                        }
+                        1 => assert_eq!(device.textures(SlotId::A).unwrap().len(), 1),
+                        2 => {
+                            device.settings().unwrap();
+                        }
+                        3 => {
+                            assert!(device.slots().unwrap().active.is_some());
+                        }
+                        4 => {
+                            assert!(device.textures(SlotId::B).unwrap().is_empty());
+                        }
+                        _ => device = connect(),
+                    }
+                }
+            });
+        }
+    });
+    // These clients have this process's runtime folder, and their broker left the first one's connection to it.
+    let broker = |number: &u32| {
+        let command = fs::read(format!("/proc/{number}/cmdline")).unwrap_or_default();
+        text(&command).contains(&desk.link)
+    };
+    let all = fs::read_dir("/proc").unwrap().flatten();
+    let numbers = all.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    let mut brokers: Vec<u32> = numbers.filter(broker).collect();
+    brokers.retain(|number| !desk.brokers().contains(number));
+    assert!(brokers.len() <= 1, "{brokers:?}");
+    brokers.iter().for_each(|&number| signal("TERM", number));
+}
+
+/// Announces a virtual stylus in the desk's folder, as one does that runs, until the file is dropped.
+fn announce(desk: &Desk, name: &str, links: &[&str]) -> File {
+    let path = desk.folder().join(format!("virtual-{name}"));
+    let mut file = File::create(path).unwrap();
+    file.lock().unwrap();
+    for link in links {
+        writeln!(file, "{link}").unwrap();
+    }
+    file
+}
+
+#[test]
+fn what_is_attached_is_listed_and_the_only_one_is_used() {
+    let desk = Desk::new();
+    let run = |arguments: &[&str]| desk.command(arguments.iter().copied()).output().unwrap();
+    let none = run(&["status"]);
+    let message = refusal(&none, "status");
+    assert!(
+        message.contains("no stylus is attached: plug one in"),
+        "{message}"
+    );
+    let listed = run(&["devices"]);
+    assert_eq!(
+        (listed.status.code(), text(&listed.stdout)),
+        (Some(0), String::new())
+    );
+
+    let _one = announce(&desk, "1-0", &[&desk.link, "usb-virtual:127.0.0.1:1"]);
+    let listed = json(&text(&run(&["devices", "--json"]).stdout));
+    let rows = listed.as_array().unwrap();
+    assert_eq!(rows.len(), 2, "{listed}");
+    assert_eq!(
+        (&rows[0]["link"], &rows[0]["kind"]),
+        (&desk.link.as_str().into(), &"virtual".into())
+    );
+    assert_eq!(rows[0]["serial_number"], "0123456789ABCDEF01234567");
+    assert_eq!(rows[0]["state"], "answers");
+    assert!(rows[0]["firmware"].is_string());
+    assert!(
+        rows[1]["state"]
+            .as_str()
+            .unwrap()
+            .contains("nothing listens there"),
+        "{listed}"
+    );
+    let table = text(&run(&["devices"]).stdout);
+    assert!(
+        table.contains("0123456789ABCDEF01234567") && table.contains("--link"),
+        "{table}"
+    );
+    let status = run(&["status"]);
+    assert!(status.status.success());
+    let note = format!("note: {}: the only stylus found\n", desk.link);
+    assert_eq!(text(&status.stderr), note);
+
+    let other = FakeStylus::start();
+    let two = announce(&desk, "2-0", &[&other.link()]);
+    let message = refusal(&run(&["status"]), "status");
+    let both = format!(
+        "2 styluses are attached: name one, --link {} or --link {}",
+        desk.link,
+        other.link()
+    );
+    assert!(message.contains(&both), "{message}");
+    // One that was killed has let go of its file.
+    drop(two);
+    assert!(run(&["status"]).status.success());
+}
+
+#[test]
+fn a_play_whose_motions_do_not_arrive_or_that_is_muted_throughout_fails_with_the_reason() {
+    let desk = Desk::new();
+    let mut command = desk.command(PLAY.into_iter().chain(["--seconds", "3", "--timeout", "5"]));
+    command.args(["--json", "--link", &desk.link]);
+    desk.stylus.fail(Faults {
+        late: Duration::from_millis(900),
+        ..Faults::default()
+    });
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let (report, err) = (json(&text(&output.stdout)), text(&output.stderr));
+    let due = report["motions"].as_u64().unwrap() + report["skipped"].as_u64().unwrap();
+    let words = format!("only {} of {due} motions could be sent", report["motions"]);
+    assert!(err.contains(&words) && err.contains("at least 60"), "{err}");
+    assert!(
+        report["failure"].as_str().unwrap().contains(&words),
+        "{report}"
+    );
+
+    desk.stylus.fail(Faults::default());
+    desk.stylus.set_hand(Hand {
+        is_open: true,
+        ..Hand::default()
+    });
+    let mut command = desk.command(["play", "--texture", "texture 0", "--seconds", "1.5"]);
+    let output = command.args(["--link", &desk.link]).output().unwrap();
+    let err = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{err}");
+    assert!(
+        err.contains("the output was muted throughout (")
+            && err.contains("force sensor at its rail"),
+        "{err}"
+    );
+    assert!(
+        text(&output.stdout).contains("muted 100 % of the time"),
+        "{output:?}"
+    );
+}
+
+#[test]
+fn a_play_shows_speed_force_level_mutes_and_missed_ticks_while_it_lasts() {
+    let desk = Desk::new();
+    desk.stylus.set_hand(Hand {
+        speed_mm_s: 80.0,
+        force_n: 0.7,
+        acceleration: vec![[32_768; 3], [34_000; 3]],
+        ..Hand::default()
+    });
+    for (arguments, speed, force) in [
+        (
+            &["--speed", "120", "--force", "0.5"][..],
+            "120.0 mm/s",
+            "0.50 N",
+        ),
+        (&[][..], "80.0 mm/s", "0.70 N"),
+    ] {
+        let mut command = desk.command(["play", "--texture", "texture 0", "--seconds", "3"]);
+        let output = command
+            .args(arguments)
+            .args(["--link", &desk.link])
+            .output()
+            .unwrap();
+        let (out, err) = (text(&output.stdout), text(&output.stderr));
+        assert_eq!(output.status.code(), Some(0), "{err}");
+        let line = err.lines().next().unwrap_or_default();
+        for words in [
+            speed,
+            force,
+            "m/s² RMS",
+            "; playing; 0 mutes, 0 missed ticks",
+        ] {
+            assert!(line.contains(words), "{words}: {err}");
+        }
+        assert!(out.contains("0 mutes, 0 missed ticks; stopped"), "{out}");
+    }
+}

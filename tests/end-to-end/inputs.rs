@@ -1,0 +1,612 @@
+//! Inputs as a tired person gives them: lists without a scale, values in other units, tables as a spreadsheet saves
+//! them, motions that end before they begin. What is doubtful is said in a line, and what cannot be is refused with its
+//! place.
+
+use crate::support::{Bench, RATE_HZ, all_pole, json, noise, text, two_textures, wav};
+
+const HEADER: &str = "file,texture,speed_mm_s,force_n";
+
+/// Options that keep a fit of noise short.
+const QUICK: &str = "--order 10 --excitation gaussian --modulation none --lines none";
+
+/// A WAV file of integers of 16 bits, one channel.
+fn integers(signal: &[f64], rate_hz: u32) -> Vec<u8> {
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: rate_hz,
+        bits_per_sample: 16,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let mut writer = hound::WavWriter::new(&mut bytes, spec).expect("the spec is sound");
+    for sample in signal {
+        let code = (sample * 32_768.0).clamp(-32_768.0, 32_767.0) as i16;
+        writer.write_sample(code).expect("there is room in memory");
+    }
+    writer.finalize().expect("there is room in memory");
+    bytes.into_inner()
+}
+
+/// Noise of 2 s, as WAV.
+fn recording(seed: u64) -> Vec<u8> {
+    wav(&[&all_pole(&[-0.6, 0.7], &noise(seed, 10_000))], RATE_HZ)
+}
+
+/// Runs `stylus`, which must succeed; gives what it says on standard error.
+fn said(bench: &Bench, arguments: &str) -> String {
+    let output = bench.run(arguments);
+    let said = text(&output.stderr);
+    assert!(output.status.success(), "stylus {arguments}\n{said}");
+    said
+}
+
+/// A set of one texture at these speeds and forces, whose list has these names.
+fn set(bench: &Bench, trials: &[(&str, f64, f64)]) {
+    let mut list = format!("{HEADER}\n");
+    for (number, (texture, speed, force)) in trials.iter().enumerate() {
+        bench.write(&format!("set/{number}.wav"), recording(number as u64));
+        list.push_str(&format!("{number}.wav,{texture},{speed},{force}\n"));
+    }
+    bench.write("set/trials.csv", list);
+}
+
+fn holds(message: &str, words: &[&str]) {
+    for word in words {
+        assert!(message.contains(word), "no '{word}' in: {message}");
+    }
+}
+
+#[test]
+fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
+    let bench = Bench::new();
+    let quiet: Vec<f64> = noise(1, 10_000).iter().map(|x| 0.1 * x).collect();
+    bench.write("set/a.wav", integers(&quiet, RATE_HZ));
+    bench.write("set/b.wav", recording(2));
+    let list = |header: &str, row: &str| {
+        bench.write(
+            "set/trials.csv",
+            format!("{header}\na.wav,silk,100,1{row}\nb.wav,felt,100,1{row}\n"),
+        );
+    };
+    let fit = format!("fit set --out a.lib {QUICK}");
+    list(HEADER, "");
+    holds(
+        &said(&bench, &fit),
+        &[
+            "1 of 2 recordings hold integers",
+            "a level of 0.099 m/s² RMS",
+            "scale_m_s2",
+            "--scale",
+        ],
+    );
+    // A scale answers the question, whatever it is, and so does an option.
+    for (header, row, option, rms) in [
+        (",scale_m_s2", ",1", "", 0.1),
+        (",scale_m_s2", ",98.1", "", 9.81),
+        ("", "", "--scale 98.1", 9.81),
+    ] {
+        list(&format!("{HEADER}{header}"), row);
+        assert!(!said(&bench, &format!("{fit} {option}")).contains("hold integers"));
+        let report = json(&bench.succeed(&format!("{fit} --json {option}")));
+        let found = report["trials"][0]["rms_m_s2"].as_f64().expect("a level");
+        assert!((found / rms - 1.0).abs() < 0.02, "{found} for {rms}");
+    }
+}
+
+#[test]
+fn the_first_example_of_the_readme_gives_the_scale_of_its_integers() {
+    let readme = include_str!("../../README.md");
+    let list = readme.split("```").find(|block| block.contains(HEADER));
+    let mut lines = list.expect("it has a list").trim().lines();
+    assert_eq!(
+        lines.next(),
+        Some("file,texture,speed_mm_s,force_n,scale_m_s2")
+    );
+    let bench = Bench::new();
+    let rows: Vec<&str> = lines.collect();
+    for (seed, row) in rows.iter().enumerate() {
+        let file = row.split(',').next().expect("a file");
+        let signal: Vec<f64> = noise(seed as u64, 10_000).iter().map(|x| 0.1 * x).collect();
+        bench.write(&format!("set/{file}"), integers(&signal, RATE_HZ));
+    }
+    bench.write("set/trials.csv", list.expect("it has a list").trim());
+    let said = said(&bench, &format!("fit set --out a.lib {QUICK}"));
+    assert!(!said.contains("scale"), "{said}");
+}
+
+#[test]
+fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_told() {
+    let bench = Bench::new();
+    for (speed, force, words) in [
+        (
+            120_000.0,
+            1.0,
+            "speed of 120000 mm/s, and no hand or drum exceeds 10000",
+        ),
+        (
+            120.0,
+            500.0,
+            "force of 500 N, and no hand or drum exceeds 100",
+        ),
+    ] {
+        set(&bench, &[("silk", 120.0, 1.0), ("silk", speed, force)]);
+        let message = bench.refuse("fit set --out a.lib");
+        holds(&message, &["trials.csv", "line 3", words]);
+    }
+    for (speed, force, words) in [
+        (5000.0, 1.0, "speeds reach 5000 mm/s"),
+        (120.0, 50.0, "are they in grams"),
+        (0.12, 1.0, "are they in m/s"),
+    ] {
+        set(&bench, &[("silk", speed, force)]);
+        holds(
+            &said(&bench, &format!("fit set --out a.lib {QUICK}")),
+            &[words],
+        );
+    }
+    let refused = bench.run("fit set/0.wav --speed 120000 --out a.lib");
+    holds(
+        &text(&refused.stderr),
+        &["--speed", "no hand or drum exceeds"],
+    );
+}
+
+#[test]
+fn a_duration_beyond_the_file_is_told_with_both() {
+    let bench = Bench::new();
+    bench.write("a.wav", recording(1));
+    let longer = said(
+        &bench,
+        &format!("fit a.wav --duration 2.5 --out a.lib {QUICK}"),
+    );
+    holds(&longer, &["a.wav with 2.000 s of 2.5 s", "duration_s"]);
+    for duration in ["1.5", "2"] {
+        let within = said(
+            &bench,
+            &format!("fit a.wav --duration {duration} --out a.lib {QUICK}"),
+        );
+        assert!(!within.contains("shorter than"), "{within}");
+    }
+}
+
+#[test]
+fn a_wav_of_one_hertz_or_one_sample_is_told_in_one_line() {
+    let bench = Bench::new();
+    bench.write("hertz.wav", wav(&[&noise(1, 5000)], 1));
+    holds(
+        &bench.refuse("fit hertz.wav --out a.lib"),
+        &["hertz.wav", "1 Hz, where 100 to 768000 Hz"],
+    );
+    bench.write("one.wav", wav(&[&[0.5]], RATE_HZ));
+    let one = bench.run("fit one.wav --out a.lib");
+    holds(&text(&one.stderr), &["one.wav", "1 sample"]);
+    bench.write("one.csv", "time_s,x\n0,0.5\n");
+    holds(
+        &bench.refuse("fit one.csv --out a.lib"),
+        &["one.csv", "one sample"],
+    );
+}
+
+#[test]
+fn names_that_differ_in_case_only_are_told() {
+    let bench = Bench::new();
+    set(&bench, &[("Denim", 100.0, 1.0), ("denim", 100.0, 0.5)]);
+    let told = said(&bench, &format!("fit set --out a.lib {QUICK}"));
+    holds(
+        &told,
+        &["\"Denim\" and \"denim\" differ in the case of letters only"],
+    );
+}
+
+#[test]
+fn measured_speeds_make_a_sparse_grid_which_is_told_and_snapped_on_request() {
+    let bench = Bench::new();
+    // Four nominal speeds by five nominal forces, each measured to within 2 %.
+    let trials: Vec<(&str, f64, f64)> = (0..20)
+        .map(|n| {
+            let off = |k: i32| 1.0 + f64::from((n * k) % 9 - 4) / 230.0;
+            let (speed, force) = (50.0 * f64::from(n / 5 + 1), 0.4 * f64::from(n % 5 + 1));
+            let places = |value: f64| (value * 1e4).round() / 1e4;
+            (
+                "silk",
+                places(speed * off(7) + f64::from(n) * 1e-3),
+                places(force * off(5) + f64::from(n) * 1e-4),
+            )
+        })
+        .collect();
+    set(&bench, &trials);
+    let told = said(&bench, &format!("fit set --out a.lib {QUICK}"));
+    holds(
+        &told,
+        &["380 of 400 nodes", "grid of 20 x 20", "--snap 0.0", "4 x 5"],
+    );
+    let told = said(&bench, &format!("fit set --snap 0.03 --out b.lib {QUICK}"));
+    holds(
+        &told,
+        &[
+            "20 speeds become 4 (50, 100, 150, 200 mm/s)",
+            "20 forces become 5 (0.4, 0.8, 1.2, 1.6, 2 N)",
+            "% at most",
+        ],
+    );
+    assert!(!told.contains("are filled from neighbours"), "{told}");
+    let content = json(&bench.succeed("inspect b.lib --json"));
+    let texture = &content["textures"][0];
+    assert_eq!(
+        texture["speeds_mm_s"],
+        json("[50.0, 100.0, 150.0, 200.0]"),
+        "{texture}"
+    );
+    // What judges the library takes its trials for those of the fit.
+    bench.succeed("evaluate set --library b.lib --synthesis 2 --json b.json");
+    let judged = json(&std::fs::read_to_string(bench.path("b.json")).expect("written"));
+    let speeds: Vec<f64> = judged["trials"]
+        .as_array()
+        .expect("trials")
+        .iter()
+        .map(|trial| trial["speed_mm_s"].as_f64().expect("a speed"))
+        .collect();
+    assert!(
+        speeds
+            .iter()
+            .all(|speed| [50.0, 100.0, 150.0, 200.0].contains(speed)),
+        "{speeds:?}"
+    );
+    let slope: Vec<(&str, f64, f64)> = (0..8)
+        .map(|n| ("silk", 100.0 + 2.0 * f64::from(n), 1.0))
+        .collect();
+    set(&bench, &slope);
+    let message = bench.refuse("fit set --snap 0.03 --out c.lib");
+    holds(
+        &message,
+        &[
+            "speeds from 100 to 114 mm/s have no gap between them at a tolerance of 0.03",
+            "smaller --snap",
+        ],
+    );
+    assert!(!bench.path("c.lib").exists());
+}
+
+#[test]
+fn nodes_that_are_next_to_equal_are_told_with_the_remedy() {
+    let bench = Bench::new();
+    set(&bench, &[("silk", 100.0, 1.0), ("silk", 100.0001, 0.5)]);
+    let told = said(&bench, &format!("fit set --out a.lib {QUICK}"));
+    holds(&told, &["100 and 100.0001 mm/s", "--snap 0.01"]);
+    let told = said(&bench, &format!("fit set --snap 0.01 --out a.lib {QUICK}"));
+    holds(&told, &["2 speeds become 1 (100 mm/s)"]);
+}
+
+/// A library of two textures, in a folder with its set.
+fn fitted() -> Bench {
+    let bench = two_textures(|signal| [signal.to_vec()]);
+    bench.succeed(&format!("fit set --out good.lib {QUICK}"));
+    bench
+}
+
+/// One rule in every motion: a speed's sign is its direction, and a force at or below zero is no contact.
+#[test]
+fn the_sign_of_a_speed_is_its_direction_and_a_negative_force_no_contact_in_every_motion() {
+    let bench = fitted();
+    bench.write(
+        "scene.toml",
+        "name = \"s\"\n[constant_motion]\nspeed_mm_s = -100\nforce_n = 1\n[[surface]]\ntexture = \"silk\"\n",
+    );
+    bench.write(
+        "plus.toml",
+        "name = \"s\"\n[constant_motion]\nspeed_mm_s = 100\nforce_n = 1\n[[surface]]\ntexture = \"silk\"\n",
+    );
+    let table = |speed: f64, force: f64| {
+        format!("time_s,speed_mm_s,force_n\n0,{speed},{force}\n1,{speed},{force}\n")
+    };
+    let samples = |name: &str| -> Vec<u32> {
+        let reader = hound::WavReader::open(bench.path(name)).expect("it was rendered");
+        reader
+            .into_samples::<f32>()
+            .map(|sample| sample.expect("a sample").to_bits())
+            .collect()
+    };
+    let render = "render good.lib --texture silk --seconds 1";
+    bench.write("back.csv", table(-100.0, 1.0));
+    bench.write("off.csv", table(100.0, -1.0));
+    bench.succeed(&format!("{render} --speed 100 --force 1 --out plus.wav"));
+    let plus = samples("plus.wav");
+    assert!(plus.iter().any(|&sample| sample != 0));
+    for way in ["--speed -100 --force 1", "--motion back.csv"] {
+        bench.succeed(&format!("{render} {way} --out minus.wav"));
+        assert_eq!(samples("minus.wav"), plus, "{way}");
+    }
+    for way in ["--speed 100 --force -1", "--motion off.csv"] {
+        let told = said(&bench, &format!("{render} {way} --out off.wav"));
+        assert!(
+            samples("off.wav").iter().all(|&sample| sample == 0),
+            "{way}"
+        );
+        holds(&told, &["nothing is heard", "no contact"]);
+    }
+    for (scene, out) in [("scene.toml", "back.wav"), ("plus.toml", "forth.wav")] {
+        bench.succeed(&format!(
+            "scene render {scene} --library good.lib --seconds 1 --out {out}"
+        ));
+    }
+    assert_eq!(samples("back.wav"), samples("forth.wav"));
+    bench.succeed(
+        "scene render plus.toml --library good.lib --seconds 1 --speed -100 --force -1 --out f.wav",
+    );
+    for (way, word) in [
+        ("--speed 20000 --force 1", "mm/s"),
+        ("--speed 1 --force 101", "newtons"),
+    ] {
+        let refused = bench.run(&format!("{render} {way} --out o.wav"));
+        assert_eq!(refused.status.code(), Some(2));
+        holds(&text(&refused.stderr), &["no hand or drum exceeds", word]);
+    }
+    bench.write("fast.csv", table(20_000.0, 1.0));
+    let message = bench.refuse(&format!("{render} --motion fast.csv --out o.wav"));
+    holds(&message, &["fast.csv", "line 2", "no hand or drum exceeds"]);
+    bench.write(
+        "fast.toml",
+        "name = \"s\"\n[constant_motion]\nspeed_mm_s = 100\nforce_n = 200\n[[surface]]\ntexture = \"silk\"\n",
+    );
+    let message = bench.refuse("scene check fast.toml --library good.lib");
+    holds(
+        &message,
+        &["fast.toml", "line 4", "force_n", "no hand or drum exceeds"],
+    );
+}
+
+#[test]
+fn a_motion_of_one_line_has_no_end_and_says_so() {
+    let bench = fitted();
+    bench.write("one.csv", "time_s,speed_mm_s,force_n\n0,100,1\n");
+    bench.write("s.toml", "name = \"s\"\n[[surface]]\ntexture = \"silk\"\n");
+    for command in [
+        "render good.lib --texture silk --motion one.csv --out o.wav",
+        "scene render s.toml --library good.lib --motion one.csv --out o.wav",
+    ] {
+        holds(&bench.refuse(command), &["one.csv", "one row", "--seconds"]);
+        bench.succeed(&format!("{command} --seconds 0.5"));
+    }
+}
+
+#[test]
+fn a_response_that_is_missing_is_named_with_the_scene_and_its_line() {
+    let bench = fitted();
+    bench.write(
+        "s.toml",
+        "name = \"s\"\n[[surface]]\ntexture = \"silk\"\n\n[equaliser]\nmax_gain_db = 6\nresponse = \"coil.csv\"\n",
+    );
+    let message = bench.refuse("scene check s.toml --library good.lib");
+    holds(
+        &message,
+        &[
+            "s.toml, line 7",
+            "equaliser.response",
+            "coil.csv: cannot read",
+        ],
+    );
+    bench.write("coil.csv", "frequency_hz;magnitude_db\n50;0,5\n100;x\n");
+    let message = bench.refuse("scene check s.toml --library good.lib");
+    holds(
+        &message,
+        &[
+            "s.toml, line 7",
+            "coil.csv, line 3",
+            "column 2",
+            "semicolon",
+        ],
+    );
+}
+
+/// A table as spreadsheets and loggers write it: separator, decimal sign, byte order mark, ends of lines.
+fn dialects(table: &str) -> Vec<String> {
+    let written = |separator: &str, decimal: &str| {
+        let fields = |line: &str| {
+            let fields = line.split(',').map(|field| {
+                // Names of files keep their points.
+                if field.parse::<f64>().is_ok() {
+                    field.replace('.', decimal)
+                } else {
+                    field.to_owned()
+                }
+            });
+            fields.collect::<Vec<_>>().join(separator)
+        };
+        table
+            .lines()
+            .map(|line| fields(line) + "\n")
+            .collect::<String>()
+    };
+    let trailing = written(";", ",").replace('\n', ";\r\n");
+    vec![
+        written(",", "."),
+        written(";", ","),
+        written(";", "."),
+        written("\t", ","),
+        format!("\u{feff}{}", written(";", ",")),
+        format!("\u{feff}{trailing}"),
+    ]
+}
+
+#[test]
+fn every_table_is_read_in_every_dialect() {
+    let bench = fitted();
+    let motion = "time_s,speed_mm_s,force_n\n0,100,0.5\n0.25,150.5,1\n0.5,80,0.75\n";
+    let mut sounds = Vec::new();
+    for (number, motion) in dialects(motion).iter().enumerate() {
+        bench.write("m.csv", motion);
+        bench.succeed(&format!(
+            "render good.lib --texture silk --motion m.csv --out m{number}.wav"
+        ));
+        sounds.push(std::fs::read(bench.path(&format!("m{number}.wav"))).expect("rendered"));
+    }
+    assert!(sounds.windows(2).all(|pair| pair[0] == pair[1]));
+
+    let samples = noise(3, 5000);
+    let row = |(n, x): (usize, &f64)| format!("{:.4},{x:.6}\n", n as f64 / 5000.0);
+    let table: String = samples.iter().enumerate().map(row).collect();
+    let list = format!("{HEADER},scale_m_s2\na.csv,silk,100.5,0.5,2.5\n");
+    let mut libraries = Vec::new();
+    for (table, list) in dialects(&format!("time_s,x\n{table}"))
+        .iter()
+        .zip(dialects(&list))
+    {
+        bench.write("tables/a.csv", table);
+        bench.write("tables/trials.csv", list);
+        bench.succeed(&format!("fit tables --out t.lib {QUICK}"));
+        libraries.push(std::fs::read(bench.path("t.lib")).expect("fitted"));
+    }
+    assert!(libraries.windows(2).all(|pair| pair[0] == pair[1]));
+
+    let hand = |n: usize| {
+        format!(
+            "{:.4},100.5,0.75,{:.6}\n",
+            n as f64 / 5000.0,
+            samples[n % 5000]
+        )
+    };
+    let strokes: String = (0..10_000).map(hand).collect();
+    let mut lists = Vec::new();
+    for (number, strokes) in dialects(&format!("time_s,speed_mm_s,force_n,x\n{strokes}"))
+        .iter()
+        .enumerate()
+    {
+        bench.write("hand.csv", strokes);
+        bench.succeed(&format!(
+            "segment hand.csv --texture silk --out cut{number}"
+        ));
+        lists.push(std::fs::read(bench.path(&format!("cut{number}/trials.csv"))).expect("cut"));
+    }
+    assert!(lists.windows(2).all(|pair| pair[0] == pair[1]));
+
+    let answers = "trial,pair,a,b,x,answer,correct,replays,seconds,page,origin\n\
+                   1,p,recording,fitted,fitted,B,1,0,12.5,0f,recorded\n";
+    let mut scores = Vec::new();
+    for answers in dialects(answers) {
+        bench.write("answers.csv", answers);
+        scores.push(bench.succeed("compare --score answers.csv"));
+    }
+    assert!(scores.windows(2).all(|pair| pair[0] == pair[1]));
+
+    let scene =
+        "name = \"s\"\n[[surface]]\ntexture = \"silk\"\n[equaliser]\nresponse = \"coil.csv\"\n";
+    bench.write("s.toml", scene);
+    let response = "frequency_hz,magnitude_db\n40,0\n80,3.5\n160,-1.5\n320,0.5\n640,-3\n";
+    let mut designs = Vec::new();
+    for response in dialects(response) {
+        bench.write("coil.csv", response);
+        designs.push(bench.succeed("scene check s.toml --library good.lib"));
+    }
+    assert!(designs.windows(2).all(|pair| pair[0] == pair[1]));
+}
+
+#[test]
+fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
+    let bench = fitted();
+    let motion = |text: &str| {
+        bench.write("m.csv", text);
+        bench.refuse("render good.lib --texture silk --motion m.csv --out o.wav")
+    };
+    for (text, words) in [
+        (
+            "0;100;1\n1;100;1\n",
+            &[
+                "line 1",
+                "the first line is numbers",
+                "time_s, speed_mm_s and force_n",
+            ][..],
+        ),
+        (
+            "time_s;speed_mm_s;force_n\n0;100;1;7\n",
+            &["line 2", "'7' in column 4", "semicolon"],
+        ),
+        (
+            "time_s,speed_mm_s,force_n\n0,5,100,0,1,0\n",
+            &[
+                "line 2",
+                "column 4",
+                "decimal commas need another separator",
+            ],
+        ),
+        (
+            "time_s\tspeed_mm_s\tforce_n\n0\t1.5\t1\n\n# on\n1\t2,5\t1\n",
+            &["line 5", "column 2", "tab", "by a point"],
+        ),
+        (
+            "time_s,speed_mm_s,force_n\n0,100,1\n2,100,1\n1,100,1\n",
+            &["line 4", "1 after 2", "must rise"],
+        ),
+    ] {
+        holds(&motion(text), words);
+    }
+    for (text, words) in [
+        (
+            "time_s,x\n0,1\n0.0002,2\n0.1,3\n0.1002,1\n",
+            &["line 4", "a gap of 0.0998"][..],
+        ),
+        (
+            "time_s,x\n0,1\n0.0002,2\n0.0004,3\n0.0001,1\n0.0003,1\n",
+            &["line 5", "must rise"],
+        ),
+        (
+            "time_s,x\n0.000,1\n0.000,2\n0.001,3\n",
+            &["line 3", "more digits"],
+        ),
+        (
+            "time_s;x\n0;1\n0,0002;2;3\n",
+            &["line 3", "column 3", "semicolon"],
+        ),
+    ] {
+        bench.write("a.csv", text);
+        holds(&bench.refuse("fit a.csv --out o.lib"), words);
+        let hand = text
+            .replace("time_s,x", "time_s,speed_mm_s,x,force_n")
+            .replace("time_s;x", "time_s;speed_mm_s;x;force_n");
+        let hand: String = hand
+            .lines()
+            .map(|line| {
+                let row = match line.split_once(',') {
+                    Some((time, x)) if time.parse::<f64>().is_ok() => format!("{time},100,{x},1"),
+                    _ => line.to_owned(),
+                };
+                row + "\n"
+            })
+            .collect();
+        if !text.contains(';') {
+            bench.write("hand.csv", &hand);
+            holds(
+                &bench.refuse("segment hand.csv --texture a --out cut"),
+                words,
+            );
+        }
+    }
+    // A comment above does not move the line that is named.
+    bench.write(
+        "set/trials.csv",
+        format!("# mine\n{HEADER}\n# next\n\nsilk-50-0.5.wav,silk,50,x\n"),
+    );
+    holds(
+        &bench.refuse("fit set --out o.lib"),
+        &["line 5", "column 4", "force_n", "comma"],
+    );
+}
+
+#[cfg(feature = "hatt")]
+#[test]
+fn the_same_hatt_file_twice_is_told_under_one_name_and_under_two() {
+    let bench = Bench::new();
+    bench.write("Models_a.xml", crate::hatt::whole());
+    bench.write("Models_b.xml", crate::hatt::whole());
+    holds(
+        &bench.refuse("import-hatt Models_a.xml ./Models_a.xml --out a.lib"),
+        &["is given twice"],
+    );
+    let told = said(
+        &bench,
+        "import-hatt Models_a.xml Models_b.xml --speeds 2 --forces 2 --out a.lib",
+    );
+    holds(
+        &told,
+        &["Models_b.xml: holds the same models as Models_a.xml"],
+    );
+}

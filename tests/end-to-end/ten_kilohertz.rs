@@ -1,0 +1,227 @@
+//! Libraries at 10 kHz: fitted to recordings of that rate, had from libraries at 5 kHz, checked and rendered.
+
+use crate::support::{Bench, all_pole, json, noise, wav};
+use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
+
+const FAST_HZ: u32 = 10_000;
+
+/// Coefficients of resonances at `rate_hz`, each a frequency, Hz, and a radius.
+fn resonances(rate_hz: u32, all: &[(f64, f64)]) -> Vec<f64> {
+    let mut polynomial = vec![1.0];
+    for &(hertz, radius) in all {
+        let angle = core::f64::consts::TAU * hertz / f64::from(rate_hz);
+        let factor = [1.0, -2.0 * radius * angle.cos(), radius * radius];
+        let mut product = vec![0.0; polynomial.len() + 2];
+        for (i, p) in polynomial.iter().enumerate() {
+            for (j, f) in factor.iter().enumerate() {
+                product[i + j] += p * f;
+            }
+        }
+        polynomial = product;
+    }
+    polynomial.split_off(1)
+}
+
+/// Power of the process between two frequencies, for excitation of unit variance, by its density in closed form.
+fn power_between(a: &[f64], rate_hz: u32, low_hz: f64, high_hz: f64) -> f64 {
+    const STEPS: u32 = 2000;
+    let step_hz = (high_hz - low_hz) / f64::from(STEPS);
+    let density = |hertz: f64| {
+        let angle = core::f64::consts::TAU * hertz / f64::from(rate_hz);
+        let (mut re, mut im) = (1.0, 0.0);
+        for (lag, a) in (1..).zip(a) {
+            re += a * (angle * f64::from(lag)).cos();
+            im -= a * (angle * f64::from(lag)).sin();
+        }
+        2.0 / f64::from(rate_hz) / (re * re + im * im)
+    };
+    let middles = (0..STEPS).map(|n| low_hz + (f64::from(n) + 0.5) * step_hz);
+    middles.map(density).sum::<f64>() * step_hz
+}
+
+/// Power of a signal at 10 kHz in these multiples of 10 Hz, by sums over Hann windows of 0.1 s.
+fn power_by_sums(signal: &[f64], bins: std::ops::RangeInclusive<u32>) -> f64 {
+    let windows = signal.as_chunks::<1000>().0;
+    let mut power = 0.0;
+    for bin in bins {
+        for window in windows {
+            let (mut re, mut im) = (0.0, 0.0);
+            for (n, x) in (0u32..).zip(window) {
+                let hann = 1.0 - (core::f64::consts::TAU * f64::from(n) / 1e3).cos();
+                let (sin, cos) =
+                    (core::f64::consts::TAU * f64::from(bin * n % 1000) / 1e3).sin_cos();
+                re += x * hann * cos;
+                im += x * hann * sin;
+            }
+            power += 2.0 * (re * re + im * im) / 1.5e6;
+        }
+    }
+    power / windows.len() as f64
+}
+
+fn decibels(ratio: f64) -> f64 {
+    10.0 * ratio.log10()
+}
+
+fn samples(bench: &Bench, name: &str, rate_hz: u32) -> Vec<f64> {
+    let reader = hound::WavReader::open(bench.path(name)).expect("it was rendered");
+    assert_eq!(reader.spec().sample_rate, rate_hz);
+    let samples = reader.into_samples::<f32>();
+    samples.map(|sample| f64::from(sample.unwrap())).collect()
+}
+
+/// A folder with a recording of 60 s of two resonances, at `rate_hz`.
+fn recorded(rate_hz: u32) -> (Bench, Vec<f64>) {
+    let a = resonances(rate_hz, &[(140.0, 0.97), (900.0, 0.9)]);
+    let signal = all_pole(&a, &noise(5, 60 * rate_hz as usize));
+    let signal: Vec<f64> = signal.iter().map(|x| 0.02 * x).collect();
+    let bench = Bench::new();
+    bench.write("silk.wav", wav(&[&signal], rate_hz));
+    bench.write("set/silk.wav", wav(&[&signal], rate_hz));
+    let list = "file,texture,speed_mm_s,force_n\nsilk.wav,silk,100,1\n";
+    bench.write("set/trials.csv", list);
+    (bench, a)
+}
+
+const RENDER: &str = "--speed 100 --force 1 --seconds 60 --seed 7";
+
+#[test]
+fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of_five() {
+    let a = resonances(FAST_HZ, &[(140.0, 0.98), (900.0, 0.9), (3_300.0, 0.95)]);
+    let signal: Vec<f64> = all_pole(&a, &noise(3, 600_000))
+        .iter()
+        .map(|x| 0.02 * x)
+        .collect();
+    let bench = Bench::new();
+    bench.write("set/silk.wav", wav(&[&signal], FAST_HZ));
+    let list = "file,texture,speed_mm_s,force_n\nsilk.wav,silk,100,1\n";
+    bench.write("set/trials.csv", list);
+    bench.succeed("fit set --out fast.lib --model-rate 10000");
+    bench.succeed(&format!(
+        "render fast.lib --texture silk {RENDER} --out fast.wav"
+    ));
+    let played = samples(&bench, "fast.wav", FAST_HZ).split_off(FAST_HZ as usize);
+    for (band, power) in band_powers(&played, f64::from(FAST_HZ))
+        .into_iter()
+        .enumerate()
+    {
+        let (low_hz, high_hz) = band_edges_hz(band);
+        let expected = 0.02f64.powi(2) * power_between(&a, FAST_HZ, low_hz, high_hz);
+        let error = decibels(power / expected);
+        assert!(error.abs() < 1.2, "{low_hz:.0} Hz band {error} dB");
+    }
+    let mean_square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
+    let level = decibels(mean_square(&played) / mean_square(&signal));
+    assert!(level.abs() < 0.3, "{level} dB");
+    // The third resonance is above 2.5 kHz, where no library at 5 kHz has anything.
+    let expected = 0.02f64.powi(2) * power_between(&a, FAST_HZ, 3_195.0, 3_405.0);
+    let error = decibels(power_by_sums(&played, 320..=340) / expected);
+    assert!(error.abs() < 0.5, "{error} dB about 3300 Hz");
+    let refused = bench.refuse("evaluate set --library fast.lib");
+    assert!(refused.contains("10000 Hz"), "{refused}");
+}
+
+#[test]
+fn a_fit_at_ten_kilohertz_refuses_what_it_cannot_keep_by_name() {
+    let (bench, _) = recorded(5_000);
+    let refused = |options: &str| bench.refuse(&format!("fit set --out fast.lib {options}"));
+    let slow = refused("--model-rate 10000");
+    assert!(
+        slow.contains("silk.wav") && slow.contains("5000 Hz"),
+        "{slow}"
+    );
+    for (options, word) in [
+        ("--model-rate 8000", "8000 Hz"),
+        ("--model-rate 10000 --densify", "--densify"),
+        ("--model-rate 10000 --excitation residual", "--excitation"),
+        ("--model-rate 10000 --modulation track", "--modulation"),
+        ("--model-rate 10000 --estimator multitaper", "--estimator"),
+        ("--model-rate 10000 --budget-cycles 5000", "--budget-cycles"),
+    ] {
+        let message = refused(options);
+        assert!(message.contains(word), "{message}");
+    }
+    assert!(!bench.path("fast.lib").exists());
+}
+
+#[test]
+fn a_library_changes_its_rate_and_keeps_its_bands() {
+    let (bench, _) = recorded(5_000);
+    bench.succeed(
+        "fit set --out slow.lib --order 60 --excitation gaussian --modulation none --lines none",
+    );
+    let rows = json(&bench.succeed("resample slow.lib --rate 10000 --out fast.lib --json"));
+    assert_eq!(rows[0]["orders"], serde_json::json!([60, 120]));
+    let worst = rows[0]["largest_db"].as_f64().unwrap();
+    assert!(worst < 0.5, "{worst} dB");
+    for (library, rate_hz) in [("slow", 5_000), ("fast", FAST_HZ)] {
+        bench.succeed(&format!(
+            "render {library}.lib --texture silk {RENDER} --out {library}.wav"
+        ));
+        assert_eq!(
+            samples(&bench, &format!("{library}.wav"), rate_hz).len(),
+            60 * rate_hz as usize
+        );
+    }
+    let bands = |name: &str, rate_hz: u32| {
+        let played = samples(&bench, name, rate_hz).split_off(rate_hz as usize);
+        band_powers(&played, f64::from(rate_hz))
+    };
+    // Both are estimates from 59 s of different noise.
+    let pairs = bands("slow.wav", 5_000)
+        .into_iter()
+        .zip(bands("fast.wav", FAST_HZ));
+    for (band, (slow, fast)) in pairs.enumerate() {
+        let error = decibels(fast / slow);
+        assert!(error.abs() < 1.5, "band {band}: {error} dB");
+    }
+    let there = bench.refuse("resample fast.lib --rate 10000 --out again.lib");
+    assert!(
+        there.contains("'silk'") && there.contains("already"),
+        "{there}"
+    );
+    let rate = bench.refuse("resample fast.lib --rate 8000 --out again.lib");
+    assert!(rate.contains("5000 or 10000"), "{rate}");
+}
+
+#[test]
+fn the_check_of_a_scene_at_ten_kilohertz_shows_half_of_the_budget() {
+    let (bench, _) = recorded(5_000);
+    bench.succeed(
+        "fit set --out slow.lib --order 40 --excitation gaussian --modulation none --lines none",
+    );
+    bench.succeed("resample slow.lib --rate 10000 --out fast.lib");
+    let scene = |rate: &str| format!("name = \"bench\"\n{rate}[[surface]]\ntexture = \"silk\"\n");
+    bench.write("slow.toml", scene(""));
+    bench.write("fast.toml", scene("sample_rate_hz = 10000\n"));
+    let budget = |scene: &str, library: &str| {
+        let text = bench.succeed(&format!("scene check {scene} --library {library} --json"));
+        let report = json(&text);
+        let worst = report["worst_case"]["instructions"].as_u64().unwrap();
+        assert!(report["fits"].as_bool().unwrap());
+        (
+            report["budget_instructions"].as_u64().unwrap(),
+            report["sample_rate_hz"].as_u64().unwrap(),
+            worst,
+        )
+    };
+    let (slow, slow_hz, _) = budget("slow.toml", "slow.lib");
+    let (fast, fast_hz, worst) = budget("fast.toml", "fast.lib");
+    assert_eq!((slow, slow_hz), (2 * fast, 5_000));
+    assert_eq!(fast_hz, 10_000);
+    let text = bench.succeed("scene check fast.toml --library fast.lib");
+    assert!(
+        text.contains(&format!("{fast} instructions per sample at 10000 Hz")),
+        "{text}"
+    );
+    let refused = bench.refuse(&format!(
+        "scene check fast.toml --library fast.lib --budget {}",
+        2 * worst - 1
+    ));
+    assert!(refused.contains("10000 Hz"), "{refused}");
+    let other = bench.refuse("scene check slow.toml --library fast.lib");
+    assert!(other.contains("slow.toml"), "{other}");
+    bench.succeed("scene compile fast.toml --library fast.lib --out scenes.lib");
+    let scenes = bench.refuse("resample scenes.lib --rate 5000 --out again.lib");
+    assert!(scenes.contains("'bench'"), "{scenes}");
+}

@@ -1,0 +1,81 @@
+//! Frames of the link as they arrive at the host, and the messages in them.
+
+use std::collections::VecDeque;
+
+use host_tools::link::FrameDecoder;
+use host_tools::link::virtual_usb::{self, FromBus};
+use model_format::link::{
+    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, ListEndpoint, ListSceneEndpoint,
+    MAX_DEVICE_FRAME_BYTES, MotionEndpoint, PlayEndpoint, RecordStartEndpoint, RecordStopEndpoint,
+    SelfTestEndpoint, SettingsGetEndpoint, SettingsProposeEndpoint, SlotsEndpoint, StatusEndpoint,
+    StopEndpoint, UploadAbortEndpoint, UploadBeginEndpoint, UploadCommitEndpoint,
+    UploadProgressEndpoint,
+};
+use postcard_rpc::Endpoint;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// Judges `input` as a stream, and as one message.
+pub fn judge(input: &[u8]) {
+    let frames = decoded(input);
+    // What was decoded, sent again after any noise, is decoded to the same.
+    let mut stream = vec![0];
+    for frame in &frames {
+        assert!(frame.len() <= MAX_DEVICE_FRAME_BYTES);
+        stream.extend(cobs::encode_vec(frame));
+        stream.push(0);
+    }
+    assert_eq!(decoded(&stream), frames);
+    frames.iter().for_each(|frame| messages(frame));
+    messages(input);
+    let mut bytes: VecDeque<u8> = input.iter().copied().collect();
+    while let Ok(Some(message)) = virtual_usb::take::<FromBus>(&mut bytes) {
+        let mut again = VecDeque::from(virtual_usb::encode(&message));
+        assert_eq!(virtual_usb::take(&mut again).ok().flatten(), Some(message));
+    }
+}
+
+fn decoded(stream: &[u8]) -> Vec<Vec<u8>> {
+    let mut decoder = FrameDecoder::default();
+    let frames = stream.iter().filter_map(|&byte| decoder.push(byte)?.ok());
+    frames.collect()
+}
+
+/// Every answer of a device.
+fn messages(frame: &[u8]) {
+    answer::<InfoEndpoint>(frame);
+    answer::<StatusEndpoint>(frame);
+    answer::<CyclesEndpoint>(frame);
+    answer::<UploadBeginEndpoint>(frame);
+    answer::<UploadCommitEndpoint>(frame);
+    answer::<UploadAbortEndpoint>(frame);
+    answer::<UploadProgressEndpoint>(frame);
+    answer::<SlotsEndpoint>(frame);
+    answer::<ListEndpoint>(frame);
+    answer::<ListSceneEndpoint>(frame);
+    answer::<ActivateEndpoint>(frame);
+    answer::<PlayEndpoint>(frame);
+    answer::<StopEndpoint>(frame);
+    answer::<MotionEndpoint>(frame);
+    answer::<RecordStartEndpoint>(frame);
+    answer::<RecordStopEndpoint>(frame);
+    answer::<SettingsGetEndpoint>(frame);
+    answer::<SettingsProposeEndpoint>(frame);
+    answer::<SelfTestEndpoint>(frame);
+}
+
+/// An answer that is understood is encoded to bytes that mean the same. Bytes are compared, because of NaN.
+fn answer<E: Endpoint>(frame: &[u8])
+where
+    E::Response: Serialize + DeserializeOwned,
+{
+    let Ok(message) = postcard::from_bytes::<E::Response>(frame) else {
+        return;
+    };
+    let bytes = postcard::to_allocvec(&message).expect("it was decoded");
+    let again: E::Response = postcard::from_bytes(&bytes).expect("it was encoded");
+    assert_eq!(
+        postcard::to_allocvec(&again).expect("it was decoded"),
+        bytes
+    );
+}

@@ -1,0 +1,49 @@
+//! Scales of the sensors on the board. Where nobody names others they are those of a device that was never set, so that
+//! the image reads the force and the path that a motion gives.
+
+use model_format::link::Setting;
+
+use crate::motion::MotionLine;
+
+/// Voltage of the converter's full scale.
+pub const REFERENCE_VOLTS: f64 = 3.3;
+/// Code of the converter's full scale.
+pub const FULL_SCALE: f64 = 65_535.0;
+
+/// The default of `setting`, to six digits, which is all that it has.
+fn default_of(setting: Setting) -> f64 {
+    let default = setting.spec().default.to_string();
+    default.parse().expect("a number in decimals is a number")
+}
+
+/// Newtons per volt of the force sensor.
+pub fn newtons_per_volt() -> f64 {
+    default_of(Setting::ForcePerVolt)
+}
+
+/// Volts of the force sensor without force.
+pub fn force_zero_volts() -> f64 {
+    let volts = default_of(Setting::ForceZero) / FULL_SCALE * REFERENCE_VOLTS;
+    (volts * 1e6).round() / 1e6
+}
+
+/// Millimetres per count of the encoder.
+pub fn mm_per_count() -> f64 {
+    default_of(Setting::PathPerCount)
+}
+
+/// The force at an instant, N: linear between lines, constant beyond them, zero without any.
+pub fn force_at(lines: &[MotionLine], time_s: f64) -> f64 {
+    let next = lines.partition_point(|line| line.time_s <= time_s);
+    match (
+        next.checked_sub(1).and_then(|last| lines.get(last)),
+        lines.get(next),
+    ) {
+        (Some(last), Some(next)) => {
+            let share = (time_s - last.time_s) / (next.time_s - last.time_s);
+            last.force_n + share * (next.force_n - last.force_n)
+        }
+        (Some(only), None) | (None, Some(only)) => only.force_n,
+        (None, None) => 0.0,
+    }
+}
