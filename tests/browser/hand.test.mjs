@@ -1,4 +1,5 @@
-// The hand and the spectrum, by the page's own scripts: a pointer's places to speeds, a keys' stroke, Welch's estimate.
+// The hand, the grid and the spectrum, by the page's own scripts: a pointer's places to speeds, a keys' stroke, nodes of a
+// voice, Welch's estimate.
 
 import assert from "node:assert/strict";
 import fs from "node:fs";
@@ -16,6 +17,7 @@ function load(files, names) {
 }
 
 const { PointerPath, KeyStroke } = load(["stroke.js"], ["PointerPath", "KeyStroke"]);
+const { distinctNodes } = load(["data.js"], ["distinctNodes"]);
 const { LiveSpectrum } = load(["spectrum.js"], ["LiveSpectrum"]);
 
 // Numbers from 0 to 1, by a xorshift of 32 bits (Marsaglia, 2003).
@@ -107,6 +109,24 @@ test("a stroke of the keys turns at the ends and goes as far as its speed says",
   assert.equal(stroke.direction, 1, "the key that is still held counts");
   stroke.release(1);
   assert.equal(stroke.moves, false);
+});
+
+test("a voice's nodes are each told once, with all of their weight, whatever the grid", () => {
+  const inside = { nodes: [3, 4, 8, 9], weights: [0.1, 0.2, 0.3, 0.4] };
+  assert.deepEqual(distinctNodes(inside).flat().join(), "3,0.1,4,0.2,8,0.3,9,0.4");
+  assert.equal(distinctNodes({ nodes: [7, 7, 7, 7], weights: [1, 0, 0, 0] }).flat().join(), "7,1");
+  const random = generator(4711);
+  for (let round = 0; round < 200; round++) {
+    const nodes = Array.from({ length: 4 }, () => Math.floor(3 * random()));
+    const weights = nodes.map(random);
+    const found = distinctNodes({ nodes, weights });
+    assert.equal(new Set(found.map(([node]) => node)).size, found.length);
+    for (const [node, weight] of found) {
+      const parts = weights.filter((_, corner) => nodes[corner] === node);
+      assert.ok(Math.abs(weight - parts.reduce((sum, part) => sum + part, 0)) < 1e-12);
+    }
+    assert.equal(found.length, new Set(nodes).size);
+  }
 });
 
 test("the spectrum of white noise is its power over its band, and a tone's power is its own", () => {

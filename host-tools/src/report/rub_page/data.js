@@ -70,10 +70,9 @@ class PageTexture {
   // The node with the most weight that `has` something, of nodes and weights of a voice.
   heaviest(voice, has = () => true) {
     let best = null;
-    voice.nodes.forEach((node, corner) => {
-      const weight = voice.weights[corner];
+    for (const [node, weight] of distinctNodes(voice)) {
       if (has(node) && (best === null || weight > best.weight)) best = { node, weight };
-    });
+    }
     return best === null || best.weight === 0 ? null : best.node;
   }
 
@@ -97,4 +96,12 @@ class PageTexture {
     }
     return kinds;
   }
+}
+
+// Nodes of a voice, each once, with the sum of its weights. On a grid of one speed or force, and beyond the grid's edge,
+// some of the four corners are one node.
+function distinctNodes({ nodes, weights }) {
+  const sums = new Map();
+  nodes.forEach((node, corner) => sums.set(node, (sums.get(node) ?? 0) + weights[corner]));
+  return [...sums];
 }

@@ -495,7 +495,7 @@ class RubPage {
     this.mapOf = index;
     this.map = new MapPicture(byId("map-picture"), `map-${index}`, this.texture);
     byId("map-text").textContent = `Click a node, or press Enter on it, for a stroke there. The point is your speed and
-      force of the moment; the rings are the four nodes whose models are mixed, larger with more weight.`;
+      force of the moment; the rings are the nodes whose models are mixed, at most four, larger with more weight.`;
   }
 
   showPatch() {
@@ -588,11 +588,10 @@ class RubPage {
     const key = voice.nodes.join() + voice.weights.map((weight) => weight.toFixed(2)).join();
     if (key === this.shownNodes) return;
     this.shownNodes = key;
-    const rows = voice.nodes.map((index, corner) => {
+    const rows = distinctNodes(voice).map(([index, weight]) => {
       const node = this.texture.nodes[index];
       const cost = node.cost === null ? "–" : (100 * node.cost).toFixed(1);
-      const weight = voice.weights[corner].toFixed(2);
-      return [node.speed_mm_s, node.force_n, weight, node.silent ? "silent" : node.order, cost];
+      return [node.speed_mm_s, node.force_n, weight.toFixed(2), node.silent ? "silent" : node.order, cost];
     });
     byId("nodes").replaceChildren(
       ...rows.map((cells) => {

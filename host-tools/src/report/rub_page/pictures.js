@@ -132,7 +132,7 @@ function colourOf(look) {
   return `var(${name})`;
 }
 
-// A map with the point of the moment and its four nodes.
+// A map with the point of the moment and the nodes that are mixed there, four at most.
 class MapPicture {
   constructor(holder, name, texture) {
     this.texture = texture;
@@ -153,13 +153,14 @@ class MapPicture {
     const x = axes.placeX(Math.abs(voice.speed));
     const y = axes.placeY(voice.force);
     place(this.point, { cx: x, cy: y, r: 11 });
-    voice.nodes.forEach((index, corner) => {
+    const nodes = distinctNodes(voice);
+    this.rings.forEach((ring, number) => {
+      const [index, weight] = nodes[number] ?? [0, 0];
       const node = this.texture.nodes[index];
       const [nodeX, nodeY] = [axes.placeX(node.speed_mm_s), axes.placeY(node.force_n)];
-      const weight = Math.max(0, voice.weights[corner]);
-      place(this.rings[corner], { cx: nodeX, cy: nodeY, r: weight > 0 ? 5 + 13 * Math.sqrt(weight) : 0 });
-      place(this.ties[corner], { x1: x, y1: y, x2: nodeX, y2: nodeY });
-      this.ties[corner].setAttribute("opacity", Math.sqrt(weight));
+      place(ring, { cx: nodeX, cy: nodeY, r: weight > 0 ? 5 + 13 * Math.sqrt(weight) : 0 });
+      place(this.ties[number], { x1: x, y1: y, x2: nodeX, y2: nodeY });
+      this.ties[number].setAttribute("opacity", Math.sqrt(Math.max(0, weight)));
     });
   }
 }
