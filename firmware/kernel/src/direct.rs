@@ -165,7 +165,9 @@ impl DirectFrame {
     fn interpolate<A: Arithmetic>(&mut self, nodes: &Nodes<'_>) {
         let mut rest = &mut self.coefficients[..];
         let mut done = 0;
-        while let Some((run, taps)) = nodes.run(done, rest.len()) {
+        while !rest.is_empty()
+            && let Some((run, taps)) = nodes.run(done, rest.len())
+        {
             let now;
             (now, rest) = rest.split_at_mut(taps);
             A::mean_coefficients(&run, now);

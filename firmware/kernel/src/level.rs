@@ -45,16 +45,21 @@ pub fn rms_of(weights: &[u32; 4], law: LevelLaw, bits: u32, powers: &[f32; 4]) -
         LevelLaw::Logarithm => {
             // Twice the amplitude's logarithm, with the digits of the weights.
             const FRACTION_BITS: u32 = LOG2_FRACTION_BITS + ONE.ilog2() + 1;
-            let (mut sum, mut lowest, mut highest) = (0, u32::MAX, 0);
+            let (mut sum, mut lowest, mut highest) = (0, f32::MAX, 0.0f32);
             for (power, weight) in terms() {
-                let rms = rms_in_steps(power, bits);
-                (lowest, highest) = (lowest.min(rms), highest.max(rms));
+                // Comparisons, because minimum and maximum are calls of a library on ARM.
+                if power < lowest {
+                    lowest = power;
+                }
+                if power > highest {
+                    highest = power;
+                }
                 sum += i64::from(weight) * log2(power);
             }
             // At a node both bounds are its own level. Elsewhere they take off what the logarithm rounds.
             exp2(sum + (i64::from(bits) << FRACTION_BITS), FRACTION_BITS)
-                .max(lowest)
-                .min(highest)
+                .max(rms_in_steps(lowest, bits))
+                .min(rms_in_steps(highest, bits))
         }
     }
 }

@@ -8,10 +8,70 @@ pub const LOG2_FRACTION_BITS: u32 = 24;
 /// Digits after the point of the mantissas below.
 const MANTISSA_BITS: u32 = 31;
 
+/// Binary digits of a place in the tables of centres.
+const CENTRE_BITS: u32 = 5;
+
+/// Number of centres: 1, 1 + 2⁻⁵ and on, up to 2.
+const CENTRES: usize = (1 << CENTRE_BITS) + 1;
+
+/// 1 / centre in steps of 2⁻³¹, rounded down.
+const RECIPROCALS: [u32; CENTRES] = {
+    let mut reciprocals = [0; CENTRES];
+    let mut place = 0;
+    while place < CENTRES {
+        let centre = (1 << CENTRE_BITS) + place as u64;
+        reciprocals[place] = ((1u64 << (MANTISSA_BITS + CENTRE_BITS)) / centre) as u32;
+        place += 1;
+    }
+    reciprocals
+};
+
+/// log₂ of one over each of [`RECIPROCALS`] as they are stored, in steps of 2⁻³¹, rounded down.
+const LOGARITHMS: [u32; CENTRES] = {
+    let mut logarithms = [0; CENTRES];
+    let mut place = 0;
+    while place < CENTRES {
+        let centre = (1u64 << MANTISSA_BITS) as f64 / RECIPROCALS[place] as f64;
+        // ln c = 2 artanh z with z = (c - 1) / (c + 1), at most a third, as a series in z².
+        let z = (centre - 1.0) / (centre + 1.0);
+        let (mut sum, mut term, mut n) = (0.0, 2.0 * z, 1);
+        while n < 60 {
+            sum += term / n as f64;
+            term *= z * z;
+            n += 2;
+        }
+        logarithms[place] = (sum / core::f64::consts::LN_2 * (1u64 << MANTISSA_BITS) as f64) as u32;
+        place += 1;
+    }
+    logarithms
+};
+
+/// Digits after the point of a mantissa's distance from its centre, relative to the centre: it is at most 2⁻⁶ in
+/// magnitude.
+const DISTANCE_BITS: u32 = 36;
+
+/// (-1)ⁿ⁺¹ / (n ln 2) for n of 1 to 4, in steps of 2⁻²⁹: the series of log₂(1 + x), whose rest is below 10⁻⁹ for x up
+/// to 2⁻⁶.
+const LOG2_SERIES: [i32; 4] = {
+    let mut series = [0; 4];
+    let (mut n, mut sign) = (1, 1.0);
+    while n <= series.len() {
+        let coefficient = sign / (n as f64 * core::f64::consts::LN_2);
+        series[n - 1] = (coefficient * (1u32 << SERIES_BITS) as f64) as i32;
+        n += 1;
+        sign = -sign;
+    }
+    series
+};
+
+/// Digits after the point of [`LOG2_SERIES`].
+const SERIES_BITS: u32 = 29;
+
 /// log₂ of `value` in steps of 2⁻²⁴, rounded down, for a positive finite `value`. It is within two steps of the exact
-/// one.
+/// one, exact for powers of two, and larger for every larger value.
 ///
-/// Zero counts as the smallest positive value.
+/// Zero counts as the smallest positive value. The mantissa is the nearest centre times 1 + x, and log₂(1 + x) a
+/// series.
 pub fn log2(value: f32) -> i64 {
     const STORED_BITS: u32 = f32::MANTISSA_DIGITS - 1;
     /// Exponent of a value's lowest stored digit where the exponent field is 0 or 1.
@@ -22,16 +82,27 @@ pub fn log2(value: f32) -> i64 {
     let digits = ((bits & ((1 << STORED_BITS) - 1)) | hidden).max(1);
     // `value` is mantissa · 2^exponent with a mantissa of 1 to 2.
     let exponent = LOWEST + field.max(1) as i32 - 1 + digits.ilog2() as i32;
-    let mut mantissa = digits << (MANTISSA_BITS - digits.ilog2());
-    // A digit of the logarithm is whether the square is 2 or more, which has the next digit twice as far up.
-    let mut fraction = 0;
-    for _ in 0..LOG2_FRACTION_BITS {
-        let square = (u64::from(mantissa) * u64::from(mantissa)) >> MANTISSA_BITS;
-        let digit = (square >> (MANTISSA_BITS + 1)) as u32;
-        mantissa = (square >> digit) as u32;
-        fraction = 2 * fraction + i64::from(digit);
+    let mantissa = digits << (MANTISSA_BITS - digits.ilog2());
+    // A digit more than the place's, rounded off.
+    let halves = (mantissa >> (MANTISSA_BITS - CENTRE_BITS - 1)) - (2 << CENTRE_BITS);
+    let place = halves.div_ceil(2) as usize;
+    let ratio = u64::from(mantissa) * u64::from(RECIPROCALS[place]);
+    let distance =
+        ((ratio >> (2 * MANTISSA_BITS - DISTANCE_BITS)) as i64 - (1 << DISTANCE_BITS)) as i32;
+    let mut sum = 0;
+    for coefficient in LOG2_SERIES.into_iter().rev() {
+        sum = coefficient + (high_word(sum, distance) >> (DISTANCE_BITS - u32::BITS));
     }
-    (i64::from(exponent) << LOG2_FRACTION_BITS) + fraction
+    let of_distance =
+        high_word(sum, distance) >> (SERIES_BITS + DISTANCE_BITS - u32::BITS - MANTISSA_BITS);
+    let fraction =
+        LOGARITHMS[place].wrapping_add_signed(of_distance) >> (MANTISSA_BITS - LOG2_FRACTION_BITS);
+    (i64::from(exponent) << LOG2_FRACTION_BITS) + i64::from(fraction)
+}
+
+/// The upper word of a product, rounded down.
+fn high_word(a: i32, b: i32) -> i32 {
+    ((i64::from(a) * i64::from(b)) >> u32::BITS) as i32
 }
 
 /// 2^(`exponent` · 2⁻`fraction_bits`), rounded down, at most `u32::MAX`; `fraction_bits` are 32 to 62.
@@ -98,6 +169,21 @@ mod tests {
         fn exp2_never_falls(exponent in -(2i64 << 40)..32i64 << 40, more in 0i64..1 << 20) {
             prop_assert!(exp2(exponent, 40) <= exp2(exponent + more, 40));
         }
+    }
+
+    /// All mantissas at one exponent; the others differ by whole numbers.
+    #[test]
+    fn log2_is_larger_for_every_larger_value_and_within_two_steps_of_the_exact_one() {
+        let mut before = log2(1.0) - 1;
+        for mantissa in 0..1u32 << (f32::MANTISSA_DIGITS - 1) {
+            let value = f32::from_bits(1.0f32.to_bits() + mantissa);
+            let found = log2(value);
+            assert!(found > before, "{value}: {found} after {before}");
+            let error = found as f64 * STEP - libm::log2(f64::from(value));
+            assert!((-2.0 * STEP..=1e-9).contains(&error), "{value}: {error}");
+            before = found;
+        }
+        assert!(log2(2.0) > before);
     }
 
     #[test]

@@ -48,7 +48,9 @@ impl<'a> Nodes<'a> {
     /// model lacks have θ = 0.
     pub(crate) fn interpolate<A: Arithmetic>(&self, mut rotations: &mut [Rotation]) {
         let mut done = 0;
-        while let Some((run, stages)) = self.run(done, rotations.len()) {
+        while !rotations.is_empty()
+            && let Some((run, stages)) = self.run(done, rotations.len())
+        {
             let now;
             (now, rotations) = rotations.split_at_mut(stages);
             A::mean_rotations(&run, now);

@@ -153,8 +153,9 @@ impl Frame {
     /// Makes this the frame of `motion` on `texture`, the one that it was made for. Levels go from `from`, those of the
     /// frame before, to their new values in `samples` samples.
     ///
-    /// The work is at most ten thousand instructions on a Cortex-M4 (`cargo tasks qemu` counts them), is bounded, and
-    /// is not part of a sample's. A motion that rests can be held instead, see [`Frame::hold`].
+    /// The work is bounded, and is not part of a sample's. A plain lattice of order 400 takes at most ten thousand
+    /// instructions on a Cortex-M4, one with fractions and a tail, whose levels are averaged in dB, twelve thousand;
+    /// `cargo tasks qemu` counts them. A motion that rests can be held instead, see [`Frame::hold`].
     pub fn update<A: Arithmetic>(
         &mut self,
         texture: &Texture<'_>,

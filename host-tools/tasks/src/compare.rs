@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use kernel_vectors::report::ARITHMETICS;
-use kernel_vectors::{MEASURED, Measured, VECTORS, edges, library, run};
+use kernel_vectors::{MEASURED, Measured, PATH_UPDATES, VECTORS, edges, library, run};
 use stylus_kernel::arithmetic::Portable;
 
 use crate::error::{Error, Result};
@@ -113,7 +113,7 @@ fn same(played: Option<&Played>, host: &Played) -> std::result::Result<(), Strin
 /// # Errors
 /// A texture has samples that differ, or was not measured often enough.
 pub fn same_cost_always(processor: Processor, samples: &[Cost]) -> Result<()> {
-    each_measured(processor, samples, |_, cost| {
+    each_measured(processor, samples, MIN_CALLS, |_, cost| {
         if cost.fewest == cost.most {
             Ok(())
         } else {
@@ -130,28 +130,43 @@ pub fn same_cost_always(processor: Processor, samples: &[Cost]) -> Result<()> {
 /// # Errors
 /// A texture has a dearer sample, or was not measured often enough.
 pub fn within_budget(processor: Processor, samples: &[Cost]) -> Result<()> {
-    each_measured(processor, samples, |measured, cost| {
-        let (most, budget) = (cost.most, measured.budget_instructions);
-        if most <= budget {
-            Ok(())
-        } else {
-            Err(format!(
-                "a sample takes {most} instructions, and its budget is {budget}"
-            ))
-        }
+    each_measured(processor, samples, MIN_CALLS, |measured, cost| {
+        at_most("a sample", cost.most, measured.budget_instructions)
     })
 }
 
+/// Checks that no update takes more instructions than its texture's budget.
+///
+/// # Errors
+/// A texture has a dearer update, or was not measured often enough.
+pub fn updates_within_budget(processor: Processor, updates: &[Cost]) -> Result<()> {
+    each_measured(processor, updates, PATH_UPDATES, |measured, cost| {
+        at_most("an update", cost.most, measured.update_budget_instructions)
+    })
+}
+
+fn at_most(what: &str, most: u32, budget: u32) -> std::result::Result<(), String> {
+    if most <= budget {
+        Ok(())
+    } else {
+        Err(format!(
+            "{what} takes {most} instructions, and its budget is {budget}"
+        ))
+    }
+}
+
+/// Checks each measured texture's cost, which is of at least `calls` calls.
 fn each_measured(
     processor: Processor,
-    samples: &[Cost],
+    costs: &[Cost],
+    calls: u32,
     check: impl Fn(&Measured, &Cost) -> std::result::Result<(), String>,
 ) -> Result<()> {
     for measured in &MEASURED {
-        let checked = match find(samples, measured.texture) {
+        let checked = match find(costs, measured.texture) {
             None => Err("its cost was not measured".to_owned()),
-            Some(cost) if cost.calls < MIN_CALLS => {
-                Err(format!("measured over {} samples only", cost.calls))
+            Some(cost) if cost.calls < calls => {
+                Err(format!("measured over {} calls only", cost.calls))
             }
             Some(cost) => check(measured, cost),
         };
@@ -176,22 +191,24 @@ pub fn table(processor: Processor, report: &EmulatorReport) -> String {
         None => "-".to_owned(),
     };
     let mut text = format!(
-        "{:<10} {:<22} {:>8} {:>8} {:>16}\n",
+        "{:<10} {:<28} {:>10} {:>8} {:>16} {:>8}\n",
         processor.name(),
         "instructions",
         "per sample",
         "budget",
-        "per update"
+        "per update",
+        "budget"
     );
     for measured in &MEASURED {
         let _ = writeln!(
             text,
-            "{:<10} {:<22} {:>8} {:>8} {:>16}",
+            "{:<10} {:<28} {:>10} {:>8} {:>16} {:>8}",
             "",
             measured.texture,
             range(&report.samples, measured.texture),
             measured.budget_instructions,
             range(&report.follows, measured.texture),
+            measured.update_budget_instructions,
         );
     }
     text
@@ -259,5 +276,13 @@ mod tests {
         assert!(within_budget(PROCESSOR, &costs(0, lowest, MIN_CALLS)).is_ok());
         assert!(within_budget(PROCESSOR, &costs(0, lowest + 1, MIN_CALLS)).is_err());
         assert!(within_budget(PROCESSOR, &[]).is_err());
+        let lowest = MEASURED
+            .iter()
+            .map(|measured| measured.update_budget_instructions)
+            .min();
+        let lowest = lowest.expect("something is measured");
+        assert!(updates_within_budget(PROCESSOR, &costs(0, lowest, MIN_CALLS)).is_ok());
+        assert!(updates_within_budget(PROCESSOR, &costs(0, lowest + 1, MIN_CALLS)).is_err());
+        assert!(updates_within_budget(PROCESSOR, &[]).is_err());
     }
 }

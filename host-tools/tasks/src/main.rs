@@ -253,6 +253,7 @@ fn play_all() -> Result<()> {
             compare::same_bits(processor, &report.played, &host),
             compare::same_cost_always(processor, &report.samples),
             compare::within_budget(processor, &report.samples),
+            compare::updates_within_budget(processor, &report.follows),
         ]);
     }
     let mut failures = checked.into_iter().filter_map(Result::err);

@@ -97,10 +97,9 @@ fn a_sample_takes_the_same_instructions_whatever_the_data() {
 #[test]
 fn the_kernel_is_within_its_budget() {
     for processor in Processor::ALL {
-        holds(compare::within_budget(
-            processor,
-            &report(processor).samples,
-        ));
+        let report = report(processor);
+        holds(compare::within_budget(processor, &report.samples));
+        holds(compare::updates_within_budget(processor, &report.follows));
     }
 }
 

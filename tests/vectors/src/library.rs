@@ -22,6 +22,9 @@ const FORCES_N: [f32; 2] = [0.5, 2.0];
 /// Orders of neighbouring nodes; they differ, and odd orders and order zero are among them.
 const UNEQUAL_ORDERS: [usize; 6] = [MAX_ORDER, 37, 1, 250, 399, 0];
 
+/// Stages with fractions of a compact lattice, as `stylus fit` has them.
+const COMPACT_FINE_STAGES: usize = 24;
+
 /// Order of models whose length does not matter.
 const SHORT_ORDER: usize = 60;
 
@@ -38,7 +41,7 @@ pub fn library() -> Vec<u8> {
 }
 
 /// The textures of [`library`], none of them certified.
-pub fn specs() -> [TextureSpec; 22] {
+pub fn specs() -> [TextureSpec; 23] {
     use Structure::{DirectForm16, DirectForm32, NormalisedLattice};
     let resonant = |index| Model::resonant(MAX_ORDER, index);
     let one = Grid::one(Model::resonant(MAX_ORDER, 1), 9.0);
@@ -105,6 +108,12 @@ pub fn specs() -> [TextureSpec; 22] {
                 "lattice, codebooks, track and four lines",
                 NormalisedLattice,
             ),
+        Grid::new(|index| {
+            let model = resonant(130 + index as u64).with_fractions(40 + index as u64);
+            model.compact()
+        })
+        .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
+        .texture("compact lattice, mean dB", NormalisedLattice),
     ]
 }
 
@@ -159,6 +168,8 @@ pub fn counted_texture(structure: Structure, order: usize, name: &str) -> Textur
 struct Model {
     theta_codes: Vec<i16>,
     fractions: Vec<i8>,
+    /// Whether a lattice of it has a tail.
+    is_compact: bool,
 }
 
 impl Model {
@@ -167,6 +178,16 @@ impl Model {
         Self {
             theta_codes: coefficients.map(code).collect(),
             fractions: Vec::new(),
+            is_compact: false,
+        }
+    }
+
+    /// The same in the form that `stylus fit` chooses for most surfaces: fractions for the first stages only, and a
+    /// tail.
+    fn compact(self) -> Self {
+        Self {
+            is_compact: true,
+            ..self
         }
     }
 
@@ -224,6 +245,7 @@ impl Model {
         Self {
             theta_codes: (0..MAX_ORDER).map(code).collect(),
             fractions: Vec::new(),
+            is_compact: false,
         }
     }
 
@@ -239,6 +261,20 @@ impl Model {
             MAX_ORDER
         };
         Self::decaying(order, 0.01, &head, index as u64)
+    }
+
+    fn lattice(&self) -> CodeSpec {
+        let whole = CodeSpec::Lattice {
+            codes: self.theta_codes.clone(),
+            fractions: self.fractions.clone(),
+            tail: TailSpec::default(),
+        };
+        if self.is_compact {
+            let thetas: Vec<i32> = whole.thetas().collect();
+            CodeSpec::compact_lattice(&thetas, COMPACT_FINE_STAGES)
+        } else {
+            whole
+        }
     }
 
     fn reflection(&self) -> impl Iterator<Item = f64> {
@@ -273,11 +309,7 @@ impl Model {
 
     fn codes(&self, structure: Structure) -> CodeSpec {
         match structure {
-            Structure::NormalisedLattice => CodeSpec::Lattice {
-                codes: self.theta_codes.clone(),
-                fractions: self.fractions.clone(),
-                tail: TailSpec::default(),
-            },
+            Structure::NormalisedLattice => self.lattice(),
             Structure::DirectForm16 => {
                 let (exponent, codes) = quantise(&self.predictor(), 15);
                 let codes = codes.into_iter().map(|code| code as i16).collect();

@@ -37,7 +37,7 @@ impl Vector {
 }
 
 /// All textures of the library, and two of them at once.
-pub const VECTORS: [Vector; 24] = [
+pub const VECTORS: [Vector; 25] = [
     Vector::new("lattice, one node", 10),
     Vector::new("lattice", 1),
     Vector::new("lattice of unequal orders", 2),
@@ -70,6 +70,7 @@ pub const VECTORS: [Vector; 24] = [
     Vector::new("lattice, four lines", 22),
     Vector::new("direct 32, one line", 23),
     Vector::new("lattice, codebooks, track and four lines", 24),
+    Vector::new("compact lattice, mean dB", 25),
 ];
 
 /// A texture whose cost is measured.
@@ -79,48 +80,66 @@ pub struct Measured {
     pub texture: &'static str,
     /// Most instructions that one sample may take.
     pub budget_instructions: u32,
+    /// Most instructions that one update may take.
+    pub update_budget_instructions: u32,
 }
 
-/// One texture for each path through the kernel, with the cost that a sample may have on a Cortex-M4 or M7.
-pub const MEASURED: [Measured; 10] = [
+/// One texture for each path through the kernel, with the costs that a sample and an update may have on a Cortex-M4 or
+/// M7.
+pub const MEASURED: [Measured; 11] = [
     Measured {
         texture: "lattice",
         budget_instructions: 5100,
+        update_budget_instructions: 10_000,
     },
     Measured {
         texture: "fine lattice, mean dB",
         budget_instructions: 5100,
+        update_budget_instructions: 11_000,
+    },
+    Measured {
+        texture: "compact lattice, mean dB",
+        budget_instructions: 5100,
+        update_budget_instructions: 12_000,
     },
     Measured {
         texture: "lattice, four lines",
         budget_instructions: 5300,
+        update_budget_instructions: 12_500,
     },
     Measured {
         texture: "lattice, track",
         budget_instructions: 5100,
+        update_budget_instructions: 11_500,
     },
     Measured {
         texture: "lattice, codebooks and track",
         budget_instructions: 5100,
+        update_budget_instructions: 13_500,
     },
     Measured {
         texture: "direct 32, one node",
         budget_instructions: 900,
+        update_budget_instructions: 8000,
     },
     Measured {
         texture: "direct 32",
         budget_instructions: 900,
+        update_budget_instructions: 9000,
     },
     Measured {
         texture: "direct 32, codebooks and track",
         budget_instructions: 950,
+        update_budget_instructions: 11_500,
     },
     Measured {
         texture: "direct 16, one node",
         budget_instructions: 900,
+        update_budget_instructions: 8000,
     },
     Measured {
         texture: "direct 16",
         budget_instructions: 900,
+        update_budget_instructions: 9000,
     },
 ];

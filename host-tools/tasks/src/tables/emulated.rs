@@ -32,16 +32,20 @@ pub fn table_of(runs: &Runs<'_>) -> String {
             texture.to_owned(),
             cost(&runs.m4.samples, texture),
             cost(&runs.m7.samples, texture),
-            cost(&runs.m4.follows, texture),
             grouped(measured.budget_instructions.into()),
+            cost(&runs.m4.follows, texture),
+            cost(&runs.m7.follows, texture),
+            grouped(measured.update_budget_instructions.into()),
         ]
     });
     let header = [
         "texture, order 400",
         "per sample, Cortex-M4",
         "per sample, Cortex-M7",
-        "per update, Cortex-M4",
         "budget per sample",
+        "per update, Cortex-M4",
+        "per update, Cortex-M7",
+        "budget per update",
     ];
     let words: usize = runs.m4.played.iter().map(|played| played.words.len()).sum();
     format!(
