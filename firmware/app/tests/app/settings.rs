@@ -1,5 +1,8 @@
 //! Settings in flash, with power lost at any operation, and with words that are lost afterwards.
 
+use std::iter;
+use std::sync::LazyLock;
+
 use embassy_futures::block_on;
 use model_format::link::{
     FlashOperation, Setting, SettingChange, SettingSet, Settings, SettingsError, SettingsState,
@@ -49,6 +52,38 @@ fn set(memory: Memory, changes: &[SettingChange]) -> Memory {
 
 fn change(setting: Setting, value: f32) -> SettingChange {
     SettingChange { setting, value }
+}
+
+/// Changes from the first to the last of the flashes that [`NEARLY_FULL`] holds for each number of lost places.
+const LAST_CHANGES: usize = 6;
+
+/// Flashes with the coil's settings before the last changes until one erases, without lost places in a copy and with.
+static NEARLY_FULL: LazyLock<Vec<Memory>> = LazyLock::new(|| {
+    let lost_places = [[0, 0], [1, 0], [0, 1], [3, 0], [0, 3]];
+    lost_places.into_iter().flat_map(nearly_full).collect()
+});
+
+/// The flashes of which the copies have lost so many places by refused writes.
+fn nearly_full(lost_places: [usize; 2]) -> Vec<Memory> {
+    let again = change(Setting::ForceZero, Setting::ForceZero.spec().default);
+    let mut memory = set(blank(), &COIL);
+    for (copy, lost) in lost_places.into_iter().enumerate() {
+        for _ in 0..lost {
+            let mut flash = SimulatedFlash::new(memory);
+            flash.fault = Fault::Refuse(copy * RECORD_WORDS);
+            let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+            block_on(store.set(again)).expect("the next place takes it");
+            memory = flash.memory;
+        }
+    }
+    let lost: usize = lost_places.iter().sum();
+    // A change of the last three places of a copy erases it before.
+    let last = CHANGES_PER_COPY as usize - 3 - COIL.len() - 2 * lost;
+    memory = set(memory, &vec![again; last - LAST_CHANGES]);
+    let next = |memory: &Memory| Some(set(memory.clone(), &[again]));
+    iter::successors(Some(memory), next)
+        .take(LAST_CHANGES + 1)
+        .collect()
 }
 
 /// Offsets of the words of the last record of the copy with number `copy`.
@@ -225,6 +260,77 @@ fn a_cut_at_any_operation_of_a_change_leaves_the_value_before_or_the_new() {
     );
 }
 
+/// Tells `check` of each flash that a cut at any operation of `work` leaves, with a name of the cut.
+fn after_each_cut(
+    memory: &Memory,
+    seed: &mut u64,
+    work: impl AsyncFnOnce(&mut SettingsStore<&mut SimulatedFlash<'_>>),
+    mut check: impl FnMut(&Memory, &str, &mut u64),
+) {
+    let mut number = 0;
+    let mut observe = |memory: &Memory, operation: Operation| {
+        for cut in Cut::WITH_UNSTABLE {
+            // What was there before an operation is there after the one before it.
+            if cut == Cut::Before && number > 0 {
+                continue;
+            }
+            *seed += 1;
+            let mut memory = memory.clone();
+            memory.seed(*seed);
+            memory.perform(operation, cut);
+            let name = match operation {
+                Operation::Erase { sector } => format!("{cut:?} erasure of {sector}"),
+                Operation::Write { word, .. } => format!("{cut:?} write of {word}"),
+            };
+            check(&memory, &name, seed);
+        }
+        number += 1;
+    };
+    let mut flash = SimulatedFlash::observed(memory.clone(), &mut observe);
+    block_on(async {
+        let mut store = SettingsStore::open(&mut flash, RANGE).await;
+        work(&mut store).await;
+    });
+}
+
+/// The trap of mending: it must not erase the one copy that a first cut has left.
+#[test]
+fn a_cut_in_the_mending_after_a_cut_leaves_the_value_before_or_the_new() {
+    let few = [blank(), set(blank(), &COIL)];
+    let beginnings = few.iter().chain(NEARLY_FULL.iter());
+    let wanted = change(Setting::HardLimit, 0.25);
+    let (mut seed, mut checks, mut erasures) = (0, 0, 0);
+    for (number, memory) in beginnings.enumerate() {
+        let (before, state) = opened(&mut memory.clone());
+        let after = before.with(wanted).expect("it is in range");
+        let change_it = async |store: &mut SettingsStore<&mut SimulatedFlash<'_>>| {
+            store.set(wanted).await.expect("it is in range");
+        };
+        after_each_cut(memory, &mut seed, change_it, |memory, first, seed| {
+            let mend = async |_: &mut SettingsStore<&mut SimulatedFlash<'_>>| ();
+            after_each_cut(memory, seed, mend, |memory, second, seed| {
+                let place = || format!("beginning {number}, {first}, {second}");
+                let store = open(memory.clone());
+                let found = store.settings();
+                assert!(found == before || found == after, "{}: {found:?}", place());
+                let found = store.state();
+                assert_eq!(found.lost, SettingSet::NONE, "{}", place());
+                assert!(state.set.without(found.set).is_empty(), "{}", place());
+                erasures += usize::from(second.contains("erasure"));
+                checks += 1;
+                // The next change is stored.
+                if seed.is_multiple_of(8) {
+                    let mut memory = set(memory.clone(), &[change(Setting::ForceZero, 7.0)]);
+                    let (found, state) = opened(&mut memory);
+                    assert_eq!(found.get(Setting::ForceZero), 7.0, "{}", place());
+                    assert_eq!((state.lost, state.mended), (SettingSet::NONE, false));
+                }
+            });
+        });
+    }
+    assert!(checks > 10_000 && erasures > 500, "{checks} {erasures}");
+}
+
 /// The trap of a map of single values: a limit whose last value is lost must not become the one before.
 #[test]
 fn any_lost_word_of_one_copy_leaves_every_setting_as_it_was() {
@@ -363,6 +469,24 @@ fn one_refusal_of_the_flash_is_worked_round_and_a_flash_that_refuses_all_is_told
 }
 
 #[test]
+fn an_erasure_that_is_refused_is_tried_again_by_the_next_change() {
+    for refused in [0, 1 + RECORD_WORDS] {
+        let full = NEARLY_FULL[LAST_CHANGES].clone();
+        let mut flash = SimulatedFlash::new(full);
+        flash.fault = Fault::Refuse(refused);
+        let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+        let change = change(Setting::HardLimit, 0.25);
+        let operation = FlashOperation::Write;
+        let refusal = SettingsError::Flash { operation };
+        assert_eq!(block_on(store.set(change)), Err(refusal), "{refused}");
+        assert!(block_on(store.set(change)).is_ok(), "{refused}");
+        assert!(!store.state().unwritable);
+        let (settings, state) = opened(&mut flash.memory);
+        assert_eq!((settings.hard_limit().0, state.mended), (0.25, false));
+    }
+}
+
+#[test]
 fn a_write_that_puts_a_wrong_bit_is_found_by_reading_back() {
     for wrong in 0..2 * RECORD_WORDS {
         let mut flash = SimulatedFlash::new(set(blank(), &COIL));
@@ -414,6 +538,11 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
+/// Number of one of [`NEARLY_FULL`], or none for blank flash.
+fn beginning() -> impl Strategy<Value = Option<usize>> {
+    prop::option::of(0..NEARLY_FULL.len())
+}
+
 /// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`; the flash is then as
 /// the cut left it. Without a cut, as the work left it.
 fn cut(
@@ -450,8 +579,8 @@ struct Life {
 }
 
 impl Life {
-    fn new(seed: u64) -> Self {
-        let mut memory = blank();
+    fn new(beginning: Option<usize>, seed: u64) -> Self {
+        let mut memory = beginning.map_or_else(blank, |number| NEARLY_FULL[number].clone());
         memory.seed(seed);
         let defaults = Settings::default();
         let known = Setting::ALL
@@ -563,9 +692,9 @@ proptest! {
     /// was cut, whatever the power does and whichever words are lost. And the store can always be written again.
     #[test]
     fn no_limit_becomes_weaker_while_something_may_be_played(
-        seed: u64, steps in prop::collection::vec(step(), 1..12),
+        beginning in beginning(), seed: u64, steps in prop::collection::vec(step(), 1..12),
     ) {
-        let mut life = Life::new(seed);
+        let mut life = Life::new(beginning, seed);
         for step in steps {
             life.step(step);
             life.check(step);
@@ -577,12 +706,13 @@ proptest! {
     /// Loss of power alone, at any number of changes and starts, loses nothing that was acknowledged.
     #[test]
     fn cuts_alone_never_silence_a_stylus(
+        beginning in beginning(),
         seed: u64,
         cuts in prop::collection::vec(
             (0..Setting::ALL.len(), any::<u16>(), 0..9usize, 0..5usize, any::<bool>()), 1..12,
         ),
     ) {
-        let mut life = Life::new(seed);
+        let mut life = Life::new(beginning, seed);
         for (setting, share, at, how, at_start) in cuts {
             let step = if at_start {
                 Step::CutStart { at, how }
