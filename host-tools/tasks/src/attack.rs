@@ -1,5 +1,5 @@
-//! Attacks that go on as long as asked: the fuzzers of `tests/fuzz`, the model checks of `firmware/app/tests/attack`, the
-//! application's tests by random cases, and the search of `tests/qemu` for the worst library.
+//! Attacks that go on as long as asked: the fuzzers of `tests/fuzz`, the model checks of `firmware/app/tests/attack`,
+//! the application's tests by random cases, and the search of `tests/qemu` for the worst library.
 //!
 //! Each round has a seed, from which all of it follows, so that a failure is seen again by its seed alone.
 

@@ -1,8 +1,8 @@
 //! The bounds on the work of decoding a library, of one step of it, and of a plan: a seeded search for the worst valid
 //! library stays below them on an emulated Cortex-M4.
 //!
-//! `STYLUS_SEARCH_ROUNDS` sets the number of rounds, and `STYLUS_ATTACK_SEED` the seed; the defaults are for every run of
-//! the tests.
+//! `STYLUS_SEARCH_ROUNDS` sets the number of rounds, and `STYLUS_ATTACK_SEED` the seed; the defaults are for every run
+//! of the tests.
 
 use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
 use kernel_vectors::{Libraries, report};

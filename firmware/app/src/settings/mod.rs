@@ -274,8 +274,9 @@ fn judge(contents: &[Content; 2]) -> Found {
     let older = &contents[1 - newest];
     match older.newest.filter(|_| older.is_clean()) {
         Some(other) if is_clean && other == record => Found::Same(record),
-        // The copy that ends with the older record shows that no change counted after it. It stays whole until the other
-        // one is: a cut may have left a word of the newer record that reads right now and wrongly at the next start.
+        // The copy that ends with the older record shows that no change counted after it. It stays whole until the
+        // other one is: a cut may have left a word of the newer record that reads right now and wrongly at the next
+        // start.
         Some(other) => {
             let (snapshot, differing) = record.snapshot.tightened(&other.snapshot);
             mendable(Record { snapshot, ..record }, differing, newest)

@@ -33,9 +33,9 @@ use crate::words::in_words;
 pub use crate::flash::WORD_BYTES;
 pub use header::HEADER_VERSION;
 use header::{HEADER_OFFSET, Header, HeaderWord};
+pub(crate) use mark::NotProved;
 use mark::{MARK_OFFSETS, Proved, mark_of};
 pub(crate) use permit::{Claim, LastLibrary};
-pub(crate) use proof::NotProved;
 
 #[cfg(doc)]
 use embedded_storage_async::nor_flash::ReadNorFlash;

@@ -12,7 +12,7 @@ use model_format::link::{SlotFault, SlotId};
 use model_format::{Library, Outline};
 use stylus_kernel::proof::{Proof, Refusal, is_needed};
 
-use super::mark::{MARK_OFFSETS, Proved, mark_of};
+use super::mark::{MARK_OFFSETS, NotProved, Proved, mark_of};
 use super::{MappedFlash, SlotStore, address};
 use crate::flash::WORD_BYTES;
 use crate::words::in_words;
@@ -102,21 +102,6 @@ impl<F: MappedFlash> SlotStore<F> {
             }
         }
         place
-    }
-}
-
-/// Reason for which a library was not proved.
-#[derive(Debug)]
-pub(crate) enum NotProved {
-    /// A fault of the slot or the library.
-    Fault(SlotFault),
-    /// The proof was called off.
-    CalledOff,
-}
-
-impl From<SlotFault> for NotProved {
-    fn from(fault: SlotFault) -> Self {
-        Self::Fault(fault)
     }
 }
 
