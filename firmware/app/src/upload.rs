@@ -5,6 +5,8 @@
 //! call that is refused leaves the upload as it was. An upload never touches the active slot, and never the last
 //! library that can be read unless it asks for that.
 
+use core::ops::ControlFlow;
+
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
     CHUNK_ALIGN, MAX_CHUNK_BYTES, Proving, SlotFault, SlotId, UploadBegin, UploadChunk,
@@ -172,18 +174,19 @@ impl Uploader {
         &mut self,
         store: &mut SlotStore<F>,
     ) -> Result<UploadCommitted, UploadError> {
-        self.commit_telling(store, |_| {}).await
+        self.commit_telling(store, |_| ControlFlow::Continue(()))
+            .await
     }
 
-    /// As [`Uploader::commit`]; `told` gets the progress of the proof of direct forms, and each step of the commit. The
-    /// answer has no times.
+    /// As [`Uploader::commit`]; `told` gets the progress of the proof of direct forms, and each step of the commit. It
+    /// may end the proof, and the upload with it. The answer has no times.
     ///
     /// # Errors
-    /// As [`Uploader::commit`].
+    /// As [`Uploader::commit`], or `told` has ended the proof.
     pub async fn commit_telling<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,
-        mut told: impl FnMut(CommitEvent),
+        mut told: impl FnMut(CommitEvent) -> ControlFlow<()>,
     ) -> Result<UploadCommitted, UploadError> {
         let Upload {
             begin,
@@ -205,12 +208,13 @@ impl Uploader {
                     CommitEvent::State(UploadState::Proving(Proving { slot, permille }))
                 }
                 SealEvent::Ended(step) => CommitEvent::Ended(step),
-            });
+            })
         };
         let sealed = store.seal(claim, length, crc32, told).await;
         let library = sealed.map_err(|fault| match fault {
             SealFault::Bytes(fault) => bytes_error(slot, fault),
             SealFault::Write(fault) => UploadFault::from(fault).0,
+            SealFault::CalledOff => UploadError::Aborted,
         })?;
         Ok(UploadCommitted {
             slot,

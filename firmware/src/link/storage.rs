@@ -103,7 +103,12 @@ static QUEUE: Channel<ThreadModeRawMutex, QueuedJob, QUEUED_JOBS> = Channel::new
 
 /// Queues `job`, to be done and answered; returns false if the queue is full.
 pub fn queue(job: Job, to: Sender<Wire>, sequence: VarSeq) -> bool {
-    QUEUE.try_send(QueuedJob { job, to, sequence }).is_ok()
+    let is_abort = matches!(job, Job::UploadAbort);
+    let is_queued = QUEUE.try_send(QueuedJob { job, to, sequence }).is_ok();
+    if is_queued && is_abort {
+        with_control(Control::expect_abort);
+    }
+    is_queued
 }
 
 type Stores = Storage<Bank2, SettingsFlash>;
@@ -276,6 +281,14 @@ impl Stage for ControlStage {
 
     fn set_upload(&mut self, upload: UploadState) {
         with_control(|control| control.set_upload(upload));
+    }
+
+    fn is_abort_waiting(&self) -> bool {
+        with_control(|control| control.is_abort_waiting())
+    }
+
+    fn end_abort(&mut self) {
+        with_control(Control::end_abort);
     }
 
     fn now_us(&self) -> u64 {

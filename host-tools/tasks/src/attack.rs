@@ -1,5 +1,5 @@
-//! Attacks that go on as long as asked: the fuzzers of `tests/fuzz`, and the model checks of
-//! `firmware/app/tests/attack`.
+//! Attacks that go on as long as asked: the fuzzers of `tests/fuzz`, the model checks of `firmware/app/tests/attack`,
+//! the application's tests by random cases, and the search of `tests/qemu` for the worst library.
 //!
 //! Each round has a seed, from which all of it follows, so that a failure is seen again by its seed alone.
 
@@ -12,6 +12,9 @@ use crate::{process, workspace};
 
 /// Cases of a round, as a multiple of those of `tests/run`.
 const FACTOR: u32 = 4;
+
+/// Rounds of the search for the worst library, each of one run of the emulator.
+const SEARCH_ROUNDS: u32 = 9 * FACTOR;
 
 /// Runs of each fuzzer per round.
 const FUZZ_RUNS: u64 = 1_000_000;
@@ -28,41 +31,98 @@ pub enum Target {
     Boots,
     /// Interleavings of two hosts' requests
     Requests,
+    /// Changes of settings with power cuts and damage of the flash
+    Settings,
+    /// Leases and proposals of two hosts
+    Hosts,
+    /// Limits of the output under any input and settings
+    Safety,
+    /// Search for the library that takes most work, on QEMU
+    Bounds,
+}
+
+/// Tests that a target runs.
+struct Tests {
+    package: &'static str,
+    /// Name of the test's program.
+    program: &'static str,
+    /// Modules of it.
+    modules: &'static [&'static str],
+}
+
+impl Tests {
+    const fn of_app(program: &'static str, modules: &'static [&'static str]) -> Self {
+        Self {
+            package: "stylus-app",
+            program,
+            modules,
+        }
+    }
+
+    fn round(&self, seed: u64) -> Command {
+        let mut test = Command::new("cargo");
+        test.current_dir(workspace::root());
+        test.args(["test", "--quiet", "--locked", "--package", self.package]);
+        test.args(["--test", self.program, "--"]);
+        test.args(self.modules.iter().map(|module| format!("{module}::")));
+        test.env("STYLUS_ATTACK_SEED", seed.to_string());
+        test.env("STYLUS_ATTACK_FACTOR", FACTOR.to_string());
+        test.env("STYLUS_SEARCH_ROUNDS", SEARCH_ROUNDS.to_string());
+        test
+    }
 }
 
 impl Target {
-    const ALL: [Self; 3] = [Self::Fuzz, Self::Boots, Self::Requests];
+    const ALL: [Self; 7] = [
+        Self::Fuzz,
+        Self::Boots,
+        Self::Requests,
+        Self::Settings,
+        Self::Hosts,
+        Self::Safety,
+        Self::Bounds,
+    ];
 
     const fn name(self) -> &'static str {
         match self {
             Self::Fuzz => "fuzz",
             Self::Boots => "boots",
             Self::Requests => "requests",
+            Self::Settings => "settings",
+            Self::Hosts => "hosts",
+            Self::Safety => "safety",
+            Self::Bounds => "bounds",
         }
+    }
+
+    /// Its tests; none for the fuzzers.
+    const fn tests(self) -> Option<Tests> {
+        Some(match self {
+            Self::Fuzz => return None,
+            Self::Boots => Tests::of_app("attack", &["boots"]),
+            Self::Requests => Tests::of_app("attack", &["requests"]),
+            Self::Settings => Tests::of_app("app", &["settings::histories"]),
+            Self::Hosts => Tests::of_app("app", &["lease", "proposals"]),
+            Self::Safety => Tests::of_app("app", &["safety"]),
+            Self::Bounds => Tests {
+                package: "qemu-tests",
+                program: "bounds",
+                modules: &[],
+            },
+        })
     }
 
     /// One round, which ends within `limit` if the target can.
     fn round(self, seed: u64, limit: Option<Duration>) -> Command {
-        match self {
-            Self::Fuzz => {
-                let mut smoke = Command::new(workspace::root().join("tests/fuzz/smoke"));
-                let seconds = limit.map_or(FUZZ_LIMIT_S, |limit| limit.as_secs().max(1));
-                // libFuzzer takes a seed of 32 bits, and 0 for none.
-                let seed = (seed as u32).max(1);
-                smoke.args([FUZZ_RUNS, seconds, seed.into()].map(|number| number.to_string()));
-                smoke
-            }
-            Self::Boots | Self::Requests => {
-                let mut test = Command::new("cargo");
-                test.current_dir(workspace::root());
-                test.args(["test", "--quiet", "--locked", "--package", "stylus-app"]);
-                test.args(["--test", "attack", "--"]);
-                test.arg(format!("{}::", self.name()));
-                test.env("STYLUS_ATTACK_SEED", seed.to_string());
-                test.env("STYLUS_ATTACK_FACTOR", FACTOR.to_string());
-                test
-            }
+        if let Some(tests) = self.tests() {
+            return tests.round(seed);
         }
+        let mut smoke = Command::new(workspace::root().join("tests/fuzz/smoke"));
+        let seconds = limit.map_or(FUZZ_LIMIT_S, |limit| limit.as_secs().max(1));
+        // libFuzzer takes a seed of 32 bits, and 0 for none.
+        let seed = (seed as u32).max(1);
+        smoke.args([FUZZ_RUNS, seconds, seed.into()].map(|number| number.to_string()));
+        smoke
     }
 
     fn attack(self, seed: u64, limit: Option<Duration>) -> Result<()> {
@@ -142,6 +202,29 @@ mod tests {
         assert_eq!(duration("2h"), Ok(Duration::from_hours(2)));
         for wrong in ["", "m", "10", "1d", "-1s", "10µ", "99999999999999999999h"] {
             assert!(duration(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    /// A module that is not there would be no test at all, and so find nothing.
+    #[test]
+    fn the_tests_of_each_target_are_there_and_get_its_seed() {
+        for tests in Target::ALL.iter().filter_map(|target| target.tests()) {
+            let programs = match tests.package {
+                "stylus-app" => "firmware/app/tests",
+                _ => "tests/qemu/tests",
+            };
+            let program = workspace::root().join(programs).join(tests.program);
+            for module in tests.modules {
+                let path = program.join(module.replace("::", "/"));
+                let is_there = path.is_dir() || path.with_extension("rs").is_file();
+                assert!(is_there, "{}", path.display());
+            }
+            assert!(!tests.modules.is_empty() || program.with_extension("rs").is_file());
+            let round = tests.round(7);
+            let seed = round
+                .get_envs()
+                .find(|(name, _)| *name == "STYLUS_ATTACK_SEED");
+            assert_eq!(seed.and_then(|(_, seed)| seed), Some("7".as_ref()));
         }
     }
 

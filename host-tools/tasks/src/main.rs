@@ -78,7 +78,8 @@ enum Task {
         #[arg(long, conflicts_with = "names")]
         check: bool,
     },
-    /// Fuzz, and model-check starts and interleaved requests, with fresh seeds as long as asked
+    /// Fuzz, model-check starts and interleaved requests, and draw cases for settings, leases, output and bounds, with
+    /// fresh seeds as long as asked
     Attack(attack::Arguments),
     /// Compare what rendering and whole commands take, before and after, in turns (some minutes)
     BenchHost(bench_host::Arguments),

@@ -145,4 +145,10 @@ pub enum ActivateError {
     /// The output did not fade out in time.
     #[error("the output did not come to rest: stop it, then activate again")]
     NotAtRest,
+    /// A proof of direct forms that was ended.
+    #[error("an abort came before the direct forms in slot {slot} were proved: activate it again")]
+    Aborted {
+        /// The slot.
+        slot: SlotId,
+    },
 }

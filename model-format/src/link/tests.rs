@@ -122,6 +122,7 @@ fn upload_errors() -> Vec<UploadError> {
         UploadError::LastLibrary { slot },
         UploadError::Busy,
         UploadError::SupplyLow,
+        UploadError::Aborted,
     ];
     for operation in [
         FlashOperation::Read,
@@ -144,6 +145,7 @@ fn activate_errors() -> Vec<ActivateError> {
         ActivateError::NotCopied { slot },
         ActivateError::Busy,
         ActivateError::NotAtRest,
+        ActivateError::Aborted { slot },
     ];
     errors.extend(
         slot_faults()

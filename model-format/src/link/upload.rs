@@ -237,4 +237,7 @@ pub enum UploadError {
         "the supply is below {FLASH_SUPPLY_MV} mV, too low to write flash: see to the supply, then upload again"
     )]
     SupplyLow,
+    /// A commit whose proof of direct forms was ended.
+    #[error("an abort ended the upload before its direct forms were proved: upload again")]
+    Aborted,
 }

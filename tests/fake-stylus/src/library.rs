@@ -64,17 +64,20 @@ pub fn small(name: &str) -> Vec<u8> {
 pub fn small_of(names: &[&str], seed: i16) -> Vec<u8> {
     let textures: Vec<_> = names
         .iter()
-        .map(|name| {
-            let whole = texture(name, 1, seed, 5_000);
-            TextureSpec {
-                speed_axis_mm_s: vec![100.0],
-                force_axis_n: vec![1.0],
-                nodes: whole.nodes[..1].to_vec(),
-                ..whole
-            }
-        })
+        .map(|name| small_texture(name, seed, 5_000))
         .collect();
     encode(&textures).expect("the library is valid")
+}
+
+/// A texture with one node, whose coefficient depends on `seed`.
+pub fn small_texture(name: &str, seed: i16, sample_rate_hz: u32) -> TextureSpec {
+    let whole = texture(name, 1, seed, sample_rate_hz);
+    TextureSpec {
+        speed_axis_mm_s: vec![100.0],
+        force_axis_n: vec![1.0],
+        nodes: whole.nodes[..1].to_vec(),
+        ..whole
+    }
 }
 
 /// Puts `bytes` into the erased `slot`, as an upload with this number leaves them.

@@ -1,7 +1,8 @@
 //! The bounds on the work of decoding a library, of one step of it, and of a plan: a seeded search for the worst valid
 //! library stays below them on an emulated Cortex-M4.
 //!
-//! `STYLUS_SEARCH_ROUNDS` sets the number of rounds; the default is for every run of the tests.
+//! `STYLUS_SEARCH_ROUNDS` sets the number of rounds, and `STYLUS_ATTACK_SEED` the seed; the defaults are for every run
+//! of the tests.
 
 use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
 use kernel_vectors::{Libraries, report};
@@ -23,7 +24,10 @@ use tasks::qemu;
 use tasks::toolchain::Toolchain;
 
 /// Rounds of the search, each of one run of the emulator.
-const ROUNDS: usize = 9;
+const ROUNDS: u64 = 9;
+
+/// Seed of the search.
+const SEED: u64 = 14;
 
 /// Most bytes of a library within the search. The work per byte does not depend on the size of the whole.
 const SEARCHED_BYTES: usize = 48 * 1024;
@@ -443,14 +447,21 @@ const OBJECTIVES: [Objective; 5] = [
     ("plan", |cost, _| cost.plan.cast_signed()),
 ];
 
+/// The number in the variable called `name`, if there is one.
+fn number(name: &str) -> Option<u64> {
+    let text = std::env::var(name).ok()?;
+    let number = text.parse();
+    Some(number.unwrap_or_else(|_| panic!("{name}={text} is not a whole number")))
+}
+
 #[test]
 fn no_valid_library_takes_more_work_than_its_bound() {
-    let rounds = std::env::var("STYLUS_SEARCH_ROUNDS");
-    let rounds = rounds.map_or(ROUNDS, |rounds| rounds.parse().expect("a number of rounds"));
+    let rounds = number("STYLUS_SEARCH_ROUNDS").unwrap_or(ROUNDS);
+    let seed = number("STYLUS_ATTACK_SEED").unwrap_or(SEED);
     let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
     let image = guest::build(&toolchain, Processor::CortexM4);
     let image = image.unwrap_or_else(|error| panic!("{error}"));
-    let mut numbers = Numbers(14);
+    let mut numbers = Numbers(seed);
     let mut tried: Vec<(Recipe, Cost)> = Vec::new();
     let mut next = beginnings();
     for round in 0..=rounds {

@@ -29,11 +29,6 @@ impl Content {
         self.newest.is_none() && self.damaged == 0
     }
 
-    /// Returns true if `record` is the last thing in it.
-    pub fn ends_with(&self, record: &Record) -> bool {
-        self.is_clean() && self.newest == Some(*record)
-    }
-
     /// Returns true if no record was written after the one that can be read.
     pub fn is_clean(&self) -> bool {
         self.newest.is_some() && self.damaged == 0
@@ -114,10 +109,12 @@ impl Copy {
         self.next + (TRIES * RECORD_BYTES) as u32 <= self.range.end
     }
 
-    /// Erases the copy; false if the flash fails.
+    /// Erases the copy; false if the flash fails. It then counts as full, so that the next change erases it again.
     pub async fn erase<F: NorFlash>(&mut self, flash: &mut F) -> bool {
-        self.next = self.range.start;
-        flash.erase(self.range.start, self.range.end).await.is_ok()
+        let Range { start, end } = self.range;
+        let is_erased = flash.erase(start, end).await.is_ok();
+        self.next = if is_erased { start } else { end };
+        is_erased
     }
 }
 

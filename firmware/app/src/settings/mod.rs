@@ -1,8 +1,9 @@
 //! Settings in flash: two copies, each a log of records of all settings, so that a change is appended, and a sector is
 //! erased only once in a thousand changes.
 //!
-//! A change is written to the first copy, read back, then to the second one; it counts when both hold it. So one copy
-//! always holds the last change that was acknowledged, whatever the power does and whichever word of a copy is lost.
+//! A change is written to one copy, read back, then to the other one; it counts when both hold it. So one copy always
+//! holds the last change that was acknowledged, whatever the power does and whichever word of a copy is lost. For the
+//! same reason a copy that is full is erased only while the other one keeps what is in force.
 //! A record holds all settings under one checksum, because a map of single values would answer a damaged value with an
 //! older one, which may be a weaker limit.
 //!
@@ -46,8 +47,8 @@ const MOST_FIRST_CUTS: usize = 8;
 pub struct SettingsStore<F: NorFlash> {
     flash: F,
     copies: [Copy; 2],
-    /// True for each copy that ends with the present record.
-    holds: [bool; 2],
+    /// Number of the copy that is written and erased first. The other one keeps what is in force meanwhile.
+    spare: usize,
     record: Record,
     differing: SettingSet,
     mended: bool,
@@ -61,7 +62,7 @@ impl<F: NorFlash> SettingsStore<F> {
         let mut store = Self {
             flash,
             copies: [Copy::new(range.start..middle), Copy::new(middle..range.end)],
-            holds: [false; 2],
+            spare: 0,
             record: NEVER_SET,
             differing: SettingSet::NONE,
             mended: false,
@@ -117,9 +118,7 @@ impl<F: NorFlash> SettingsStore<F> {
         let snapshot = changes
             .iter()
             .fold(before, |snapshot, &change| snapshot.with(change));
-        // A copy that holds what is in force goes on holding it until the other one does.
-        let first = usize::from(self.holds == [true, false]);
-        self.write(snapshot, first).await?;
+        self.write(snapshot).await?;
         for change in changes {
             self.differing = self.differing.with(change.setting, false);
         }
@@ -135,9 +134,12 @@ impl<F: NorFlash> SettingsStore<F> {
         self.differing = SettingSet::NONE;
         self.mended = false;
         self.unwritable = false;
-        for index in 0..self.copies.len() {
-            self.holds[index] = self.erase(index).await && self.append(index, self.record).await;
-            self.unwritable |= !self.holds[index];
+        for index in [self.spare, 1 - self.spare] {
+            if self.erase(index).await && self.append(index, self.record).await {
+                self.spare = 1 - index;
+            } else {
+                self.unwritable = true;
+            }
         }
         if self.unwritable {
             return Err(NOT_WRITTEN);
@@ -150,50 +152,36 @@ impl<F: NorFlash> SettingsStore<F> {
         match judge(contents) {
             Found::NeverSet => {}
             Found::Lost => self.record.snapshot = Snapshot::lost(),
-            Found::Same(record) => {
-                self.record = record;
-                self.holds = [true; 2];
-            }
+            Found::Same(record) => self.record = record,
             Found::Mendable {
                 record,
                 differing,
-                newest,
+                spare,
             } => {
                 self.record = record;
-                self.holds = contents.map(|content| content.ends_with(&record));
                 self.differing = differing;
                 self.mended = true;
-                // A copy that is whole stays so until the other one is. If both are, the newer one is doubtful: a cut
-                // may have left a word of it that reads right now and wrongly at the next start.
-                let first = if contents[1 - newest].is_clean() {
-                    newest
-                } else {
-                    1 - newest
-                };
+                self.spare = spare;
                 // If this fails, the next change reports it.
-                let _ = self.write(record.snapshot, first).await;
+                let _ = self.write(record.snapshot).await;
             }
         }
     }
 
-    /// Writes `snapshot` to both copies, beginning with the one at `first`; it is in force then.
-    async fn write(&mut self, snapshot: Snapshot, first: usize) -> Result<(), SettingsError> {
-        for index in 0..self.copies.len() {
-            self.make_room(index).await;
-        }
-        let (before, next) = (self.record.snapshot, self.next(snapshot));
+    /// Writes `snapshot` to both copies, beginning with the spare one; it is in force then.
+    async fn write(&mut self, snapshot: Snapshot) -> Result<(), SettingsError> {
+        let (first, before) = (self.spare, self.record.snapshot);
+        let next = self.next(snapshot);
         for index in [first, 1 - first] {
-            self.holds[index] = false;
-            if self.append(index, next).await {
-                self.record = next;
-                self.holds = [index == 0, index == 1];
-            } else {
+            if !self.has_or_makes_room(index).await || !self.append(index, next).await {
                 self.unwritable = true;
                 self.go_back(before, first).await;
                 return Err(NOT_WRITTEN);
             }
+            self.record = next;
+            // This one keeps what is in force from now on.
+            self.spare = 1 - index;
         }
-        self.holds = [true; 2];
         self.unwritable = false;
         Ok(())
     }
@@ -203,22 +191,13 @@ impl<F: NorFlash> SettingsStore<F> {
     async fn go_back(&mut self, before: Snapshot, first: usize) {
         if self.record.snapshot != before {
             self.record = self.next(before);
-            self.holds = [false; 2];
-            self.holds[first] = self.append(first, self.record).await;
+            self.append(first, self.record).await;
         }
     }
 
-    /// Makes room for a record in the copy at `index`; what is in force is in the other copy meanwhile, and then in
-    /// this one again.
-    async fn make_room(&mut self, index: usize) {
-        if self.copies[index].has_room() {
-            return;
-        }
-        let other = 1 - index;
-        if !self.holds[other] && self.copies[other].has_room() {
-            self.holds[other] = self.append(other, self.record).await;
-        }
-        self.holds[index] = self.erase(index).await && self.append(index, self.record).await;
+    /// Erases the copy at `index` if it has no room for a record. False if the flash fails.
+    async fn has_or_makes_room(&mut self, index: usize) -> bool {
+        self.copies[index].has_room() || self.erase(index).await
     }
 
     async fn erase(&mut self, index: usize) -> bool {
@@ -258,8 +237,8 @@ enum Found {
         record: Record,
         /// Settings of it that differed.
         differing: SettingSet,
-        /// The copy whose last record is the newer one.
-        newest: usize,
+        /// Number of the copy to write first.
+        spare: usize,
     },
     /// Nothing can be read.
     Lost,
@@ -267,14 +246,14 @@ enum Found {
 
 fn judge(contents: &[Content; 2]) -> Found {
     let [first, second] = contents;
-    let mendable = |record, differing, newest| Found::Mendable {
+    let mendable = |record, differing, spare| Found::Mendable {
         record,
         differing,
-        newest,
+        spare,
     };
     let (newest, record) = match (first.newest, second.newest) {
         (None, None) if first.is_blank() && second.is_blank() => return Found::NeverSet,
-        // The first copy is written first, so cuts during the first change leave the second one blank.
+        // The first copy is written first, also by mending, so cuts during the first change leave the second one blank.
         (None, None) if second.is_blank() && first.damaged <= MOST_FIRST_CUTS => {
             return mendable(NEVER_SET, SettingSet::NONE, 0);
         }
@@ -295,16 +274,18 @@ fn judge(contents: &[Content; 2]) -> Found {
     let older = &contents[1 - newest];
     match older.newest.filter(|_| older.is_clean()) {
         Some(other) if is_clean && other == record => Found::Same(record),
-        // The copy that ends with the older record shows that no change counted after it.
+        // The copy that ends with the older record shows that no change counted after it. It stays whole until the
+        // other one is: a cut may have left a word of the newer record that reads right now and wrongly at the next
+        // start.
         Some(other) => {
             let (snapshot, differing) = record.snapshot.tightened(&other.snapshot);
             mendable(Record { snapshot, ..record }, differing, newest)
         }
-        None if is_clean => mendable(record, SettingSet::NONE, newest),
+        None if is_clean => mendable(record, SettingSet::NONE, 1 - newest),
         // Both copies may have held a later change.
         None => {
             let snapshot = record.snapshot.without_limits();
-            mendable(Record { snapshot, ..record }, SettingSet::NONE, newest)
+            mendable(Record { snapshot, ..record }, SettingSet::NONE, 1 - newest)
         }
     }
 }

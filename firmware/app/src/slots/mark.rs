@@ -1,5 +1,5 @@
-//! Mark of a proof: a flash word after a slot's header. It says that this device has proved the direct forms of the
-//! slot's library.
+//! Result of a proof, and its mark: a flash word after a slot's header. It says that this device has proved the direct
+//! forms of the slot's library.
 //!
 //! Only the device writes it: no byte of an upload reaches that part of a slot, and the erasure that begins an upload
 //! takes it away. It holds the proof's version, so that another version proves again, into the next free word.
@@ -8,6 +8,7 @@ use core::ops::Range;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use model_format::limits::SLOT_BYTES;
+use model_format::link::SlotFault;
 use stylus_kernel::proof::PROOF_VERSION;
 
 use super::header::HEADER_OFFSET;
@@ -26,6 +27,21 @@ pub(super) enum Proved {
     NotNeeded,
     /// All direct forms are stable.
     Stable,
+}
+
+/// Reason for which a library was not proved.
+#[derive(Debug)]
+pub(crate) enum NotProved {
+    /// A fault of the slot or the library.
+    Fault(SlotFault),
+    /// The proof was called off.
+    CalledOff,
+}
+
+impl From<SlotFault> for NotProved {
+    fn from(fault: SlotFault) -> Self {
+        Self::Fault(fault)
+    }
 }
 
 /// The mark of a library of this length and checksum.

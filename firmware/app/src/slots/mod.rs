@@ -16,7 +16,7 @@ mod mark;
 mod permit;
 mod proof;
 
-use core::ops::Range;
+use core::ops::{ControlFlow, Range};
 
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
@@ -33,6 +33,7 @@ use crate::words::in_words;
 pub use crate::flash::WORD_BYTES;
 pub use header::HEADER_VERSION;
 use header::{HEADER_OFFSET, Header, HeaderWord};
+pub(crate) use mark::NotProved;
 use mark::{MARK_OFFSETS, Proved, mark_of};
 pub(crate) use permit::{Claim, LastLibrary};
 
@@ -410,13 +411,13 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     /// Validates `length` bytes in the claimed slot, each read once, proves their direct forms, and makes them a
-    /// library by writing its header. `told` gets the progress of the proof, and each step.
+    /// library by writing its header. `told` gets the progress of the proof, which it may call off, and each step.
     pub(crate) async fn seal(
         &mut self,
         claim: Claim,
         length: u32,
         crc32: u32,
-        mut told: impl FnMut(SealEvent),
+        mut told: impl FnMut(SealEvent) -> ControlFlow<()>,
     ) -> Result<SlotInfo, SealFault> {
         let slot = claim.slot();
         self.check_bytes(slot, length, crc32)
@@ -424,11 +425,14 @@ impl<F: MappedFlash> SlotStore<F> {
             .map_err(SealFault::Bytes)?;
         let content = self.check_library(slot, length).await;
         let content = content.map_err(SealFault::Bytes)?;
-        told(SealEvent::Ended(Step::Check));
+        let _ = told(SealEvent::Ended(Step::Check));
         let proving = |permille| told(SealEvent::Proving { permille });
         let proved = self.prove_content(slot, length, content.outline, proving);
-        let proved = proved.await.map_err(SealFault::Bytes)?;
-        told(SealEvent::Ended(Step::Proof));
+        let proved = proved.await.map_err(|reason| match reason {
+            NotProved::Fault(fault) => SealFault::Bytes(fault),
+            NotProved::CalledOff => SealFault::CalledOff,
+        })?;
+        let _ = told(SealEvent::Ended(Step::Proof));
         let mut words = 1;
         if proved == Proved::Stable {
             // Before the header, so that a library is never without it.
@@ -447,7 +451,7 @@ impl<F: MappedFlash> SlotStore<F> {
             let _ = self.erase_sector(claim, Self::header_sector()).await;
             return Err(SealFault::Write(fault));
         }
-        told(SealEvent::Ended(Step::Program { words }));
+        let _ = told(SealEvent::Ended(Step::Program { words }));
         self.note_header(header);
         Ok(self.set_valid(slot, header, content))
     }
@@ -598,6 +602,8 @@ struct Content {
 pub(crate) enum SealFault {
     Bytes(SlotFault),
     Write(WriteFault),
+    /// The proof was called off.
+    CalledOff,
 }
 
 fn address(slot: SlotId, offset: u32) -> u32 {

@@ -5,31 +5,33 @@
 //! slot. Lattices need none of this.
 
 use core::fmt;
+use core::ops::ControlFlow;
 
 use embassy_futures::yield_now;
 use model_format::link::{SlotFault, SlotId};
 use model_format::{Library, Outline};
 use stylus_kernel::proof::{Proof, Refusal, is_needed};
 
-use super::mark::{MARK_OFFSETS, Proved, mark_of};
+use super::mark::{MARK_OFFSETS, NotProved, Proved, mark_of};
 use super::{MappedFlash, SlotStore, address};
 use crate::flash::WORD_BYTES;
 use crate::words::in_words;
 
 impl<F: MappedFlash> SlotStore<F> {
     /// Proves the direct forms of the valid library in `slot`, unless a mark says that this was done. Each word of the
-    /// library was read since the last write. `told` gets the progress, ‰; a new mark is written if `may_write`.
+    /// library was read since the last write. `told` gets the progress after each step, ‰, and may call the proof off;
+    /// a new mark is written if `may_write`.
     ///
     /// # Errors
-    /// The slot has no library, or one that is not proved; it counts as faulty then.
+    /// The slot has no library, or one that is not proved; it counts as faulty then. Or the proof was called off.
     pub(crate) async fn prove(
         &mut self,
         slot: SlotId,
         may_write: bool,
-        told: impl FnMut(u16),
-    ) -> Result<(), SlotFault> {
+        told: impl FnMut(u16) -> ControlFlow<()>,
+    ) -> Result<(), NotProved> {
         let (Some(info), Some(outline)) = (self.library(slot), self.outlines[slot.index()]) else {
-            return Err(SlotFault::Unfinished);
+            return Err(SlotFault::Unfinished.into());
         };
         let library = outline.library(self.mapped(slot, info.length)?);
         if library.is_none_or(|library| !is_needed(&library)) {
@@ -41,10 +43,11 @@ impl<F: MappedFlash> SlotStore<F> {
             Place::Free(offset) => Some(offset),
             Place::Full => None,
         };
-        if let Err(fault) = self.prove_content(slot, info.length, outline, told).await {
+        let proved = self.prove_content(slot, info.length, outline, told).await;
+        if let Err(NotProved::Fault(fault)) = &proved {
             self.set_state(slot, super::SlotState::Faulty(fault.clone()));
-            return Err(fault);
         }
+        proved?;
         if may_write && let Some(offset) = free {
             // Without a mark the library is proved again next time, so that a failure costs only that.
             let _ = self.flash.write(address(slot, offset), &mark).await;
@@ -52,36 +55,35 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(())
     }
 
-    /// Proves the direct forms of the library with this outline, in steps with yields in between.
+    /// Proves the direct forms of the library with this outline, in steps with yields in between. `told` gets the
+    /// progress after each step, ‰, and may call the proof off.
     ///
     /// # Errors
-    /// A cell that is not proved; bytes that cannot be read.
+    /// A cell that is not proved; bytes that cannot be read; the proof was called off.
     pub(super) async fn prove_content(
         &self,
         slot: SlotId,
         length: u32,
         outline: Outline,
-        mut told: impl FnMut(u16),
-    ) -> Result<Proved, SlotFault> {
+        mut told: impl FnMut(u16) -> ControlFlow<()>,
+    ) -> Result<Proved, NotProved> {
         let bytes = self.mapped(slot, length)?;
         let library = outline.library(bytes).ok_or(SlotFault::Unfinished)?;
         if !is_needed(&library) {
             return Ok(Proved::NotNeeded);
         }
         let mut proof = Proof::new(library);
-        let mut before = None;
         loop {
             match proof.step() {
                 Ok(true) => {}
                 Ok(false) => return Ok(Proved::Stable),
                 Err(refusal) => {
                     let reason = in_words(&Unproved { library, refusal });
-                    return Err(SlotFault::Unproved { reason });
+                    return Err(SlotFault::Unproved { reason }.into());
                 }
             }
-            let permille = proof.permille();
-            if before.replace(permille) != Some(permille) {
-                told(permille);
+            if told(proof.permille()).is_break() {
+                return Err(NotProved::CalledOff);
             }
             yield_now().await;
         }

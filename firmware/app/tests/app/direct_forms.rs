@@ -4,18 +4,22 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
-    ActivateError, LIBRARY_CRC, SlotFault, SlotId, SlotState, UploadChunk, UploadState,
+    ActivateError, LIBRARY_CRC, LinkId, SlotFault, SlotId, SlotState, UploadAbortEndpoint,
+    UploadChunk, UploadError, UploadState,
 };
 use model_format::{
     CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
     TextureSpec, encode,
 };
+use postcard_rpc::Endpoint;
+use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
 
-use fake_stylus::device::SteppedStylus;
+use fake_stylus::device::{SharedControl, SteppedStylus, Stores};
 use fake_stylus::flash::{Memory, SimulatedFlash};
 use fake_stylus::library::{announcement, library, upload};
+use fake_stylus::requests::{Requests, frame};
 
 /// A node of these predictor coefficients.
 fn node(predictor: &[f64]) -> NodeSpec {
@@ -246,6 +250,96 @@ fn the_status_tells_the_progress_of_a_proof() {
         "{shares:?}"
     );
     assert_eq!(stylus.control.borrow().status().upload, UploadState::Idle);
+}
+
+/// A library whose proof takes more steps than [`polls_after_an_abort`] goes on for.
+fn long() -> Vec<u8> {
+    let predictors: Vec<&[f64]> = [&[0.9][..], &[0.8, -0.1]].repeat(10);
+    forged(&predictors, LEAST)
+}
+
+/// Requests an abort as soon as `work` shows a proof, and returns its result and the number of polls after that.
+fn polls_after_an_abort<R>(
+    stylus: &mut SteppedStylus,
+    work: impl AsyncFnOnce(&mut Stores, &mut SharedControl) -> R,
+) -> (R, u32) {
+    let requests = Requests::new(stylus.control.clone());
+    let mut polls = None;
+    let result = stylus.request_meanwhile(work, |control| {
+        let is_proving = matches!(control.borrow().status().upload, UploadState::Proving(_));
+        match &mut polls {
+            None if is_proving => {
+                let header = VarHeader {
+                    key: VarKey::Key8(UploadAbortEndpoint::REQ_KEY),
+                    seq_no: VarSeq::Seq4(1),
+                };
+                let abort = frame(UploadAbortEndpoint::REQ_KEY, header, &());
+                assert_eq!(requests.serve(LinkId::Usb, &abort, false), None);
+                polls = Some(0);
+            }
+            None => {}
+            Some(polls) => *polls += 1,
+        }
+        control.millisecond();
+    });
+    // The storage comes to the abort.
+    assert!(stylus.control.borrow().is_abort_waiting());
+    let aborted = stylus.request(async |storage, stage| storage.upload_abort(stage));
+    assert_eq!(aborted, Ok(UploadState::Idle));
+    assert!(!stylus.control.borrow().is_abort_waiting());
+    (result, polls.expect("it was proved"))
+}
+
+/// Number of polls that end a proof in its next step.
+const POLLS_PER_STEP: u32 = 2;
+
+#[test]
+fn an_abort_ends_the_proof_of_an_upload_at_its_next_step_and_the_library_before_stays() {
+    let mut stylus = SteppedStylus::ready(&library(1, 4, 1));
+    let before = stylus.storage.slots();
+    let bytes = long();
+    let committing = async |storage: &mut Stores, stage: &mut SharedControl| {
+        let begun = storage.upload_begin(stage, announcement(&bytes)).await;
+        assert!(begun.is_ok());
+        for (index, data) in bytes.chunks(512).enumerate() {
+            let offset = 512 * index as u32;
+            let chunk = UploadChunk { offset, data };
+            assert!(storage.upload_chunk(stage, chunk).await.is_ok());
+        }
+        storage.upload_commit(stage).await
+    };
+    let (committed, polls) = polls_after_an_abort(&mut stylus, committing);
+    assert_eq!(committed, Err(UploadError::Aborted));
+    assert!(polls <= POLLS_PER_STEP, "{polls}");
+    let slots = stylus.storage.slots();
+    assert_eq!(
+        (slots.active, &slots.slots[0]),
+        (before.active, &before.slots[0])
+    );
+    assert_eq!(slots.slots[1], SlotState::Faulty(SlotFault::Unfinished));
+    assert_eq!(stylus.control.borrow().status().upload, UploadState::Idle);
+    // Without an abort the same library is proved.
+    assert!(stylus.request(committing).is_ok());
+}
+
+#[test]
+fn an_abort_ends_the_proof_before_an_activation_and_the_slot_stays_valid() {
+    let mut memory = filled_by_an_older_image(&long());
+    // No mark can be kept, so that each activation proves it.
+    for mark in (MARK..SLOT_BYTES).step_by(32) {
+        memory.set_faulty(mark);
+    }
+    let mut stylus = SteppedStylus::boot_from(SimulatedFlash::new(memory));
+    let before = stylus.storage.slots();
+    assert_eq!(before.active, Some(SlotId::A));
+    let activate = async |storage: &mut Stores, stage: &mut SharedControl| {
+        storage.activate(stage, SlotId::A).await
+    };
+    let (activated, polls) = polls_after_an_abort(&mut stylus, activate);
+    assert_eq!(activated, Err(ActivateError::Aborted { slot: SlotId::A }));
+    assert!(polls <= POLLS_PER_STEP, "{polls}");
+    assert_eq!(stylus.storage.slots(), before);
+    assert!(activation(&mut stylus));
 }
 
 #[test]

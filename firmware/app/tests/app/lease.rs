@@ -13,6 +13,8 @@ use model_format::link::{
 use model_format::{MillimetresPerSecond, Newton};
 use proptest::prelude::*;
 
+use crate::budget;
+
 /// Time from the last renewal to silence, ms: the lease and the longest ramp.
 const SILENT_WITHIN_MS: u32 = 100;
 
@@ -199,7 +201,7 @@ fn any_step() -> impl Strategy<Value = Step> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(60))]
+    #![proptest_config(budget::config(500))]
 
     /// Model: the holder is the last link whose play was accepted, until anybody stops it.
     #[test]

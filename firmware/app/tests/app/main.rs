@@ -1,6 +1,8 @@
 //! Tests of the application on the host, through its public interface, on flash that can lose power.
 #![expect(clippy::result_large_err, reason = "errors carry their reason as text")]
 
+#[path = "../attack/budget.rs"]
+mod budget;
 mod direct_forms;
 mod double_faults;
 mod inputs;

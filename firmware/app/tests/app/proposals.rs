@@ -10,6 +10,8 @@ use model_format::link::{
 use proptest::prelude::*;
 use stylus_app::safety::Config;
 
+use crate::budget;
+
 const LINKS: [LinkId; 2] = [LinkId::Usb, LinkId::Serial];
 
 fn change(setting: Setting, value: f32) -> SettingChange {
@@ -198,7 +200,7 @@ enum Step {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(budget::config(500))]
 
     /// Model: a value is set only by a proposal of the same link that nothing has ended since.
     #[test]

@@ -1,5 +1,6 @@
 //! Requests end to end on a device in memory: what a host sees, and what the tick is told.
 
+use std::iter;
 use std::ops::{Deref, DerefMut};
 
 use embassy_futures::block_on;
@@ -9,13 +10,16 @@ use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, texture};
 use model_format::limits::{self, MAX_ORDER, SLOT_BYTES};
 use model_format::link::{
-    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, ListError, ListRequest, MotionSample,
-    MotionSource, MuteReason, PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection,
-    Setting, SettingChange, SettingSet, Settings, SettingsChange, SettingsError, SettingsState,
-    SlotId, SlotState, StopError, UploadChunk, UploadError, UploadState,
+    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, ListError, ListRequest,
+    MAX_PIN_MEAN_SQUARE, MotionSample, MotionSource, MuteReason, PlayError, PlayRequest,
+    RecordError, STALE_AFTER_MS, Selection, Setting, SettingChange, SettingSet, Settings,
+    SettingsChange, SettingsError, SettingsState, SlotId, SlotState, StopError, UploadChunk,
+    UploadError, UploadState,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
-use model_format::{Library, MillimetresPerSecond, Newton, PlayRate, encode, encode_with_scenes};
+use model_format::{
+    DacCode, Library, MillimetresPerSecond, Newton, PlayRate, encode, encode_with_scenes,
+};
 use stylus_app::safety::Config;
 use stylus_app::slots::SlotStore;
 use stylus_kernel::scene::Plan;
@@ -239,6 +243,74 @@ fn a_scene_is_played_by_its_name_and_switched_without_a_mute_where_the_gain_stay
     let mut control = stylus.control.borrow_mut();
     let bench = control.device();
     assert_eq!((bench.starts, bench.switches), (2, 2));
+}
+
+#[test]
+fn the_status_tells_the_limits_of_the_pin_and_the_coil_that_are_in_force() {
+    let mut stylus = Stylus::with_library(&library(1, 4, 1));
+    let told = |stylus: &Stylus| stylus.control.borrow().status().limits;
+    // The coil's three, the hard limit, and what follows: the peak in V, the mean square in V², the power in W, and if
+    // the image's cap is tighter.
+    let cases = [
+        ([8.0, 1.0, 0.1, 0.5], (0.5, MAX_PIN_MEAN_SQUARE, 0.01, true)),
+        ([8.0, 10.0, 0.25, 0.5], (0.5, 0.02, 0.25, false)),
+        (
+            [8.0, 10.0, 0.25, 1.45],
+            (4.0 * 0.02f32.sqrt(), 0.02, 0.25, false),
+        ),
+        ([4.0, 2.0, 0.01, 0.2], (0.2, 0.01, 0.01, false)),
+        (
+            [4.0, 2.0, 1.0, 1.45],
+            (
+                4.0 * MAX_PIN_MEAN_SQUARE.sqrt(),
+                MAX_PIN_MEAN_SQUARE,
+                0.08,
+                true,
+            ),
+        ),
+    ];
+    for (values, (peak_volt, mean_square, coil_watt, is_capped)) in cases {
+        let settings = [
+            Setting::CoilResistance,
+            Setting::AmplifierGain,
+            Setting::PowerLimit,
+            Setting::HardLimit,
+        ];
+        let changes: Vec<_> = iter::zip(settings, values)
+            .map(|(setting, value)| SettingChange { setting, value })
+            .collect();
+        stylus.change_settings(&changes).expect("nothing plays");
+        let limits = told(&stylus);
+        // The peak is of whole steps of the converter.
+        let below = peak_volt - limits.peak_volt;
+        assert!(
+            (-1e-6..DacCode::STEP.0).contains(&below),
+            "{values:?}: {limits:?}"
+        );
+        assert!(
+            (limits.mean_square - mean_square).abs() < 1e-6,
+            "{values:?}: {limits:?}"
+        );
+        assert!(
+            (limits.coil_watt - coil_watt).abs() < 1e-6,
+            "{values:?}: {limits:?}"
+        );
+        assert_eq!(limits.is_capped, is_capped, "{values:?}");
+        // They are those of the tick, and the same while something plays, at whatever gain.
+        let quiet = PlayRequest {
+            gain: 0.25,
+            ..request("texture 0")
+        };
+        let played = stylus.control.borrow_mut().play(LinkId::Serial, quiet);
+        assert!(played.is_ok());
+        stylus.run(100);
+        assert!(stylus.sounds());
+        assert_eq!(told(&stylus), limits);
+        let steps = stylus.control.borrow_mut().device().config.limit_steps();
+        assert_eq!(limits.peak_volt, steps as f32 * DacCode::STEP.0);
+        stylus.control.borrow_mut().stop().expect("it plays");
+        stylus.run(300);
+    }
 }
 
 #[test]

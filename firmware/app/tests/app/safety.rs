@@ -9,6 +9,8 @@ use proptest::prelude::*;
 use stylus_app::safety::{Config, Heat, MOST_HELD_TICKS, OVERSAMPLING, PEAK_POWER_RATIO, State};
 use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 
+use crate::budget;
+
 const RATE: f64 = SAMPLE_RATE_HZ as f64;
 
 /// Codes per second at the pin.
@@ -164,7 +166,7 @@ fn sine(amplitude: f64, hertz: f64, n: u32) -> OutputSample {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(budget::config(300))]
 
     /// As no device does it, which mutes before settings change. Only the slew limit yields to a lower hard limit.
     #[test]
@@ -602,7 +604,7 @@ fn counters_count_what_was_changed() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(budget::config(300))]
 
     #[test]
     fn no_pair_of_samples_goes_beyond_the_limits_of_codes_or_warms_the_coil_past_its_limit(

@@ -28,6 +28,7 @@ use model_format::{
     TextureSpec, encode,
 };
 use proptest::prelude::*;
+use proptest::test_runner::TestRunner;
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::slots::SlotStore;
 
@@ -574,7 +575,11 @@ fn a_cut_at_any_operation_of_any_short_history_leaves_what_was_promised() {
 fn no_history_of_cuts_damage_and_requests_loses_a_sound_library_or_the_use_of_the_store() {
     let steps = (action(), mishap()).prop_map(|(action, mishap)| Step { action, mishap });
     let histories = (numbers(), any::<u64>(), prop::collection::vec(steps, 1..14));
-    let lived = budget::runner(1_500).run(&histories, |(numbers, seed, steps)| {
+    let config = ProptestConfig {
+        failure_persistence: None,
+        ..budget::config(1_500)
+    };
+    let lived = TestRunner::new(config).run(&histories, |(numbers, seed, steps)| {
         live(numbers, seed, &steps).map_err(TestCaseError::fail)
     });
     if let Err(failure) = lived {

@@ -1,9 +1,9 @@
-//! Seed and number of cases of an attack.
+//! Seed and number of cases of an attack, of the model checks and of the application's tests by random cases.
 
 use std::env;
 use std::str::FromStr;
 
-use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+use proptest::test_runner::{Config, RngSeed};
 
 /// Seed of a run; the one without a variable is that of `tests/run`.
 pub fn seed() -> u64 {
@@ -22,37 +22,11 @@ fn number<T: FromStr>(name: &str) -> Option<T> {
     number
 }
 
-/// A runner of so many cases, all of which follow from the seed.
-pub fn runner(count: u32) -> TestRunner {
-    let config = Config {
+/// Configuration of so many random cases, all of which follow from the seed.
+pub fn config(count: u32) -> Config {
+    Config {
         cases: cases(count),
-        failure_persistence: None,
+        rng_seed: RngSeed::Fixed(seed()),
         ..Config::default()
-    };
-    let mut bytes = [0; 32];
-    bytes[..8].copy_from_slice(&seed().to_le_bytes());
-    TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes))
-}
-
-/// Chance by a generator of 64 bits (xorshift of Marsaglia).
-pub struct Chance(u64);
-
-impl Chance {
-    /// Chance number `stream` of `seed`.
-    pub fn new(seed: u64, stream: u64) -> Self {
-        let mixed = (seed ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15)).wrapping_mul(0xD129_0DE5);
-        let mut chance = Self(mixed | 1);
-        for _ in 0..8 {
-            chance.below(2);
-        }
-        chance
-    }
-
-    /// A number below `bound`.
-    pub fn below(&mut self, bound: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        ((self.0 >> 11) % bound as u64) as usize
     }
 }

@@ -153,7 +153,7 @@ impl<'a> Proof<'a> {
 
     /// Goes on by a bounded step, and returns true while there is more to prove.
     ///
-    /// The longest step expands a node of order 400, or reads all coefficients of a texture once.
+    /// The longest step expands a node of order 400; none takes more than [`EXPANSION_INSTRUCTIONS`].
     ///
     /// # Errors
     /// A cell that could not be proved, with its place. The proof has ended then.

@@ -327,3 +327,25 @@ fn link(counters: &LinkCounters) -> String {
         counters.unsent
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_limits_in_force_are_told_in_volts_and_watts_and_by_whom() {
+        let by_settings = OutputLimits {
+            peak_volt: 0.5,
+            mean_square: 0.04,
+            coil_watt: 0.25,
+            is_capped: false,
+        };
+        let told = "0.500 V peak and 0.200 V RMS at the pin, 0.250 W held in the coil, by ";
+        assert_eq!(limits(&by_settings), format!("{told}the settings"));
+        let capped = OutputLimits {
+            is_capped: true,
+            ..by_settings
+        };
+        assert_eq!(limits(&capped), format!("{told}the cap of the image"));
+    }
+}

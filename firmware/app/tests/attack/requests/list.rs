@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use fake_stylus::library::{announcement, small_of};
+use fake_stylus::library::{announcement, small_texture};
 use fake_stylus::requests::frame;
 use model_format::link::{
     ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListRequest,
@@ -13,7 +13,8 @@ use model_format::link::{
     StatusEndpoint, StopEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint,
     UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
-use model_format::{MillimetresPerSecond, Newton};
+use model_format::scene::{Scene, Surface};
+use model_format::{MillimetresPerSecond, Newton, PlayRate, encode_with_scenes};
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::standard_icd::PingEndpoint;
 use postcard_rpc::{Endpoint, Key, Topic};
@@ -83,6 +84,10 @@ pub const REQUESTS: &[Request] = &[
         ask::<PlayEndpoint>(n, &play("texture 0", 0.25))
     })
     .renewing(),
+    asked("play at another rate", |n| {
+        ask::<PlayEndpoint>(n, &play(FAST, 1.0))
+    })
+    .renewing(),
     asked("stop", |n| ask::<StopEndpoint>(n, &())),
     changed("set a limit", |n| {
         propose(n, &[set(Setting::HardLimit, 0.25)])
@@ -143,6 +148,14 @@ pub const REQUESTS: &[Request] = &[
         ask::<PlayEndpoint>(n, &request)
     })
     .renewing(),
+    asked("play a scene at another rate", |n| {
+        let request = PlayRequest {
+            selection: Selection::Scene(FAST.try_into().expect("it is short")),
+            ..play("", 1.0)
+        };
+        ask::<PlayEndpoint>(n, &request)
+    })
+    .renewing(),
     asked("play what is not there", |n| {
         ask::<PlayEndpoint>(n, &play("nothing", 1.0))
     }),
@@ -172,12 +185,30 @@ pub const REQUESTS: &[Request] = &[
 const HALF: usize = 64;
 
 /// Number of the requests that are paired exhaustively.
-pub const PAIRED: usize = 12;
+pub const PAIRED: usize = 13;
+
+/// Name of the texture and of the scene for 10 kHz; all others are for 5 kHz.
+const FAST: &str = "fast";
+
+/// The rate at which `selection` is to be played.
+pub fn rate_of(selection: &Selection) -> PlayRate {
+    let (Selection::Texture(name) | Selection::Scene(name)) = selection;
+    if name == FAST {
+        PlayRate::Hz10000
+    } else {
+        PlayRate::Hz5000
+    }
+}
 
 /// The libraries in slots A and B, and one to upload. The names of their textures are the same.
 pub static LIBRARIES: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
     [1, 2, 3].map(|seed| {
-        let bytes = small_of(&["texture 0", "texture 1"], seed);
+        let slow = ["texture 0", "texture 1"].map(|name| small_texture(name, seed, 5_000));
+        let fast = small_texture(FAST, seed, 10_000);
+        let name = FAST.try_into().expect("it is short");
+        let scene = Scene::of_surface(name, 10_000, Surface::of_texture(slow.len() as u8));
+        let textures: Vec<_> = slow.into_iter().chain([fast]).collect();
+        let bytes = encode_with_scenes(&textures, &[scene]).expect("the library is valid");
         assert!(HALF < bytes.len() && bytes.len() < 512);
         bytes
     })

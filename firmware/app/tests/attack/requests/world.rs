@@ -10,6 +10,7 @@ use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::put;
 use fake_stylus::requests::Requests;
+use model_format::PlayRate;
 use model_format::limits::SLOT_BYTES;
 use model_format::link::{Activity, LinkId, ProposalToken, Setting, Settings, SlotId};
 use postcard_rpc::header::{VarHeader, VarSeq};
@@ -18,7 +19,7 @@ use stylus_app::control::Device;
 use stylus_app::safety::Config;
 use stylus_app::settings::SettingsStore;
 
-use super::list::{LIBRARIES, REQUESTS, Request, apply, changed, motion, propose, set};
+use super::list::{LIBRARIES, REQUESTS, Request, apply, changed, motion, propose, rate_of, set};
 
 /// Time within which the output is silent after a mute begins, ticks: 100 ms, and the lateness of the poll.
 const SILENT_WITHIN_TICKS: u64 = (100 * TICKS_PER_MS) as u64 + LATEST_POLL_TICKS;
@@ -81,6 +82,7 @@ pub type Checked = Result<(), String>;
 /// Observations that must hold at every point.
 pub struct Watch {
     settings: Settings,
+    rate: PlayRate,
     muted_since: Option<u64>,
     pub polled_at: u64,
 }
@@ -90,6 +92,7 @@ impl Watch {
         let mut control = control.borrow_mut();
         Self {
             settings: control.settings(),
+            rate: control.device().config.rate(),
             muted_since: None,
             polled_at: control.device().now(),
         }
@@ -112,13 +115,15 @@ impl Watch {
         if hardware.settings != settings {
             return Err("the device has other settings than the application".to_owned());
         }
-        let gain = hardware
-            .playing
-            .as_ref()
-            .map_or(1.0, |playing| playing.gain);
-        let may_linger = hardware.playing.is_none();
-        if !may_linger && hardware.config != Config::new(&settings, gain) {
-            return Err("what sounds has another gain than it was played with".to_owned());
+        if let Some(playing) = &hardware.playing {
+            let rate = rate_of(&playing.selection);
+            if hardware.config != Config::at_rate(&settings, playing.gain, rate) {
+                return Err("what sounds has another gain or rate than it was played with".into());
+            }
+        }
+        let rate = hardware.config.rate();
+        if std::mem::replace(&mut self.rate, rate) != rate && hardware.sounds() {
+            return Err("the rate changed while it sounded".to_owned());
         }
         if mute.is_empty() {
             self.muted_since = None;

@@ -1,16 +1,19 @@
 //! Settings in flash, with power lost at any operation, and with words that are lost afterwards.
 
+use std::iter;
+use std::sync::LazyLock;
+
 use embassy_futures::block_on;
 use model_format::link::{
     FlashOperation, Setting, SettingChange, SettingSet, Settings, SettingsError, SettingsState,
-    Tighter,
 };
-use proptest::prelude::*;
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
 
 use fake_stylus::device::COIL;
 use fake_stylus::flash::{Cut, Fault, Memory, Operation, SECTOR_BYTES, SimulatedFlash};
+
+mod histories;
 
 const RANGE: core::ops::Range<u32> = 0..2 * SECTOR_BYTES as u32;
 
@@ -51,6 +54,38 @@ fn change(setting: Setting, value: f32) -> SettingChange {
     SettingChange { setting, value }
 }
 
+/// Changes from the first to the last of the flashes that [`NEARLY_FULL`] holds for each number of lost places.
+const LAST_CHANGES: usize = 6;
+
+/// Flashes with the coil's settings before the last changes until one erases, without lost places in a copy and with.
+static NEARLY_FULL: LazyLock<Vec<Memory>> = LazyLock::new(|| {
+    let lost_places = [[0, 0], [1, 0], [0, 1], [3, 0], [0, 3]];
+    lost_places.into_iter().flat_map(nearly_full).collect()
+});
+
+/// The flashes of which the copies have lost so many places by refused writes.
+fn nearly_full(lost_places: [usize; 2]) -> Vec<Memory> {
+    let again = change(Setting::ForceZero, Setting::ForceZero.spec().default);
+    let mut memory = set(blank(), &COIL);
+    for (copy, lost) in lost_places.into_iter().enumerate() {
+        for _ in 0..lost {
+            let mut flash = SimulatedFlash::new(memory);
+            flash.fault = Fault::Refuse(copy * RECORD_WORDS);
+            let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+            block_on(store.set(again)).expect("the next place takes it");
+            memory = flash.memory;
+        }
+    }
+    let lost: usize = lost_places.iter().sum();
+    // A change of the last three places of a copy erases it before.
+    let last = CHANGES_PER_COPY as usize - 3 - COIL.len() - 2 * lost;
+    memory = set(memory, &vec![again; last - LAST_CHANGES]);
+    let next = |memory: &Memory| Some(set(memory.clone(), &[again]));
+    iter::successors(Some(memory), next)
+        .take(LAST_CHANGES + 1)
+        .collect()
+}
+
 /// Offsets of the words of the last record of the copy with number `copy`.
 fn last_record(memory: &Memory, copy: usize) -> impl Iterator<Item = usize> + use<> {
     let sector = copy * SECTOR_BYTES..(copy + 1) * SECTOR_BYTES;
@@ -58,15 +93,6 @@ fn last_record(memory: &Memory, copy: usize) -> impl Iterator<Item = usize> + us
         .last_programmed(sector)
         .expect("something was written");
     (last + 1 - RECORD_WORDS..=last).map(|word| word * WORD_BYTES)
-}
-
-/// Returns true if `value` protects less than `than`.
-fn is_weaker(setting: Setting, value: f32, than: f32) -> bool {
-    match setting.tighter() {
-        Some(Tighter::Lower) => value > than,
-        Some(Tighter::Higher) => value < than,
-        None => false,
-    }
 }
 
 #[test]
@@ -225,6 +251,77 @@ fn a_cut_at_any_operation_of_a_change_leaves_the_value_before_or_the_new() {
     );
 }
 
+/// Tells `check` of each flash that a cut at any operation of `work` leaves, with a name of the cut.
+fn after_each_cut(
+    memory: &Memory,
+    seed: &mut u64,
+    work: impl AsyncFnOnce(&mut SettingsStore<&mut SimulatedFlash<'_>>),
+    mut check: impl FnMut(&Memory, &str, &mut u64),
+) {
+    let mut number = 0;
+    let mut observe = |memory: &Memory, operation: Operation| {
+        for cut in Cut::WITH_UNSTABLE {
+            // What was there before an operation is there after the one before it.
+            if cut == Cut::Before && number > 0 {
+                continue;
+            }
+            *seed += 1;
+            let mut memory = memory.clone();
+            memory.seed(*seed);
+            memory.perform(operation, cut);
+            let name = match operation {
+                Operation::Erase { sector } => format!("{cut:?} erasure of {sector}"),
+                Operation::Write { word, .. } => format!("{cut:?} write of {word}"),
+            };
+            check(&memory, &name, seed);
+        }
+        number += 1;
+    };
+    let mut flash = SimulatedFlash::observed(memory.clone(), &mut observe);
+    block_on(async {
+        let mut store = SettingsStore::open(&mut flash, RANGE).await;
+        work(&mut store).await;
+    });
+}
+
+/// The trap of mending: it must not erase the one copy that a first cut has left.
+#[test]
+fn a_cut_in_the_mending_after_a_cut_leaves_the_value_before_or_the_new() {
+    let few = [blank(), set(blank(), &COIL)];
+    let beginnings = few.iter().chain(NEARLY_FULL.iter());
+    let wanted = change(Setting::HardLimit, 0.25);
+    let (mut seed, mut checks, mut erasures) = (0, 0, 0);
+    for (number, memory) in beginnings.enumerate() {
+        let (before, state) = opened(&mut memory.clone());
+        let after = before.with(wanted).expect("it is in range");
+        let change_it = async |store: &mut SettingsStore<&mut SimulatedFlash<'_>>| {
+            store.set(wanted).await.expect("it is in range");
+        };
+        after_each_cut(memory, &mut seed, change_it, |memory, first, seed| {
+            let mend = async |_: &mut SettingsStore<&mut SimulatedFlash<'_>>| ();
+            after_each_cut(memory, seed, mend, |memory, second, seed| {
+                let place = || format!("beginning {number}, {first}, {second}");
+                let store = open(memory.clone());
+                let found = store.settings();
+                assert!(found == before || found == after, "{}: {found:?}", place());
+                let found = store.state();
+                assert_eq!(found.lost, SettingSet::NONE, "{}", place());
+                assert!(state.set.without(found.set).is_empty(), "{}", place());
+                erasures += usize::from(second.contains("erasure"));
+                checks += 1;
+                // The next change is stored.
+                if seed.is_multiple_of(8) {
+                    let mut memory = set(memory.clone(), &[change(Setting::ForceZero, 7.0)]);
+                    let (found, state) = opened(&mut memory);
+                    assert_eq!(found.get(Setting::ForceZero), 7.0, "{}", place());
+                    assert_eq!((state.lost, state.mended), (SettingSet::NONE, false));
+                }
+            });
+        });
+    }
+    assert!(checks > 10_000 && erasures > 500, "{checks} {erasures}");
+}
+
 /// The trap of a map of single values: a limit whose last value is lost must not become the one before.
 #[test]
 fn any_lost_word_of_one_copy_leaves_every_setting_as_it_was() {
@@ -363,6 +460,24 @@ fn one_refusal_of_the_flash_is_worked_round_and_a_flash_that_refuses_all_is_told
 }
 
 #[test]
+fn an_erasure_that_is_refused_is_tried_again_by_the_next_change() {
+    for refused in [0, 1 + RECORD_WORDS] {
+        let full = NEARLY_FULL[LAST_CHANGES].clone();
+        let mut flash = SimulatedFlash::new(full);
+        flash.fault = Fault::Refuse(refused);
+        let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+        let change = change(Setting::HardLimit, 0.25);
+        let operation = FlashOperation::Write;
+        let refusal = SettingsError::Flash { operation };
+        assert_eq!(block_on(store.set(change)), Err(refusal), "{refused}");
+        assert!(block_on(store.set(change)).is_ok(), "{refused}");
+        assert!(!store.state().unwritable);
+        let (settings, state) = opened(&mut flash.memory);
+        assert_eq!((settings.hard_limit().0, state.mended), (0.25, false));
+    }
+}
+
+#[test]
 fn a_write_that_puts_a_wrong_bit_is_found_by_reading_back() {
     for wrong in 0..2 * RECORD_WORDS {
         let mut flash = SimulatedFlash::new(set(blank(), &COIL));
@@ -371,226 +486,5 @@ fn a_write_that_puts_a_wrong_bit_is_found_by_reading_back() {
         let set = block_on(store.set(change(Setting::HardLimit, 0.05))).expect("in range");
         flash.fault = Fault::None;
         assert_eq!(opened(&mut flash.memory).0, set, "write {wrong}");
-    }
-}
-
-/// One step of a stylus's life.
-#[derive(Clone, Copy, Debug)]
-enum Step {
-    /// A setting is set to a share of its range.
-    Set { setting: usize, share: u16 },
-    /// The same, and power is lost at an operation of it.
-    CutSet {
-        setting: usize,
-        share: u16,
-        at: usize,
-        how: usize,
-    },
-    /// Power is lost at an operation of the mending at a start.
-    CutStart { at: usize, how: usize },
-    /// A word of a copy's last record, or one a few words before, faults, flips a bit, or becomes unstable.
-    Damage {
-        copy: usize,
-        word: usize,
-        how: usize,
-    },
-    /// A restart.
-    Restart,
-    /// A reset, and the coil's settings.
-    Reset,
-}
-
-fn step() -> impl Strategy<Value = Step> {
-    let limits = Setting::ALL.len();
-    prop_oneof![
-        4 => (0..limits, any::<u16>()).prop_map(|(setting, share)| Step::Set { setting, share }),
-        4 => (0..limits, any::<u16>(), 0..9usize, 0..5usize)
-            .prop_map(|(setting, share, at, how)| Step::CutSet { setting, share, at, how }),
-        2 => (0..9usize, 0..5usize).prop_map(|(at, how)| Step::CutStart { at, how }),
-        3 => (0..2usize, 0..12usize, 0..3usize)
-            .prop_map(|(copy, word, how)| Step::Damage { copy, word, how }),
-        2 => Just(Step::Restart),
-        1 => Just(Step::Reset),
-    ]
-}
-
-/// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`; the flash is then as
-/// the cut left it. Without a cut, as the work left it.
-fn cut(
-    memory: &mut Memory,
-    at: usize,
-    how: Cut,
-    work: impl AsyncFnOnce(&mut SettingsStore<&mut SimulatedFlash<'_>>),
-) {
-    let mut left = None;
-    let mut number = 0;
-    let mut observe = |memory: &Memory, operation: Operation| {
-        if number == at {
-            let mut memory = memory.clone();
-            memory.perform(operation, how);
-            left = Some(memory);
-        }
-        number += 1;
-    };
-    let mut flash = SimulatedFlash::observed(memory.clone(), &mut observe);
-    block_on(async {
-        let mut store = SettingsStore::open(&mut flash, RANGE).await;
-        work(&mut store).await;
-    });
-    let done = flash.memory.clone();
-    drop(flash);
-    *memory = left.unwrap_or(done);
-}
-
-/// A stylus, and what it has acknowledged.
-struct Life {
-    memory: Memory,
-    /// For each setting the values that a restart may find: the last one acknowledged, and those whose storing was cut.
-    known: Vec<Vec<f32>>,
-}
-
-impl Life {
-    fn new(seed: u64) -> Self {
-        let mut memory = blank();
-        memory.seed(seed);
-        let defaults = Settings::default();
-        let known = Setting::ALL
-            .map(|setting| vec![defaults.get(setting)])
-            .to_vec();
-        let mut life = Self { memory, known };
-        for change in COIL {
-            life.set(change);
-        }
-        life
-    }
-
-    fn acknowledge(&mut self, change: SettingChange) {
-        self.known[change.setting as usize] = vec![change.value];
-    }
-
-    fn set(&mut self, change: SettingChange) {
-        let mut flash = SimulatedFlash::new(self.memory.clone());
-        let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
-        let set = block_on(store.set(change));
-        assert!(set.is_ok(), "{change:?} {set:?}");
-        self.memory = flash.memory;
-        self.acknowledge(change);
-    }
-
-    fn step(&mut self, step: Step) {
-        match step {
-            Step::Set { setting, share } => self.set(value(setting, share)),
-            Step::CutSet {
-                setting,
-                share,
-                at,
-                how,
-            } => {
-                let change = value(setting, share);
-                self.known[change.setting as usize].push(change.value);
-                cut(
-                    &mut self.memory,
-                    at,
-                    Cut::WITH_UNSTABLE[how],
-                    async |store| {
-                        let _ = store.set(change).await;
-                    },
-                );
-            }
-            Step::CutStart { at, how } => {
-                cut(&mut self.memory, at, Cut::WITH_UNSTABLE[how], async |_| ());
-            }
-            Step::Damage { copy, word, how } => {
-                let sector = copy * SECTOR_BYTES..(copy + 1) * SECTOR_BYTES;
-                let Some(last) = self.memory.last_programmed(sector) else {
-                    return;
-                };
-                let damaged = last
-                    .saturating_sub(word)
-                    .max(copy * SECTOR_BYTES / WORD_BYTES);
-                let damage = [Memory::set_faulty, Memory::flip_bit, Memory::set_unstable][how];
-                damage(&mut self.memory, damaged * WORD_BYTES);
-            }
-            Step::Restart => {
-                opened(&mut self.memory);
-            }
-            Step::Reset => {
-                let mut flash = SimulatedFlash::new(self.memory.clone());
-                let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
-                assert_eq!(block_on(store.reset()), Ok(Settings::default()));
-                self.memory = flash.memory;
-                for change in Settings::default().iter() {
-                    self.acknowledge(change);
-                }
-                for change in COIL {
-                    self.set(change);
-                }
-            }
-        }
-    }
-
-    /// Starts on a copy of the flash; returns true if something may be played.
-    fn check(&self, step: Step) -> bool {
-        let store = open(self.memory.clone());
-        if store.state().check_playable().is_err() {
-            return false;
-        }
-        for setting in Setting::ALL {
-            let value = store.settings().get(setting);
-            let known = &self.known[setting as usize];
-            assert!(
-                known.iter().any(|&known| !is_weaker(setting, value, known)),
-                "{setting}: {value} is weaker than all of {known:?} after {step:?}: {:?}",
-                store.state()
-            );
-        }
-        true
-    }
-}
-
-fn value(setting: usize, share: u16) -> SettingChange {
-    let setting = Setting::ALL[setting];
-    let spec = setting.spec();
-    let value = spec.lowest + (spec.highest - spec.lowest) * (f32::from(share) / 65_535.0);
-    let value = if spec.whole { value.trunc() } else { value };
-    change(setting, value)
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1500))]
-
-    /// While something may be played, no limit is weaker than the last value that was acknowledged, or whose storing
-    /// was cut, whatever the power does and whichever words are lost. And the store can always be written again.
-    #[test]
-    fn no_limit_becomes_weaker_while_something_may_be_played(
-        seed: u64, steps in prop::collection::vec(step(), 1..12),
-    ) {
-        let mut life = Life::new(seed);
-        for step in steps {
-            life.step(step);
-            life.check(step);
-        }
-        life.step(Step::Reset);
-        prop_assert!(life.check(Step::Reset), "a reset and the coil's settings mend everything");
-    }
-
-    /// Loss of power alone, at any number of changes and starts, loses nothing that was acknowledged.
-    #[test]
-    fn cuts_alone_never_silence_a_stylus(
-        seed: u64,
-        cuts in prop::collection::vec(
-            (0..Setting::ALL.len(), any::<u16>(), 0..9usize, 0..5usize, any::<bool>()), 1..12,
-        ),
-    ) {
-        let mut life = Life::new(seed);
-        for (setting, share, at, how, at_start) in cuts {
-            let step = if at_start {
-                Step::CutStart { at, how }
-            } else {
-                Step::CutSet { setting, share, at, how }
-            };
-            life.step(step);
-            prop_assert!(life.check(step), "after {:?}: {:?}", step, open(life.memory.clone()).state());
-        }
     }
 }

@@ -1,0 +1,248 @@
+//! Random histories of changes, power cuts and lost words.
+
+use embassy_futures::block_on;
+use fake_stylus::device::COIL;
+use fake_stylus::flash::{Cut, Memory, Operation, SECTOR_BYTES, SimulatedFlash};
+use model_format::link::{Setting, SettingChange, Settings, Tighter};
+use proptest::prelude::*;
+use stylus_app::flash::WORD_BYTES;
+use stylus_app::settings::SettingsStore;
+
+use super::{NEARLY_FULL, RANGE, blank, change, open, opened};
+use crate::budget;
+
+/// One step of a stylus's life.
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    /// A setting is set to a share of its range.
+    Set { setting: usize, share: u16 },
+    /// The same, and power is lost at an operation of it.
+    CutSet {
+        setting: usize,
+        share: u16,
+        at: usize,
+        how: usize,
+    },
+    /// Power is lost at an operation of the mending at a start.
+    CutStart { at: usize, how: usize },
+    /// A word of a copy's last record, or one a few words before, faults, flips a bit, or becomes unstable.
+    Damage {
+        copy: usize,
+        word: usize,
+        how: usize,
+    },
+    /// A restart.
+    Restart,
+    /// A reset, and the coil's settings.
+    Reset,
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    let limits = Setting::ALL.len();
+    prop_oneof![
+        4 => (0..limits, any::<u16>()).prop_map(|(setting, share)| Step::Set { setting, share }),
+        4 => (0..limits, any::<u16>(), 0..9usize, 0..5usize)
+            .prop_map(|(setting, share, at, how)| Step::CutSet { setting, share, at, how }),
+        2 => (0..9usize, 0..5usize).prop_map(|(at, how)| Step::CutStart { at, how }),
+        3 => (0..2usize, 0..12usize, 0..3usize)
+            .prop_map(|(copy, word, how)| Step::Damage { copy, word, how }),
+        2 => Just(Step::Restart),
+        1 => Just(Step::Reset),
+    ]
+}
+
+/// Number of one of [`NEARLY_FULL`], or none for blank flash.
+fn beginning() -> impl Strategy<Value = Option<usize>> {
+    prop::option::of(0..NEARLY_FULL.len())
+}
+
+/// Returns true if `value` protects less than `than`.
+fn is_weaker(setting: Setting, value: f32, than: f32) -> bool {
+    match setting.tighter() {
+        Some(Tighter::Lower) => value > than,
+        Some(Tighter::Higher) => value < than,
+        None => false,
+    }
+}
+
+/// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`; the flash is then as
+/// the cut left it. Without a cut, as the work left it.
+fn cut(
+    memory: &mut Memory,
+    at: usize,
+    how: Cut,
+    work: impl AsyncFnOnce(&mut SettingsStore<&mut SimulatedFlash<'_>>),
+) {
+    let mut left = None;
+    let mut number = 0;
+    let mut observe = |memory: &Memory, operation: Operation| {
+        if number == at {
+            let mut memory = memory.clone();
+            memory.perform(operation, how);
+            left = Some(memory);
+        }
+        number += 1;
+    };
+    let mut flash = SimulatedFlash::observed(memory.clone(), &mut observe);
+    block_on(async {
+        let mut store = SettingsStore::open(&mut flash, RANGE).await;
+        work(&mut store).await;
+    });
+    let done = flash.memory.clone();
+    drop(flash);
+    *memory = left.unwrap_or(done);
+}
+
+/// A stylus, and what it has acknowledged.
+struct Life {
+    memory: Memory,
+    /// For each setting the values that a restart may find: the last one acknowledged, and those whose storing was cut.
+    known: Vec<Vec<f32>>,
+}
+
+impl Life {
+    fn new(beginning: Option<usize>, seed: u64) -> Self {
+        let mut memory = beginning.map_or_else(blank, |number| NEARLY_FULL[number].clone());
+        memory.seed(seed);
+        let defaults = Settings::default();
+        let known = Setting::ALL
+            .map(|setting| vec![defaults.get(setting)])
+            .to_vec();
+        let mut life = Self { memory, known };
+        for change in COIL {
+            life.set(change);
+        }
+        life
+    }
+
+    fn acknowledge(&mut self, change: SettingChange) {
+        self.known[change.setting as usize] = vec![change.value];
+    }
+
+    fn set(&mut self, change: SettingChange) {
+        let mut flash = SimulatedFlash::new(self.memory.clone());
+        let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+        let set = block_on(store.set(change));
+        assert!(set.is_ok(), "{change:?} {set:?}");
+        self.memory = flash.memory;
+        self.acknowledge(change);
+    }
+
+    fn step(&mut self, step: Step) {
+        match step {
+            Step::Set { setting, share } => self.set(value(setting, share)),
+            Step::CutSet {
+                setting,
+                share,
+                at,
+                how,
+            } => {
+                let change = value(setting, share);
+                self.known[change.setting as usize].push(change.value);
+                cut(
+                    &mut self.memory,
+                    at,
+                    Cut::WITH_UNSTABLE[how],
+                    async |store| {
+                        let _ = store.set(change).await;
+                    },
+                );
+            }
+            Step::CutStart { at, how } => {
+                cut(&mut self.memory, at, Cut::WITH_UNSTABLE[how], async |_| ());
+            }
+            Step::Damage { copy, word, how } => {
+                let sector = copy * SECTOR_BYTES..(copy + 1) * SECTOR_BYTES;
+                let Some(last) = self.memory.last_programmed(sector) else {
+                    return;
+                };
+                let damaged = last
+                    .saturating_sub(word)
+                    .max(copy * SECTOR_BYTES / WORD_BYTES);
+                let damage = [Memory::set_faulty, Memory::flip_bit, Memory::set_unstable][how];
+                damage(&mut self.memory, damaged * WORD_BYTES);
+            }
+            Step::Restart => {
+                opened(&mut self.memory);
+            }
+            Step::Reset => {
+                let mut flash = SimulatedFlash::new(self.memory.clone());
+                let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+                assert_eq!(block_on(store.reset()), Ok(Settings::default()));
+                self.memory = flash.memory;
+                for change in Settings::default().iter() {
+                    self.acknowledge(change);
+                }
+                for change in COIL {
+                    self.set(change);
+                }
+            }
+        }
+    }
+
+    /// Starts on a copy of the flash; returns true if something may be played.
+    fn check(&self, step: Step) -> bool {
+        let store = open(self.memory.clone());
+        if store.state().check_playable().is_err() {
+            return false;
+        }
+        for setting in Setting::ALL {
+            let value = store.settings().get(setting);
+            let known = &self.known[setting as usize];
+            assert!(
+                known.iter().any(|&known| !is_weaker(setting, value, known)),
+                "{setting}: {value} is weaker than all of {known:?} after {step:?}: {:?}",
+                store.state()
+            );
+        }
+        true
+    }
+}
+
+fn value(setting: usize, share: u16) -> SettingChange {
+    let setting = Setting::ALL[setting];
+    let spec = setting.spec();
+    let value = spec.lowest + (spec.highest - spec.lowest) * (f32::from(share) / 65_535.0);
+    let value = if spec.whole { value.trunc() } else { value };
+    change(setting, value)
+}
+
+proptest! {
+    #![proptest_config(budget::config(1_500))]
+
+    /// While something may be played, no limit is weaker than the last value that was acknowledged, or whose storing
+    /// was cut, whatever the power does and whichever words are lost. And the store can always be written again.
+    #[test]
+    fn no_limit_becomes_weaker_while_something_may_be_played(
+        beginning in beginning(), seed: u64, steps in prop::collection::vec(step(), 1..12),
+    ) {
+        let mut life = Life::new(beginning, seed);
+        for step in steps {
+            life.step(step);
+            life.check(step);
+        }
+        life.step(Step::Reset);
+        prop_assert!(life.check(Step::Reset), "a reset and the coil's settings mend everything");
+    }
+
+    /// Loss of power alone, at any number of changes and starts, loses nothing that was acknowledged.
+    #[test]
+    fn cuts_alone_never_silence_a_stylus(
+        beginning in beginning(),
+        seed: u64,
+        cuts in prop::collection::vec(
+            (0..Setting::ALL.len(), any::<u16>(), 0..9usize, 0..5usize, any::<bool>()), 1..12,
+        ),
+    ) {
+        let mut life = Life::new(beginning, seed);
+        for (setting, share, at, how, at_start) in cuts {
+            let step = if at_start {
+                Step::CutStart { at, how }
+            } else {
+                Step::CutSet { setting, share, at, how }
+            };
+            life.step(step);
+            prop_assert!(life.check(step), "after {:?}: {:?}", step, open(life.memory.clone()).state());
+        }
+    }
+}
