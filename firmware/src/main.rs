@@ -74,7 +74,7 @@ async fn main(spawner: Spawner) {
     let clock = clock::select(before.starts.clock);
     record::enter(Some(clock::stage(clock)));
     watchdog::feed_at_start();
-    let p = time::begin(|| embassy_stm32::init(clock::config(clock)));
+    let p = time::begin(|| embassy_stm32::init(clock::config(clock, revision)));
     clock::guard(clock);
     supply::watch();
     watchdog::feed_at_start();

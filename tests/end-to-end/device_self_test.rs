@@ -129,6 +129,7 @@ fn wrong_silicon_and_option_bytes_are_named() {
     board.option_bytes.boot = 0x1FF0_2000;
     let named = [
         "read protection",
+        "brown-out level",
         "watchdog by",
         "banks swapped",
         "writable sectors",

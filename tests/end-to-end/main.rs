@@ -15,6 +15,8 @@ mod device_links;
 mod device_record;
 #[cfg(feature = "device")]
 mod device_self_test;
+#[cfg(feature = "device")]
+mod device_self_test_lines;
 mod evaluation;
 mod fit_to_sound;
 mod frontier;

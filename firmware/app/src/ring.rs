@@ -21,8 +21,8 @@ pub const LENGTH: usize = SLOTS * OVERSAMPLING;
 /// Number of slots for which the last code of a tick is held if no other tick follows.
 pub const HELD_SLOTS: usize = 1;
 
-/// Number of slots from the held code to mid-scale. From the highest hard limit, 1.6 V, that is 4 V/ms, the default
-/// slew limit.
+/// Number of slots from the held code to mid-scale. From the highest hard limit, 1.45 V, that is 3.6 V/ms, which is
+/// within the default slew limit of 4 V/ms.
 pub const FADED_SLOTS: usize = 2;
 
 /// Number of slots that a tick writes: its own and the continuation.
@@ -105,6 +105,8 @@ pub fn faded(last: DacCode, slot: usize) -> [u32; OVERSAMPLING] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::safety::Config;
+    use model_format::link::{Setting, Settings};
     use proptest::prelude::*;
     use std::vec::Vec;
 
@@ -112,6 +114,21 @@ mod tests {
     /// the converter.
     fn remaining(period: usize, passed: usize) -> usize {
         LENGTH - (OVERSAMPLING * period + 1 + passed) % LENGTH
+    }
+
+    #[test]
+    fn a_fade_from_the_highest_hard_limit_is_within_the_default_slew_limit() {
+        let per_step = 1.0 / DacCode::STEP.0;
+        let highest = (Setting::HardLimit.spec().highest * per_step) as i32;
+        let slew = Config::new(&Settings::default(), 1.0).slew_steps();
+        let last = DacCode::from_mid_scale(highest);
+        let codes = core::iter::once(u32::from(last.get()))
+            .chain((0..FADED_SLOTS).flat_map(|slot| faded(last, slot)));
+        let codes: Vec<i32> = codes.map(|code| code as i32).collect();
+        let largest = codes.windows(2).map(|pair| pair[0] - pair[1]).max();
+        assert!(largest <= Some(slew), "{largest:?}, {slew}");
+        // One slot would be too fast.
+        assert!(highest / OVERSAMPLING as i32 > slew);
     }
 
     #[test]

@@ -7,8 +7,8 @@
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
     ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, FLASH_TEST_BYTES, FlashValues,
-    OptionByteValues, OutputValues, SelfTestError, SelfTestRequest, SelfTestValues, SlotId,
-    SlotState, UploadState,
+    OptionByteValues, OutputValues, RestValues, SelfTestError, SelfTestRequest, SelfTestValues,
+    SlotId, SlotState, UploadState,
 };
 
 use crate::flash::WORD_BYTES;
@@ -37,6 +37,12 @@ pub trait Bench {
     /// # Errors
     /// The converter does not answer. Everything is left as it was then, too.
     fn output(&mut self) -> impl Future<Output = Result<OutputValues, SelfTestError>>;
+
+    /// Reads the output's pin and moves nothing.
+    ///
+    /// # Errors
+    /// The converter does not answer.
+    fn rest(&mut self) -> impl Future<Output = Result<RestValues, SelfTestError>>;
 
     /// Time since the start, µs, which wraps after 71 minutes.
     fn now_us(&self) -> u32;
@@ -70,6 +76,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
                 Ok(SelfTestValues::ErrorCorrection(bench.error_correction()))
             }
             SelfTestRequest::Output => bench.output().await.map(SelfTestValues::Output),
+            SelfTestRequest::Rest => bench.rest().await.map(SelfTestValues::Rest),
             SelfTestRequest::Encoder => Ok(SelfTestValues::Encoder(bench.encoder())),
             SelfTestRequest::Flash {
                 slot,

@@ -20,13 +20,16 @@ use embassy_stm32::rcc::{
     PllPreDiv, PllSource, Sysclk, VoltageScale, mux,
 };
 use embassy_stm32::time::Hertz;
-use model_format::link::{ClockSource, StartStage};
+use model_format::link::{ClockSource, SiliconRevision, StartStage};
 
 /// Clock of the core, Hz.
 pub const CORE_HZ: u32 = 400_000_000;
 
 /// Clock of the timers on APB1, Hz: twice the clock of that bus, because its prescaler is not 1.
 pub const TIMER_HZ: u32 = 200_000_000;
+
+/// Clock of the converters, Hz, on every revision of the silicon.
+pub const CONVERTER_HZ: u32 = 12_500_000;
 
 /// Clock of the core from the reset until [`config`] holds: HSI, Hz (RM0433 section 8.5.2).
 const RESET_HZ: u32 = 64_000_000;
@@ -70,12 +73,12 @@ fn starts_external() -> bool {
     true
 }
 
-/// Returns the clock configuration from `source`, which `main` passes to embassy once.
+/// Returns the clock configuration from `source` on silicon of `revision`, which `main` passes to embassy once.
 ///
 /// - Core 400 MHz from PLL1, AHB buses 200 MHz, APB buses 100 MHz: the highest clocks that `Scale1` allows.
 /// - USB: 48 MHz.
-/// - ADC: 25 MHz from PLL2, below the 36 MHz of revision Y. Revision V halves it.
-pub fn config(source: ClockSource) -> embassy_stm32::Config {
+/// - ADC: [`CONVERTER_HZ`]. From PLL2 come 25 MHz where the silicon halves them, and 12.5 MHz where it does not.
+pub fn config(source: ClockSource, revision: SiliconRevision) -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     // DBGSLEEP_D1 (RM0433 section 60.5.8): without it the cycle counter stops in WFE, with or without a debugger, and
     // what is measured from one interrupt to the next is too short.
@@ -90,6 +93,11 @@ pub fn config(source: ClockSource) -> embassy_stm32::Config {
     });
     rcc.mux.usbsel = mux::Usbsel::HSI48;
     rcc.mux.adcsel = mux::Adcsel::PLL2_P;
+    let converter = if revision.halves_converter_clock() {
+        PllDiv::DIV20
+    } else {
+        PllDiv::DIV40
+    };
     match source {
         ClockSource::External => {
             rcc.hse = Some(Hse {
@@ -98,19 +106,24 @@ pub fn config(source: ClockSource) -> embassy_stm32::Config {
             });
             rcc.hsi48 = None;
             rcc.mux.usbsel = mux::Usbsel::PLL3_Q;
-            multiply(rcc, PllSource::HSE, PllPreDiv::DIV2);
+            multiply(rcc, PllSource::HSE, PllPreDiv::DIV2, converter);
         }
-        ClockSource::Internal => multiply(rcc, PllSource::HSI, PllPreDiv::DIV16),
+        ClockSource::Internal => multiply(rcc, PllSource::HSI, PllPreDiv::DIV16, converter),
         ClockSource::InternalUnmultiplied => rcc.sys = Sysclk::HSI,
     }
     config
 }
 
-/// Sets the PLLs and buses for `source`, which `divided` makes 4 MHz.
+/// Sets the PLLs and buses for `source`, which `divided` makes 4 MHz, with the divider `converter` for the ADC.
 ///
 /// At that reference a PLL needs its wide range of 192 to 960 MHz; the medium one is for 1 to 2 MHz (RM0433 section
 /// 8.5.5). embassy takes the medium one wherever it contains the frequency, so each of these is above its 420 MHz.
-fn multiply(rcc: &mut embassy_stm32::rcc::Config, source: PllSource, divided: PllPreDiv) {
+fn multiply(
+    rcc: &mut embassy_stm32::rcc::Config,
+    source: PllSource,
+    divided: PllPreDiv,
+    converter: PllDiv,
+) {
     let pll = |mul, divp, divq| {
         Some(Pll {
             source,
@@ -124,8 +137,8 @@ fn multiply(rcc: &mut embassy_stm32::rcc::Config, source: PllSource, divided: Pl
     };
     // 4 MHz x 200 / 2.
     rcc.pll1 = pll(PllMul::MUL200, Some(PllDiv::DIV2), None);
-    // For the ADC: 4 MHz x 125 / 20.
-    rcc.pll2 = pll(PllMul::MUL125, Some(PllDiv::DIV20), None);
+    // For the ADC: 4 MHz x 125 / 20 or / 40.
+    rcc.pll2 = pll(PllMul::MUL125, Some(converter), None);
     // For USB: 4 MHz x 120 / 10. It runs unused on the internal clock, because embassy turns a PLL off by a write to
     // the dividers of all of them.
     rcc.pll3 = pll(PllMul::MUL120, None, Some(PllDiv::DIV10));

@@ -15,7 +15,7 @@ use embassy_stm32::pac::{GPIOA, GPIOC};
 use embassy_time::Instant;
 use model_format::link::{
     ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, OptionByteValues, OutputValues,
-    SelfTestError,
+    RestValues, SelfTestError,
 };
 use stylus_app::self_test::Bench;
 
@@ -54,6 +54,10 @@ impl Bench for Measured {
 
     async fn output(&mut self) -> Result<OutputValues, SelfTestError> {
         output::measure().await
+    }
+
+    async fn rest(&mut self) -> Result<RestValues, SelfTestError> {
+        output::rest().await
     }
 
     fn now_us(&self) -> u32 {

@@ -7,11 +7,11 @@ use embassy_time::{Duration, Instant};
 use micromath::F32Ext;
 use model_format::DacCode;
 use model_format::link::{
-    CONVERSIONS_PER_CODE, OUTPUT_CODES, OutputValues, STEP_CODES, STEP_INSTANT_CYCLES,
-    STEP_INSTANTS, SelfTestError, output_code,
+    CONVERSIONS_PER_CODE, OUTPUT_CODES, OutputValues, REST_CONVERSIONS, RestValues, STEP_CODES,
+    STEP_INSTANT_CYCLES, STEP_INSTANTS, SelfTestError, output_code,
 };
 
-use crate::boot::clock::CORE_HZ;
+use crate::boot::clock::{CONVERTER_HZ, CORE_HZ};
 use crate::self_test::read_back::ReadBack;
 use crate::self_test::time::since;
 use crate::tick::output::by_hand::ByHand;
@@ -25,8 +25,8 @@ const LIMIT: Duration = Duration::from_millis(20);
 /// The same for a busy wait, cycles: 1 ms.
 const LIMIT_CYCLES: u32 = CORE_HZ / 1_000;
 
-/// Cycles of the core per cycle of the converter, of 12.5 MHz.
-const CONVERTER_CYCLES: u32 = CORE_HZ / 12_500_000;
+/// Cycles of the core per cycle of the converter.
+const CONVERTER_CYCLES: u32 = CORE_HZ / CONVERTER_HZ;
 
 /// From the order of a conversion to its sample with the shortest sampling time: 1.5 cycles of the converter, and up to
 /// three from the order to the start (RM0433 section 25.4.14).
@@ -101,6 +101,26 @@ pub async fn measure() -> Result<OutputValues, SelfTestError> {
         step_words,
         sample_cycles: SAMPLE_CYCLES,
     })
+}
+
+/// Reads the pin as the tick drives it, and leaves the output and the amplifier alone.
+///
+/// # Errors
+/// The converter does not answer.
+pub async fn rest() -> Result<RestValues, SelfTestError> {
+    let read_back = ReadBack::start().await?;
+    let mut sum = 0;
+    let mut range = [u16::MAX, 0];
+    for n in 1..=REST_CONVERSIONS {
+        read_back.order();
+        let word = read_back.word()?;
+        sum += u32::from(word);
+        range = [range[0].min(word), range[1].max(word)];
+        if n.is_multiple_of(CONVERSIONS_PER_TURN) {
+            yield_now().await;
+        }
+    }
+    Ok(RestValues { sum, range })
 }
 
 /// Sum of `count` words, and sum of their squares.

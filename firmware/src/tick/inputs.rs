@@ -26,7 +26,7 @@ use embassy_stm32::timer::qei::{self, Qei};
 use model_format::AdcCode;
 use stylus_app::SAMPLE_RATE_HZ;
 
-use crate::boot::clock::TIMER_HZ;
+use crate::boot::clock::{CONVERTER_HZ, TIMER_HZ};
 
 /// Channels in the order of the sequence: acceleration X, Y, Z, and force.
 const CHANNELS: [u8; 4] = [15, 10, 6, 5];
@@ -47,9 +47,6 @@ const CONVERSION: u32 = 17;
 
 /// TIM6_TRGO as a trigger of injected sequences (RM0433 table 212, jadc_ext_trg14).
 const TRIGGER_TIM6: u8 = 14;
-
-/// Clock of the converter, half of its clock in the clock tree (revision V; RM0433 section 25.4.3).
-const CONVERTER_HZ: u32 = 12_500_000;
 
 /// Cycles of TIM6 per half cycle of the converter.
 const TIMER_PER_HALF_CYCLE: u32 = TIMER_HZ / (2 * CONVERTER_HZ);

@@ -60,8 +60,9 @@ pub use record::{
 pub use selftest::{
     CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, EncoderValues,
     ErrorCorrectionValues, FLASH_TEST_BYTES, FlashValues, LOWEST_OUTPUT_CODE, OUTPUT_CODE_STEP,
-    OUTPUT_CODES, OptionByteValues, OutputValues, RAM_MONITORS, STEP_CODES, STEP_INSTANT_CYCLES,
-    STEP_INSTANTS, SelfTestError, SelfTestRequest, SelfTestValues, output_code,
+    OUTPUT_CODES, OptionByteValues, OutputValues, RAM_MONITORS, REST_CONVERSIONS, RestValues,
+    STEP_CODES, STEP_INSTANT_CYCLES, STEP_INSTANTS, SelfTestError, SelfTestRequest, SelfTestValues,
+    output_code,
 };
 pub use settings::{
     PROPOSAL_VALID_MS, SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError,
@@ -70,8 +71,8 @@ pub use settings::{
 pub use settings_state::{SettingSet, SettingsState};
 pub use slot::{LIBRARY_CRC, SlotFault, SlotId, SlotInfo, SlotState, Slots};
 pub use start::{
-    ClockSource, FLASH_SUPPLY_MV, QUICK_FAULT_MS, QUICK_FAULTS, SiliconRevision, StartReport,
-    StartStage,
+    ClockSource, FLASH_SUPPLY_MV, LEAST_BROWN_OUT_LEVEL, QUICK_FAULT_MS, QUICK_FAULTS,
+    SiliconRevision, StartReport, StartStage,
 };
 pub use status::{
     Activity, Fault, FaultKind, FaultText, LinkCounters, OutputStatus, RecordCounters, ResetReason,

@@ -20,6 +20,9 @@ pub const OUTPUT_CODE_STEP: u16 = 115;
 /// Number of conversions per sum of [`OutputValues::sums`].
 pub const CONVERSIONS_PER_CODE: u32 = 64;
 
+/// Number of conversions of [`RestValues::sum`]: they take longer than two ticks.
+pub const REST_CONVERSIONS: u32 = 64;
+
 /// Number of instants of [`OutputValues::step_words`].
 pub const STEP_INSTANTS: usize = 16;
 
@@ -53,6 +56,8 @@ pub enum SelfTestRequest {
     ErrorCorrection,
     /// The output's pin, moved and read back, with the amplifier disabled. Takes about a second.
     Output,
+    /// The output's pin at rest, read back without moving it.
+    Rest,
     /// Levels of the encoder's lines.
     Encoder,
     /// Erasing and writing one sector of a slot, which is erased again at the end. Takes some seconds.
@@ -77,6 +82,8 @@ pub enum SelfTestValues {
     ErrorCorrection(ErrorCorrectionValues),
     /// Of [`SelfTestRequest::Output`].
     Output(OutputValues),
+    /// Of [`SelfTestRequest::Rest`].
+    Rest(RestValues),
     /// Of [`SelfTestRequest::Encoder`].
     Encoder(EncoderValues),
     /// Of [`SelfTestRequest::Flash`].
@@ -163,6 +170,15 @@ pub struct OutputValues {
     pub step_words: [u16; STEP_INSTANTS],
     /// Cycles of the core from the order of a conversion to its sample.
     pub sample_cycles: u32,
+}
+
+/// The output's pin at rest, read back by a converter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct RestValues {
+    /// Sum of [`REST_CONVERSIONS`] words of 16 bits.
+    pub sum: u32,
+    /// The lowest and the highest of them.
+    pub range: [u16; 2],
 }
 
 /// Levels of the encoder's lines.

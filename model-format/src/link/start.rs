@@ -77,6 +77,14 @@ impl core::fmt::Display for StartStage {
     }
 }
 
+/// Lowest level of the brown-out reset that a board should have: 1 of 0 to 3; 0 is off.
+///
+/// Off, the part runs on until its supply falls below 1.58 to 1.68 V (DS12110, reset and power control block, falling
+/// threshold of the power-down reset). It needs 1.62 V (DS12110, general operating conditions), for the core as well as
+/// for the flash. [`FLASH_SUPPLY_MV`] does not replace it, because that is asked before an operation, and an erasure
+/// goes on for up to 4 s. Each level from 1 on lies above 1.62 V.
+pub const LEAST_BROWN_OUT_LEVEL: u8 = 1;
+
 /// Revision of the silicon: REV_ID of DBGMCU_IDC (RM0433 section 60.5.8).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct SiliconRevision(pub u16);
@@ -86,6 +94,21 @@ impl SiliconRevision {
     pub const fn misreads_axi_sram(self) -> bool {
         self.0 < 0x2000
     }
+
+    /// Returns true for the revisions that halve the clock of their converters (RM0433 section 25.4.3; ST's driver
+    /// does so above revision Y).
+    pub const fn halves_converter_clock(self) -> bool {
+        self.0 > 0x1003
+    }
+
+    /// Returns true for the revisions that the image is made for, [`Self::SUPPORTED`]. On older ones it runs with
+    /// remedies for what is known, and nothing else was tested.
+    pub const fn is_supported(self) -> bool {
+        matches!(self.letter(), Some('X' | 'V'))
+    }
+
+    /// The revisions of [`Self::is_supported`], in words.
+    pub const SUPPORTED: &str = "X or V";
 
     const fn letter(self) -> Option<char> {
         match self.0 {

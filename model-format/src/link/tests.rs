@@ -249,6 +249,10 @@ fn self_test_values() -> Vec<SelfTestValues> {
             step_words: [u16::MAX; STEP_INSTANTS],
             sample_cycles: u32::MAX,
         }),
+        SelfTestValues::Rest(RestValues {
+            sum: u32::MAX,
+            range: [u16::MAX; 2],
+        }),
         SelfTestValues::Encoder(EncoderValues {
             count: u16::MAX,
             levels: [true; 2],

@@ -2,8 +2,8 @@
 
 use model_format::link::{
     CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, ErrorCorrectionValues, OUTPUT_CODES,
-    OptionByteValues, OutputValues, RAM_MONITORS, STEP_CODES, STEP_INSTANTS, SelfTestError,
-    output_code,
+    OptionByteValues, OutputValues, RAM_MONITORS, REST_CONVERSIONS, RestValues, STEP_CODES,
+    STEP_INSTANTS, SelfTestError, output_code,
 };
 use stylus_app::SAMPLE_RATE_HZ;
 
@@ -23,6 +23,8 @@ pub struct Board {
     pub error_correction: ErrorCorrectionValues,
     /// The output's pin, or the failure to read it.
     pub output: Result<OutputValues, SelfTestError>,
+    /// The output's pin at rest, or the failure to read it.
+    pub rest: Result<RestValues, SelfTestError>,
     /// The encoder's lines; the first follows the count unless it is stuck.
     pub stuck_line: Option<bool>,
     /// Time that an operation of the flash seems to take, µs.
@@ -42,7 +44,8 @@ impl Default for Board {
                 package: 2,
             },
             option_bytes: OptionByteValues {
-                status: 0x0406_AAF0,
+                // A new part has 0x0406_AAF0; here the brown-out level is 3.
+                status: 0x0406_AAFC,
                 banks_swapped: false,
                 writable_sectors: [0xff; 2],
                 read_protected: [0xff; 2],
@@ -71,6 +74,7 @@ impl Default for Board {
                 flash_failed: [0; 2],
             },
             output: Ok(Self::output(|code| code)),
+            rest: Ok(Self::rest(2048.0)),
             stuck_line: None,
             flash_us: 50,
         }
@@ -78,6 +82,15 @@ impl Default for Board {
 }
 
 impl Board {
+    /// The output whose pin rests at `code`, with the noise of the converter.
+    pub fn rest(code: f64) -> RestValues {
+        let word = (code * 16.0).round().clamp(16.0, 65_519.0) as u16;
+        RestValues {
+            sum: u32::from(word) * REST_CONVERSIONS,
+            range: [word - 16, word + 16],
+        }
+    }
+
     /// The output whose pin shows `pin` of each code, in codes.
     pub fn output(pin: impl Fn(f64) -> f64) -> OutputValues {
         let word = |code: u16| (pin(code.into()) * 16.0).round().clamp(0.0, 65_535.0);

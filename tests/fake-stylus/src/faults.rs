@@ -30,6 +30,8 @@ pub struct Faults {
     pub ignores_lost_link: bool,
     /// One tick of each millisecond counts as missed.
     pub misses_ticks: bool,
+    /// The codes of one tick of each millisecond count as too late at the output.
+    pub puts_out_late: bool,
     /// Cycles that every tick takes besides its own.
     pub slower_by: u32,
     /// Bytes that are no frame, before every answer.

@@ -104,6 +104,8 @@ pub struct Hardware {
     pub disguise: Option<fn(&mut DeviceInfo)>,
     /// Number of ticks that count as missed.
     pub missed: u32,
+    /// Number of ticks whose codes count as too late.
+    pub late_outputs: u32,
     /// Cycles that every tick takes besides its own.
     pub slower_by: u32,
     /// Instructions per tick that a scene may take.
@@ -167,6 +169,7 @@ impl Hardware {
             tear_samples: 0,
             disguise: None,
             missed: 0,
+            late_outputs: 0,
             slower_by: 0,
             budget: BUDGET,
             is_loaded: false,
@@ -318,6 +321,7 @@ impl Device for Hardware {
             counters: TickCounters {
                 ticks: self.now,
                 missed: self.missed,
+                late_outputs: self.late_outputs,
                 ..TickCounters::default()
             },
             histogram: self.histogram.with_range(self.taken).report(CORE_HZ),

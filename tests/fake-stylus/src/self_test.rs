@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use model_format::link::{
     ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, OptionByteValues, OutputValues,
-    SelfTestError,
+    RestValues, SelfTestError,
 };
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::Device;
@@ -63,6 +63,10 @@ impl Bench for BoardOf {
 
     async fn output(&mut self) -> Result<OutputValues, SelfTestError> {
         self.board().output
+    }
+
+    async fn rest(&mut self) -> Result<RestValues, SelfTestError> {
+        self.board().rest
     }
 
     /// Each reading comes after an operation of the flash, or before one.

@@ -260,6 +260,7 @@ fn catch_up(control: &SharedControl, time: Duration, faults: &Faults) -> Vec<Rec
         }
         let hardware = device.device();
         hardware.missed += u32::from(faults.misses_ticks);
+        hardware.late_outputs += u32::from(faults.puts_out_late);
         hardware.slower_by = faults.slower_by;
         drop(device);
         blocks.extend(control.millisecond());

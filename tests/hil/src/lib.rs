@@ -20,6 +20,7 @@ pub mod bench;
 pub mod board;
 pub mod checks;
 pub mod error;
+pub mod injection;
 pub mod interrupt;
 pub mod keep;
 pub mod library;

@@ -5,7 +5,7 @@ use std::time::Duration;
 use fake_stylus::{FakeStylus, Faults, Hand};
 use hil::bench::{Bench, Lengths};
 use hil::board::Board;
-use hil::checks::{cycles, endurance, identity, playing, record, settings, upload};
+use hil::checks::{cycles, endurance, identity, output, playing, record, settings, upload};
 use hil::interrupt::Interrupt;
 use hil::keep::Kept;
 use hil::library::{Played, played};
@@ -176,6 +176,32 @@ fn missed_ticks_are_found() {
     });
     endurance::check(&mut bench, &played.bytes).expect("the device answers");
     assert_eq!(failed(&bench), ["missed ticks"]);
+}
+
+#[test]
+fn codes_that_come_too_late_at_the_output_are_found() {
+    let stylus = FakeStylus::start();
+    let (mut bench, played) = bench_with_library(&stylus);
+    stylus.fail(Faults {
+        puts_out_late: true,
+        ..Faults::default()
+    });
+    endurance::check(&mut bench, &played.bytes).expect("the device answers");
+    assert_eq!(failed(&bench), ["late outputs"]);
+}
+
+#[test]
+fn a_pin_that_is_not_at_mid_scale_is_found_although_the_device_says_that_it_rests() {
+    let stylus = FakeStylus::start();
+    let mut bench = bench(&stylus);
+    stylus.set_board(fake_stylus::Board {
+        rest: Ok(fake_stylus::Board::rest(2348.0)),
+        ..fake_stylus::Board::default()
+    });
+    let status = bench.device.status().expect("it answers");
+    assert!(status.output.at_rest);
+    output::at_mid_scale(&mut bench, "the pin").expect("the device answers");
+    assert_eq!(failed(&bench), ["the pin"]);
 }
 
 #[test]

@@ -7,6 +7,8 @@ use crate::model::oscillators::Clocks;
 
 /// REV_ID of revision V (section 60.5.8).
 const REVISION_V: u16 = 0x2003;
+/// BOR_LEV as a board's first hour sets it; new parts have 0.
+const SET_BROWN_OUT_LEVEL: u8 = 3;
 /// Supply of the NUCLEO-H743ZI2, mV.
 const RAIL_MILLIVOLTS: u32 = 3300;
 
@@ -17,7 +19,7 @@ pub struct Electrical {
     pub clocks: Clocks,
     /// REV_ID of the silicon (section 60.5.8).
     pub revision: u16,
-    /// BOR_LEV of the option bytes, 0 to 3; new parts have 0 (section 4.9.8).
+    /// BOR_LEV of the option bytes, 0 to 3 (section 4.9.8).
     pub brown_out_level: u8,
     /// Supply, mV.
     pub supply_millivolts: u32,
@@ -28,9 +30,41 @@ impl Default for Electrical {
         Self {
             clocks: Clocks::default(),
             revision: REVISION_V,
-            brown_out_level: 0,
+            brown_out_level: SET_BROWN_OUT_LEVEL,
             supply_millivolts: RAIL_MILLIVOLTS,
         }
+    }
+}
+
+/// True for revisions Z and Y.
+fn is_old(revision: u16) -> bool {
+    revision < 0x2000
+}
+
+/// Differences of the converters of old silicon.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OldConverter {
+    is_old: bool,
+}
+
+impl OldConverter {
+    /// The converters of silicon of `revision`.
+    pub fn of(revision: u16) -> Self {
+        Self {
+            is_old: is_old(revision),
+        }
+    }
+
+    /// Clock of a converter to which the emulator, whose part is revision V, gives `hz`: old silicon does not halve
+    /// it (section 25.4.3).
+    pub fn hz(self, hz: u64) -> u64 {
+        if self.is_old { 2 * hz } else { hz }
+    }
+
+    /// Flags that this silicon has of those in `flags` of `ADC_ISR`: old silicon has no `LDORDY` (section 25.6.1).
+    pub fn flags(self, flags: u64) -> u64 {
+        const LDORDY: u64 = 1 << 12;
+        if self.is_old { flags & !LDORDY } else { flags }
     }
 }
 
@@ -51,7 +85,7 @@ impl Defects {
     /// The defects of silicon of `revision`.
     pub fn of(revision: u16) -> Self {
         let defects = Self::default();
-        let old = revision < 0x2000;
+        let old = is_old(revision);
         defects.0.old_silicon.store(old, Ordering::Relaxed);
         defects
     }

@@ -17,7 +17,7 @@ use rigless::soc::stm32h743::peripherals::tim::{
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
-use crate::electrical::{Defects, Electrical};
+use crate::electrical::{Defects, Electrical, OldConverter};
 use crate::model::adc::{Injected, Pins};
 use crate::model::around::{Around, Extended};
 use crate::model::dac::{Dac, TIM6_TRIGGER, TIM7_TRIGGER};
@@ -197,7 +197,7 @@ impl Part {
         Ok(part)
     }
 
-    /// Puts the revision into DBGMCU_IDC, above the device's identifier.
+    /// Puts the revision into DBGMCU_IDC, above the device's identifier, and makes the converters those of it.
     fn show_revision(&mut self) {
         let registers = self
             .rest
@@ -207,6 +207,9 @@ impl Part {
         let device = registers.get(dbgmcu::Register::Idc) & 0xFFFF;
         let revision = u64::from(self.electrical.revision) << 16;
         registers.set(dbgmcu::Register::Idc, revision | device);
+        let silicon = OldConverter::of(self.electrical.revision);
+        self.adc.around.set_silicon(silicon);
+        self.read_back.around.set_silicon(silicon);
     }
 
     /// Stops the external clock at `at`. If the clock security system watches it, its interrupt follows.

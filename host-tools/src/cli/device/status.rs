@@ -2,9 +2,9 @@
 
 use host_tools::support::error::Result;
 use model_format::link::{
-    Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, LeaseStatus, Levels, LinkCounters,
-    Marks, MotionSource, MuteReason, OutputLimits, OutputStatus, SettingChange, SettingsChange,
-    SettingsState, StartReport, Status, UploadState,
+    Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, LEAST_BROWN_OUT_LEVEL, LeaseStatus,
+    Levels, LinkCounters, Marks, MotionSource, MuteReason, OutputLimits, OutputStatus,
+    SettingChange, SettingsChange, SettingsState, StartReport, Status, UploadState,
 };
 use serde::Serialize;
 
@@ -158,7 +158,7 @@ fn start(start: StartReport) -> Vec<String> {
             "SUPPLY   below {FLASH_SUPPLY_MV} mV: no upload and no change of settings until it rises"
         ));
     }
-    if start.brown_out_level == 0 {
+    if start.brown_out_level < LEAST_BROWN_OUT_LEVEL {
         lines.push(
             "BROWNOUT the brown-out reset is off in the option bytes: set BOR_LEV to 3 with the probe".to_owned(),
         );

@@ -75,6 +75,7 @@ pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Re
         ("option bytes", SelfTestRequest::OptionBytes),
         ("clocks", SelfTestRequest::Clocks),
         ("memories", SelfTestRequest::ErrorCorrection),
+        ("output at rest", SelfTestRequest::Rest),
         ("output", SelfTestRequest::Output),
     ] {
         told(Step::Measuring(name));
@@ -128,6 +129,7 @@ fn measured(device: &Device, name: &str, request: SelfTestRequest) -> Result<Vec
         Ok(SelfTestValues::Output(values)) => {
             judge::output(&values, device.status()?.tick_histogram.core_hz)
         }
+        Ok(SelfTestValues::Rest(values)) => judge::rest(&values),
         Ok(SelfTestValues::Encoder(_)) => Vec::new(),
         Ok(SelfTestValues::Flash(values)) => judge::flash(&values),
         Err(LinkError::SelfTest(refusal)) => match *refusal {

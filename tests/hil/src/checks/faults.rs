@@ -1,119 +1,96 @@
 //! The fault image: each fault on request, its reset, its reason and its kind in the status, and silence after it.
 
 use model_format::link::{FaultKind, MotionSource, QUICK_FAULT_MS, ResetReason, Status};
-use postcard_rpc::{TopicDirection, topics};
 
-use crate::bench::{Bench, is_playing, request};
+use crate::bench::{Bench, request};
 use crate::board::Image;
+use crate::checks::{output, survived};
 use crate::error::Result;
+use crate::injection::inject;
 use crate::library;
-
-topics! {
-    list = INJECTION;
-    direction = TopicDirection::ToServer;
-    | TopicTy    | MessageTy | Path                     |
-    | -------    | --------- | ----                     |
-    | FaultTopic | u8        | "stylus/fault-injection" |
-}
 
 /// A number that the fault image takes and that stands for no fault. The product's image counts it as malformed.
 const NO_FAULT: u8 = 0;
 
-/// A tick that is longer than its period. Playing goes on.
-const LONG_TICK: u8 = 1;
+/// A fault that ends in a reset.
+struct Ending {
+    number: u8,
+    name: &'static str,
+    reason: ResetReason,
+    kind: FaultKind,
+    /// Part of the fault's text in the status.
+    text: &'static str,
+    /// True if a brief run injects it too.
+    is_brief: bool,
+}
 
-/// Faults that end in a reset: number, name, reason of the reset, kind in the status.
-const ENDING: [(u8, &str, ResetReason, FaultKind); 16] = [
-    (4, "a panic", ResetReason::Fault, FaultKind::Panic),
-    (
-        9,
-        "a panic in the tick",
-        ResetReason::Fault,
-        FaultKind::Panic,
-    ),
-    (5, "a hard fault", ResetReason::Fault, FaultKind::HardFault),
-    (
-        7,
-        "a non-maskable interrupt",
-        ResetReason::Fault,
-        FaultKind::Nmi,
-    ),
-    (
-        6,
-        "an unexpected interrupt",
-        ResetReason::Fault,
-        FaultKind::UnexpectedInterrupt,
-    ),
-    (
-        2,
-        "a tick that hangs",
-        ResetReason::Watchdog,
-        FaultKind::TickStopped,
-    ),
-    (
-        8,
-        "a timer that stops",
-        ResetReason::Watchdog,
-        FaultKind::TickStopped,
-    ),
-    (
-        3,
-        "a task that hangs",
-        ResetReason::Watchdog,
-        FaultKind::ExecutorStopped,
-    ),
-    (
-        32,
-        "a stack that a task overflows",
-        ResetReason::Fault,
-        FaultKind::StackOverflow,
-    ),
-    (
-        33,
-        "a stack that the update overflows",
-        ResetReason::Fault,
-        FaultKind::StackOverflow,
-    ),
-    (
-        34,
-        "a write to address 0",
-        ResetReason::Fault,
-        FaultKind::MemoryProtection,
-    ),
-    (
-        35,
-        "a read of address 0",
-        ResetReason::Fault,
-        FaultKind::MemoryProtection,
-    ),
-    (
-        36,
-        "a write to the code in ITCM",
-        ResetReason::Fault,
-        FaultKind::MemoryProtection,
-    ),
-    (
-        37,
-        "a write to the code in flash",
-        ResetReason::Fault,
-        FaultKind::MemoryProtection,
-    ),
-    (
-        38,
-        "a jump to data",
-        ResetReason::Fault,
-        FaultKind::MemoryProtection,
-    ),
-    (
-        39,
-        "a read of external memory",
-        ResetReason::Fault,
-        FaultKind::MemoryProtection,
-    ),
-];
+impl Ending {
+    /// A fault that a handler catches.
+    const fn caught(number: u8, name: &'static str, kind: FaultKind) -> Self {
+        Self {
+            number,
+            name,
+            reason: ResetReason::Fault,
+            kind,
+            text: "",
+            is_brief: false,
+        }
+    }
 
-/// Faults that are injected in a brief run: one that a handler catches, and one that only the watchdog ends.
-const BRIEF: [u8; 2] = [4, 2];
+    /// A fault that only the watchdog ends.
+    const fn starved(number: u8, name: &'static str, kind: FaultKind) -> Self {
+        Self {
+            reason: ResetReason::Watchdog,
+            ..Self::caught(number, name, kind)
+        }
+    }
+
+    /// A failure of the hardware that moves the codes, which the tick finds.
+    const fn of_output(number: u8, name: &'static str) -> Self {
+        Self {
+            text: "output",
+            ..Self::caught(number, name, FaultKind::Panic)
+        }
+    }
+
+    /// The same, in brief runs too.
+    const fn also_brief(self) -> Self {
+        Self {
+            is_brief: true,
+            ..self
+        }
+    }
+}
+
+/// Faults that end in a reset. Brief runs have one that a handler catches, one that the watchdog ends, a core that
+/// stops and so leaves the output to timer and DMA, and a failure of those.
+const ENDING: [Ending; 19] = {
+    use FaultKind::{
+        ExecutorStopped, HardFault, MemoryProtection, Nmi, Panic, StackOverflow, TickStopped,
+        UnexpectedInterrupt,
+    };
+    [
+        Ending::caught(4, "a panic", Panic).also_brief(),
+        Ending::caught(9, "a panic in the tick", Panic),
+        Ending::caught(5, "a hard fault", HardFault),
+        Ending::caught(7, "a non-maskable interrupt", Nmi),
+        Ending::caught(6, "an unexpected interrupt", UnexpectedInterrupt),
+        Ending::starved(2, "a tick that hangs", TickStopped).also_brief(),
+        Ending::starved(8, "a timer that stops", TickStopped),
+        Ending::starved(3, "a task that hangs", ExecutorStopped),
+        Ending::starved(10, "a core that stops", ExecutorStopped).also_brief(),
+        Ending::of_output(13, "a stream that feeds the converter no more").also_brief(),
+        Ending::of_output(14, "a stream that erases no more"),
+        Ending::caught(32, "a stack that a task overflows", StackOverflow),
+        Ending::caught(33, "a stack that the update overflows", StackOverflow),
+        Ending::caught(34, "a write to address 0", MemoryProtection),
+        Ending::caught(35, "a read of address 0", MemoryProtection),
+        Ending::caught(36, "a write to the code in ITCM", MemoryProtection),
+        Ending::caught(37, "a write to the code in flash", MemoryProtection),
+        Ending::caught(38, "a jump to data", MemoryProtection),
+        Ending::caught(39, "a read of external memory", MemoryProtection),
+    ]
+};
 
 /// Flashes the fault image, injects each fault while a texture plays, and flashes the product's image again.
 ///
@@ -153,7 +130,7 @@ fn exchange(bench: &mut Bench, image: Image) -> Result<Status> {
 fn takes_faults(bench: &Bench) -> Result<bool> {
     let malformed = |status: &Status| status.usb.malformed + status.serial.malformed;
     let before = bench.status()?;
-    bench.device.publish::<FaultTopic>(&NO_FAULT)?;
+    inject(bench, NO_FAULT)?;
     let after = bench.wait(20)?;
     Ok(malformed(&after) == malformed(&before))
 }
@@ -174,33 +151,17 @@ fn with_fault_image(bench: &mut Bench, is_brief: bool) -> Result<()> {
     if !takes {
         return Ok(());
     }
-    long_tick(bench)?;
-    for (number, name, reason, kind) in ENDING {
-        if !is_brief || BRIEF.contains(&number) {
-            ends(bench, number, name, (reason, kind))?;
+    survived::check(bench)?;
+    for ending in ENDING {
+        if !is_brief || ending.is_brief {
+            ends(bench, &ending)?;
         }
     }
     Ok(())
 }
 
-fn long_tick(bench: &mut Bench) -> Result<()> {
-    let play = library::cheap();
-    let ((before, after), _) = bench.while_playing(&play, MotionSource::Host, |bench| {
-        let before = bench.wait_until_heard()?;
-        bench.device.publish::<FaultTopic>(&LONG_TICK)?;
-        Ok((before, bench.wait(50)?))
-    })?;
-    let missed = after.tick.missed.saturating_sub(before.tick.missed);
-    bench.judge(
-        "a tick that is too long is counted, and playing goes on",
-        format!("{missed} missed, {} resets", after.resets - before.resets),
-        "at least 1 missed, 0 resets",
-        missed > 0 && after.resets == before.resets && is_playing(&after),
-    );
-    Ok(())
-}
-
-fn ends(bench: &mut Bench, number: u8, name: &str, wanted: (ResetReason, FaultKind)) -> Result<()> {
+fn ends(bench: &mut Bench, wanted: &Ending) -> Result<()> {
+    let Ending { number, name, .. } = *wanted;
     // A reset by its pin before each fault, so that a device that stays silent after several of them plays again.
     let status = bench.status()?;
     bench.board.reset()?;
@@ -213,10 +174,14 @@ fn ends(bench: &mut Bench, number: u8, name: &str, wanted: (ResetReason, FaultKi
     let play = library::cheap();
     bench.device.play(&request(&play, MotionSource::Host))?;
     let before = bench.heard_with_motions()?;
-    bench.device.publish::<FaultTopic>(&number)?;
+    inject(bench, number)?;
     let after = bench.wait_for_restart(&before)?;
-    let kind = after.fault.as_ref().map(|fault| fault.kind);
-    let found = kind.map_or("none".to_owned(), |kind| format!("{kind:?}"));
+    let fault = after.fault.as_ref();
+    let found = fault.map_or("none".to_owned(), |fault| {
+        format!("{:?} {}", fault.kind, fault.text)
+    });
+    let is_wanted =
+        fault.is_some_and(|fault| fault.kind == wanted.kind && fault.text.contains(wanted.text));
     bench.judge(
         &format!("{name} ends in a reset with its reason"),
         format!(
@@ -224,18 +189,11 @@ fn ends(bench: &mut Bench, number: u8, name: &str, wanted: (ResetReason, FaultKi
             after.reset,
             after.resets - before.resets
         ),
-        &format!("reset by {}, fault {:?}, 1 reset", wanted.0, wanted.1),
-        (after.reset, kind) == (wanted.0, Some(wanted.1)) && after.resets == before.resets + 1,
+        &format!(
+            "reset by {}, fault {:?} {}, 1 reset",
+            wanted.reason, wanted.kind, wanted.text
+        ),
+        after.reset == wanted.reason && is_wanted && after.resets == before.resets + 1,
     );
-    bench.judge(
-        &format!("after {name} the output is at mid-scale"),
-        if after.output.at_rest {
-            "at mid-scale"
-        } else {
-            "not at rest"
-        },
-        "at mid-scale",
-        after.output.at_rest,
-    );
-    Ok(())
+    output::at_mid_scale(bench, &format!("after {name} the pin is at mid-scale"))
 }

@@ -1,7 +1,10 @@
 //! Identity, versions, clock, and the state before anything was asked for.
 
 use model_format::FORMAT_VERSION;
-use model_format::link::{ClockSource, MuteReason, PROTOCOL_VERSION, SCHEMA_HASH, Status};
+use model_format::link::{
+    ClockSource, LEAST_BROWN_OUT_LEVEL, MuteReason, PROTOCOL_VERSION, SCHEMA_HASH, SiliconRevision,
+    Status,
+};
 
 use crate::bench::Bench;
 use crate::error::Result;
@@ -84,19 +87,15 @@ fn start(bench: &mut Bench, status: &Status) {
     bench.judge(
         "silicon revision",
         start.revision,
-        "none that misreads its memory",
-        !start.revision.misreads_axi_sram(),
+        SiliconRevision::SUPPORTED,
+        start.revision.is_supported(),
     );
-    if bench.is_emulated() {
-        bench.leave_out("brown-out level", "an emulator has no supply");
-    } else {
-        bench.judge(
-            "brown-out level",
-            start.brown_out_level,
-            "1 to 3; 0 is off: set the option bytes",
-            (1..=3).contains(&start.brown_out_level),
-        );
-    }
+    bench.judge(
+        "brown-out level",
+        start.brown_out_level,
+        &format!("{LEAST_BROWN_OUT_LEVEL} to 3; 0 is off: set the option bytes"),
+        (LEAST_BROWN_OUT_LEVEL..=3).contains(&start.brown_out_level),
+    );
     bench.judge(
         "supply",
         if start.supply_low {

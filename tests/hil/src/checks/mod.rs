@@ -9,4 +9,5 @@ pub mod output;
 pub mod playing;
 pub mod record;
 pub mod settings;
+pub mod survived;
 pub mod upload;

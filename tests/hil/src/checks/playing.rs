@@ -85,10 +85,20 @@ fn plays(status: &Status, selection: &Selection) -> bool {
 pub fn on_time(bench: &mut Bench, before: &Status, after: &Status) {
     let counts = |status: &Status| {
         let tick = status.tick;
-        [tick.missed, tick.late_frames, tick.late_conversions]
+        [
+            tick.missed,
+            tick.late_frames,
+            tick.late_conversions,
+            tick.late_outputs,
+        ]
     };
     let (before, after) = (counts(before), counts(after));
-    let names = ["missed ticks", "late blocks", "late conversions"];
+    let names = [
+        "missed ticks",
+        "late blocks",
+        "late conversions",
+        "late outputs",
+    ];
     for ((name, before), after) in names.into_iter().zip(before).zip(after) {
         let count = after.saturating_sub(before);
         bench.judge(name, count, "0", count == 0);

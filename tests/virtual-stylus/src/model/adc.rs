@@ -12,6 +12,7 @@
 //! | The pin is sampled as the sampling time ends; the word is its code at the resolution `RES` | 25.4.17, 25.4.23 |
 //! | `JDR1` to `JDR4`, `JEOC` at each word and clear on reading one, `JEOS` after the last | 25.4.24, 25.6.1, 25.6.18 |
 //! | `JEOC` and `JEOS` are cleared by a written one | 25.6.1 |
+//! | Revisions Z and Y: the clock is not halved, and there is no `LDORDY` | 25.4.3, 25.6.1 |
 //! | The converter's interrupt on `JEOC` and `JEOS` | 25.5 |
 //!
 //! Left out: the two to three cycles from a trigger to the start, which are constant for one clock setting, and their
@@ -28,6 +29,7 @@ use rigless::soc::stm32h743::peripherals::adc::Adc;
 use rigless::time::{EventId, NANOS_PER_SECOND, VirtualNanos};
 
 use super::around::Around;
+use crate::electrical::OldConverter;
 
 /// Section 25.4.19, table of injected triggers: TIM6's trigger output.
 const TIM6_TRIGGER: u64 = 14;
@@ -99,6 +101,7 @@ pub struct Injected {
     raised: bool,
     lost_triggers: u64,
     samples: Option<Vec<Sample>>,
+    silicon: OldConverter,
 }
 
 impl Injected {
@@ -113,7 +116,13 @@ impl Injected {
             raised: false,
             lost_triggers: 0,
             samples: None,
+            silicon: OldConverter::default(),
         }
+    }
+
+    /// Makes the converter one of `silicon`, before its clock runs.
+    pub fn set_silicon(&mut self, silicon: OldConverter) {
+        self.silicon = silicon;
     }
 
     /// Changes the signals on the pins.
@@ -315,7 +324,8 @@ impl Around<Adc> for Injected {
         }
         match register {
             Register::Isr => Some(
-                answered.unwrap_or_else(|| registers.get(register)) & !injected_flags()
+                (self.silicon).flags(answered.unwrap_or_else(|| registers.get(register)))
+                    & !injected_flags()
                     | self.flags,
             ),
             _ => answered,
@@ -339,8 +349,9 @@ impl Around<Adc> for Injected {
         false
     }
 
-    fn clock(&mut self, hz: u64) {
-        self.hz = hz;
+    fn clock(&mut self, hz: u64) -> u64 {
+        self.hz = self.silicon.hz(hz);
+        self.hz
     }
 
     fn after(

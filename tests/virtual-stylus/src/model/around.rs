@@ -59,8 +59,10 @@ pub trait Around<D: Device>: Debug + Send {
     /// Called for a change of a request of any instance, before the model.
     fn request(&mut self, _change: RequestChange, _context: &mut DeviceContext<'_>) {}
 
-    /// Called when the clock's rate, in hertz, has changed.
-    fn clock(&mut self, _hz: u64) {}
+    /// Called when the clock's rate, in hertz, has changed. Returns the rate at which the model runs.
+    fn clock(&mut self, hz: u64) -> u64 {
+        hz
+    }
 
     /// Called after any call but a peek, a reset, and a change of a request: there are hundreds per code at the output.
     fn after(
@@ -186,7 +188,7 @@ where
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
-        self.around.clock(hz);
+        let hz = self.around.clock(hz);
         self.inner.on_clock_input(input, hz, registers, context);
         self.around.after(&mut self.inner, registers, context);
     }

@@ -18,6 +18,7 @@ use rigless::time::{EventId, NANOS_PER_SECOND};
 
 use super::around::Around;
 use super::dac::Output;
+use crate::electrical::OldConverter;
 
 /// Channel of PA4.
 const CHANNEL: u64 = 18;
@@ -70,9 +71,15 @@ pub struct ReadBack {
     hz: u64,
     word: u16,
     chance: u64,
+    silicon: OldConverter,
 }
 
 impl ReadBack {
+    /// Makes the converter one of `silicon`, before its clock runs.
+    pub fn set_silicon(&mut self, silicon: OldConverter) {
+        self.silicon = silicon;
+    }
+
     /// Notes the latest output of the DAC.
     pub fn follow(&mut self, latest: Option<Output>) {
         if latest == self.outputs.back().copied() {
@@ -148,14 +155,17 @@ impl Around<Adc> for ReadBack {
     ) -> Option<u64> {
         let reads =
             register == Register::Dr && sqr1::SQ1.get(registers.get(Register::Sqr1)) == CHANNEL;
-        if reads {
-            Some(self.word.into())
-        } else {
-            answered
+        match register {
+            _ if reads => Some(self.word.into()),
+            Register::Isr => {
+                Some((self.silicon).flags(answered.unwrap_or_else(|| registers.get(register))))
+            }
+            _ => answered,
         }
     }
 
-    fn clock(&mut self, hz: u64) {
-        self.hz = hz;
+    fn clock(&mut self, hz: u64) -> u64 {
+        self.hz = self.silicon.hz(hz);
+        self.hz
     }
 }

@@ -44,6 +44,7 @@ fn lines(device: &mut Device, request: SelfTestRequest) -> Vec<Line> {
         SelfTestValues::Output(values) => {
             judge::output(&values, device.status().tick_histogram.core_hz)
         }
+        SelfTestValues::Rest(values) => judge::rest(&values),
         SelfTestValues::Encoder(_) => Vec::new(),
         SelfTestValues::Flash(values) => judge::flash(&values),
     }
@@ -112,6 +113,7 @@ fn a_healthy_board_passes_every_measurement() {
         SelfTestRequest::OptionBytes,
         SelfTestRequest::Clocks,
         SelfTestRequest::ErrorCorrection,
+        SelfTestRequest::Rest,
         SelfTestRequest::Output,
         SelfTestRequest::Flash {
             slot: SlotId::B,
@@ -134,6 +136,10 @@ fn silicon_and_option_bytes_that_are_wrong_are_named() {
     let mut device = on_board(|board| board.part.set_revision(0x1003));
     let found = lines(&mut device, SelfTestRequest::Chip);
     assert_eq!(failing(&found), ["silicon revision"]);
+    for request in [SelfTestRequest::Rest, SelfTestRequest::Output] {
+        let found = lines(&mut device, request);
+        assert_eq!(failing(&found), [""; 0], "with the clock that it shares");
+    }
     let mut device = on_board(|board| {
         board.part.set_option_bytes(|options| {
             // Level 1, and sector 6 of bank 1 protected.
@@ -152,6 +158,12 @@ fn silicon_and_option_bytes_that_are_wrong_are_named() {
             "pins for low voltage"
         ]
     );
+    // As new parts have it.
+    let mut options = Options::default();
+    options.electrical.brown_out_level = 0;
+    let mut device = Device::started(options);
+    let found = lines(&mut device, SelfTestRequest::OptionBytes);
+    assert_eq!(failing(&found), ["brown-out level"]);
 }
 
 #[test]
@@ -212,12 +224,14 @@ fn marks_beyond_their_bounds_and_counters_are_named() {
     status.start.supply_low = true;
     status.tick.late_frames = 1;
     status.tick.late_conversions = 1;
+    status.tick.late_outputs = 1;
     status.tick_histogram.longest = status.tick_histogram.core_hz / 5_000;
     let named = [
         "safe mode",
         "supply",
         "frames late since the start",
         "conversions late since the start",
+        "outputs late since the start",
         "longest tick",
     ];
     assert_eq!(failing(&judge::state(&status)), named);
@@ -296,6 +310,19 @@ fn faults_of_the_output_are_named() {
         ..healthy
     };
     assert_eq!(with_pin(disconnected), ["output at PA4"]);
+    for pin in [shifted, disconnected] {
+        let mut device = on_board(move |board| board.part.read_back.around.pin = pin);
+        let found = lines(&mut device, SelfTestRequest::Rest);
+        assert_eq!(failing(&found), ["output at rest"]);
+    }
+    let mut device = on_board(move |board| {
+        board.part.read_back.around.pin = OutputPin {
+            noise: 120.0,
+            ..healthy
+        };
+    });
+    let found = lines(&mut device, SelfTestRequest::Rest);
+    assert_eq!(failing(&found), ["output still at rest"]);
 }
 
 #[test]

@@ -96,6 +96,7 @@ fn a_healthy_start_reports_itself_and_never_comes_near_the_watchdogs_end() {
     assert_eq!(resets(&mut device), []);
     let healthy = StartReport {
         revision: SiliconRevision(0x2003),
+        brown_out_level: 3,
         ..StartReport::default()
     };
     assert_eq!(start(&mut device), healthy);
@@ -276,8 +277,8 @@ fn silicon_of_revision_y_reads_its_library_whole() {
 
 #[test]
 fn while_the_supply_is_low_no_flash_is_written() {
-    let mut device = Device::started(with(|electrical| electrical.brown_out_level = 3));
-    assert_eq!(start(&mut device).brown_out_level, 3);
+    let mut device = Device::started(with(|electrical| electrical.brown_out_level = 2));
+    assert_eq!(start(&mut device).brown_out_level, 2);
     let before = device
         .stylus
         .flash_operations()

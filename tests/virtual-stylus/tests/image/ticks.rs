@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use model_format::link::{MotionSource, RecordStartEndpoint};
+use model_format::link::{MotionSource, RecordStartEndpoint, Setting, SettingChange};
 use virtual_stylus::motion::Motion;
 use virtual_stylus::pins::FunctionPins;
 use virtual_stylus::tick::TickStatistics;
@@ -19,9 +19,9 @@ const PLAYED: [(&str, &str); 3] = [
     ("direct 16", "direct form, order 400, 16 bits"),
 ];
 
-/// Ticks that play each of [`PLAYED`].
-static PLAYING: LazyLock<[TickStatistics; 3]> =
-    LazyLock::new(|| PLAYED.map(|(texture, _)| playing(texture)));
+/// Ticks that play each of [`PLAYED`], and the limits that acted on them.
+static PLAYING: LazyLock<[(TickStatistics, Limited); 3]> =
+    LazyLock::new(|| PLAYED.map(|(texture, _)| playing(texture, &[])));
 
 /// Ticks that play nothing, and those that record.
 static AT_REST: LazyLock<[TickStatistics; 2]> = LazyLock::new(at_rest);
@@ -30,8 +30,21 @@ static AT_REST: LazyLock<[TickStatistics; 2]> = LazyLock::new(at_rest);
 const CYCLES_PER_INSTRUCTION: u32 = 2;
 /// Cycles of a period at 400 MHz.
 const PERIOD_CYCLES: u32 = 80_000;
-/// Most instructions of the oversampled output, which every tick has.
+/// Instructions of the median tick before the output was oversampled and shaped: idle, and the first of [`PLAYED`].
+const BEFORE_OUTPUT_STAGE: [u32; 2] = [413, 5_017];
+/// Most instructions of the oversampled output, which every tick has besides those.
 const OUTPUT_STAGE: u32 = 800;
+/// Settings with which the limits of each code act on the first of [`PLAYED`], and those with which the thermal limiter
+/// does.
+const TIGHT: [&[(Setting, f32)]; 2] = [
+    &[
+        (Setting::OutputGain, 0.2),
+        (Setting::PowerLimit, 1.0),
+        (Setting::HardLimit, 0.02),
+        (Setting::SlewLimit, 0.1),
+    ],
+    &[(Setting::OutputGain, 0.2), (Setting::PowerLimit, 0.001)],
+];
 /// Largest part of the period that playing may take, per cent.
 const MOST_PERCENT: u32 = 20;
 
@@ -42,8 +55,26 @@ fn ticks(device: &mut Device) -> TickStatistics {
     TickStatistics::of(&ticks).expect("there were ticks")
 }
 
-fn playing(texture: &str) -> TickStatistics {
+/// Ticks at which each limit acted: hard limit, slew limit, thermal limiter.
+type Limited = [u32; 3];
+
+fn limited(device: &mut Device) -> Limited {
+    let output = device.status().output;
+    [
+        output.hard_limited,
+        output.slew_limited,
+        output.thermally_limited,
+    ]
+}
+
+/// Ticks that play `texture` with `settings`, and the limits that acted on them.
+fn playing(texture: &str, settings: &[(Setting, f32)]) -> (TickStatistics, Limited) {
     let mut device = Device::started(library::options());
+    for &(setting, value) in settings {
+        device
+            .change_settings(&[SettingChange { setting, value }])
+            .expect("it is within its range");
+    }
     let pins = FunctionPins(|channel, at_ns: u64| match channel {
         5 => 9_000 + (at_ns / 50_000) as u16 % 9_000,
         _ => 0x8000,
@@ -65,12 +96,15 @@ fn playing(texture: &str) -> TickStatistics {
             "{audit:x?}"
         );
     }
+    let before = limited(&mut device);
     let statistics = ticks(&mut device);
     assert_eq!(
         device.stylus.unfollowed_ticks().expect("the run goes on"),
         0
     );
-    statistics
+    let after = limited(&mut device);
+    let acted = std::array::from_fn(|limit| after[limit] - before[limit]);
+    (statistics, acted)
 }
 
 fn at_rest() -> [TickStatistics; 2] {
@@ -91,7 +125,7 @@ fn show(what: &str, statistics: TickStatistics) {
 
 #[test]
 fn a_tick_that_plays_takes_at_most_a_fifth_of_its_period_and_never_touches_flash() {
-    for ((texture, _), statistics) in PLAYED.into_iter().zip(*PLAYING) {
+    for ((texture, _), (statistics, _)) in PLAYED.into_iter().zip(*PLAYING) {
         show(texture, statistics);
         let cycles = statistics.max * CYCLES_PER_INSTRUCTION;
         assert!(
@@ -118,14 +152,44 @@ fn a_tick_that_plays_nothing_takes_less_and_recording_adds_nothing_to_it() {
     );
 }
 
+#[test]
+fn the_oversampled_output_adds_at_most_800_instructions_to_a_tick() {
+    let [idle, _] = *AT_REST;
+    let (lattice, _) = PLAYING[0];
+    for (statistics, before) in [idle, lattice].into_iter().zip(BEFORE_OUTPUT_STAGE) {
+        let most = before + OUTPUT_STAGE;
+        assert!(statistics.median <= most, "{statistics:?}, at most {most}");
+    }
+}
+
+#[test]
+fn a_tick_takes_the_same_instructions_whether_limits_act_on_it_or_not() {
+    let (free, acted) = PLAYING[0];
+    assert_eq!(acted, [0; 3], "no limit acts");
+    let least_and_most =
+        |statistics: TickStatistics| [statistics.min, statistics.median, statistics.max];
+    for (settings, limits) in TIGHT.into_iter().zip([0..2, 2..3]) {
+        let (limited, acted) = playing(PLAYED[0].0, settings);
+        show("limited", limited);
+        println!("ticks at which the limits acted: {acted:?}");
+        // A tenth of the ticks at least.
+        let some = limited.ticks as u32 / 10;
+        assert!(acted[limits].iter().all(|&ticks| ticks > some), "{acted:?}");
+        assert_eq!(least_and_most(limited), least_and_most(free));
+    }
+    // All but the ticks that begin a block are alike.
+    assert_eq!(free.min, free.median);
+}
+
 /// The block's lines: a row for each kind of tick, and the compiler.
 fn table(compiler: &str) -> String {
     let names = ["idle", "recording"]
         .into_iter()
         .chain(PLAYED.map(|(_, name)| name));
+    let playing = PLAYING.iter().map(|(statistics, _)| statistics);
     let rows = AT_REST
         .iter()
-        .chain(PLAYING.iter())
+        .chain(playing)
         .zip(names)
         .map(|(statistics, name)| {
             let TickStatistics {

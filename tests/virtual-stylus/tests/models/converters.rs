@@ -1,14 +1,14 @@
 //! DAC1 and ADC1's injected sequence.
 
-use virtual_stylus::Options;
 use virtual_stylus::model::adc::Sample;
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::pins::{ConstantPins, FunctionPins};
+use virtual_stylus::{Options, VirtualStylus};
 
 use crate::probe::{MILLISECOND_NS, READY_NS, TICK_NS, ask, numbers, ready, start};
 
-/// 64 MHz, through a divider of 2 and revision V's divider of 2.
-const CONVERTER_HZ: u64 = 16_000_000;
+/// Revisions, and their clock of the converter: 64 MHz, through a divider of 2 and revision V's divider of 2.
+const CONVERTER_HZ: [(u16, u64); 2] = [(0x2003, 16_000_000), (0x1003, 32_000_000)];
 /// 64.5 cycles of sampling, 8.5 of conversion.
 const SAMPLING_HALF_CYCLES: u64 = 129;
 const CONVERSION_HALF_CYCLES: u64 = 129 + 17;
@@ -74,10 +74,18 @@ fn nothing_drives_the_pin_before_the_image_does_and_after_a_reset() {
 fn the_results_are_what_was_on_the_pins_at_the_sampling_instants() {
     // A code that encodes the channel and the microsecond.
     let code = |channel: u8, at_ns: u64| (u16::from(channel) << 12) | (at_ns / 1000 % 4096) as u16;
-    let mut stylus = start(Options {
-        pins: Box::new(FunctionPins(code)),
-        ..Options::default()
-    });
+    for (revision, converter_hz) in CONVERTER_HZ {
+        let mut options = Options {
+            pins: Box::new(FunctionPins(code)),
+            ..Options::default()
+        };
+        options.electrical.revision = revision;
+        sampled_at(start(options), converter_hz, code);
+    }
+}
+
+/// Checks that the words are what `code` gave at the sampling instants of a converter at `converter_hz`.
+fn sampled_at(mut stylus: VirtualStylus, converter_hz: u64, code: impl Fn(u8, u64) -> u16) {
     stylus.record_samples().unwrap();
     stylus.run_until(READY_NS).unwrap();
     let triggers: Vec<u64> = latches(&stylus.take_dac_record().unwrap())
@@ -89,7 +97,7 @@ fn the_results_are_what_was_on_the_pins_at_the_sampling_instants() {
     for (sequence, trigger) in samples.chunks_exact(4).zip(&triggers) {
         for (rank, (sample, channel)) in sequence.iter().zip([15, 10, 6, 5]).enumerate() {
             let half_cycles = rank as u64 * CONVERSION_HALF_CYCLES + SAMPLING_HALF_CYCLES;
-            let at_ns = trigger + half_cycles * 1_000_000_000 / (2 * CONVERTER_HZ);
+            let at_ns = trigger + half_cycles * 1_000_000_000 / (2 * converter_hz);
             let expected = Sample {
                 at_ns,
                 channel,

@@ -1,6 +1,6 @@
 //! Identity of the silicon.
 
-use model_format::link::{ChipValues, DeviceInfo};
+use model_format::link::{ChipValues, DeviceInfo, SiliconRevision};
 
 use crate::link::self_test::line::Line;
 
@@ -10,20 +10,9 @@ const DEVICE: u16 = 0x450;
 /// Size of the flash of the STM32H743ZI, KB.
 const FLASH_KB: u16 = 2048;
 
-/// The name of a revision (RM0433 section 60.5.8), and whether the image runs on it.
-fn revision(id: u16) -> (&'static str, bool) {
-    match id {
-        0x1001 => ("Z", false),
-        0x1003 => ("Y", false),
-        0x2001 => ("X", true),
-        0x2003 => ("V", true),
-        _ => ("unknown", false),
-    }
-}
-
 /// Judges the silicon of the device that `info` describes.
 pub fn chip(values: &ChipValues, info: &DeviceInfo) -> Vec<Line> {
-    let (name, known) = revision(values.revision);
+    let revision = SiliconRevision(values.revision);
     let [first, second, third] = values.unique_id.map(u32::swap_bytes);
     let serial = format!("{first:08X}{second:08X}{third:08X}");
     vec![
@@ -36,11 +25,11 @@ pub fn chip(values: &ChipValues, info: &DeviceInfo) -> Vec<Line> {
         ),
         Line::exact(
             "silicon revision",
-            format!("{name} ({:#06x})", values.revision),
-            "X or V",
-            known,
-            "revisions Z and Y corrupt reads of AXI SRAM (ES0392 2.2.9) and have another converter clock: use a board \
-             with revision V",
+            revision.to_string(),
+            SiliconRevision::SUPPORTED,
+            revision.is_supported(),
+            "on revisions Z and Y the image works round the reads of AXI SRAM (ES0392 2.2.9) and the converter's other \
+             clock, and nothing else was tested: use a board with revision V",
         ),
         Line::exact(
             "unique id",

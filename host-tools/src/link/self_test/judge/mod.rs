@@ -17,6 +17,6 @@ pub use clocks::clocks;
 pub use flash::flash;
 pub use memory::memory;
 pub use option_bytes::option_bytes;
-pub use output::output;
+pub use output::{output, rest};
 pub use run::{Traffic, state, traffic};
 pub use sensors::{at_rest, moved};

@@ -1,6 +1,6 @@
 //! Option bytes (RM0433 section 4.4).
 
-use model_format::link::OptionByteValues;
+use model_format::link::{LEAST_BROWN_OUT_LEVEL, OptionByteValues};
 
 use crate::link::self_test::line::Line;
 
@@ -15,8 +15,7 @@ fn is_area(register: u32) -> bool {
     start <= end
 }
 
-/// Judges the option bytes. Any brown-out level will do, because the firmware itself looks at the supply before it
-/// writes flash.
+/// Judges the option bytes.
 pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
     let status = values.status;
     let bit = |number: u32| status >> number & 1 != 0;
@@ -33,6 +32,7 @@ pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
         .count();
     let swapped = values.banks_swapped || bit(31);
     let boot = values.boot & 0xffff;
+    let brown_out_level = status >> 2 & 0b11;
     let hexadecimal = |[first, second]: [u8; 2]| format!("{first:02x} {second:02x}");
     let yes = |yes: bool| if yes { "yes" } else { "no" };
     vec![
@@ -43,12 +43,12 @@ pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
             protection == 0xaa,
             "the probe cannot read a fault's cause; setting level 0 erases the flash: flash the image again afterwards",
         ),
-        Line::exact(
+        Line::number(
             "brown-out level",
-            (status >> 2 & 0b11).to_string(),
-            "any",
-            true,
-            "",
+            f64::from(brown_out_level),
+            (f64::from(LEAST_BROWN_OUT_LEVEL), 3.0),
+            ("", 0),
+            "the part runs on below the supply that flash and core need: set BOR_LEV to 3 with STM32CubeProgrammer",
         ),
         Line::exact(
             "watchdog by",

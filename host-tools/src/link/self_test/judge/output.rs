@@ -1,8 +1,8 @@
 //! The output's pin, read back by a converter.
 
 use model_format::link::{
-    CONVERSIONS_PER_CODE, OUTPUT_CODE_STEP, OUTPUT_CODES, OutputValues, STEP_CODES,
-    STEP_INSTANT_CYCLES, STEP_INSTANTS, output_code,
+    CONVERSIONS_PER_CODE, OUTPUT_CODE_STEP, OUTPUT_CODES, OutputValues, REST_CONVERSIONS,
+    RestValues, STEP_CODES, STEP_INSTANT_CYCLES, STEP_INSTANTS, output_code,
 };
 
 use crate::link::self_test::line::Line;
@@ -24,6 +24,12 @@ const STEP_OF_CODES: (f64, f64) = (OUTPUT_CODE_STEP as f64 - 8.0, OUTPUT_CODE_ST
 
 /// Noise at mid-scale, codes RMS.
 const NOISE_CODES: f64 = 2.0;
+
+/// Distance of the lowest from the highest word at rest, codes: eight times [`NOISE_CODES`].
+const REST_RANGE_CODES: f64 = 8.0 * NOISE_CODES;
+
+/// Code at rest.
+const MID_SCALE: f64 = 2048.0;
 
 /// Delay from the trigger to half of the step, µs: the buffered DAC settles within 3 µs (DS12110, settling time).
 const DELAY_US: f64 = 3.0;
@@ -60,12 +66,12 @@ fn line_through(means: &[f64; OUTPUT_CODES]) -> (f64, f64) {
         .zip(means)
         .map(|(x, y)| (x - code) * (y - mean));
     let slope = product.sum::<f64>() / spread;
-    (slope, mean + slope * (2048.0 - code))
+    (slope, mean + slope * (MID_SCALE - code))
 }
 
 /// Delay until half of the step, and until it has settled, µs; none if that does not come.
 fn delays(values: &OutputValues, core_hz: u32, (slope, middle): (f64, f64)) -> [Option<f64>; 2] {
-    let ends = STEP_CODES.map(|code| middle + slope * (f64::from(code) - 2048.0));
+    let ends = STEP_CODES.map(|code| middle + slope * (f64::from(code) - MID_SCALE));
     let words = values
         .step_words
         .map(|word| f64::from(word) / WORDS_PER_CODE);
@@ -106,6 +112,30 @@ fn delay_line(name: &str, delay: Option<f64>, limit_us: f64) -> Line {
     }
 }
 
+/// Judges the pin of an output at rest.
+pub fn rest(values: &RestValues) -> Vec<Line> {
+    const DRIVEN: &str = "something drives or loads PA4, or the output does not run: take the amplifier's input off \
+         PA4, restart and test again";
+    let mean = f64::from(values.sum) / f64::from(REST_CONVERSIONS) / WORDS_PER_CODE;
+    let [lowest, highest] = values.range.map(f64::from);
+    vec![
+        Line::number(
+            "output at rest",
+            mean - MID_SCALE,
+            (-OFFSET_CODES, OFFSET_CODES),
+            ("codes", 1),
+            DRIVEN,
+        ),
+        Line::number(
+            "output still at rest",
+            (highest - lowest) / WORDS_PER_CODE,
+            (0.0, REST_RANGE_CODES),
+            ("codes peak to peak", 1),
+            DRIVEN,
+        ),
+    ]
+}
+
 /// Judges the output of a device whose core runs at `core_hz`.
 pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {
     let means = means(values);
@@ -120,7 +150,7 @@ pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {
         )];
     }
     let bend = (0..OUTPUT_CODES)
-        .map(|n| (means[n] - middle - slope * (f64::from(output_code(n)) - 2048.0)).abs())
+        .map(|n| (means[n] - middle - slope * (f64::from(output_code(n)) - MID_SCALE)).abs())
         .fold(0.0, f64::max);
     let steps = means.windows(2).map(|pair| pair[1] - pair[0]);
     let smallest = steps.clone().fold(f64::INFINITY, f64::min);
@@ -131,7 +161,7 @@ pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {
         Line::number("output gain", slope, GAIN, ("", 4), AMPLIFIER),
         Line::number(
             "output offset",
-            middle - 2048.0,
+            middle - MID_SCALE,
             (-OFFSET_CODES, OFFSET_CODES),
             ("codes", 1),
             AMPLIFIER,

@@ -84,6 +84,11 @@ pub fn state(status: &Status) -> Vec<Line> {
             status.tick.late_conversions,
             "restart and test again; if it stays, report the device's build with the record of this test",
         ),
+        Line::none(
+            "outputs late since the start",
+            status.tick.late_outputs,
+            "restart and test again; if it stays, report the device's build with the record of this test",
+        ),
         Line::number(
             "longest tick",
             100.0 * f64::from(histogram.longest) / period,
@@ -215,6 +220,11 @@ pub fn traffic(link: &str, values: &Traffic) -> Vec<Line> {
         Line::none(
             name("conversions late"),
             during(|status| status.tick.late_conversions),
+            "report the device's build with the record of this test",
+        ),
+        Line::none(
+            name("outputs late"),
+            during(|status| status.tick.late_outputs),
             "report the device's build with the record of this test",
         ),
     ]

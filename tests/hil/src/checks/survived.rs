@@ -1,0 +1,179 @@
+//! Faults that the device survives, injected while it plays or records: late ticks and codes, an output that runs out
+//! of codes, rows of the converters that are read late, an amplifier that goes off.
+
+use host_tools::link::capture::{Loss, Stream};
+use model_format::link::{MotionSource, Status};
+
+use crate::bench::{Bench, is_playing};
+use crate::error::{Error, Result};
+use crate::injection::inject;
+use crate::library;
+
+/// Number of times that each fault is injected.
+const TIMES: u32 = 3;
+
+/// Time from one fault to the next, ms of the device.
+const BETWEEN_MS: u64 = 30;
+
+/// A tick that is late, or whose codes are.
+struct Late {
+    number: u8,
+    name: &'static str,
+    /// Fewest and most ticks that are missed per fault.
+    missed: [u32; 2],
+    /// Fewest and most late outputs of all [`TIMES`] faults.
+    outputs: [u32; 2],
+}
+
+/// Codes are written ahead for more than a tick that takes two periods. With one of six periods timer and DMA run into
+/// mid-scale without an instruction, and the next tick finds that in place of its last code. If its last code was
+/// mid-scale itself, it finds nothing: so one of them is enough.
+const LATE: [Late; 3] = [
+    Late {
+        number: 1,
+        name: "a tick of two periods",
+        missed: [1, 2],
+        outputs: [0, 0],
+    },
+    Late {
+        number: 11,
+        name: "a sample that comes 150 µs late",
+        missed: [0, 0],
+        outputs: [TIMES, TIMES],
+    },
+    Late {
+        number: 12,
+        name: "a tick of six periods, in which the output runs into mid-scale",
+        missed: [5, 6],
+        outputs: [1, TIMES],
+    },
+];
+
+/// Critical sections from before a trigger until 25 µs and 45 µs after it. The first conversion ends after 32 µs.
+const SHORT_SECTION: u8 = 30;
+const LONG_SECTION: u8 = 31;
+
+/// Number of times that a critical section is injected, and blocks of a recording, of 6.4 ms each, from one to the
+/// next.
+const SECTIONS: u32 = 5;
+const BLOCKS_BETWEEN: u32 = 3;
+
+/// The amplifier off, and on again.
+const AMPLIFIER_OFF: u8 = 15;
+const AMPLIFIER_ON: u8 = 16;
+
+/// Longest time until the amplifier follows, ms: it is raised after mid-scale has been put out for a while.
+const AMPLIFIER_MS: u64 = 1_000;
+
+/// Injects each fault into the fault image.
+///
+/// # Errors
+/// The link fails, or the device does not play or record.
+pub fn check(bench: &mut Bench) -> Result<()> {
+    late_ticks(bench)?;
+    late_rows(bench)?;
+    amplifier(bench)
+}
+
+fn late_ticks(bench: &mut Bench) -> Result<()> {
+    for late in LATE {
+        let play = library::cheap();
+        let ((before, after), _) = bench.while_playing(&play, MotionSource::Host, |bench| {
+            let before = bench.wait_until_heard()?;
+            for _ in 0..TIMES {
+                inject(bench, late.number)?;
+                bench.wait(BETWEEN_MS)?;
+            }
+            Ok((before, bench.status()?))
+        })?;
+        let counted = |count: fn(&Status) -> u32| count(&after).saturating_sub(count(&before));
+        let missed = counted(|status| status.tick.missed);
+        let outputs = counted(|status| status.tick.late_outputs);
+        let resets = counted(|status| status.resets);
+        let [fewest, most] = late.missed.map(|missed| missed * TIMES);
+        let [first, last] = late.outputs;
+        bench.judge(
+            &format!("{} is counted, and playing goes on", late.name),
+            format!("{missed} missed, {outputs} late outputs, {resets} resets"),
+            &format!("{fewest} to {most} missed, {first} to {last} late outputs, 0 resets"),
+            (fewest..=most).contains(&missed)
+                && (first..=last).contains(&outputs)
+                && resets == 0
+                && is_playing(&after),
+        );
+    }
+    Ok(())
+}
+
+fn late_rows(bench: &mut Bench) -> Result<()> {
+    let (late, loss) = with_sections(bench, SHORT_SECTION)?;
+    bench.judge(
+        "a row that is read 25 µs after its trigger is whole",
+        format!(
+            "{late} late conversions, {} torn samples",
+            loss.torn_samples
+        ),
+        "0, 0",
+        late == 0 && loss.torn_samples == 0,
+    );
+    let (late, loss) = with_sections(bench, LONG_SECTION)?;
+    bench.judge(
+        "a row that is read 45 µs after its trigger is marked as torn",
+        format!(
+            "{late} late conversions, {} torn samples",
+            loss.torn_samples
+        ),
+        &format!("1 to {SECTIONS} torn samples, each counted"),
+        (1..=SECTIONS).contains(&loss.torn_samples) && late >= loss.torn_samples,
+    );
+    Ok(())
+}
+
+/// Records while `section` delays ticks. Returns the late conversions that were counted, and the losses.
+fn with_sections(bench: &Bench, section: u8) -> Result<(u32, Loss)> {
+    let before = bench.status()?;
+    let mut stream = Stream::start(&bench.device)?;
+    for block in 0..(SECTIONS + 2) * BLOCKS_BETWEEN {
+        if bench.interrupt.is_raised() {
+            return Err(Error::Interrupted);
+        }
+        stream.wait()?;
+        if block % BLOCKS_BETWEEN == 0 && block / BLOCKS_BETWEEN < SECTIONS {
+            inject(bench, section)?;
+        }
+    }
+    let loss = stream.stop()?;
+    let after = bench.status()?;
+    let late = after.tick.late_conversions;
+    Ok((late.saturating_sub(before.tick.late_conversions), loss))
+}
+
+fn amplifier(bench: &mut Bench) -> Result<()> {
+    let play = library::cheap();
+    let ((off, on), _) = bench.while_playing(&play, MotionSource::Host, |bench| {
+        bench.wait_until_heard()?;
+        inject(bench, AMPLIFIER_OFF)?;
+        let off = bench.wait_until("the amplifier stayed on", AMPLIFIER_MS, |status| {
+            !status.output.amplifier
+        })?;
+        inject(bench, AMPLIFIER_ON)?;
+        let on = bench.wait_until("the amplifier stayed off", AMPLIFIER_MS, |status| {
+            status.output.amplifier
+        })?;
+        Ok((off, on))
+    })?;
+    let text = |status: &Status| {
+        if is_playing(status) {
+            "playing"
+        } else {
+            "idle"
+        }
+    };
+    bench.judge(
+        "the amplifier goes off and on again while it plays",
+        format!("{} without it, {} with it", text(&off), text(&on)),
+        "playing, playing",
+        is_playing(&off) && is_playing(&on),
+    );
+    Ok(())
+}
