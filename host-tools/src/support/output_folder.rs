@@ -6,8 +6,8 @@
 //! is never removed and never mixed with a result.
 //!
 //! The content of a result is on the disk before the result has its name, and the name is before it counts as done. So
-//! a new folder is whole or not there also where the power fails. In a folder that is there, entries get their names one
-//! after another, those last without which a result does not look whole.
+//! a new folder is whole or not there also where the power fails. In a folder that is there, entries get their names
+//! one after another, those last without which a result does not look whole.
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
