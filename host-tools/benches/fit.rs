@@ -1,6 +1,6 @@
-//! Cost of the steps of fitting and of synthesis on the host. `cargo bench -p host-tools` runs it.
+//! Cost of the steps of fitting and of synthesis on the host. `cargo bench --locked -p host-tools` runs it.
 //!
-//! `benches/compare_fit` compares whole fits with NumPy and SciPy, as processes.
+//! `cargo tasks bench-host` compares whole fits with NumPy and SciPy, as processes.
 
 use std::hint::black_box;
 

@@ -1,7 +1,7 @@
 //! A link of one's own: a stylus behind the pipes of another program, such as `ssh` to the computer that it is attached
 //! to.
 //!
-//!     cargo run -p host-tools --example custom_link -- ssh rig socat - /dev/ttyACM0,b921600,raw,echo=0
+//!     cargo run --locked -p host-tools --example custom_link -- ssh rig socat - /dev/ttyACM0,b921600,raw,echo=0
 //!
 //! Without a program it reaches a stylus in memory through a relay of the shell.
 

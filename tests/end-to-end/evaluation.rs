@@ -17,6 +17,7 @@ use host_tools::texture::domain::{Method, Neighbour};
 use host_tools::texture::grid::as_written;
 use host_tools::texture::recorded_spectra::spectra::RecordedSpectra;
 use host_tools::texture::stored::reflection;
+use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::{Library, Node};
 
 /// A simulated set of five speeds and three forces, of denim alone.
@@ -731,6 +732,48 @@ fn a_folder_of_model_files_becomes_a_library_that_plays() {
     for node in report[0]["nodes"].as_array().unwrap() {
         assert!(node["worst_band_db"].as_f64().unwrap() < 0.5, "{node}");
     }
+}
+
+/// Number of textures of the Haptic Texture Toolkit.
+const ALL_OF_HATT: usize = 100;
+
+#[test]
+fn as_many_model_files_as_hatt_has_become_one_library_that_a_slot_holds() {
+    let bench = Bench::new();
+    let name = |number: usize| format!("texture-{number:03}");
+    for number in 1..=ALL_OF_HATT {
+        // Each file has levels of its own, and fewer models than HaTT's, which take minutes.
+        let text = hatt::scattered(5 + number / 20);
+        let level = format!("<var>0.0{number:03}1</var>");
+        let text = text.replace("<var>0.01</var>", &level);
+        assert!(text.contains(&level));
+        bench.write(&format!("toolkit/Models_{}.xml", name(number)), text);
+    }
+    let asked = "import-hatt toolkit --speeds 40 --forces 40 --out all.lib";
+    let message = bench.refuse(asked);
+    assert!(
+        message.contains("100 textures need about") && message.contains("--fit-slot"),
+        "{message}"
+    );
+    let output = bench.run(&format!("{asked} --fit-slot"));
+    let told = text(&output.stderr);
+    assert!(output.status.success(), "{told}");
+    let bytes = std::fs::read(bench.path("all.lib")).unwrap();
+    assert!(bytes.len() <= MAX_LIBRARY_BYTES, "{} bytes", bytes.len());
+    let library = Library::decode(&bytes).unwrap();
+    let names: Vec<String> = library
+        .textures()
+        .map(|texture| texture.name().to_string())
+        .collect();
+    let expected: Vec<String> = (1..=ALL_OF_HATT).map(name).collect();
+    assert_eq!(names, expected);
+    for texture in library.textures() {
+        let (speeds, forces) = (texture.speed_axis().len(), texture.force_axis().len());
+        assert!(speeds > 1 && forces > 1, "{speeds} x {forces}");
+    }
+    bench.succeed(
+        "render all.lib --texture texture-100 --speed 60 --force 1 --seconds 0.2 --out a.wav",
+    );
 }
 
 #[test]

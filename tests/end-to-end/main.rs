@@ -27,6 +27,8 @@ mod hatt;
 #[cfg(all(feature = "device", feature = "hatt"))]
 mod hostile_inputs;
 mod inputs;
+#[cfg(target_os = "linux")]
+mod large_sets;
 mod levinson_fixtures;
 mod listening_page;
 mod liveliness;

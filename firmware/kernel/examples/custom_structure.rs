@@ -13,7 +13,7 @@
 //! ([`GridPoint`]), the mean of the nodes' angles θ = arcsin k, the level's law and its ramp ([`rms_at`], [`Ramp`]) and
 //! the noise ([`Excitation`]). The kernel's README says what else a structure takes that is to be shipped.
 //!
-//!     cargo run -p stylus-kernel --example custom_structure
+//!     cargo run --locked -p stylus-kernel --example custom_structure
 
 use model_format::{
     CodeSpec, DecodeError, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec,

@@ -1,7 +1,7 @@
 //! The kernel in forty lines, on any target: the bytes of a library in, samples out. `play` allocates nothing and needs
 //! no operating system, so a firmware can have it as it is.
 //!
-//!     cargo run -p stylus-kernel --example forty_lines -- demo-out/textures.lib
+//!     cargo run --locked -p stylus-kernel --example forty_lines -- demo-out/textures.lib
 
 use model_format::{DecodeError, Library, MillimetresPerSecond, Newton, OutputSample};
 use stylus_kernel::{Motion, MotionError, Synthesis, UPDATE_INTERVAL_SAMPLES};

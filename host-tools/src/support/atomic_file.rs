@@ -7,6 +7,7 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use crate::support::disk::{Disk, Steps};
 use crate::support::error::{Error, Result};
 use crate::support::temporaries::TemporaryFile;
 
@@ -126,48 +127,6 @@ pub fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// The steps after the content was written. Tests watch them, and let them fail.
-trait Steps {
-    /// Brings a file's content to the disk.
-    fn sync_file(&self, file: &File) -> io::Result<()>;
-    /// Gives the file its name.
-    fn rename(&self, file: TemporaryFile, path: &Path) -> io::Result<()>;
-    /// Brings the names in a folder to the disk.
-    fn sync_folder(&self, folder: &Path) -> io::Result<()>;
-}
-
-struct Disk;
-
-impl Steps for Disk {
-    fn sync_file(&self, file: &File) -> io::Result<()> {
-        file.sync_all()
-    }
-
-    fn rename(&self, file: TemporaryFile, path: &Path) -> io::Result<()> {
-        // The temporary file is removed if it cannot get the name.
-        file.persist(path)
-    }
-
-    #[cfg(unix)]
-    fn sync_folder(&self, folder: &Path) -> io::Result<()> {
-        match File::open(folder)?.sync_all() {
-            // Some file systems of a network have no such operation for folders.
-            Err(failure)
-                if [io::ErrorKind::InvalidInput, io::ErrorKind::Unsupported]
-                    .contains(&failure.kind()) =>
-            {
-                Ok(())
-            }
-            outcome => outcome,
-        }
-    }
-
-    #[cfg(not(unix))]
-    fn sync_folder(&self, _folder: &Path) -> io::Result<()> {
-        Ok(())
-    }
-}
-
 fn write_through<T>(
     steps: &impl Steps,
     path: &Path,
@@ -200,7 +159,7 @@ impl<'a> Unnamed<'a> {
         drop(buffer);
         keep_permissions(temporary.as_file(), &target).map_err(Error::io("write", path))?;
         steps
-            .sync_file(temporary.as_file())
+            .sync_file(path, temporary.as_file())
             .map_err(Error::io("bring to the disk", path))?;
         let unnamed = Self {
             path,
@@ -211,12 +170,18 @@ impl<'a> Unnamed<'a> {
     }
 
     fn name(self, steps: &impl Steps) -> Result<()> {
+        let Self {
+            path,
+            target,
+            temporary,
+        } = self;
+        // The temporary file is removed if it cannot get the name.
         steps
-            .rename(self.temporary, &self.target)
-            .map_err(Error::io("replace", self.path))?;
+            .name(&target, || temporary.persist(&target))
+            .map_err(Error::io("replace", path))?;
         steps
-            .sync_folder(folder_of(&self.target))
-            .map_err(Error::io("bring to the disk the name of", self.path))
+            .sync_folder(folder_of(&target))
+            .map_err(Error::io("bring to the disk the name of", path))
     }
 }
 
@@ -236,7 +201,7 @@ fn keep_permissions(_file: &File, _path: &Path) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::RefCell;
+    use std::sync::Mutex;
 
     use super::*;
 
@@ -262,14 +227,14 @@ mod tests {
     /// The disk, with a record of the steps; the one of this name fails.
     struct Watched {
         failing: &'static str,
-        steps: RefCell<Vec<Step>>,
+        steps: Mutex<Vec<Step>>,
         path: std::path::PathBuf,
     }
 
     impl Watched {
         fn step(&self, name: &'static str) -> io::Result<()> {
             let named = std::fs::read(&self.path).unwrap();
-            self.steps.borrow_mut().push((name, named));
+            self.steps.lock().unwrap().push((name, named));
             if name == self.failing {
                 return Err(io::Error::other("the disk is full"));
             }
@@ -278,13 +243,13 @@ mod tests {
     }
 
     impl Steps for Watched {
-        fn sync_file(&self, file: &File) -> io::Result<()> {
+        fn sync_file(&self, path: &Path, file: &File) -> io::Result<()> {
             assert_eq!(file.metadata()?.len(), 3, "all of it was written before");
-            self.step("file").and_then(|()| Disk.sync_file(file))
+            self.step("file").and_then(|()| Disk.sync_file(path, file))
         }
 
-        fn rename(&self, file: TemporaryFile, path: &Path) -> io::Result<()> {
-            self.step("rename").and_then(|()| Disk.rename(file, path))
+        fn name(&self, path: &Path, rename: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
+            self.step("rename").and_then(|()| Disk.name(path, rename))
         }
 
         fn sync_folder(&self, folder: &Path) -> io::Result<()> {
@@ -300,14 +265,14 @@ mod tests {
         std::fs::write(&path, "old").unwrap();
         let watched = Watched {
             failing,
-            steps: RefCell::default(),
+            steps: Mutex::default(),
             path: path.clone(),
         };
         let outcome = write_through(&watched, &path, |file| {
             file.write_all(b"new").map_err(Error::io("write", &path))
         });
         let files = std::fs::read_dir(folder.path()).unwrap().count();
-        let steps = watched.steps.into_inner();
+        let steps = watched.steps.into_inner().unwrap();
         (outcome, steps, std::fs::read(&path).unwrap(), files)
     }
 

@@ -4,6 +4,10 @@
 //! be mounted, the result is written to a hidden folder, and its entries are renamed at the end. An earlier result of
 //! the same command goes then, and only then. A list of what was written, [`LIST`], tells it from anything else, which
 //! is never removed and never mixed with a result.
+//!
+//! The content of a result is on the disk before the result has its name, and the name is before it counts as done. So
+//! a new folder is whole or not there also where the power fails. In a folder that is there, entries get their names
+//! one after another, those last without which a result does not look whole.
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -12,6 +16,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::atomic_file::folder_of;
+use super::disk::{Disk, Steps, sync_tree};
 use super::error::{Error, Result};
 use super::output_file::check_folder;
 use super::temporaries::{self, MadeFolders, TemporaryFolder};
@@ -231,12 +236,17 @@ impl<'a> OutputFolder<'a> {
     }
 
     fn finish(self) -> Result<()> {
+        self.finish_by(&Disk)
+    }
+
+    fn finish_by(self, steps: &impl Steps) -> Result<()> {
+        // What is bound first is dropped last: the folders that were made are empty then, where it fails.
         let Self {
             named,
             written,
+            made,
             hidden,
             earlier,
-            made,
             find,
             command,
         } = self;
@@ -247,12 +257,18 @@ impl<'a> OutputFolder<'a> {
             let list = written.join(LIST);
             fs::write(&list, text).map_err(Error::io("write", &named))?;
         }
+        sync_tree(steps, &written).map_err(Error::io("bring to the disk", &named))?;
+        let unnamed = Error::io("bring to the disk the name of", &named);
         let Some(earlier) = earlier else {
-            hidden
-                .persist(&named)
+            steps
+                .name(&named, || hidden.persist(&named))
                 .map_err(Error::io("create", &named))?;
+            let new = made.paths().iter().map(PathBuf::as_path).rev();
+            let synced = std::iter::once(named.as_path())
+                .chain(new)
+                .try_for_each(|folder| steps.sync_folder(folder_of(folder)));
             made.keep();
-            return Ok(());
+            return synced.map_err(unnamed);
         };
         if find(&named)? != earlier {
             let problem =
@@ -261,8 +277,12 @@ impl<'a> OutputFolder<'a> {
         }
         let aside = hidden.path().join(EARLIER);
         fs::create_dir(&aside).map_err(Error::io("create", &named))?;
-        let replaced = temporaries::undisturbed(|| replace(&named, &earlier, &written, &aside));
-        replaced.map_err(Error::io("replace", &named))
+        let replaced = temporaries::undisturbed(|| {
+            steps.name(&named, || replace(&named, &earlier, &written, &aside))
+        });
+        replaced.map_err(Error::io("replace", &named))?;
+        // Before the earlier result is removed.
+        steps.sync_folder(&named).map_err(unnamed)
     }
 }
 
@@ -298,6 +318,7 @@ fn replace(folder: &Path, earlier: &[PathBuf], written: &Path, aside: &Path) -> 
 
 #[cfg(test)]
 mod tests {
+    use super::super::disk::watched::Watched;
     use super::*;
 
     const COMMAND: &str = "demo";
@@ -342,6 +363,83 @@ mod tests {
         assert!(!path.exists());
         folder.finish().unwrap();
         assert_eq!(all(home.path()), ["a/b/x", "a/b/y/z"]);
+    }
+
+    /// Writes a result to `path`, and gives the steps by which it came to the disk: relative to `home`, with `written`
+    /// for the folder before it has its name.
+    fn watched_steps(home: &Path, path: &Path, names: &[&str]) -> Vec<String> {
+        let folder = OutputFolder::begin(path, COMMAND).unwrap();
+        write(&folder, names);
+        let written = folder.path().to_owned();
+        let watched = Watched::default();
+        folder.finish_by(&watched).unwrap();
+        let steps = watched.steps().into_iter().map(|(step, path)| {
+            let place = match path.strip_prefix(&written) {
+                Ok(inner) => Path::new("written").join(inner),
+                Err(_) => Path::new("home").join(path.strip_prefix(home).unwrap()),
+            };
+            format!("{step} {}", place.display())
+                .trim_end_matches('/')
+                .to_owned()
+        });
+        steps.collect()
+    }
+
+    #[test]
+    fn all_content_is_on_the_disk_before_its_name_and_all_names_before_the_end() {
+        let home = tempfile::tempdir().unwrap();
+        let content = [
+            "file written/.made-by-stylus",
+            "file written/x",
+            "file written/y/z",
+            "folder written",
+            "folder written/y",
+        ];
+        for (path, names) in [
+            // A new folder, and one above it that is new as well.
+            (
+                "a/b",
+                &["name home/a/b", "folder home/a", "folder home"][..],
+            ),
+            // In the place of an earlier result.
+            ("a/b", &["name home/a/b", "folder home/a/b"]),
+        ] {
+            let steps = watched_steps(home.path(), &home.path().join(path), &["x", "y/z"]);
+            let (before, after) = steps.split_at(content.len().min(steps.len()));
+            let mut before = before.to_vec();
+            assert_eq!(before.last().map(String::as_str), Some("folder written"));
+            before.sort();
+            assert_eq!(
+                (before, after.to_vec()),
+                (content.map(str::to_owned).to_vec(), {
+                    names.iter().map(|&name| name.to_owned()).collect()
+                })
+            );
+        }
+    }
+
+    #[test]
+    fn content_that_does_not_come_to_the_disk_leaves_the_earlier_result() {
+        let home = tempfile::tempdir().unwrap();
+        let path = home.path().join("a/b");
+        let failed = |step, end| {
+            let folder = OutputFolder::begin(&path, COMMAND).unwrap();
+            write(&folder, &["new", "y/z"]);
+            let watched = Watched::failing_at(step, end);
+            folder.finish_by(&watched).unwrap_err().to_string()
+        };
+        let message = failed("file", "y/z");
+        assert!(message.contains("bring to the disk"), "{message}");
+        assert_eq!(fs::read_dir(home.path()).unwrap().count(), 0);
+        result(&path, &["x"]).unwrap();
+        for (step, end) in [("file", "new"), ("folder", "y"), ("name", "b")] {
+            let message = failed(step, end);
+            assert!(message.contains("full"), "{message}");
+            assert_eq!(all(home.path()), ["a/b/x"], "{step}");
+        }
+        // It has its name by then.
+        failed("folder", "a/b");
+        assert_eq!(all(home.path()), ["a/b/new", "a/b/y/z"]);
     }
 
     #[test]

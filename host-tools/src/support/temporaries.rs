@@ -242,6 +242,11 @@ impl MadeFolders {
         Ok(made)
     }
 
+    /// The folders, the one above before the one in it.
+    pub fn paths(&self) -> &[PathBuf] {
+        &self.0
+    }
+
     /// Keeps the folders.
     pub fn keep(mut self) {
         let mut list = lock();

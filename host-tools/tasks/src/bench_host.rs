@@ -1,6 +1,6 @@
-//! Paired comparisons of what the host's commands take; the work is in `host-tools/benches/host.rs`.
+//! Paired comparisons of what the host's commands take; the work is in `host-tools/benches/host/`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::error::Result;
@@ -12,9 +12,12 @@ pub struct Arguments {
     /// Few and short turns, to see that it runs
     #[arg(long)]
     quick: bool,
-    /// An older build of stylus, whose commands are compared with this one's
-    #[arg(long, value_name = "FILE")]
+    /// Compares whole commands of an earlier build of stylus with this one's; left out without one
+    #[arg(long, value_name = "STYLUS")]
     before: Option<PathBuf>,
+    /// Python whose NumPy and SciPy fit the same models [default: python3, and left out where it has not both]
+    #[arg(long, value_name = "FILE")]
+    python: Option<PathBuf>,
 }
 
 /// Builds the benchmark as it is shipped, and runs it.
@@ -26,6 +29,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     command.current_dir(workspace::root()).args([
         "bench",
         "--quiet",
+        "--locked",
         "--package",
         "host-tools",
         "--bench",
@@ -35,10 +39,23 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.quick {
         command.arg("--quick");
     }
-    if let Some(before) = &arguments.before {
-        // The benchmark runs in the package's folder.
-        let before = std::path::absolute(before).unwrap_or_else(|_| before.clone());
-        command.arg("--before").arg(before);
+    for (option, file) in [
+        ("--before", &arguments.before),
+        ("--python", &arguments.python),
+    ] {
+        if let Some(file) = file {
+            command.arg(option).arg(from_anywhere(file));
+        }
     }
     process::run(&mut command)
+}
+
+/// A path that holds in every folder, because the benchmark runs in the package's. A name that is looked up in PATH
+/// stays.
+fn from_anywhere(file: &Path) -> PathBuf {
+    if file.components().count() > 1 || file.exists() {
+        std::path::absolute(file).unwrap_or_else(|_| file.to_owned())
+    } else {
+        file.to_owned()
+    }
 }

@@ -58,7 +58,7 @@ pub fn compiler_flags(processor: Processor) -> String {
 pub fn build(toolchain: &Toolchain, processor: Processor) -> Result<PathBuf> {
     let target_folder = workspace::target_folder(processor.name());
     let mut cargo = toolchain.cargo("build", &folder(), &target_folder);
-    cargo.args(["--release", "--quiet", "--locked"]);
+    cargo.args(["--release", "--quiet"]);
     cargo.env("RUSTFLAGS", compiler_flags(processor));
     process::run(&mut cargo)?;
     let image = target_folder

@@ -37,7 +37,7 @@ pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     let mut guest = toolchain.cargo("clippy", &guest::folder(), &target_folder);
     guest.arg("--release");
     for command in [&mut packages, &mut image, &mut guest] {
-        command.args(["--quiet", "--locked"]);
+        command.arg("--quiet");
         command.env("RUSTFLAGS", guest::compiler_flags(PROCESSOR));
         process::run(command.args(["--", "--deny", "warnings"]))?;
     }

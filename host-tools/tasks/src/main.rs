@@ -81,7 +81,12 @@ enum Task {
     /// Fuzz, model-check starts and interleaved requests, and draw cases for settings, leases, output and bounds, with
     /// fresh seeds as long as asked
     Attack(attack::Arguments),
-    /// Compare what rendering and whole commands take, before and after, in turns (some minutes)
+    /// Compare what rendering, fits and whole commands take, in turns, with ratios beside goals (some minutes)
+    ///
+    /// Three comparisons run one after the other. Rendering, by the kernel's plain arithmetic and by the host's own,
+    /// needs nothing else. Fits, by NumPy with SciPy and by stylus, need a Python that has both. Commands of an earlier
+    /// stylus and of this one need --before. A comparison that lacks its other side says so and is left out. A goal
+    /// that is missed is shown, and is no failure.
     BenchHost(bench_host::Arguments),
     /// Build the kernel as a page's WebAssembly module, and keep it in host-tools/src/report/rub_page
     BrowserModule {

@@ -62,7 +62,7 @@ impl Toolchain {
         }
     }
 
-    /// `cargo <subcommand> --target <the target>`, run in `folder`, with outputs in `target_folder`.
+    /// `cargo <subcommand> --locked --target <the target>`, run in `folder`, with outputs in `target_folder`.
     pub fn cargo(&self, subcommand: &str, folder: &Path, target_folder: &Path) -> Command {
         let mut command = match self {
             Self::Installed { .. } => Command::new("cargo"),
@@ -71,7 +71,7 @@ impl Toolchain {
         command.current_dir(folder);
         without_inherited(&mut command);
         command.env("CARGO_TARGET_DIR", target_folder);
-        command.args([subcommand, "--target", TARGET]);
+        command.args([subcommand, "--locked", "--target", TARGET]);
         if *self == Self::Debian {
             command.env("PATH", debian_first());
             // Building `core` is a nightly feature. No other nightly feature is used.

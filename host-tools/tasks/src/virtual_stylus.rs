@@ -116,7 +116,7 @@ pub fn lint() -> Result<()> {
 fn build_probe(toolchain: &Toolchain) -> Result<PathBuf> {
     let target_folder = workspace::target_folder("probe-image");
     let mut cargo = toolchain.cargo("build", &folder().join("probe-image"), &target_folder);
-    process::run(cargo.args(["--release", "--quiet", "--locked"]))?;
+    process::run(cargo.args(["--release", "--quiet"]))?;
     let image = target_folder
         .join(Path::new(TARGET))
         .join("release/probe-image");

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::file::{End, Fault, Header, Kind, Reader, UnitHead, frame};
 use super::identity::encoded;
+use crate::support::atomic_file::folder_of;
+use crate::support::disk::{Disk, Steps};
 use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;
 
@@ -94,11 +96,15 @@ impl Journal {
             .map_err(Error::io("write", &self.path))
     }
 
-    /// Ends the file, brings it to the disk and gives it its name, `path`.
+    /// Ends the file, brings it to the disk and gives it its name, `path`, which is on the disk at the end.
     ///
     /// # Errors
     /// A file that cannot be written or renamed.
-    pub fn finish(mut self, path: &Path) -> Result<()> {
+    pub fn finish(self, path: &Path) -> Result<()> {
+        self.finish_by(&Disk, path)
+    }
+
+    fn finish_by(mut self, steps: &impl Steps, path: &Path) -> Result<()> {
         let end = End {
             units: self.units as u64,
             all: self.all.value(),
@@ -107,10 +113,15 @@ impl Journal {
         self.file
             .write_all(&last)
             .map_err(Error::io("write", &self.path))?;
-        self.file
-            .sync_all()
+        steps
+            .sync_file(&self.path, &self.file)
             .map_err(Error::io("bring to the disk", &self.path))?;
-        std::fs::rename(&self.path, path).map_err(Error::io("rename", &self.path))?;
+        steps
+            .name(path, || std::fs::rename(&self.path, path))
+            .map_err(Error::io("rename", &self.path))?;
+        steps
+            .sync_folder(folder_of(path))
+            .map_err(Error::io("bring to the disk the name of", path))?;
         match std::fs::remove_file(earlier(path)) {
             Err(failure) if failure.kind() != std::io::ErrorKind::NotFound => {
                 Err(Error::io("remove", &earlier(path))(failure))
@@ -173,5 +184,39 @@ fn held(path: &Path, header: &Header, heads: &[UnitHead]) -> Result<Option<Held>
             Err(Fault::Io(source)) => return Err(Error::io("read", path)(source)),
             Err(Fault::Ended | Fault::Damaged) => return Ok(Some(held)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Shard;
+    use super::super::identity::MapOptions;
+    use super::*;
+    use crate::fit::Options;
+    use crate::support::disk::watched::Watched;
+
+    /// An empty journal of the partial file at `path`.
+    fn journal(path: &Path) -> Journal {
+        let options = MapOptions::of(&Options::default());
+        Journal::open(path, &Header::new(options, 1, 0, Shard::WHOLE), &[]).unwrap()
+    }
+
+    #[test]
+    fn the_name_of_a_partial_file_is_on_the_disk_before_an_earlier_one_goes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.part");
+        let unfinished = with_ending(&path, UNFINISHED);
+        std::fs::write(earlier(&path), "units of other inputs").unwrap();
+        let watched = Watched::failing_at("folder", "");
+        assert!(journal(&path).finish_by(&watched, &path).is_err());
+        assert!(earlier(&path).exists());
+        let expected = [
+            ("file", unfinished),
+            ("name", path.clone()),
+            ("folder", folder.path().to_owned()),
+        ];
+        assert_eq!(watched.steps(), expected);
+        journal(&path).finish(&path).unwrap();
+        assert!(path.exists() && !earlier(&path).exists());
     }
 }

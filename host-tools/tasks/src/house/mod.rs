@@ -8,6 +8,7 @@ mod finding;
 mod imports;
 mod invariants;
 mod lines;
+mod locked;
 mod modules;
 mod names;
 mod packages;
@@ -27,7 +28,7 @@ use crate::error::{Error, Result};
 /// The result of a check: how much was checked of each kind, and the departures.
 pub struct Outcome {
     /// The kinds with the number of each.
-    pub checked: [(&'static str, usize); 8],
+    pub checked: [(&'static str, usize); 9],
     /// The departures, ordered by file and line.
     pub findings: Vec<Finding>,
 }
@@ -50,6 +51,7 @@ fn check_tree(tree: &Tree) -> Outcome {
     let wings = wings::check(&sources, &crates);
     let packages = packages::check(tree);
     let lines = lines::check(tree);
+    let locked = locked::check(tree, &sources);
     let comments = doc_comments::check(&sources);
     let paths = paths::check(tree);
     let names = names::check(tree, &sources);
@@ -61,6 +63,7 @@ fn check_tree(tree: &Tree) -> Outcome {
         invariants::check(&sources, &crates),
         invariants::check_places(&sources, &crates),
         lines.findings,
+        locked.findings,
         comments.findings,
         paths.findings,
         names.findings,
@@ -71,6 +74,7 @@ fn check_tree(tree: &Tree) -> Outcome {
         ("Rust files", sources.len()),
         ("wings", wings.wings.len()),
         ("packages", packages.count),
+        ("commands of cargo", locked.count),
         ("doc comments", comments.count),
         ("pages", paths.pages),
         ("paths in pages", paths.count),
@@ -134,6 +138,7 @@ mod tests {
                 "README.md",
                 "[`attic`](host-tools/src/fit.rs) and [a](attic.md)\n",
             ),
+            ("tests/run", "#!/bin/sh\ncargo test\n"),
         ]));
         let found = outcome.findings.iter().map(ToString::to_string);
         let found: Vec<String> = found.collect();
@@ -147,6 +152,7 @@ mod tests {
             "import circle: host-tools/src/dsp/mod.rs:2 imports host-tools/src/fit.rs",
             "README.md:1: 'attic' is not in host-tools/src/fit.rs",
             "README.md:1: 'attic.md' does not exist",
+            "tests/run:2: `cargo test` without --locked",
             "firmware/src/: no Rust file is here",
         ] {
             assert!(

@@ -1,0 +1,193 @@
+//! Sets of many trials: a fit's memory and time go with their number, and no faster.
+//!
+//! The trials are short, so that a hundred thousand are made and fitted in minutes.
+
+use std::fs::File;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use crate::support::{Bench, RATE_HZ, all_pole, noise, wav};
+
+/// Samples of a trial.
+const SAMPLES: usize = 500;
+
+/// Speeds, mm/s, and forces, N, of every texture.
+const AXIS: std::ops::RangeInclusive<usize> = 1..=10;
+
+/// Trials of a texture.
+const TEXTURE_TRIALS: usize = 100;
+
+/// Numbers of trials of the long measurement.
+const SIZES: [usize; 5] = [1000, 2000, 4000, 16_000, 100_000];
+
+/// Most bytes of memory that each of the [`WAYS`] may take for one trial more. One library keeps what models are fitted
+/// to, and samples twice, up to a bound that is not reached here: in four bytes to be compared, in eight to be played.
+const MOST_TRIAL_BYTES: [f64; 3] = [8192.0 + 12.0 * SAMPLES as f64, 2048.0, 2048.0];
+
+/// Most bytes of memory that a fit of 100 000 trials may take.
+const MOST_BYTES: f64 = 1e9;
+
+/// Writes the set `set` of `trials` trials, each of noise of its own. Beside its list stands another, `few.csv`, by
+/// which the trials of a texture are at two speeds only, so that 16 000 fit in one library.
+fn generate(bench: &Bench, trials: usize) {
+    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
+    let mut few = list.clone();
+    for texture in 0..trials / TEXTURE_TRIALS {
+        let mut number = TEXTURE_TRIALS * texture;
+        for speed in AXIS {
+            for force in AXIS {
+                let signal = all_pole(&[-0.9, 0.5], &noise(number as u64, SAMPLES));
+                let name = format!("{texture:04}/{speed}-{force}.wav");
+                bench.write(&format!("set/{name}"), wav(&[&signal], RATE_HZ));
+                let low_or_high = 50 + 100 * (speed % 2);
+                few.push_str(&format!("{name},texture {texture:04},{low_or_high},1\n"));
+                let (speed, force) = (20 * speed, 0.2 * force as f64);
+                list.push_str(&format!("{name},texture {texture:04},{speed},{force}\n"));
+                number += 1;
+            }
+        }
+    }
+    bench.write("set/trials.csv", list);
+    bench.write("set/few.csv", few);
+}
+
+/// A run of the command.
+#[derive(Clone, Copy)]
+struct Run {
+    /// Largest resident memory, bytes.
+    peak_bytes: f64,
+    elapsed_s: f64,
+}
+
+/// Runs `stylus` in the folder, and watches its memory.
+///
+/// The kernel's own record of the peak is read every few milliseconds, because it goes with the process.
+fn watched(bench: &Bench, arguments: &str) -> Run {
+    let told = bench.path("told");
+    let begin = Instant::now();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_stylus"))
+        .args(arguments.split_whitespace())
+        .current_dir(bench.path(""))
+        .env("XDG_CONFIG_HOME", bench.path("no-configuration"))
+        // Each thread has buffers of its own, and their number is the computer's.
+        .env("RAYON_NUM_THREADS", "2")
+        .stdout(File::create(bench.path("said")).unwrap())
+        .stderr(File::create(&told).unwrap())
+        .spawn()
+        .expect("the command starts");
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak_bytes = 0.0;
+    let ended = loop {
+        peak_bytes = high_water_mark(Path::new(&status)).unwrap_or(peak_bytes);
+        if let Some(ended) = child.try_wait().expect("it is a child") {
+            break ended;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    };
+    let elapsed_s = begin.elapsed().as_secs_f64();
+    let told = std::fs::read_to_string(told).unwrap();
+    assert!(ended.success(), "stylus {arguments}: {ended}\n{told}");
+    assert!(peak_bytes > 0.0, "nobody told its memory");
+    Run {
+        peak_bytes,
+        elapsed_s,
+    }
+}
+
+/// Largest resident memory of the process with this status, bytes; none after its end.
+fn high_water_mark(status: &Path) -> Option<f64> {
+    let text = std::fs::read_to_string(status).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kilobytes: f64 = line.trim().strip_suffix(" kB")?.parse().ok()?;
+    Some(1024.0 * kilobytes)
+}
+
+/// The ways of fitting a set.
+const WAYS: [&str; 3] = ["one library", "a library per texture", "these again"];
+
+/// Most trials of one library here.
+const MOST_IN_ONE: usize = 16_000;
+
+/// Fits a set of `trials` trials at order 400 in each of the [`WAYS`]; none where a library has no room for it.
+fn measured(trials: usize) -> [Option<Run>; 3] {
+    let bench = Bench::new();
+    generate(&bench, trials);
+    let fit = "fit --order 400";
+    let one = (trials <= MOST_IN_ONE).then(|| {
+        let one = format!("{fit} set/few.csv --excitation gaussian --out one.lib");
+        watched(&bench, &one)
+    });
+    let each = watched(&bench, &format!("{fit} set --each --out each"));
+    // Another excitation, by which no trial is computed again.
+    let again = format!("{fit} set --each --out again --parts each/parts --excitation gaussian");
+    let again = watched(&bench, &again);
+    for folder in ["each", "again"] {
+        let entries = std::fs::read_dir(bench.path(folder)).unwrap();
+        let names = entries.map(|entry| entry.unwrap().file_name());
+        let libraries = names.filter(|name| name.to_string_lossy().ends_with(".lib"));
+        assert_eq!(libraries.count(), trials / TEXTURE_TRIALS);
+    }
+    [one, Some(each), Some(again)]
+}
+
+/// Bytes of memory for each trial that `large` has more than `small`.
+fn trial_bytes(small: (usize, Run), large: (usize, Run)) -> f64 {
+    (large.1.peak_bytes - small.1.peak_bytes) / (large.0 - small.0) as f64
+}
+
+#[test]
+fn a_fit_s_memory_grows_by_a_few_kilobytes_per_trial_at_most() {
+    let [few, many] = [400, 1600];
+    let (small, large) = (measured(few), measured(many));
+    for (index, way) in WAYS.iter().enumerate() {
+        let (small, large) = (small[index].unwrap(), large[index].unwrap());
+        let slope = trial_bytes((few, small), (many, large));
+        println!(
+            "{way}: {slope:.0} bytes per trial, {:.0} and {:.0} MB, {:.1} and {:.1} s",
+            small.peak_bytes / 1e6,
+            large.peak_bytes / 1e6,
+            small.elapsed_s,
+            large.elapsed_s
+        );
+        assert!(
+            slope < MOST_TRIAL_BYTES[index],
+            "{way}: {slope:.0} bytes per trial"
+        );
+    }
+}
+
+/// Takes ten minutes on two cores, and 2 GB of disk:
+/// `cargo test --locked -p host-tools --test end-to-end large_sets:: -- --ignored --nocapture`.
+#[test]
+#[ignore = "takes ten minutes and 2 GB of disk"]
+fn a_hundred_thousand_trials_take_a_gigabyte_at_most_and_time_in_proportion() {
+    println!("| trials | {} |", WAYS.join(" | "));
+    let mut all = Vec::new();
+    for trials in SIZES {
+        let runs = measured(trials);
+        let cells = runs.map(|run| {
+            run.map_or("–".to_owned(), |run| {
+                let ms = 1e3 * run.elapsed_s / trials as f64;
+                format!("{ms:.2} ms, {:.0} MB", run.peak_bytes / 1e6)
+            })
+        });
+        println!("| {trials} | {} |", cells.join(" | "));
+        all.push((trials, runs));
+    }
+    for way in 0..WAYS.len() {
+        let runs: Vec<(usize, Run)> = all
+            .iter()
+            .filter_map(|&(trials, runs)| Some((trials, runs[way]?)))
+            .collect();
+        let (first, last) = (runs[0], runs[runs.len() - 1]);
+        assert!(last.1.peak_bytes < MOST_BYTES, "{}", WAYS[way]);
+        assert!(
+            trial_bytes(first, last) < MOST_TRIAL_BYTES[way],
+            "{}",
+            WAYS[way]
+        );
+        let per_trial = |(trials, run): (usize, Run)| run.elapsed_s / trials as f64;
+        assert!(per_trial(last) < 1.5 * per_trial(first), "{}", WAYS[way]);
+    }
+}
