@@ -155,6 +155,12 @@ impl Measured {
 /// A line's name, and a change of a healthy device that makes it fail.
 type Row = (&'static str, fn(&mut Measured));
 
+/// The rest of a line's name after its sensor's, and a change of that sensor.
+type SensorRow = (&'static str, fn(&mut Measured, usize));
+
+/// A change of a healthy device.
+type Change = Box<dyn Fn(&mut Measured)>;
+
 const BOARD: [Row; 35] = [
     ("chip", |m| m.chip.device = 0x483),
     ("silicon revision", |m| m.chip.revision = 0x1003),
@@ -165,10 +171,10 @@ const BOARD: [Row; 35] = [
     ("watchdog by", |m| m.option_bytes.status &= !(1 << 4)),
     ("banks swapped", |m| m.option_bytes.banks_swapped = true),
     ("writable sectors", |m| {
-        m.option_bytes.writable_sectors[1] = 0x7F
+        m.option_bytes.writable_sectors[1] = 0x7F;
     }),
     ("protected areas", |m| {
-        m.option_bytes.secure[1] = 0x0010_0000
+        m.option_bytes.secure[1] = 0x0010_0000;
     }),
     ("boot address", |m| m.option_bytes.boot = 0x1FF0_2000),
     ("pins for low voltage", |m| m.option_bytes.status |= 1 << 29),
@@ -186,45 +192,45 @@ const BOARD: [Row; 35] = [
     ("RAM errors corrected", |m| m.memory.ram[0] = 0b001),
     ("RAM errors not corrected", |m| m.memory.ram[0] = 0b010),
     ("flash bank 1 errors corrected", |m| {
-        m.memory.flash_corrected[0] = 1
+        m.memory.flash_corrected[0] = 1;
     }),
     ("flash bank 1 errors not corrected", |m| {
-        m.memory.flash_failed[0] = 1
+        m.memory.flash_failed[0] = 1;
     }),
     ("flash bank 2 errors corrected", |m| {
-        m.memory.flash_corrected[1] = 1
+        m.memory.flash_corrected[1] = 1;
     }),
     ("flash bank 2 errors not corrected", |m| {
-        m.memory.flash_failed[1] = 1
+        m.memory.flash_failed[1] = 1;
     }),
     ("output at rest", |m| m.rest = Board::rest(2_100.0)),
     ("output still at rest", |m| m.rest.range[1] += 1_000),
     ("output at PA4", |m| m.output(|_| 1_300.0)),
     ("output gain", |m| {
-        m.output(|code| 2_048.0 + 0.95 * (code - 2_048.0))
+        m.output(|code| 2_048.0 + 0.95 * (code - 2_048.0));
     }),
     ("output offset", |m| m.output(|code| code + 40.0)),
     ("output bend", |m| {
-        m.output(|code| code + 30.0 * ((code - 2_048.0) / 2_048.0).powi(2))
+        m.output(|code| code + 30.0 * ((code - 2_048.0) / 2_048.0).powi(2));
     }),
     // Bit 6 is stuck at zero.
     ("output smallest step", |m| {
-        m.output(|code| f64::from(code as u16 & !(1 << 6)))
+        m.output(|code| f64::from(code as u16 & !(1 << 6)));
     }),
     ("output largest step", |m| {
-        m.output(|code| f64::from(code as u16 & !(1 << 6)))
+        m.output(|code| f64::from(code as u16 & !(1 << 6)));
     }),
     ("output noise", |m| m.output.noise = 100.0),
     ("output delay", |m| {
-        m.output.step_words[..6].fill(STEP_CODES[0] * 16)
+        m.output.step_words[..6].fill(STEP_CODES[0] * 16);
     }),
     ("output settled", |m| {
-        m.output.step_words[1..12].fill((STEP_CODES[1] - 100) * 16)
+        m.output.step_words[1..12].fill((STEP_CODES[1] - 100) * 16);
     }),
     ("slot A sector erase", |m| m.flash.erase_us = 5_000_000),
     ("slot A bytes not erased", |m| m.flash.not_erased = 1),
     ("slot A word write, mean", |m| {
-        m.flash.write_us = 128 * 3_000
+        m.flash.write_us = 128 * 3_000;
     }),
 ];
 
@@ -237,9 +243,9 @@ const SENSORS: [&str; 4] = [
     "acceleration Z",
     "force",
 ];
-const OF_SENSOR: [(&str, fn(&mut Measured, usize)); 5] = [
+const OF_SENSOR: [SensorRow; 5] = [
     ("from the rails", |m, sensor| {
-        m.change(sensor, |_, code| code - 32_700)
+        m.change(sensor, |_, code| code - 32_700);
     }),
     ("converts", |m, sensor| m.change(sensor, |_, _| 32_760)),
     ("noise", |m, sensor| {
@@ -253,17 +259,15 @@ const OF_SENSOR: [(&str, fn(&mut Measured, usize)); 5] = [
 
 const ENCODER: [Row; 5] = [
     ("encoder counts at rest", |m| {
-        m.at_rest.samples[..5]
-            .iter_mut()
-            .for_each(|one| one.encoder_delta = 1)
+        for one in &mut m.at_rest.samples[..5] {
+            one.encoder_delta = 1;
+        }
     }),
     ("encoder counts moved", |m| m.moved.samples.truncate(99)),
     ("encoder direction", |m| {
-        m.moved
-            .samples
-            .iter_mut()
-            .step_by(2)
-            .for_each(|one| one.encoder_delta = -1)
+        for one in m.moved.samples.iter_mut().step_by(2) {
+            one.encoder_delta = -1;
+        }
     }),
     ("encoder line A", |m| m.seen[0] = [true, false]),
     ("encoder line B", |m| m.seen[1] = [false, true]),
@@ -272,30 +276,30 @@ const ENCODER: [Row; 5] = [
 const TRAFFIC: [Row; 11] = [
     ("link: blocks received", |m| m.traffic.loss.received = 1),
     ("link: blocks lost in the device", |m| {
-        m.traffic.loss.in_device = 1
+        m.traffic.loss.in_device = 1;
     }),
     ("link: blocks lost on the link", |m| {
-        m.traffic.loss.on_link = 1
+        m.traffic.loss.on_link = 1;
     }),
     ("link: frames broken", |m| m.traffic.loss.broken_frames = 1),
     ("link: faults of the link", |m| {
-        m.traffic.after.usb.malformed += 1
+        m.traffic.after.usb.malformed += 1;
     }),
     ("link: round trip, longest", |m| {
-        m.traffic.round_trips[2] = Duration::from_millis(600)
+        m.traffic.round_trips[2] = Duration::from_millis(600);
     }),
     ("link: round trip, median", |m| {
-        m.traffic.round_trips.fill(Duration::from_millis(150))
+        m.traffic.round_trips.fill(Duration::from_millis(150));
     }),
     ("link: ticks missed", |m| m.traffic.after.tick.missed += 1),
     ("link: frames late", |m| {
-        m.traffic.after.tick.late_frames += 1
+        m.traffic.after.tick.late_frames += 1;
     }),
     ("link: conversions late", |m| {
-        m.traffic.after.tick.late_conversions += 1
+        m.traffic.after.tick.late_conversions += 1;
     }),
     ("link: outputs late", |m| {
-        m.traffic.after.tick.late_outputs += 1
+        m.traffic.after.tick.late_outputs += 1;
     }),
 ];
 
@@ -304,16 +308,16 @@ const STATE: [Row; 13] = [
     ("safe mode", |m| m.status.start.safe_mode = true),
     ("supply", |m| m.status.start.supply_low = true),
     ("stack used", |m| {
-        m.status.marks.stack_used_bytes = m.status.marks.stack_bytes
+        m.status.marks.stack_used_bytes = m.status.marks.stack_bytes;
     }),
     ("trigger to tick", |m| {
-        m.status.marks.longest_tick_delay_cycles = CORE_HZ / 20_000
+        m.status.marks.longest_tick_delay_cycles = CORE_HZ / 20_000;
     }),
     ("masked interrupts", |m| {
-        m.status.marks.longest_critical_section_cycles = CORE_HZ / 20_000
+        m.status.marks.longest_critical_section_cycles = CORE_HZ / 20_000;
     }),
     ("watchdog gap", |m| {
-        m.status.marks.longest_watchdog_gap_us = 200_000
+        m.status.marks.longest_watchdog_gap_us = 200_000;
     }),
     ("fault since power-on", |m| {
         m.status.fault = Some(Fault {
@@ -326,35 +330,31 @@ const STATE: [Row; 13] = [
     }),
     ("ticks missed since the start", |m| m.status.tick.missed = 1),
     ("frames late since the start", |m| {
-        m.status.tick.late_frames = 1
+        m.status.tick.late_frames = 1;
     }),
     ("conversions late since the start", |m| {
-        m.status.tick.late_conversions = 1
+        m.status.tick.late_conversions = 1;
     }),
     ("outputs late since the start", |m| {
-        m.status.tick.late_outputs = 1
+        m.status.tick.late_outputs = 1;
     }),
     ("longest tick", |m| {
-        m.status.tick_histogram.longest = CORE_HZ / 5_000
+        m.status.tick_histogram.longest = CORE_HZ / 5_000;
     }),
 ];
 
 /// Every line's name, with its change.
-fn rows() -> Vec<(String, Box<dyn Fn(&mut Measured)>)> {
+fn rows() -> Vec<(String, Change)> {
     let plain = BOARD
         .into_iter()
         .chain(FLASH)
         .chain(ENCODER)
         .chain(TRAFFIC)
         .chain(STATE);
-    let mut rows: Vec<(String, Box<dyn Fn(&mut Measured)>)> = plain
-        .map(|(name, change)| {
-            (
-                name.to_owned(),
-                Box::new(change) as Box<dyn Fn(&mut Measured)>,
-            )
-        })
-        .collect();
+    let mut rows: Vec<(String, Change)> = Vec::new();
+    for (name, change) in plain {
+        rows.push((name.to_owned(), Box::new(change)));
+    }
     for (sensor, name) in SENSORS.into_iter().enumerate() {
         for (line, change) in OF_SENSOR {
             let change = move |measured: &mut Measured| change(measured, sensor);

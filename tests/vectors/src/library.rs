@@ -168,7 +168,7 @@ pub fn counted_texture(structure: Structure, order: usize, name: &str) -> Textur
 struct Model {
     theta_codes: Vec<i16>,
     fractions: Vec<i8>,
-    /// Whether a lattice of it has a tail.
+    /// True if a lattice of it has a tail.
     is_compact: bool,
 }
 
