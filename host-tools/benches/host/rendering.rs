@@ -1,5 +1,7 @@
 //! Rendering by the kernel's plain arithmetic, and by the host's own, which give the same samples.
 
+use std::fmt::Write;
+
 use host_tools::dsp::model::Model;
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::Rendering;
@@ -58,9 +60,14 @@ pub fn compare(is_quick: bool) {
         "rendering, by the kernel's plain arithmetic and by {} instructions:",
         Wavefront::instructions()
     );
-    let (turns, seconds) = if is_quick { (3, 0.2) } else { (21, 4.0) };
+    // A rendering of so many seconds takes a hundred of the clock's steps.
+    let (turns, seconds) = if is_quick { (3, 4.0) } else { (21, 60.0) };
     let rest = MotionPath::constant(MillimetresPerSecond(100.0), Newton(0.7)).expect("finite");
-    let table = "time_s,speed_mm_s,force_n\n0,60,0.6\n2,140,0.9\n4,60,0.6\n";
+    let mut table = "time_s,speed_mm_s,force_n\n".to_owned();
+    for turn in 0..=30 {
+        let (speed_mm_s, force_n) = if turn % 2 == 0 { (60, 0.6) } else { (140, 0.9) };
+        let _ = writeln!(table, "{},{speed_mm_s},{force_n}", 2 * turn);
+    }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("motion.csv");
     std::fs::write(&path, table).expect("a temporary file");
