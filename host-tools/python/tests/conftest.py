@@ -7,7 +7,9 @@ fail, because equality with the command is what most of them hold.
 import fcntl
 import json
 import os
+import signal
 import subprocess
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +51,15 @@ class Command:
 
     def json(self, *arguments: object):
         return json.loads(self.succeed(*arguments))
+
+
+@pytest.fixture
+def ctrl_c():
+    """A function that presses Ctrl-C so many seconds later. A program in the background of a shell ignores it, so that
+    Python's own handler is set here."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield lambda after_s: threading.Timer(after_s, os.kill, (os.getpid(), signal.SIGINT)).start()
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")

@@ -1,9 +1,5 @@
 """A stylus on a link: the device's own application, on fake hardware, behind a TCP port."""
 
-import os
-import signal
-import threading
-
 import pytest
 import stylus_haptics as sh
 
@@ -74,10 +70,10 @@ def test_a_link_that_the_command_shares_is_joined(attached, command):
         assert device.status()["muted"] == ["not playing"]
 
 
-def test_ctrl_c_stops_the_output_before_it_is_raised(stylus, fitted):
+def test_ctrl_c_stops_the_output_before_it_is_raised(stylus, fitted, ctrl_c):
     with sh.Device(stylus) as device:
         device.upload(fitted, activate=True)
-        threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+        ctrl_c(0.5)
         with pytest.raises(KeyboardInterrupt):
             device.play(texture="felt", speed_mm_s=120, force_n=1, seconds=60)
         assert device.status()["muted"] == ["not playing"] and device.stop() is False

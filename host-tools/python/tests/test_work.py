@@ -1,7 +1,5 @@
 """Long work: progress, the interpreter's lock, Ctrl-C; and results that are NumPy arrays."""
 
-import os
-import signal
 import threading
 import time
 
@@ -41,18 +39,16 @@ def test_other_threads_run_while_a_texture_is_rendered(fitted):
     assert len(beats) >= 3
 
 
-def test_ctrl_c_ends_a_rendering_of_hours(fitted):
-    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+def test_ctrl_c_ends_a_rendering_of_hours(fitted, ctrl_c):
     begin = time.monotonic()
-    timer.start()
+    ctrl_c(0.3)
     with pytest.raises(KeyboardInterrupt):
         sh.render(fitted, "felt", speed_mm_s=100, force_n=1, seconds=6000)
     assert time.monotonic() - begin < 30
 
 
-def test_ctrl_c_ends_a_fit(arrays):
-    timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
+def test_ctrl_c_ends_a_fit(arrays, ctrl_c):
+    ctrl_c(0.05)
     with pytest.raises(KeyboardInterrupt):
         for _ in range(1000):
             sh.fit(arrays)
