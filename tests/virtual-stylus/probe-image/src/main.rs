@@ -40,6 +40,8 @@ use stylus_kernel::scene::Plan;
 const TICK_CYCLES: u16 = 12_800;
 /// 64 MHz over this is 921 600 baud, nearly.
 const BAUD_CYCLES: u16 = 69;
+/// 20 µs, twice the start-up time of a converter's regulator (DS12110, t_ADCVREG_STUP).
+const REGULATOR_CYCLES: u32 = 1280;
 const TIM6_TRIGGER_OF_DAC: u8 = 5;
 const TIM6_TRIGGER_OF_ADC: u8 = 14;
 const CHANNELS: [u8; 4] = [15, 10, 6, 5];
@@ -114,7 +116,8 @@ fn converters() {
         .modify(|w| w.set_presc(stm32_metapac::adccommon::vals::Presc::DIV2));
     ADC1.cr().modify(|w| w.set_deeppwd(false));
     ADC1.cr().modify(|w| w.set_advregen(true));
-    while !ADC1.isr().read().ldordy() {}
+    // By time, because revisions Z and Y have no flag of its readiness.
+    cortex_m::asm::delay(REGULATOR_CYCLES);
     ADC1.cr().modify(|w| w.set_adcal(true));
     while ADC1.cr().read().adcal() {}
     ADC1.cr().modify(|w| w.set_aden(true));
