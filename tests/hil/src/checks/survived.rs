@@ -25,9 +25,10 @@ struct Late {
     outputs: [u32; 2],
 }
 
-/// Codes are written ahead for more than a tick that takes two periods. With one of six periods timer and DMA run into
-/// mid-scale without an instruction, and the next tick finds that in place of its last code. If its last code was
-/// mid-scale itself, it finds nothing: so one of them is enough.
+/// Codes are written ahead for more than a tick that takes two periods. A late output is counted where the code before
+/// it is not the last one that was written; in a quiet texture they may be the same by chance. With a tick of six
+/// periods timer and DMA run into mid-scale without an instruction, which may be the last code, too. So of the outputs
+/// that are late one is enough.
 const LATE: [Late; 3] = [
     Late {
         number: 1,
@@ -39,7 +40,7 @@ const LATE: [Late; 3] = [
         number: 11,
         name: "a sample that comes 150 µs late",
         missed: [0, 0],
-        outputs: [TIMES, TIMES],
+        outputs: [1, TIMES],
     },
     Late {
         number: 12,
