@@ -3,13 +3,15 @@
 use std::process::Command;
 
 use crate::support::{Bench, PLAY, interrupt, json, text, wait_for};
-use fake_stylus::library::library;
+use fake_stylus::library::{announcement, library};
 use fake_stylus::{FakeStylus, Hand};
 use host_tools::dsp::model::Model;
+use host_tools::link::{Device, Timeouts};
 use host_tools::texture::certificate::certified;
 use host_tools::texture::grid::Grid;
 use host_tools::texture::library::texture_spec;
 use host_tools::texture::quantise::StructureChoice;
+use model_format::link::UploadChunk;
 use model_format::{Laws, NodeFlags, PartsSpec, Provenance, encode};
 use serde_json::Value;
 
@@ -70,6 +72,44 @@ fn a_library_is_uploaded_listed_activated_and_shown() {
         "changing texture or library 1 x",
     ] {
         assert!(shown.contains(words), "{words} is not in:\n{shown}");
+    }
+}
+
+#[test]
+fn an_abort_ends_the_upload_of_a_command_that_is_gone_and_says_how_far_it_was() {
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let link = stylus.link();
+    let bytes = library(1, 20, 3);
+    let device = Device::connect(&link.parse().unwrap(), Timeouts::default()).unwrap();
+    let slot = device.upload_begin(announcement(&bytes)).unwrap().slot;
+    let data = &bytes[..512];
+    device
+        .upload_chunk(&UploadChunk { offset: 0, data })
+        .unwrap();
+    drop(device);
+
+    let ended = bench.succeed(&format!("upload --abort --link {link}"));
+    let words = format!(
+        "the upload to slot {slot} is ended; 512 of {} bytes had arrived",
+        bytes.len()
+    );
+    assert!(ended.contains(&words), "{ended}");
+    let none = bench.succeed(&format!("upload --abort --json --link {link}"));
+    assert_eq!(
+        json(&none),
+        serde_json::json!({"before": "Idle", "after": "Idle"})
+    );
+    bench.write("a.lib", &bytes);
+    let uploaded = json(&bench.succeed(&format!("upload a.lib --json --link {link}")));
+    assert_eq!(uploaded["resumed_from"], 0);
+
+    for wrong in [
+        "upload",
+        "upload a.lib --abort",
+        "upload --abort --activate",
+    ] {
+        let status = bench.run(&format!("{wrong} --link {link}")).status;
+        assert_eq!(status.code(), Some(2), "{wrong}");
     }
 }
 

@@ -262,29 +262,57 @@ fn third_octaves_at_the_pin_are_those_of_the_kernel_down_to_a_fiftieth() {
     }
 }
 
+/// Settings under which no limit acts on a sine of 3 m/s².
+const OPEN: [(&str, f32); 3] = [
+    ("hard-limit", 1.45),
+    ("slew-limit", 16.0),
+    ("output-gain", 0.1),
+];
+
+/// The pin's spectrum of a sine of 3 m/s².
+fn bins_of_a_sine(hertz: f64) -> Bins {
+    let turn = core::f64::consts::TAU * hertz / f64::from(RATE_HZ);
+    let sample = |n| OutputSample((3.0 * 2f64.powi(20) * (turn * f64::from(n)).sin()) as i32);
+    let samples: Vec<OutputSample> = (0..(BEFORE + JUDGED) as u32).map(sample).collect();
+    Bins::of(&at_the_pin(&samples, &OPEN), PIN_HZ)
+}
+
+/// The strongest image below 20 kHz of a sine of `hertz`, dB of the sine.
+fn strongest_image_db(bins: &Bins, hertz: f64) -> f64 {
+    let line = |hertz: f64| bins.power(hertz - 0.7, hertz + 0.7);
+    (1..=4)
+        .flat_map(|multiple| [-hertz, hertz].map(|apart| f64::from(multiple * RATE_HZ) + apart))
+        .filter(|&image| image < 20_000.0)
+        .map(|image| decibels(line(image) / line(hertz)))
+        .fold(f64::MIN, f64::max)
+}
+
 #[test]
 fn images_of_a_sine_are_60_decibels_down_up_to_20_kilohertz() {
-    let open = [
-        ("hard-limit", 1.45),
-        ("slew-limit", 16.0),
-        ("output-gain", 0.1),
-    ];
     for hertz in [47.3, 311.7, 997.1, 1503.3, 1999.3] {
-        let turn = core::f64::consts::TAU * hertz / f64::from(RATE_HZ);
-        let sample = |n| OutputSample((3.0 * 2f64.powi(20) * (turn * f64::from(n)).sin()) as i32);
-        let samples: Vec<OutputSample> = (0..(BEFORE + JUDGED) as u32).map(sample).collect();
-        let bins = Bins::of(&at_the_pin(&samples, &open), PIN_HZ);
-        let line = |hertz: f64| bins.power(hertz - 0.7, hertz + 0.7);
-        let worst = (1..=4)
-            .flat_map(|multiple| [-hertz, hertz].map(|apart| f64::from(multiple * RATE_HZ) + apart))
-            .filter(|&image| image < 20_000.0)
-            .map(|image| decibels(line(image) / line(hertz)))
-            .fold(f64::MIN, f64::max);
+        let bins = bins_of_a_sine(hertz);
+        let worst = strongest_image_db(&bins, hertz);
         println!("strongest image of {hertz} Hz: {worst:.1} dB");
         assert!(worst < -60.0, "{hertz} Hz: {worst} dB");
         // Harmonics too, which no stage may make.
+        let line = bins.power(hertz - 0.7, hertz + 0.7);
         let content = bins.power(10.0, 2_500.0) - bins.power(hertz - 15.0, hertz + 15.0);
-        assert!(decibels(content / line(hertz)) < -90.0, "{hertz} Hz");
+        assert!(decibels(content / line) < -90.0, "{hertz} Hz");
+    }
+}
+
+/// Above 2 kHz the first filter falls towards the middle between a content and its image, which is 2.5 kHz.
+#[test]
+fn images_of_what_lies_above_two_kilohertz_rise_to_the_content_itself_at_half_the_rate() {
+    for (hertz, bound) in [
+        (2099.3, -40.0),
+        (2199.3, -27.0),
+        (2299.3, -17.0),
+        (2399.3, -8.0),
+    ] {
+        let worst = strongest_image_db(&bins_of_a_sine(hertz), hertz);
+        println!("strongest image of {hertz} Hz: {worst:.1} dB");
+        assert!(worst < bound, "{hertz} Hz: {worst} dB");
     }
 }
 
@@ -310,6 +338,28 @@ fn the_command_writes_the_pin_in_volts_and_says_so() {
     let unknown = bench.refuse(&format!("{render} --out no.wav --pin --set gain=1"));
     assert!(unknown.contains("there is no setting 'gain'"), "{unknown}");
     assert!(!bench.path("no.wav").exists());
+}
+
+#[test]
+fn a_scene_of_one_texture_is_at_the_pin_what_the_texture_is() {
+    let bench = crate::support::two_textures(|signal| [crate::support::scaled(signal, 3.0)]);
+    bench.succeed("fit set --out cloths.lib");
+    bench.write(
+        "steady.toml",
+        "name = \"steady\"\n[constant_motion]\nspeed_mm_s = 90\nforce_n = 0.7\n[[surface]]\ntexture = \"felt\"\n",
+    );
+    let along = "--seconds 1 --pin --set output-gain=0.02";
+    bench.succeed(&format!(
+        "render cloths.lib --texture felt --speed 90 --force 0.7 {along} --out texture.wav"
+    ));
+    let told = bench.succeed(&format!(
+        "scene render steady.toml --library cloths.lib --speed 90 --force 0.7 {along} --out scene.wav"
+    ));
+    assert!(told.contains("40000 codes"), "{told}");
+    let [texture, scene] =
+        ["texture.wav", "scene.wav"].map(|name| std::fs::read(bench.path(name)).unwrap());
+    assert!(texture == scene);
+    assert!(rms(&bench, "scene.wav") > 1e-4);
 }
 
 /// RMS of a file's second half.

@@ -1,5 +1,5 @@
 //! Attacks that go on as long as asked: the fuzzers of `tests/fuzz`, the model checks of `firmware/app/tests/attack`,
-//! the application's tests by random cases, and the search of `tests/qemu` for the worst library.
+//! the tests by random cases, and the search of `tests/qemu` for the worst library.
 //!
 //! Each round has a seed, from which all of it follows, so that a failure is seen again by its seed alone.
 
@@ -15,6 +15,16 @@ const FACTOR: u32 = 4;
 
 /// Rounds of the search for the worst library, each of one run of the emulator.
 const SEARCH_ROUNDS: u32 = 9 * FACTOR;
+
+/// Packages whose tests draw random cases, besides those of the command and of emulators.
+const PROPERTY_PACKAGES: [&str; 4] = ["model-format", "stylus-kernel", "stylus-app", "host-tools"];
+
+/// Programs of tests that these packages have besides their modules.
+const PROPERTY_PROGRAMS: [&str; 3] = ["library", "kernel", "app"];
+
+/// Cases of a property in `tests/run`, and cases that it may reject there: the defaults of proptest.
+const PROPERTY_CASES: u32 = 256;
+const PROPERTY_REJECTS: u32 = 1024;
 
 /// Runs of each fuzzer per round.
 const FUZZ_RUNS: u64 = 1_000_000;
@@ -37,6 +47,8 @@ pub enum Target {
     Hosts,
     /// Limits of the output under any input and settings
     Safety,
+    /// Every property by random cases, of kernel, format, application and host
+    Properties,
     /// Search for the library that takes most work, on QEMU
     Bounds,
 }
@@ -73,13 +85,14 @@ impl Tests {
 }
 
 impl Target {
-    const ALL: [Self; 7] = [
+    const ALL: [Self; 8] = [
         Self::Fuzz,
         Self::Boots,
         Self::Requests,
         Self::Settings,
         Self::Hosts,
         Self::Safety,
+        Self::Properties,
         Self::Bounds,
     ];
 
@@ -91,14 +104,15 @@ impl Target {
             Self::Settings => "settings",
             Self::Hosts => "hosts",
             Self::Safety => "safety",
+            Self::Properties => "properties",
             Self::Bounds => "bounds",
         }
     }
 
-    /// Its tests; none for the fuzzers.
+    /// Its tests; none for the fuzzers and for the properties, which are of many programs.
     const fn tests(self) -> Option<Tests> {
         Some(match self {
-            Self::Fuzz => return None,
+            Self::Fuzz | Self::Properties => return None,
             Self::Boots => Tests::of_app("attack", &["boots"]),
             Self::Requests => Tests::of_app("attack", &["requests"]),
             Self::Settings => Tests::of_app("app", &["settings::histories"]),
@@ -117,6 +131,9 @@ impl Target {
         if let Some(tests) = self.tests() {
             return tests.round(seed);
         }
+        if self == Self::Properties {
+            return properties(seed);
+        }
         let mut smoke = Command::new(workspace::root().join("tests/fuzz/smoke"));
         let seconds = limit.map_or(FUZZ_LIMIT_S, |limit| limit.as_secs().max(1));
         // libFuzzer takes a seed of 32 bits, and 0 for none.
@@ -133,6 +150,31 @@ impl Target {
             failure: Box::new(failure),
         })
     }
+}
+
+/// A round of every property. Those that set their own number of cases keep it.
+fn properties(seed: u64) -> Command {
+    let mut test = Command::new("cargo");
+    test.current_dir(workspace::root());
+    test.args(["test", "--quiet", "--locked"]);
+    test.args(
+        PROPERTY_PACKAGES
+            .iter()
+            .flat_map(|package| ["--package", package]),
+    );
+    test.arg("--lib");
+    test.args(
+        PROPERTY_PROGRAMS
+            .iter()
+            .flat_map(|program| ["--test", program]),
+    );
+    test.env("PROPTEST_RNG_SEED", seed.to_string());
+    test.env("PROPTEST_CASES", (PROPERTY_CASES * FACTOR).to_string());
+    test.env(
+        "PROPTEST_MAX_GLOBAL_REJECTS",
+        (PROPERTY_REJECTS * FACTOR).to_string(),
+    );
+    test
 }
 
 /// Options of `cargo tasks attack`.
@@ -226,6 +268,15 @@ mod tests {
                 .find(|(name, _)| *name == "STYLUS_ATTACK_SEED");
             assert_eq!(seed.and_then(|(_, seed)| seed), Some("7".as_ref()));
         }
+    }
+
+    #[test]
+    fn a_round_of_all_properties_begins_with_its_seed() {
+        let round = Target::Properties.round(7, None);
+        let seed = round
+            .get_envs()
+            .find(|(name, _)| *name == "PROPTEST_RNG_SEED");
+        assert_eq!(seed.and_then(|(_, seed)| seed), Some("7".as_ref()));
     }
 
     #[test]

@@ -1,13 +1,13 @@
 //! `stylus upload`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use host_tools::link::budget::Budget;
 use host_tools::link::upload::upload_over;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 use host_tools::texture::certificate;
-use model_format::link::UploadTimes;
+use model_format::link::{UploadState, UploadTimes};
 use serde::Serialize;
 
 use super::connection::Link;
@@ -21,7 +21,11 @@ use crate::cli::output::{note, print, print_json, warn};
 )]
 pub struct Arguments {
     /// Library to upload
-    library: PathBuf,
+    #[arg(required_unless_present = "abort")]
+    library: Option<PathBuf>,
+    /// End the upload that is under way, or the proof of direct forms that an upload or an activation waits for
+    #[arg(long, conflicts_with_all = ["library", "activate", "replace_last", "unchecked"])]
+    abort: bool,
     /// Activate the library
     #[arg(long)]
     activate: bool,
@@ -53,6 +57,13 @@ struct UploadReport<'a> {
     times: Option<Times>,
     /// Least seconds by data sheets.
     budget: Budget,
+}
+
+/// State of the upload before and after an abort.
+#[derive(Serialize)]
+struct Aborted {
+    before: UploadState,
+    after: UploadState,
 }
 
 /// Time of an upload in the device, s.
@@ -108,11 +119,41 @@ impl Times {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let bytes = read_library(&arguments.library)?;
+    match &arguments.library {
+        Some(library) => upload(arguments, library),
+        // Without a library, the only thing that can be asked for.
+        None => abort(arguments),
+    }
+}
+
+/// Ends what is under way, and tells what it was.
+fn abort(arguments: &Arguments) -> Result<()> {
+    let device = arguments.link.connect()?;
+    let before = device.upload_progress()?;
+    let after = device.upload_abort()?;
+    if arguments.json {
+        return print_json(&Aborted { before, after });
+    }
+    print(&match before {
+        UploadState::Idle => "no upload was under way".to_owned(),
+        UploadState::Receiving(progress) => format!(
+            "the upload to slot {} is ended; {} of {} bytes had arrived",
+            progress.slot, progress.next_offset, progress.upload.length
+        ),
+        UploadState::Proving(proving) => format!(
+            "the proof of the direct forms in slot {} is ended at {:.1} %",
+            proving.slot,
+            f64::from(proving.permille) / 10.0
+        ),
+    })
+}
+
+fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
+    let bytes = read_library(path)?;
     if !arguments.unchecked {
-        let library = decode_library(&arguments.library, &bytes)?;
+        let library = decode_library(path, &bytes)?;
         certificate::prove_as_device(&library)
-            .map_err(|refusal| Error::file(&arguments.library, refusal.to_string()))?;
+            .map_err(|refusal| Error::file(path, refusal.to_string()))?;
     }
     let mut device = arguments.link.connect()?;
     if !arguments.unchecked {
@@ -136,7 +177,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     if arguments.json {
         return print_json(&UploadReport {
-            library: arguments.library.display().to_string(),
+            library: path.display().to_string(),
             bytes: uploaded.library.length,
             crc32: uploaded.library.crc32,
             slot: uploaded.slot.to_string(),
@@ -163,7 +204,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     print(&format!(
         "{} -> slot {} ({} bytes, read back): {}{}",
-        arguments.library.display(),
+        path.display(),
         uploaded.slot,
         uploaded.library.length,
         uploaded.textures.join(", "),
