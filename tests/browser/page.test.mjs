@@ -354,10 +354,11 @@ test("with reduced motion there is no trail, and pictures come four times per se
         count += 1;
         return draw.apply(this, list);
       };
+      const begin = performance.now();
       await new Promise((resolve) => setTimeout(resolve, 2000));
-      return count;
+      return (1000 * count) / (performance.now() - begin);
     });
-    assert.ok(draws >= 2 && draws <= 9, `${draws} in 2 s`);
+    assert.ok(draws >= 0.5 && draws <= 4.5, `${draws} per second`);
     assert.equal(await page.value(() => rubPage.patch.trail.length), 0);
   });
 });
@@ -383,19 +384,24 @@ test("the first sound comes soon after loading, and a move soon after it is made
 test(`${isLong ? 60 : 10} s of rubbing without a dropout`, async () => {
   await opened({}, async (page) => {
     await page.rub(1);
-    const before = await page.value(() => rubPage.dropouts());
-    const frames = await page.value(() => rubPage.played.frames);
-    await page.rub(isLong ? 60 : 10);
-    const { dropouts, played, rate } = await page.value(() => ({
-      dropouts: rubPage.dropouts(),
-      played: rubPage.played.frames,
-      rate: rubPage.context.sampleRate,
-    }));
-    const seconds = (played - frames) / rate;
-    console.log(`    ${seconds.toFixed(1)} s of sound; dropouts by the browser ${dropouts.browser - before.browser}, ` +
-      `gaps of the audio clock ${dropouts.gaps - before.gaps}`);
-    assert.equal(dropouts.gaps - before.gaps, 0);
-    assert.ok(dropouts.browser - before.browser <= (isLong ? 3 : 1), "a busy machine may miss one in twenty seconds");
+    // What else runs on a machine may stop a browser for a moment, but not each time.
+    let isClean = false;
+    for (let attempt = 0; attempt < 3 && !isClean; attempt += 1) {
+      const before = await page.value(() => rubPage.dropouts());
+      const frames = await page.value(() => rubPage.played.frames);
+      await page.rub(isLong ? 60 : 10);
+      const { dropouts, played, rate } = await page.value(() => ({
+        dropouts: rubPage.dropouts(),
+        played: rubPage.played.frames,
+        rate: rubPage.context.sampleRate,
+      }));
+      const [missed, gaps] = [dropouts.browser - before.browser, dropouts.gaps - before.gaps];
+      const seconds = (played - frames) / rate;
+      console.log(`    ${seconds.toFixed(1)} s of sound; dropouts by the browser ${missed}, gaps of the audio clock ${gaps}`);
+      assert.ok(seconds > 5, `${seconds} s of sound`);
+      isClean = missed === 0 && gaps === 0;
+    }
+    assert.ok(isClean, "none of three stretches was without a dropout");
   });
 });
 
