@@ -6,5 +6,6 @@ mod cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    host_tools::support::freed_memory::keep();
     cli::run()
 }

@@ -1,6 +1,8 @@
 //! Biased autocorrelation of a signal, computed from its power spectrum.
 
+use std::cell::RefCell;
 use std::f64::consts::FRAC_PI_2;
+use std::rc::Rc;
 
 use realfft::num_complex::Complex;
 
@@ -34,60 +36,148 @@ pub struct Autocorrelation {
 impl Autocorrelation {
     /// Computes the autocorrelation of `signal` up to lag `max_lag`, or up to its length less one.
     pub fn of(signal: &[f64], max_lag: usize) -> Self {
-        let samples = signal.len();
+        let padded = |length: usize| {
+            let mut padded = Vec::with_capacity(length);
+            padded.extend_from_slice(signal);
+            padded.resize(length, 0.0);
+            padded
+        };
+        let (spectrum, padded) = PaddedSpectrum::of(signal.len(), max_lag, padded);
+        // Lag 0 is the exact power, without the round-off of the transform.
+        spectrum.into_autocorrelation(padded, energy(signal) / signal.len().max(1) as f64, 1.0)
+    }
+
+    /// Computes the autocorrelation of `signal` with tapered ends; see [`Tapered`].
+    pub fn with_tapered_ends(signal: &[f64], max_lag: usize) -> Self {
+        Tapered::of(signal, max_lag).into_autocorrelation()
+    }
+}
+
+/// Power spectrum of a signal that is padded with zeros to the length of a transform.
+struct PaddedSpectrum {
+    samples: usize,
+    max_lag: usize,
+    transform_length: usize,
+    power: Vec<f64>,
+}
+
+impl PaddedSpectrum {
+    /// The spectrum of what `padded` makes of a length, of which the first `samples` are not zero, and the samples'
+    /// memory.
+    fn of(
+        samples: usize,
+        max_lag: usize,
+        padded: impl FnOnce(usize) -> Vec<f64>,
+    ) -> (Self, Vec<f64>) {
         let max_lag = max_lag.min(samples.saturating_sub(1));
         let transform_length = quick_length(samples + max_lag + 1);
-        let (forward, inverse) = with_planner(|planner| {
-            (
-                planner.plan_fft_forward(transform_length),
-                planner.plan_fft_inverse(transform_length),
-            )
-        });
-        let mut padded = signal.to_vec();
-        padded.resize(transform_length, 0.0);
+        let forward = with_planner(|planner| planner.plan_fft_forward(transform_length));
+        let mut padded = padded(transform_length);
         let mut spectrum = forward.make_output_vec();
         forward
             .process(&mut padded, &mut spectrum)
             .expect("lengths come from the plan");
-        let power: Vec<f64> = spectrum.iter().map(Complex::norm_sqr).collect();
-        for (bin, &power) in spectrum.iter_mut().zip(&power) {
-            *bin = Complex::new(power, 0.0);
-        }
+        let spectrum = Self {
+            samples,
+            max_lag,
+            transform_length,
+            power: spectrum.iter().map(Complex::norm_sqr).collect(),
+        };
+        (spectrum, padded)
+    }
+
+    /// The autocorrelation in the memory `padded`, with all scaled by `scale` but lag 0, which is `power`.
+    fn into_autocorrelation(self, mut padded: Vec<f64>, power: f64, scale: f64) -> Autocorrelation {
+        let inverse = with_planner(|planner| planner.plan_fft_inverse(self.transform_length));
+        let mut spectrum: Vec<_> = self
+            .power
+            .iter()
+            .map(|&power| Complex::new(power, 0.0))
+            .collect();
         inverse
             .process(&mut spectrum, &mut padded)
             .expect("lengths come from the plan");
-        let scale = 1.0 / (transform_length as f64 * samples.max(1) as f64);
-        let mut lags: Vec<f64> = padded[..=max_lag].iter().map(|r| r * scale).collect();
-        // Lag 0 is the exact power, without the round-off of the transform.
-        lags[0] = energy(signal) / samples.max(1) as f64;
-        Self {
+        let to_lag = 1.0 / (self.transform_length as f64 * self.samples.max(1) as f64);
+        let mut lags: Vec<f64> = padded[..=self.max_lag]
+            .iter()
+            .map(|r| r * to_lag * scale)
+            .collect();
+        lags[0] = power * scale;
+        Autocorrelation {
             lags,
+            power: self.power.into_iter().map(|bin| bin * scale).collect(),
+            transform_length: self.transform_length,
+        }
+    }
+}
+
+/// A signal with tapered ends: a cosine over 500 samples at each, or over a 20th of a short signal (the split cosine
+/// bell; Bingham, Godfrey and Tukey, IEEE Trans. Audio Electroacoustics 15, 1967, 56). All is scaled so that its power
+/// is that of the signal without taper.
+pub struct Tapered {
+    spectrum: PaddedSpectrum,
+    padded: Vec<f64>,
+    power: f64,
+    scale: f64,
+}
+
+impl Tapered {
+    /// Tapers `signal`, for lags up to `max_lag`.
+    pub fn of(signal: &[f64], max_lag: usize) -> Self {
+        let samples = signal.len();
+        let mut power = 0.0;
+        let (spectrum, padded) = PaddedSpectrum::of(samples, max_lag, |length| {
+            let mut tapered = Vec::with_capacity(length);
+            tapered.extend_from_slice(signal);
+            let taper = taper(TAPER_SAMPLES.min(samples / TAPER_SHARE));
+            for (n, weight) in taper.iter().enumerate() {
+                tapered[n] *= weight;
+                tapered[samples - 1 - n] *= weight;
+            }
+            power = energy(&tapered) / samples.max(1) as f64;
+            tapered.resize(length, 0.0);
+            tapered
+        });
+        let scale = if power > 0.0 {
+            energy(signal) / samples.max(1) as f64 / power
+        } else {
+            1.0
+        };
+        Self {
+            spectrum,
+            padded,
             power,
-            transform_length,
+            scale,
         }
     }
 
-    /// Computes the autocorrelation of `signal` with tapered ends: a cosine over 500 samples at each, or over
-    /// a 20th of a short signal (the split cosine bell; Bingham, Godfrey and Tukey, IEEE Trans. Audio
-    /// Electroacoustics 15, 1967, 56). All is scaled so that lag 0 is the power of the signal without taper.
-    pub fn with_tapered_ends(signal: &[f64], max_lag: usize) -> Self {
-        let samples = signal.len();
-        let taper = TAPER_SAMPLES.min(samples / TAPER_SHARE);
-        let mut tapered = signal.to_vec();
-        for n in 0..taper {
-            let weight = (FRAC_PI_2 * (n as f64 + 0.5) / taper as f64).sin().powi(2);
-            tapered[n] *= weight;
-            tapered[samples - 1 - n] *= weight;
-        }
-        let mut result = Self::of(&tapered, max_lag);
-        let power = energy(signal) / samples.max(1) as f64;
-        if result.lags[0] > 0.0 {
-            let scale = power / result.lags[0];
-            result.lags.iter_mut().for_each(|lag| *lag *= scale);
-            result.power.iter_mut().for_each(|bin| *bin *= scale);
-        }
-        result
+    /// Its power spectrum; see [`Autocorrelation::power`].
+    pub fn power(&self) -> Vec<f64> {
+        let bins = self.spectrum.power.iter();
+        bins.map(|bin| bin * self.scale).collect()
     }
+
+    /// Its autocorrelation.
+    pub fn into_autocorrelation(self) -> Autocorrelation {
+        self.spectrum
+            .into_autocorrelation(self.padded, self.power, self.scale)
+    }
+}
+
+thread_local! {
+    /// The last taper, because the recordings of a set are mostly of one length.
+    static TAPER: RefCell<Rc<[f64]>> = RefCell::new(Rc::new([]));
+}
+
+/// Returns the weights of the first `length` samples.
+fn taper(length: usize) -> Rc<[f64]> {
+    let weight = |n: usize| (FRAC_PI_2 * (n as f64 + 0.5) / length as f64).sin().powi(2);
+    TAPER.with_borrow_mut(|last| {
+        if last.len() != length {
+            *last = (0..length).map(weight).collect();
+        }
+        Rc::clone(last)
+    })
 }
 
 /// Returns the smallest even length of at least `least` with no prime factors but 2, 3 and 5, because transforms of
@@ -124,6 +214,20 @@ mod tests {
                 let sum: f64 = signal.iter().zip(&signal[lag..]).map(|(a, b)| a * b).sum();
                 prop_assert!((r - sum / signal.len() as f64).abs() < 1e-9);
             }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_tapered_spectrum_is_that_of_its_autocorrelation(
+            signal in prop::collection::vec(-10.0f64..10.0, 1..300), max_lag in 0usize..400,
+        ) {
+            let tapered = Tapered::of(&signal, max_lag);
+            let power = tapered.power();
+            let whole = tapered.into_autocorrelation();
+            prop_assert_eq!(power, whole.power);
+            let mean_square = signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64;
+            prop_assert!((whole.lags[0] - mean_square).abs() <= 1e-12 * mean_square);
         }
     }
 

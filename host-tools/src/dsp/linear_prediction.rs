@@ -3,7 +3,8 @@
 //! Conventions: A(z) = 1 + Σ a(i) z⁻ⁱ. The reflection coefficient is k(m) = -(r(m) + Σ a(i) r(m-i)) / E(m-1), so that
 //! k(1) = -r(1)/r(0). The model is y(n) = e(n) - Σ a(i) y(n-i). The paper's predictor coefficients are h(i) = -a(i).
 
-use crate::dsp::sums::dot;
+use crate::dsp::sums::dot_inlined;
+use crate::dsp::wide;
 
 /// White-noise correction: the share by which r(0) is raised before the recursion, equal to noise 90 dB below the
 /// signal.
@@ -28,6 +29,15 @@ impl Prediction {
     /// Stops at the last sound order: where round-off exceeds the power of the error, |k| would be one or more, and no
     /// such coefficient is ever returned. Silence has order 0 and no power.
     pub fn levinson_durbin(lags: &[f64], max_order: usize) -> Self {
+        wide(
+            #[inline(always)]
+            || Self::recursion(lags, max_order),
+        )
+    }
+
+    /// See [`Self::levinson_durbin`].
+    #[inline(always)]
+    fn recursion(lags: &[f64], max_order: usize) -> Self {
         let max_order = max_order.min(lags.len().saturating_sub(1));
         let power = lags.first().copied().unwrap_or(0.0).max(0.0);
         let mut error = power;
@@ -35,25 +45,17 @@ impl Prediction {
             reflection: Vec::with_capacity(max_order),
             error_power: vec![error],
         };
-        // a(1) .. a(m), and a reversed copy, so that the update of both halves is one pass.
-        let mut predictor = vec![0.0; max_order];
-        let mut reversed = vec![0.0; max_order];
+        let mut predictor = Growing::up_to(max_order);
         for m in 0..max_order {
             if error <= 0.0 {
                 break;
             }
-            for (to, &from) in reversed[..m].iter_mut().rev().zip(&predictor[..m]) {
-                *to = from;
-            }
             // The sum of a(1) .. a(m) times r(m) .. r(1) equals that of the reversed a times r(1) .. r(m).
-            let k = -(lags[m + 1] + dot(&reversed[..m], &lags[1..=m])) / error;
+            let k = -(lags[m + 1] + dot_inlined(predictor.reversed(), &lags[1..=m])) / error;
             if !k.is_finite() || k.abs() >= 1.0 {
                 break;
             }
-            for (a, b) in predictor[..m].iter_mut().zip(&reversed[..m]) {
-                *a += k * b;
-            }
-            predictor[m] = k;
+            predictor.step_up(k);
             error *= (1.0 - k) * (1.0 + k);
             result.reflection.push(k);
             result.error_power.push(error);
@@ -101,15 +103,58 @@ pub fn corrected(mut lags: Vec<f64>) -> Vec<f64> {
 
 /// Step-up recursion: a(1) .. a(M) of A(z) from the reflection coefficients.
 pub fn step_up(reflection: &[f64]) -> Vec<f64> {
-    let mut predictor: Vec<f64> = Vec::with_capacity(reflection.len());
-    for &k in reflection {
-        let reversed: Vec<f64> = predictor.iter().rev().copied().collect();
-        for (a, b) in predictor.iter_mut().zip(reversed) {
-            *a += k * b;
+    wide(
+        #[inline(always)]
+        || {
+            let mut predictor = Growing::up_to(reflection.len());
+            reflection.iter().for_each(|&k| predictor.step_up(k));
+            predictor.forward
+        },
+    )
+}
+
+/// A predictor that grows by one order at a time. It is there in both directions, so that no step reverses it.
+struct Growing {
+    /// a(1) .. a(m), and zeros.
+    forward: Vec<f64>,
+    /// Zeros, and a(m) .. a(1).
+    backward: Vec<f64>,
+    /// The order m.
+    order: usize,
+}
+
+impl Growing {
+    /// The predictor of order 0, which grows to `max_order` at most.
+    #[inline(always)]
+    fn up_to(max_order: usize) -> Self {
+        Self {
+            forward: vec![0.0; max_order],
+            backward: vec![0.0; max_order],
+            order: 0,
         }
-        predictor.push(k);
     }
-    predictor
+
+    /// a(m) .. a(1).
+    #[inline(always)]
+    fn reversed(&self) -> &[f64] {
+        &self.backward[self.backward.len() - self.order..]
+    }
+
+    /// Adds the stage whose reflection coefficient is `k`.
+    #[inline(always)]
+    fn step_up(&mut self, k: f64) {
+        let m = self.order;
+        let first = self.backward.len() - m;
+        for (a, b) in self.forward[..m]
+            .iter_mut()
+            .zip(&mut self.backward[first..])
+        {
+            (*a, *b) = (*a + k * *b, *b + k * *a);
+        }
+        self.forward[m] = k;
+        self.backward[first - 1] = k;
+        self.order = m + 1;
+    }
 }
 
 /// Step-down recursion: reflection coefficients from a(1) .. a(M). Returns `None` if one of them comes out with a
@@ -168,6 +213,18 @@ mod tests {
     }
 
     proptest! {
+        /// The oracle is the recursion's formula: a(i) + k a(m - i).
+        #[test]
+        fn a_step_up_is_that_of_its_formula_to_the_bit(reflection in prop::collection::vec(-0.95f64..0.95, 0..60)) {
+            let mut expected: Vec<f64> = Vec::new();
+            for &k in &reflection {
+                let before = expected.clone();
+                let terms = before.iter().zip(before.iter().rev());
+                expected = terms.map(|(a, b)| a + k * b).chain([k]).collect();
+            }
+            prop_assert_eq!(step_up(&reflection), expected);
+        }
+
         #[test]
         fn step_down_undoes_step_up(drawn in prop::collection::vec(-0.95f64..0.95, 0..40)) {
             // Round-off grows as the coefficients do going up, and again going down: by (1 + |k|) / (1 - |k|) a stage.

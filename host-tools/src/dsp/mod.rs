@@ -16,5 +16,7 @@ pub mod reduction;
 pub mod spectrum;
 pub mod sums;
 mod transform;
+mod vectors;
 
 pub(crate) use transform::with_planner;
+pub(crate) use vectors::wide;

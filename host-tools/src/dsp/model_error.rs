@@ -35,7 +35,9 @@ impl ModelError {
         let length = ((rate_hz / WIDEST_STEP_HZ).ceil() as usize).next_power_of_two();
         let step_hz = rate_hz / length as f64;
         let models = [exact, rounded].map(Polynomial::of);
-        let [exact_density, ratio] = densities(&models, length);
+        let highest_hz = RANGE_HZ.1.max(band_edges_hz(BAND_COUNT - 1).1);
+        let bins = (highest_hz / step_hz).ceil() as usize + LINE_STEPS + 1;
+        let [exact_density, ratio] = densities(&models, length, bins);
         let bin = |hz: f64| ((hz / step_hz).ceil() as usize).min(ratio.len());
         let range = bin(RANGE_HZ.0)..bin(RANGE_HZ.1);
         // The bins of a band with their shares: those at both ends count as far as they lie within it.
@@ -154,8 +156,8 @@ impl Polynomial {
     }
 }
 
-/// The first model's density, up to the last frequency of the range, and the second's as a share of it.
-fn densities(models: &[Polynomial; 2], length: usize) -> [Vec<f64>; 2] {
+/// The first model's density at the lowest `bins` frequencies, and the second's as a share of it.
+fn densities(models: &[Polynomial; 2], length: usize, bins: usize) -> [Vec<f64>; 2] {
     let transform = with_planner(|planner| planner.plan_fft_forward(length));
     let mut scratch = transform.make_scratch_vec();
     let mut response = transform.make_input_vec();
@@ -171,7 +173,8 @@ fn densities(models: &[Polynomial; 2], length: usize) -> [Vec<f64>; 2] {
             .process_with_scratch(&mut response, &mut spectrum, &mut scratch)
             .expect("lengths come from the plan");
         let density = |bin: &Complex<f64>| model.error_power / bin.norm_sqr();
-        spectrum.iter().map(density).collect::<Vec<f64>>()
+        let lowest = spectrum.iter().take(bins);
+        lowest.map(density).collect::<Vec<f64>>()
     });
     let ratio = rounded.iter().zip(&exact).map(|(r, e)| r / e).collect();
     [exact, ratio]

@@ -3,16 +3,21 @@
 //! A sum in the order of the samples waits for each addition before the next one. Eight partial sums do not, and their
 //! round-off is the smaller one. Their order is fixed, so that every run of one build has the same digits.
 
+use super::wide;
+
 /// Number of partial sums.
 const LANES: usize = 8;
 
 /// Returns the sum of `values`.
 pub fn sum(values: &[f64]) -> f64 {
-    sum_of(values, |x| x)
+    wide(
+        #[inline(always)]
+        || sum_of(values, |x| x),
+    )
 }
 
-/// Returns the sum of `term` over `values`.
-#[inline]
+/// Returns the sum of `term` over `values`, inlined.
+#[inline(always)]
 pub fn sum_of(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {
     let mut sums = [0.0; LANES];
     let (chunks, rest) = values.as_chunks::<LANES>();
@@ -27,12 +32,29 @@ pub fn sum_of(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {
 
 /// Returns the sum of the squares of `values`.
 pub fn energy(values: &[f64]) -> f64 {
+    wide(
+        #[inline(always)]
+        || energy_inlined(values),
+    )
+}
+
+/// As [`energy`], inlined.
+#[inline(always)]
+pub(crate) fn energy_inlined(values: &[f64]) -> f64 {
     sum_of(values, |x| x * x)
 }
 
 /// Returns the sum of the products of `a` and `b`, as far as both go.
-#[inline]
 pub fn dot<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
+    wide(
+        #[inline(always)]
+        || dot_inlined(a, b),
+    )
+}
+
+/// As [`dot`], inlined.
+#[inline(always)]
+pub(crate) fn dot_inlined<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
     let common = a.len().min(b.len());
     let mut sums = [0.0; LANES];
     let (a_chunks, a_rest) = a[..common].as_chunks::<LANES>();
@@ -49,6 +71,14 @@ pub fn dot<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
 
 /// Returns the mean of `values`, computed about the first one, so that a large offset costs no digits; 0 of none.
 pub fn mean(values: &[f64]) -> f64 {
+    wide(
+        #[inline(always)]
+        || mean_inlined(values),
+    )
+}
+
+#[inline(always)]
+fn mean_inlined(values: &[f64]) -> f64 {
     let Some(&first) = values.first() else {
         return 0.0;
     };
@@ -57,12 +87,48 @@ pub fn mean(values: &[f64]) -> f64 {
 
 /// Returns the mean of the squares about the mean, computed about the first value; 0 of none.
 pub fn variance(values: &[f64]) -> f64 {
-    let mean = mean(values);
-    sum_of(values, |x| (x - mean) * (x - mean)) / values.len().max(1) as f64
+    moments(values).variance
+}
+
+/// Mean and variance of values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moments {
+    /// See [`mean`].
+    pub mean: f64,
+    /// See [`variance`].
+    pub variance: f64,
+}
+
+/// Returns both [`mean`] and [`variance`].
+pub fn moments(values: &[f64]) -> Moments {
+    wide(
+        #[inline(always)]
+        || moments_inlined(values),
+    )
+}
+
+/// As [`moments`], inlined.
+#[inline(always)]
+pub(crate) fn moments_inlined(values: &[f64]) -> Moments {
+    let mean = mean_inlined(values);
+    let squares = sum_of(values, |x| (x - mean) * (x - mean));
+    Moments {
+        mean,
+        variance: squares / values.len().max(1) as f64,
+    }
 }
 
 /// Returns the lowest and the highest of `values`, none of which is NaN; the largest and the smallest number of none.
 pub fn extremes(values: &[f64]) -> (f64, f64) {
+    wide(
+        #[inline(always)]
+        || extremes_inlined(values),
+    )
+}
+
+/// As [`extremes`], inlined.
+#[inline(always)]
+pub(crate) fn extremes_inlined(values: &[f64]) -> (f64, f64) {
     let (mut low, mut high) = ([f64::MAX; LANES], [f64::MIN; LANES]);
     let (chunks, rest) = values.as_chunks::<LANES>();
     for chunk in chunks {
@@ -78,6 +144,14 @@ pub fn extremes(values: &[f64]) -> (f64, f64) {
 
 /// Returns the least step between neighbours that is not zero, and the largest; infinity and 0 of no step.
 pub fn steps(values: &[f64]) -> (f64, f64) {
+    wide(
+        #[inline(always)]
+        || steps_inlined(values),
+    )
+}
+
+#[inline(always)]
+fn steps_inlined(values: &[f64]) -> (f64, f64) {
     let step = |before: f64, after: f64| (after - before).abs();
     let (mut least, mut most) = ([f64::INFINITY; LANES], [0.0_f64; LANES]);
     let after = values.get(1..).unwrap_or_default();

@@ -1,10 +1,13 @@
 //! Third-octave bands of recordings and of their models, wider than those that are judged: what a fit is checked by.
 
+use std::sync::LazyLock;
+
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
 
-use crate::dsp::log_spectrum::{BINS, FINE_BINS, LogSpectrum};
+use crate::dsp::log_spectrum::{BINS, FINE_BINS, density_of_model};
 use crate::dsp::model::Model;
+use crate::dsp::sums::{extremes, sum};
 
 /// Number of bands, from 4 Hz to 2 kHz: those of the hand's motion that the tool's lowest mode leaks into, and up to
 /// the last whole one below half the models' sample rate.
@@ -60,19 +63,26 @@ impl Bands {
                 let share = (bin as f64 + 0.5).min(high) - (bin as f64 - 0.5).max(low);
                 density[bin] * share.max(0.0)
             };
-            scale * (first..=end).map(part).sum::<f64>()
+            if first >= end {
+                return scale * (first..=end).map(part).sum::<f64>();
+            }
+            // All but the bins at both ends count in full.
+            let inner = density[first + 1..end].iter();
+            scale * (inner.fold(part(first), |sum, bin| sum + bin) + part(end))
         });
         Self { powers, rate_hz }
     }
 
     /// Bands of the output of `model` at `rate_hz`, which must not be silent. `bins` frequencies resolve it.
     fn of_model(model: &Model, bins: usize, rate_hz: f64) -> Self {
-        let spectrum = LogSpectrum::of_model_at(model, bins);
-        let mut density: Vec<f64> = spectrum.values().iter().map(|l| l.exp()).collect();
+        let mut density = density_of_model(model, bins);
+        // The bins at both ends are half as wide as the others.
+        let total = sum(&density) - 0.5 * (density[0] + density[bins - 1]);
         // A line narrower than the step of frequencies has too little power in the sum if it lies between two of them,
         // and too much if it lies on one. The model's power is known, and what is amiss belongs to the strongest one.
-        let amiss = (model.output_power - spectrum.power()) * (bins - 1) as f64;
-        if let Some(strongest) = density.iter_mut().max_by(|a, b| a.total_cmp(b)) {
+        let amiss = model.output_power * (bins - 1) as f64 - total;
+        let (_, most) = extremes(&density);
+        if let Some(strongest) = density.iter_mut().rfind(|bin| **bin >= most) {
             *strongest = (*strongest + amiss).max(0.0);
         }
         Self::of_density(&density, model.output_power, rate_hz)
@@ -150,11 +160,16 @@ fn centre_hz(band: usize) -> f64 {
 }
 
 fn edges_hz(band: usize) -> (f64, f64) {
-    let centre = LOWEST + band as f64;
-    (
-        10f64.powf((centre - 0.5) / 10.0),
-        10f64.powf((centre + 0.5) / 10.0),
-    )
+    static EDGES_HZ: LazyLock<[(f64, f64); COUNT]> = LazyLock::new(|| {
+        std::array::from_fn(|band| {
+            let centre = LOWEST + band as f64;
+            (
+                10f64.powf((centre - 0.5) / 10.0),
+                10f64.powf((centre + 0.5) / 10.0),
+            )
+        })
+    });
+    EDGES_HZ[band]
 }
 
 #[cfg(test)]

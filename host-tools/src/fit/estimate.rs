@@ -6,7 +6,7 @@
 
 use model_format::SAMPLE_RATE_HZ;
 
-use crate::dsp::autocorrelation::Autocorrelation;
+use crate::dsp::autocorrelation::{Autocorrelation, Tapered};
 use crate::dsp::log_spectrum::LogSpectrum;
 
 use super::bands::Bands;
@@ -37,16 +37,18 @@ pub(super) fn estimate_at(
 ) -> Estimate {
     let power = plain.lags[0];
     let max_lag = plain.lags.len() - 1;
-    let tapered = Autocorrelation::with_tapered_ends(signal, max_lag);
-    let bands = Bands::of_density(&tapered.power, power, rate_hz);
+    let tapered = Tapered::of(signal, max_lag);
+    let bands = Bands::of_density(&tapered.power(), power, rate_hz);
     let leakage_db = || {
         let plain = Bands::of_density(&plain.power, power, rate_hz);
         bands.largest_excess_db(&plain, signal.len())
     };
     let lags = match estimator {
-        Estimator::Auto if leakage_db() > TOLERABLE_LEAKAGE_DB => tapered.lags,
+        Estimator::Auto if leakage_db() > TOLERABLE_LEAKAGE_DB => {
+            tapered.into_autocorrelation().lags
+        }
         Estimator::Auto | Estimator::Rectangular => plain.lags,
-        Estimator::Tapered => tapered.lags,
+        Estimator::Tapered => tapered.into_autocorrelation().lags,
         Estimator::Multitaper => multitaper_lags(signal, plain.lags),
     };
     Estimate { lags, bands }

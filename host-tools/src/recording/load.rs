@@ -10,6 +10,7 @@ use super::samples::Samples;
 use super::source::{Cut, Source};
 use super::trial::Trial;
 use super::{csv_file, resample, wav};
+use crate::dsp::sums::sum;
 use crate::support::error::{Error, Result};
 
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
@@ -86,7 +87,7 @@ fn extension(path: &Path) -> String {
 fn check_finite(path: &Path, channels: &[Vec<f64>], first_frame: usize) -> Result<()> {
     for (channel, samples) in channels.iter().enumerate() {
         // A sum is finite only if all of its terms are, so that only a bad recording costs a search.
-        if samples.iter().sum::<f64>().is_finite() {
+        if sum(samples).is_finite() {
             continue;
         }
         if let Some(index) = samples.iter().position(|sample| !sample.is_finite()) {

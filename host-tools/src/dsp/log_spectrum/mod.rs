@@ -12,4 +12,5 @@ mod models;
 mod rate;
 mod values;
 
+pub use models::density_of_model;
 pub use values::{BINS, FINE_BINS, LogSpectrum, STEP_HZ};

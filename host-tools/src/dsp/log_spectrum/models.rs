@@ -17,20 +17,9 @@ impl LogSpectrum {
     /// Returns the spectrum of the output of `model`, which must not be silent, at `bins` frequencies, which must be
     /// more than the model's order.
     pub fn of_model_at(model: &Model, bins: usize) -> Self {
-        let length = 2 * (bins - 1);
-        let mut response = vec![0.0; length];
-        response[0] = 1.0;
-        for (to, a) in response[1..].iter_mut().zip(step_up(&model.reflection)) {
-            *to = a;
-        }
-        let transform = with_planner(|planner| planner.plan_fft_forward(length));
-        let mut spectrum = transform.make_output_vec();
-        transform
-            .process(&mut response, &mut spectrum)
-            .expect("lengths come from the plan");
-        let error_power = (model.output_power * error_share(&model.reflection)).ln();
+        let error_power = error_power(model).ln();
         let log = |bin: &Complex<f64>| error_power - bin.norm_sqr().max(f64::MIN_POSITIVE).ln();
-        Self::from_values(spectrum.iter().map(log).collect())
+        Self::from_values(denominator(model, bins).iter().map(log).collect())
     }
 
     /// Returns the autocorrelation from lag 0 to `max_lag`.
@@ -89,6 +78,35 @@ impl LogSpectrum {
     }
 }
 
+/// Returns the density of the output of `model`, two-sided, times the sample rate, whose logarithms
+/// [`LogSpectrum::of_model_at`] has.
+pub fn density_of_model(model: &Model, bins: usize) -> Vec<f64> {
+    let error_power = error_power(model);
+    let density = |bin: &Complex<f64>| error_power / bin.norm_sqr().max(f64::MIN_POSITIVE);
+    denominator(model, bins).iter().map(density).collect()
+}
+
+/// Power of the prediction error.
+fn error_power(model: &Model) -> f64 {
+    model.output_power * error_share(&model.reflection)
+}
+
+/// A(z) of `model` at `bins` frequencies.
+fn denominator(model: &Model, bins: usize) -> Vec<Complex<f64>> {
+    let length = 2 * (bins - 1);
+    let mut response = vec![0.0; length];
+    response[0] = 1.0;
+    for (to, a) in response[1..].iter_mut().zip(step_up(&model.reflection)) {
+        *to = a;
+    }
+    let transform = with_planner(|planner| planner.plan_fft_forward(length));
+    let mut spectrum = transform.make_output_vec();
+    transform
+        .process(&mut response, &mut spectrum)
+        .expect("lengths come from the plan");
+    spectrum
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::values::FINE_BINS;
@@ -115,6 +133,21 @@ mod tests {
             let back = spectrum.model(reflection.len());
             for (a, b) in reflection.iter().zip(&back.reflection) {
                 prop_assert!((a - b).abs() < 1e-4);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_density_has_the_logarithms_of_the_spectrum(
+            reflection in prop::collection::vec(-0.9f64..0.9, 0..30), power in 0.01f64..100.0,
+        ) {
+            let model = model(reflection, power);
+            let spectrum = LogSpectrum::of_model(&model);
+            let density = density_of_model(&model, BINS);
+            prop_assert_eq!(density.len(), spectrum.values().len());
+            for (density, log) in density.iter().zip(spectrum.values()) {
+                prop_assert!((density.ln() - log).abs() < 1e-12 * log.abs().max(1.0));
             }
         }
     }

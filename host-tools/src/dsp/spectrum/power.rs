@@ -1,6 +1,6 @@
 //! Power spectral density, by Welch's estimate.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::f64::consts::TAU;
 use std::rc::Rc;
 
@@ -22,19 +22,79 @@ pub struct PowerSpectrum {
 
 thread_local! {
     /// The last window, because the recordings of a set are mostly of one length.
-    static HANN: RefCell<Rc<[f64]>> = RefCell::new(Rc::new([]));
+    static HANN: RefCell<Rc<Hann>> = RefCell::new(Rc::new(Hann::of(0)));
 }
 
-/// Returns a Hann window of `length` samples, periodic.
-fn hann(length: usize) -> Rc<[f64]> {
-    HANN.with_borrow_mut(|last| {
-        if last.len() != length {
-            *last = (0..length)
-                .map(|n| 0.5 - 0.5 * (TAU * n as f64 / length as f64).cos())
-                .collect();
+/// A Hann window, periodic.
+struct Hann {
+    weights: Vec<f64>,
+    /// Sum of the squares of the weights.
+    energy: f64,
+    /// Overlaps in a block of the last length.
+    overlaps: Cell<Overlaps>,
+}
+
+/// Weights of the squared samples of a block in overlapping segments.
+#[derive(Clone, Copy, Default)]
+struct Overlaps {
+    /// Samples of the block.
+    length: usize,
+    /// Sum of the weights.
+    weight: f64,
+    /// Sum of their squares.
+    squared_weight: f64,
+}
+
+impl Hann {
+    fn of(length: usize) -> Self {
+        let weights: Vec<f64> = (0..length)
+            .map(|n| 0.5 - 0.5 * (TAU * n as f64 / length as f64).cos())
+            .collect();
+        Self {
+            energy: weights.iter().map(|weight| weight * weight).sum(),
+            weights,
+            overlaps: Cell::default(),
         }
-        Rc::clone(last)
-    })
+    }
+
+    /// The window of `length` samples, made anew only if the last one had another length.
+    fn last_or_of(length: usize) -> Rc<Self> {
+        HANN.with_borrow_mut(|last| {
+            if last.weights.len() != length {
+                *last = Rc::new(Self::of(length));
+            }
+            Rc::clone(last)
+        })
+    }
+
+    /// First samples of the segments in a block of `length` samples, at least one segment.
+    fn begins(&self, length: usize) -> impl Iterator<Item = usize> + use<> {
+        let segment = self.weights.len();
+        let spare = length - segment;
+        let hops = (2 * spare).div_ceil(segment);
+        (0..=hops).map(move |hop| (spare * hop).checked_div(hops).unwrap_or(0))
+    }
+
+    /// The overlaps in a block of `length` samples, at least one segment.
+    fn overlaps(&self, length: usize) -> Overlaps {
+        let last = self.overlaps.get();
+        if last.length == length {
+            return last;
+        }
+        let mut weights = vec![0.0; length];
+        for begin in self.begins(length) {
+            for (sum, weight) in weights[begin..].iter_mut().zip(&self.weights) {
+                *sum += weight * weight;
+            }
+        }
+        let overlaps = Overlaps {
+            length,
+            weight: weights.iter().sum(),
+            squared_weight: weights.iter().map(|w| w * w).sum(),
+        };
+        self.overlaps.set(overlaps);
+        overlaps
+    }
 }
 
 /// Returns the longest segment of an estimate, 1 s, in samples.
@@ -59,35 +119,28 @@ impl PowerSpectrum {
     /// Two estimates with one `segment` have one resolution, so that a window's leakage is alike in both.
     pub fn of_blocks(blocks: &[&[f64]], segment: usize, rate_hz: f64) -> Self {
         let segment = segment.max(1);
-        let window = hann(segment);
-        let window_energy: f64 = window.iter().map(|weight| weight * weight).sum();
-        let (mut density, mut segments) = (vec![0.0; segment / 2 + 1], 0);
+        let window = Hann::last_or_of(segment);
+        let (mut density, mut segments) = (vec![0.0; segment / 2 + 1], 0_u32);
         // Weight of each sample in the estimate, for the duration that it is worth.
         let (mut weight, mut squared_weight) = (0.0, 0.0);
         for block in blocks
             .iter()
             .filter(|block| block.len() >= segment && segment > 1)
         {
-            let spare = block.len() - segment;
-            let hops = (2 * spare).div_ceil(segment);
-            let mut weights = vec![0.0; block.len()];
-            for hop in 0..=hops {
-                let begin = (spare * hop).checked_div(hops).unwrap_or(0);
+            for begin in window.begins(block.len()) {
                 let windowed: Vec<f64> = block[begin..]
                     .iter()
-                    .zip(window.iter())
+                    .zip(&window.weights)
                     .map(|(value, weight)| value * weight)
                     .collect();
                 add_dft_power(windowed, &mut density);
-                for (sum, weight) in weights[begin..].iter_mut().zip(window.iter()) {
-                    *sum += weight * weight;
-                }
+                segments += 1;
             }
-            segments += hops + 1;
-            weight += weights.iter().sum::<f64>();
-            squared_weight += weights.iter().map(|w| w * w).sum::<f64>();
+            let overlaps = window.overlaps(block.len());
+            weight += overlaps.weight;
+            squared_weight += overlaps.squared_weight;
         }
-        let scale = 2.0 / (rate_hz * window_energy * f64::from(segments.max(1) as u32));
+        let scale = 2.0 / (rate_hz * window.energy * f64::from(segments.max(1)));
         // No segment means no power, whatever the window's energy.
         let scale = if segments > 0 { scale } else { 0.0 };
         density.iter_mut().for_each(|value| *value *= scale);

@@ -1,6 +1,8 @@
 //! Detection of clipping from the samples of a recording.
 
-use crate::dsp::sums::extremes;
+use std::ops::Range;
+
+use super::axis::Axis;
 
 /// Smallest number of clipped samples that counts, because one sample is no evidence in a short recording.
 const MIN_CLIPPED_SAMPLES: usize = 8;
@@ -8,38 +10,28 @@ const MIN_CLIPPED_SAMPLES: usize = 8;
 /// Returns the share of clipped samples on the worst axis.
 ///
 /// `axes` must have the recording's own sample rate, because resampling rounds flat tops.
-pub fn clipped_share(axes: &[Vec<f64>]) -> f64 {
-    axes.iter()
-        .map(|axis| clipped_share_of(axis))
-        .fold(0.0, f64::max)
+pub(super) fn clipped_share(axes: &[Axis<'_>]) -> f64 {
+    axes.iter().map(clipped_share_of).fold(0.0, f64::max)
 }
 
 /// Returns the share of samples at the highest or lowest value, if they are in runs of three or more.
 ///
 /// An unclipped signal reaches its extreme once, or twice at the top of a slow wave. A signal of only one or two values
 /// does not count as clipped.
-fn clipped_share_of(axis: &[f64]) -> f64 {
-    let (low, high) = extremes(axis);
-    if low >= high {
+fn clipped_share_of(axis: &Axis<'_>) -> f64 {
+    let (samples, outside) = (axis.samples, axis.at_limits.len());
+    if axis.low >= axis.high || outside < MIN_CLIPPED_SAMPLES || outside == samples.len() {
         return 0.0;
     }
-    // Round-off of a gain or an offset leaves a clipped top not exactly flat.
-    let tolerance = 1e-6 * (high - low);
-    let (low, high) = (low + tolerance, high - tolerance);
-    let at_extreme = |x: &f64| *x >= high || *x <= low;
-    let outside = axis.iter().filter(|x| at_extreme(x)).count();
-    if outside < MIN_CLIPPED_SAMPLES || outside == axis.len() {
+    let flat = |run: &[f64]| run.iter().all(|x| (x - run[0]).abs() <= axis.tolerance);
+    let runs = axis.at_limits.iter().filter(|&&at| {
+        let run = samples.get(at..at + 3);
+        run.is_some_and(flat)
+    });
+    if runs.count() < MIN_CLIPPED_SAMPLES {
         return 0.0;
     }
-    let flat = |run: &&[f64]| run.iter().all(|x| (x - run[0]).abs() <= tolerance);
-    let in_runs = axis
-        .windows(3)
-        .filter(|run| at_extreme(&run[0]) && flat(run))
-        .count();
-    if in_runs < MIN_CLIPPED_SAMPLES {
-        return 0.0;
-    }
-    outside as f64 / axis.len() as f64
+    outside as f64 / samples.len() as f64
 }
 
 /// A stretch of samples that are clipped.
@@ -53,24 +45,26 @@ pub struct Clip {
 
 /// Returns the runs of three or more equal samples at the highest or lowest value of `axis`, in the order of time; none
 /// if the signal has one or two values only. Few runs do not make a recording clipped, but none of them is a surface's.
-pub(super) fn clips(axis: &[f64], rate_hz: f64) -> Vec<Clip> {
+pub(super) fn clips(axis: &Axis<'_>, rate_hz: f64) -> Vec<Clip> {
     const LEAST_RUN: usize = 3;
-    let (low, high) = extremes(axis);
-    let tolerance = 1e-6 * (high - low);
-    let at_extreme = |x: f64| x >= high - tolerance || x <= low + tolerance;
-    if low >= high || axis.iter().all(|&x| at_extreme(x)) {
+    let samples = axis.samples;
+    if axis.low >= axis.high || axis.at_limits.len() == samples.len() {
         return Vec::new();
     }
-    let runs = axis.chunk_by(|a, b| (a - b).abs() <= tolerance);
-    let mut first = 0;
-    let starts = runs.map(|run| {
-        let start = first;
-        first += run.len();
-        (start, run)
+    let equal = |at: usize| (samples[at] - samples[at + 1]).abs() <= axis.tolerance;
+    // A run that begins elsewhere is none, so that only samples at a limit are looked at.
+    let starts = axis.at_limits.iter().copied();
+    let starts = starts.filter(|&at| at == 0 || !equal(at - 1));
+    let runs = starts.map(|start| {
+        let mut end = start + 1;
+        while end < samples.len() && equal(end - 1) {
+            end += 1;
+        }
+        start..end
     });
-    let clipped = starts.filter(|(_, run)| run.len() >= LEAST_RUN && at_extreme(run[0]));
-    let clip = |(start, run): (usize, &[f64])| Clip {
-        start_s: start as f64 / rate_hz,
+    let clipped = runs.filter(|run| run.len() >= LEAST_RUN);
+    let clip = |run: Range<usize>| Clip {
+        start_s: run.start as f64 / rate_hz,
         seconds: run.len() as f64 / rate_hz,
     };
     clipped.map(clip).collect()
@@ -89,9 +83,9 @@ mod tests {
             }
         };
         let clean: Vec<f64> = (0..1000).map(wave(0.8)).collect();
-        assert_eq!(clips(&clean, 1000.0), []);
+        assert_eq!(clips(&Axis::of(&clean), 1000.0), []);
         let clipped: Vec<f64> = (0..1000).map(wave(1.3)).collect();
-        let found = clips(&clipped, 1000.0);
+        let found = clips(&Axis::of(&clipped), 1000.0);
         assert!(found.len() >= 10, "{found:?}");
         for clip in &found {
             let run = &clipped[(clip.start_s * 1000.0).round() as usize..]
@@ -102,8 +96,8 @@ mod tests {
             );
         }
         let two: Vec<f64> = (0..1000).map(|n| f64::from(n / 5 % 2)).collect();
-        assert_eq!(clips(&two, 1000.0), []);
-        assert_eq!(clips(&[2.0; 100], 1000.0), []);
-        assert_eq!(clips(&[], 1000.0), []);
+        assert_eq!(clips(&Axis::of(&two), 1000.0), []);
+        assert_eq!(clips(&Axis::of(&[2.0; 100]), 1000.0), []);
+        assert_eq!(clips(&Axis::of(&[]), 1000.0), []);
     }
 }

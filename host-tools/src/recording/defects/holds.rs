@@ -1,6 +1,6 @@
 //! Stretches in which a value does not change: a converter that stands still, or samples that were lost.
 
-use crate::dsp::sums::extremes;
+use super::axis::Axis;
 
 /// Shortest hold, s. Shorter ones take less than 0.1 dB from the level of a recording even if there are ten per second.
 const LEAST_S: f64 = 2e-3;
@@ -52,11 +52,16 @@ impl Hold {
 /// Quiet parts of a recording with coarse steps have runs of equal values, too. Where the share p of neighbours is
 /// equal, a run of L samples is expected N p^(L-1) times in N samples. A run at the highest or lowest value is
 /// clipping.
-pub(super) fn holds(axis: &[f64], rate_hz: f64) -> Vec<Hold> {
-    let (low, high) = extremes(axis);
+pub(super) fn holds(axis: &Axis<'_>, rate_hz: f64) -> Vec<Hold> {
+    let (low, high) = (axis.low, axis.high);
     let least = ((LEAST_S * rate_hz).round() as usize).max(LEAST_SAMPLES);
     let most = (SILENCE_S * rate_hz) as usize;
     let mut found = Vec::new();
+    // Most recordings have too few equal neighbours for any run of this length.
+    if axis.samples.len() < axis.changes + least {
+        return found;
+    }
+    let axis = axis.samples;
     let mut first = 0;
     for end in 1..=axis.len() {
         if end < axis.len() && axis[end] == axis[first] {
@@ -89,11 +94,8 @@ fn is_unnatural(axis: &[f64], first: usize, end: usize) -> bool {
 }
 
 /// Returns the number of times that every value of `axis` is repeated; 1 if it is not.
-pub(super) fn repeats(axis: &[f64]) -> usize {
-    let pairs = axis.iter().zip(axis.get(1..).unwrap_or_default());
-    let count: usize = pairs
-        .map(|(before, after)| usize::from(before != after))
-        .sum();
+pub(super) fn repeats(axis: &Axis<'_>) -> usize {
+    let (count, axis) = (axis.changes, axis.samples);
     let densest = axis.len() / count.max(1);
     if count < MOST_REPEATS || densest < 2 {
         return 1;
@@ -134,26 +136,26 @@ mod tests {
     #[test]
     fn a_converter_that_stands_still_is_found_and_coarse_steps_are_not() {
         let clean = noise(10_000, 1000.0);
-        assert_eq!(holds(&clean, 5000.0), []);
-        assert_eq!(holds(&noise(10_000, 2.0), 5000.0), []);
+        assert_eq!(holds(&Axis::of(&clean), 5000.0), []);
+        assert_eq!(holds(&Axis::of(&noise(10_000, 2.0)), 5000.0), []);
         let mut stuck = clean.clone();
         let value = stuck[4000];
         stuck[4000..4020].fill(value);
-        let found = holds(&stuck, 5000.0);
+        let found = holds(&Axis::of(&stuck), 5000.0);
         assert_eq!(found.len(), 1);
         assert!((found[0].start_s - 0.8).abs() < 1e-9 && (found[0].seconds - 0.004).abs() < 1e-9);
         assert!(!found[0].is_zero);
         stuck[4000..4020].fill(0.0);
-        assert!(holds(&stuck, 5000.0)[0].is_zero);
+        assert!(holds(&Axis::of(&stuck), 5000.0)[0].is_zero);
     }
 
     #[test]
     fn repeated_values_are_counted() {
         let clean = noise(2000, 1e6);
-        assert_eq!(repeats(&clean), 1);
+        assert_eq!(repeats(&Axis::of(&clean)), 1);
         for times in [2, 5, 44] {
             let held: Vec<f64> = clean.iter().flat_map(|&x| vec![x; times]).collect();
-            assert_eq!(repeats(&held), times);
+            assert_eq!(repeats(&Axis::of(&held)), times);
         }
     }
 }

@@ -2,14 +2,15 @@
 //!
 //! Invariant: samples in, findings out; times are in seconds from the first sample. Nothing here judges: triage does.
 
+mod axis;
 mod clipping;
-mod deviation;
 mod holds;
 mod overflow;
 mod quantisation;
 mod spikes;
 
-pub use clipping::{Clip, clipped_share};
+use axis::Axis;
+pub use clipping::Clip;
 pub use holds::Hold;
 pub use spikes::Spike;
 
@@ -47,6 +48,7 @@ pub struct Defects {
 impl Defects {
     /// Finds the defects of `axes`, finite samples at `rate_hz`.
     pub fn of(axes: &[Vec<f64>], rate_hz: f64) -> Self {
+        let axes: Vec<Axis<'_>> = axes.iter().map(|axis| Axis::of(axis)).collect();
         let mut holds: Vec<Hold> = axes
             .iter()
             .flat_map(|axis| holds::holds(axis, rate_hz))
@@ -61,7 +63,7 @@ impl Defects {
         spikes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         spikes.dedup_by(|next, first| next.time_s - first.time_s < spikes::REACH as f64 / rate_hz);
         Self {
-            clipped_share: clipped_share(axes),
+            clipped_share: clipping::clipped_share(&axes),
             clips: axes
                 .iter()
                 .flat_map(|axis| clipping::clips(axis, rate_hz))
@@ -72,14 +74,10 @@ impl Defects {
                 .iter()
                 .flat_map(|axis| overflow::overflows(axis, rate_hz))
                 .collect(),
-            repeats: axes
-                .iter()
-                .map(|axis| holds::repeats(axis))
-                .min()
-                .unwrap_or(1),
+            repeats: axes.iter().map(holds::repeats).min().unwrap_or(1),
             quantisation_snr_db: axes
                 .iter()
-                .map(|axis| quantisation::snr_db(axis))
+                .map(quantisation::snr_db)
                 .fold(f64::NEG_INFINITY, f64::max),
             truncation: None,
         }

@@ -1,6 +1,6 @@
 //! Samples that left the range at one end and came back at the other: an integer that overflowed.
 
-use crate::dsp::sums::{extremes, steps};
+use super::axis::Axis;
 
 /// Least jump, as a share of the range.
 const JUMP: f64 = 0.7;
@@ -12,8 +12,9 @@ const ORDINARY_STEP: f64 = 0.5;
 const LEAST_JUMPS: usize = 2;
 
 /// Returns the times of the jumps, s; none if steps of such size are ordinary, as in white noise.
-pub(super) fn overflows(axis: &[f64], rate_hz: f64) -> Vec<f64> {
-    let (low, high) = extremes(axis);
+pub(super) fn overflows(axis: &Axis<'_>, rate_hz: f64) -> Vec<f64> {
+    let (low, high, largest_step) = (axis.low, axis.high, axis.largest_step);
+    let axis = axis.samples;
     let range = high - low;
     if range <= 0.0 {
         return Vec::new();
@@ -22,7 +23,6 @@ pub(super) fn overflows(axis: &[f64], rate_hz: f64) -> Vec<f64> {
         let (lower, upper) = (pair[0].min(pair[1]), pair[0].max(pair[1]));
         lower < low + 0.15 * range && upper > high - 0.15 * range
     };
-    let (_, largest_step) = steps(axis);
     let steps = || axis.windows(2).enumerate();
     let size = |pair: &[f64]| (pair[1] - pair[0]).abs() / range;
     let is_jump = |pair: &[f64]| size(pair) >= JUMP && at_ends(pair);
@@ -51,8 +51,8 @@ mod tests {
     fn a_wave_that_comes_back_at_the_other_end_is_found() {
         let wave = |n: i32| 0.9 * (0.01 * f64::from(n)).sin() + 0.15 * (0.3 * f64::from(n)).sin();
         let clean: Vec<f64> = (0..5000).map(wave).collect();
-        assert!(overflows(&clean, 5000.0).is_empty());
+        assert!(overflows(&Axis::of(&clean), 5000.0).is_empty());
         let wrapped: Vec<f64> = clean.iter().map(|x| x - 2.0 * (0.5 * x).round()).collect();
-        assert!(overflows(&wrapped, 5000.0).len() >= LEAST_JUMPS);
+        assert!(overflows(&Axis::of(&wrapped), 5000.0).len() >= LEAST_JUMPS);
     }
 }

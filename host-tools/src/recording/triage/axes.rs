@@ -1,7 +1,7 @@
 //! Verdicts that compare the axes of a trial, and its level with that of any texture.
 
 use super::verdict::{ScaleDoubt, Verdict};
-use crate::dsp::sums::{mean, variance};
+use crate::dsp::sums;
 
 /// Ratio of a dead axis's RMS to the strongest one's. The cross-axis sensitivity of accelerometers is about one per
 /// cent, so that an axis 60 dB below another measures not even that.
@@ -29,9 +29,18 @@ struct Moments {
     rms: f64,
 }
 
-/// Returns the verdicts on scale, dead axes and axes that are alike.
-pub(super) fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
-    let moments: Vec<Moments> = axes.iter().map(|axis| moments(axis)).collect();
+impl Moments {
+    fn of(moments: &sums::Moments) -> Self {
+        Self {
+            mean: moments.mean,
+            rms: moments.variance.sqrt(),
+        }
+    }
+}
+
+/// Returns the verdicts on scale, dead axes and axes that are alike. The axes have these `moments`.
+pub(super) fn verdicts(axes: &[Vec<f64>], moments: &[sums::Moments]) -> Vec<Verdict> {
+    let moments: Vec<Moments> = moments.iter().map(Moments::of).collect();
     let strongest = moments.iter().map(|axis| axis.rms).fold(0.0, f64::max);
     let mut verdicts: Vec<Verdict> = scale(&moments).into_iter().collect();
     for (index, axis) in moments.iter().enumerate() {
@@ -76,13 +85,6 @@ fn scale(moments: &[Moments]) -> Option<Verdict> {
     is_gravity.then_some(Verdict::Scale(ScaleDoubt::GravityOfOne))
 }
 
-fn moments(axis: &[f64]) -> Moments {
-    Moments {
-        mean: mean(axis),
-        rms: variance(axis).sqrt(),
-    }
-}
-
 fn correlation(axes: &[Vec<f64>], moments: &[Moments], first: usize, second: usize) -> f64 {
     let (a, b) = (&moments[first], &moments[second]);
     let pairs = axes[first].iter().zip(&axes[second]);
@@ -95,6 +97,11 @@ fn correlation(axes: &[Vec<f64>], moments: &[Moments], first: usize, second: usi
 mod tests {
     use super::super::test_signals::{noise, plus};
     use super::*;
+
+    fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
+        let moments: Vec<_> = axes.iter().map(|axis| sums::moments(axis)).collect();
+        super::verdicts(axes, &moments)
+    }
 
     #[test]
     fn axes_that_are_alike_and_gravity_of_one_are_said() {

@@ -10,23 +10,15 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::fmt;
-use std::hash::{BuildHasherDefault, Hasher};
-
-use model_format::SAMPLE_RATE_HZ;
+use std::hash::{BuildHasherDefault, Hash, Hasher};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
-use crate::dsp::sums::{dot, mean};
+use super::likeness::{Content, Likeness, likeness_at};
+use crate::dsp::sums::mean;
+use crate::dsp::wide;
 use crate::support::error::Result;
-
-/// Order of the predictor that whitens.
-const ORDER: usize = 16;
-
-/// Least share of a signal's energy that its predictor leaves; 16-bit round-off of a tone leaves 10⁻¹⁰.
-const LEAST_RESIDUAL: f64 = 1e-8;
 
 /// Number of samples on either side within which a landmark is the largest: 10 ms.
 const LANDMARK_REACH: usize = 50;
@@ -34,81 +26,25 @@ const LANDMARK_REACH: usize = 50;
 /// Number of common landmarks at one shift from which two recordings are correlated.
 const COMMON_LANDMARKS: usize = 2;
 
-/// Past of the predictor and of the smoothing, in samples.
-const PAST: usize = ORDER + 5;
-
-/// Shortest overlap of two recordings that are compared, in samples: 0.2 s.
-const LEAST_OVERLAP: usize = 1000;
-
-/// Least correlation of a copy: noise 33 dB below the whitened original. Whitened takes by hand stay below 0.1. A drum
-/// retraces its track in every turn, so that two forces at one speed reach 0.999 in the simulated rig.
-pub const COPY_CORRELATION: f64 = 0.9995;
-
-/// Lags on either side between which the correlation of a copy is interpolated.
-const INTERPOLATED_LAGS: i64 = 6;
-
-/// Correlation at the best whole shift below which two recordings are no copies, whatever lies between two shifts: the
-/// smoothed signals of a copy that is shifted by half a sample have 0.9 there.
-const LEAST_WHOLE_CORRELATION: f64 = 0.5;
-
 /// The content of a recording, to be compared with that of others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fingerprint {
     /// Hash of the samples' bits.
     hash: u64,
-    /// Signal with a mean of zero, if it is held; empty if it is predictable.
+    /// The signal, if it is held.
     #[serde(skip)]
-    signal: Option<Vec<f32>>,
+    content: Option<Content>,
     /// Positions of the landmarks, ascending.
     landmarks: Vec<u32>,
 }
 
-/// Relation of a copy to the recording that it was made of.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Likeness {
-    /// Factor from the original's samples to the copy's; negative if inverted.
-    pub scale: f64,
-    /// Position of the original's first sample in the copy, in samples; negative if the copy begins later.
-    pub shift: i64,
-    /// Correlation of the whitened signals where they overlap, at most 1.
-    pub correlation: f64,
-}
-
-impl Likeness {
-    /// Relation of equal samples.
-    pub const EQUAL: Self = Self {
-        scale: 1.0,
-        shift: 0,
-        correlation: 1.0,
-    };
-}
-
-impl fmt::Display for Likeness {
-    /// Writes what a copy differs in, nothing for equal samples: `, scaled by -0.5, shifted by 0.0200 s`.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if (self.scale - 1.0).abs() > 1e-3 {
-            write!(f, ", scaled by {:.3}", self.scale)?;
-        }
-        if self.shift != 0 {
-            let seconds = self.shift as f64 / f64::from(SAMPLE_RATE_HZ);
-            write!(f, ", shifted by {seconds:.4} s")?;
-        }
-        Ok(())
-    }
-}
-
 /// Returns the fingerprint of a signal of one axis at 5 kHz, in any unit.
 pub fn fingerprint(signal: &[f64]) -> Fingerprint {
-    let centred = centred(signal);
-    let reflection = whitening(&centred);
+    let (content, whitened) = Content::of(centred(signal));
     Fingerprint {
         hash: hash(signal),
-        landmarks: landmarks(&whitened(&centred, &reflection)),
-        signal: Some(if reflection.is_empty() {
-            Vec::new()
-        } else {
-            centred
-        }),
+        landmarks: landmarks(&whitened),
+        content: Some(content),
     }
 }
 
@@ -181,9 +117,15 @@ fn copies_among(
         of_each[copy].push((original, shift));
     }
     let signal = |number: usize| -> Result<Cow<'_, [f32]>> {
-        Ok(match &recordings[number].print.signal {
-            Some(signal) => Cow::Borrowed(signal.as_slice()),
+        Ok(match &recordings[number].print.content {
+            Some(content) => Cow::Borrowed(content.signal.as_slice()),
             None => Cow::Owned(signal_of(number)?),
+        })
+    };
+    let content = |number: usize| -> Result<Cow<'_, Content>> {
+        Ok(match &recordings[number].print.content {
+            Some(content) => Cow::Borrowed(content),
+            None => Cow::Owned(Content::of(signal_of(number)?).0),
         })
     };
     let verified = |(number, mut originals): (usize, Vec<(usize, i64)>)| {
@@ -197,7 +139,7 @@ fn copies_among(
         originals.dedup();
         let copy = signal(number)?;
         for (original, shift) in originals {
-            if let Some(found) = likeness_at(&signal(original)?, &copy, shift) {
+            if let Some(found) = likeness_at(&*content(original)?, &copy, shift) {
                 return Ok(Some((original, found)));
             }
         }
@@ -312,23 +254,32 @@ impl Hasher for GapHasher {
         let mixed = (self.0.rotate_left(23) ^ u64::from(value)).wrapping_mul(0xf135_7aea_2e62_a9c5);
         self.0 = mixed ^ (mixed >> 32);
     }
-
-    fn write_usize(&mut self, value: usize) {
-        self.write_u32(value as u32);
-    }
 }
 
 /// Gaps between four successive landmarks, in samples.
 type Gaps = [u32; 3];
 
+/// Gaps as a key, hashed as three numbers and not byte by byte.
+#[derive(PartialEq, Eq)]
+struct GapsKey(Gaps);
+
+impl Hash for GapsKey {
+    fn hash<H: Hasher>(&self, hasher: &mut H) {
+        self.0.iter().for_each(|&gap| hasher.write_u32(gap));
+    }
+}
+
 /// Landmarks of recordings by their gaps.
 #[derive(Default)]
-struct LandmarkIndex(HashMap<Gaps, Vec<(usize, u32)>, BuildHasherDefault<GapHasher>>);
+struct LandmarkIndex(HashMap<GapsKey, Vec<(usize, u32)>, BuildHasherDefault<GapHasher>>);
 
 impl LandmarkIndex {
     fn insert(&mut self, number: usize, recording: &Fingerprint) {
         for (gaps, position) in recording.gaps() {
-            self.0.entry(gaps).or_default().push((number, position));
+            self.0
+                .entry(GapsKey(gaps))
+                .or_default()
+                .push((number, position));
         }
     }
 
@@ -337,7 +288,7 @@ impl LandmarkIndex {
         let mut shifts: HashMap<usize, Vec<i64>> = HashMap::new();
         for (gaps, position) in recording.gaps() {
             for near in neighbours(gaps) {
-                for &(number, original) in self.0.get(&near).into_iter().flatten() {
+                for &(number, original) in self.0.get(&GapsKey(near)).into_iter().flatten() {
                     let shift = i64::from(position) - i64::from(original);
                     shifts.entry(number).or_default().push(shift);
                 }
@@ -355,7 +306,8 @@ impl LandmarkIndex {
 impl Fingerprint {
     /// Memory that the signal takes, bytes.
     pub fn signal_bytes(&self) -> usize {
-        self.signal.as_ref().map_or(0, |signal| 4 * signal.len())
+        let content = self.content.as_ref();
+        content.map_or(0, |content| size_of_val(content.signal.as_slice()))
     }
 
     /// Returns whether the landmarks are different places of a recording, in ascending order.
@@ -367,7 +319,7 @@ impl Fingerprint {
 
     /// Lets go of the signal. It is read again where it is compared.
     pub fn forget_signal(&mut self) {
-        self.signal = None;
+        self.content = None;
     }
 
     fn gaps(&self) -> impl Iterator<Item = (Gaps, u32)> + '_ {
@@ -395,168 +347,48 @@ fn commonest(mut shifts: Vec<i64>) -> Option<i64> {
     (count >= COMMON_LANDMARKS).then(|| shifts[best + count / 2])
 }
 
-/// Returns the relation of two recordings at `shift`, give or take two samples, if they are copies.
-fn likeness_at(original: &[f32], copy: &[f32], shift: i64) -> Option<Likeness> {
-    // One predictor whitens both, because a copy of a part has another one of its own.
-    let reflection = whitening(original);
-    let first = Whitened::of(original, &reflection);
-    let second = Whitened::of(copy, &reflection);
-    let products = |shift: i64| {
-        let (a, b) = ((-shift).max(0) as usize, shift.max(0) as usize);
-        let rest = |signal: &Whitened, from: usize| signal.samples.len().checked_sub(from);
-        let length = rest(&first, a)?.min(rest(&second, b)?);
-        // At the start of either recording its filters have no past.
-        (length >= LEAST_OVERLAP)
-            .then(|| correlate(&first, a + PAST, &second, b + PAST, length - PAST))
-    };
-    let (shift, at) = (shift - 2..=shift + 2)
-        .filter_map(|shift| Some((shift, products(shift)?)))
-        .max_by(|a, b| a.1.correlation.abs().total_cmp(&b.1.correlation.abs()))?;
-    if at.correlation.abs() < LEAST_WHOLE_CORRELATION {
-        return None;
-    }
-    let lags: Vec<(f64, f64)> = (-INTERPOLATED_LAGS..=INTERPOLATED_LAGS)
-        .filter_map(|lag| Some((lag as f64, products(shift + lag)?.correlation)))
-        .collect();
-    // A copy that is shifted by part of a sample has its maximum between two lags. The correlation is band-limited, so
-    // that a windowed sinc finds it (Lanczos).
-    let between = |lag: f64| {
-        lags.iter()
-            .map(|(at, value)| value * lanczos(lag - at))
-            .sum::<f64>()
-    };
-    let correlation = (-10..=10)
-        .map(|step| between(f64::from(step) / 20.0).abs())
-        .fold(at.correlation.abs(), f64::max)
-        .min(1.0);
-    (correlation >= COPY_CORRELATION).then_some(Likeness {
-        scale: at.ratio.copysign(at.correlation),
-        shift,
-        correlation,
-    })
-}
-
-fn lanczos(x: f64) -> f64 {
-    let sinc = |x: f64| {
-        let angle = std::f64::consts::PI * x;
-        if angle == 0.0 {
-            1.0
-        } else {
-            angle.sin() / angle
-        }
-    };
-    sinc(x) * sinc(x / (INTERPOLATED_LAGS as f64 + 0.5))
-}
-
-struct Correlated {
-    /// Correlation, -1 to 1.
-    correlation: f64,
-    /// RMS of the second by that of the first.
-    ratio: f64,
-}
-
-/// A whitened signal, with the sums of the squares of its first samples.
-struct Whitened {
-    samples: Vec<f32>,
-    energy: Vec<f64>,
-}
-
-impl Whitened {
-    fn of(signal: &[f32], reflection: &[f64]) -> Self {
-        let samples = whitened(signal, reflection);
-        let mut sum = 0.0;
-        let squares = samples.iter().map(|&x| {
-            sum += f64::from(x) * f64::from(x);
-            sum
-        });
-        Self {
-            energy: std::iter::once(0.0).chain(squares).collect(),
-            samples,
-        }
-    }
-}
-
-/// Correlates `length` samples of `first` from sample `a` on with those of `second` from `b` on.
-fn correlate(first: &Whitened, a: usize, second: &Whitened, b: usize, length: usize) -> Correlated {
-    let aa = first.energy[a + length] - first.energy[a];
-    let bb = second.energy[b + length] - second.energy[b];
-    let both = (aa * bb).sqrt();
-    let product = dot(
-        &first.samples[a..a + length],
-        &second.samples[b..b + length],
-    );
-    Correlated {
-        correlation: if both > 0.0 { product / both } else { 0.0 },
-        ratio: if aa > 0.0 { (bb / aa).sqrt() } else { 0.0 },
-    }
-}
-
-/// Reflection coefficients of the predictor of `signal`; none for a signal that is predictable.
-fn whitening(signal: &[f32]) -> Vec<f64> {
-    if signal.len() <= 2 * ORDER {
-        return Vec::new();
-    }
-    let lag = |lag: usize| dot(&signal[..signal.len() - lag], &signal[lag..]);
-    let lags: Vec<f64> = (0..=ORDER).map(lag).collect();
-    let prediction = Prediction::levinson_durbin(&corrected(lags), ORDER);
-    let left = prediction.error_power.last().copied().unwrap_or(0.0);
-    if left <= LEAST_RESIDUAL * prediction.error_power[0] || !left.is_finite() {
-        return Vec::new();
-    }
-    prediction.reflection
-}
-
-/// Prediction error of `signal`, smoothed below about 800 Hz; empty without coefficients.
-fn whitened(signal: &[f32], reflection: &[f64]) -> Vec<f32> {
-    /// Samples that are computed at once, in vector registers.
-    const AT_ONCE: usize = 8;
-    /// The smoothing: binomial.
-    const SMOOTHING: [f64; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
-    if reflection.is_empty() {
-        return Vec::new();
-    }
-    // Predictor and smoothing in one filter, the weight of the present sample first.
-    let predictor = step_up(reflection);
-    let mut filter = vec![0.0; predictor.len() + SMOOTHING.len()];
-    for (lag, a) in std::iter::once(1.0).chain(predictor).enumerate() {
-        for (sum, weight) in filter[lag..].iter_mut().zip(SMOOTHING) {
-            *sum += a * weight / 16.0;
-        }
-    }
-    let past = filter.len() - 1;
-    let mut padded = vec![0.0; past];
-    padded.extend(signal.iter().map(|&x| f64::from(x)));
-    padded.resize(past + signal.len().next_multiple_of(AT_ONCE), 0.0);
-    let mut result = Vec::with_capacity(signal.len() + AT_ONCE);
-    for first in (0..signal.len()).step_by(AT_ONCE) {
-        let mut sums = [0.0; AT_ONCE];
-        for (lag, weight) in filter.iter().enumerate() {
-            let from = first + past - lag;
-            let samples: &[f64; AT_ONCE] = padded[from..].first_chunk().expect("it is padded");
-            for (sum, x) in sums.iter_mut().zip(samples) {
-                *sum += weight * x;
-            }
-        }
-        result.extend(sums.map(|sum| sum as f32));
-    }
-    result.truncate(signal.len());
-    result
-}
-
 /// Positions at which the magnitude is the largest within [`LANDMARK_REACH`].
 fn landmarks(whitened: &[f32]) -> Vec<u32> {
-    let is_landmark = |&middle: &usize| {
+    let is_landmark = |middle: usize| {
         let top = whitened[middle].abs();
         let before = &whitened[middle - LANDMARK_REACH..middle];
         let after = &whitened[middle + 1..=middle + LANDMARK_REACH];
-        // The neighbours come first, because they rule out most samples.
-        before.iter().rev().all(|x| x.abs() < top) && after.iter().all(|x| x.abs() <= top)
+        before.iter().all(|x| x.abs() < top) && after.iter().all(|x| x.abs() <= top)
     };
     let last = whitened.len().saturating_sub(LANDMARK_REACH);
-    (LANDMARK_REACH..last)
-        .filter(is_landmark)
-        .map(|middle| middle as u32)
-        .collect()
+    let tops = tops(whitened);
+    let mut found = Vec::new();
+    for (block, &top) in tops.iter().enumerate() {
+        // The blocks on either side are within reach of every sample here, and rule out most.
+        let around =
+            block.saturating_sub(BLOCKS_WITHIN)..(block + BLOCKS_WITHIN + 1).min(tops.len());
+        if tops[around].iter().any(|&other| other > top) {
+            continue;
+        }
+        let first = block * BLOCK;
+        let here = first.max(LANDMARK_REACH)..(first + BLOCK).min(last);
+        let highest = here.filter(|&middle| whitened[middle].abs() >= top && is_landmark(middle));
+        found.extend(highest.map(|middle| middle as u32));
+    }
+    found
+}
+
+/// Samples of a block whose largest magnitude is looked at first.
+const BLOCK: usize = 16;
+
+/// Blocks on either side of a block that are within reach of each of its samples.
+const BLOCKS_WITHIN: usize = (LANDMARK_REACH + 1 - BLOCK) / BLOCK;
+
+/// The largest magnitude of each block.
+fn tops(whitened: &[f32]) -> Vec<f32> {
+    wide(
+        #[inline(always)]
+        || {
+            let larger = |most: f32, x: &f32| if x.abs() > most { x.abs() } else { most };
+            let blocks = whitened.chunks(BLOCK);
+            blocks.map(|block| block.iter().fold(0.0, larger)).collect()
+        },
+    )
 }
 
 /// Hash of the samples' bits, the same on every computer: in eight lanes, by the multiplication of FNV-1a (Fowler, Noll
@@ -599,10 +431,32 @@ mod tests {
         ] {
             let print = Fingerprint {
                 hash: 0,
-                signal: None,
+                content: None,
                 landmarks,
             };
             assert_eq!(print.is_sound(), is_sound);
+        }
+    }
+
+    /// The oracle looks at every sample.
+    #[test]
+    fn landmarks_are_the_largest_within_their_reach() {
+        for length in [0, 50, 101, 117, 5000, 9_999] {
+            // Coarse steps, so that some magnitudes are equal.
+            let signal: Vec<f32> = noise(length as u64)[..length]
+                .iter()
+                .map(|x| (20.0 * x).round() as f32)
+                .collect();
+            let is_landmark = |&at: &usize| {
+                let top = signal[at].abs();
+                let before = signal[at - LANDMARK_REACH..at].iter();
+                let after = signal[at + 1..=at + LANDMARK_REACH].iter();
+                before.clone().all(|x| x.abs() < top) && after.clone().all(|x| x.abs() <= top)
+            };
+            let all = LANDMARK_REACH..length.saturating_sub(LANDMARK_REACH);
+            let expected: Vec<u32> = all.filter(is_landmark).map(|at| at as u32).collect();
+            assert_eq!(landmarks(&signal), expected, "{length}");
+            assert!(length < 1000 || expected.len() > 10);
         }
     }
 
@@ -692,7 +546,7 @@ mod tests {
     ) -> Vec<Option<(usize, Likeness)>> {
         let signals: Vec<Vec<f32>> = prints
             .iter()
-            .map(|print| print.signal.clone().unwrap())
+            .map(|print| print.content.clone().unwrap().signal)
             .collect();
         let mut bare = prints.to_vec();
         bare.iter_mut().for_each(Fingerprint::forget_signal);

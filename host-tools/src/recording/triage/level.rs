@@ -4,7 +4,8 @@
 //! exceeds this by far is a finding. Bounds are those of 24 real takes, whole and in parts of 2 s.
 
 use super::verdict::{Span, Verdict};
-use crate::dsp::sums::variance;
+use crate::dsp::sums::moments_inlined;
+use crate::dsp::wide;
 
 /// Samples of a part for silence: 20 ms.
 const SILENCE_PART: usize = 100;
@@ -77,11 +78,16 @@ pub(super) fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
 fn powers(axes: &[Vec<f64>], part: usize) -> Vec<f64> {
     let count = axes.first().map_or(0, Vec::len) / part;
     let mut powers = vec![0.0; count];
-    for axis in axes {
-        for (power, samples) in powers.iter_mut().zip(axis.chunks_exact(part)) {
-            *power += variance(samples);
-        }
-    }
+    wide(
+        #[inline(always)]
+        || {
+            for axis in axes {
+                for (power, samples) in powers.iter_mut().zip(axis.chunks_exact(part)) {
+                    *power += moments_inlined(samples).variance;
+                }
+            }
+        },
+    );
     powers
 }
 

@@ -47,20 +47,21 @@ mod cut;
 mod fingerprint;
 mod hum;
 mod level;
+mod likeness;
 mod peaks;
 mod set;
 mod single_trial;
 #[cfg(test)]
 mod test_signals;
 mod verdict;
+mod whitening;
 
 pub use axes::LARGE_RMS_M_S2;
 pub use band::SENSOR_NOISE_M_S2;
 pub use cut::{LEAST_KEPT, kept, kept_spans, usable};
-pub use fingerprint::{
-    COPY_CORRELATION, Fingerprint, Likeness, Member, centred, copies, fingerprint, likeness,
-};
+pub use fingerprint::{Fingerprint, Member, centred, copies, fingerprint, likeness};
 pub use hum::{HUM_RATIO_DB, confirmed_hum, mains_line};
+pub use likeness::{COPY_CORRELATION, Likeness};
 pub use set::{Compared, all_verdicts};
 pub use single_trial::{
     CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, SHORT_SAMPLES, SILENCE_FLOOR_M_S2, flaws, samples,

@@ -2,7 +2,8 @@
 //! end there, whatever the level around them is.
 
 use super::verdict::Verdict;
-use crate::dsp::sums::{extremes, mean, sum_of};
+use crate::dsp::sums::{Moments, extremes_inlined, sum_of};
+use crate::dsp::wide;
 
 /// Samples of a part: 10 ms.
 const PART: usize = 50;
@@ -34,56 +35,86 @@ const MANY_PARTS: f64 = 0.12;
 const LEVEL_RATIO: f64 = 1.4;
 
 /// Returns the verdict on the axis with the largest share of peaks at a limit; none if the file itself `is_clipped`.
-pub(super) fn clipped_before(axes: &[Vec<f64>], is_clipped: bool) -> Option<Verdict> {
+/// The axes come with their moments.
+pub(super) fn clipped_before(
+    (axes, moments): (&[Vec<f64>], &[Moments]),
+    is_clipped: bool,
+) -> Option<Verdict> {
     if is_clipped {
         return None;
     }
-    let found = axes
-        .iter()
-        .flat_map(|axis| [limit(axis, 1.0), limit(axis, -1.0)]);
+    let found = axes.iter().zip(moments).flat_map(|(axis, moments)| {
+        let parts = parts(axis, moments.mean);
+        let above: Vec<_> = parts.iter().map(|part| (part.highest, part.rms)).collect();
+        let below: Vec<_> = parts.iter().map(|part| (-part.lowest, part.rms)).collect();
+        [limit(&above), limit(&below)]
+    });
     let (share, level_m_s2) = found.flatten().max_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(Verdict::ClippedBefore { level_m_s2, share })
 }
 
-/// Returns the share of parts with a peak at the limit on the side of `sign`, and the limit, if there is one.
-fn limit(axis: &[f64], sign: f64) -> Option<(f64, f64)> {
-    let mean = mean(axis);
-    let parts = axis.chunks_exact(PART);
-    // Peak and RMS of each part.
-    let mut measured: Vec<(f64, f64)> = parts
-        .map(|part| {
-            let (low, high) = extremes(part);
-            let peak = if sign > 0.0 { high - mean } else { mean - low };
-            let energy = sum_of(part, |x| (x - mean) * (x - mean));
-            (peak, (energy / PART as f64).sqrt())
-        })
-        .collect();
+/// A part of an axis about the axis's mean.
+struct Part {
+    lowest: f64,
+    highest: f64,
+    rms: f64,
+}
+
+/// The parts of `axis`, whose mean is `mean`.
+fn parts(axis: &[f64], mean: f64) -> Vec<Part> {
+    wide(
+        #[inline(always)]
+        || {
+            let parts = axis.chunks_exact(PART).map(|part| {
+                let (low, high) = extremes_inlined(part);
+                let energy = sum_of(part, |x| (x - mean) * (x - mean));
+                Part {
+                    lowest: low - mean,
+                    highest: high - mean,
+                    rms: (energy / PART as f64).sqrt(),
+                }
+            });
+            parts.collect()
+        },
+    )
+}
+
+/// Returns the share of parts with a peak at the limit, and the limit, if there is one, of the peak and the RMS of each
+/// part.
+fn limit(measured: &[(f64, f64)]) -> Option<(f64, f64)> {
     let count = measured.len();
     if count < 4 * LEAST_PARTS {
         return None;
     }
-    measured.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let limit = measured[count - (count / OVERSHOOT_PARTS).max(2) - 1].0;
-    let above = |share: f64| count - measured.partition_point(|part| part.0 < share * limit);
-    let (at_limit, high) = (above(AT_LIMIT), above(HIGH));
+    let mut peaks: Vec<f64> = measured.iter().map(|part| part.0).collect();
+    let rank = count - (count / OVERSHOOT_PARTS).max(2) - 1;
+    let (_, &mut limit, _) = peaks.select_nth_unstable_by(rank, f64::total_cmp);
+    let above = |share: f64| move |part: &&(f64, f64)| part.0 >= share * limit;
+    let number = |share: f64| measured.iter().filter(above(share)).count();
+    let (at_limit, high) = (number(AT_LIMIT), number(HIGH));
     let share = at_limit as f64 / count as f64;
     let of_high = at_limit as f64 / high.max(1) as f64;
     let many = share >= MANY_PARTS && of_high >= SHARE_OF_MANY;
-    let is_limited = limit > 0.0 && at_limit >= LEAST_PARTS && (of_high >= SHARE_OF_HIGH || many);
-    let mut levels: Vec<f64> = measured[count - at_limit..]
-        .iter()
-        .map(|part| part.1)
-        .collect();
+    if limit <= 0.0 || at_limit < LEAST_PARTS || (of_high < SHARE_OF_HIGH && !many) {
+        return None;
+    }
+    let limited = measured.iter().filter(above(AT_LIMIT));
+    let mut levels: Vec<f64> = limited.map(|part| part.1).collect();
     levels.sort_by(f64::total_cmp);
     let tenth = at_limit / 10;
-    let varies = || levels[at_limit - 1 - tenth] > LEVEL_RATIO * levels[tenth];
-    (is_limited && varies()).then_some((share, limit))
+    (levels[at_limit - 1 - tenth] > LEVEL_RATIO * levels[tenth]).then_some((share, limit))
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::test_signals::{noise, tone};
     use super::*;
+    use crate::dsp::sums::moments;
+
+    fn clipped_before(axes: &[Vec<f64>], is_clipped: bool) -> Option<Verdict> {
+        let moments: Vec<_> = axes.iter().map(|axis| moments(axis)).collect();
+        super::clipped_before((axes, &moments), is_clipped)
+    }
 
     /// Noise whose level varies by 12 dB.
     fn uneven() -> Vec<f64> {

@@ -2,7 +2,8 @@
 
 use super::verdict::{Span, Verdict};
 use super::{axes, band, level, peaks};
-use crate::dsp::sums::variance;
+use crate::dsp::sums::{Moments, moments, sum_of};
+use crate::dsp::wide;
 use crate::recording::defects::Truncation;
 use crate::recording::samples::Samples;
 use model_format::SAMPLE_RATE_HZ;
@@ -30,17 +31,18 @@ pub const COARSE_SNR_DB: f64 = 20.0;
 pub fn samples(samples: &Samples) -> Vec<Verdict> {
     let axes = samples.axes.as_slice();
     let mut verdicts = of_file(samples);
-    let power: f64 = axes.iter().map(|axis| variance(axis)).sum();
+    let moments: Vec<Moments> = axes.iter().map(|axis| moments(axis)).collect();
+    let power: f64 = moments.iter().map(|axis| axis.variance).sum();
     // What is silent has nothing else that could be judged.
     if power.sqrt() >= SILENCE_FLOOR_M_S2 {
         verdicts.extend(of_defects(samples));
-        verdicts.extend(axes::verdicts(axes));
+        verdicts.extend(axes::verdicts(axes, &moments));
         verdicts.extend(peaks::clipped_before(
-            axes,
+            (axes, &moments),
             samples.defects.clipped_share >= CLIPPED_SHARE,
         ));
         verdicts.extend(level::verdicts(axes));
-        verdicts.extend(band::verdicts(axes, samples.source_rate_hz));
+        verdicts.extend(band::verdicts((axes, &moments), samples.source_rate_hz));
     }
     let share = worst(axes, drift_share);
     if share >= DRIFT_SHARE {
@@ -156,18 +158,18 @@ const LANES: usize = 8;
 fn drift_share(axis: &[f64]) -> f64 {
     let n = axis.len() as f64;
     let first = axis.first().copied().unwrap_or(0.0);
-    let (mut sum, mut square, mut moment) = (0.0, 0.0, 0.0);
+    let (mut sum, mut moment) = (0.0, 0.0);
     // One moment per chunk, because the line's rise within a chunk is negligible beside the chunk's scatter.
     for (index, chunk) in axis.chunks(LANES).enumerate() {
-        let mut chunk_sum = 0.0;
-        for x in chunk {
-            chunk_sum += x - first;
-            square += (x - first) * (x - first);
-        }
+        let chunk_sum: f64 = chunk.iter().map(|x| x - first).sum();
         let middle = (index * LANES) as f64 + (chunk.len() as f64 - 1.0) / 2.0;
         sum += chunk_sum;
         moment += chunk_sum * (middle - (n - 1.0) / 2.0);
     }
+    let square = wide(
+        #[inline(always)]
+        || sum_of(axis, |x| (x - first) * (x - first)),
+    );
     let energy = square - sum * sum / n;
     let line = 12.0 * moment * moment / (n * (n * n - 1.0));
     // An energy below the round-off of the sums counts as zero.

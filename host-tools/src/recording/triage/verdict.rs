@@ -6,7 +6,7 @@ use std::ops::Range;
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::fingerprint::Likeness;
+use super::likeness::Likeness;
 
 /// Frequency below which a vibration is motion of hand or rig, Hz; textures are played from there on.
 pub const SLOW_HZ: f64 = 10.0;

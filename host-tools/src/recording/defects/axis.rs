@@ -1,0 +1,153 @@
+//! Measures of an axis by which several defects are found, each taken once.
+
+use crate::dsp::sums::{extremes, steps, variance};
+use crate::dsp::wide;
+
+/// Samples that are measured at once, in vector registers.
+const LANES: usize = 8;
+
+/// Samples among which those at a limit are looked for only if there are any.
+const BLOCK: usize = 64;
+
+/// The samples of an axis, finite ones, with their measures.
+pub(super) struct Axis<'a> {
+    /// The samples.
+    pub samples: &'a [f64],
+    /// Lowest sample; the largest number of none.
+    pub low: f64,
+    /// Highest sample; the smallest number of none.
+    pub high: f64,
+    /// Difference up to which two samples count as equal at a limit, because round-off of a gain or an offset leaves a
+    /// clipped top not exactly flat.
+    pub tolerance: f64,
+    /// Indices of the samples within the tolerance of the lowest or the highest, ascending.
+    pub at_limits: Vec<usize>,
+    /// Least step between neighbours that is not zero; infinity without one.
+    pub least_step: f64,
+    /// Largest step between neighbours.
+    pub largest_step: f64,
+    /// Number of neighbours that are not equal.
+    pub changes: usize,
+    /// RMS about the mean.
+    pub deviation: f64,
+}
+
+impl<'a> Axis<'a> {
+    /// Measures `samples`.
+    pub fn of(samples: &'a [f64]) -> Self {
+        let (low, high) = extremes(samples);
+        let (least_step, largest_step) = steps(samples);
+        let tolerance = 1e-6 * (high - low);
+        Self {
+            samples,
+            low,
+            high,
+            tolerance,
+            at_limits: beyond(samples, low + tolerance, high - tolerance),
+            least_step,
+            largest_step,
+            changes: changes(samples),
+            deviation: variance(samples).sqrt(),
+        }
+    }
+}
+
+/// Indices of the samples that are at most `low` or at least `high`, ascending.
+fn beyond(samples: &[f64], low: f64, high: f64) -> Vec<usize> {
+    let is_beyond = |x: f64| x <= low || x >= high;
+    wide(
+        #[inline(always)]
+        || {
+            let mut found = Vec::new();
+            for (block, samples) in samples.chunks(BLOCK).enumerate() {
+                let count: u64 = samples.iter().map(|&x| u64::from(is_beyond(x))).sum();
+                if count > 0 {
+                    let here = samples.iter().enumerate();
+                    let here = here.filter(|(_, x)| is_beyond(**x));
+                    found.extend(here.map(|(at, _)| block * BLOCK + at));
+                }
+            }
+            found
+        },
+    )
+}
+
+/// Number of neighbours that are not equal.
+fn changes(samples: &[f64]) -> usize {
+    wide(
+        #[inline(always)]
+        || {
+            let pairs = samples.iter().zip(samples.get(1..).unwrap_or_default());
+            let changes = pairs.map(|(before, after)| u64::from(before != after));
+            changes.sum::<u64>() as usize
+        },
+    )
+}
+
+/// A sixth of the magnitude of the fourth difference around each sample but the first and the last two.
+pub(super) fn fourth_differences(samples: &[f64]) -> Vec<f64> {
+    wide(
+        #[inline(always)]
+        || {
+            let windows = samples.windows(5);
+            windows.map(|w| fourth_difference(w) / 6.0).collect()
+        },
+    )
+}
+
+/// The largest of [`fourth_differences`]; 0 of none.
+pub(super) fn largest_fourth_difference(samples: &[f64]) -> f64 {
+    wide(
+        #[inline(always)]
+        || {
+            let mut most = [0.0; LANES];
+            let mut rest = samples;
+            while let Some(here) = rest.first_chunk::<{ LANES + 4 }>() {
+                for (lane, most) in most.iter_mut().enumerate() {
+                    let difference = fourth_difference(&here[lane..lane + 5]);
+                    *most = if difference > *most {
+                        difference
+                    } else {
+                        *most
+                    };
+                }
+                rest = &rest[LANES..];
+            }
+            let last = rest.windows(5).map(fourth_difference);
+            most.into_iter().chain(last).fold(0.0, f64::max) / 6.0
+        },
+    )
+}
+
+#[inline(always)]
+fn fourth_difference(w: &[f64]) -> f64 {
+    (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// The oracles go over the samples one by one.
+        #[test]
+        fn measures_are_those_of_their_definitions(
+            values in prop::collection::vec(prop_oneof![-1e3f64..1e3, Just(1e3), Just(-1e3), Just(0.0)], 0..300),
+        ) {
+            let axis = Axis::of(&values);
+            let at_limit = |x: f64| x >= axis.high - axis.tolerance || x <= axis.low + axis.tolerance;
+            let places: Vec<usize> = (0..values.len()).filter(|&at| at_limit(values[at])).collect();
+            prop_assert_eq!(&axis.at_limits, &places);
+            let changes = values.windows(2).filter(|pair| pair[0] != pair[1]).count();
+            prop_assert_eq!(axis.changes, changes);
+            let differences: Vec<f64> = values
+                .windows(5)
+                .map(|w| (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).abs() / 6.0)
+                .collect();
+            prop_assert_eq!(&fourth_differences(&values), &differences);
+            let largest = differences.into_iter().fold(0.0, f64::max);
+            prop_assert_eq!(largest_fourth_difference(&values), largest);
+        }
+    }
+}
