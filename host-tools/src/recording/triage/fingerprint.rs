@@ -56,7 +56,7 @@ pub fn centred(signal: &[f64]) -> Vec<f32> {
 
 /// Returns how `copy` was made of `original`, or `None` if it was not. Both hold their signals.
 ///
-/// A copy has equal samples, or a [correlation](COPY_CORRELATION) with the original over 0.2 s or more.
+/// A copy has equal samples, or a [correlation](super::COPY_CORRELATION) with the original over 0.2 s or more.
 pub fn likeness(original: &Fingerprint, copy: &Fingerprint) -> Option<Likeness> {
     let both = [original, copy].map(|print| Member { group: 0, print });
     let never = |_| Ok(Vec::new());
