@@ -138,7 +138,7 @@ fn trial_bytes(small: (usize, Run), large: (usize, Run)) -> f64 {
 
 #[test]
 fn a_fit_s_memory_grows_by_a_few_kilobytes_per_trial_at_most() {
-    let [few, many] = [400, 1600];
+    let [few, many] = [400, 6400];
     let (small, large) = (measured(few), measured(many));
     for (index, way) in WAYS.iter().enumerate() {
         let (small, large) = (small[index].unwrap(), large[index].unwrap());
