@@ -157,10 +157,10 @@ fn a_fit_s_memory_grows_by_a_few_kilobytes_per_trial_at_most() {
     }
 }
 
-/// Takes ten minutes on two cores, and 2 GB of disk:
+/// Takes a minute and a half on two cores, and 2 GB of disk:
 /// `cargo test --locked -p host-tools --test end-to-end large_sets:: -- --ignored --nocapture`.
 #[test]
-#[ignore = "takes ten minutes and 2 GB of disk"]
+#[ignore = "takes minutes and 2 GB of disk"]
 fn a_hundred_thousand_trials_take_a_gigabyte_at_most_and_time_in_proportion() {
     println!("| trials | {} |", WAYS.join(" | "));
     let mut all = Vec::new();
