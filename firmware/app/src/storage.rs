@@ -4,12 +4,11 @@
 //! rest of the device; the image implements it by its [`crate::control::Control`] behind a lock that is never held
 //! across a wait. Whatever takes long is done in bounded steps, between which other tasks have their turn.
 
-use core::ops::ControlFlow;
 
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, Proving, SceneInfo,
+    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, SceneInfo,
     Settings, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, SlotState, Slots,
     TextureInfo, UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress,
     UploadState,
@@ -17,9 +16,9 @@ use model_format::link::{
 
 use crate::player::Busy;
 use crate::settings::SettingsStore;
-use crate::slots::{MappedFlash, NotProved, SlotStore};
+use crate::slots::{MappedFlash, SlotStore};
 use crate::stopwatch::Stopwatch;
-use crate::upload::{CommitEvent, Uploader};
+use crate::upload::Uploader;
 
 /// The rest of the device, as storage sees it. No method waits except [`Stage::pause`].
 pub trait Stage {
@@ -79,12 +78,6 @@ pub trait Stage {
 
     /// As `Control::set_upload`.
     fn set_upload(&mut self, upload: UploadState);
-
-    /// As `Control::is_abort_waiting`.
-    fn is_abort_waiting(&self) -> bool;
-
-    /// As `Control::end_abort`.
-    fn end_abort(&mut self);
 
     /// The time since the start, µs.
     fn now_us(&self) -> u64;
@@ -191,7 +184,6 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     ) -> Result<Activated, ActivateError> {
         self.slots.scan_once().await;
         let library = self.playable(slot)?;
-        self.prove(stage, slot).await?;
         stage.begin_activation()?;
         let result = self.exchange(stage, slot, library).await;
         stage.end_activation(self.loaded);
@@ -208,21 +200,6 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             }),
             SlotState::Empty | SlotState::Receiving => Err(ActivateError::NoLibrary { slot }),
         }
-    }
-
-    /// Proves the direct forms of the library in `slot`, unless it was done before. What is played goes on.
-    async fn prove(&mut self, stage: &mut impl Stage, slot: SlotId) -> Result<(), ActivateError> {
-        let may_write = !stage.is_supply_low();
-        let told = |permille| {
-            stage.set_upload(UploadState::Proving(Proving { slot, permille }));
-            unless_aborted(stage)
-        };
-        let proved = self.slots.prove(slot, may_write, told).await;
-        stage.set_upload(self.uploader.state());
-        proved.map_err(|reason| match reason {
-            NotProved::Fault(fault) => ActivateError::Faulty { slot, fault },
-            NotProved::CalledOff => ActivateError::Aborted { slot },
-        })
     }
 
     async fn exchange(
@@ -310,14 +287,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     ) -> Result<UploadCommitted, UploadError> {
         supplied(stage)?;
         self.stopwatch = self.stopwatch.resumed_at(stage.now_us());
-        let told = |event| {
-            match event {
-                CommitEvent::State(state) => stage.set_upload(state),
-                CommitEvent::Ended(step) => self.stopwatch.end(step, stage.now_us()),
-            }
-            unless_aborted(stage)
-        };
-        let result = self.uploader.commit_telling(&mut self.slots, told).await;
+        let ended = |step| self.stopwatch.end(step, stage.now_us());
+        let result = self.uploader.commit_telling(&mut self.slots, ended).await;
         stage.set_upload(self.uploader.state());
         result.map(|committed| UploadCommitted {
             times: self.stopwatch.times_at(stage.now_us()),
@@ -325,12 +296,11 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         })
     }
 
-    /// Serves `UploadAbortEndpoint`. From when it was queued, it ends each proof that it would wait for.
+    /// Serves `UploadAbortEndpoint`.
     ///
     /// # Errors
     /// None; the endpoint's type leaves room for one.
     pub fn upload_abort(&mut self, stage: &mut impl Stage) -> Result<UploadState, UploadError> {
-        stage.end_abort();
         self.uploader.abort(&mut self.slots);
         stage.set_upload(self.uploader.state());
         Ok(self.uploader.state())
@@ -359,15 +329,6 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         // Also after an error, because a reset that failed half way has changed some settings.
         stage.end_configuration(self.settings.settings(), self.settings.state());
         result
-    }
-}
-
-/// Ends a proof, which may take minutes, if an abort waits for it.
-fn unless_aborted(stage: &impl Stage) -> ControlFlow<()> {
-    if stage.is_abort_waiting() {
-        ControlFlow::Break(())
-    } else {
-        ControlFlow::Continue(())
     }
 }
 

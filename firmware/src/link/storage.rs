@@ -103,12 +103,7 @@ static QUEUE: Channel<ThreadModeRawMutex, QueuedJob, QUEUED_JOBS> = Channel::new
 
 /// Queues `job`, to be done and answered; returns false if the queue is full.
 pub fn queue(job: Job, to: Sender<Wire>, sequence: VarSeq) -> bool {
-    let is_abort = matches!(job, Job::UploadAbort);
-    let is_queued = QUEUE.try_send(QueuedJob { job, to, sequence }).is_ok();
-    if is_queued && is_abort {
-        with_control(Control::expect_abort);
-    }
-    is_queued
+    QUEUE.try_send(QueuedJob { job, to, sequence }).is_ok()
 }
 
 type Stores = Storage<Bank2, SettingsFlash>;
@@ -116,8 +111,7 @@ type Stores = Storage<Bank2, SettingsFlash>;
 #[unsafe(link_section = ".sram4.stores")]
 static STORES: StaticCell<Stores> = StaticCell::new();
 
-/// Longest wait for the newest library before the links open. It takes far less, unless direct forms are to be proved
-/// first, which may take minutes.
+/// Longest wait for the newest library before the links open. It takes far less.
 const LIBRARY_FIRST: Duration = Duration::from_millis(500);
 
 static ACTIVATED: Signal<ThreadModeRawMutex, ()> = Signal::new();
@@ -281,14 +275,6 @@ impl Stage for ControlStage {
 
     fn set_upload(&mut self, upload: UploadState) {
         with_control(|control| control.set_upload(upload));
-    }
-
-    fn is_abort_waiting(&self) -> bool {
-        with_control(|control| control.is_abort_waiting())
-    }
-
-    fn end_abort(&mut self) {
-        with_control(Control::end_abort);
     }
 
     fn now_us(&self) -> u64 {

@@ -5,12 +5,10 @@
 
 mod cortex_m4;
 mod cortex_m7;
-mod products;
 mod two_samples;
 
-use stylus_kernel::arithmetic::{Arithmetic, SUMS, Turn};
+use stylus_kernel::arithmetic::Arithmetic;
 use stylus_kernel::rotation::Rotation;
-use stylus_kernel::taps;
 use stylus_kernel::theta::Run;
 
 use crate::interpolate;
@@ -34,11 +32,6 @@ macro_rules! arithmetic {
     ($name:ident, $rotate:path) => {
         impl Arithmetic for $name {
             #[inline(always)]
-            fn sums_of_products(coefficients: &[Turn], samples: &[i32]) -> [i64; SUMS] {
-                products::sums_of_products(coefficients, samples)
-            }
-
-            #[inline(always)]
             fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32 {
                 $rotate(rotations, backward, forward)
             }
@@ -55,11 +48,6 @@ macro_rules! arithmetic {
             #[inline]
             fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
                 interpolate::mean_rotations(run, rotations);
-            }
-
-            #[inline]
-            fn mean_coefficients(run: &taps::Run<'_>, coefficients: &mut [i32]) {
-                interpolate::mean_coefficients(run, coefficients);
             }
         }
     };

@@ -194,14 +194,6 @@ impl Stage for SharedControl {
         self.borrow_mut().set_upload(upload);
     }
 
-    fn is_abort_waiting(&self) -> bool {
-        self.borrow().is_abort_waiting()
-    }
-
-    fn end_abort(&mut self) {
-        self.borrow_mut().end_abort();
-    }
-
     fn now_us(&self) -> u64 {
         self.borrow_mut().device().now() * 1_000 / u64::from(TICKS_PER_MS)
     }

@@ -282,6 +282,7 @@ impl<'a> Asked<'a> {
         later!(ListSceneEndpoint, |storage, _stage, request| storage
             .list_scene(request)
             .await);
+        later!(UploadAbortEndpoint, |storage, stage, ()| storage.upload_abort(stage));
         later!(ActivateEndpoint, |storage, stage, slot| storage
             .activate(stage, slot)
             .await);
@@ -295,7 +296,6 @@ impl<'a> Asked<'a> {
         });
         match key {
             UploadChunkEndpoint::REQ_KEY => self.hand_over_chunk(),
-            UploadAbortEndpoint::REQ_KEY => self.hand_over_abort(),
             MotionTopic::TOPIC_KEY => {
                 // One that is not finite is dropped; the endpoint of the same name would tell.
                 self.take::<MotionTopic>(|sample| {
@@ -309,24 +309,6 @@ impl<'a> Asked<'a> {
             }
             _ => Some(self.requests.refuse(self.header, &WireError::UnknownKey)),
         }
-    }
-
-    /// A proof that is under way ends for it.
-    fn hand_over_abort(&self) -> Option<Vec<u8>> {
-        let header = self.header;
-        if let Err(error) = self.read::<()>() {
-            return Some(self.requests.refuse(header, &error));
-        }
-        let refusal = self.hand_over(Box::new(move |storage, stage| {
-            Box::pin(async move {
-                let answer = storage.upload_abort(stage);
-                frame(UploadAbortEndpoint::RESP_KEY, header, &answer)
-            })
-        }));
-        if refusal.is_none() {
-            self.requests.control.borrow_mut().expect_abort();
-        }
-        refusal
     }
 
     /// A chunk is copied, because the request's bytes are gone when its turn comes.
