@@ -91,10 +91,9 @@ fn synthesis(criterion: &mut Criterion) {
             force_axis_n: grid.forces_n.clone(),
             nodes: host_tools::texture::quantise::nodes("bench", &grid, structure)
                 .expect("the model is stable"),
-            cell_margins: Vec::new(),
         };
-        let bytes = model_format::encode_uncertified(&[spec]).expect("the texture is sound");
-        let library = Library::decode_uncertified(&bytes).expect("it was just encoded");
+        let bytes = model_format::encode(&[spec]).expect("the texture is sound");
+        let library = Library::decode(&bytes).expect("it was just encoded");
         let texture = library.textures().next().expect("there is one");
         let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 1);
         let motion = Motion::new(MillimetresPerSecond(100.0), Newton(0.7)).expect("finite");

@@ -130,7 +130,7 @@ fn the_models_are_those_of_the_fixtures() {
 
 fn spec(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> TextureSpec {
     let bytes = models::library(nodes, structure).unwrap();
-    let library = Library::decode_uncertified(&bytes).unwrap();
+    let library = Library::decode(&bytes).unwrap();
     let texture = library.textures().next().unwrap();
     TextureSpec {
         name: texture.name().to_owned(),
@@ -142,7 +142,6 @@ fn spec(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> TextureSpec
         speed_axis_mm_s: texture.speed_axis().values().collect(),
         force_axis_n: texture.force_axis().values().collect(),
         nodes: texture.nodes().map(|node| node_spec(&node)).collect(),
-        cell_margins: Vec::new(),
     }
 }
 
@@ -163,8 +162,8 @@ fn model(name: &str) -> NamedModel {
 }
 
 fn with_library<T>(spec: TextureSpec, look: impl FnOnce(Texture<'_>) -> T) -> T {
-    let bytes = model_format::encode_uncertified(&[spec]).unwrap();
-    let library = Library::decode_uncertified(&bytes).unwrap();
+    let bytes = model_format::encode(&[spec]).unwrap();
+    let library = Library::decode(&bytes).unwrap();
     look(library.textures().next().unwrap())
 }
 
@@ -298,7 +297,6 @@ proptest! {
             speed_axis_mm_s: [50.0, 120.0, 300.0][..speeds].to_vec(),
             force_axis_n: vec![0.5, 1.5],
             nodes: predictors.iter().map(|h| direct_node(h)).collect(),
-            cell_margins: Vec::new(),
         };
         let certified = certified(spec.clone());
         let unstable = with_library(spec, |texture| {

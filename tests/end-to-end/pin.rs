@@ -168,14 +168,12 @@ fn texture(reflection: &[f64]) -> Vec<f64> {
     let bytes = encode(&[TextureSpec {
         name: "texture".into(),
         sample_rate_hz: RATE_HZ,
-        structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
         parts: PartsSpec::default(),
         speed_axis_mm_s: vec![100.0],
         force_axis_n: vec![1.0],
         nodes: vec![node],
-        cell_margins: Vec::new(),
     }])
     .unwrap();
     let library = Library::decode(&bytes).unwrap();

@@ -4,14 +4,12 @@
 //! rest of the device; the image implements it by its [`crate::control::Control`] behind a lock that is never held
 //! across a wait. Whatever takes long is done in bounded steps, between which other tasks have their turn.
 
-
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, SceneInfo,
-    Settings, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, SlotState, Slots,
-    TextureInfo, UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress,
-    UploadState,
+    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, SceneInfo, Settings,
+    SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, SlotState, Slots, TextureInfo,
+    UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 use crate::player::Busy;

@@ -7,14 +7,12 @@
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    CHUNK_ALIGN, MAX_CHUNK_BYTES, SlotFault, SlotId, UploadBegin, UploadChunk,
-    UploadCommitted, UploadError, UploadProgress, UploadState, UploadTimes,
+    CHUNK_ALIGN, MAX_CHUNK_BYTES, SlotFault, SlotId, UploadBegin, UploadChunk, UploadCommitted,
+    UploadError, UploadProgress, UploadState, UploadTimes,
 };
 
 use crate::flash::WORD_BYTES;
-use crate::slots::{
-    Claim, LastLibrary, MappedFlash, SealFault, SlotStore, Step, WriteFault,
-};
+use crate::slots::{Claim, LastLibrary, MappedFlash, SealFault, SlotStore, Step, WriteFault};
 
 const _: () =
     assert!(CHUNK_ALIGN.is_multiple_of(WORD_BYTES) && MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));

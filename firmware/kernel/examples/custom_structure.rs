@@ -175,14 +175,12 @@ pub fn library() -> Result<Vec<u8>, DecodeError> {
     encode(&[TextureSpec {
         name: "bell".into(),
         sample_rate_hz: SAMPLE_RATE_HZ,
-        structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
         parts: PartsSpec::default(),
         speed_axis_mm_s: vec![50.0, 150.0],
         force_axis_n: vec![1.0],
         nodes: vec![node(300.0, 1.0), node(500.0, 9.0)],
-        cell_margins: vec![],
     }])
 }
 

@@ -7,7 +7,7 @@ use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::Rendering;
 use host_tools::playing::wavefront::Wavefront;
 use host_tools::texture::grid::Grid;
-use host_tools::texture::library::uncertified_library;
+use host_tools::texture::library::library_of;
 use host_tools::texture::quantise::StructureChoice;
 use model_format::{Laws, Library, MillimetresPerSecond, Newton, NodeFlags, PartsSpec};
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
@@ -38,12 +38,12 @@ fn library(structure: StructureChoice) -> Vec<u8> {
         laws: Laws::default(),
         parts: PartsSpec::default(),
     };
-    uncertified_library("bench", &grid, structure).expect("the models are stable")
+    library_of("bench", &grid, structure).expect("the models are stable")
 }
 
 /// CPU seconds that rendering takes by `A`, and the sum of the samples, so that none is left out.
 fn rendered<A: Arithmetic>(bytes: &[u8], motion: &MotionPath, seconds: f64) -> (f64, i64) {
-    let library = Library::decode_uncertified(bytes).expect("it was just encoded");
+    let library = Library::decode(bytes).expect("it was just encoded");
     let plan = Plan::of_texture(library.textures().next().expect("one was encoded"));
     let rendering = Rendering::<'_, A>::by_arithmetic(plan, motion, seconds, 1);
     let begin = own_cpu_s();

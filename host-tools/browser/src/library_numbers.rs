@@ -1,7 +1,7 @@
 //! Content of a library as lists of numbers, for readers in other languages.
 
 use model_format::scene::{MotionOfScene, Scene};
-use model_format::{NodeFlags, Provenance, Structure, Texture};
+use model_format::{NodeFlags, Provenance, Texture};
 
 use crate::session::Without;
 
@@ -15,11 +15,6 @@ const FLAGS: [NodeFlags; 4] = [
 
 /// Writes what is stored of `texture` to `numbers`; the package's page has their order.
 pub fn texture_numbers(texture: &Texture<'_>, numbers: &mut Vec<f64>) {
-    let structure = match texture.structure() {
-        Structure::NormalisedLattice => 0,
-        Structure::DirectForm16 => 1,
-        Structure::DirectForm32 => 2,
-    };
     let provenance = match texture.provenance() {
         Provenance::Recorded => 0,
         Provenance::Simulated => 1,
@@ -27,7 +22,6 @@ pub fn texture_numbers(texture: &Texture<'_>, numbers: &mut Vec<f64>) {
     let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
     numbers.extend([
         f64::from(texture.sample_rate_hz()),
-        f64::from(structure),
         f64::from(provenance),
         f64::from(Without::possible(texture).bits()),
         speeds.len() as f64,

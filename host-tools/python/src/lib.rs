@@ -13,7 +13,6 @@
 //! | `library`, `texture` | libraries, their textures and nodes; `library_like` arguments that stand for one |
 //! | `motion`, `rendering` | motions, and what the stylus plays along them; `playing` renders textures |
 //! | `scene` | scenes: costed and rendered; `compiling` compiles them |
-//! | `certifying` | proofs of stability |
 //! | `simulating` | simulated recordings |
 //! | `hatt` | HaTT's models |
 //! | `device` | a stylus on a link |
@@ -25,7 +24,6 @@
     reason = "arguments come out of Python objects by value"
 )]
 
-mod certifying;
 mod compiling;
 mod convert;
 #[cfg(feature = "device")]
@@ -52,7 +50,6 @@ use pyo3::prelude::*;
 #[pyo3(name = "_native")]
 mod native {
     #[pymodule_export]
-    use crate::certifying::{Certification, certify};
     #[pymodule_export]
     use crate::compiling::compile_scene;
     #[cfg(feature = "device")]

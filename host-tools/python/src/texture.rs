@@ -59,12 +59,6 @@ impl Texture {
         Ok(self.decoded()?.name().to_owned())
     }
 
-    /// Structure of its filters, in words.
-    #[getter]
-    fn structure(&self) -> PyResult<String> {
-        Ok(self.decoded()?.structure().to_string())
-    }
-
     /// True if its recordings were simulated.
     #[getter]
     fn simulated(&self) -> PyResult<bool> {
@@ -162,11 +156,10 @@ impl Texture {
     fn __repr__(&self) -> PyResult<String> {
         let texture = self.decoded()?;
         Ok(format!(
-            "Texture({:?}, {} speeds x {} forces, {}{})",
+            "Texture({:?}, {} speeds x {} forces{})",
             texture.name(),
             texture.speed_axis().len(),
             texture.force_axis().len(),
-            texture.structure(),
             if texture.provenance() == Provenance::Simulated {
                 ", SIMULATED"
             } else {

@@ -5,7 +5,6 @@
 //! read, `output`, `colour`, `table` and `wav_file` print, `destination` checks what is written, `interrupt` ends; they
 //! import no command.
 
-mod certify;
 mod colour;
 mod compare;
 mod completions;
@@ -131,8 +130,6 @@ enum Command {
     Scene(scene::Arguments),
     /// Fit a scene's tap transient to recordings of taps
     FitTap(fit_tap::Arguments),
-    /// Prove a library's textures stable at every point of their grids
-    Certify(certify::Arguments),
     /// Change a library's sample rate, and tell the error of that
     Resample(resample::Arguments),
     /// Play the hard cases with the device's kernel and check its guarantees
@@ -210,7 +207,6 @@ fn run_command(command: Command) -> Result<()> {
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::FitTap(arguments) => fit_tap::run(&arguments),
-        Command::Certify(arguments) => certify::run(&arguments),
         Command::Resample(arguments) => resample::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),

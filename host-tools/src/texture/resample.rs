@@ -4,15 +4,13 @@
 //! [`LogSpectrum::at_half_the_rate`] do it; its autocorrelation gives the new model by Levinson and Durbin's recursion.
 //! The order goes with the rate, so that the lags span the same time, as far as the highest order allows.
 
-use model_format::{PlayRate, Structure, Texture, TextureSpec, limits};
+use model_format::{PlayRate, Texture, TextureSpec, limits};
 use rayon::prelude::*;
 
-use super::certificate;
 use super::grid::Grid;
 use super::library::texture_spec;
-use super::quantise::StructureChoice;
 use super::stored;
-use crate::dsp::linear_prediction::{Prediction, corrected, step_down};
+use crate::dsp::linear_prediction::{Prediction, corrected};
 use crate::dsp::log_spectrum::{FINE_BINS, LogSpectrum};
 use crate::dsp::model::Model;
 use crate::support::error::{Error, Result};
@@ -75,13 +73,7 @@ pub fn at_rate(texture: &Texture<'_>, rate: PlayRate, order: Option<usize>) -> R
     let originals: Vec<Model> = texture
         .nodes()
         .map(|node| Model {
-            reflection: match texture.structure() {
-                Structure::NormalisedLattice => stored::reflection(node.coefficients),
-                Structure::DirectForm16 | Structure::DirectForm32 => {
-                    // What a library holds was proved stable.
-                    step_down(&negated(stored::predictor(node.coefficients))).unwrap_or_default()
-                }
-            },
+            reflection: stored::reflection(node.coefficients),
             output_power: node.output_power.into(),
             flags: node.flags,
         })
@@ -96,28 +88,18 @@ pub fn at_rate(texture: &Texture<'_>, rate: PlayRate, order: Option<usize>) -> R
         laws: texture.laws(),
         parts: model_format::PartsSpec::default(),
     };
-    let structure = match texture.structure() {
-        Structure::NormalisedLattice => StructureChoice::Lattice,
-        Structure::DirectForm16 => StructureChoice::Direct16,
-        Structure::DirectForm32 => StructureChoice::Direct,
-    };
     let errors = band_errors(&originals, from, &grid.models, rate);
     let orders = grid.models.iter().map(|model| model.reflection.len());
     let order = orders.max().unwrap_or(0);
     let spec = TextureSpec {
         sample_rate_hz: rate.hz(),
-        ..texture_spec(name, texture.provenance(), &grid, structure)?
+        ..texture_spec(name, texture.provenance(), &grid)?
     };
     Ok(Resampled {
-        spec: certificate::certified(spec)?,
+        spec,
         order,
         errors,
     })
-}
-
-/// The polynomial of a predictor: its coefficients with the other sign.
-fn negated(predictor: Vec<f64>) -> Vec<f64> {
-    predictor.into_iter().map(|h| -h).collect()
 }
 
 /// Number of frequencies of spectra at `rate`: the same step at both.
@@ -187,6 +169,7 @@ fn band_powers(model: &Model, rate: PlayRate) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dsp::linear_prediction::{step_down, step_up};
     use model_format::{
         CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library, NodeFlags, PartsSpec,
         Provenance, encode,
@@ -209,12 +192,12 @@ mod tests {
         }
     }
 
-    fn library(grid: &Grid, structure: StructureChoice, rate: PlayRate) -> Vec<u8> {
+    fn library(grid: &Grid, rate: PlayRate) -> Vec<u8> {
         let spec = TextureSpec {
             sample_rate_hz: rate.hz(),
-            ..texture_spec("silk", Provenance::Recorded, grid, structure).unwrap()
+            ..texture_spec("silk", Provenance::Recorded, grid).unwrap()
         };
-        encode(&[certificate::certified(spec).unwrap()]).unwrap()
+        encode(&[spec]).unwrap()
     }
 
     /// Two resonances over a slope, by their reflection coefficients.
@@ -238,12 +221,7 @@ mod tests {
     fn density(texture: &Texture<'_>, hertz: f64) -> f64 {
         let node = texture.node(0, 0);
         let rate_hz = f64::from(texture.sample_rate_hz());
-        let polynomial = match texture.structure() {
-            Structure::NormalisedLattice => {
-                crate::dsp::linear_prediction::step_up(&stored::reflection(node.coefficients))
-            }
-            _ => negated(stored::predictor(node.coefficients)),
-        };
+        let polynomial = step_up(&stored::reflection(node.coefficients));
         let (mut re, mut im) = (1.0, 0.0);
         for (lag, a) in (1..).zip(polynomial) {
             let phase = std::f64::consts::TAU * hertz / rate_hz * f64::from(lag);
@@ -254,31 +232,25 @@ mod tests {
     }
 
     #[test]
-    fn the_density_stays_at_twice_the_rate_and_back_in_every_structure() {
-        use StructureChoice::{Direct, Lattice};
-        for structure in [Lattice, Direct] {
-            let bytes = library(&grid(&resonances(5e3)), structure, PlayRate::Hz5000);
-            let original = Library::decode(&bytes).unwrap();
-            let original = original.textures().next().unwrap();
-            let there = at_rate(&original, PlayRate::Hz10000, Some(40)).unwrap();
-            assert!(there.errors.largest_db < 0.5, "{:?}", there.errors);
-            assert_eq!(there.spec.sample_rate_hz, 10_000);
-            let bytes = encode(&[there.spec]).unwrap();
-            let fast = Library::decode(&bytes).unwrap();
-            let fast = fast.textures().next().unwrap();
-            let back = at_rate(&fast, PlayRate::Hz5000, Some(40)).unwrap();
-            let bytes = encode(&[back.spec]).unwrap();
-            let slow = Library::decode(&bytes).unwrap();
-            let slow = slow.textures().next().unwrap();
-            for hertz in [20.0, 60.0, 90.0, 150.0, 300.0, 420.0, 700.0, 1000.0] {
-                let before = density(&original, hertz);
-                for moved in [&fast, &slow] {
-                    let error_db = 10.0 * (density(moved, hertz) / before).log10();
-                    assert!(
-                        error_db.abs() < 0.6,
-                        "{structure:?}: {error_db} dB at {hertz} Hz"
-                    );
-                }
+    fn the_density_stays_at_twice_the_rate_and_back() {
+        let bytes = library(&grid(&resonances(5e3)), PlayRate::Hz5000);
+        let original = Library::decode(&bytes).unwrap();
+        let original = original.textures().next().unwrap();
+        let there = at_rate(&original, PlayRate::Hz10000, Some(40)).unwrap();
+        assert!(there.errors.largest_db < 0.5, "{:?}", there.errors);
+        assert_eq!(there.spec.sample_rate_hz, 10_000);
+        let bytes = encode(&[there.spec]).unwrap();
+        let fast = Library::decode(&bytes).unwrap();
+        let fast = fast.textures().next().unwrap();
+        let back = at_rate(&fast, PlayRate::Hz5000, Some(40)).unwrap();
+        let bytes = encode(&[back.spec]).unwrap();
+        let slow = Library::decode(&bytes).unwrap();
+        let slow = slow.textures().next().unwrap();
+        for hertz in [20.0, 60.0, 90.0, 150.0, 300.0, 420.0, 700.0, 1000.0] {
+            let before = density(&original, hertz);
+            for moved in [&fast, &slow] {
+                let error_db = 10.0 * (density(moved, hertz) / before).log10();
+                assert!(error_db.abs() < 0.6, "{error_db} dB at {hertz} Hz");
             }
         }
     }
@@ -288,7 +260,7 @@ mod tests {
         use PlayRate::{Hz5000, Hz10000};
         let order = |stages: usize, from: PlayRate, to: PlayRate| {
             let reflection: Vec<f64> = (0..stages).map(|n| 0.3 / (n + 1) as f64).collect();
-            let bytes = library(&grid(&reflection), StructureChoice::Lattice, from);
+            let bytes = library(&grid(&reflection), from);
             let library = Library::decode(&bytes).unwrap();
             let texture = library.textures().next().unwrap();
             let moved = at_rate(&texture, to, None).unwrap();
@@ -316,7 +288,7 @@ mod tests {
             of_nodes: vec![1],
         });
         for (grid, word) in [(fed, "codebooks"), (grid(&[0.5]), "5000 Hz already")] {
-            let bytes = library(&grid, StructureChoice::Lattice, PlayRate::Hz5000);
+            let bytes = library(&grid, PlayRate::Hz5000);
             let library = Library::decode(&bytes).unwrap();
             let texture = library.textures().next().unwrap();
             let to = if word == "codebooks" {
@@ -335,7 +307,7 @@ mod tests {
         silent.models.push(Model::silent());
         silent.forces_n.push(2.0);
         silent.laws.level = LevelLaw::Amplitude;
-        let bytes = library(&silent, StructureChoice::Lattice, PlayRate::Hz5000);
+        let bytes = library(&silent, PlayRate::Hz5000);
         let library = Library::decode(&bytes).unwrap();
         let texture = library.textures().next().unwrap();
         let moved = at_rate(&texture, PlayRate::Hz10000, None).unwrap();

@@ -139,14 +139,14 @@ fn cost(text: &str) -> std::result::Result<Cost, String> {
 mod tests {
     use super::*;
 
-    const TEXT: &str = "vector cortex-m direct 16, one node\n\
+    const TEXT: &str = "vector cortex-m lattice, one node\n\
                         words 0000002a ffffffff\n\
                         words 80000000\n\
                         full-scale 3\n\
                         edges portable\n\
                         words 00000001\n\
-                        sample-cost 10 11 12 direct 16, one node\n\
-                        follow-cost 20 30 40 direct 16, one node\n\
+                        sample-cost 10 11 12 lattice, one node\n\
+                        follow-cost 20 30 40 lattice, one node\n\
                         end\n";
 
     #[test]
@@ -156,12 +156,12 @@ mod tests {
             panic!("two were played: {report:?}");
         };
         assert_eq!(vector.arithmetic, "cortex-m");
-        assert_eq!(vector.texture.as_deref(), Some("direct 16, one node"));
+        assert_eq!(vector.texture.as_deref(), Some("lattice, one node"));
         assert_eq!(vector.words, [0x2a, u32::MAX, 1 << 31]);
         assert_eq!(vector.full_scale, Some(3));
         assert_eq!((edges.texture.as_ref(), &edges.words[..]), (None, &[1][..]));
         let cost = |fewest, most, calls| Cost {
-            texture: "direct 16, one node".to_owned(),
+            texture: "lattice, one node".to_owned(),
             fewest,
             most,
             calls,

@@ -4,9 +4,7 @@ use postcard_schema::Schema;
 use postcard_schema::schema::{DataModelType, DataModelVariant, NamedType, NamedVariant};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::{
-    AdcCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, Provenance, Volt,
-};
+use crate::{AdcCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, Provenance, Volt};
 
 /// Encodes a unit on the wire as the number that it wraps.
 macro_rules! transparent {

@@ -673,7 +673,7 @@ fn a_direct_form_without_a_certificate_is_for_benches_only() {
             Problem::Uncertified(structure),
             "may be unstable between its nodes",
         );
-        assert!(Library::decode_uncertified(&bytes).is_ok());
+        assert!(Library::decode(&bytes).is_ok());
     }
 }
 
@@ -681,7 +681,7 @@ fn a_direct_form_without_a_certificate_is_for_benches_only() {
 fn check_everywhere(error: DecodeError, certificate: RawCertificate) {
     let mut library = RawLibrary::sound();
     library.textures[1].certificate = Some(certificate);
-    let on_a_bench = Library::decode_uncertified(&library.bytes()).expect_err("a fault");
+    let on_a_bench = Library::decode(&library.bytes()).expect_err("a fault");
     assert_eq!(on_a_bench, error);
 }
 
@@ -785,7 +785,6 @@ pub fn spec() -> TextureSpec {
     TextureSpec {
         name: "felt".to_owned(),
         sample_rate_hz: SAMPLE_RATE_HZ,
-        structure: Structure::NormalisedLattice,
         provenance: Provenance::Recorded,
         laws: Laws::default(),
         parts: PartsSpec::default(),
@@ -800,7 +799,6 @@ pub fn spec() -> TextureSpec {
             };
             2
         ],
-        cell_margins: Vec::new(),
     }
 }
 

@@ -3,8 +3,7 @@
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library, LineSpec, LinesSpec,
     MAX_FINE_THETA, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure,
-    TailSpec, TextureSpec, UNCERTIFIED_CELL, encode, encode_uncertified, encode_with_scenes,
-    limits,
+    TailSpec, TextureSpec, UNCERTIFIED_CELL, encode, encode_with_scenes, limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -30,8 +29,8 @@ proptest! {
         for texture in &mut textures {
             texture.cell_margins.clear();
         }
-        let bytes = encode_uncertified(&textures).expect("the strategy makes valid libraries");
-        let read = content(&Library::decode_uncertified(&bytes).expect("encode checks what it gives"));
+        let bytes = encode(&textures).expect("the strategy makes valid libraries");
+        let read = content(&Library::decode(&bytes).expect("encode checks what it gives"));
         prop_assert_eq!(&read, &textures);
         let all_lattices = textures.iter().all(|texture| texture.structure == Structure::NormalisedLattice);
         prop_assert_eq!(Library::decode(&bytes).is_ok(), all_lattices);
@@ -91,14 +90,12 @@ proptest! {
         let texture = TextureSpec {
             name: "one".into(),
             sample_rate_hz: 5000,
-            structure: Structure::NormalisedLattice,
             provenance: Provenance::Simulated,
             laws: Laws::default(),
             parts: PartsSpec::default(),
             speed_axis_mm_s: vec![100.0],
             force_axis_n: vec![1.0],
             nodes: vec![node],
-            cell_margins: Vec::new(),
         };
         let bytes = encode(&[texture]).expect("it is valid");
         let library = Library::decode(&bytes).expect("it was encoded");

@@ -21,14 +21,12 @@ fn dense(name: &str) -> TextureSpec {
     TextureSpec {
         name: name.to_owned(),
         sample_rate_hz: SAMPLE_RATE_HZ,
-        structure: Structure::NormalisedLattice,
         provenance: Provenance::Recorded,
         laws: Laws::default(),
         parts: PartsSpec::default(),
         speed_axis_mm_s: (1..=15).map(|step| 20.0 * step as f32).collect(),
         force_axis_n: (1..=8).map(|step| 0.25 * step as f32).collect(),
         nodes: vec![node; 15 * 8],
-        cell_margins: Vec::new(),
     }
 }
 

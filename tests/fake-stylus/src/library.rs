@@ -35,13 +35,11 @@ pub fn texture(name: &str, order: usize, seed: i16, sample_rate_hz: u32) -> Text
     TextureSpec {
         name: name.to_owned(),
         sample_rate_hz,
-        structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
         parts: PartsSpec::default(),
         speed_axis_mm_s: (1..=15).map(|speed| 20.0 * speed as f32).collect(),
         force_axis_n: (1..=8).map(|force| 0.25 * force as f32).collect(),
-        cell_margins: Vec::new(),
         nodes: vec![node; 15 * 8],
     }
 }

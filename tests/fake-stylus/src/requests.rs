@@ -282,7 +282,8 @@ impl<'a> Asked<'a> {
         later!(ListSceneEndpoint, |storage, _stage, request| storage
             .list_scene(request)
             .await);
-        later!(UploadAbortEndpoint, |storage, stage, ()| storage.upload_abort(stage));
+        later!(UploadAbortEndpoint, |storage, stage, ()| storage
+            .upload_abort(stage));
         later!(ActivateEndpoint, |storage, stage, slot| storage
             .activate(stage, slot)
             .await);

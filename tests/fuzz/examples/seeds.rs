@@ -9,7 +9,7 @@ use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, 
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
     ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec,
-    encode_uncertified, encode_with_scenes_uncertified, limits,
+    encode, encode_with_scenes, limits,
 };
 
 #[path = "seeds/host.rs"]
@@ -79,20 +79,20 @@ fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
         }
     }
     for (index, texture) in all.iter().enumerate() {
-        let bytes = encode_uncertified(std::slice::from_ref(texture))?;
+        let bytes = encode(std::slice::from_ref(texture))?;
         std::fs::write(folder.join(format!("single-{index}")), bytes)?;
     }
     all.retain(|texture| {
         texture.nodes[0].codes != CodeSpec::lattice(vec![]) && texture.nodes.len() < 5
     });
-    std::fs::write(folder.join("several"), encode_uncertified(&all[..4])?)?;
-    let with_scenes = encode_with_scenes_uncertified(&all[..2], &[scene()?])?;
+    std::fs::write(folder.join("several"), encode(&all[..4])?)?;
+    let with_scenes = encode_with_scenes(&all[..2], &[scene()?])?;
     std::fs::write(folder.join("scenes"), with_scenes)?;
     let fed = all
         .iter()
         .filter(|texture| texture.parts != PartsSpec::default());
     let fed: Vec<TextureSpec> = fed.cloned().collect();
-    let with_scenes = encode_with_scenes_uncertified(&fed[..2], &[scene()?])?;
+    let with_scenes = encode_with_scenes(&fed[..2], &[scene()?])?;
     std::fs::write(folder.join("fed-scenes"), with_scenes)?;
     Ok(())
 }

@@ -9,7 +9,7 @@ use libfuzzer_sys::fuzz_target;
 use model_format::scene::Scene;
 use model_format::{
     FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Problem, Texture,
-    encode_with_scenes_uncertified,
+    encode_with_scenes,
 };
 use stylus_kernel::position::Position;
 use stylus_kernel::proof::Proof;
@@ -44,10 +44,10 @@ fn with_fitting_prefix(input: &[u8]) -> Option<Vec<u8>> {
 }
 
 fn judge(bytes: &[u8]) {
-    match Library::decode_uncertified(bytes) {
+    match Library::decode(bytes) {
         Ok(library) => {
             let (content, scenes) = (walk::content(&library), walk::scenes(&library));
-            let again = encode_with_scenes_uncertified(&content, &scenes)
+            let again = encode_with_scenes(&content, &scenes)
                 .expect("what was read from a library makes one");
             assert_eq!(again, bytes, "a library has one encoding");
             // Nothing but certificates may keep a stylus from decoding it.

@@ -103,14 +103,12 @@ fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
     let texture = TextureSpec {
         name: "fuzz".to_owned(),
         sample_rate_hz: 5000,
-        structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws,
         parts: PartsSpec::default(),
         speed_axis_mm_s: SPEEDS_MM_S.to_vec(),
         force_axis_n: FORCES_N.to_vec(),
         nodes: (0..4).map(&mut node).collect(),
-        cell_margins: Vec::new(),
     };
     encode(&[texture]).expect("lattices of such codes are valid")
 }

@@ -24,14 +24,12 @@ fn library() -> &'static [u8] {
         let texture = TextureSpec {
             name: "silk".to_owned(),
             sample_rate_hz: 5000,
-            structure: Structure::NormalisedLattice,
             provenance: Provenance::Recorded,
             laws: Laws::default(),
             parts: PartsSpec::default(),
             speed_axis_mm_s: vec![100.0],
             force_axis_n: vec![1.0],
             nodes: vec![node],
-            cell_margins: Vec::new(),
         };
         encode(&[texture]).expect("it is sound")
     })

@@ -75,7 +75,7 @@ impl Prepared {
 }
 
 fn plan(library: &[u8]) -> String {
-    let library = Library::decode_uncertified(library).unwrap();
+    let library = Library::decode(library).unwrap();
     let texture = library.textures().next().unwrap();
     let single = texture.speed_axis().len() * texture.force_axis().len() == 1;
     format!(

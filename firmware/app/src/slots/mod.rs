@@ -14,7 +14,7 @@ mod claim;
 mod header;
 mod permit;
 
-use core::ops::{ControlFlow, Range};
+use core::ops::Range;
 
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;

@@ -40,7 +40,6 @@ fn library() -> Vec<u8> {
     let spec = TextureSpec {
         name: "line".into(),
         sample_rate_hz: SAMPLE_RATE_HZ,
-        structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
         parts: PartsSpec {
@@ -50,7 +49,6 @@ fn library() -> Vec<u8> {
         speed_axis_mm_s: vec![10.0],
         force_axis_n: vec![0.1],
         nodes: vec![silent],
-        cell_margins: vec![],
     };
     encode(&[spec]).expect("valid")
 }

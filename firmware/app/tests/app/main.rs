@@ -3,7 +3,6 @@
 
 #[path = "../attack/budget.rs"]
 mod budget;
-mod direct_forms;
 mod double_faults;
 mod inputs;
 mod lease;

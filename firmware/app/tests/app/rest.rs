@@ -3,7 +3,7 @@
 use model_format::link::{Setting, SettingChange, Settings};
 use model_format::{
     AdcCode, CodeSpec, DacCode, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure,
-    Texture, TextureSpec, encode_uncertified,
+    Texture, TextureSpec, encode,
 };
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::inputs::{FORCE_NOISE_CODES, Follower, InputConfig, Sensors};
@@ -27,7 +27,7 @@ fn library(structure: Structure) -> Vec<u8> {
         flags: NodeFlags::NONE,
         codes,
     };
-    encode_uncertified(&[TextureSpec {
+    encode(&[TextureSpec {
         name: "loud".into(),
         sample_rate_hz: SAMPLE_RATE_HZ,
         structure,
@@ -37,13 +37,12 @@ fn library(structure: Structure) -> Vec<u8> {
         nodes: vec![node],
         laws: model_format::Laws::default(),
         parts: PartsSpec::default(),
-        cell_margins: vec![],
     }])
     .expect("a valid library")
 }
 
 fn texture(bytes: &[u8]) -> Texture<'_> {
-    let library = Library::decode_uncertified(bytes).expect("it was just written");
+    let library = Library::decode(bytes).expect("it was just written");
     library.textures().next().expect("it has one")
 }
 

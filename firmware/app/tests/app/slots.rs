@@ -173,7 +173,6 @@ fn the_last_of_256_textures_is_listed_and_all_are_counted() {
         .map(|index| TextureSpec {
             name: format!("texture {index}"),
             sample_rate_hz: SAMPLE_RATE_HZ,
-            structure: Structure::NormalisedLattice,
             provenance: Provenance::Simulated,
             laws: Laws::default(),
             parts: PartsSpec::default(),
@@ -185,7 +184,6 @@ fn the_last_of_256_textures_is_listed_and_all_are_counted() {
                 flags: NodeFlags::NONE,
                 codes: CodeSpec::lattice(Vec::new()),
             }],
-            cell_margins: Vec::new(),
         })
         .collect();
     let bytes = encode(&textures).expect("within the limits");

@@ -126,13 +126,26 @@ impl DirectState {
         }
     }
 
+    /// A filter whose last outputs are `history`, newest first.
+    pub fn from_history(history: &[i32; MAX_ORDER]) -> Self {
+        let mut state = Self::new();
+        let (first, second) = state.history.split_at_mut(MAX_ORDER);
+        first.copy_from_slice(history);
+        second.copy_from_slice(history);
+        state
+    }
+
+    /// The last outputs, newest first, in steps of the history.
+    pub fn history(&self) -> &[i32] {
+        &self.history[self.newest..][..MAX_ORDER]
+    }
+
     /// Passes one sample of excitation through the filter of `frame`. The excitation has steps of the history with
     /// [`SUM_FRACTION_BITS`] digits after the point; the output has steps of the history. The flag is true if the
     /// output was saturated.
     #[inline]
     pub fn filter(&mut self, frame: &DirectFrame, excitation: i64) -> (i32, bool) {
-        let window = &self.history[self.newest..][..MAX_ORDER];
-        let products = frame.coefficients().iter().zip(window);
+        let products = frame.coefficients().iter().zip(self.history());
         let sum = products.fold(0, |sum: i64, (&h, &y)| {
             sum.wrapping_add(i64::from(h) * i64::from(y))
         });

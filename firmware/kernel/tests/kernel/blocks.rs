@@ -1,6 +1,6 @@
 //! Blocks of samples ahead of time: the bits of one sample after the other.
 
-use model_format::{Library, OutputSample, PartsSpec, TextureSpec, encode_with_scenes_uncertified};
+use model_format::{Library, OutputSample, PartsSpec, TextureSpec, encode_with_scenes};
 use proptest::prelude::*;
 use stylus_kernel::scene::{Plan, ScenePlayer};
 use stylus_kernel::{MAX_FED_SAMPLES, Synthesis};
@@ -78,8 +78,8 @@ proptest! {
             of("one", structures.0, which.0),
             of("two", structures.1, which.1),
         ];
-        let bytes = encode_with_scenes_uncertified(&textures, &[]).expect("valid textures");
-        let library = Library::decode_uncertified(&bytes).expect("a valid library");
+        let bytes = encode_with_scenes(&textures, &[]).expect("valid textures");
+        let library = Library::decode(&bytes).expect("a valid library");
         let mut scene = side_by_side(&[1, 2], 20.0);
         scene.surfaces[0].tap = Some(tap(200.0, 0.01));
         let plan = Plan::new(&scene, &library).expect("a valid scene");

@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, LN_2, LN_10, PI};
 
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, ModulationSpec, NodeFlags, NodeSpec, OutputSample,
-    PartsSpec, Structure, Texture, TextureSpec, encode_uncertified,
+    PartsSpec, Structure, Texture, TextureSpec, encode,
 };
 use proptest::prelude::*;
 use stylus_kernel::excitation::Excitation;
@@ -146,7 +146,7 @@ pub fn bare(parts: PartsSpec) -> TextureSpec {
 }
 
 pub fn encoded(spec: TextureSpec) -> Vec<u8> {
-    encode_uncertified(&[spec]).expect("a valid library")
+    encode(&[spec]).expect("a valid library")
 }
 
 /// Excitation of a fed texture, standard deviations.

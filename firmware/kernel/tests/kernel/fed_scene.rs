@@ -1,7 +1,7 @@
 //! Fed textures in scenes: slots, transitions, exchanges of plans, run-up.
 
 use model_format::scene::Scene;
-use model_format::{Library, PartsSpec, Structure, TextureSpec, encode_with_scenes_uncertified};
+use model_format::{Library, PartsSpec, Structure, TextureSpec, encode_with_scenes};
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::feed::{Feed, Material};
 use stylus_kernel::grid::GridPoint;
@@ -34,11 +34,11 @@ fn index_of(structure: usize) -> u8 {
 }
 
 fn library() -> Vec<u8> {
-    encode_with_scenes_uncertified(&textures(), &[]).expect("valid textures")
+    encode_with_scenes(&textures(), &[]).expect("valid textures")
 }
 
 fn plan<'a>(bytes: &'a [u8], scene: &Scene) -> Plan<'a> {
-    let library = Library::decode_uncertified(bytes).expect("a valid library");
+    let library = Library::decode(bytes).expect("a valid library");
     Plan::new(scene, &library).expect("a valid scene")
 }
 

@@ -3,7 +3,7 @@
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{
     CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, Structure, TailSpec,
-    TextureSpec, encode_uncertified,
+    TextureSpec, encode,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -64,7 +64,7 @@ fn grid() -> impl Strategy<Value = Vec<u8>> {
             parts: PartsSpec::default(),
             ..spec(Structure::NormalisedLattice, &speeds, &[0.5, 1.5], nodes)
         };
-        encode_uncertified(&[spec]).expect("a valid library")
+        encode(&[spec]).expect("a valid library")
     })
 }
 

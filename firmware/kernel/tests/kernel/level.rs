@@ -2,7 +2,7 @@
 
 use model_format::{
     CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, Structure, TextureSpec,
-    encode_uncertified,
+    encode,
 };
 use proptest::prelude::*;
 use stylus_kernel::Synthesis;
@@ -152,7 +152,7 @@ fn lattice(laws: Laws) -> Vec<u8> {
         (0..6).map(node).collect(),
         laws,
     );
-    encode_uncertified(&[spec]).expect("a valid library")
+    encode(&[spec]).expect("a valid library")
 }
 
 fn with_laws(structure: Structure, nodes: Vec<NodeSpec>, laws: Laws) -> TextureSpec {
@@ -207,7 +207,7 @@ fn every_structure_and_law_plays_a_node_at_its_own_level() {
                 codes: codes.clone(),
             });
             let spec = with_laws(structure, nodes.collect(), laws);
-            let bytes = encode_uncertified(&[spec]).expect("a valid library");
+            let bytes = encode(&[spec]).expect("a valid library");
             let texture = texture(&bytes);
             for (index, speed, force) in [(0usize, 0, 0), (3, 1, 1), (4, 2, 0)] {
                 let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 3);

@@ -2,7 +2,6 @@
 
 mod arithmetic;
 mod blocks;
-mod direct;
 mod examples;
 mod fed;
 mod fed_lattice;
@@ -13,7 +12,6 @@ mod lattice;
 mod level;
 mod lines;
 mod models;
-mod proof;
 mod reference;
 mod scene;
 mod scene_effects;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use model_format::{
     CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, PartsSpec,
-    Provenance, SAMPLE_RATE_HZ, Structure, Texture, TextureSpec, encode_uncertified,
+    Provenance, SAMPLE_RATE_HZ, Structure, Texture, TextureSpec, encode,
 };
 use serde_json::Value;
 use stylus_kernel::Motion;
@@ -117,7 +117,7 @@ pub fn library(
     forces: &[f32],
     nodes: Vec<NodeSpec>,
 ) -> Vec<u8> {
-    encode_uncertified(&[spec(structure, speeds, forces, nodes)]).expect("a valid library")
+    encode(&[spec(structure, speeds, forces, nodes)]).expect("a valid library")
 }
 
 /// The texture of [`library`], as it is written.
@@ -137,7 +137,6 @@ pub fn spec(
         speed_axis_mm_s: speeds.to_vec(),
         force_axis_n: forces.to_vec(),
         nodes,
-        cell_margins: Vec::new(),
     }
 }
 
@@ -148,7 +147,7 @@ pub fn single(structure: Structure, node: NodeSpec) -> Vec<u8> {
 
 /// The only texture of a library.
 pub fn texture(bytes: &[u8]) -> Texture<'_> {
-    let library = Library::decode_uncertified(bytes).expect("a valid library");
+    let library = Library::decode(bytes).expect("a valid library");
     library.textures().next().expect("a texture")
 }
 

@@ -37,7 +37,7 @@ proptest! {
         steps in vec((any_motion(), 1u32..=UPDATE_INTERVAL_SAMPLES, 1usize..4), 1..30),
     ) {
         let bytes = library(&[]);
-        let decoded = Library::decode_uncertified(&bytes).expect("a valid library");
+        let decoded = Library::decode(&bytes).expect("a valid library");
         for (index, texture) in decoded.textures().enumerate() {
             let mut synthesis: Synthesis<'_> = Synthesis::new(texture, seed);
             let mut plain: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture), seed);
@@ -294,7 +294,7 @@ fn the_worst_case_counts_what_can_sound_at_a_time_and_nothing_else() {
         let cost = plan(&bytes, scene).worst_case();
         cost.terms().iter().map(|term| term.item).collect()
     };
-    let decoded = Library::decode_uncertified(&bytes).expect("a valid library");
+    let decoded = Library::decode(&bytes).expect("a valid library");
     let texture = decoded.textures().nth(2).expect("it is there");
     assert_eq!(
         plan(&bytes, &single(2)).worst_case(),

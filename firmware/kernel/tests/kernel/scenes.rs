@@ -3,7 +3,7 @@
 use model_format::scene::{Biquad, Region, Scene, SceneName, Surface, Tap};
 use model_format::{
     CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
-    TextureSpec, encode_with_scenes_uncertified,
+    TextureSpec, encode_with_scenes,
 };
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
@@ -25,7 +25,6 @@ pub fn texture_of(name: &str, structure: Structure, node: &NodeSpec) -> TextureS
         speed_axis_mm_s: vec![50.0, 100.0],
         force_axis_n: vec![0.5, 1.0],
         nodes: vec![node.clone(); 4],
-        cell_margins: Vec::new(),
     }
 }
 
@@ -56,11 +55,11 @@ pub fn textures() -> Vec<TextureSpec> {
 
 /// A library of [`textures`] and `scenes`.
 pub fn library(scenes: &[Scene]) -> Vec<u8> {
-    encode_with_scenes_uncertified(&textures(), scenes).expect("valid scenes")
+    encode_with_scenes(&textures(), scenes).expect("valid scenes")
 }
 
 pub fn plan<'a>(bytes: &'a [u8], scene: &Scene) -> Plan<'a> {
-    let library = Library::decode_uncertified(bytes).expect("a valid library");
+    let library = Library::decode(bytes).expect("a valid library");
     Plan::new(scene, &library).expect("a valid scene")
 }
 

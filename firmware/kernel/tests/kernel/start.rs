@@ -5,7 +5,7 @@
 use std::f64::consts::PI;
 
 use model_format::scene::Scene;
-use model_format::{CodeSpec, NodeFlags, NodeSpec, Structure, TextureSpec, encode_uncertified};
+use model_format::{CodeSpec, NodeFlags, NodeSpec, Structure, TextureSpec, encode};
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::direct::RUN_UP_SAMPLES;
 use stylus_kernel::excitation::Excitation;
@@ -140,7 +140,7 @@ fn assert_within(name: &str, deviation_db: f64) {
 #[test]
 fn a_texture_is_at_its_level_in_its_first_20_ms() {
     for case in cases() {
-        let bytes = encode_uncertified(std::slice::from_ref(&case.spec)).expect("a valid library");
+        let bytes = encode(std::slice::from_ref(&case.spec)).expect("a valid library");
         let played = deviation_db(&case, |seed| {
             let plan = Plan::of_texture(texture(&bytes));
             first_samples(&mut ScenePlayer::new(plan, seed), at(0.0, moving()))
@@ -153,7 +153,7 @@ fn a_texture_is_at_its_level_in_its_first_20_ms() {
 #[test]
 fn a_texture_is_at_its_level_whenever_the_tool_comes_down_again() {
     for case in cases() {
-        let bytes = encode_uncertified(std::slice::from_ref(&case.spec)).expect("a valid library");
+        let bytes = encode(std::slice::from_ref(&case.spec)).expect("a valid library");
         let again = deviation_db(&case, |seed| {
             let plan = Plan::of_texture(texture(&bytes));
             let mut player = ScenePlayer::new(plan, seed);
@@ -181,7 +181,7 @@ fn a_lattice_comes_down_at_its_level_wherever_it_was_left() {
         output_power: 16.0,
         ..loud
     };
-    let bytes = encode_uncertified(&[spec.clone()]).expect("a valid library");
+    let bytes = encode(&[spec.clone()]).expect("a valid library");
     let case = Case {
         name: "lattice, from one motion to another".to_owned(),
         spec,
@@ -205,7 +205,7 @@ fn among_others(case: &Case) -> Vec<u8> {
         texture_of(name, Structure::NormalisedLattice, &node)
     };
     let textures = [case.spec.clone(), other("second"), other("third")];
-    encode_uncertified(&textures).expect("a valid library")
+    encode(&textures).expect("a valid library")
 }
 
 /// Three surfaces have two slots, so that each entry finds that its texture had to go.

@@ -12,7 +12,6 @@ m/s², times in s, frequencies in Hz. A failure is a ``StylusError`` with the co
 
 from ._native import (
     SAMPLE_RATE_HZ,
-    Certification,
     Device,
     Evaluation,
     Fit,
@@ -30,7 +29,6 @@ from ._native import (
     TrialEvaluation,
     TrialReport,
     __version__,
-    certify,
     compile_scene,
     devices,
     evaluate,
@@ -44,7 +42,6 @@ from ._native import (
 
 __all__ = [
     "SAMPLE_RATE_HZ",
-    "Certification",
     "Device",
     "Evaluation",
     "Fit",
@@ -62,7 +59,6 @@ __all__ = [
     "TrialEvaluation",
     "TrialReport",
     "__version__",
-    "certify",
     "compile_scene",
     "devices",
     "evaluate",

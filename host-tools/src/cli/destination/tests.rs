@@ -12,7 +12,6 @@ use crate::cli::Arguments;
 /// Arguments that are read and never written, by command and name. A new path argument is either a [`Destination`] or
 /// belongs here.
 const INPUTS: &[&str] = &[
-    "certify library",
     "compare inputs",
     "compare library",
     "compare score",
@@ -54,7 +53,6 @@ const INPUTS: &[&str] = &[
 
 /// Arguments that are written.
 const OUTPUTS: &[&str] = &[
-    "certify picture",
     "compare out",
     "demo out",
     "evaluate json",

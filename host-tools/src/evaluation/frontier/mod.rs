@@ -22,6 +22,7 @@ mod options;
 mod pareto;
 mod parts;
 mod players;
+mod predictors;
 mod prepared;
 mod results;
 mod run;

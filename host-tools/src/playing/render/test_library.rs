@@ -18,7 +18,6 @@ pub fn library(sample_rate_hz: u32) -> Vec<u8> {
     let texture = TextureSpec {
         name: "test".into(),
         sample_rate_hz,
-        structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
         parts: PartsSpec::default(),
@@ -30,7 +29,6 @@ pub fn library(sample_rate_hz: u32) -> Vec<u8> {
             node(9.0, &[]),
             node(16.0, &[-9000, 500, 20_000]),
         ],
-        cell_margins: Vec::new(),
     };
     encode(&[texture]).unwrap()
 }

@@ -8,7 +8,7 @@
 use core::arch::x86_64::__m256i;
 
 use pulp::x86::V3;
-use stylus_kernel::arithmetic::{Arithmetic, Portable, SUMS, Turn};
+use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::rotation::Rotation;
 
 use super::rotations::{MAX_SAMPLES, SpacedRotations};

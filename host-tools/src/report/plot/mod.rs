@@ -6,7 +6,6 @@
 
 mod bands;
 mod canvas;
-mod certificate;
 pub(super) mod colours;
 pub mod figure;
 mod frontier;
@@ -34,7 +33,6 @@ use crate::support::error::Result;
 
 pub use bands::band_error_chart;
 pub use canvas::{COST, Quantity};
-pub use certificate::certificate_map;
 pub use figure::Figure;
 pub use frontier::{FrontAxis, FrontLine, FrontLook, FrontPoint, FrontSeries, front_chart};
 pub use grid::{GridCell, GridMap, Scale, grid_map};

@@ -5,7 +5,6 @@ use plotters::style::RGBColor;
 
 use super::canvas::tests::{Text, texts};
 use super::*;
-use crate::texture::certificate::{Cell, Certification, Finding, Stored};
 
 const CAPTION: Caption<'_> = Caption {
     title: "a picture",
@@ -45,42 +44,6 @@ fn map() -> Svg {
         decimals: 1,
     };
     grid_map(&CAPTION, &map).unwrap()
-}
-
-fn certificate(is_lattice: bool) -> Svg {
-    let speeds_mm_s: Vec<f32> = (0..15).map(|n| 20.0 * n as f32).collect();
-    let forces_n: Vec<f32> = (0..8).map(|n| 0.2 * n as f32).collect();
-    let cells = (0..14 * 7).map(|index| Cell {
-        speeds_mm_s: [speeds_mm_s[index / 7], speeds_mm_s[index / 7 + 1]],
-        forces_n: [forces_n[index % 7], forces_n[index % 7 + 1]],
-        finding: if is_lattice {
-            Finding::Lattice {
-                largest_reflection: 0.99,
-            }
-        } else {
-            Finding::Direct {
-                proved_margin: (index % 5 > 0).then_some(0.1),
-                critical_frequency_hz: None,
-                stored_margin: 14,
-                worst: crate::texture::certificate::Point {
-                    speed_mm_s: 5.0,
-                    force_n: 1.0,
-                    pole_radius: 0.99,
-                },
-            }
-        },
-    });
-    let report = Certification {
-        texture: "test".to_owned(),
-        structure: "test".to_owned(),
-        simulated: true,
-        cells: cells.collect(),
-        speeds_mm_s: speeds_mm_s.clone(),
-        forces_n: forces_n.clone(),
-        holds: false,
-        stored: Stored::Missing,
-    };
-    certificate_map(&CAPTION, &report).unwrap()
 }
 
 fn front() -> Svg {
@@ -142,8 +105,6 @@ pub fn pictures() -> Vec<(&'static str, Svg)> {
     let signals = [("recording", &one[..]), ("synthesis: Gaussian", &two[..])];
     let mut all = vec![
         ("map", map()),
-        ("certificate, lattice", certificate(true)),
-        ("certificate, direct", certificate(false)),
         ("front", front()),
         ("orders", orders()),
         ("bands", bands()),
@@ -243,7 +204,7 @@ fn every_axis_and_every_bar_has_a_quantity_with_its_unit() {
         let lowest = lowest.max_by_key(|text| text.frame.bottom).unwrap();
         assert!(is_quantity(&lowest.words, &[]), "{name}: {}", lowest.words);
         // A map's colours have a bar: one more text that runs upwards than axes do.
-        let is_map = ["map", "certificate", "spectrograms", "scene"];
+        let is_map = ["map", "spectrograms", "scene"];
         if is_map.iter().any(|map| name.starts_with(map)) {
             let right = upwards.iter().map(|text| text.frame.right).max().unwrap();
             assert!(right > canvas::at(960 - canvas::BAR), "{name} has no bar");

@@ -23,14 +23,12 @@ fn texture(name: &str, provenance: Provenance) -> TextureSpec {
     TextureSpec {
         name: name.into(),
         sample_rate_hz: 5000,
-        structure: Structure::NormalisedLattice,
         provenance,
         laws: Laws::default(),
         parts: PartsSpec::default(),
         speed_axis_mm_s: vec![50.0, 100.0],
         force_axis_n: vec![1.0],
         nodes: vec![node(2.0, &[]), node(3.0, &[-27_000, 29_000])],
-        cell_margins: Vec::new(),
     }
 }
 

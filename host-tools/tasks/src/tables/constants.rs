@@ -3,7 +3,6 @@
 use model_format::limits;
 use model_format::link::{Setting, SettingSet};
 use model_format::scene::limits as scene_limits;
-use stylus_kernel::direct::{NEAR_TAPS, TAPS_PER_TURN};
 use stylus_kernel::scene::cost::{self, StageCost};
 
 use super::markdown::{grouped, table};
@@ -32,25 +31,13 @@ pub fn settings() -> String {
 
 /// Instructions per tick of a scene's stages, and the budget of all of them together.
 pub fn scene_stages() -> String {
-    let taps = format!("{TAPS_PER_TURN} taps beyond {NEAR_TAPS}");
     let rows = [
         ("list of stages and mix", cost::MIX, ""),
         ("voice, normalised lattice", cost::LATTICE, "stage"),
-        ("voice, direct form", cost::DIRECT, taps.as_str()),
         (
             "voice, normalised lattice with codebooks or a track",
             cost::FED_LATTICE,
             "stage",
-        ),
-        (
-            "voice, direct form with codebooks or a track",
-            cost::FED_DIRECT,
-            taps.as_str(),
-        ),
-        (
-            "sums ahead of a direct form, at the begin of a block",
-            cost::SUMS_AHEAD,
-            taps.as_str(),
         ),
         ("stick-slip", cost::STICK_SLIP, ""),
         ("lines that are locked to place", cost::LINES, "line"),
@@ -96,14 +83,6 @@ pub fn library_limits() -> String {
         (
             "output power of a node, (m/s²)²",
             limits::MAX_OUTPUT_POWER.to_string(),
-        ),
-        (
-            "sum of magnitudes of a direct form's coefficients",
-            grouped(limits::MAX_COEFFICIENT_SUM),
-        ),
-        (
-            "binary exponent of a direct form's coefficients",
-            grouped(limits::MAX_EXPONENT.into()),
         ),
     ];
     most(rows)

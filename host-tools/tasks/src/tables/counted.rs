@@ -7,12 +7,8 @@ use super::markdown::{grouped, range, table};
 /// Nodes around a motion on a grid.
 const NODES: u32 = 4;
 
-/// The structures that an image has.
-const SHIPPED: [Structure; 3] = [
-    Structure::NormalisedLattice32,
-    Structure::DirectForm32,
-    Structure::DirectForm16,
-];
+/// The structure that an image has.
+const SHIPPED: Structure = Structure::NormalisedLattice32;
 
 /// Filters at order 400 on a Cortex-M4, ours and others'.
 pub fn filters(costs: &Costs) -> String {
@@ -63,7 +59,7 @@ pub fn samples_by_order(costs: &Costs) -> String {
         costs.entries.iter().filter(is_wanted)
     });
     let rows = counted.map(|entry| {
-        let shipped = if SHIPPED.contains(&entry.structure) {
+        let shipped = if entry.structure == SHIPPED {
             ""
         } else {
             " (not shipped)"

@@ -36,14 +36,12 @@ fn hostile() -> Vec<u8> {
     let texture = TextureSpec {
         name: "many nodes".to_owned(),
         sample_rate_hz: SAMPLE_RATE_HZ,
-        structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
         parts: PartsSpec::default(),
         speed_axis_mm_s: axis(),
         force_axis_n: axis(),
         nodes: vec![node; 40 * 40],
-        cell_margins: Vec::new(),
     };
     let tap = Tap {
         frequency_hz: 180.0,

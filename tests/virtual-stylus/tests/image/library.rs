@@ -59,13 +59,11 @@ fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
     TextureSpec {
         name: name.to_owned(),
         sample_rate_hz: 5_000,
-        structure: Structure::NormalisedLattice,
         provenance: Provenance::Simulated,
         laws: Laws::default(),
         parts: PartsSpec::default(),
         speed_axis_mm_s: (1..=speeds).map(|speed| f32::from(speed) * 20.0).collect(),
         force_axis_n: (1..=forces).map(|force| f32::from(force) * 0.2).collect(),
-        cell_margins: Vec::new(),
         nodes: (0..speeds * forces).map(node).collect(),
     }
 }

@@ -20,7 +20,6 @@ mod output;
 mod page;
 mod play;
 mod power;
-mod proof;
 mod rates;
 mod record;
 mod scenes;

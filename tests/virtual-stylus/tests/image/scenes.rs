@@ -89,7 +89,6 @@ pub fn texture(name: &str, structure: Structure, order: u32) -> TextureSpec {
         parts: PartsSpec::default(),
         speed_axis_mm_s: vec![40.0, 240.0],
         force_axis_n: vec![0.5, 2.0],
-        cell_margins: Vec::new(),
         nodes: (0..4).map(node).collect(),
     };
     host_tools::texture::certificate::certified(spec).expect("its coefficients are small")
