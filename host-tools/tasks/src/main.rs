@@ -211,7 +211,9 @@ fn check_house() -> Result<()> {
     for finding in &outcome.findings {
         println!("{finding}");
     }
-    println!("house: {}", outcome.summary());
+    for (kind, count) in &outcome.checked {
+        println!("{count:>6} {kind}");
+    }
     match outcome.findings.len() {
         0 => Ok(()),
         count => Err(Error::House(count)),
