@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use crate::error::{Error, Result};
 use crate::{process, workspace};
 
-/// Cases of a round of model checks, as a multiple of those of `tests/run`.
+/// Cases of a round of model checks: forty times those of `tests/run`.
 const FACTOR: &str = "4";
 
 /// Cases of a property, four times proptest's default, and cases that it may reject.
