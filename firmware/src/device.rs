@@ -12,8 +12,8 @@ use embassy_time::Instant;
 use heapless::String;
 use model_format::link::{
     CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION,
-    PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH,
-    Selection, Settings, StartReport, TickCounters,
+    PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
+    SCHEMA_HASH, Selection, Settings, StartReport, TickCounters,
 };
 use model_format::{FORMAT_VERSION, PlayRate};
 use stylus_app::SAMPLE_RATE_HZ;

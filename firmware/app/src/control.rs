@@ -6,9 +6,10 @@
 use model_format::link::{
     ActivateError, CycleReport, DeviceInfo, LinkCounters, LinkId, MAX_PLAY_GAIN, Marks,
     MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
-    ProposalToken, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
-    Selection, Settings, SettingsChange, SettingsError, SettingsProposal, SettingsState, SlotId,
-    SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram, UploadState,
+    ProposalToken, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
+    ResetReason, Selection, Settings, SettingsChange, SettingsError, SettingsProposal,
+    SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram,
+    UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 use model_format::{Library, PlayRate};

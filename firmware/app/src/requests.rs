@@ -142,18 +142,26 @@ pub async fn work<F: MappedFlash, N: NorFlash, S: Stage>(
         job,
     } = queued;
     match job {
-        Job::UploadBegin(begin) => {
-            reply::<UploadBeginEndpoint>(sequence, &storage.upload_begin(stage, begin).await, answer)
-        }
+        Job::UploadBegin(begin) => reply::<UploadBeginEndpoint>(
+            sequence,
+            &storage.upload_begin(stage, begin).await,
+            answer,
+        ),
         Job::UploadChunk(offset, data) => {
             let data = &data;
             let chunk = UploadChunk { offset, data };
-            reply::<UploadChunkEndpoint>(sequence, &storage.upload_chunk(stage, chunk).await, answer)
+            reply::<UploadChunkEndpoint>(
+                sequence,
+                &storage.upload_chunk(stage, chunk).await,
+                answer,
+            )
         }
         Job::UploadCommit => {
             reply::<UploadCommitEndpoint>(sequence, &storage.upload_commit(stage).await, answer)
         }
-        Job::UploadAbort => reply::<UploadAbortEndpoint>(sequence, &storage.upload_abort(stage), answer),
+        Job::UploadAbort => {
+            reply::<UploadAbortEndpoint>(sequence, &storage.upload_abort(stage), answer)
+        }
         Job::Slots => reply::<SlotsEndpoint>(sequence, &storage.read_slots().await, answer),
         Job::List(request) => reply::<ListEndpoint>(sequence, &storage.list(request).await, answer),
         Job::ListScene(request) => {
@@ -162,12 +170,16 @@ pub async fn work<F: MappedFlash, N: NorFlash, S: Stage>(
         Job::Activate(slot) => {
             reply::<ActivateEndpoint>(sequence, &storage.activate(stage, slot).await, answer)
         }
-        Job::SettingsApply(token) => {
-            reply::<SettingsApplyEndpoint>(sequence, &storage.settings_apply(stage, from, token).await, answer)
-        }
-        Job::SelfTest(request) => {
-            reply::<SelfTestEndpoint>(sequence, &storage.self_test(stage, bench, request).await, answer)
-        }
+        Job::SettingsApply(token) => reply::<SettingsApplyEndpoint>(
+            sequence,
+            &storage.settings_apply(stage, from, token).await,
+            answer,
+        ),
+        Job::SelfTest(request) => reply::<SelfTestEndpoint>(
+            sequence,
+            &storage.self_test(stage, bench, request).await,
+            answer,
+        ),
     }
 }
 
@@ -182,12 +194,7 @@ fn reply<E: Endpoint<Response: Serialize>>(
 
 /// Writes header and message into `frame`. Returns their length; none if they do not fit, which no message does that is
 /// within the limits of [`model_format::link`].
-fn encode<T: Serialize>(
-    key: Key,
-    seq_no: VarSeq,
-    message: &T,
-    frame: &mut Frame,
-) -> Option<usize> {
+fn encode<T: Serialize>(key: Key, seq_no: VarSeq, message: &T, frame: &mut Frame) -> Option<usize> {
     let key = VarKey::Key8(key);
     let (head, rest) = VarHeader { key, seq_no }.write_to_slice(frame)?;
     let body = postcard::to_slice(message, rest).ok()?.len();
@@ -269,9 +276,7 @@ fn dispatch<S: Stage, L: Link>(
     match key {
         PingEndpoint::REQ_KEY => request.answer::<PingEndpoint>(|_, number| number),
         InfoEndpoint::REQ_KEY => request.answer::<InfoEndpoint>(|control, ()| control.info()),
-        StatusEndpoint::REQ_KEY => {
-            request.answer::<StatusEndpoint>(|control, ()| control.status())
-        }
+        StatusEndpoint::REQ_KEY => request.answer::<StatusEndpoint>(|control, ()| control.status()),
         CyclesEndpoint::REQ_KEY => {
             request.answer::<CyclesEndpoint>(|control, ()| control.take_cycles())
         }

@@ -10,9 +10,8 @@ use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
     ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, Proving, SceneInfo,
-    Settings, SettingsChange, SettingsError, SlotId, SlotInfo, SlotState, Slots,
-    TextureInfo, UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress,
-    UploadState,
+    Settings, SettingsChange, SettingsError, SlotId, SlotInfo, SlotState, Slots, TextureInfo,
+    UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 use crate::control::{Control, Device, LoadFault};
@@ -153,7 +152,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     async fn prove(&mut self, stage: &mut impl Stage, slot: SlotId) -> Result<(), ActivateError> {
         let may_write = !stage.with_control(|control| control.is_supply_low());
         let told = |permille| {
-            stage.with_control(|control| control.set_upload(UploadState::Proving(Proving { slot, permille })));
+            stage.with_control(|control| {
+                control.set_upload(UploadState::Proving(Proving { slot, permille }))
+            });
             unless_aborted(stage)
         };
         let proved = self.slots.prove(slot, may_write, told).await;
@@ -252,7 +253,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         self.stopwatch = self.stopwatch.resumed_at(stage.now_us());
         let told = |event| {
             match event {
-                CommitEvent::State(state) => stage.with_control(|control| control.set_upload(state)),
+                CommitEvent::State(state) => {
+                    stage.with_control(|control| control.set_upload(state))
+                }
                 CommitEvent::Ended(step) => self.stopwatch.end(step, stage.now_us()),
             }
             unless_aborted(stage)

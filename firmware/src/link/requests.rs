@@ -3,8 +3,8 @@
 use model_format::link::{LinkCounters, LinkId};
 use stylus_app::requests::{self, Frame, Link, QueuedJob};
 
-use crate::link::storage::{ControlStage, QUEUE};
 use crate::link::outlet::ReceiveFrame;
+use crate::link::storage::{ControlStage, QUEUE};
 use crate::link::wire::Wire;
 
 impl Link for Wire {

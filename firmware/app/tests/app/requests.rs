@@ -934,7 +934,10 @@ fn recordings_are_started_and_stopped_once() {
     assert_eq!(control.record_stop(), Err(RecordError::NotRecording));
     assert!(control.record_start(LinkId::Usb).is_ok());
     assert!(control.status().record.recording);
-    assert_eq!(control.record_start(LinkId::Usb), Err(RecordError::Recording));
+    assert_eq!(
+        control.record_start(LinkId::Usb),
+        Err(RecordError::Recording)
+    );
     assert!(control.record_stop().is_ok());
 }
 
