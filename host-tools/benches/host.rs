@@ -38,7 +38,10 @@ const FIT: &str = "fit set --out a.lib --order 400 --estimator rectangular --exc
                    --lines none";
 
 fn main() {
-    println!("{:<50} {:>6}", "ratio of seconds, before to after", "median");
+    println!(
+        "{:<50} {:>6}",
+        "ratio of seconds, before to after", "median"
+    );
     show("rendering, plain and the host's own arithmetic", || {
         let (before, plain) = rendered::<Portable>();
         let (after, fast) = rendered::<Wavefront>();
@@ -82,7 +85,11 @@ fn run(program: &Path, arguments: &str, folder: &Path) -> f64 {
         .stderr(Stdio::null())
         .status();
     let status = status.unwrap_or_else(|error| panic!("{}: {error}", program.display()));
-    assert!(status.success(), "{} {arguments}: {status}", program.display());
+    assert!(
+        status.success(),
+        "{} {arguments}: {status}",
+        program.display()
+    );
     begin.elapsed().as_secs_f64()
 }
 
