@@ -57,6 +57,45 @@ pub struct CodeSpec {
     pub tail: TailSpec,
 }
 
+impl TextureSpec {
+    /// A texture of `nodes` on this grid, mm/s and N, at [`crate::SAMPLE_RATE_HZ`]: simulated, with the usual laws and
+    /// without parts.
+    pub fn new(name: &str, speeds: &[f32], forces: &[f32], nodes: Vec<NodeSpec>) -> Self {
+        Self {
+            name: name.into(),
+            sample_rate_hz: crate::SAMPLE_RATE_HZ,
+            provenance: Provenance::Simulated,
+            laws: Laws::default(),
+            parts: PartsSpec::default(),
+            speed_axis_mm_s: speeds.to_vec(),
+            force_axis_n: forces.to_vec(),
+            nodes,
+        }
+    }
+}
+
+impl NodeSpec {
+    /// A node without remarks that is as loud as this, (m/s²)²; silent at a power of 0. Its prediction error counts as
+    /// strong as its output.
+    pub fn new(output_power: f32, codes: CodeSpec) -> Self {
+        Self {
+            output_power,
+            prediction_error_power: output_power,
+            flags: if output_power > 0.0 {
+                NodeFlags::NONE
+            } else {
+                NodeFlags::SILENT
+            },
+            codes,
+        }
+    }
+
+    /// A node that puts out nothing.
+    pub fn silent() -> Self {
+        Self::new(0.0, CodeSpec::lattice(Vec::new()))
+    }
+}
+
 impl From<Coefficients<'_>> for CodeSpec {
     /// The coefficients of a decoded node, which encode to the same bytes.
     fn from(stored: Coefficients<'_>) -> Self {
@@ -152,27 +191,11 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
 /// The bytes returned have passed [`Library::decode`].
 ///
 /// ```
-/// # use model_format::{
-/// #     CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, TextureSpec,
-/// # };
+/// # use model_format::{CodeSpec, NodeSpec, SAMPLE_RATE_HZ, TextureSpec};
 /// use model_format::scene::{Region, Scene, SceneProblem, Surface};
 /// use model_format::{Library, Problem, encode_with_scenes};
-/// # let node = NodeSpec {
-/// #     output_power: 4.0,
-/// #     prediction_error_power: 1.0,
-/// #     flags: NodeFlags::NONE,
-/// #     codes: CodeSpec::lattice(vec![-20_000]),
-/// # };
-/// # let textures = [TextureSpec {
-/// #     name: "denim".into(),
-/// #     sample_rate_hz: SAMPLE_RATE_HZ,
-/// #     provenance: Provenance::Simulated,
-/// #     laws: Laws::default(),
-/// #     parts: PartsSpec::default(),
-/// #     speed_axis_mm_s: vec![100.0],
-/// #     force_axis_n: vec![1.0],
-/// #     nodes: vec![node],
-/// # }];
+/// # let node = NodeSpec::new(4.0, CodeSpec::lattice(vec![-20_000]));
+/// # let textures = [TextureSpec::new("denim", &[100.0], &[1.0], vec![node])];
 ///
 /// let name = "strip".try_into().expect("at most 48 bytes");
 /// let mut strip = Scene::of_surface(name, SAMPLE_RATE_HZ, Surface::of_texture(0));

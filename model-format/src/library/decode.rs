@@ -18,26 +18,10 @@ use crate::wire::{self, CRC_RANGE, Prefix, Reader};
 /// A decoding in steps, each of which takes a bounded time; [`crate::limits`] has the bound.
 ///
 /// ```
-/// # use model_format::{
-/// #     CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, TextureSpec,
-/// # };
+/// # use model_format::{CodeSpec, NodeSpec, TextureSpec};
 /// use model_format::{Decoder, encode};
-/// # let node = NodeSpec {
-/// #     output_power: 4.0,
-/// #     prediction_error_power: 1.0,
-/// #     flags: NodeFlags::NONE,
-/// #     codes: CodeSpec::lattice(vec![-20_000]),
-/// # };
-/// # let textures = [TextureSpec {
-/// #     name: "denim".into(),
-/// #     sample_rate_hz: SAMPLE_RATE_HZ,
-/// #     provenance: Provenance::Simulated,
-/// #     laws: Laws::default(),
-/// #     parts: PartsSpec::default(),
-/// #     speed_axis_mm_s: vec![100.0],
-/// #     force_axis_n: vec![1.0],
-/// #     nodes: vec![node],
-/// # }];
+/// # let node = NodeSpec::new(4.0, CodeSpec::lattice(vec![-20_000]));
+/// # let textures = [TextureSpec::new("denim", &[100.0], &[1.0], vec![node])];
 ///
 /// let bytes = encode(&textures)?;
 /// let mut decoder = Decoder::new(&bytes);

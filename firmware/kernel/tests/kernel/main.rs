@@ -1,6 +1,5 @@
 //! Promises of the kernel for every texture and motion, tested through its public interface only.
 
-mod arithmetic;
 mod blocks;
 mod examples;
 mod fed;

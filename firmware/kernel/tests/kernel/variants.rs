@@ -1,6 +1,5 @@
 //! Structures that are compared and not shipped: their accuracy, and their shortcomings beside the shipped lattice.
 
-use model_format::Structure;
 use model_format::limits::MAX_ORDER;
 use proptest::prelude::*;
 use stylus_kernel::Motion;
@@ -45,10 +44,7 @@ fn accuracy(rotations: &[Rotation], mut play: impl FnMut(i32) -> f64) -> (f64, f
 }
 
 fn two_multiplier(model: &Model) -> (f64, f64) {
-    let bytes = single(
-        Structure::NormalisedLattice,
-        model.node(Structure::NormalisedLattice, POWER),
-    );
+    let bytes = single(model.node(POWER));
     let texture = texture(&bytes);
     let point = GridPoint::locate(&texture, at_the_node());
     let mut frame = TwoMultiplierFrame::silent(texture.max_order());
@@ -62,10 +58,7 @@ fn two_multiplier(model: &Model) -> (f64, f64) {
 }
 
 fn normalised16(model: &Model) -> (f64, f64) {
-    let bytes = single(
-        Structure::NormalisedLattice,
-        model.node(Structure::NormalisedLattice, POWER),
-    );
+    let bytes = single(model.node(POWER));
     let texture = texture(&bytes);
     let point = GridPoint::locate(&texture, at_the_node());
     let mut frame = Lattice16Frame::silent(texture.max_order());
@@ -202,8 +195,8 @@ fn a_few_steps_are_left_in_the_16_bit_lattice_when_the_drive_stops() {
 fn switching_coefficients_can_make_the_two_multiplier_lattice_louder_without_input() {
     let (a, b) = (crate::models::fixture("H2a"), crate::models::fixture("H2b"));
     let lattice = Structure::NormalisedLattice;
-    let nodes = vec![a.node(lattice, POWER), b.node(lattice, POWER)];
-    let bytes = library(lattice, &[100.0, 200.0], &[1.0], nodes);
+    let nodes = vec![a.node(POWER), b.node(POWER)];
+    let bytes = library(&[100.0, 200.0], &[1.0], nodes);
     let texture = texture(&bytes);
     let mut frame = TwoMultiplierFrame::silent(texture.max_order());
     let (mut state, mut noise) = (TwoMultiplierState::new(), Excitation::new(4));
