@@ -7,9 +7,9 @@
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, SceneInfo,
-    Settings, SettingsChange, SettingsError, SlotId, SlotInfo, SlotState, Slots, TextureInfo,
-    UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
+    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, SceneInfo, Settings,
+    SettingsChange, SettingsError, SlotId, SlotInfo, SlotState, Slots, TextureInfo, UploadBegin,
+    UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 use crate::control::{Control, Device, LoadFault};

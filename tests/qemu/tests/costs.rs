@@ -13,8 +13,7 @@ use tasks::toolchain::Toolchain;
 /// The orders that are counted again. One is enough, because the code takes the same path for every order.
 const ORDERS: [usize; 1] = [50];
 
-/// Orders between those of the table: just above a turn of a direct form's sum, and with stages beyond whole turns of a
-/// lattice's.
+/// Orders between those of the table, with stages beyond whole turns of a lattice's loop.
 const ORDERS_BETWEEN: [usize; 4] = [21, 23, 41, 121];
 
 /// The most cycles by which a sample may exceed the look-up of `fit --budget-cycles`: those of three stages that a
@@ -114,11 +113,6 @@ fn the_filters_alone_take_what_was_promised_of_a_cortex_m4() {
         lattice.best_cycles <= STAGE_CYCLES * lattice.order,
         "{lattice:?}"
     );
-    let until_output = "stylus: direct form, 32 bits, until the output is known";
-    let output = alone(&peers, until_output);
-    assert!(output.instructions <= 100, "{output:?}");
-    let whole = alone(&peers, "stylus: direct form, 32 bits");
-    assert!(whole.instructions <= 900, "{whole:?}");
 }
 
 /// The model is llvm-mca's, which only the command that writes the table needs.

@@ -3,10 +3,7 @@
 use embassy_futures::block_on;
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_TEXTURES, SLOT_BYTES};
 use model_format::link::{ListError, SlotFault, SlotId, SlotState};
-use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
-    TextureSpec, encode,
-};
+use model_format::{CodeSpec, NodeSpec, TextureSpec, encode};
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
 
@@ -170,20 +167,13 @@ fn a_listing_tells_what_is_in_a_library() {
 #[test]
 fn the_last_of_256_textures_is_listed_and_all_are_counted() {
     let textures: Vec<TextureSpec> = (0..MAX_TEXTURES)
-        .map(|index| TextureSpec {
-            name: format!("texture {index}"),
-            sample_rate_hz: SAMPLE_RATE_HZ,
-            provenance: Provenance::Simulated,
-            laws: Laws::default(),
-            parts: PartsSpec::default(),
-            speed_axis_mm_s: vec![100.0],
-            force_axis_n: vec![1.0],
-            nodes: vec![NodeSpec {
-                output_power: 1.0,
-                prediction_error_power: 1.0,
-                flags: NodeFlags::NONE,
-                codes: CodeSpec::lattice(Vec::new()),
-            }],
+        .map(|index| {
+            TextureSpec::new(
+                &format!("texture {index}"),
+                &[100.0],
+                &[1.0],
+                vec![NodeSpec::new(1.0, CodeSpec::lattice(Vec::new()))],
+            )
         })
         .collect();
     let bytes = encode(&textures).expect("within the limits");

@@ -26,15 +26,10 @@ fn node() -> impl Strategy<Value = NodeSpec> {
         1e-9f32..MAX_OUTPUT_POWER
     ];
     prop_oneof![
-        8 => (codes, fractions, power).prop_map(|(codes, mut fractions, output_power)| NodeSpec {
-            output_power,
-            prediction_error_power: 0.0,
-            flags: NodeFlags::NONE,
-            codes: {
+        8 => (codes, fractions, power).prop_map(|(codes, mut fractions, output_power)| NodeSpec::new(output_power, {
                 fractions.truncate(codes.len());
                 CodeSpec { codes, fractions, tail: TailSpec::default() }
-            },
-        }),
+            })),
         1 => Just(NodeSpec::silent()),
     ]
 }

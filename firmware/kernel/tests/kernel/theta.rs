@@ -1,7 +1,7 @@
 //! Interpolation of θ with its fractions, against sums in wider integers.
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
-use model_format::{CodeSpec, FINE_THETA_STEP_RAD, MAX_FINE_THETA, NodeFlags, NodeSpec};
+use model_format::{CodeSpec, FINE_THETA_STEP_RAD, MAX_FINE_THETA, NodeSpec};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::Levels;
@@ -18,12 +18,7 @@ fn node(thetas: &[i32]) -> NodeSpec {
 }
 
 fn node_of(codes: CodeSpec) -> NodeSpec {
-    NodeSpec {
-        output_power: 1.0,
-        prediction_error_power: 0.5,
-        flags: NodeFlags::NONE,
-        codes,
-    }
+    NodeSpec::new(1.0, codes)
 }
 
 /// Any θ that a library holds, its ends more often than by chance.

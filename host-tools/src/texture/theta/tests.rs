@@ -1,8 +1,7 @@
 //! Tests of the choice, on models that allow one byte per further stage and on models that do not.
 
 use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ,
-    TextureSpec, encode, limits,
+    Laws, Library, NodeFlags, NodeSpec, PartsSpec, SAMPLE_RATE_HZ, TextureSpec, encode, limits,
 };
 use proptest::prelude::*;
 
@@ -61,19 +60,14 @@ fn errors<'n>(grid: &'n Grid, nodes: &'n [NodeSpec]) -> impl Iterator<Item = Mod
 }
 
 fn has_tail(node: &NodeSpec) -> bool {
-    matches!(&node.codes, CodeSpec::Lattice { tail, .. } if !tail.codes.is_empty())
+    !node.codes.tail.codes.is_empty()
 }
 
 fn spec(grid: &Grid, nodes: Vec<NodeSpec>) -> TextureSpec {
     TextureSpec {
-        name: "felt".into(),
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        provenance: Provenance::Simulated,
         laws: grid.laws,
         parts: grid.parts.clone(),
-        speed_axis_mm_s: grid.speeds_mm_s.clone(),
-        force_axis_n: grid.forces_n.clone(),
-        nodes,
+        ..TextureSpec::new("felt", &grid.speeds_mm_s, &grid.forces_n, nodes)
     }
 }
 

@@ -3,10 +3,7 @@
 use model_format::link::{MotionSource, PlayError, StopEndpoint, UploadCommitEndpoint};
 use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{Biquad, Region, Scene, Surface, Tap};
-use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
-    TailSpec, TextureSpec, encode_with_scenes,
-};
+use model_format::{CodeSpec, NodeSpec, SAMPLE_RATE_HZ, TailSpec, TextureSpec, encode_with_scenes};
 use postcard_rpc::Endpoint;
 use virtual_stylus::motion::Motion;
 
@@ -23,26 +20,12 @@ const MOST_GAP_US: u32 = 40_000;
 /// about 100 KB.
 fn hostile() -> Vec<u8> {
     let axis = || (1..=40u8).map(f32::from).collect::<Vec<_>>();
-    let node = NodeSpec {
-        output_power: 1.0,
-        prediction_error_power: 0.5,
-        flags: NodeFlags::NONE,
-        codes: CodeSpec::Lattice {
+    let node = NodeSpec::new(1.0, CodeSpec {
             codes: vec![-9000; 8],
             fractions: vec![7; 8],
             tail: TailSpec::default(),
-        },
-    };
-    let texture = TextureSpec {
-        name: "many nodes".to_owned(),
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: axis(),
-        force_axis_n: axis(),
-        nodes: vec![node; 40 * 40],
-    };
+        });
+    let texture = TextureSpec::new("many nodes", &axis(), &axis(), vec![node; 40 * 40]);
     let tap = Tap {
         frequency_hz: 180.0,
         decay_s: 0.02,

@@ -2,24 +2,18 @@
 
 use std::sync::OnceLock;
 
-use host_tools::texture::certificate::certified;
 use model_format::limits::MAX_ORDER;
-use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec, encode,
-};
+use model_format::{CodeSpec, NodeSpec, TextureSpec, encode};
 use virtual_stylus::Options;
 use virtual_stylus::model::flash::Contents;
 
 use crate::device::Device;
 
-/// The certified ones of the textures that every processor must play to the same bits; about 25 KB.
+/// The textures that every processor must play to the same bits; about 25 KB.
 pub fn small() -> &'static [u8] {
     static SMALL: OnceLock<Vec<u8>> = OnceLock::new();
     SMALL.get_or_init(|| {
-        let certified = kernel_vectors::specs()
-            .into_iter()
-            .filter_map(|spec| certified(spec).ok());
-        encode(&certified.collect::<Vec<_>>()).expect("within the limits")
+        encode(&kernel_vectors::specs()).expect("within the limits")
     })
 }
 
@@ -41,11 +35,7 @@ pub fn large() -> Vec<u8> {
 
 /// A texture of different lattices with small angles.
 fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
-    let node = |number: u16| NodeSpec {
-        output_power: 4.0,
-        prediction_error_power: 4.0,
-        flags: NodeFlags::NONE,
-        codes: CodeSpec::lattice(
+    let node = |number: u16| NodeSpec::new(4.0, CodeSpec::lattice(
             (0..order)
                 .map(|stage| {
                     (stage as i16)
@@ -54,18 +44,8 @@ fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
                         >> 4
                 })
                 .collect(),
-        ),
-    };
-    TextureSpec {
-        name: name.to_owned(),
-        sample_rate_hz: 5_000,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: (1..=speeds).map(|speed| f32::from(speed) * 20.0).collect(),
-        force_axis_n: (1..=forces).map(|force| f32::from(force) * 0.2).collect(),
-        nodes: (0..speeds * forces).map(node).collect(),
-    }
+        ));
+    TextureSpec::new(name, &(1..=speeds).map(|speed| f32::from(speed) * 20.0).collect::<Vec<_>>(), &(1..=forces).map(|force| f32::from(force) * 0.2).collect::<Vec<_>>(), (0..speeds * forces).map(node).collect())
 }
 
 /// Flash with [`small`] in a slot, after an upload.

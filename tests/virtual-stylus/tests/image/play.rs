@@ -110,11 +110,6 @@ fn a_lattice_is_put_out_as_the_host_computes_it_code_for_code() {
     plays_as_the_host_does(library::small(), "lattice", library::options());
 }
 
-#[test]
-fn a_direct_form_is_put_out_as_the_host_computes_it_code_for_code() {
-    plays_as_the_host_does(library::small(), "direct 32", library::options());
-}
-
 /// The texture whose digest all platforms compare, by the image itself, which gives no words but codes.
 #[test]
 fn the_texture_of_the_digest_is_put_out_as_the_host_computes_it_code_for_code() {

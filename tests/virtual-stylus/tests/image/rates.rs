@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use model_format::link::{MotionSource, MuteReason, RecordStartEndpoint, RecordStopEndpoint};
 use model_format::scene::{Scene, Surface};
-use model_format::{Library, PlayRate, Structure, TextureSpec, encode_with_scenes};
+use model_format::{Library, PlayRate, TextureSpec, encode_with_scenes};
 use stylus_app::safety::Config;
 use stylus_kernel::scene::cost::BUDGET;
 use virtual_stylus::Options;
@@ -36,11 +36,10 @@ fn scene_at_ten_kilohertz(mut scene: Scene) -> Scene {
 fn bytes() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
     BYTES.get_or_init(|| {
-        use Structure::{DirectForm16, NormalisedLattice};
-        let slow = scenes::texture("slow", NormalisedLattice, 400);
-        let fast = at_ten_kilohertz(scenes::texture("fast", NormalisedLattice, 400));
-        let direct = at_ten_kilohertz(scenes::texture("fast direct", DirectForm16, 400));
-        let lined = scenes::lined(scenes::texture("lined", NormalisedLattice, 400), 4);
+        let slow = scenes::texture("slow", 400);
+        let fast = at_ten_kilohertz(scenes::texture("fast", 400));
+        let short = at_ten_kilohertz(scenes::texture("fast short", 200));
+        let lined = scenes::lined(scenes::texture("lined", 400), 4);
         let fed = at_ten_kilohertz(scenes::fed("fast fed", &lined));
         let surface = Surface::of_texture;
         let both = scenes::two("both", [surface(1), surface(1)], 0.0);
@@ -50,7 +49,7 @@ fn bytes() -> &'static [u8] {
         everything.transition_mm = 20.0;
         let everything = scenes::equalised(everything, 3);
         let scenes = [both, everything].map(scene_at_ten_kilohertz);
-        encode_with_scenes(&[slow, fast, direct, fed], &scenes).expect("within the limits")
+        encode_with_scenes(&[slow, fast, short, fed], &scenes).expect("within the limits")
     })
 }
 

@@ -9,11 +9,7 @@ use model_format::link::{
 use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneName, StickSlip, Surface, Tap,
 };
-use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, Laws, Library, LineSpec, LinesSpec, ModulationSpec,
-    NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec, encode_with_scenes,
-};
-use stylus_kernel::direct;
+use model_format::{CodeSpec, CodebookSpec, ExcitationSpec, Library, LineSpec, LinesSpec, ModulationSpec, NodeSpec, PartsSpec, TextureSpec, encode_with_scenes};
 use stylus_kernel::scene::Plan;
 use stylus_kernel::scene::cost::{self, StageCost};
 use virtual_stylus::Options;
@@ -30,15 +26,11 @@ use crate::play::{force_code, latched};
 /// Textures of the library, by their index in it.
 const LATTICE: u8 = 0;
 const SHORT_LATTICE: u8 = 1;
-const DIRECT: u8 = 2;
-const SHORT_DIRECT: u8 = 3;
-const FED_LATTICE: u8 = 4;
-const FED_SHORT_LATTICE: u8 = 5;
-const FED_DIRECT: u8 = 6;
-const FED_SHORT_DIRECT: u8 = 7;
-const FOUR_LINES: u8 = 8;
-const ONE_LINE: u8 = 9;
-const FED_FOUR_LINES: u8 = 10;
+const FED_LATTICE: u8 = 2;
+const FED_SHORT_LATTICE: u8 = 3;
+const FOUR_LINES: u8 = 4;
+const ONE_LINE: u8 = 5;
+const FED_FOUR_LINES: u8 = 6;
 
 /// Orders of the long textures and of the short ones.
 const ORDERS: [u32; 2] = [400, 200];
@@ -62,36 +54,13 @@ const STICKY: StickSlip = StickSlip {
 };
 
 /// A texture of small models that differ in their first coefficient only.
-pub fn texture(name: &str, structure: Structure, order: u32) -> TextureSpec {
-    let node = |number: usize| {
-        let first = (1_000 * (number as i16 + 1), order as usize);
-        let codes = |(head, order): (i16, usize)| {
-            std::iter::once(head).chain((1..order).map(|tap| (tap % 7) as i16))
-        };
-        NodeSpec {
-            output_power: 4.0,
-            prediction_error_power: 4.0,
-            flags: NodeFlags::NONE,
-            codes: if structure == Structure::NormalisedLattice {
-                CodeSpec::lattice(codes(first).collect())
-            } else {
-                let codes = codes(first).collect();
-                CodeSpec::Direct16 { exponent: 0, codes }
-            },
-        }
+pub fn texture(name: &str, order: u32) -> TextureSpec {
+    let node = |number: i16| {
+        let others = (1..order).map(|stage| (stage % 7) as i16);
+        let codes = std::iter::once(1_000 * (number + 1)).chain(others);
+        NodeSpec::new(4.0, CodeSpec::lattice(codes.collect()))
     };
-    let spec = TextureSpec {
-        name: name.to_owned(),
-        sample_rate_hz: 5_000,
-        structure,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: vec![40.0, 240.0],
-        force_axis_n: vec![0.5, 2.0],
-        nodes: (0..4).map(node).collect(),
-    };
-    host_tools::texture::certificate::certified(spec).expect("its coefficients are small")
+    TextureSpec::new(name, &[40.0, 240.0], &[0.5, 2.0], (0..4).map(node).collect())
 }
 
 /// The same with so many lines that are locked to place.
@@ -184,7 +153,7 @@ pub fn two(title: &str, surfaces: [Surface; 2], boundary_mm: f32) -> Scene {
 
 fn everything() -> Scene {
     let first = tapped(sticky(Surface::of_texture(FOUR_LINES)));
-    let second = sticky(Surface::of_texture(DIRECT));
+    let second = sticky(Surface::of_texture(SHORT_LATTICE));
     let mut scene = equalised(two("everything", [first, second], 30.0), 3);
     scene.transition_mm = 20.0;
     scene
@@ -194,7 +163,7 @@ fn everything() -> Scene {
 fn fed_everything() -> Scene {
     let mut scene = everything();
     scene.name = name("fed everything");
-    for (surface, texture) in scene.surfaces.iter_mut().zip([FED_FOUR_LINES, FED_DIRECT]) {
+    for (surface, texture) in scene.surfaces.iter_mut().zip([FED_FOUR_LINES, FED_SHORT_LATTICE]) {
         surface.texture = Some(texture);
     }
     scene
@@ -209,14 +178,12 @@ fn scenes() -> Vec<Scene> {
         };
         scene
     };
-    let both = [lattice(), Surface::of_texture(DIRECT)];
+    let both = [lattice(), Surface::of_texture(SHORT_LATTICE)];
     let sticky_both = both.clone().map(sticky);
     vec![
         of_surface("lattice", lattice()),
         constant(of_surface("constant", lattice())),
         of_surface("short lattice", Surface::of_texture(SHORT_LATTICE)),
-        of_surface("direct", Surface::of_texture(DIRECT)),
-        of_surface("short direct", Surface::of_texture(SHORT_DIRECT)),
         of_surface("four lines", Surface::of_texture(FOUR_LINES)),
         of_surface("one line", Surface::of_texture(ONE_LINE)),
         of_surface("tap", tapped(lattice())),
@@ -226,21 +193,14 @@ fn scenes() -> Vec<Scene> {
         equalised(of_surface("eight sections", lattice()), 8),
         equalised(of_surface("tap, four sections", tapped(lattice())), 4),
         two("transition", both.clone(), 0.0),
-        two(
-            "transition of lattices",
-            [lattice(), Surface::of_texture(SHORT_LATTICE)],
-            0.0,
-        ),
         two("sticky transition", sticky_both, 0.0),
         two("away from the transition", both, 500.0),
         of_surface("fed", Surface::of_texture(FED_LATTICE)),
         of_surface("short fed", Surface::of_texture(FED_SHORT_LATTICE)),
-        of_surface("fed direct", Surface::of_texture(FED_DIRECT)),
-        of_surface("short fed direct", Surface::of_texture(FED_SHORT_DIRECT)),
         of_surface("fed four lines", Surface::of_texture(FED_FOUR_LINES)),
         two(
             "fed transition",
-            [FED_LATTICE, FED_DIRECT].map(Surface::of_texture),
+            [FED_LATTICE, FED_SHORT_LATTICE].map(Surface::of_texture),
             0.0,
         ),
         two(
@@ -257,20 +217,17 @@ fn scenes() -> Vec<Scene> {
 pub fn bytes() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
     BYTES.get_or_init(|| {
-        use Structure::{DirectForm16, NormalisedLattice};
         let plain = [
-            texture("lattice", NormalisedLattice, ORDERS[0]),
-            texture("short lattice", NormalisedLattice, ORDERS[1]),
-            texture("direct", DirectForm16, ORDERS[0]),
-            texture("short direct", DirectForm16, ORDERS[1]),
+            texture("lattice", ORDERS[0]),
+            texture("short lattice", ORDERS[1]),
         ];
         let fed = plain
             .each_ref()
             .map(|spec| fed(&format!("fed {}", spec.name), spec));
-        let four_lines = lined(texture("four lines", NormalisedLattice, ORDERS[0]), 4);
+        let four_lines = lined(texture("four lines", ORDERS[0]), 4);
         let lined = [
             four_lines.clone(),
-            lined(texture("one line", NormalisedLattice, ORDERS[0]), 1),
+            lined(texture("one line", ORDERS[0]), 1),
             self::fed("fed four lines", &four_lines),
         ];
         let textures = [&plain[..], &fed, &lined].concat();
@@ -528,7 +485,7 @@ pub fn count_scene(device: &mut Device, scene: &str) -> Count {
     device
         .play_scene(scene, MotionSource::Sensors, 3)
         .expect("it is there");
-    // Time for the exchange, for the window of the speed, and for the run-up of a direct form of the highest order.
+    // Time for the exchange and for the window of the speed.
     device.run_for(200 * MS);
     count(device, scene, 30)
 }
@@ -543,15 +500,6 @@ fn count_struck(device: &mut Device, scene: &str) -> Count {
     press(device, 1.0);
     device.run_for(20 * MS);
     count(device, &format!("{scene}, struck"), 30)
-}
-
-/// Plays `scene` and counts while the force changes, so that a block begins with another frame.
-fn count_moved(device: &mut Device, scene: &str) -> Count {
-    count_scene(device, scene);
-    press(device, 0.9);
-    let moved = count(device, &format!("{scene}, moved"), 30);
-    press(device, 1.0);
-    moved
 }
 
 fn covers(model: StageCost, each: u32, measured: u32) {
@@ -580,8 +528,6 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     assert_eq!(away.within, lattice.within);
 
     let short_lattice = count_scene(&mut device, "short lattice").within;
-    let direct = count_scene(&mut device, "direct").within;
-    let short_direct = count_scene(&mut device, "short direct").within;
     let transition = count_scene(&mut device, "transition").within;
     let sticky_transition = count_scene(&mut device, "sticky transition").within;
     let sticky = count_scene(&mut device, "sticky").within;
@@ -593,20 +539,11 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     let both = count_struck(&mut device, "tap, four sections").within;
 
     // The first voice pays for the mix, which two voices share.
-    let mix = lattice.within + direct - transition - idle;
+    let mix = lattice.within + short_lattice - transition - idle;
     let of_voice = |played: u32| played - idle - mix;
     covers(cost::MIX, 0, mix);
     covers(cost::LATTICE, ORDERS[0], of_voice(lattice.within));
     covers(cost::LATTICE, ORDERS[1], of_voice(short_lattice));
-    let turns = ORDERS.map(|order| direct::turns(order as usize) as u32);
-    covers(cost::DIRECT, turns[0], of_voice(direct));
-    covers(cost::DIRECT, turns[1], of_voice(short_direct));
-    let beginning = ["lattice", "direct", "short direct"].map(|scene| {
-        let moved = count_moved(&mut device, scene);
-        moved.beginning - moved.within
-    });
-    covers(cost::SUMS_AHEAD, turns[0], beginning[1] - beginning[0]);
-    covers(cost::SUMS_AHEAD, turns[1], beginning[2] - beginning[0]);
     covers(cost::STICK_SLIP, 0, sticky - lattice.within);
     covers(cost::LINES, 1, one_line - lattice.within);
     covers(cost::LINES, 4, four_lines - lattice.within);
@@ -617,8 +554,6 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     covers(cost::EQUALISER, 8, eight - lattice.within);
 
     // The cost of a stage does not depend on the other stages.
-    let lattices = count_scene(&mut device, "transition of lattices").within;
-    assert_eq!(lattices, lattice.within + of_voice(short_lattice));
     assert_eq!(
         sticky_transition - transition,
         2 * (sticky - lattice.within)
@@ -632,12 +567,8 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     covers(cost::FED_LATTICE, ORDERS[0], of_voice(fed.within));
     let short_fed = of_voice(count_scene(&mut device, "short fed").within);
     covers(cost::FED_LATTICE, ORDERS[1], short_fed);
-    let fed_direct = of_voice(count_scene(&mut device, "fed direct").within);
-    covers(cost::FED_DIRECT, turns[0], fed_direct);
-    let short_fed_direct = of_voice(count_scene(&mut device, "short fed direct").within);
-    covers(cost::FED_DIRECT, turns[1], short_fed_direct);
     let two_fed = count_scene(&mut device, "fed transition").within;
-    assert_eq!(two_fed, fed.within + fed_direct);
+    assert_eq!(two_fed, fed.within + short_fed);
     let beside = count_scene(&mut device, "fed beside plain").within;
     assert_eq!(beside, lattice.within + short_fed);
 

@@ -13,14 +13,13 @@ use crate::library;
 use crate::page::Page;
 
 /// Textures that are played, and their names in the page.
-const PLAYED: [(&str, &str); 3] = [
+const PLAYED: [(&str, &str); 2] = [
     ("lattice", "lattice, order 400"),
-    ("direct 32", "direct form, order 400, 32 bits"),
-    ("direct 16", "direct form, order 400, 16 bits"),
+    ("lattice, codebooks and track", "fed lattice, order 400"),
 ];
 
 /// Ticks that play each of [`PLAYED`], and the limits that acted on them.
-static PLAYING: LazyLock<[(TickStatistics, Limited); 3]> =
+static PLAYING: LazyLock<[(TickStatistics, Limited); 2]> =
     LazyLock::new(|| PLAYED.map(|(texture, _)| playing(texture, &[])));
 
 /// Ticks that play nothing, and those that record.
