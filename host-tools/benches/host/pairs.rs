@@ -58,7 +58,7 @@ pub fn simulate(folder: &Path, speeds_and_forces: Option<(&str, &str)>) {
     });
     let text = lines.collect::<Vec<_>>().join("\n");
     let rig = RigFile::from_toml(&folder.join("rig.toml"), &text).expect("a sound rig");
-    simulate_to_folder(&rig, 1, &folder.join("set")).expect("a temporary folder");
+    simulate_to_folder(&rig, 1, &folder.join("set"), false).expect("a temporary folder");
 }
 
 /// Runs `program` with `arguments` in `folder`, and returns what it took.

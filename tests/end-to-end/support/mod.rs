@@ -40,7 +40,6 @@ impl Bench {
         Command::new(env!("CARGO_BIN_EXE_stylus"))
             .args(arguments.split_whitespace())
             .current_dir(self.0.path())
-            .env("XDG_CONFIG_HOME", self.path("no-configuration"))
             .output()
             .expect("the command runs")
     }
@@ -50,7 +49,6 @@ impl Bench {
         Command::new(env!("CARGO_BIN_EXE_stylus"))
             .args(arguments)
             .current_dir(self.0.path())
-            .env("XDG_CONFIG_HOME", self.path("no-configuration"))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -112,6 +110,26 @@ pub fn two_textures<const AXES: usize>(axes: impl Fn(&[f64]) -> [Vec<f64>; AXES]
     }
     bench.write("set/trials.csv", list);
     bench
+}
+
+/// The paper's rig at these speeds and forces, as text.
+pub fn rig_of(speeds: &str, forces: &str) -> String {
+    let paper = host_tools::rig::RigFile::paper();
+    let lines = paper.text().lines();
+    let lines = lines.map(|line| match line.split('=').next().unwrap_or("").trim() {
+        "speeds_mm_s" => format!("speeds_mm_s = [{speeds}]\n"),
+        "forces_n" => format!("forces_n = [{forces}]\n"),
+        _ => format!("{line}\n"),
+    });
+    lines.collect()
+}
+
+/// As [`rig_of`], with denim alone.
+pub fn denim_rig_of(speeds: &str, forces: &str) -> String {
+    let rig = rig_of(speeds, forces);
+    let (head, textures) = rig.split_once("[[texture]]").expect("it has textures");
+    let denim = textures.split("[[texture]]").last().unwrap_or_default();
+    format!("{head}[[texture]]{denim}")
 }
 
 /// `signal` times `factor`.
