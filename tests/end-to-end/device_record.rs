@@ -385,7 +385,6 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
             assert!((row[5] - force).abs() < 0.01, "{name}, sample {n}: {row:?}");
         }
     }
-    bench.refuse(&format!("record a.csv --strokes --link {}", stylus.link()));
     let cut = bench.succeed(
         "segment a.csv b.csv --texture silk --out set --speeds 20:200:20 --forces 0.2:1.4:0.2",
     );

@@ -57,7 +57,7 @@ fn inputs() -> Bench {
     bench.write("scene.toml", scene);
     bench.write("stroke.csv", stroke(3));
     bench.write("rig.toml", rig_of("60, 180", "0.5, 1.0"));
-    bench
+    bench.careful()
 }
 
 fn make_pipe(path: &Path) {

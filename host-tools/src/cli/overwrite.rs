@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::builder::FalseyValueParser;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::{RecordingSet, TRIALS_FILE};
 use host_tools::support::error::Result;
@@ -11,7 +12,12 @@ use host_tools::support::output;
 #[derive(clap::Args)]
 pub struct Overwrite {
     /// Replace an output that is there already
-    #[arg(long)]
+    #[arg(
+        long,
+        env = "STYLUS_OVERWRITE",
+        hide_env_values = true,
+        value_parser = FalseyValueParser::new()
+    )]
     overwrite: bool,
 }
 
