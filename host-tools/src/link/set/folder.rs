@@ -194,11 +194,7 @@ fn scale_m_s2(calibration: &Calibration) -> f64 {
 }
 
 /// Returns the bytes of the file. A sample is its acceleration over `scale_m_s2`.
-fn encode(
-    capture: &Capture,
-    calibration: &Calibration,
-    scale_m_s2: f64,
-) -> hound::Result<Vec<u8>> {
+fn encode(capture: &Capture, calibration: &Calibration, scale_m_s2: f64) -> hound::Result<Vec<u8>> {
     let spec = WavSpec {
         channels: 3,
         sample_rate: capture.rate_hz,
