@@ -29,7 +29,7 @@ pub fn play(processor: Processor) -> Result<EmulatorReport> {
 pub fn on_host() -> Vec<Played> {
     let library = library();
     let mut played = Vec::new();
-    // The host has one arithmetic, and the target's instructions must give the same bits, in either order.
+    // The host has one arithmetic, and the target's instructions must give the same bits.
     for arithmetic in ARITHMETICS {
         for vector in &VECTORS {
             let mut words = Vec::new();

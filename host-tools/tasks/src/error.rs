@@ -180,6 +180,14 @@ pub enum Error {
     /// The image depends on where it is built.
     #[error("{0}: see --remap-path-prefix in host-tools/tasks/src/firmware/mod.rs")]
     Reproducible(String),
+    /// The table of costs cannot be read.
+    #[error("{path}: {problem}; write it again with `cargo tasks costs`", path = path.display())]
+    Costs {
+        /// The file.
+        path: PathBuf,
+        /// The problem.
+        problem: String,
+    },
     /// A file is none of measured cycles.
     #[error("{path}: {problem}; `cargo tasks hil --cycles` writes such a file", path = path.display())]
     Cycles {

@@ -225,16 +225,15 @@ fn write_tables(mut names: Vec<String>) -> Result<()> {
     tables::write(&names, |name| println!("{name}: written"))
 }
 
-/// Counts all costs, shows them and writes the table.
+/// Counts all costs and writes the table.
 fn count_all() -> Result<()> {
     let begin = Instant::now();
     let counted = costs::count(&Toolchain::find()?, |processor, structure| {
         let seconds = begin.elapsed().as_secs();
         eprintln!("{seconds:>4} s: {}, {}", processor.name(), structure.name());
     })?;
-    print!("{}", costs::table(&counted));
     let path = costs::path();
-    std::fs::write(&path, qemu_tests::costs::to_text(&counted)).map_err(|source| Error::Write {
+    std::fs::write(&path, costs::to_text(&counted)).map_err(|source| Error::Write {
         path: path.clone(),
         source,
     })?;

@@ -1,7 +1,7 @@
-//! Cycles of a Cortex-M7 by llvm-mca, a *model*: LLVM's own tables of the processor's units and latencies.
+//! Cycles of a Cortex-M4 or M7 by llvm-mca, a *model*: LLVM's own tables of the processor's units and latencies.
 //!
 //! It is given the instructions that a call executed on QEMU, in their order, so that loops and branches are known. It
-//! issues up to two of them per cycle, in order, as their registers and the units are free. It leaves out the memories,
+//! issues them in order, up to two per cycle on a Cortex-M7, as their registers and the units are free. It leaves out the memories,
 //! the prediction of branches, and what the processor does with pairs of instructions beyond its tables. It counts an
 //! instruction that loads or stores several words as one of one word, which is too little; here each word is an
 //! instruction of its own, which may be too much. A conditional instruction is taken as one that is always executed,
@@ -9,10 +9,12 @@
 
 use std::io::Write;
 use std::process::{Command, Stdio};
+use std::rc::Rc;
 
 use qemu_tests::thumb::Instruction;
 
 use crate::error::{Error, Result};
+use crate::guest::Processor;
 use crate::process;
 
 const LLVM_MCA: &str = "llvm-mca";
@@ -57,11 +59,11 @@ pub fn version() -> Result<String> {
         .ok_or_else(|| unreadable("it tells no version"))
 }
 
-/// Cycles of `path`, the instructions that a call executed, in order.
+/// Cycles of `path`, the instructions that a call executed, in order, on `processor`.
 ///
 /// # Errors
 /// llvm-mca is missing, or refuses an instruction.
-pub fn cycles(path: &[&Instruction]) -> Result<u32> {
+pub fn cycles(processor: Processor, path: &[Rc<Instruction>]) -> Result<u32> {
     let mut text = String::from(".syntax unified\n.thumb\n");
     for instruction in path {
         for line in lines(&instruction.text) {
@@ -70,7 +72,8 @@ pub fn cycles(path: &[&Instruction]) -> Result<u32> {
         }
     }
     let mut child = command()?
-        .args(["-mtriple=thumbv7em-none-eabihf", "-mcpu=cortex-m7"])
+        .arg("-mtriple=thumbv7em-none-eabihf")
+        .arg(format!("-mcpu={}", processor.name()))
         .args(["-iterations=1", "-instruction-info=false"])
         .args(["-resource-pressure=false"])
         .stdin(Stdio::piped())

@@ -1,7 +1,6 @@
 //! Running an image on an emulated processor.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::ops::RangeInclusive;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread;
@@ -9,7 +8,7 @@ use std::time::Duration;
 
 use kernel_vectors::job::{self, ADDRESS, Job};
 use kernel_vectors::report::WORDS;
-use qemu_tests::trace::{Moment, RegisterTrace, Trace};
+use qemu_tests::trace::Trace;
 use wait_timeout::ChildExt;
 
 use crate::error::{Error, Result};
@@ -111,52 +110,24 @@ pub fn trace(
     mut executed: impl FnMut(u32) -> qemu_tests::error::Result<()>,
 ) -> Result<()> {
     let mut trace = Trace::default();
-    log(
-        processor,
-        image,
-        job,
-        &["-d", "exec,nochain"],
-        &mut |line| trace.take(line)?.map_or(Ok(()), &mut executed),
-    )?;
-    Ok(trace.end().map_or(Ok(()), executed)?)
-}
-
-/// The same with the registers at each instruction, only for addresses in `ranges`, because each takes the emulator
-/// twenty times as long.
-///
-/// # Errors
-/// See [`trace`].
-pub fn trace_registers(
-    processor: Processor,
-    image: &Path,
-    job: &Job<'_>,
-    ranges: &[RangeInclusive<u32>],
-    mut executed: impl FnMut(Moment) -> qemu_tests::error::Result<()>,
-) -> Result<()> {
-    let range = |range: &RangeInclusive<u32>| format!("{:#x}..{:#x}", range.start(), range.end());
-    let ranges = ranges.iter().map(range).collect::<Vec<_>>().join(",");
-    let options = ["-d", "exec,nochain,cpu", "-dfilter", &ranges];
-    let mut trace = RegisterTrace::default();
-    log(processor, image, job, &options, &mut |line| {
+    log(processor, image, job, &mut |line| {
         trace.take(line)?.map_or(Ok(()), &mut executed)
     })?;
     Ok(trace.end().map_or(Ok(()), executed)?)
 }
 
-/// Runs `image` to its end with `job` in its memory, one instruction per block, and hands `take` each line of the log
-/// that `options` select.
+/// Runs `image` to its end with `job` in its memory, one instruction per block, and hands `take` each line of the log.
 fn log(
     processor: Processor,
     image: &Path,
     job: &Job<'_>,
-    options: &[&str],
     take: &mut dyn FnMut(&str) -> qemu_tests::error::Result<()>,
 ) -> Result<()> {
     let version = version()?;
     let job = JobFile::write(job)?;
     let mut child = command(processor, image, Some(&job))
         .args(one_instruction_per_block(&version))
-        .args(options)
+        .args(["-d", "exec,nochain"])
         .spawn()
         .map_err(failed)?;
     let output = read_to_end(child.stdout.take());

@@ -25,7 +25,7 @@ pub fn filters(costs: &Costs) -> String {
             format!("{}{origin}", peer.name),
             peer.includes.clone(),
             grouped(peer.instructions.into()),
-            range(peer.best_cycles.into(), peer.worst_cycles.into()),
+            modelled(peer.cortex_m4_cycles),
             modelled(peer.cortex_m7_cycles),
         ]
     };
@@ -35,13 +35,13 @@ pub fn filters(costs: &Costs) -> String {
             "the call includes",
             "instructions",
             "cycles, Cortex-M4",
-            "cycles, Cortex-M7 (llvm-mca)",
+            "cycles, Cortex-M7",
         ],
         costs.peers.iter().map(row),
     )
 }
 
-/// Cycles of a model, or a dash where there are none.
+/// Cycles by llvm-mca, or a dash where there are none.
 fn modelled(cycles: Option<u32>) -> String {
     cycles.map_or_else(|| "–".to_owned(), |cycles| grouped(cycles.into()))
 }
@@ -53,7 +53,7 @@ pub fn samples_by_order(costs: &Costs) -> String {
         "order",
         "instructions",
         "cycles, Cortex-M4",
-        "cycles, Cortex-M7 (llvm-mca)",
+        "cycles, Cortex-M7",
         "instructions per update",
     ];
     let counted = Structure::ALL.into_iter().flat_map(|structure| {
@@ -74,8 +74,8 @@ pub fn samples_by_order(costs: &Costs) -> String {
             format!("{}{shipped}", entry.structure.name()),
             entry.order.to_string(),
             grouped(sample.instructions.into()),
-            range(sample.best_cycles.into(), sample.worst_cycles.into()),
-            modelled(m7.and_then(|m7| m7.modelled_cycles)),
+            grouped(sample.cycles.into()),
+            modelled(m7.map(|m7| m7.sample.cycles)),
             range(
                 update.instructions_least.into(),
                 update.instructions_most.into(),

@@ -102,18 +102,12 @@ fn no_table(name: &str) -> Error {
     }
 }
 
-fn counted() -> Result<Costs> {
-    let path = costs::path();
-    let text = std::fs::read_to_string(&path).map_err(|source| PageError::Io { path, source })?;
-    Ok(qemu_tests::costs::parse(&text)?)
-}
-
 /// Checks the tables that are made within a second, and that the pages have every table and no other.
 ///
 /// # Errors
 /// The first row that differs from its command's, with its page and table.
 pub fn check_instant() -> Result<()> {
-    let counted = counted()?;
+    let counted = costs::read()?;
     for table in &INSTANT {
         page(table.name)?.check(table.name, &(table.make)(&counted)?)?;
     }
@@ -145,7 +139,7 @@ fn no_unknown_tables() -> Result<()> {
 /// # Errors
 /// A name is that of no table, a page lacks the block, or the source of a table is missing.
 pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
-    let counted = counted()?;
+    let counted = costs::read()?;
     let instant = INSTANT.iter().map(|table| table.name.to_owned());
     let asked = if asked.is_empty() {
         instant.collect()

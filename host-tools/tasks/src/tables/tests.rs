@@ -1,7 +1,7 @@
 //! Blocks of pages, and the pages themselves.
 
 use super::page::{Page, PageError};
-use super::{check_instant, counted, page, write};
+use super::{check_instant, page, write};
 
 const TEXT: &str = "# Page\n\n<!-- table: a, made by `cargo tasks tables a` -->\n| x |\n|---|\n| 1 |\n<!-- end -->\n\
                     between\n<!-- table: b, made by `cargo tasks tables b` -->\n<!-- end -->\nafter\n";
@@ -67,7 +67,7 @@ fn every_table_that_is_made_within_a_second_has_a_page_and_holds() {
 
 #[test]
 fn a_figure_that_changes_in_the_code_is_refused_with_its_page_and_row() {
-    let mut costs = counted().unwrap();
+    let mut costs = crate::costs::read().unwrap();
     costs.peers[0].instructions += 1;
     let expected = super::counted::filters(&costs);
     let error = page("filters").unwrap().check("filters", &expected);
