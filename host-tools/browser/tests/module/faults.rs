@@ -16,11 +16,7 @@ fn refused(wasm: &mut Wasm, status: u32, expected: u32, words: &[&str]) {
 #[test]
 fn calls_before_a_library_is_loaded_say_what_comes_first() {
     let mut wasm = Wasm::empty();
-    for name in [
-        "sample_rate_hz",
-        "block_samples",
-        "digest_words",
-    ] {
+    for name in ["sample_rate_hz", "block_samples", "digest_words"] {
         assert_eq!(wasm.call(name, ()), 0, "{name}");
     }
     let status = wasm.call("run", 1u32);
