@@ -109,10 +109,7 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
     };
     let name = format!("{}, {}", filter.structure, filter.order_text());
     assert!(at(100).still.cost < at(20).still.cost - 0.05, "{name}");
-    assert!(
-        at(100).m4.sample.worst_cycles > at(20).m4.sample.worst_cycles,
-        "{name}"
-    );
+    assert!(at(100).m4.sample.cycles > at(20).m4.sample.cycles, "{name}");
     let points: Vec<_> = frontier
         .points
         .iter()
@@ -122,7 +119,7 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
     if filter.refused_textures.is_empty() {
         let errors = points.iter().map(|point| point.motion_error_db);
         assert!(errors.is_sorted_by(|a, b| a <= &(b + 0.05)), "{name}");
-        let cycles = points.iter().map(|point| point.worst_cycles);
+        let cycles = points.iter().map(|point| point.cycles);
         assert!(cycles.is_sorted_by(|a, b| a >= b), "{name}");
     }
     // A direct form of 16 bits is stored in 16 bits, and played in more.
@@ -153,7 +150,7 @@ fn beside_itself_every_choice_stays(bench: &Bench, frontier: &Frontier) {
         };
         // Text keeps all but the last digit of a number.
         let same = |a: f64, b: f64| (a - b).abs() <= 1e-12 * a.abs();
-        assert!(same(before.error_db, now.error_db) && same(before.worst_cycles, now.worst_cycles));
+        assert!(same(before.error_db, now.error_db) && same(before.cycles, now.cycles));
         let front = |place: &Place| (place.on_front, place.on_safe_front);
         assert_eq!(front(before), front(now));
     }
@@ -250,7 +247,7 @@ fn a_budget_bounds_every_nodes_order_and_a_larger_one_gives_up_less() {
         let highest = report["budget"][0]["highest_order"].as_u64().unwrap() as usize;
         let lattice = FilterStructure::NormalisedLattice32;
         let cost = Costs::measured().at(lattice, 4, Core::M4, highest).unwrap();
-        assert!(cost.sample.worst_cycles <= f64::from(cycles));
+        assert!(cost.sample.cycles <= f64::from(cycles));
         let orders = report["textures"][0]["nodes"].as_array().unwrap();
         let orders = orders
             .iter()
@@ -276,7 +273,7 @@ fn the_cost_that_is_foretold_of_a_budget_is_that_of_what_the_stylus_plays() {
     bench.write("surface.wav", wav(&[&surface()], RATE_HZ));
     // An order of ten, where the surface has fifteen.
     let ten = Costs::measured().at(FilterStructure::NormalisedLattice32, 4, Core::M4, 10);
-    let cycles = ten.expect("it is in the table").sample.worst_cycles + 1.0;
+    let cycles = ten.expect("it is in the table").sample.cycles + 1.0;
     let fit = format!("fit surface.wav --budget-cycles {cycles:.0} --json --out a.lib");
     let report = json(&bench.succeed(&fit));
     let budget = &report["budget"][0];
@@ -323,7 +320,7 @@ fn a_budget_holds_the_highest_order_of_a_direct_form_that_fits() {
         let worst = |order| {
             let direct = FilterStructure::DirectForm32;
             let cost = Costs::measured().at(direct, 4, Core::M4, order);
-            cost.map_or(f64::INFINITY, |cost| cost.sample.worst_cycles)
+            cost.map_or(f64::INFINITY, |cost| cost.sample.cycles)
         };
         let cycles = f64::from(cycles);
         assert!(

@@ -173,7 +173,7 @@ fn summary(frontier: &Frontier) -> String {
         .iter()
         .filter(|point| point.on_front || point.on_safe_front)
         .collect();
-    points.sort_by(|a, b| a.worst_cycles.total_cmp(&b.worst_cycles));
+    points.sort_by(|a, b| a.cycles.total_cmp(&b.cycles));
     let row = |point: &Point| {
         let filter = &frontier.filters[point.filter];
         let mut row = vec![
@@ -183,7 +183,7 @@ fn summary(frontier: &Frontier) -> String {
             format!("{:.2}", point.total_error_db),
             format!("{:.1}", 100.0 * filter.still.cost),
             format!("{:.0}", filter.still.lowest_snr_db),
-            format!("{:.0}", point.worst_cycles),
+            format!("{:.0}", point.cycles),
         ];
         row.extend(
             point
