@@ -114,12 +114,32 @@ pub const ENDING: [Ending; 19] = {
             "a stack that the update overflows",
             StackOverflow,
         ),
-        Ending::at(NULL, I::WriteToNull, "a write to address 0", MemoryProtection),
+        Ending::at(
+            NULL,
+            I::WriteToNull,
+            "a write to address 0",
+            MemoryProtection,
+        ),
         Ending::at(NULL, I::ReadNull, "a read of address 0", MemoryProtection),
-        Ending::at(ITCM, I::WriteToItcm, "a write to the code in ITCM", MemoryProtection),
-        Ending::at(FLASH, I::WriteToFlash, "a write to the code in flash", MemoryProtection),
+        Ending::at(
+            ITCM,
+            I::WriteToItcm,
+            "a write to the code in ITCM",
+            MemoryProtection,
+        ),
+        Ending::at(
+            FLASH,
+            I::WriteToFlash,
+            "a write to the code in flash",
+            MemoryProtection,
+        ),
         Ending::at(DTCM, I::ExecuteData, "a jump to data", MemoryProtection),
-        Ending::at(EXTERNAL, I::ReadExternal, "a read of external memory", MemoryProtection),
+        Ending::at(
+            EXTERNAL,
+            I::ReadExternal,
+            "a read of external memory",
+            MemoryProtection,
+        ),
     ]
 };
 
