@@ -261,27 +261,6 @@ impl Playback {
         self.state.next_fed_sample::<A>(lattice, excitation, left)
     }
 
-    /// The next two samples, those of two calls of [`Playback::next_sample`].
-    ///
-    /// Two at once take less time. This is for programs that may know the second sample before the
-    /// first is put out.
-    #[inline]
-    pub fn next_two_samples<A: Arithmetic>(&mut self, frame: &Frame) -> [OutputSample; 2] {
-        if self.is_fed {
-            return [self.next_sample::<A>(frame), self.next_sample::<A>(frame)];
-        }
-        let left = [1, 2].map(|played| self.left.saturating_sub(played));
-        self.left = left[1];
-        let excitation = [self.excitation.next_sample(), self.excitation.next_sample()];
-        let played = self
-            .state
-            .next_two_samples::<A>(&frame.lattice, excitation, left);
-        played.map(|(output, saturated)| {
-            self.saturations = self.saturations.saturating_add(u32::from(saturated));
-            output
-        })
-    }
-
     /// The next samples, those of a call of [`Playback::next_sample`] for each.
     ///
     /// Many at once take less time, if `A` has [`Arithmetic::rotate_block`]. This is for programs that
@@ -436,18 +415,6 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
         match &mut self.lines {
             Some(lines) => lines.added(sample, self.playback.left()),
             None => sample,
-        }
-    }
-
-    /// The next two samples; see [`Playback::next_two_samples`].
-    #[inline]
-    pub fn next_two_samples(&mut self) -> [OutputSample; 2] {
-        let left = self.playback.left();
-        let samples = self.playback.next_two_samples::<A>(&self.frame);
-        match &mut self.lines {
-            Some(lines) => [(samples[0], 1), (samples[1], 2)]
-                .map(|(sample, played)| lines.added(sample, left.saturating_sub(played))),
-            None => samples,
         }
     }
 

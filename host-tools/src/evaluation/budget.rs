@@ -187,7 +187,7 @@ mod tests {
             assert!(order >= before);
             let lattice = FilterStructure::NormalisedLattice32;
             let cost = Costs::measured().at(lattice, NODES, Core::M4, order);
-            assert!(cost.unwrap().sample.worst_cycles <= budget.cycles);
+            assert!(cost.unwrap().sample.cycles <= budget.cycles);
             before = order;
         }
         assert_eq!(before, model_format::limits::MAX_ORDER);
