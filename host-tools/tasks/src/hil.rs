@@ -59,7 +59,14 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     // An example has the features of all tests, by which the library of the host's tools is built already.
     let mut build = Command::new("cargo");
-    build.args(["build", "--quiet", "--locked", "--workspace", "--bin", "hil"]);
+    build.args([
+        "build",
+        "--quiet",
+        "--locked",
+        "--workspace",
+        "--bin",
+        "hil",
+    ]);
     build.args(["--example", "custom_structure"]);
     process::run(build.current_dir(workspace::root()))?;
     let mut suite = Command::new(workspace::host_target_folder().join("debug/hil"));
