@@ -177,6 +177,16 @@ pub enum Error {
     /// Code or data that the tick reaches is in flash.
     #[error("{0}: all that the tick reaches must be in ITCM or DTCM; name it in firmware/tick.x")]
     Placement(String),
+    /// The image takes more of a memory than it may.
+    #[error("the image takes {used} bytes of {name}, and may take {limit}")]
+    LargeImage {
+        /// The memory.
+        name: &'static str,
+        /// Taken bytes.
+        used: u64,
+        /// The limit, bytes.
+        limit: u64,
+    },
     /// The image depends on where it is built.
     #[error("{0}: see --remap-path-prefix in host-tools/tasks/src/firmware/mod.rs")]
     Reproducible(String),

@@ -25,6 +25,11 @@ const PACKAGES: [Package; 18] = [
     ),
     package(
         "stylus-firmware",
+        &["model-format", "stylus-app", "stylus-kernel", "stylus-realtime"],
+        &[],
+    ),
+    package(
+        "stylus-realtime",
         &["model-format", "stylus-app", "stylus-kernel"],
         &[],
     ),
@@ -94,8 +99,8 @@ const PACKAGES: [Package; 18] = [
         &[
             "kernel-vectors",
             "model-format",
-            "stylus-firmware",
             "stylus-kernel",
+            "stylus-realtime",
         ],
         &[],
     ),
@@ -120,8 +125,8 @@ const PACKAGES: [Package; 18] = [
         &[
             "kernel-vectors",
             "model-format",
-            "stylus-firmware",
             "stylus-kernel",
+            "stylus-realtime",
         ],
         &[],
     ),
