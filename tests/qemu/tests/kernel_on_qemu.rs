@@ -163,7 +163,7 @@ fn the_timer_and_the_trace_count_the_same_but_for_a_call() {
                 let samples = &report(processor).samples;
                 let timed = samples.iter().find(|cost| cost.texture == texture);
                 let timed = timed.expect("it is measured").most;
-                let traced = traced.sample.instructions;
+                let traced = traced.entry.sample.instructions;
                 assert!(
                     traced.abs_diff(timed) <= CALL,
                     "{texture}: {traced}, and by the timer {timed}"

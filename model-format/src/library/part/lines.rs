@@ -88,7 +88,6 @@ impl<'a> Lines<'a> {
     }
 
     /// Line `index`, which must be below [`Lines::len`].
-    #[inline]
     pub fn line(self, index: usize) -> Line<'a> {
         let length = self.line_bytes();
         Line {
@@ -105,20 +104,17 @@ impl<'a> Lines<'a> {
 
 impl Line<'_> {
     /// Wavelength, mm.
-    #[inline]
     pub fn wavelength_mm(&self) -> f32 {
         f32::from_le_bytes(self.bytes.first_chunk().copied().unwrap_or_default())
     }
 
     /// Phase at the origin of places, in steps of 2⁻¹⁶ of a turn.
-    #[inline]
     pub fn phase(&self) -> u16 {
         u16::from_le_bytes([self.bytes[4], self.bytes[5]])
     }
 
     /// Amplitude at the node of the indices (`speed`, `force`), each below the length of its axis, m/s²: the peak of
     /// the sine.
-    #[inline]
     pub fn amplitude(&self, speed: usize, force: usize) -> f32 {
         self.of_node(speed * self.forces + force)
     }
@@ -129,7 +125,6 @@ impl Line<'_> {
         amplitudes.iter().copied().map(f32::from_le_bytes)
     }
 
-    #[inline]
     fn of_node(&self, index: usize) -> f32 {
         f32::from_le_bytes(self.bytes[HEAD_BYTES..].as_chunks().0[index])
     }
