@@ -58,8 +58,24 @@ mod tests {
     #[test]
     fn numbers_have_the_text_that_floats_have_up_to_six_digits() {
         for value in [
-            0.0, 1.0, -1.0, 0.1, -0.25, 2.5, 10.0, 60.0, 100.0, 0.001, 0.00025, 999_999.0, 1e6, 1.5e8, 123.456,
-            f32::INFINITY, f32::NEG_INFINITY, f32::NAN,
+            0.0,
+            1.0,
+            -1.0,
+            0.1,
+            -0.25,
+            2.5,
+            10.0,
+            60.0,
+            100.0,
+            0.001,
+            0.00025,
+            999_999.0,
+            1e6,
+            1.5e8,
+            123.456,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::NAN,
         ] {
             assert_eq!(Decimal(value).to_string(), value.to_string());
         }

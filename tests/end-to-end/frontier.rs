@@ -120,10 +120,7 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
     };
     let name = format!("{}, {}", filter.structure, filter.order_text());
     assert!(at(100).still.cost < at(20).still.cost - 0.05, "{name}");
-    assert!(
-        at(100).m4.sample.cycles > at(20).m4.sample.cycles,
-        "{name}"
-    );
+    assert!(at(100).m4.sample.cycles > at(20).m4.sample.cycles, "{name}");
     let points: Vec<_> = frontier
         .points
         .iter()

@@ -42,10 +42,7 @@ pub fn pictures(frontier: &Frontier, before: Option<&Earlier>) -> Result<Picture
         title,
         simulated: frontier.simulated,
     };
-    let cycles = FrontAxis::octaves(Quantity::new(
-        "cycles per sample (Cortex-M4, modelled)",
-        "",
-    ));
+    let cycles = FrontAxis::octaves(Quantity::new("cycles per sample (Cortex-M4, modelled)", ""));
     let with_updates = FrontAxis::octaves(Quantity::new(
         "cycles per sample, updates included (Cortex-M4, modelled)",
         "",

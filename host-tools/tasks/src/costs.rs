@@ -4,6 +4,7 @@
 
 use std::path::PathBuf;
 
+use anyhow::{Context, Error, Result, anyhow};
 use kernel_vectors::job::{Filter, Job};
 use kernel_vectors::{
     COUNTED_ORDERS, COUNTED_SAMPLES, COUNTED_UPDATES, PEER_SAMPLES, counted_library,
@@ -14,7 +15,6 @@ use qemu_tests::image::Image;
 use serde::Serialize;
 use stylus_costs::{Core, Costs, Entry, Origin, Peer, SampleCost, Structure, UpdateCost};
 
-use crate::error::{Error, Result};
 use crate::guest::{self, Processor};
 use crate::toolchain::Toolchain;
 use crate::{mca, qemu, workspace};
@@ -29,9 +29,9 @@ pub fn path() -> PathBuf {
 /// # Errors
 /// There is no such file, or it is none.
 pub fn read() -> Result<Costs> {
-    let read = |problem: String| Error::Costs { path: path(), problem };
-    let text = std::fs::read_to_string(path()).map_err(|error| read(error.to_string()))?;
-    serde_json::from_str(&text).map_err(|error| read(error.to_string()))
+    let place = || path().display().to_string();
+    let text = std::fs::read_to_string(path()).with_context(place)?;
+    serde_json::from_str(&text).with_context(place)
 }
 
 /// The text of the file: one line for each entry and peer, so that a diff shows the changed ones.
@@ -134,7 +134,7 @@ impl Guest {
     /// There is no toolchain, or the build fails.
     pub fn build(toolchain: &Toolchain, processor: Processor) -> Result<Self> {
         let file = guest::build(toolchain, processor)?;
-        let bytes = std::fs::read(&file).map_err(|_| Error::NoImage(file.clone()))?;
+        let bytes = std::fs::read(&file)?;
         Ok(Self {
             processor,
             image: Image::parse(&bytes)?,
@@ -153,12 +153,8 @@ impl Guest {
         Ok(counter.end()?)
     }
 
-    fn wrong(&self, what: String, problem: String) -> Error {
-        Error::Calls {
-            processor: self.processor.name(),
-            what,
-            problem,
-        }
+    fn wrong(&self, what: &str, problem: &str) -> Error {
+        anyhow!("{}, {what}: {problem}", self.processor.name())
     }
 
     /// The instructions of `structure` at `orders`, on one node and on four.
@@ -179,13 +175,13 @@ impl Guest {
         let each = (COUNTED_UPDATES * (1 + COUNTED_SAMPLES)) as usize;
         if calls.len() != 2 * orders.len() * each {
             let problem = format!("{} calls for {} textures", calls.len(), 2 * orders.len());
-            return Err(self.wrong(structure.name().to_owned(), problem));
+            return Err(self.wrong(structure.name(), &problem));
         }
         textures
             .zip(calls.chunks(each))
             .map(|((nodes, order), calls)| {
                 let what = || format!("{}, order {order}, nodes {nodes}", structure.name());
-                let costs = costs(calls).map_err(|problem| self.wrong(what(), problem))?;
+                let costs = costs(calls).map_err(|problem| self.wrong(&what(), &problem))?;
                 let (sample, cheapest, dearest) = costs;
                 Ok(Counted {
                     entry: Entry {
@@ -223,7 +219,7 @@ impl Guest {
                 Some(dearest) if count == PEER_SAMPLES as usize => Ok((name, dearest.clone())),
                 _ => {
                     let problem = format!("{count} calls instead of {PEER_SAMPLES}");
-                    Err(self.wrong(name.to_owned(), problem))
+                    Err(self.wrong(name, &problem))
                 }
             }
         };
@@ -364,7 +360,10 @@ const CMSIS_DSP: [(&str, u32); 11] = [
     ("all-pole lattice, f32, two multipliers", 5192),
     ("200 second-order sections, q31", 11019),
     ("FIR, q31, in blocks of 10", 1124),
-    ("all-pole lattice, q31, two multipliers, in blocks of 10", 5972),
+    (
+        "all-pole lattice, q31, two multipliers, in blocks of 10",
+        5972,
+    ),
     ("200 second-order sections, q31, in blocks of 10", 4003),
 ];
 
@@ -372,8 +371,9 @@ const CMSIS_DSP: [(&str, u32); 11] = [
 fn peers(entries: &[Entry], others: Vec<Peer>) -> Vec<Peer> {
     // A sample takes the same over four nodes and over one.
     let of = |core| {
-        let is_wanted =
-            move |entry: &&Entry| (entry.core, entry.order, entry.nodes) == (core, HIGHEST_ORDER, 4);
+        let is_wanted = move |entry: &&Entry| {
+            (entry.core, entry.order, entry.nodes) == (core, HIGHEST_ORDER, 4)
+        };
         entries.iter().filter(is_wanted)
     };
     let ours = of(Core::M4).zip(of(Core::M7)).map(|(m4, m7)| Peer {
@@ -456,6 +456,9 @@ mod tests {
         let table = read().unwrap();
         let text = to_text(&table);
         assert_eq!(serde_json::from_str::<Costs>(&text).unwrap(), table);
-        assert_eq!(text.lines().count(), 8 + table.entries.len() + table.peers.len());
+        assert_eq!(
+            text.lines().count(),
+            8 + table.entries.len() + table.peers.len()
+        );
     }
 }

@@ -69,7 +69,12 @@ mod tests {
         ] {
             let found = decoder.decode(code, 0x400).unwrap();
             let end = 0x400 + (code.len() as u32 & !1);
-            let expected = Instruction { end, text: text.to_owned(), is_call, depends_on_data };
+            let expected = Instruction {
+                end,
+                text: text.to_owned(),
+                is_call,
+                depends_on_data,
+            };
             assert_eq!(found, expected);
         }
         assert!(decoder.decode(&[0xff], 0x400).is_err());

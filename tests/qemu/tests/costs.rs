@@ -25,20 +25,22 @@ const BETWEEN_INSTRUCTIONS: f64 = 40.0;
 const TOLERANCE: f64 = 0.01;
 
 static COSTS: LazyLock<Costs> =
-    LazyLock::new(|| costs::read().unwrap_or_else(|error| panic!("{error}")));
+    LazyLock::new(|| costs::read().unwrap_or_else(|error| panic!("{error:#}")));
 
 fn guest(toolchain: &Toolchain, processor: Processor) -> Guest {
-    Guest::build(toolchain, processor).unwrap_or_else(|error| panic!("{error}"))
+    Guest::build(toolchain, processor).unwrap_or_else(|error| panic!("{error:#}"))
 }
 
 /// The toolchain, and whether it is the one that the table was counted with.
 fn toolchain() -> (Toolchain, bool) {
-    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
+    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error:#}"));
     let compiler = costs::compiler(&toolchain).unwrap();
     let is_same = compiler == COSTS.rustc;
     if !is_same {
         let counted = &COSTS.rustc;
-        println!("this is rustc {compiler}, and the table was counted with {counted}: no comparison");
+        println!(
+            "this is rustc {compiler}, and the table was counted with {counted}: no comparison"
+        );
     }
     (toolchain, is_same)
 }
@@ -72,7 +74,7 @@ fn what_is_counted_now_is_what_the_table_says() {
         for structure in Structure::ALL {
             let counted = guest
                 .count(structure, &ORDERS)
-                .unwrap_or_else(|error| panic!("{error}"));
+                .unwrap_or_else(|error| panic!("{error:#}"));
             assert_eq!(counted.len(), 2);
             for now in counted.into_iter().map(|counted| counted.entry) {
                 let entry = COSTS.entry(structure, now.nodes, now.core, now.order);
@@ -95,7 +97,7 @@ fn the_filters_alone_take_what_was_promised() {
     const STAGE_INSTRUCTIONS: u32 = 12;
     let (toolchain, _) = toolchain();
     let peers = guest(&toolchain, Processor::CortexM4).count_peers();
-    let peers = peers.unwrap_or_else(|error| panic!("{error}"));
+    let peers = peers.unwrap_or_else(|error| panic!("{error:#}"));
     let order = MAX_ORDER as u32;
     for (name, most) in [
         (
@@ -135,7 +137,7 @@ fn between_two_orders_no_less_is_looked_up_than_what_is_counted_but_for_a_few_in
     let guest = guest(&toolchain, Processor::CortexM4);
     for looked_for in FilterStructure::ALL {
         let counted = guest.count(looked_for.into(), &ORDERS_BETWEEN);
-        for now in counted.unwrap_or_else(|error| panic!("{error}")) {
+        for now in counted.unwrap_or_else(|error| panic!("{error:#}")) {
             let now = now.entry;
             let (nodes, order) = (now.nodes as usize, now.order as usize);
             let cost = LookUps::measured().at(looked_for, nodes, Core::M4, order);
