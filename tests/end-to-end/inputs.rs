@@ -590,23 +590,3 @@ fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
         &["line 5", "column 4", "force_n", "comma"],
     );
 }
-
-#[cfg(feature = "hatt")]
-#[test]
-fn the_same_hatt_file_twice_is_told_under_one_name_and_under_two() {
-    let bench = Bench::new();
-    bench.write("Models_a.xml", crate::hatt::whole());
-    bench.write("Models_b.xml", crate::hatt::whole());
-    holds(
-        &bench.refuse("import-hatt Models_a.xml ./Models_a.xml --out a.lib"),
-        &["is given twice"],
-    );
-    let told = said(
-        &bench,
-        "import-hatt Models_a.xml Models_b.xml --speeds 2 --forces 2 --out a.lib",
-    );
-    holds(
-        &told,
-        &["Models_b.xml: holds the same models as Models_a.xml"],
-    );
-}

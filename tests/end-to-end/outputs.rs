@@ -13,7 +13,7 @@ use crate::hatt;
 use crate::support::{Bench, RATE_HZ, noise, refusal, text, two_textures};
 
 /// Commands with a file to write, `{}`.
-const FILES: [&str; 15] = [
+const FILES: [&str; 14] = [
     "fit set --order 4 --out {}",
     "evaluate set --library good.lib --synthesis 2 --json {}",
     "evaluate set --leave-one-out --order 4 --json {}",
@@ -21,7 +21,6 @@ const FILES: [&str; 15] = [
     "report set --order 4 --out {}",
     "import-hatt cork.xml --out {}",
     "certify good.lib --texture silk --picture {}",
-    "resample good.lib --rate 10000 --out {}",
     "render good.lib --texture silk --speed 100 --force 1 --seconds 1 --out {}",
     "scene compile scene.toml --library good.lib --out {}",
     "scene render scene.toml --library good.lib --speed 50 --force 1 --seconds 1 --out {}",
@@ -187,9 +186,7 @@ fn an_output_that_is_an_input_is_refused_under_every_name_of_it() {
         "soft.lib",
         &whole,
     ] {
-        for command in [
-            FILES[1], FILES[3], FILES[6], FILES[7], FILES[8], FILES[10], FILES[11],
-        ] {
+        for command in [FILES[1], FILES[3], FILES[6], FILES[7], FILES[9], FILES[10]] {
             let overwriting = format!("{command} --overwrite");
             refuse(&bench, command, name, &["is an input"]);
             refuse(&bench, &overwriting, name, &["is an input"]);
@@ -205,9 +202,9 @@ fn an_output_that_is_an_input_is_refused_under_every_name_of_it() {
         (FILES[4], "set/trials.csv"),
         (FILES[5], "cork.xml"),
         ("import-hatt . --out {}", "cork.xml"),
-        (FILES[9], "scene.toml"),
+        (FILES[8], "scene.toml"),
+        (FILES[9], "response.csv"),
         (FILES[10], "response.csv"),
-        (FILES[11], "response.csv"),
     ] {
         refuse(
             &bench,
@@ -270,9 +267,7 @@ fn a_file_of_another_kind_is_replaced_only_where_that_is_asked_for() {
         }
     }
     assert_eq!(own, FILES.len());
-    for command in [
-        FILES[0], FILES[5], FILES[6], FILES[7], FILES[8], FILES[9], FILES[10],
-    ] {
+    for command in [FILES[0], FILES[5], FILES[6], FILES[7], FILES[8], FILES[9]] {
         for there in ["there.svg", "empty.svg", "new.svg"] {
             bench.write("there.svg", "today\n");
             bench.write("empty.svg", "");
@@ -300,7 +295,7 @@ fn a_file_of_another_kind_is_replaced_only_where_that_is_asked_for() {
     bench.write("locked.wav", "");
     let read_only = fs::Permissions::from_mode(0o444);
     fs::set_permissions(bench.path("locked.wav"), read_only).unwrap();
-    refuse(&bench, FILES[8], "locked.wav", &["must not be written"]);
+    refuse(&bench, FILES[7], "locked.wav", &["must not be written"]);
 }
 
 /// Kind of file that a command of [`FILES`] writes, in its own words.
@@ -323,7 +318,7 @@ fn a_link_to_a_file_is_followed_and_stays() {
     fs::create_dir(bench.path("deep")).unwrap();
     bench.write("deep/a.wav", "");
     symlink("deep/a.wav", bench.path("link.wav")).unwrap();
-    bench.succeed(&FILES[8].replace("{}", "link.wav"));
+    bench.succeed(&FILES[7].replace("{}", "link.wav"));
     assert!(bench.path("link.wav").is_symlink());
     assert!(
         fs::read(bench.path("deep/a.wav"))
@@ -681,8 +676,8 @@ fn a_full_disk_leaves_nothing_and_the_line_names_the_users_file() {
         (FILES[4], 1),
         (FILES[5], 1),
         (FILES[6], 1),
-        (FILES[8], 1),
-        (FILES[11], 1),
+        (FILES[7], 1),
+        (FILES[10], 1),
         (FOLDERS[0], 2),
         (FOLDERS[1], 1),
         (FOLDERS[2], 2),
@@ -747,10 +742,6 @@ fn an_input_that_does_not_end_is_refused_in_one_line() {
         ("inspect endless", "the most of a library"),
         ("certify endless", "the most of a library"),
         (
-            "resample endless --rate 10000 --out o.lib",
-            "the most of a library",
-        ),
-        (
             "render endless --texture a --speed 1 --force 1 --seconds 1 --out o.wav",
             "the most of a library",
         ),
@@ -766,8 +757,8 @@ fn an_input_that_does_not_end_is_refused_in_one_line() {
         ("fit endless.csv --out o.lib", "is a device"),
         ("report endless.wav --out o.html", "is a device"),
         ("segment endless.csv --texture a --out o", "is a device"),
-        ("fit-tap endless.csv", "is a device"),
-        ("fit-tap endless.wav", "is a device"),
+        ("scene fit-tap endless.csv", "is a device"),
+        ("scene fit-tap endless.wav", "is a device"),
         (
             "import-hatt endless.xml --out o.lib",
             "the most of a HaTT model file",
@@ -821,7 +812,7 @@ fn an_input_that_does_not_end_is_refused_in_one_line() {
     assert!(message.contains("the most of a library"), "{message}");
     fed.join().unwrap();
     make_pipe(&bench.path("pipe.wav"));
-    for arguments in ["fit pipe.wav --out o.lib", "fit-tap pipe.wav"] {
+    for arguments in ["fit pipe.wav --out o.lib", "scene fit-tap pipe.wav"] {
         let message = refusal(&bench.run(arguments), arguments);
         assert!(message.contains("is a pipe"), "{message}");
     }

@@ -515,7 +515,7 @@ fn a_tap_that_was_rendered_is_found_again() {
     motion.push_str("1.5,0,0\n");
     bench.write("taps.csv", motion);
     bench.succeed("scene render plate.toml --library cloths.lib --motion taps.csv --out taps.wav");
-    let found = json(&bench.succeed("fit-tap taps.wav --force-rates 250 --json"));
+    let found = json(&bench.succeed("scene fit-tap taps.wav --force-rates 250 --json"));
     assert_eq!(found["impacts"].as_array().unwrap().len(), 3, "{found}");
     for (key, expected, tolerance) in [
         ("frequency_hz", 310.0, 0.5),
@@ -526,14 +526,14 @@ fn a_tap_that_was_rendered_is_found_again() {
         assert!((value - expected).abs() < tolerance, "{key} is {value}");
     }
     // The printed text can be pasted into a scene, which plays the same taps.
-    let printed = bench.succeed("fit-tap taps.wav --force-rates 250");
+    let printed = bench.succeed("scene fit-tap taps.wav --force-rates 250");
     let table = &printed[printed.find("[surface.tap]").unwrap()..];
     bench.write(
         "again.toml",
         format!("name = \"again\"\n[[surface]]\n{table}"),
     );
     bench.succeed("scene check again.toml --library cloths.lib");
-    let message = bench.refuse("fit-tap taps.wav --force-rates 250,250");
+    let message = bench.refuse("scene fit-tap taps.wav --force-rates 250,250");
     assert!(message.contains("2 values for 1 recordings"), "{message}");
 }
 

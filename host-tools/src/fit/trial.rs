@@ -9,7 +9,7 @@ use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::reduction::{Reduction, reduce};
 use crate::dsp::sums::mean;
 use crate::recording::triage;
-use crate::recording::triage::{Fingerprint, Verdict};
+use crate::recording::triage::{Sketch, Verdict};
 use crate::recording::{self, Samples, Trial};
 use crate::support::error::{Error, Result};
 
@@ -39,8 +39,8 @@ pub struct Analysis {
     pub verdicts: Vec<Verdict>,
     /// A line at a mains frequency, Hz; whether it is hum, the other trials tell.
     pub mains_line_hz: Option<f64>,
-    /// Content of the reduced signal, by which copies are found.
-    pub fingerprint: Fingerprint,
+    /// Sketch of the reduced signal, by which copies are found.
+    pub sketch: Sketch,
     /// Its share of the texture's lines, which `lags` and `bands` are without; none before they are sought.
     pub lines: TrialLines,
 }
@@ -93,8 +93,7 @@ fn kept_at(trial: &Trial, rate_hz: u32, parts: &[Range<usize>]) -> Result<Vec<Ve
     let samples = recording::read_at(trial, rate_hz)?;
     if samples.source_rate_hz < f64::from(rate_hz) {
         let problem = format!(
-            "has {} Hz, and models at {rate_hz} Hz need recordings of that rate or above: fit at {SAMPLE_RATE_HZ} Hz, \
-             then `stylus resample`",
+            "has {} Hz, and models at {rate_hz} Hz need recordings of that rate or above: fit at {SAMPLE_RATE_HZ} Hz",
             samples.source_rate_hz
         );
         return Err(Error::file(&trial.file, problem));
@@ -194,7 +193,7 @@ pub(super) fn analyse_whole(
     let mean_m_s2 = samples.axes.iter().map(mean_of).fold(0.0, f64::max);
     let reduced = reduce(&mut samples.axes, options.reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
-    let fingerprint = triage::fingerprint(&reduced.signal);
+    let sketch = Sketch::of(&reduced.signal);
     let mut autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
     let mut power = autocorrelation.lags[0];
     if !power.is_finite() {
@@ -230,7 +229,7 @@ pub(super) fn analyse_whole(
         cut_s,
         verdicts,
         mains_line_hz,
-        fingerprint,
+        sketch,
         lines: TrialLines::default(),
         lags: estimate.lags,
         bands: estimate.bands,

@@ -22,7 +22,7 @@
 //! [[surface]]
 //! texture = "denim"                    # in the library; without one the surface is smooth
 //! gain = 1.0                           # the default
-//! [surface.tap]                        # a decaying sine at an impact; `stylus fit-tap` fits it to recordings
+//! [surface.tap]                        # a decaying sine at an impact; `stylus scene fit-tap` fits it to recordings
 //! frequency_hz = 240
 //! decay_s = 0.012
 //! gain_m_s2_per_n_s = 0.4

@@ -10,7 +10,6 @@ pub mod library_file;
 pub mod parts;
 pub mod quantise;
 pub mod recorded_spectra;
-pub mod resample;
 pub mod stored;
 pub mod summary;
 pub mod theta;

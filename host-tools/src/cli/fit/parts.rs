@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use host_tools::fit;
 use host_tools::fit::Fit;
-use host_tools::fit::shard::{Mapped, Merged, Shard, map};
+use host_tools::fit::parts::{Mapped, Merged, Shard, map};
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
@@ -25,7 +25,7 @@ pub struct LargeSet {
     /// every N-th texture
     #[arg(long, value_name = "I/N", requires = "parts")]
     pub shard: Option<Shard>,
-    /// Join the shards in --parts instead of computing them
+    /// Join what all shards have left in --parts, and compute nothing of it
     #[arg(long, requires = "parts", requires = "out")]
     pub merge: bool,
 }
@@ -42,15 +42,6 @@ impl LargeSet {
     }
 }
 
-/// Report of a shard, as JSON.
-#[derive(serde::Serialize)]
-struct ShardReport {
-    shard: String,
-    part: String,
-    trials: usize,
-    reused: usize,
-}
-
 /// Computes one shard.
 pub fn map_shard(
     set: &RecordingSet,
@@ -59,23 +50,19 @@ pub fn map_shard(
     (large, is_json): (&LargeSet, bool),
 ) -> Result<()> {
     let folder = large.folder().unwrap_or_default();
-    let Mapped {
-        path,
-        trials,
-        reused,
-    } = mapped(set, options, shard, &folder)?;
+    let Mapped { trials, reused } = mapped(set, options, shard, &folder)?;
     if is_json {
-        return print_json(&ShardReport {
-            shard: shard.to_string(),
-            part: path.display().to_string(),
-            trials,
-            reused,
-        });
+        return print_json(&serde_json::json!({
+            "shard": shard.to_string(),
+            "parts": folder.display().to_string(),
+            "trials": trials,
+            "reused": reused,
+        }));
     }
     print(&format!(
         "shard {shard}: {trials} of {} trials -> {} ({reused} were there)",
         set.trials.len(),
-        path.display()
+        folder.display()
     ))
 }
 
@@ -85,7 +72,7 @@ fn mapped(
     shard: Shard,
     folder: &Path,
 ) -> Result<Mapped> {
-    // The units of a shard are of different sizes, so that its share is known to a few trials only.
+    // Units are of different sizes, so that a shard's share is known to a few trials only.
     let share = (set.trials.len() as u64).div_ceil(u64::from(shard.of));
     let bar = progress::bar(share, "analysing trials");
     let mapped = map(set, options, shard, folder, |trials| bar.inc(trials as u64))?;
@@ -93,7 +80,8 @@ fn mapped(
     Ok(mapped)
 }
 
-/// Joins the shards of --parts, or of `default`; computes what is not there first, unless --merge says that all is.
+/// Joins the partial results in --parts, or in `default`; computes what is not there first, unless --merge says that
+/// all is.
 pub fn merged<'s>(
     set: &'s RecordingSet,
     options: &fit::Options,
@@ -101,17 +89,11 @@ pub fn merged<'s>(
     large: &LargeSet,
 ) -> Result<Merged<'s>> {
     let folder = large.folder().or(default).unwrap_or_default();
-    let whole = if large.merge {
-        None
-    } else {
-        Some(mapped(set, options, Shard::WHOLE, &folder)?.path)
-    };
+    if !large.merge {
+        mapped(set, options, Shard::WHOLE, &folder)?;
+    }
     let bar = progress::bar(set.trials.len() as u64, "reading partial results");
-    let progress = |trials| bar.inc(trials as u64);
-    let merged = match whole {
-        Some(path) => Merged::of_files(set, options, &[path], progress)?,
-        None => Merged::of_folder(set, options, &folder, progress)?,
-    };
+    let merged = Merged::of_folder(set, options, &folder, |trials| bar.inc(trials as u64))?;
     bar.finish_and_clear();
     Ok(merged)
 }
