@@ -11,7 +11,6 @@ mod fitted;
 mod grid;
 #[cfg(feature = "hatt")]
 pub mod hatt;
-mod holes;
 pub mod lines;
 mod notes;
 mod options;
@@ -19,10 +18,7 @@ pub mod part;
 pub mod parts;
 pub mod record;
 mod separated;
-mod set_notes;
-mod signals;
 mod trial;
-mod trial_report;
 
 use std::borrow::Cow;
 
@@ -39,10 +35,10 @@ pub use fitted::{Fit, FittedTexture, encoded};
 use lines::Lines;
 pub use options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
 pub use separated::{separate_lines, signals_without_lines};
-use signals::{Budget, KeptSignals};
+pub use trial::TrialReport;
 pub use trial::{Analysis, Signal, analyse, analyse_with_signal, signal};
+use trial::{Budget, KeptSignals};
 use trial::{analyse_whole, signal_of_judged};
-pub use trial_report::TrialReport;
 
 /// Memory for signals that are kept for a later step instead of being read again, bytes.
 const KEPT_SIGNALS: usize = 128 << 20;
@@ -236,7 +232,7 @@ fn fit_reported<'a>(
             options.sample_rate_hz
         ));
     }
-    fit.warnings.extend(set_notes::of(set, &fit.trials));
+    fit.warnings.extend(notes::of_set(set, &fit.trials));
     for (name, members) in set.by_texture() {
         let analyses = analyses_of(&members)?;
         fit_texture(name, (set, &members), &analyses, options, &mut fit)?;

@@ -1,22 +1,21 @@
 //! One trial: from its file to the statistics that a model is fitted to.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
-
-use crate::dsp::autocorrelation::Autocorrelation;
-use crate::dsp::reduction::{Reduction, reduce};
-use crate::dsp::sums::mean;
-use crate::recording::triage;
-use crate::recording::triage::{Sketch, Verdict};
-use crate::recording::{self, Samples, Trial};
-use crate::support::error::{Error, Result};
 
 use super::bands::Bands;
 use super::estimate::estimate_at;
 use super::lines::TrialLines;
 use super::options::Options;
+use crate::dsp::autocorrelation::Autocorrelation;
+use crate::dsp::reduction::{Reduction, reduce};
+use crate::dsp::sums::mean;
+use crate::recording::triage::{Sketch, Verdict, in_words};
+use crate::recording::{self, Samples, Trial, triage};
+use crate::support::error::{Error, Result};
 
 /// The statistics of a trial that a fit keeps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -240,4 +239,87 @@ pub(super) fn analyse_whole(
         flaws,
     };
     Ok((analysis, signal))
+}
+
+/// The account of a trial.
+#[derive(Clone, Debug, Serialize)]
+pub struct TrialReport {
+    /// The file.
+    pub file: String,
+    /// Its texture.
+    pub texture: String,
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Normal force, N.
+    pub force_n: f64,
+    /// RMS of the reduced signal, m/s².
+    pub rms_m_s2: f64,
+    /// Largest magnitude of an axis's mean, which was removed, m/s².
+    pub mean_m_s2: f64,
+    /// Share of the axes' energy that the reduced signal keeps.
+    pub energy_share: f64,
+    /// Duration that triage cut out of it, s.
+    pub cut_s: f64,
+    /// Findings of triage; none for a sound recording.
+    #[serde(serialize_with = "in_words")]
+    pub verdicts: Vec<Verdict>,
+    /// True if the fit used it.
+    pub used: bool,
+}
+
+/// Memory of which parts are taken until there is none left.
+pub(super) struct Budget(AtomicUsize);
+
+impl Budget {
+    pub fn of(bytes: usize) -> Self {
+        Self(AtomicUsize::new(bytes))
+    }
+
+    /// Returns whether there were `bytes` left, which are taken then.
+    pub fn takes(&self, bytes: usize) -> bool {
+        let less = |left: usize| left.checked_sub(bytes);
+        self.0
+            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, less)
+            .is_ok()
+    }
+}
+
+/// Signals of the trials of a set, as far as they are kept.
+#[derive(Default)]
+pub(super) struct KeptSignals(Vec<Option<Signal>>);
+
+impl KeptSignals {
+    /// The signals of all trials, in the order of the set.
+    pub fn of(signals: Vec<Option<Signal>>) -> Self {
+        Self(signals)
+    }
+
+    /// Returns the signal of a trial, if it is kept.
+    pub fn get(&self, trial: usize) -> Option<&Signal> {
+        self.0.get(trial)?.as_ref()
+    }
+
+    /// Returns whether the signals of all `trials` are kept.
+    pub fn has_all(&self, trials: &[usize]) -> bool {
+        trials.iter().all(|&trial| self.get(trial).is_some())
+    }
+
+    /// Keeps the signals of `trials`.
+    pub fn extend(&mut self, trials: &[usize], signals: Vec<Signal>) {
+        for (&trial, signal) in trials.iter().zip(signals) {
+            if self.0.len() <= trial {
+                self.0.resize_with(trial + 1, || None);
+            }
+            self.0[trial] = Some(signal);
+        }
+    }
+
+    /// Lets go of the signals of `trials`.
+    pub fn forget(&mut self, trials: &[usize]) {
+        for &trial in trials {
+            if let Some(signal) = self.0.get_mut(trial) {
+                *signal = None;
+            }
+        }
+    }
 }

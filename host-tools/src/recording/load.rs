@@ -6,7 +6,7 @@ use model_format::SAMPLE_RATE_HZ;
 
 use super::defects::Defects;
 use super::rate::length_fault;
-use super::samples::Samples;
+use super::source::Samples;
 use super::source::{Cut, Source};
 use super::trial::Trial;
 use super::{csv_file, resample, wav};

@@ -13,7 +13,7 @@ use rand::RngExt;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
-use super::random::{StreamKey, drawn};
+use super::measurement::{StreamKey, drawn};
 use super::*;
 
 /// Speeds, forces and drum that most rigs here have.

@@ -6,7 +6,6 @@ pub mod certificate;
 pub mod domain;
 pub mod grid;
 pub mod library;
-pub mod library_file;
 pub mod parts;
 pub mod quantise;
 pub mod recorded_spectra;

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
+use super::evidence::KURTOSIS_SAMPLES;
 use super::evidence::{Sums, gaussian_kurtosis};
-use super::judge::KURTOSIS_SAMPLES;
 use super::trace::Trace;
 
 /// Standard deviations that two sides must differ by: a chance of 1e-4 per split, so that at most 1 in 100 grids of any
@@ -111,7 +111,7 @@ fn logarithm(windows: &Sums) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::excitation::judge::Judged;
+    use crate::fit::excitation::evidence::Judged;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 

@@ -9,13 +9,13 @@ use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::residual::mean_square;
 use super::texture::{Axes, parts};
 use super::trace::Trace;
+use super::trace::mean_square;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected};
 use crate::dsp::model::Model;
-use crate::fit::excitation::report::ExcitationReport;
+use crate::fit::excitation::texture::ExcitationReport;
 use crate::fit::options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
 use crate::fit::trial::Signal;
 use crate::fit::{Fit, fit};

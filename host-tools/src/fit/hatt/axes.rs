@@ -9,8 +9,7 @@
 use model_format::{SAMPLE_RATE_HZ, limits};
 use rayon::prelude::*;
 
-use super::between::density;
-use super::node;
+use super::between::{self, density};
 use super::toolkit::Toolkit;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
@@ -136,7 +135,7 @@ impl<'a> Search<'a> {
             .into_par_iter()
             .map(|index| {
                 let speed = f64::from(candidates.speeds_mm_s[index / forces]);
-                node::model(
+                between::model(
                     toolkit,
                     (speed, f64::from(candidates.forces_n[index % forces])),
                 )

@@ -9,9 +9,9 @@ use serde::Serialize;
 
 pub use super::axes::Bounds;
 use super::axes::{Candidates, Chosen, choose};
+pub use super::between::ORDER_TOLERANCE_DB;
 pub use super::between::ROLL_OFF_DB_PER_OCTAVE;
 use super::comparison::{PlaceError, errors};
-pub use super::node::ORDER_TOLERANCE_DB;
 use super::toolkit::Toolkit;
 use crate::support::error::{Error, Result};
 use crate::texture::certificate;

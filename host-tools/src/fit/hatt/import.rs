@@ -8,10 +8,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::axes::{Bounds, Candidates, node_bytes};
+use super::between;
 use super::comparison::PlaceError;
 use super::convert::{Converted, ConvertedNode, convert};
 use super::elements::MODEL_FILE;
-use super::node;
 use super::read::read;
 use super::toolkit::Toolkit;
 use crate::support::error::{Error, Result};
@@ -208,7 +208,7 @@ fn need(source: &Source, options: &Options) -> Need {
     let sounding = source.toolkit.models.iter().filter(|model| model.sounds());
     let sizes: Vec<usize> = sounding
         .map(|model| {
-            node_bytes(&node::model(
+            node_bytes(&between::model(
                 &source.toolkit,
                 (model.speed_mm_s, model.force_n),
             ))

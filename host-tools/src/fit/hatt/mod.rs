@@ -27,6 +27,5 @@ mod elements;
 mod fixture;
 pub mod import;
 mod model;
-mod node;
 pub mod read;
 pub mod toolkit;

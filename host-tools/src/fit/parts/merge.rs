@@ -8,9 +8,9 @@ use rayon::prelude::*;
 
 use super::unit::{Unit, units};
 use crate::fit::options::Options;
-use crate::fit::signals::KeptSignals;
 use crate::fit::trial::Analysis;
-use crate::fit::trial_report::TrialReport;
+use crate::fit::trial::KeptSignals;
+use crate::fit::trial::TrialReport;
 use crate::fit::{Fit, add_excitation, fit_reported, reports};
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};

@@ -5,7 +5,7 @@ use super::{axes, band, level, peaks};
 use crate::dsp::sums::{Moments, moments, sum_of};
 use crate::dsp::wide;
 use crate::recording::defects::Truncation;
-use crate::recording::samples::Samples;
+use crate::recording::source::Samples;
 use model_format::SAMPLE_RATE_HZ;
 
 /// Number of samples below which a trial is too short: 0.4 s at 5 kHz.
