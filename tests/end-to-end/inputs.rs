@@ -188,17 +188,6 @@ fn a_wav_of_one_hertz_or_one_sample_is_told_in_one_line() {
 }
 
 #[test]
-fn names_that_differ_in_case_only_are_told() {
-    let bench = Bench::new();
-    set(&bench, &[("Denim", 100.0, 1.0), ("denim", 100.0, 0.5)]);
-    let told = said(&bench, &format!("fit set --out a.lib {QUICK}"));
-    holds(
-        &told,
-        &["\"Denim\" and \"denim\" differ in the case of letters only"],
-    );
-}
-
-#[test]
 fn measured_speeds_make_a_sparse_grid_which_is_told_and_snapped_on_request() {
     let bench = Bench::new();
     // Four nominal speeds by five nominal forces, each measured to within 2 %.

@@ -34,11 +34,11 @@ use crate::texture::library::stored_texture;
 pub use fitted::{Fit, FittedTexture, encoded};
 use lines::Lines;
 pub use options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
-pub use separated::{separate_lines, signals_without_lines};
+pub use separated::signals_without_lines;
 pub use trial::TrialReport;
+use trial::signal_of_judged;
 pub use trial::{Analysis, Signal, analyse, analyse_with_signal, signal};
 use trial::{Budget, KeptSignals};
-use trial::{analyse_whole, signal_of_judged};
 
 /// Memory for signals that are kept for a later step instead of being read again, bytes.
 const KEPT_SIGNALS: usize = 128 << 20;
@@ -150,7 +150,7 @@ fn analyse_keeping(
     };
     if options.lines == Lines::None {
         let analysed = set.trials.par_iter().map(|trial| {
-            let analysed = analyse_whole(trial, options, max_order).map(&keep);
+            let analysed = analyse_with_signal(trial, options, max_order).map(&keep);
             progress();
             analysed
         });
@@ -183,13 +183,13 @@ fn analyse_texture(
     let mut analysed = trials
         .par_iter()
         .map(|trial| {
-            let analysed = analyse_whole(trial, options, max_order);
+            let analysed = analyse_with_signal(trial, options, max_order);
             progress();
             analysed
         })
         .collect::<Result<Vec<_>>>()?;
     if options.lines != Lines::None {
-        separated::separate_lines_of(trials, &mut analysed, options, max_order);
+        separated::separate_lines(trials, &mut analysed, options, max_order);
     }
     Ok(analysed)
 }

@@ -1,6 +1,6 @@
 //! Notes on a fit of recordings that are not as they should be.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 use model_format::NodeFlags;
 use rayon::prelude::*;
@@ -9,7 +9,6 @@ use super::grid::Miss;
 use super::options::{Estimator, Options, Order};
 use super::trial::TrialReport;
 use crate::recording::{RecordingSet, Trial, holds_integers, nominal};
-use crate::support::file_name;
 use crate::texture::grid::Grid;
 
 /// A mean this many times the RMS is more than an offset of an amplifier: gravity, or a sensor that is not what it is
@@ -225,14 +224,10 @@ const LARGE_SPEED_MM_S: f64 = 2000.0;
 /// Speed that is less than anything is stroked with, mm/s; metres per second taken for millimetres are below.
 const SMALL_SPEED_MM_S: f64 = 1.0;
 
-/// Most pairs of names that are told.
-const MOST_PAIRS: usize = 5;
-
 /// Returns the notes on `set`, whose trials have these `reports`, one line each.
 pub(super) fn of_set(set: &RecordingSet, reports: &[TrialReport]) -> Vec<String> {
     let mut notes = Vec::new();
     notes.extend(missing_scale(set, reports));
-    notes.extend(alike_names(set));
     notes.extend(doubtful_motions(&set.trials));
     notes
 }
@@ -271,23 +266,6 @@ fn missing_scale(set: &RecordingSet, reports: &[TrialReport]) -> Option<String> 
         levels.len(),
         set.trials.len()
     ))
-}
-
-/// Returns notes on textures whose names differ in the case of letters only.
-fn alike_names(set: &RecordingSet) -> Vec<String> {
-    let mut names: HashMap<String, &str> = HashMap::new();
-    let mut notes = Vec::new();
-    for name in set.textures() {
-        let earlier = *names.entry(file_name::folded(name)).or_insert(name);
-        if earlier != name {
-            notes.push(format!(
-                "textures {earlier:?} and {name:?} differ in the case of letters only, and become two: rename one in \
-                 the list if they are meant to be one"
-            ));
-        }
-    }
-    notes.truncate(MOST_PAIRS);
-    notes
 }
 
 /// Returns notes on speeds and forces that are likely to be in another unit.

@@ -267,20 +267,12 @@ const PIECE: usize = 1 << 16;
 mod tests {
     use super::*;
     use crate::recording::HeldSamples;
-    use model_format::Provenance;
 
     fn trial(file: PathBuf, start_s: f64, duration_s: Option<f64>) -> Trial {
         Trial {
-            file,
-            texture: "felt".into(),
-            speed_mm_s: 100.0,
-            force_n: 1.0,
-            scale_m_s2: None,
             start_s,
             duration_s,
-            sample_rate_hz: None,
-            provenance: Provenance::Recorded,
-            held: None,
+            ..Trial::of(file, "felt", 100.0, 1.0)
         }
     }
 

@@ -156,27 +156,14 @@ fn reduced(trial: &Trial, triaged: Triaged, reduction: Reduction) -> Result<Sign
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
 pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Analysis> {
-    Ok(analyse_whole(trial, options, max_order)?.0)
-}
-
-/// As [`analyse`], with the reduced signal, m/s², beside the analysis.
-///
-/// # Errors
-/// A file that cannot be used, or without the axis that was asked for.
-pub fn analyse_with_signal(
-    trial: &Trial,
-    options: &Options,
-    max_order: usize,
-) -> Result<(Analysis, Vec<f64>)> {
-    let (analysis, signal) = analyse_whole(trial, options, max_order)?;
-    Ok((analysis, signal.samples))
+    Ok(analyse_with_signal(trial, options, max_order)?.0)
 }
 
 /// As [`analyse`], with the reduced signal.
 ///
 /// # Errors
 /// Those of [`analyse`].
-pub(super) fn analyse_whole(
+pub fn analyse_with_signal(
     trial: &Trial,
     options: &Options,
     max_order: usize,

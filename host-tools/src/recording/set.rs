@@ -102,18 +102,12 @@ impl RecordingSet {
                 return Err(Error::file(file, problem));
             }
             let stem = file.file_stem().unwrap_or_default();
-            Ok(Trial {
-                file: file.clone(),
-                texture: stem.to_string_lossy().into_owned(),
-                speed_mm_s: NOMINAL_SPEED_MM_S,
-                force_n: NOMINAL_FORCE_N,
-                scale_m_s2: None,
-                start_s: 0.0,
-                duration_s: None,
-                sample_rate_hz: None,
-                provenance: Provenance::Recorded,
-                held: None,
-            })
+            Ok(Trial::of(
+                file.clone(),
+                stem.to_string_lossy().into_owned(),
+                NOMINAL_SPEED_MM_S,
+                NOMINAL_FORCE_N,
+            ))
         });
         Ok(Self {
             trials: trials.collect::<Result<Vec<_>>>()?,
@@ -294,16 +288,17 @@ impl Columns {
             )));
         }
         Ok(Trial {
-            file: folder.join(text("file")?),
-            texture: texture.to_owned(),
-            speed_mm_s: required("speed_mm_s", speed_fault)?,
-            force_n: required("force_n", force_fault)?,
             scale_m_s2,
             start_s: at_least_zero("start_s")?.unwrap_or(0.0),
             duration_s: above_zero("duration_s")?,
             sample_rate_hz,
             provenance,
-            held: None,
+            ..Trial::of(
+                folder.join(text("file")?),
+                texture.to_owned(),
+                required("speed_mm_s", speed_fault)?,
+                required("force_n", force_fault)?,
+            )
         })
     }
 }

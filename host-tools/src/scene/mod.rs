@@ -58,18 +58,15 @@ mod compile;
 mod cost;
 mod description;
 pub mod equaliser;
-mod file;
 mod library;
-mod place;
-mod summary;
 pub mod tap;
 
 pub use compile::CompiledScene;
+pub use cost::SceneSummary;
 pub use cost::{CostReport, Situation, StageCost};
+pub use description::SceneFile;
 pub use description::{
     ConstantMotion, EqualiserDescription, RegionDescription, SceneDescription, SectionDescription,
     SurfaceDescription,
 };
-pub use file::SceneFile;
 pub use library::{parts, scene_named, surface_names, texture_spec, with_scenes};
-pub use summary::SceneSummary;

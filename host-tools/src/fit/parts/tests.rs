@@ -1,6 +1,5 @@
 use std::path::Path;
 
-use model_format::Provenance;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -51,18 +50,12 @@ fn set(folder: &Path) -> RecordingSet {
                     10 * number as u64 + place + 1
                 },
             );
-            trials.push(Trial {
+            trials.push(Trial::of(
                 file,
-                texture: (*texture).to_owned(),
-                speed_mm_s: 50.0 + 40.0 * (place / 2) as f64,
-                force_n: 0.5 + (place % 2) as f64,
-                scale_m_s2: None,
-                start_s: 0.0,
-                duration_s: None,
-                sample_rate_hz: None,
-                provenance: Provenance::Recorded,
-                held: None,
-            });
+                (*texture).to_owned(),
+                50.0 + 40.0 * (place / 2) as f64,
+                0.5 + (place % 2) as f64,
+            ));
         }
     }
     RecordingSet {
