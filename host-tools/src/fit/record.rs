@@ -39,15 +39,12 @@ pub struct FitRecord {
     /// Options of the fit.
     pub options: Options,
     /// The excitation of each texture, and the reasons for it.
-    #[serde(default)]
     pub excitations: Vec<ExcitationReport>,
     /// The recordings.
     pub trials: Vec<FittedTrial>,
     /// Lines of each texture that are locked to place, or the reason for none.
-    #[serde(default)]
     pub lines: Vec<FoundLines>,
     /// The bytes of each lattice's θ, and the reasons for them.
-    #[serde(default)]
     pub thetas: Vec<ThetaReport>,
 }
 

@@ -17,12 +17,10 @@ pub struct Findings {
     /// Frequencies that stay while the speed changes, Hz: hum and motors, which are no part of a surface.
     pub time_locked_hz: Vec<f64>,
     /// Scatter of the trials' speeds about those listed, as the lines tell it: standard deviation over the speed.
-    #[serde(default)]
     pub speed_scatter: Option<f64>,
     /// Trials whose speed was followed through its changes.
     pub followed_trials: usize,
     /// Reason for having no lines.
-    #[serde(default)]
     pub none_because: Option<NoLines>,
 }
 
@@ -34,7 +32,6 @@ pub struct Line {
     /// Phase at place 0 of a sine, turns: relative to the fundamental for a harmonic, 0 for others.
     pub phase_turns: f64,
     /// Index of the fundamental among the lines, and the number of the harmonic.
-    #[serde(default)]
     pub harmonic_of: Option<(usize, u32)>,
     /// Agreement of the trials on a harmonic's phase, 0 to 1; 1 for others.
     pub phase_agreement: f64,
