@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::description::RigDescription;
-use super::folder::RIG;
+use super::output::RIG;
 use super::validate::check;
 use crate::support::error::Result;
 use crate::support::toml_field::{TEXT, from_toml};

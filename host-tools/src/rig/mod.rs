@@ -63,7 +63,6 @@
 mod contact;
 mod description;
 mod file;
-mod folder;
 mod measurement;
 mod output;
 mod profile;
@@ -81,7 +80,6 @@ pub use description::{
 };
 pub use file::RigFile;
 pub use file::is_of_the_papers_rig;
-pub use folder::check;
 pub use output::{Summary, TextureSummary, simulate_to_folder};
 pub use profile::Profile;
 pub use trial::{Strip, Trial};
