@@ -1,5 +1,6 @@
 //! The emulator's thread, which runs the image to given instants and does jobs between them.
 
+use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
@@ -11,17 +12,56 @@ use rigless::soc::Width;
 use rigless::symbols::Symbols;
 use rigless::time::VirtualNanos;
 
-use super::options::Options;
 use crate::board::StylusBoard;
 use crate::core::Auditor;
+use crate::electrical::Electrical;
 use crate::error::{Error, Result};
+use crate::model::adc::Pins;
 use crate::model::flash::{
     BASE, BYTES, Busy, Contents, Kind, Moment, Operation, Unreadable, WORD_BYTES,
 };
+use crate::sensors::ConstantPins;
 use crate::tick::TickWatch;
 
 /// The name of the tick's handler in the image.
 const TICK_HANDLER: &str = "TIM6_DAC";
+
+/// 400 MHz at two cycles per instruction, where a Cortex-M7 often retires two instructions per cycle.
+pub const PESSIMISTIC_INSTRUCTIONS_PER_SECOND: NonZeroU64 =
+    NonZeroU64::new(200_000_000).expect("not zero");
+
+/// Options of a run.
+#[derive(Debug)]
+pub struct Options {
+    /// Content of the flash before the image is put into it.
+    pub flash: Contents,
+    /// Leaves the image out of the flash, and runs its content, as after a power cut.
+    pub keep_flash: bool,
+    /// Speed of the core in virtual time.
+    pub instructions_per_second: NonZeroU64,
+    /// Signals on the converter's pins.
+    pub pins: Box<dyn Pins>,
+    /// Fills all RAM with noise from this seed before the start; without, RAM holds zeros.
+    pub ram_noise: Option<u64>,
+    /// Silicon, clocks and supply.
+    pub electrical: Electrical,
+    /// Follows the ticks.
+    pub watch_ticks: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            flash: Contents::default(),
+            keep_flash: false,
+            instructions_per_second: PESSIMISTIC_INSTRUCTIONS_PER_SECOND,
+            pins: Box::new(ConstantPins::default()),
+            ram_noise: None,
+            electrical: Electrical::default(),
+            watch_ticks: true,
+        }
+    }
+}
 
 /// A power cut, and the content of the flash after it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,41 +74,29 @@ pub struct PowerCut {
     pub contents: Contents,
 }
 
-pub(super) type Job = Box<dyn FnOnce(&mut Session<StylusBoard>, &mut Hands, &mut dyn Host) + Send>;
+pub(crate) type Job = Box<dyn FnOnce(&mut Session<StylusBoard>, &mut Hands, &mut dyn Host) + Send>;
 
 /// A command to the thread.
-pub(super) enum Command {
+pub(crate) enum Command {
     RunUntil(u64),
     Do(Job),
 }
 
-/// The stop at which the emulator's thread waits.
-#[derive(Clone, Debug)]
-pub(super) enum Stopped {
-    At(u64),
-    PowerCut {
-        operation: Operation,
-        contents: Box<Contents>,
-    },
-}
-
 /// The thread's own side.
-pub(super) struct Hands {
+pub(crate) struct Hands {
     commands: Receiver<Command>,
-    stops: Sender<Stopped>,
-    pub(super) ticks: TickWatch,
-    pub(super) power_cut: Option<(u64, Moment)>,
-    cut: Option<(Operation, Contents)>,
-    pub(super) to_capture: Vec<(u64, Moment)>,
-    pub(super) captured: Vec<PowerCut>,
-    pub(super) unreadable: Unreadable,
-    pub(super) busy: Busy,
+    stops: Sender<u64>,
+    pub(crate) ticks: TickWatch,
+    pub(crate) to_capture: Vec<(u64, Moment)>,
+    pub(crate) captured: Vec<PowerCut>,
+    pub(crate) unreadable: Unreadable,
+    pub(crate) busy: Busy,
     resets: usize,
 }
 
 impl Hands {
     /// The content of the flash.
-    pub(super) fn contents(&self, host: &mut dyn Host) -> Contents {
+    pub(crate) fn contents(&self, host: &mut dyn Host) -> Contents {
         let mut bytes = Vec::with_capacity(BYTES);
         for address in (u64::from(BASE)..).step_by(8).take(BYTES / 8) {
             let piece = host.read(address, Width::W64).expect("the flash is mapped");
@@ -80,12 +108,7 @@ impl Hands {
         }
     }
 
-    fn started(
-        &mut self,
-        operation: Operation,
-        session: &mut Session<StylusBoard>,
-        host: &mut dyn Host,
-    ) {
+    fn started(&mut self, operation: &Operation, host: &mut dyn Host) {
         let moments = self
             .to_capture
             .iter()
@@ -98,16 +121,6 @@ impl Hands {
                 moment,
                 contents,
             });
-        }
-        if let Some((number, moment)) = self.power_cut
-            && operation.number == number
-            && self.cut.is_none()
-        {
-            let mut contents = self.contents(host);
-            contents.cut(&operation.kind, moment);
-            session.run_until(VirtualNanos(operation.at_ns));
-            self.cut = Some((operation, contents));
-            return;
         }
         if let Kind::Program { address, .. } = operation.kind
             && !erased(address, host)
@@ -143,7 +156,7 @@ impl Driver<StylusBoard> for Hands {
             Settled::Stop(_) => self.ticks.audited(),
             Settled::Access { .. } => {
                 while let Some(operation) = session.board_mut().part.flash.around.take_started() {
-                    self.started(operation, session, host);
+                    self.started(&operation, host);
                 }
                 None
             }
@@ -160,15 +173,7 @@ impl Driver<StylusBoard> for Hands {
         stop: Stop,
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {
-        if let Some((operation, contents)) = self.cut.take() {
-            let contents = Box::new(contents);
-            let _ = self.stops.send(Stopped::PowerCut {
-                operation,
-                contents,
-            });
-            return None;
-        }
-        self.stops.send(Stopped::At(stop.at.0)).ok()?;
+        self.stops.send(stop.at.0).ok()?;
         loop {
             // Without the other end of the channel the run is over.
             match self.commands.recv().ok()? {
@@ -180,11 +185,11 @@ impl Driver<StylusBoard> for Hands {
 }
 
 /// The test's ends of the channels of commands and of stops, and the thread.
-pub(super) type Ends = (Sender<Command>, Receiver<Stopped>, JoinHandle<Result<()>>);
+pub(crate) type Ends = (Sender<Command>, Receiver<u64>, JoinHandle<Result<()>>);
 
 /// Puts the ELF file at `image` into the flash and switches the power on, on a new thread. Returns the channel of its
 /// commands, the channel of its stops, and the thread.
-pub(super) fn start(image: &Path, options: Options) -> Result<Ends> {
+pub(crate) fn start(image: &Path, options: Options) -> Result<Ends> {
     let (contents, handler) = load(image, options.flash, options.keep_flash)?;
     let handler = handler.filter(|_| options.watch_ticks);
     let unreadable = Unreadable::default();
@@ -209,8 +214,6 @@ pub(super) fn start(image: &Path, options: Options) -> Result<Ends> {
         commands: receiver,
         stops: sender,
         ticks,
-        power_cut: options.power_cut,
-        cut: None,
         to_capture: Vec::new(),
         captured: Vec::new(),
         unreadable,
