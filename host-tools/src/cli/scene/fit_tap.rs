@@ -1,4 +1,4 @@
-//! `stylus fit-tap`
+//! `stylus scene fit-tap`
 
 use std::path::PathBuf;
 
@@ -6,9 +6,9 @@ use host_tools::dsp::reduction::Reduction;
 use host_tools::scene::tap::{TapFit, Taps};
 use host_tools::support::error::{Error, Result};
 
-use super::input::positive;
-use super::table::table;
+use crate::cli::input::positive;
 use crate::cli::output::{print, print_json, warn};
+use crate::cli::table::table;
 
 /// Rate of force that is assumed if none is known, N/s.
 const ASSUMED_FORCE_RATE_N_S: f64 = 100.0;
