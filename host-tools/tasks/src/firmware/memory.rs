@@ -165,7 +165,12 @@ mod tests {
         for (name, limit) in LIMITS {
             let image = |used| {
                 let (start, size) = (0, 1 << 20);
-                Memory(vec![Use { name, start, used, size }])
+                Memory(vec![Use {
+                    name,
+                    start,
+                    used,
+                    size,
+                }])
             };
             assert!(image(limit).check_limits().is_ok());
             let error = image(limit + 1).check_limits().unwrap_err().to_string();
