@@ -13,14 +13,12 @@ use crate::hatt;
 use crate::support::{Bench, RATE_HZ, noise, refusal, text, two_textures};
 
 /// Commands with a file to write, `{}`.
-const FILES: [&str; 15] = [
+const FILES: [&str; 13] = [
     "fit set --order 4 --out {}",
     "evaluate set --library good.lib --synthesis 2 --json {}",
     "evaluate set --leave-one-out --order 4 --json {}",
     "compare set --library good.lib --trials 1 --segment 0.3 --out {}",
-    "report set --order 4 --out {}",
     "import-hatt cork.xml --out {}",
-    "certify good.lib --texture silk --picture {}",
     "resample good.lib --rate 10000 --out {}",
     "render good.lib --texture silk --speed 100 --force 1 --seconds 1 --out {}",
     "scene compile scene.toml --library good.lib --out {}",
@@ -45,7 +43,7 @@ const FOLDERS: [&str; 9] = [
 ];
 
 /// Options and arguments that name an output, by command: all of [`FILES`] and [`FOLDERS`].
-const OUTPUT_OPTIONS: [&str; 4] = ["--out", "--json", "--report", "--picture"];
+const OUTPUT_OPTIONS: [&str; 3] = ["--out", "--json", "--report"];
 
 /// A stroke that is steady at one speed and force.
 fn stroke(seconds: usize) -> String {
@@ -188,7 +186,7 @@ fn an_output_that_is_an_input_is_refused_under_every_name_of_it() {
         &whole,
     ] {
         for command in [
-            FILES[1], FILES[3], FILES[6], FILES[7], FILES[8], FILES[10], FILES[11],
+            FILES[1], FILES[3], FILES[5], FILES[6], FILES[8], FILES[9],
         ] {
             let overwriting = format!("{command} --overwrite");
             refuse(&bench, command, name, &["is an input"]);
@@ -202,12 +200,11 @@ fn an_output_that_is_an_input_is_refused_under_every_name_of_it() {
         ("fit set/trials.csv --out {}", "set/felt-50-1.wav"),
         ("fit hard.wav --out {}", "set/silk-50-0.5.wav"),
         (FILES[1], "good.lib.fit.json"),
-        (FILES[4], "set/trials.csv"),
-        (FILES[5], "cork.xml"),
+        (FILES[4], "cork.xml"),
         ("import-hatt . --out {}", "cork.xml"),
-        (FILES[9], "scene.toml"),
-        (FILES[10], "response.csv"),
-        (FILES[11], "response.csv"),
+        (FILES[7], "scene.toml"),
+        (FILES[8], "response.csv"),
+        (FILES[9], "response.csv"),
     ] {
         refuse(
             &bench,
@@ -271,7 +268,7 @@ fn a_file_of_another_kind_is_replaced_only_where_that_is_asked_for() {
     }
     assert_eq!(own, FILES.len());
     for command in [
-        FILES[0], FILES[5], FILES[6], FILES[7], FILES[8], FILES[9], FILES[10],
+        FILES[0], FILES[4], FILES[5], FILES[6], FILES[7], FILES[8],
     ] {
         for there in ["there.svg", "empty.svg", "new.svg"] {
             bench.write("there.svg", "today\n");
@@ -300,15 +297,14 @@ fn a_file_of_another_kind_is_replaced_only_where_that_is_asked_for() {
     bench.write("locked.wav", "");
     let read_only = fs::Permissions::from_mode(0o444);
     fs::set_permissions(bench.path("locked.wav"), read_only).unwrap();
-    refuse(&bench, FILES[8], "locked.wav", &["must not be written"]);
+    refuse(&bench, FILES[6], "locked.wav", &["must not be written"]);
 }
 
 /// Kind of file that a command of [`FILES`] writes, in its own words.
 fn kind_of(command: &str) -> &'static str {
     match command.split_whitespace().next().unwrap() {
         "evaluate" | "selftest" => "a JSON file",
-        "compare" | "page" | "report" => "an HTML page",
-        "certify" => "an SVG picture",
+        "compare" | "page" => "an HTML page",
         "render" => "a WAV recording",
         "record-strokes" => "a table (CSV)",
         _ if command.starts_with("scene render") => "a WAV recording",
@@ -323,7 +319,7 @@ fn a_link_to_a_file_is_followed_and_stays() {
     fs::create_dir(bench.path("deep")).unwrap();
     bench.write("deep/a.wav", "");
     symlink("deep/a.wav", bench.path("link.wav")).unwrap();
-    bench.succeed(&FILES[8].replace("{}", "link.wav"));
+    bench.succeed(&FILES[6].replace("{}", "link.wav"));
     assert!(bench.path("link.wav").is_symlink());
     assert!(
         fs::read(bench.path("deep/a.wav"))
@@ -681,8 +677,7 @@ fn a_full_disk_leaves_nothing_and_the_line_names_the_users_file() {
         (FILES[4], 1),
         (FILES[5], 1),
         (FILES[6], 1),
-        (FILES[8], 1),
-        (FILES[11], 1),
+        (FILES[9], 1),
         (FOLDERS[0], 2),
         (FOLDERS[1], 1),
         (FOLDERS[2], 2),
@@ -764,7 +759,6 @@ fn an_input_that_does_not_end_is_refused_in_one_line() {
         ("compare --score endless.csv", "the most of"),
         ("fit endless.wav --out o.lib", "is a device"),
         ("fit endless.csv --out o.lib", "is a device"),
-        ("report endless.wav --out o.html", "is a device"),
         ("segment endless.csv --texture a --out o", "is a device"),
         ("fit-tap endless.csv", "is a device"),
         ("fit-tap endless.wav", "is a device"),
@@ -795,10 +789,6 @@ fn an_input_that_does_not_end_is_refused_in_one_line() {
         (
             "scene plot endless.toml --library good.lib --out o.svg",
             "the most of a TOML text",
-        ),
-        (
-            "frontier --data set --before endless --out o",
-            "the most of",
         ),
         ("frontier --data endless.wav --out o", "is a device"),
     ] {

@@ -14,7 +14,7 @@ use host_tools::support::file_kind::FileKind;
 use super::destination::{self, Destination, Overwrite};
 use super::input::{Recordings, positive};
 use super::table::table;
-use crate::cli::evaluate::takes::{as_fitted, choose};
+use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{note, print};
 

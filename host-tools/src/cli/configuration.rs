@@ -233,7 +233,7 @@ mod tests {
     }
 
     /// Every key is an option of its command, or of all that have it.
-    #[cfg(all(feature = "device", feature = "hatt", feature = "spectrograms"))]
+    #[cfg(all(feature = "device", feature = "hatt"))]
     #[test]
     fn every_key_is_an_option_and_the_template_holds_values_that_it_takes() {
         let command = crate::cli::Arguments::command();

@@ -14,7 +14,10 @@ use super::perception::{Perceived, Properties};
 use super::played::{self, Played, Version};
 use super::results::{Scores, TrialEvaluation};
 use super::scoring_range::ScoringRange;
-use super::summary::{TextureEvaluation, judged_hz, liveliness_cells, other_in_words, summarise};
+use super::summary::{
+    TextureEvaluation, judged_hz, other_in_words, summarise, tables, takes_table,
+};
+use super::tables::Table;
 use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
@@ -151,16 +154,6 @@ impl Comparison {
     pub fn longest_block(&self) -> &[f64] {
         let longest = self.judged.iter().max_by_key(|block| block.len());
         longest.map_or(&[], Vec::as_slice)
-    }
-
-    /// The blocks that a model may be fitted to, and one that it did not see.
-    pub fn fitted_and_left(&self) -> (Vec<&[f64]>, &[f64]) {
-        let left = if self.beside.is_empty() {
-            self.longest_block()
-        } else {
-            &self.beside[0]
-        };
-        (slices(&self.other), left)
     }
 
     /// The frequencies that can be judged; `None` if blocks are too short.
@@ -346,17 +339,14 @@ impl Evaluation {
         judged_hz(&self.trials)
     }
 
-    /// The table of what a spectrum does not show, under [`LIVELINESS_COLUMNS`](super::summary::LIVELINESS_COLUMNS):
-    /// each texture, and all of them where there are several.
-    pub fn liveliness_cells(&self) -> Vec<Vec<String>> {
-        let textures = self.textures.iter();
-        let mut rows: Vec<Vec<String>> = textures
-            .flat_map(|texture| liveliness_cells(&texture.texture, &texture.liveliness))
-            .collect();
-        if self.textures.len() > 1 {
-            rows.extend(liveliness_cells("all", &self.liveliness));
-        }
-        rows
+    /// The tables of all textures: spectra, what is felt, and what a spectrum does not show.
+    pub fn tables(&self) -> Vec<Table> {
+        tables(&self.textures, &self.liveliness)
+    }
+
+    /// Distances from the takes that judged; `None` where no take judged.
+    pub fn takes_table(&self) -> Option<Table> {
+        takes_table(&self.textures, &self.trials)
     }
 
     /// The other recording beside the synthesis, in words.

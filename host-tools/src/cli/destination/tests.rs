@@ -101,7 +101,7 @@ fn listed(names: &[&str]) -> BTreeSet<String> {
     names.iter().map(ToString::to_string).collect()
 }
 
-#[cfg(all(feature = "device", feature = "hatt", feature = "spectrograms"))]
+#[cfg(all(feature = "device", feature = "hatt"))]
 #[test]
 fn every_path_of_every_command_is_an_input_or_goes_through_the_rule() {
     let paths = arguments_of(TypeId::of::<PathBuf>());

@@ -2,7 +2,6 @@
 
 mod check;
 mod compile;
-#[cfg(feature = "spectrograms")]
 mod plot;
 mod render;
 mod source;
@@ -24,7 +23,6 @@ enum Command {
     Compile(compile::Arguments),
     /// Render the stylus's output along a motion to a WAV file, sample for sample
     Render(render::Arguments),
-    #[cfg(feature = "spectrograms")]
     /// Draw the surfaces along the path, the motion, and the stylus's output
     Plot(plot::Arguments),
 }
@@ -34,7 +32,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Command::Check(arguments) => check::run(arguments),
         Command::Compile(arguments) => compile::run(arguments),
         Command::Render(arguments) => render::run(arguments),
-        #[cfg(feature = "spectrograms")]
         Command::Plot(arguments) => plot::run(arguments),
     }
 }
