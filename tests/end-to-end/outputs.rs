@@ -185,9 +185,7 @@ fn an_output_that_is_an_input_is_refused_under_every_name_of_it() {
         "soft.lib",
         &whole,
     ] {
-        for command in [
-            FILES[1], FILES[3], FILES[5], FILES[6], FILES[8], FILES[9],
-        ] {
+        for command in [FILES[1], FILES[3], FILES[5], FILES[6], FILES[8], FILES[9]] {
             let overwriting = format!("{command} --overwrite");
             refuse(&bench, command, name, &["is an input"]);
             refuse(&bench, &overwriting, name, &["is an input"]);
@@ -267,9 +265,7 @@ fn a_file_of_another_kind_is_replaced_only_where_that_is_asked_for() {
         }
     }
     assert_eq!(own, FILES.len());
-    for command in [
-        FILES[0], FILES[4], FILES[5], FILES[6], FILES[7], FILES[8],
-    ] {
+    for command in [FILES[0], FILES[4], FILES[5], FILES[6], FILES[7], FILES[8]] {
         for there in ["there.svg", "empty.svg", "new.svg"] {
             bench.write("there.svg", "today\n");
             bench.write("empty.svg", "");

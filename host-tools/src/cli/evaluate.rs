@@ -265,8 +265,7 @@ pub fn summary(evaluation: &Evaluation) -> String {
          C: equation (6) in per cent, amplitudes smoothed by a {}; LSD: log-spectral distance; |band|: \
          mean error of third octaves\n\
          level error: RMS error of third octaves in JND of {AMPLITUDE_JND_DB} dB, less the scatter of noise (another \
-         seed 0, -6 dB 2.7)\nbalance: power below 100 Hz over that above; kurtosis: 3 for Gaussian noise; modulation: \
-         the envelope's 8 to 64 Hz over its mean\n{LIVELINESS_EXPLANATION}{origin}",
+         seed 0, -6 dB 2.7)\nbalance: power below 100 Hz over that above\n{LIVELINESS_EXPLANATION}{origin}",
         evaluation.held_out,
         tables.join("\n\n"),
         evaluation.judged_hz(),

@@ -35,10 +35,6 @@ pub struct TextureEvaluation {
     pub other: Means,
     /// Mean of C of the other recording.
     pub mean_cost_other: Option<f64>,
-    /// Median kurtosis of the judges.
-    pub recorded_kurtosis: Option<f64>,
-    /// Median modulation of the judges' envelopes.
-    pub recorded_modulation: Option<f64>,
     /// Properties that a spectrum does not show: of the judges, of what was played, and of the other recordings.
     pub liveliness: Vec<Summary>,
     /// Mean log-spectral distance of the library as it is from what it was, or may have been, fitted to, dB.
@@ -58,10 +54,6 @@ pub struct Means {
     pub level_error_jnd: Option<f64>,
     /// Mean magnitude of the balance's error, dB.
     pub mean_balance_error_db: Option<f64>,
-    /// Median kurtosis.
-    pub kurtosis: Option<f64>,
-    /// Median modulation of the envelope.
-    pub modulation: Option<f64>,
 }
 
 impl Means {
@@ -85,8 +77,6 @@ impl Means {
             mean_balance_error_db: mean(
                 perceived().filter_map(|p| p.balance_error_db.map(f64::abs)),
             ),
-            kurtosis: median(perceived().filter_map(|p| p.kurtosis)),
-            modulation: median(perceived().filter_map(|p| p.modulation)),
         }
     }
 }
@@ -119,12 +109,6 @@ pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> 
             "level, other",
             "|balance|, dB",
             "balance, other",
-            "kurtosis, recording",
-            "kurtosis, synthesis",
-            "kurtosis, other",
-            "modulation, recording",
-            "modulation, synthesis",
-            "modulation, other",
         ],
         textures.iter().map(TextureEvaluation::feel_cells),
     );
@@ -224,12 +208,6 @@ impl TextureEvaluation {
             number(other.level_error_jnd, 2),
             number(synthesis.mean_balance_error_db, 1),
             number(other.mean_balance_error_db, 1),
-            number(self.recorded_kurtosis, 1),
-            number(synthesis.kurtosis, 1),
-            number(other.kurtosis, 1),
-            number(self.recorded_modulation, 2),
-            number(synthesis.modulation, 2),
-            number(other.modulation, 2),
         ]
     }
 }
@@ -320,8 +298,6 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         synthesis: Means::of(&scores),
         other: Means::of(&others),
         mean_cost_other: mean(others.iter().filter_map(|scores| scores.cost)),
-        recorded_kurtosis: median(heard.iter().filter_map(|trial| trial.recorded_kurtosis)),
-        recorded_modulation: median(heard.iter().filter_map(|trial| trial.recorded_modulation)),
         liveliness: liveliness::summaries(heard.iter().filter_map(|t| t.liveliness.as_ref())),
         in_sample_log_spectral_distance_db: mean(
             heard
@@ -360,7 +336,7 @@ pub(super) fn judged_hz(trials: &[TrialEvaluation]) -> String {
         return "Nothing could be judged: recordings are silent, too short or too slow.".into();
     }
     format!(
-        "Judged: third octaves, balance, kurtosis and modulation from {}, LSD from {}, C from {}; nothing above 0.9 \
+        "Judged: third octaves and balance from {}, LSD from {}, C from {}; nothing above 0.9 \
          of half a recording's own sample rate, nor where its blocks do not resolve a third octave.",
         ends(ranges().map(|range| range.band_edges_hz()).collect()),
         ends(ranges().map(|range| range.distance_hz()).collect()),

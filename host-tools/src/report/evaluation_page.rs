@@ -193,8 +193,7 @@ impl<'a> Report<'a> {
             format!(
                 "Level error: RMS error of third octaves in just noticeable differences of {AMPLITUDE_JND_DB} dB, less \
                  what two estimates of one noise differ by: about 0 for another seed, 2.7 for a gain of -6 dB. \
-                 Balance: power below 100 Hz over that above, against the judge's. Kurtosis: 3 for Gaussian noise, \
-                 more for impulses. Modulation: the envelope's 8 to 64 Hz over its mean."
+                 Balance: power below 100 Hz over that above, against the judge's."
             ),
             format!(
                 "Two signals with one spectrum may feel different, because one has impulses, or a level that changes, \
