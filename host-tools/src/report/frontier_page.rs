@@ -20,7 +20,7 @@ const DEVICE_INTERVAL: usize = stylus_kernel::UPDATE_INTERVAL_SAMPLES as usize;
 
 /// Cycles along a picture's horizontal axis.
 const CYCLES: Quantity<'static> =
-    Quantity::new("cycles per sample at worst, Cortex-M4, modelled", "");
+    Quantity::new("cycles per sample, Cortex-M4, modelled", "");
 
 /// Errors along a picture's vertical axis.
 const ERROR: Quantity<'static> = Quantity::new("RMS error", "dB");
@@ -44,17 +44,11 @@ pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
              comes to a surface.",
         );
     }
-    let llvm = frontier.llvm_mca.as_ref();
     page.paragraph(&format!(
         "Made by stylus frontier; instructions and cycles by cargo tasks costs with rustc {} and QEMU {}. \
-         Instructions are counted and exact for that compiler. Cycles are modelled, and there are two models. The \
-         fronts go by the first: ARM's published timings of the Cortex-M4 with no wait states, at best and at worst; \
-         its worst bounds a Cortex-M7, the device's processor, too. The second is llvm-mca's{}, of the \
-         Cortex-M7 and of the code as it is built for it, and stands beside in the tables where it was computed. \
-         Neither is true to the cycle.",
-        frontier.rustc,
-        frontier.qemu,
-        llvm.map_or(String::new(), |version| format!(" (LLVM {version})"))
+         Instructions are counted and exact for that compiler. Cycles are llvm-mca's model (LLVM {}) of each core, \
+         without wait states, and not true to the cycle. The fronts go by those of the Cortex-M4.",
+        frontier.rustc, frontier.qemu, frontier.llvm_mca
     ));
     page.section("Errors against time");
     for (picture, caption) in pictures(frontier)? {
@@ -93,7 +87,7 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 4]> {
     };
     let is_fixed = |filter: &Filter| matches!(filter.order, Order::Fixed(_));
     let filter_point = |filter: &Filter, y: f64| FrontPoint {
-        x: filter.m4.sample.worst_cycles,
+        x: filter.m4.sample.cycles,
         y,
         name: format!("order {}", filter.order_text()),
         joined: is_fixed(filter),
@@ -107,7 +101,7 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 4]> {
         })
     };
     let point = |point: &Point, joined| FrontPoint {
-        x: point.worst_cycles,
+        x: point.cycles,
         y: point.total_error_db,
         name: format!(
             "order {} @ {} ms",
@@ -242,7 +236,6 @@ fn filter_table(frontier: &Frontier) -> Table {
             "" => filter.hard.worst.to_string(),
             case => format!("{}: {case}", filter.hard.worst),
         };
-        let modelled = m7.modelled_cycles;
         let mut row = vec![
             filter.structure.to_string(),
             filter.order_text(),
@@ -255,11 +248,11 @@ fn filter_table(frontier: &Frontier) -> Table {
             worst,
             format!("{:.0}", m4.sample.instructions),
             format!("{:.0}", m7.sample.instructions),
-            format!("{:.0}", m4.sample.worst_cycles),
+            format!("{:.0}", m4.sample.cycles),
         ];
-        row.extend(CLOCKS_HZ.map(|clock| percent(Some(share(m4.sample.worst_cycles, clock)), 1)));
+        row.extend(CLOCKS_HZ.map(|clock| percent(Some(share(m4.sample.cycles, clock)), 1)));
         row.extend([
-            modelled.map_or("-".to_owned(), |cycles| format!("{cycles:.0}")),
+            format!("{:.0}", m7.sample.cycles),
             format!("{:.0}", m4.update.instructions_most),
             filter.library_bytes_per_node.to_string(),
             filter.ram_bytes.to_string(),
@@ -270,8 +263,8 @@ fn filter_table(frontier: &Frontier) -> Table {
     let clocks = CLOCKS_HZ.map(|clock_hz| format!("{} MHz, %", clock_hz / 1e6));
     let [slow, middle, fast] = clocks.each_ref().map(String::as_str);
     Table::new(
-        "Accuracy at rest, the hard cases, and a sample's time without updates: cycles are those of an M4 unless they \
-         are said to be others, and shares are of 200 µs, at its worst",
+        "Accuracy at rest, the hard cases, and a sample's time without updates: cycles are llvm-mca's, of an M4 \
+         unless they are said to be others, and shares are of 200 µs",
         [
             "structure",
             "order",
@@ -284,11 +277,11 @@ fn filter_table(frontier: &Frontier) -> Table {
             "the worst",
             "instructions, M4",
             "M7",
-            "cycles, worst",
+            "cycles",
             slow,
             middle,
             fast,
-            "cycles, M7 (llvm-mca)",
+            "cycles, M7",
             "an update, instructions",
             "flash, bytes per node",
             "RAM, bytes",
@@ -298,32 +291,30 @@ fn filter_table(frontier: &Frontier) -> Table {
 }
 
 fn peer_table(frontier: &Frontier) -> Table {
+    let cycles = |cycles: Option<u32>| cycles.map_or("-".to_owned(), |c| c.to_string());
     let rows = frontier.peers.iter().map(|peer| {
         let origin = match peer.origin {
             Origin::Measured => "counted in this run",
             Origin::Reference => "reference, by the same rules",
         };
-        let modelled = peer.cortex_m7_cycles;
         vec![
             peer.name.clone(),
             peer.order.to_string(),
             peer.instructions.to_string(),
-            peer.best_cycles.to_string(),
-            peer.worst_cycles.to_string(),
-            modelled.map_or("-".to_owned(), |cycles| cycles.to_string()),
+            cycles(peer.cortex_m4_cycles),
+            cycles(peer.cortex_m7_cycles),
             peer.includes.clone(),
             origin.to_owned(),
         ]
     });
     Table::new(
-        "One sample per call on a Cortex-M4, and as modelled on a Cortex-M7",
+        "One sample per call; cycles are llvm-mca's",
         [
             "what",
             "order",
             "instructions",
-            "cycles, best",
-            "worst",
-            "M7 (llvm-mca)",
+            "cycles, M4",
+            "M7",
             "beside the filter",
             "origin",
         ],
@@ -364,7 +355,7 @@ fn notes(frontier: &Frontier) -> Vec<String> {
              next multiple of {TAPS_PER_TURN} taps beyond {NEAR_TAPS}. Per node, the time is that of the highest \
              order: a texture's tick takes the same time wherever the hand is."
         ),
-        "Time with updates: at worst, updates that stay in a cell take the share of the dearest that their \
+        "Time with updates: updates that stay in a cell take the share of the dearest that their \
          instructions are. Updates run below the sample's priority; only the sample has to be done in 200 µs."
             .to_owned(),
         "Flash is a node's coefficients in a library. RAM is the coefficients of two frames and the state, at that \

@@ -5,13 +5,10 @@
 //! The tests in `tests/qemu` use this library; the command `cargo tasks` is a thin layer over it.
 
 pub mod attack;
-pub mod bench_host;
 pub mod browser_module;
 pub mod compare;
 pub mod costs;
-pub mod error;
 pub mod firmware;
-mod folders;
 pub mod guest;
 pub mod hil;
 pub mod house;
@@ -19,9 +16,7 @@ pub mod lint;
 pub mod mca;
 pub mod process;
 pub mod qemu;
-pub mod report;
 pub mod tables;
-pub mod target;
 pub mod toolchain;
 pub mod virtual_stylus;
 pub mod workspace;

@@ -31,7 +31,7 @@ pub struct Filter {
     pub refused_textures: Vec<String>,
     /// On a Cortex-M4.
     pub m4: Cost,
-    /// On a Cortex-M7: instructions counted, cycles bounded by the Cortex-M4's and modelled by llvm-mca.
+    /// On a Cortex-M7.
     pub m7: Cost,
     /// Flash that a node takes in a library, bytes.
     pub library_bytes_per_node: usize,
@@ -68,10 +68,8 @@ pub struct Point {
     pub total_error_db: f64,
     /// Samples at full scale while rubbing.
     pub saturations: u32,
-    /// Cycles per sample on a Cortex-M4, updates included, at best.
-    pub best_cycles: f64,
-    /// The same at worst.
-    pub worst_cycles: f64,
+    /// Cycles per sample on a Cortex-M4, updates included.
+    pub cycles: f64,
     /// True if it plays all textures and nothing cheaper has as low an error.
     pub on_front: bool,
     /// True if it holds every hard case and nothing cheaper that does has as low an error.
@@ -79,9 +77,9 @@ pub struct Point {
 }
 
 impl Point {
-    /// Share of a sample's time at each of [`CLOCKS_HZ`], at worst.
+    /// Share of a sample's time at each of [`CLOCKS_HZ`].
     pub fn shares(&self) -> [f64; 3] {
-        CLOCKS_HZ.map(|clock_hz| share(self.worst_cycles, clock_hz))
+        CLOCKS_HZ.map(|clock_hz| share(self.cycles, clock_hz))
     }
 
     /// The interval in ms.
@@ -122,8 +120,7 @@ pub struct Frontier {
     /// The emulator that counted.
     pub qemu: String,
     /// The version of LLVM whose llvm-mca modelled the Cortex-M7.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub llvm_mca: Option<String>,
+    pub llvm_mca: String,
     /// Other implementations beside ours.
     pub peers: Vec<Peer>,
     /// Structures by orders.
@@ -139,7 +136,7 @@ impl Frontier {
     pub fn front_table(&self) -> Table {
         let on_a_front = |point: &&Point| point.on_front || point.on_safe_front;
         let mut points: Vec<&Point> = self.points.iter().filter(on_a_front).collect();
-        points.sort_by(|a, b| a.worst_cycles.total_cmp(&b.worst_cycles));
+        points.sort_by(|a, b| a.cycles.total_cmp(&b.cycles));
         let row = |point: &Point| {
             let filter = &self.filters[point.filter];
             let mut row = vec![
@@ -151,8 +148,7 @@ impl Frontier {
                 format!("{:.2}", point.motion_error_db),
                 percent(Some(filter.still.cost), 1),
                 format!("{:.0}", filter.still.lowest_snr_db),
-                format!("{:.0}", point.best_cycles),
-                format!("{:.0}", point.worst_cycles),
+                format!("{:.0}", point.cycles),
             ];
             row.extend(point.shares().map(|share| percent(Some(share), 1)));
             row.push(format!("{} of {}", filter.hard.held, filter.hard.cases));
@@ -170,7 +166,7 @@ impl Frontier {
         let [slow, middle, fast] = clocks.each_ref().map(String::as_str);
         Table::new(
             "Nothing cheaper has a lower error, all textures being held; safe: among what holds every hard case; \
-             shares are of 200 µs, at worst",
+             shares are of 200 µs",
             [
                 "structure",
                 "order",
@@ -180,8 +176,7 @@ impl Frontier {
                 "in motion",
                 "C, %",
                 "SNR, dB",
-                "cycles, best",
-                "worst",
+                "cycles",
                 slow,
                 middle,
                 fast,
