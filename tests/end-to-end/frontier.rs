@@ -1,6 +1,6 @@
 //! The frontier of accuracy against time, and orders within a budget of cycles.
 
-use crate::support::{Bench, RATE_HZ, all_pole, json, noise, text, wav};
+use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, json, noise, text, wav};
 use host_tools::dsp::linear_prediction::step_up;
 use host_tools::evaluation::frontier::costs::{Core, Costs};
 use host_tools::evaluation::frontier::{
@@ -16,21 +16,10 @@ use serde_json::Value;
 /// Two takes of denim at two speeds and two forces.
 fn simulated() -> Bench {
     let bench = Bench::new();
-    let paper = RigFile::paper();
-    let (head, textures) = paper.text().split_once("[[texture]]").unwrap();
-    let denim = textures.split("[[texture]]").last().unwrap();
-    let rig = format!("{head}[[texture]]{denim}");
-    let rig: Vec<&str> = rig
-        .lines()
-        .map(|line| match line.split('=').next().unwrap_or("").trim() {
-            "speeds_mm_s" => "speeds_mm_s = [100, 120]",
-            "forces_n" => "forces_n = [0.6, 0.8]",
-            _ => line,
-        })
-        .collect();
-    let rig = RigFile::from_toml(&bench.path("rig.toml"), &rig.join("\n")).unwrap();
+    let rig = denim_rig_of("100, 120", "0.6, 0.8");
+    let rig = RigFile::from_toml(&bench.path("rig.toml"), &rig).unwrap();
     for seed in [5, 6] {
-        rig::simulate_to_folder(&rig, seed, &bench.path(&format!("rig{seed}"))).unwrap();
+        rig::simulate_to_folder(&rig, seed, &bench.path(&format!("rig{seed}")), false).unwrap();
     }
     bench
 }

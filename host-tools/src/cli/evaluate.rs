@@ -18,20 +18,16 @@ use host_tools::report::evaluation_page;
 use host_tools::report::evaluation_page::{Inputs, RemovedNodeTest};
 use host_tools::report::sound::node_seconds;
 use host_tools::support::error::Result;
-use host_tools::support::file_kind::FileKind;
-use host_tools::support::output_folder::OutputFolder;
+use host_tools::support::output::OutputFolder;
 use host_tools::support::{atomic_file, progress};
 use model_format::Library;
 use serde::Serialize;
 
-use super::destination::{self, Destination, Overwrite};
 use super::input::{Recordings, not_negative, positive};
 use super::library_file::{decode_library, read_library};
 use super::output::{print, to_json, warn};
+use super::overwrite::Overwrite;
 use super::table::{folded_text, shown};
-
-/// The command whose result a report is.
-const REPORT: &str = "evaluate --report";
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -50,11 +46,11 @@ pub struct Arguments {
     #[arg(long, requires = "leave_one_out", default_value = "400")]
     order: Order,
     /// Folder for a report: one page with tables, pictures and sounds, and the pictures with their data
-    #[arg(long, value_name = "OUT_DIR", requires = "library", value_parser = destination::folder(REPORT))]
-    report: Option<Destination>,
+    #[arg(long, value_name = "OUT_DIR", requires = "library")]
+    report: Option<PathBuf>,
     /// JSON file for the numbers of all trials
-    #[arg(long, value_name = "FILE", value_parser = destination::file(FileKind::Json))]
-    json: Option<Destination>,
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Reduction from three axes to one; the same as for the fit
@@ -85,6 +81,14 @@ struct Numbers<'a> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let inputs = (arguments.recordings.inputs().iter()).chain(&arguments.library);
+    let inputs: Vec<PathBuf> = inputs.chain(&arguments.takes).cloned().collect();
+    if let Some(json) = &arguments.json {
+        arguments.overwrite.file(json, &inputs)?;
+    }
+    if let Some(report) = &arguments.report {
+        arguments.overwrite.folder(report, &inputs)?;
+    }
     let set = arguments.recordings.open()?;
     match &arguments.library {
         Some(path) => evaluate_library(arguments, path, set),
@@ -155,7 +159,8 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
                 }),
             unused_takes: &chosen.unused,
         };
-        let page = OutputFolder::begin(report.path(), REPORT)?.fill(|folder| {
+        let folder = OutputFolder::begin(report, arguments.overwrite.is_asked())?;
+        let page = folder.fill(|folder| {
             let page = write_report(&inputs, folder.path())?;
             Ok(folder.named(&page))
         })?;
@@ -184,7 +189,7 @@ fn write_numbers(
         evaluation,
         removed_nodes,
     };
-    atomic_file::write(json.path(), to_json(&numbers).as_bytes())
+    atomic_file::write(json, to_json(&numbers).as_bytes())
 }
 
 /// Evaluates `library` by `judges` with a progress bar.

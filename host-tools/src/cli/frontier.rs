@@ -9,17 +9,14 @@ use host_tools::evaluation::frontier::{Frontier, Material, Options, Prepared};
 use host_tools::recording::RecordingSet;
 use host_tools::report::frontier_page;
 use host_tools::support::error::{Error, Result};
-use host_tools::support::output_folder::OutputFolder;
-use host_tools::support::temporaries::TemporaryFolder;
+use host_tools::support::output::OutputFolder;
+use host_tools::support::temporaries::Temporary;
 use host_tools::support::{atomic_file, progress};
 
-use super::destination::{self, Destination};
 use super::input::not_negative;
+use super::overwrite::Overwrite;
 use super::table::shown;
 use crate::cli::output::print;
-
-/// The command whose results its folders are.
-const COMMAND: &str = "frontier";
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -31,8 +28,10 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR", requires = "data")]
     takes: Option<PathBuf>,
     /// Folder for the page and its numbers
-    #[arg(long, value_name = "DIR", default_value = "frontier-out", value_parser = destination::folder(COMMAND))]
-    out: Destination,
+    #[arg(long, value_name = "DIR", default_value = "frontier-out")]
+    out: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Orders that are the same for all nodes, beside orders chosen per node
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = order, default_values_t = frontier::ORDERS)]
     orders: Vec<usize>,
@@ -48,8 +47,14 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let inputs: Vec<PathBuf> = (arguments.data.iter())
+        .chain(&arguments.takes)
+        .cloned()
+        .collect();
+    arguments.overwrite.folder(&arguments.out, &inputs)?;
     let frontier = compute(arguments)?;
-    let page = OutputFolder::begin(arguments.out.path(), COMMAND)?.fill(|folder| {
+    let folder = OutputFolder::begin(&arguments.out, arguments.overwrite.is_asked())?;
+    let page = folder.fill(|folder| {
         let numbers = folder.path().join("frontier.json");
         atomic_file::write(&numbers, frontier.to_json().as_bytes())?;
         let page = folder.path().join("index.html");
@@ -64,7 +69,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 fn compute(arguments: &Arguments) -> Result<Frontier> {
     // Simulated recordings are needed only during the comparison.
     let scratch = std::env::temp_dir();
-    let scratch = TemporaryFolder::new_in(&scratch).map_err(Error::io("create", &scratch))?;
+    let scratch = Temporary::folder_in(&scratch).map_err(Error::io("create", &scratch))?;
     let material = match (&arguments.data, &arguments.takes) {
         (None, _) => Material::simulated(scratch.path())?,
         (Some(data), None) => Material::halves(&RecordingSet::open(std::slice::from_ref(data))?)?,

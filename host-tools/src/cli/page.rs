@@ -10,11 +10,10 @@ use host_tools::recording::RecordingSet;
 use host_tools::report::rub_page;
 use host_tools::report::rub_page::{Clips, Inputs, Recordings, Written};
 use host_tools::support::error::{Error, Result};
-use host_tools::support::file_kind::FileKind;
 use host_tools::support::progress;
 
-use super::destination::{self, Destination, Overwrite};
 use super::input::positive;
+use super::overwrite::Overwrite;
 use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
@@ -25,8 +24,8 @@ pub struct Arguments {
     #[arg(value_name = "LIB|DIR")]
     input: PathBuf,
     /// HTML file to write
-    #[arg(long, value_name = "HTML", value_parser = destination::file(FileKind::Html))]
-    out: Destination,
+    #[arg(long, value_name = "HTML")]
+    out: PathBuf,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Recordings behind a library, as a folder or a list: their clips, their spectra and C of each node come too
@@ -45,6 +44,9 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let inputs = std::iter::once(&arguments.input).chain(&arguments.recordings);
+    let inputs: Vec<PathBuf> = inputs.cloned().collect();
+    arguments.overwrite.file(&arguments.out, &inputs)?;
     let is_recordings = is_recordings(&arguments.input);
     if is_recordings && arguments.recordings.is_some() {
         return Err(Error::Request(format!(
@@ -73,7 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     };
     let library = decode_library(&arguments.input, &bytes)?;
-    let out = arguments.out.path();
+    let out = &arguments.out;
     let Some(set) = set else {
         let inputs = Inputs {
             library: &library,
