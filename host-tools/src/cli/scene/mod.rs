@@ -1,7 +1,8 @@
-//! `stylus scene`: check, compile, render and plot.
+//! `stylus scene`: check, compile, render, plot and fit-tap.
 
 mod check;
 mod compile;
+mod fit_tap;
 mod plot;
 mod render;
 mod source;
@@ -25,6 +26,8 @@ enum Command {
     Render(render::Arguments),
     /// Draw the surfaces along the path, the motion, and the stylus's output
     Plot(plot::Arguments),
+    /// Fit a scene's tap transient to recordings of taps
+    FitTap(fit_tap::Arguments),
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -33,5 +36,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Command::Compile(arguments) => compile::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Plot(arguments) => plot::run(arguments),
+        Command::FitTap(arguments) => fit_tap::run(arguments),
     }
 }
