@@ -19,8 +19,7 @@ use crate::support::error::Result;
 const DEVICE_INTERVAL: usize = stylus_kernel::UPDATE_INTERVAL_SAMPLES as usize;
 
 /// Cycles along a picture's horizontal axis.
-const CYCLES: Quantity<'static> =
-    Quantity::new("cycles per sample, Cortex-M4, modelled", "");
+const CYCLES: Quantity<'static> = Quantity::new("cycles per sample, Cortex-M4, modelled", "");
 
 /// Errors along a picture's vertical axis.
 const ERROR: Quantity<'static> = Quantity::new("RMS error", "dB");
