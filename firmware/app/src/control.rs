@@ -560,12 +560,6 @@ impl<D: Device> Control<D> {
         self.active
     }
 
-    /// Mutes until the device is restarted, because a fault was found.
-    pub fn fault(&mut self) {
-        self.player.fault();
-        self.tell_mute();
-    }
-
     /// Reasons for which the output is mute; none if it is not.
     pub fn mute(&self) -> MuteReasons {
         self.player.mute()

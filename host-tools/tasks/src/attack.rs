@@ -1,4 +1,4 @@
-//! Attacks that go on as long as asked: the fuzzers of `tests/fuzz`, the model checks of `firmware/app/tests/attack`,
+//! Attacks that go on as long as asked: the fuzzers of `tests/fuzz`, the model checks of `firmware/app/tests/app`,
 //! the tests by random cases, and the search of `tests/qemu` for the worst library.
 //!
 //! Each round has a seed, from which all of it follows, so that a failure is seen again by its seed alone.
@@ -113,10 +113,10 @@ impl Target {
     const fn tests(self) -> Option<Tests> {
         Some(match self {
             Self::Fuzz | Self::Properties => return None,
-            Self::Boots => Tests::of_app("attack", &["boots"]),
-            Self::Requests => Tests::of_app("attack", &["requests"]),
+            Self::Boots => Tests::of_app("app", &["boots"]),
+            Self::Requests => Tests::of_app("app", &["interleavings"]),
             Self::Settings => Tests::of_app("app", &["settings::histories"]),
-            Self::Hosts => Tests::of_app("app", &["lease", "proposals"]),
+            Self::Hosts => Tests::of_app("app", &["hosts"]),
             Self::Safety => Tests::of_app("app", &["safety"]),
             Self::Bounds => Tests {
                 package: "qemu-tests",

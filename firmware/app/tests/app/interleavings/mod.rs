@@ -12,7 +12,6 @@
 //!   seen are not entered again; two states are the same if they have the same [`World::fingerprint`].
 //! - Longer lists of requests run under random schedules, in which ticks and polls are late by up to a millisecond.
 
-mod chance;
 mod list;
 mod world;
 
@@ -22,8 +21,7 @@ use fake_stylus::hardware::Hardware;
 use stylus_app::TICKS_PER_MS;
 use stylus_app::control::{Control, Device};
 
-use crate::budget;
-use chance::Chance;
+use crate::budget::{self, Chance};
 use list::{PAIRED, REQUESTS, Request};
 use world::{Beginning, Checked, Choice, LATEST_POLL_TICKS, World};
 
