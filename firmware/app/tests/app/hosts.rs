@@ -339,7 +339,7 @@ fn any_step() -> impl Strategy<Value = Step> {
 }
 
 proptest! {
-    #![proptest_config(budget::config(100))]
+    #![proptest_config(budget::config(1_000))]
 
     /// Model: the holder is the last link whose play was accepted, until anybody stops it; a value is set only by a
     /// proposal of the same link that nothing has ended since.

@@ -11,21 +11,21 @@ use stylus_app::upload::Uploader;
 
 use crate::budget::{self, Chance};
 
-/// Uploads `bytes` as a device does that has booted, into `slot`.
-fn uploaded(flash: &mut SimulatedFlash<'_>, bytes: &[u8], slot: SlotId) {
+/// Uploads `bytes` as a device does that has booted; the slot that takes them.
+fn uploaded(flash: &mut SimulatedFlash<'_>, bytes: &[u8]) -> SlotId {
     let committed = block_on(async {
         let mut store = SlotStore::open(flash).await;
         store.set_active(store.newest());
         upload(&mut Uploader::new(), &mut store, bytes, MAX_CHUNK_BYTES).await
     });
-    assert_eq!(committed.map(|committed| committed.slot), Ok(slot));
+    committed.expect("it is valid").slot
 }
 
 /// Flash after uploads of `libraries`, the first of them into slot A.
 fn after_uploads(libraries: &[&[u8]]) -> Memory {
     let mut flash = SimulatedFlash::two_slots();
     for (bytes, slot) in libraries.iter().zip(SlotId::ALL.into_iter().cycle()) {
-        uploaded(&mut flash, bytes, slot);
+        assert_eq!(uploaded(&mut flash, bytes), slot);
     }
     flash.memory
 }
@@ -64,14 +64,14 @@ fn cut(before: &Memory, old: Option<u32>, new: &[u8], slot: SlotId, share: usize
             sealed += usize::from(is_sealed);
             if cuts % 97 == 0 {
                 let mut flash = SimulatedFlash::new(memory);
-                uploaded(&mut flash, new, slot);
+                uploaded(&mut flash, new);
                 assert_eq!(booted(flash.memory), Some(new_crc));
             }
             cuts += 1;
         }
     };
     let mut flash = SimulatedFlash::observed(before.clone(), &mut cut);
-    uploaded(&mut flash, new, slot);
+    assert_eq!(uploaded(&mut flash, new), slot);
     assert_eq!(booted(flash.memory.clone()), Some(new_crc));
     drop(flash);
     assert!(sealed == 1 && cuts > 40, "{sealed} {cuts}");

@@ -318,7 +318,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 }
 
 proptest! {
-    #![proptest_config(budget::config(16))]
+    #![proptest_config(budget::config(160))]
 
     /// There is always a library, and it is one of those that were sent whole, for all requests in all orders.
     #[test]

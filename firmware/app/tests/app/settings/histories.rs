@@ -208,7 +208,7 @@ fn value(setting: usize, share: u16) -> SettingChange {
 }
 
 proptest! {
-    #![proptest_config(budget::config(150))]
+    #![proptest_config(budget::config(1_500))]
 
     /// While something may be played, no limit is weaker than the last value that was acknowledged, or whose storing
     /// was cut, whatever the power does and whichever words are lost. Loss of power alone never keeps it from playing.

@@ -249,7 +249,7 @@ fn a_cut_of_a_change_and_a_cut_in_the_mending_leave_the_value_before_or_the_new(
         after_each_cut(memory, &mut seed, change_it, |memory, first, seed| {
             check(memory, first, true);
             // A drawn part of the first cuts is followed by every second one.
-            if chance.below(16) >= budget::cases(2) as usize {
+            if !chance.is_drawn() {
                 return;
             }
             let mend = async |_: &mut SettingsStore<&mut SimulatedFlash<'_>>| ();
