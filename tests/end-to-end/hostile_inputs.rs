@@ -151,7 +151,7 @@ fn sizes_in_a_wav_header_size_no_memory() {
             "65535 bytes for one sample",
         ),
         (
-            "list",
+            "slots",
             with_chunk(b"LIST", 0xffff_fff0),
             "'LIST' of 4294967280 bytes",
         ),

@@ -1,6 +1,6 @@
 //! Scenes, from their text to what the stylus plays, through the command.
 
-use crate::support::{Bench, RATE_HZ, json, scaled, two_textures};
+use crate::support::{Bench, RATE_HZ, json, rig_of, scaled, two_textures};
 use host_tools::dsp::spectrum::PowerSpectrum;
 use model_format::Library;
 
@@ -540,16 +540,7 @@ fn a_tap_that_was_rendered_is_found_again() {
 #[test]
 fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
     let bench = Bench::new();
-    let rig = bench.succeed("simulate-rig --print-rig");
-    let rig: Vec<&str> = rig
-        .lines()
-        .map(|line| match line.split('=').next().unwrap_or("").trim() {
-            "speeds_mm_s" => "speeds_mm_s = [40, 120, 200]",
-            "forces_n" => "forces_n = [0.2, 0.6, 1.2]",
-            _ => line,
-        })
-        .collect();
-    bench.write("rig.toml", rig.join("\n"));
+    bench.write("rig.toml", rig_of("40, 120, 200", "0.2, 0.6, 1.2"));
     bench.succeed("simulate-rig --rig rig.toml --out rig");
     bench.succeed("fit rig --out rig.lib");
     let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");

@@ -4,12 +4,11 @@ use std::path::PathBuf;
 
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
-use host_tools::support::file_kind::FileKind;
 use host_tools::texture::resample::{BandErrors, Resampled, at_rate};
 use model_format::{PlayRate, Texture, TextureSpec, encode};
 use serde::Serialize;
 
-use super::destination::{self, Destination, Overwrite};
+use super::overwrite::Overwrite;
 use super::table::table;
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, print_json};
@@ -22,8 +21,8 @@ pub struct Arguments {
     #[arg(long, value_name = "HZ")]
     rate: u32,
     /// Library file to write
-    #[arg(long, value_name = "LIB", value_parser = destination::file(FileKind::Library))]
-    out: Destination,
+    #[arg(long, value_name = "LIB")]
+    out: PathBuf,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Order of the models; by default it goes with the rate, so that the lags span the same time, up to 400
@@ -51,6 +50,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             arguments.rate
         ))
     })?;
+    (arguments.overwrite).file(&arguments.out, std::slice::from_ref(&arguments.library))?;
     let bytes = read_library(&arguments.library)?;
     let library = decode_library(&arguments.library, &bytes)?;
     if let Some(scene) = library.scenes().next() {
@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let encoded = encode(&specs).map_err(|failure| {
         Error::Model(format!("the textures do not make a library: {failure}"))
     })?;
-    atomic_file::write(arguments.out.path(), &encoded)?;
+    atomic_file::write(&arguments.out, &encoded)?;
     if arguments.json {
         return print_json(&rows);
     }
@@ -107,7 +107,7 @@ fn shown(rows: &[Row], rate: PlayRate, arguments: &Arguments, bytes: usize) -> S
         "{}\n\nErrors are those of third-octave bands from 20 Hz to 1 kHz against the original.\n{} at {} Hz ({bytes} \
          bytes)",
         table(&header, &lines),
-        arguments.out.path().display(),
+        arguments.out.display(),
         rate.hz()
     )
 }

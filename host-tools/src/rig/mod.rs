@@ -63,7 +63,6 @@
 mod contact;
 mod description;
 mod file;
-mod folder;
 mod measurement;
 mod output;
 mod paper;
@@ -83,7 +82,6 @@ pub use description::{
     Roughness, Texture, Tool, Tremor, Wander, Weave,
 };
 pub use file::RigFile;
-pub use folder::check;
 pub use output::{Summary, TextureSummary, simulate_to_folder};
 pub use paper::is_of_the_papers_rig;
 pub use profile::Profile;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::file::RigFile;
-use super::folder::RIG;
+use super::output::RIG;
 use crate::support::toml_field::TEXT;
 
 /// Returns whether `recording` belongs to a simulated set whose rig has the surface `texture`, the drum, the tool and

@@ -559,7 +559,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
                     .into_iter()
                     .map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)),
             );
-        } else {
+        } else if name != crate::support::output::LIST {
             all.insert(name, fs::read(&path).unwrap());
         }
     }
@@ -581,7 +581,7 @@ fn the_same_scene_and_seed_are_the_same_bytes_whatever_the_number_of_threads() {
             .build()
             .unwrap();
         let summary = pool
-            .install(|| simulate_to_folder(&small_rig(), seed, folder.path()))
+            .install(|| simulate_to_folder(&small_rig(), seed, folder.path(), false))
             .unwrap();
         let files = files(folder.path());
         let bytes: usize = files.values().map(Vec::len).sum();
@@ -606,7 +606,7 @@ fn the_same_scene_and_seed_are_the_same_bytes_whatever_the_number_of_threads() {
 fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
     let rig = small_rig();
     let folder = tempfile::tempdir().unwrap();
-    let summary = simulate_to_folder(&rig, 4, folder.path()).unwrap();
+    let summary = simulate_to_folder(&rig, 4, folder.path(), false).unwrap();
 
     let table = fs::read_to_string(folder.path().join("trials.csv")).unwrap();
     let (comment, rest) = table.split_once('\n').unwrap();
@@ -664,15 +664,15 @@ fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
 #[test]
 fn a_set_takes_the_place_of_an_earlier_one_and_of_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
-    simulate_to_folder(&small_rig(), 1, folder.path()).unwrap();
+    simulate_to_folder(&small_rig(), 1, folder.path(), false).unwrap();
     let short = PROTOCOL.replace("2.0", "0.1");
-    simulate_to_folder(&rig(&[&short, STRIP]), 1, folder.path()).unwrap();
+    simulate_to_folder(&rig(&[&short, STRIP]), 1, folder.path(), true).unwrap();
     let second = files(folder.path());
     assert_eq!(second.len(), 16 + 3);
     assert!(!folder.path().join("other").exists());
 
     fs::write(folder.path().join("strip/measured.wav"), "precious").unwrap();
-    let message = simulate_to_folder(&small_rig(), 1, folder.path())
+    let message = simulate_to_folder(&small_rig(), 1, folder.path(), true)
         .unwrap_err()
         .to_string();
     assert!(message.contains("strip/measured.wav"), "{message}");

@@ -1,11 +1,9 @@
 //! The order of steps by which a result outlives a loss of power: its content is on the disk before it gets its name,
 //! and its name is on the disk before it counts as done.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::File;
 use std::io;
 use std::path::Path;
-
-use rayon::prelude::*;
 
 /// The steps that bring a result to the disk. Tests watch them, and let them fail.
 pub(crate) trait Steps: Sync {
@@ -47,31 +45,6 @@ impl Steps for Disk {
     fn sync_folder(&self, _folder: &Path) -> io::Result<()> {
         Ok(())
     }
-}
-
-/// Brings all files in `folder` and below to the disk, and the names of all folders. Links are not followed.
-///
-/// Several files go at once, so that a file system can write them in one go: one after another, hundreds would wait
-/// for the disk hundreds of times.
-pub(crate) fn sync_tree(steps: &impl Steps, folder: &Path) -> io::Result<()> {
-    let entries: Vec<fs::DirEntry> = fs::read_dir(folder)?.collect::<io::Result<_>>()?;
-    entries.par_iter().try_for_each(|entry| {
-        let kind = entry.file_type()?;
-        let path = entry.path();
-        if kind.is_dir() {
-            sync_tree(steps, &path)
-        } else if kind.is_file() {
-            // Windows brings no file to the disk that is open for reading alone.
-            let file = OpenOptions::new()
-                .read(true)
-                .write(cfg!(windows))
-                .open(&path)?;
-            steps.sync_file(&path, &file)
-        } else {
-            Ok(())
-        }
-    })?;
-    steps.sync_folder(folder)
 }
 
 /// A disk whose steps are recorded, for tests.
@@ -133,42 +106,6 @@ pub(crate) mod watched {
         fn sync_folder(&self, folder: &Path) -> io::Result<()> {
             self.step("folder", folder)?;
             Disk.sync_folder(folder)
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::watched::Watched;
-    use super::*;
-
-    #[test]
-    fn a_folder_is_brought_to_the_disk_after_all_that_is_in_it() {
-        let home = tempfile::tempdir().unwrap();
-        let at = |inner: &str| home.path().join(inner);
-        fs::create_dir_all(at("a/b")).unwrap();
-        fs::create_dir(at("empty")).unwrap();
-        for file in ["x", "a/y", "a/b/z"] {
-            fs::write(at(file), file).unwrap();
-        }
-        let watched = Watched::default();
-        sync_tree(&watched, home.path()).unwrap();
-        let steps = watched.steps();
-        let mut found = steps.clone();
-        found.sort();
-        let expected = [
-            ("file", at("a/b/z")),
-            ("file", at("a/y")),
-            ("file", at("x")),
-            ("folder", home.path().to_owned()),
-            ("folder", at("a")),
-            ("folder", at("a/b")),
-            ("folder", at("empty")),
-        ];
-        assert_eq!(found, expected);
-        for (place, (step, folder)) in steps.iter().enumerate() {
-            let is_inner = |later: &watched::Step| later.1.starts_with(folder);
-            assert!(*step == "file" || !steps[place + 1..].iter().any(is_inner));
         }
     }
 }

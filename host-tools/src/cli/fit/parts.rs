@@ -9,7 +9,6 @@ use host_tools::recording::RecordingSet;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
 
-use crate::cli::destination::{self, Destination};
 use crate::cli::output::{print, print_json};
 
 /// Options for sets that one library, one run or one machine is too small for.
@@ -19,8 +18,8 @@ pub struct LargeSet {
     #[arg(long, conflicts_with_all = ["densify", "budget_cycles"])]
     pub each: bool,
     /// Folder of partial results: what was computed of a trial is kept there, and not computed again
-    #[arg(long, value_name = "DIR", value_parser = destination::parts())]
-    pub parts: Option<Destination>,
+    #[arg(long, value_name = "DIR")]
+    pub parts: Option<PathBuf>,
     /// Compute shard I of N only, and leave its partial results in --parts; with --merge --each, write the libraries of
     /// every N-th texture
     #[arg(long, value_name = "I/N", requires = "parts")]
@@ -32,8 +31,7 @@ pub struct LargeSet {
 
 impl LargeSet {
     fn folder(&self) -> Option<PathBuf> {
-        let parts = self.parts.as_ref();
-        parts.map(|parts| parts.path().to_owned())
+        self.parts.clone()
     }
 
     /// The shard to compute and leave in --parts, if that is all there is to do.

@@ -91,10 +91,6 @@ impl Arithmetic for Wavefront {
         Portable::rotate(rotations, backward, forward)
     }
 
-    fn rotate_two(rotations: &[Rotation], backward: &mut [i32], forward: [i32; 2]) -> [i32; 2] {
-        Portable::rotate_two(rotations, backward, forward)
-    }
-
     fn rotate_block(rotations: &[Rotation], backward: &mut [i32], samples: &mut [i32]) {
         Level::best().rotate_block(rotations, backward, samples);
     }

@@ -1,5 +1,8 @@
 //! `stylus status`
 
+mod histogram;
+mod watch;
+
 use host_tools::support::error::Result;
 use model_format::link::{
     Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, LEAST_BROWN_OUT_LEVEL, LeaseStatus,
@@ -9,12 +12,21 @@ use model_format::link::{
 use serde::Serialize;
 
 use super::connection::Link;
-use super::histogram;
+use crate::cli::input::positive;
 use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Print all figures as JSON
+    /// Show the state and the sensors continuously, a line at a time, until Ctrl-C
+    #[arg(long)]
+    watch: bool,
+    /// With --watch: interval between lines, in seconds
+    #[arg(long, value_name = "S", value_parser = positive, requires = "watch", default_value_t = 0.2)]
+    interval: f64,
+    /// With --watch: duration, in seconds [default: until Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = positive, requires = "watch")]
+    seconds: Option<f64>,
+    /// Print all figures as JSON; with --watch each line
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -32,6 +44,9 @@ struct StatusReport<'a> {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
+    if arguments.watch {
+        return watch::run(&device, arguments);
+    }
     let status = device.status()?;
     if arguments.json {
         return print_json(&StatusReport {

@@ -1,40 +1,19 @@
-//! `stylus record-strokes`
+//! `stylus record --strokes`: a free hand, for segment.
 
 use host_tools::link::capture::{Level, Loss};
 use host_tools::link::strokes;
 use host_tools::support::error::{Error, Result};
-use host_tools::support::file_kind::FileKind;
 use host_tools::support::progress;
 use model_format::link::RecordSample;
 use serde::Serialize;
 
-use super::connection::Link;
-use super::interrupt::Interrupt;
-use super::live_line::{LIVE_SAMPLES, live};
-use super::sensing::Sensing;
-use crate::cli::destination::{self, Destination};
-use crate::cli::input::positive;
+use super::Arguments;
+use crate::cli::device::sensing::{LIVE_SAMPLES, live};
+use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json};
 
-#[derive(clap::Args)]
-pub struct Arguments {
-    /// CSV file to write
-    #[arg(value_parser = destination::file(FileKind::Csv))]
-    file: Destination,
-    /// Duration, in seconds; Ctrl-C ends the recording earlier and keeps it
-    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 60.0)]
-    seconds: f64,
-    /// Overwrite an existing file
-    #[arg(long)]
-    again: bool,
-    #[command(flatten)]
-    sensing: Sensing,
-    /// Print the report as JSON
-    #[arg(long)]
-    json: bool,
-    #[command(flatten)]
-    link: Link,
-}
+/// Duration of a recording, unless Ctrl-C ends it earlier, s.
+const DURATION_S: f64 = 60.0;
 
 #[derive(Serialize)]
 struct StrokesReport {
@@ -46,12 +25,10 @@ struct StrokesReport {
     lost_samples: usize,
 }
 
+/// Records until Ctrl-C or the end, and keeps what was recorded.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let file = arguments.file.path();
-    if file.exists() && !arguments.again {
-        let problem = "exists already; name another file, or give --again";
-        return Err(Error::file(file, problem));
-    }
+    let file = &arguments.out;
+    arguments.overwrite.file(file, &[])?;
     let device = arguments.link.connect()?;
     let calibration = arguments.sensing.calibration(&device)?;
     let interrupt = Interrupt::listen()?;
@@ -63,8 +40,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         bar.set_message(live(&level));
         bar.set_position((samples.len() * 100 / wanted) as u64);
     };
+    let seconds = arguments.seconds.unwrap_or(DURATION_S);
     let goes_on = || !interrupt.is_raised();
-    let strokes = strokes::record(&device, arguments.seconds, goes_on, heard)?;
+    let strokes = strokes::record(&device, seconds, goes_on, heard)?;
     bar.finish_and_clear();
     if strokes.samples.is_empty() {
         return Err(Error::Request("nothing was recorded".to_owned()));

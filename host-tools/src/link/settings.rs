@@ -1,7 +1,110 @@
-//! Consequences of a change of settings, in volts and watts, for the person who has to answer for it.
+//! Settings with their values, ranges and origins, as a program shows them.
 
-use model_format::link::{Setting, SettingSet, Settings};
+use model_format::link::{Setting, SettingChange, SettingSet, Settings, SettingsState};
+use serde::Serialize;
 use stylus_app::safety::Config;
+
+use crate::support::error::{Error, Result};
+
+/// Origin of a setting's value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SettingOrigin {
+    /// Somebody has set it.
+    Set,
+    /// Nobody has set it.
+    Default,
+    /// Nobody has set it, and it has no default.
+    NotSet,
+    /// It was set, and is lost.
+    Lost,
+}
+
+/// A setting with its value.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SettingRow {
+    /// Name.
+    pub name: &'static str,
+    /// None if nobody has set it and it has no default, or if it was lost.
+    pub value: Option<f32>,
+    /// Origin of the value.
+    pub state: SettingOrigin,
+    /// Unit of the value.
+    pub unit: &'static str,
+    /// Lowest value.
+    pub lowest: f32,
+    /// Highest value.
+    pub highest: f32,
+    /// Least magnitude; 0 if the value may be 0.
+    pub least_magnitude: f32,
+    /// None for a setting without which nothing plays.
+    pub default: Option<f32>,
+}
+
+impl SettingRow {
+    /// The row of a setting of a device in this `state`.
+    pub fn new(SettingChange { setting, value }: SettingChange, state: &SettingsState) -> Self {
+        let spec = setting.spec();
+        let is_required = SettingSet::REQUIRED.contains(setting);
+        let origin = if state.lost.contains(setting) {
+            SettingOrigin::Lost
+        } else if state.set.contains(setting) {
+            SettingOrigin::Set
+        } else if is_required {
+            SettingOrigin::NotSet
+        } else {
+            SettingOrigin::Default
+        };
+        Self {
+            name: spec.name,
+            value: matches!(origin, SettingOrigin::Set | SettingOrigin::Default).then_some(value),
+            state: origin,
+            unit: spec.unit,
+            lowest: spec.lowest,
+            highest: spec.highest,
+            least_magnitude: spec.least_magnitude,
+            default: (!is_required).then_some(spec.default),
+        }
+    }
+}
+
+/// Parses `pairs`: a setting's name, its value in the setting's unit, and so on. The device judges the values, because
+/// it may have other ranges.
+///
+/// # Errors
+/// A name without a value, a name of no setting, or a value that is no number.
+pub fn changes(pairs: &[String]) -> Result<Vec<SettingChange>> {
+    let (pairs, rest) = pairs.as_chunks::<2>();
+    if let [name] = rest {
+        return Err(Error::Request(format!(
+            "{name} has no value: give each setting's name and its value in turn"
+        )));
+    }
+    pairs
+        .iter()
+        .map(|[name, value]| {
+            let setting = named(name)?;
+            let value = value.parse().map_err(|_| {
+                Error::Request(format!("{name} of '{value}': its value must be a number"))
+            })?;
+            Ok(SettingChange { setting, value })
+        })
+        .collect()
+}
+
+/// Finds the setting `name`.
+///
+/// # Errors
+/// A name of no setting, with those that there are.
+pub fn named(name: &str) -> Result<Setting> {
+    Setting::named(name).ok_or_else(|| {
+        let names: Vec<&str> = Setting::ALL.iter().map(|s| s.spec().name).collect();
+        Error::Request(format!(
+            "no setting '{name}'; there are {}",
+            names.join(", ")
+        ))
+    })
+}
 
 /// Returns a line for each of the `settings` with its value `before` and `after`, then what follows at pin and coil.
 /// `unknown` are those that have no value before.
@@ -58,8 +161,9 @@ fn in_force(settings: &Settings) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use model_format::link::SettingChange;
+
+    use super::*;
 
     #[test]
     fn a_change_is_told_in_old_and_new_values_and_in_volts_and_watts() {

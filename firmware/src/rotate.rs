@@ -1,4 +1,4 @@
-//! The lattice's stages in an order for a Cortex-M7.
+//! The lattice's stages, in an order for a Cortex-M7.
 //!
 //! Each of a stage's two sums has a product of the backward signal, which is known long before, and one of the forward
 //! signal, which comes from the stage before. The first is taken while that stage's signal is truncated and doubled, so

@@ -1,38 +1,21 @@
-//! `stylus monitor`
+//! `stylus status --watch`
 
 use std::time::{Duration, Instant};
 
-use host_tools::link::LinkError;
 use host_tools::link::capture::{Calibration, Level, Loss, Stream};
+use host_tools::link::{Device, LinkError};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 use host_tools::support::visible::{visible_json, visible_line};
 use model_format::link::{RecordError, Status};
 use serde::Serialize;
 
-use super::connection::Link;
-use super::interrupt::Interrupt;
-use super::status::output;
-use crate::cli::input::positive;
+use super::{Arguments, output};
+use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, warn};
 
 /// Interval at which Ctrl-C is looked for.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
-
-#[derive(clap::Args)]
-pub struct Arguments {
-    /// Interval between lines, in seconds
-    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.2)]
-    interval: f64,
-    /// Duration, in seconds [default: until Ctrl-C]
-    #[arg(long, value_name = "S", value_parser = positive)]
-    seconds: Option<f64>,
-    /// Print each line as JSON
-    #[arg(long)]
-    json: bool,
-    #[command(flatten)]
-    link: Link,
-}
 
 /// The state in one interval.
 #[derive(Serialize)]
@@ -46,11 +29,11 @@ struct Reading {
     level: Option<Level>,
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
-    let device = arguments.link.connect()?;
+/// Shows the state until the end that the arguments give.
+pub fn run(device: &Device, arguments: &Arguments) -> Result<()> {
     let interrupt = Interrupt::listen()?;
     let calibration = Calibration::new(&device.settings()?, None);
-    let mut stream = match Stream::start(&device) {
+    let mut stream = match Stream::start(device) {
         Ok(stream) => Some(stream),
         Err(LinkError::Record(RecordError::Recording)) => {
             warn("a recording is under way, so only the status is shown");
