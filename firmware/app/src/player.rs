@@ -248,11 +248,6 @@ impl Player {
         self.phase == Phase::Idle
     }
 
-    /// Returns true if something is played, about to be, or fading out.
-    pub fn is_playing(&self) -> bool {
-        matches!(self.phase, Phase::Playing(..) | Phase::FadingOut(_))
-    }
-
     /// Source of motion for what is played or about to be.
     pub fn motion_source(&self) -> MotionSource {
         match &self.phase {

@@ -15,10 +15,10 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use embassy_futures::block_on;
+use fake_stylus::BoardOf;
 use fake_stylus::device::{SharedControl, SteppedStylus, Stores};
 use fake_stylus::flash::{Cut, Damage, Fate, Memory, Mishap, SimulatedFlash};
 use fake_stylus::library::{announcement, put};
-use fake_stylus::self_test::BoardOf;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
     LIBRARY_CRC, SelfTestRequest, SlotId, SlotState, UploadBegin, UploadChunk, UploadError,

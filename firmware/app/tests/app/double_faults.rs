@@ -1,11 +1,11 @@
 //! Two faults in a row, after which one library is left: nothing erases it unasked.
 
 use embassy_futures::block_on;
+use fake_stylus::BoardOf;
 use fake_stylus::device::SteppedStylus;
 use fake_stylus::flash::{Damage, Fate, Memory, Mishap, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, put, small, upload};
-use fake_stylus::self_test::BoardOf;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
     SelfTestError, SelfTestRequest, SlotFault, SlotId, SlotState, UploadBegin, UploadError,

@@ -12,7 +12,7 @@ use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
 
 use crate::budget;
-use fake_stylus::flash::{Fault, Memory, SimulatedFlash};
+use fake_stylus::flash::{Memory, Mishap, SimulatedFlash};
 use fake_stylus::library::{announcement, library, upload};
 
 type Store = SlotStore<SimulatedFlash<'static>>;
@@ -199,13 +199,13 @@ fn bytes_that_are_no_library_or_not_those_announced_are_not_sealed() {
     assert_library_is_left(&mut store, &old);
 }
 
-/// Uploads with `fault` into a device and returns the error, after checking that the library before is there and that
-/// the next upload succeeds.
-fn with_fault(fault: Fault) -> Option<UploadError> {
+/// Uploads into a device with a mishap of the operation `at`, and returns the error, after checking that the library
+/// before is there and that the next upload succeeds.
+fn with_mishap(at: usize, mishap: Mishap) -> Option<UploadError> {
     let new = library(1, 30, 2);
     let (memory, old) = flash_with_library();
-    let mut flash = SimulatedFlash::new(memory);
-    flash.fault = fault;
+    let flash = SimulatedFlash::new(memory);
+    flash.fate.strike(at, mishap);
     let mut store = block_on(SlotStore::open(flash));
     store.set_active(store.newest());
     let mut uploader = Uploader::new();
@@ -233,33 +233,37 @@ fn a_fault_of_the_flash_is_told_with_its_place() {
         })
     };
     let header = MAX_LIBRARY_BYTES as u32;
-    for (fault, error) in [
+    for (at, mishap, error) in [
         (
-            Fault::Refuse(0),
+            0,
+            Mishap::Refuse,
             flash(FlashOperation::Erase, 3 * 128 * 1024),
         ),
-        (Fault::Refuse(1), flash(FlashOperation::Erase, 0)),
-        (Fault::Refuse(2), flash(FlashOperation::Write, 0)),
-        (Fault::Refuse(5), flash(FlashOperation::Write, 96)),
+        (1, Mishap::Refuse, flash(FlashOperation::Erase, 0)),
+        (2, Mishap::Refuse, flash(FlashOperation::Write, 0)),
+        (5, Mishap::Refuse, flash(FlashOperation::Write, 96)),
         (
-            Fault::Refuse(2 + words),
+            2 + words,
+            Mishap::Refuse,
             flash(FlashOperation::Write, header),
         ),
         // There is no such operation.
-        (Fault::Refuse(3 + words), None),
+        (3 + words, Mishap::Refuse, None),
         (
-            Fault::Corrupt(7),
+            7,
+            Mishap::Corrupt,
             Some(UploadError::ReadBack { slot, offset: 160 }),
         ),
         (
-            Fault::Corrupt(2 + words),
+            2 + words,
+            Mishap::Corrupt,
             Some(UploadError::ReadBack {
                 slot,
                 offset: header,
             }),
         ),
     ] {
-        assert_eq!(with_fault(fault), error, "{fault:?}");
+        assert_eq!(with_mishap(at, mishap), error, "{mishap:?} {at}");
     }
 }
 

@@ -12,7 +12,7 @@ use stylus_app::settings::SettingsStore;
 
 use crate::budget::{self, Chance};
 use fake_stylus::device::COIL;
-use fake_stylus::flash::{Cut, Fault, Memory, Operation, SECTOR_BYTES, SimulatedFlash};
+use fake_stylus::flash::{Cut, Memory, Mishap, Operation, SECTOR_BYTES, SimulatedFlash};
 
 mod histories;
 
@@ -71,7 +71,7 @@ fn nearly_full(lost_places: [usize; 2]) -> Vec<Memory> {
     for (copy, lost) in lost_places.into_iter().enumerate() {
         for _ in 0..lost {
             let mut flash = SimulatedFlash::new(memory);
-            flash.fault = Fault::Refuse(copy * RECORD_WORDS);
+            flash.fate.strike(copy * RECORD_WORDS, Mishap::Refuse);
             let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
             block_on(store.set(again)).expect("the next place takes it");
             memory = flash.memory;
@@ -367,12 +367,12 @@ fn copies_that_differ_give_the_tighter_limit_and_say_so() {
 #[test]
 fn one_refusal_of_the_flash_is_worked_round_and_a_flash_that_refuses_all_is_told() {
     let mut flash = SimulatedFlash::new(blank());
-    flash.fault = Fault::Refuse(0);
+    flash.fate.strike(0, Mishap::Refuse);
     let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
     assert!(block_on(store.set(change(Setting::HardLimit, 0.25))).is_ok());
     for refused in 0..2 * RECORD_WORDS {
         let mut flash = SimulatedFlash::new(set(blank(), &COIL));
-        flash.fault = Fault::RefuseFrom(refused);
+        flash.fate.strike(refused, Mishap::RefuseFrom);
         let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
         let error = block_on(store.set(change(Setting::HardLimit, 0.25)));
         let operation = FlashOperation::Write;
@@ -393,7 +393,7 @@ fn one_refusal_of_the_flash_is_worked_round_and_a_flash_that_refuses_all_is_told
             "what could not be erased does not play"
         );
         // When the flash works again, so does the store.
-        flash.fault = Fault::None;
+        flash.fate.spare();
         let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
         assert_eq!(block_on(store.reset()), Ok(Settings::default()));
         assert!(block_on(store.set(change(Setting::HardLimit, 0.25))).is_ok());
@@ -405,7 +405,7 @@ fn an_erasure_that_is_refused_is_tried_again_by_the_next_change() {
     for refused in [0, 1 + RECORD_WORDS] {
         let full = NEARLY_FULL[LAST_CHANGES].clone();
         let mut flash = SimulatedFlash::new(full);
-        flash.fault = Fault::Refuse(refused);
+        flash.fate.strike(refused, Mishap::Refuse);
         let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
         let change = change(Setting::HardLimit, 0.25);
         let operation = FlashOperation::Write;
@@ -422,10 +422,10 @@ fn an_erasure_that_is_refused_is_tried_again_by_the_next_change() {
 fn a_write_that_puts_a_wrong_bit_is_found_by_reading_back() {
     for wrong in 0..2 * RECORD_WORDS {
         let mut flash = SimulatedFlash::new(set(blank(), &COIL));
-        flash.fault = Fault::Corrupt(wrong);
+        flash.fate.strike(wrong, Mishap::Corrupt);
         let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
         let set = block_on(store.set(change(Setting::HardLimit, 0.05))).expect("in range");
-        flash.fault = Fault::None;
+        flash.fate.spare();
         assert_eq!(opened(&mut flash.memory).0, set, "write {wrong}");
     }
 }
