@@ -194,8 +194,8 @@ impl Player {
         self.set(MuteReason::SafeMode, true);
     }
 
-    /// Becomes idle and muted by a fault until the device is restarted, because nothing was prepared to be started, and the status must not say that
-    /// it plays.
+    /// Becomes idle, and mute by a fault until the device is restarted, because nothing was prepared to be started, and
+    /// the status must not say that it plays.
     pub fn not_started(&mut self) {
         self.phase = Phase::Idle;
         self.set(MuteReason::NotPlaying, true);

@@ -14,7 +14,6 @@ use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 #[path = "../../../model-format/tests/library/walk.rs"]
-#[expect(missing_docs, reason = "it is a part of tests")]
 mod walk;
 
 /// Judges `input` as a library.

@@ -11,7 +11,6 @@ mod motion;
 mod place;
 mod recording;
 pub mod seeds;
-mod shard;
 mod table;
 mod texts;
 
@@ -19,7 +18,7 @@ mod texts;
 pub type Judge = fn(&[u8]);
 
 /// The targets by their names.
-pub const TARGETS: [(&str, Judge); 12] = [
+pub const TARGETS: [(&str, Judge); 11] = [
     ("decode", decode::judge),
     ("motion", motion::judge),
     ("trials", list::judge),
@@ -31,5 +30,4 @@ pub const TARGETS: [(&str, Judge); 12] = [
     ("frames", frame::judge),
     ("settings", texts::settings),
     ("records", texts::record),
-    ("shards", shard::judge),
 ];
