@@ -12,7 +12,7 @@
 //! | `fitting`, `evaluating` | fits and their evaluation |
 //! | `library`, `texture` | libraries, their textures and nodes; `library_like` arguments that stand for one |
 //! | `motion`, `rendering` | motions, and what the stylus plays along them; `playing` renders textures |
-//! | `scene` | scenes: costed and rendered; `compiling` compiles them |
+//! | `scene` | scenes: costed and rendered; `playing` compiles them |
 //! | `simulating` | simulated recordings |
 //! | `hatt` | HaTT's models |
 //! | `device` | a stylus on a link |
@@ -24,7 +24,6 @@
     reason = "arguments come out of Python objects by value"
 )]
 
-mod compiling;
 mod convert;
 #[cfg(feature = "device")]
 mod device;
@@ -50,13 +49,11 @@ use pyo3::prelude::*;
 #[pyo3(name = "_native")]
 mod native {
     #[pymodule_export]
-    #[pymodule_export]
-    use crate::compiling::compile_scene;
     #[cfg(feature = "device")]
     #[pymodule_export]
     use crate::device::{Device, devices};
     #[pymodule_export]
-    use crate::evaluating::{Evaluation, TrialEvaluation, evaluate};
+    use crate::evaluating::{Evaluation, evaluate};
     #[pymodule_export]
     use crate::fitting::{Fit, TrialReport, fit};
     #[pymodule_export]
@@ -68,7 +65,7 @@ mod native {
     #[pymodule_export]
     use crate::motion::Motion;
     #[pymodule_export]
-    use crate::playing::render;
+    use crate::playing::{compile_scene, render};
     #[pymodule_export]
     use crate::recording::{Recording, Recordings};
     #[pymodule_export]

@@ -5,11 +5,9 @@
 pub mod domain;
 pub mod grid;
 pub mod library;
-pub mod library_file;
 pub mod parts;
 pub mod quantise;
 pub mod recorded_spectra;
-pub mod resample;
 pub mod stored;
 pub mod summary;
 pub mod theta;

@@ -10,62 +10,8 @@ m/s², times in s, frequencies in Hz. A failure is a ``StylusError`` with the co
 ``StylusWarning``. Long work runs without the interpreter's lock, tells ``progress(done, total)``, and ends by Ctrl-C.
 """
 
-from ._native import (
-    SAMPLE_RATE_HZ,
-    Device,
-    Evaluation,
-    Fit,
-    HattImport,
-    Library,
-    Motion,
-    Node,
-    Recording,
-    Recordings,
-    Rendering,
-    Scene,
-    StylusError,
-    StylusWarning,
-    Texture,
-    TrialEvaluation,
-    TrialReport,
-    __version__,
-    compile_scene,
-    devices,
-    evaluate,
-    fit,
-    import_hatt,
-    inspect,
-    paper_rig,
-    render,
-    simulate_rig,
-)
+from . import _native
+from ._native import *
 
-__all__ = [
-    "SAMPLE_RATE_HZ",
-    "Device",
-    "Evaluation",
-    "Fit",
-    "HattImport",
-    "Library",
-    "Motion",
-    "Node",
-    "Recording",
-    "Recordings",
-    "Rendering",
-    "Scene",
-    "StylusError",
-    "StylusWarning",
-    "Texture",
-    "TrialEvaluation",
-    "TrialReport",
-    "__version__",
-    "compile_scene",
-    "devices",
-    "evaluate",
-    "fit",
-    "import_hatt",
-    "inspect",
-    "paper_rig",
-    "render",
-    "simulate_rig",
-]
+__all__: list[str] = []
+__all__ += _native.__all__

@@ -1,7 +1,6 @@
 //! `stylus fit`
 
 mod densify;
-mod each;
 mod library;
 mod parts;
 mod report;
@@ -230,7 +229,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::Request("give --out, the library to write".into()));
     };
     if arguments.large.each {
-        return each::run(&set, &options, out, (&arguments.large, arguments.json));
+        return parts::write_each(&set, &options, out, (&arguments.large, arguments.json));
     }
     let Fitted {
         mut fit,

@@ -2,14 +2,14 @@
 
 use std::sync::LazyLock;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 pub use stylus_costs::Core;
 use stylus_costs::{Entry, SampleCost, UpdateCost};
 
 use crate::evaluation::frontier::FilterStructure;
 
 /// The result of a look-up.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Cost {
     /// Of a sample.
     pub sample: SampleCost<f64>,

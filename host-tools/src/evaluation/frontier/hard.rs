@@ -2,7 +2,7 @@
 //! it get.
 
 use model_format::Library;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::FilterStructure;
 use super::players::player_of;
@@ -13,7 +13,7 @@ use crate::evaluation::stress::models::library;
 use crate::support::error::{Error, Result};
 
 /// The end of a case, from good to bad.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// All that is promised held.
@@ -44,7 +44,7 @@ impl std::fmt::Display for Verdict {
 }
 
 /// The outcome of all cases.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct HardCases {
     /// Number of cases that held.
     pub held: usize,

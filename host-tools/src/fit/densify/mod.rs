@@ -14,7 +14,6 @@
 
 mod filling;
 mod lines;
-mod told;
 
 use model_format::{NodeFlags, TextureSpec, limits};
 use serde::Serialize;
@@ -34,7 +33,7 @@ use crate::texture::theta::{
     StoredTheta, ThetaChoice, ThetaReport, all_allow_compact, bytes_per_node,
 };
 
-use told::Told;
+use lines::Told;
 
 pub use filling::{ECONOMY_DB, Filling, LeftOut, highest_order};
 pub use lines::Direction;

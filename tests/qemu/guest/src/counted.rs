@@ -7,7 +7,7 @@ use kernel_vectors::job::Filter;
 use kernel_vectors::{COUNTED_SAMPLES, counted_motion};
 use model_format::limits::MAX_ORDER;
 use model_format::{Library, OutputSample, Texture};
-use stylus_firmware::CortexM;
+use stylus_realtime::CortexM;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::variants::direct::{DirectFrame, DirectState};
