@@ -31,6 +31,7 @@ fn in_shell(bench: &Bench, settings: &str, arguments: &str) -> Output {
     Command::new("sh")
         .args(["-c", &script, env!("CARGO_BIN_EXE_stylus")])
         .current_dir(bench.path("."))
+        .env("STYLUS_OVERWRITE", "1")
         .output()
         .expect("there is a shell")
 }
@@ -151,7 +152,7 @@ fn sizes_in_a_wav_header_size_no_memory() {
             "65535 bytes for one sample",
         ),
         (
-            "slots",
+            "list",
             with_chunk(b"LIST", 0xffff_fff0),
             "'LIST' of 4294967280 bytes",
         ),
