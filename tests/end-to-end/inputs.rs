@@ -409,7 +409,10 @@ fn dialects(table: &str) -> [String; 2] {
     };
     let lines = table.lines();
     let lines = lines.map(|line| line.split(',').map(field).collect::<String>() + "\r\n");
-    [table.to_owned(), format!("\u{feff}{}", lines.collect::<String>())]
+    [
+        table.to_owned(),
+        format!("\u{feff}{}", lines.collect::<String>()),
+    ]
 }
 
 #[test]

@@ -118,7 +118,9 @@ async fn read(reader: &mut (impl AsyncRead + Unpin)) -> io::Result<String> {
         }
     }
     let line = String::from_utf8(bytes).map_err(|_| unusable())?;
-    let rest = line.strip_prefix(MARK).and_then(|rest| rest.strip_prefix(' '));
+    let rest = line
+        .strip_prefix(MARK)
+        .and_then(|rest| rest.strip_prefix(' '));
     rest.map(str::to_owned).ok_or_else(unusable)
 }
 
@@ -145,7 +147,11 @@ mod tests {
         for end in 0..bytes.len() {
             assert!(read_client(&mut &bytes.as_bytes()[..end]).await.is_err());
         }
-        for wrong in ["stylus-b later \n", "stylus 1 2 play\n", "stylus-b 1 x play\n"] {
+        for wrong in [
+            "stylus-b later \n",
+            "stylus 1 2 play\n",
+            "stylus-b 1 x play\n",
+        ] {
             assert!(read_broker(&mut wrong.as_bytes()).await.is_err());
             assert!(read_client(&mut wrong.as_bytes()).await.is_err());
         }

@@ -16,7 +16,6 @@ use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::Instant;
 
-
 use super::greeting::{self, Answer, Versions};
 use super::message::{ClientId, FromBroker, Messages, Program, ToBroker};
 use super::outgoing::Outgoing;
