@@ -10,7 +10,7 @@ use model_format::Library;
 
 use super::overwrite::Overwrite;
 use super::table::table;
-use crate::cli::library_file::read_library;
+use host_tools::texture::library_file::read_library;
 use crate::cli::output::{print, print_json};
 
 /// Number of failing cells that are shown one by one.

@@ -14,7 +14,7 @@ use super::input::{Recordings, positive};
 use super::overwrite::Overwrite;
 use super::table::table;
 use crate::cli::evaluate::takes::{as_fitted, choose};
-use crate::cli::library_file::{decode_library, read_library};
+use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::{note, print};
 
 #[derive(clap::Args)]

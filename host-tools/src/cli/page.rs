@@ -17,7 +17,7 @@ use model_format::Library;
 use super::input::positive;
 use super::overwrite::Overwrite;
 use crate::cli::evaluate::takes::{as_fitted, choose};
-use crate::cli::library_file::{decode_library, read_library};
+use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::print;
 
 #[derive(clap::Args)]

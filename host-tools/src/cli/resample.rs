@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::overwrite::Overwrite;
 use super::table::table;
-use crate::cli::library_file::{decode_library, read_library};
+use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]

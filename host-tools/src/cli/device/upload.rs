@@ -11,7 +11,7 @@ use model_format::link::{UploadState, UploadTimes};
 use serde::Serialize;
 
 use super::connection::Link;
-use crate::cli::library_file::{decode_library, read_library};
+use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::{note, print, print_json, warn};
 
 #[derive(clap::Args)]

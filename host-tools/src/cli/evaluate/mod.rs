@@ -27,7 +27,7 @@ use model_format::Library;
 pub use summary::summary;
 
 use crate::cli::input::{Recordings, not_negative, positive};
-use crate::cli::library_file::{decode_library, read_library};
+use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::{print, to_json};
 use crate::cli::overwrite::Overwrite;
 

@@ -12,7 +12,7 @@ use host_tools::support::file_name::Stems;
 use host_tools::support::{fnv::Fnv, progress};
 
 use super::parts::{LargeSet, merged};
-use crate::cli::library_file::read_library;
+use host_tools::texture::library_file::read_library;
 use crate::cli::output::{print, print_json, warn};
 use crate::cli::table::table;
 

@@ -14,7 +14,7 @@ use scene::scene_table;
 pub use texture::texture_table;
 use texture::{excitation_table, line_table, storage_table};
 
-use crate::cli::library_file::{decode_library, read_library};
+use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]

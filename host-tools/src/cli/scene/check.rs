@@ -7,7 +7,7 @@ use serde::Serialize;
 use stylus_kernel::scene::cost;
 
 use super::source::Source;
-use crate::cli::library_file::{decode_library, read_library};
+use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::{print, print_json};
 use crate::cli::table::table;
 

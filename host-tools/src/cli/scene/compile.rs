@@ -10,7 +10,7 @@ use model_format::scene::Scene;
 use stylus_kernel::scene::cost;
 
 use super::check::headline;
-use crate::cli::library_file::{decode_library, read_library};
+use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::{print, warn};
 use crate::cli::overwrite::Overwrite;
 
