@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use example::{Pipes, relay_to, upload_over};
 use fake_stylus::FakeStylus;
-use host_tools::link::{ByteStream, CustomLink, Device, LinkError, Timeouts};
 use host_tools::link::upload::upload;
+use host_tools::link::{ByteStream, CustomLink, Device, LinkError, Timeouts};
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
 use tokio::net::TcpStream;
 

@@ -10,8 +10,8 @@ use model_format::Library;
 
 use super::overwrite::Overwrite;
 use super::table::table;
-use host_tools::texture::library_file::read_library;
 use crate::cli::output::{print, print_json};
+use host_tools::texture::library_file::read_library;
 
 /// Number of failing cells that are shown one by one.
 const SHOWN_FAILURES: usize = 10;

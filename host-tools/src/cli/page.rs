@@ -17,8 +17,8 @@ use model_format::Library;
 use super::input::positive;
 use super::overwrite::Overwrite;
 use crate::cli::evaluate::takes::{as_fitted, choose};
-use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::print;
+use host_tools::texture::library_file::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

@@ -20,8 +20,8 @@ use host_tools::support::progress;
 use super::input::{Recordings, not_negative};
 use super::overwrite::Overwrite;
 use crate::cli::evaluate::removed_nodes::removed_node_test;
-use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::print;
+use host_tools::texture::library_file::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

@@ -10,8 +10,8 @@ use serde::Serialize;
 
 use super::overwrite::Overwrite;
 use super::table::table;
-use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::{print, print_json};
+use host_tools::texture::library_file::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

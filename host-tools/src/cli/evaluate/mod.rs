@@ -27,9 +27,9 @@ use model_format::Library;
 pub use summary::summary;
 
 use crate::cli::input::{Recordings, not_negative, positive};
-use host_tools::texture::library_file::{decode_library, read_library};
 use crate::cli::output::{print, to_json};
 use crate::cli::overwrite::Overwrite;
+use host_tools::texture::library_file::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

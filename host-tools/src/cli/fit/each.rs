@@ -12,9 +12,9 @@ use host_tools::support::file_name::Stems;
 use host_tools::support::{fnv::Fnv, progress};
 
 use super::parts::{LargeSet, merged};
-use host_tools::texture::library_file::read_library;
 use crate::cli::output::{print, print_json, warn};
 use crate::cli::table::table;
+use host_tools::texture::library_file::read_library;
 
 /// Folder of partial results in that of the libraries, unless --parts names another.
 const PARTS: &str = "parts";

@@ -1,9 +1,9 @@
 //! One session of `stylus record`: trial by trial, until the operator is content.
 
-use std::thread;
 use std::io::BufRead;
 use std::sync::mpsc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::thread;
 use std::time::Duration;
 
 use host_tools::fit;
@@ -11,16 +11,16 @@ use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Capture, Level, capture};
 use host_tools::link::set::{Folder, PlannedTrial};
 use host_tools::recording::TRIAL_DURATION_S;
-use host_tools::support::progress;
 use host_tools::support::error::Result;
+use host_tools::support::progress;
 use model_format::limits::MAX_ORDER;
 use model_format::link::RecordSample;
 
+use super::Arguments;
+use super::report::Row;
 use crate::cli::device::sensing::{LIVE_SAMPLES, live};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::tell;
-use super::Arguments;
-use super::report::Row;
 
 /// The end of one trial.
 pub enum Outcome {
