@@ -12,7 +12,7 @@ use host_tools::link::upload::upload_over;
 use host_tools::link::{Device as Linked, LinkAddress, LinkError, Route, Timeouts};
 use host_tools::support::error::{Error, Result};
 use host_tools::texture::certificate;
-use host_tools::texture::library_file::decode_library;
+use host_tools::texture::library::decode_library;
 use model_format::link::{
     Activity, DeviceInfo, MotionSource, PlayRequest, Selection, SettingChange, SettingSet,
     SettingsChange, SlotId, Status, TextureName,

@@ -11,7 +11,7 @@ use model_format::Library;
 use super::overwrite::Overwrite;
 use super::table::table;
 use crate::cli::output::{print, print_json};
-use host_tools::texture::library_file::read_library;
+use host_tools::texture::library::read_library;
 
 /// Number of failing cells that are shown one by one.
 const SHOWN_FAILURES: usize = 10;

@@ -15,7 +15,7 @@ use super::overwrite::Overwrite;
 use super::table::table;
 use crate::cli::evaluate::takes::{as_fitted, choose};
 use crate::cli::output::{note, print};
-use host_tools::texture::library_file::{decode_library, read_library};
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

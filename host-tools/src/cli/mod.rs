@@ -14,7 +14,6 @@ mod demo;
 mod device;
 mod evaluate;
 mod fit;
-mod fit_tap;
 mod frontier;
 #[cfg(feature = "hatt")]
 mod import_hatt;
@@ -29,7 +28,6 @@ mod pin;
 mod render;
 #[cfg(feature = "spectrograms")]
 mod report;
-mod resample;
 mod scene;
 mod segment;
 mod simulate_rig;
@@ -106,12 +104,8 @@ enum Command {
     ImportHatt(import_hatt::Arguments),
     /// Check, compile, render and draw scenes: surfaces along a path, with effects
     Scene(scene::Arguments),
-    /// Fit a scene's tap transient to recordings of taps
-    FitTap(fit_tap::Arguments),
     /// Prove a library's textures stable at every point of their grids
     Certify(certify::Arguments),
-    /// Change a library's sample rate, and tell the error of that
-    Resample(resample::Arguments),
     /// Play the hard cases with the device's kernel and check its guarantees
     Stress(stress::Arguments),
     /// Compare structures, orders and update intervals: accuracy against time, and the Pareto front
@@ -165,9 +159,7 @@ fn run_command(command: Command) -> Result<()> {
         #[cfg(feature = "hatt")]
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
-        Command::FitTap(arguments) => fit_tap::run(&arguments),
         Command::Certify(arguments) => certify::run(&arguments),
-        Command::Resample(arguments) => resample::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),

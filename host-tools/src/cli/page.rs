@@ -18,7 +18,7 @@ use super::input::positive;
 use super::overwrite::Overwrite;
 use crate::cli::evaluate::takes::{as_fitted, choose};
 use crate::cli::output::print;
-use host_tools::texture::library_file::{decode_library, read_library};
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

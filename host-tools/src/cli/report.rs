@@ -21,7 +21,7 @@ use super::input::{Recordings, not_negative};
 use super::overwrite::Overwrite;
 use crate::cli::evaluate::removed_nodes::removed_node_test;
 use crate::cli::output::print;
-use host_tools::texture::library_file::{decode_library, read_library};
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

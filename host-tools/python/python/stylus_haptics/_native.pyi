@@ -382,7 +382,6 @@ def import_hatt(
     *,
     speeds: int | None = None,
     forces: int | None = None,
-    fit_slot: bool = False,
     progress: _Progress | None = None,
 ) -> HattImport: ...
 

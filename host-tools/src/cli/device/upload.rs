@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::connection::Link;
 use crate::cli::output::{note, print, print_json, warn};
-use host_tools::texture::library_file::{decode_library, read_library};
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 #[expect(

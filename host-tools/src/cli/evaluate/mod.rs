@@ -29,7 +29,7 @@ pub use summary::summary;
 use crate::cli::input::{Recordings, not_negative, positive};
 use crate::cli::output::{print, to_json};
 use crate::cli::overwrite::Overwrite;
-use host_tools::texture::library_file::{decode_library, read_library};
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

@@ -12,7 +12,7 @@ use stylus_kernel::scene::cost;
 use super::check::headline;
 use crate::cli::output::{print, warn};
 use crate::cli::overwrite::Overwrite;
-use host_tools::texture::library_file::{decode_library, read_library};
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

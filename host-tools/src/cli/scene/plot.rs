@@ -12,7 +12,7 @@ use model_format::{OutputSample, Provenance};
 use super::source::{Along, Source};
 use crate::cli::output::print;
 use crate::cli::overwrite::Overwrite;
-use host_tools::texture::library_file::{decode_library, read_library};
+use host_tools::texture::library::{decode_library, read_library};
 
 /// Longest duration that is drawn, s; beyond it, the columns of a spectrogram are too narrow to be seen.
 const LONGEST_S: f64 = 600.0;

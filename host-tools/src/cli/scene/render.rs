@@ -7,7 +7,7 @@ use super::source::{Along, Source};
 #[cfg(feature = "device")]
 use crate::cli::pin::PinArguments;
 use crate::cli::wav_file::WavFile;
-use host_tools::texture::library_file::{decode_library, read_library};
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {
