@@ -7,10 +7,11 @@ use crate::toolchain::{Toolchain, check_clippy};
 use crate::{process, workspace};
 
 /// The packages of the workspace that run on the target.
-const PACKAGES: [&str; 5] = [
+const PACKAGES: [&str; 6] = [
     "model-format",
     "stylus-kernel",
     "stylus-app",
+    "stylus-realtime",
     "stylus-firmware",
     "kernel-vectors",
 ];

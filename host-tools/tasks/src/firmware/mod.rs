@@ -52,10 +52,11 @@ impl Image {
     }
 }
 
-/// Builds `image`, checks that the tick's code reads no flash, and returns the file.
+/// Builds `image`, checks that the tick's code reads no flash and that the product leaves room in flash and ITCM, and
+/// returns the file.
 ///
 /// # Errors
-/// There is no toolchain, the build fails, or the tick leads to flash.
+/// There is no toolchain, the build fails, the tick leads to flash, or the product is too large.
 pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
     build_saying(toolchain, image, Progress::Quiet)
 }
@@ -66,7 +67,11 @@ pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
 /// As [`build`].
 pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> Result<PathBuf> {
     let kept = build_in(toolchain, image, &Folders::here(FOLDER), progress)?;
-    check_placement(&read(&kept)?)?;
+    let bytes = read(&kept)?;
+    check_placement(&bytes)?;
+    if image == Image::Product {
+        Memory::of(&bytes)?.check_limits()?;
+    }
     Ok(kept)
 }
 

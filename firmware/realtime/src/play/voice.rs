@@ -15,12 +15,12 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use model_format::OutputSample;
 use stylus_app::inputs::Sensors;
-use stylus_firmware::CortexM;
 use stylus_kernel::scene::{
     Block, Director, Interaction, Ringing, SLOTS, ScenePlayback, VoiceStage, Voices,
 };
 use stylus_kernel::{Frame, Levels, Playback};
 
+use crate::CortexM;
 use crate::boot::priority;
 use crate::play::shared::Handed;
 
@@ -64,9 +64,10 @@ pub struct Played {
     pub ringing: Ringing,
 }
 
+/// Empty until [`begin`]: with a first value these would be 27 KB of flash.
 static FRAMES: [[Handed<Option<Frame>>; 2]; SLOTS] =
-    [const { [const { Handed::new(None) }; 2] }; SLOTS];
-static PLAYBACKS: [Handed<Option<Playback>>; SLOTS] = [const { Handed::new(None) }; SLOTS];
+    [const { [const { Handed::empty() }; 2] }; SLOTS];
+static PLAYBACKS: [Handed<Option<Playback>>; SLOTS] = [const { Handed::empty() }; SLOTS];
 static BLOCKS: [Handed<Block>; 2] = [const { Handed::new(Block::silent()) }; 2];
 static SCENE: Handed<ScenePlayback> = Handed::new(ScenePlayback::new());
 static NOTED: Handed<Noted> = Handed::new(Noted {
@@ -77,6 +78,21 @@ static NOTED: Handed<Noted> = Handed::new(Noted {
 
 /// True while the update owns its part.
 static REQUESTED: AtomicBool = AtomicBool::new(false);
+
+/// Gives the voices their first value: none. Called once, before all else here.
+pub fn begin() {
+    critical_section::with(|_| {
+        // SAFETY: interrupts are masked, and no reference lives beyond a call in a task.
+        unsafe {
+            for frame in FRAMES.iter().flatten() {
+                frame.set(None);
+            }
+            for playback in &PLAYBACKS {
+                playback.set(None);
+            }
+        }
+    });
+}
 
 /// Makes both blocks silent and forgets the voices. For tasks, while nothing is played.
 ///

@@ -5,6 +5,7 @@
 )]
 
 use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
 
 use critical_section::CriticalSection;
 
@@ -46,7 +47,7 @@ impl<T> OfHandler<T> {
 }
 
 /// A value that changes owners by the protocol of the module that declares it.
-pub struct Handed<T>(UnsafeCell<T>);
+pub struct Handed<T>(UnsafeCell<MaybeUninit<T>>);
 
 // SAFETY: see `Handed::get`.
 unsafe impl<T: Send> Sync for Handed<T> {}
@@ -54,22 +55,37 @@ unsafe impl<T: Send> Sync for Handed<T> {}
 impl<T> Handed<T> {
     /// A cell with `value`.
     pub const fn new(value: T) -> Self {
-        Self(UnsafeCell::new(value))
+        Self(UnsafeCell::new(MaybeUninit::new(value)))
+    }
+
+    /// A cell without a value, which takes no flash for one. [`Handed::set`] gives it the first.
+    pub const fn empty() -> Self {
+        Self(UnsafeCell::new(MaybeUninit::uninit()))
+    }
+
+    /// Sets the value.
+    ///
+    /// # Safety
+    /// As for [`Handed::get`], except that the cell may be empty.
+    #[inline(always)]
+    pub unsafe fn set(&self, value: T) {
+        // SAFETY: the caller owns the value.
+        unsafe { (*self.0.get()).write(value) };
     }
 
     /// The value.
     ///
     /// # Safety
     /// The caller must own the value, by the protocol of the module that declares it, for as long as the reference
-    /// lives.
+    /// lives; and the cell is not empty.
     #[inline(always)]
     #[expect(
         clippy::mut_from_ref,
         reason = "by the caller's contract there is one at a time"
     )]
     pub unsafe fn get(&self) -> &mut T {
-        // SAFETY: the caller owns the value.
-        unsafe { &mut *self.0.get() }
+        // SAFETY: the caller owns the value, which is there.
+        unsafe { (*self.0.get()).assume_init_mut() }
     }
 
     /// The value, to read.
@@ -78,7 +94,7 @@ impl<T> Handed<T> {
     /// As for [`Handed::get`], except that others may read the value too.
     #[inline(always)]
     pub unsafe fn look(&self) -> &T {
-        // SAFETY: by the caller's contract nothing changes it meanwhile.
-        unsafe { &*self.0.get() }
+        // SAFETY: by the caller's contract it is there and nothing changes it meanwhile.
+        unsafe { (*self.0.get()).assume_init_ref() }
     }
 }
