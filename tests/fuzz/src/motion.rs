@@ -2,9 +2,6 @@
 //!
 //! The input is read in order: a byte for the laws and for tails, one byte per order, two bytes per θ (one in a tail,
 //! and two for its step), a byte per fraction, four bytes per motion, two bytes per excitation.
-#![no_main]
-
-use libfuzzer_sys::fuzz_target;
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER, MIN_LARGEST_TAIL_CODE};
 use model_format::{
     CodeSpec, FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec,
@@ -18,7 +15,8 @@ use stylus_kernel::{Levels, Motion};
 const SPEEDS_MM_S: [f32; 2] = [50.0, 150.0];
 const FORCES_N: [f32; 2] = [0.5, 1.5];
 
-fuzz_target!(|input: &[u8]| {
+/// Judges `input` as a grid, a state and motions.
+pub fn judge(input: &[u8]) {
     let mut bytes = input.iter().copied();
     let library = library(&mut bytes);
     let library = Library::decode(&library).expect("lattices of such codes are valid");
@@ -40,7 +38,7 @@ fuzz_target!(|input: &[u8]| {
         state.next_sample::<Portable>(&frame, excitation, 0);
         assert!(energy(state.backward(stages)) <= before);
     }
-});
+}
 
 fn sixteen(bytes: &mut impl Iterator<Item = u8>) -> i16 {
     let mut byte = || bytes.next().unwrap_or(0);

@@ -2,10 +2,7 @@
 //! for byte, and played.
 //!
 //! Each input is tried as it is and with a prefix that fits it, because no fuzzer guesses a checksum.
-#![no_main]
-
 use crc::{CRC_32_ISO_HDLC, Crc};
-use libfuzzer_sys::fuzz_target;
 use model_format::scene::Scene;
 use model_format::{
     FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Problem, Texture,
@@ -19,12 +16,13 @@ use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 #[path = "../../../model-format/tests/library/walk.rs"]
 mod walk;
 
-fuzz_target!(|input: &[u8]| {
-    judge(input);
+/// Judges `input` as a library.
+pub fn judge(input: &[u8]) {
+    judge_whole(input);
     if let Some(library) = with_fitting_prefix(input) {
-        judge(&library);
+        judge_whole(&library);
     }
-});
+}
 
 /// `input` with the right magic, version, reserved field, length and checksum.
 fn with_fitting_prefix(input: &[u8]) -> Option<Vec<u8>> {
@@ -43,7 +41,7 @@ fn with_fitting_prefix(input: &[u8]) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-fn judge(bytes: &[u8]) {
+fn judge_whole(bytes: &[u8]) {
     match Library::decode_uncertified(bytes) {
         Ok(library) => {
             let (content, scenes) = (walk::content(&library), walk::scenes(&library));

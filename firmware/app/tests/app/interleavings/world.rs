@@ -101,10 +101,9 @@ impl Watch {
 
     fn look(&mut self, control: &SharedControl) -> Checked {
         let mut control = control.borrow_mut();
-        let mute = control.mute();
-        let state = control.status().settings;
+        let status = control.status();
+        let (mute, state, active) = (status.output.mute, status.settings, status.active);
         let settings = control.settings();
-        let active = control.active();
         let hardware: &mut Hardware = control.device();
         let now = hardware.now();
         if settings != self.settings {
@@ -451,10 +450,10 @@ impl World {
         {
             self.do_alone(changed("the coil's settings", |n| propose(n, &COIL)))?;
         }
-        if self.control.borrow().active().is_none() {
+        if self.control.borrow().status().active.is_none() {
             self.do_alone(named("activate A"))?;
         }
-        if self.control.borrow().active().is_none() {
+        if self.control.borrow().status().active.is_none() {
             self.do_alone(named("activate B"))?;
         }
         let starts = self.control.borrow_mut().device().starts;
@@ -463,7 +462,7 @@ impl World {
             self.go_on(Choice::Millisecond)?;
         }
         let mut control = self.control.borrow_mut();
-        let mute = control.mute();
+        let mute = control.status().output.mute;
         let hardware = control.device();
         if hardware.starts == starts || !hardware.sounds() || !mute.is_empty() {
             return Err(format!("it does not play again: {mute:?}"));

@@ -13,7 +13,7 @@ type Seeds<'a> = (&'a str, Vec<Vec<u8>>);
 /// Writes the seeds of every parser.
 pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
     let texts = |texts: &[&str]| texts.iter().map(|text| text.as_bytes().to_vec()).collect();
-    let all: [Seeds; 10] = [
+    let all: [Seeds; 9] = [
         ("trials", texts(&TRIALS)),
         ("recordings", recordings()),
         ("tables", texts(&TABLES)),
@@ -31,7 +31,6 @@ pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
             "settings",
             texts(&["coil-resistance\n8", "amplifier-gain\n1\npower-limit\n0.1"]),
         ),
-        ("configurations", texts(&CONFIGURATIONS)),
         ("records", texts(&[RECORD])),
     ];
     for (target, inputs) in all {
@@ -61,12 +60,6 @@ const TABLES: [&str; 8] = [
      1,p,recording,fitted,fitted,B,1,0,12.5,0f,recorded\n2,q,recording,gaussian,recording,B,0,3,1.5,0f,SIMULATED\n",
     "\u{4}speed_mm_s,force_n\n50,0.5\n100,1\n",
     "\u{4}texture;speed_mm_s;force_n\nsilk;50,5;0,5\n;100;1\n",
-];
-
-const CONFIGURATIONS: [&str; 3] = [
-    host_tools::support::configuration::TEMPLATE,
-    "link = 'serial:/dev/ttyACM0'\ntimeout = 2.5\nquiet = true\n[fit]\norder = 0x64\nsnap = 3e-2\nlines = \"none\"\n",
-    "fit.order = 1_00\ncolor = \"\\u0061uto\"\n[fti]\norder = { a = [1979-05-27] }\n",
 ];
 
 const SCENES: [&str; 2] = [

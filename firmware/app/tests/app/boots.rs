@@ -15,10 +15,10 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use embassy_futures::block_on;
+use fake_stylus::BoardOf;
 use fake_stylus::device::{SharedControl, SteppedStylus, Stores};
 use fake_stylus::flash::{Cut, Damage, Fate, Memory, Mishap, SimulatedFlash};
 use fake_stylus::library::{announcement, put};
-use fake_stylus::self_test::BoardOf;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
     LIBRARY_CRC, SelfTestRequest, SlotId, SlotState, UploadBegin, UploadChunk, UploadError,
@@ -32,7 +32,7 @@ use proptest::test_runner::TestRunner;
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::slots::SlotStore;
 
-use crate::budget;
+use crate::budget::{self, Chance};
 
 /// Chunk of an upload, bytes.
 const CHUNK: usize = 2 * WORD_BYTES;
@@ -547,6 +547,7 @@ fn a_cut_at_any_operation_of_any_short_history_leaves_what_was_promised() {
         [Some(1), Some(2)],
         [Some(u32::MAX), Some(u32::MAX - 1)],
     ];
+    let mut chance = Chance::new(budget::seed(), 0);
     let mut histories = 0;
     for (numbers, first, action) in beginnings
         .into_iter()
@@ -555,6 +556,7 @@ fn a_cut_at_any_operation_of_any_short_history_leaves_what_was_promised() {
     {
         for (at, how) in (0..upload_operations())
             .flat_map(|at| Cut::WITH_UNSTABLE.map(move |how| (at, Mishap::Cut(how))))
+            .filter(|_| chance.is_drawn())
         {
             let mut steps = Vec::new();
             steps.extend(first.map(|action| Step {
@@ -568,7 +570,7 @@ fn a_cut_at_any_operation_of_any_short_history_leaves_what_was_promised() {
             assert_eq!(lived, Ok(()), "{numbers:?} {steps:?}, history {histories}");
         }
     }
-    assert!(histories >= 1_500, "{histories}");
+    assert!(histories >= 100, "{histories}");
 }
 
 #[test]

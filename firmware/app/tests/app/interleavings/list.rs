@@ -2,6 +2,7 @@
 
 use std::sync::LazyLock;
 
+use fake_stylus::device::play_request;
 use fake_stylus::library::{announcement, small_texture};
 use fake_stylus::requests::frame;
 use model_format::link::{
@@ -242,10 +243,8 @@ pub fn apply(number: u32, token: ProposalToken) -> Vec<u8> {
 
 fn play(texture: &str, gain: f32) -> PlayRequest {
     PlayRequest {
-        selection: Selection::Texture(texture.try_into().expect("it is short")),
         gain,
-        motion: MotionSource::Host,
-        seed: 1,
+        ..play_request(texture)
     }
 }
 

@@ -1,9 +1,9 @@
-//! Seeds of the fuzzer: writes them into a folder of each target below the folder that is its only argument. For the
-//! decoder they are small valid libraries of each structure, with grids of one and of several nodes and orders 0 to
-//! 400, and with every optional part; for a parser of the host, a small file of each kind.
+//! Seeds of the fuzzer, in a folder for each target. For the decoder they are small valid libraries of each structure,
+//! with grids of one and of several nodes and orders 0 to 400, and with every optional part; for a parser of the host, a
+//! small file of each kind.
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
@@ -12,13 +12,14 @@ use model_format::{
     encode_uncertified, encode_with_scenes_uncertified, limits,
 };
 
-#[path = "seeds/host.rs"]
 mod host;
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let folder = std::env::args_os().nth(1);
-    let root = PathBuf::from(folder.ok_or("say which folder to write the seeds to")?);
-    host::write(&root)?;
+/// Writes the seeds of every target into its folder below `root`.
+///
+/// # Errors
+/// A folder or file that cannot be written.
+pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
+    host::write(root)?;
     for target in ["decode", "motion"] {
         let folder = root.join(target);
         std::fs::create_dir_all(&folder)?;
@@ -212,7 +213,7 @@ fn texture(name: String, structure: Structure, order: usize, size: usize) -> Tex
         speed_axis_mm_s,
         force_axis_n,
         nodes: (0..size * size).map(node).collect(),
-        cell_margins: cell_margins,
+        cell_margins,
     }
 }
 
