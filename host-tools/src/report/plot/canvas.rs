@@ -131,6 +131,7 @@ fn shown_at_size(drawn: &str, caption: &Caption<'_>, width: u32, height: u32) ->
     let content = drawn
         .split_once(">\n")
         .map_or(drawn, |(_, content)| content);
+    let content = compact(content);
     let simulated = if caption.simulated {
         " (SIMULATED)"
     } else {
@@ -138,12 +139,47 @@ fn shown_at_size(drawn: &str, caption: &Caption<'_>, width: u32, height: u32) ->
     };
     let name = escaped(&format!("{}{simulated}", caption.title));
     format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" role=\"img\" aria-label=\"{name}\" width=\"{width}\" \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" font-family=\"sans-serif\" role=\"img\" aria-label=\"{name}\" width=\"{width}\" \
          height=\"{height}\" viewBox=\"0 0 {} {}\">\n<style>{}</style>\n{content}",
         px(width),
         px(height),
         dark_style()
     )
+}
+
+/// A drawing without what plotters repeats on every element, and with the pieces of a line as one path.
+fn compact(drawn: &str) -> String {
+    // Letters' sizes have the round-off of a product.
+    let drawn = drawn
+        .replace(" opacity=\"1\"", "")
+        .replace(" font-family=\"sans-serif\"", "")
+        .replace(".000000000000004\"", "\"")
+        .replace("\">\n", "\">")
+        .replace("\n</text>", "</text>");
+    let mut compact = String::with_capacity(drawn.len());
+    let mut look = "";
+    for line in drawn.lines() {
+        let piece = line
+            .strip_prefix("<polyline ")
+            .and_then(|line| line.strip_suffix(" \"/>")?.split_once("points=\""));
+        let (own, text) = piece.unwrap_or(("", line));
+        if own != look || piece.is_none() {
+            let end = if look.is_empty() { "" } else { "\"/>\n" };
+            compact.push_str(end);
+            look = own;
+            if piece.is_some() {
+                compact.extend(["<path ", own, "d=\""]);
+            }
+        }
+        if piece.is_some() {
+            compact.push('M');
+            compact.push_str(text);
+        } else {
+            compact.push_str(text);
+            compact.push('\n');
+        }
+    }
+    compact
 }
 
 /// The symbol of a legend's entry.
@@ -602,8 +638,8 @@ mod tests {
             simulated: true,
         };
         let svg = picture(&caption, (300, 200), |_, _| Ok(())).unwrap();
-        let opening = "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" role=\"img\" \
-             aria-label=\"a &lt; b &amp; &quot;c&quot; (SIMULATED)\" width=\"300\" height=\"200\" \
+        let opening = "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" font-family=\"sans-serif\" \
+             role=\"img\" aria-label=\"a &lt; b &amp; &quot;c&quot; (SIMULATED)\" width=\"300\" height=\"200\" \
              viewBox=\"0 0 600 400\">";
         assert!(svg.as_str().starts_with(opening), "{}", svg.as_str());
         assert!(svg.as_str().trim_end().ends_with("</svg>"));

@@ -9,7 +9,7 @@ use model_format::limits;
 use model_format::link::{Setting, SettingSet};
 use model_format::scene::limits as scene_limits;
 use stylus_costs::cycles::MeasuredCycles;
-use stylus_costs::{Core, Costs, Entry, Origin, Peer, Structure};
+use stylus_costs::{Core, Costs, Origin, Peer, Structure};
 use stylus_kernel::direct::{NEAR_TAPS, TAPS_PER_TURN};
 use stylus_kernel::scene::cost::{self, StageCost};
 
