@@ -30,7 +30,7 @@ pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     let mut image = toolchain.cargo("clippy", workspace::root(), &target_folder);
     image.args([
         "--package",
-        "stylus-firmware",
+        "stylus-image",
         "--features",
         "fault-injection,debug-halt",
     ]);
