@@ -23,12 +23,13 @@ qemu-tests: | host-tools kernel-vectors model-format stylus-costs stylus-kernel 
 tasks: kernel-vectors model-format qemu-tests stylus-costs stylus-kernel
 kernel-guest: kernel-vectors model-format stylus-kernel stylus-realtime
 fuzz: host-tools model-format stylus-kernel
-virtual-stylus: model-format virtual-link | host-tools kernel-vectors model-format stylus-app stylus-kernel
+virtual-stylus: model-format virtual-link | fake-stylus hil host-tools kernel-vectors stylus-app stylus-kernel
 probe-image: kernel-vectors model-format stylus-kernel stylus-realtime
 ";
 
 /// Packages with lints of their own: those that have unsafe code, and those of other workspaces.
-const OWN_LINTS: [&str; 6] = [
+const OWN_LINTS: [&str; 7] = [
+    "stylus-realtime",
     "stylus-firmware",
     "stylus-browser",
     "kernel-guest",
