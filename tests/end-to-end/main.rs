@@ -3,13 +3,11 @@
 #[cfg(all(feature = "device", target_os = "linux"))]
 mod broker;
 mod command_line;
-#[cfg(all(unix, feature = "device"))]
-mod custom_link;
 #[cfg(feature = "device")]
 mod device_commands;
 #[cfg(feature = "device")]
 mod device_faults;
-#[cfg(feature = "device")]
+#[cfg(all(unix, feature = "device"))]
 mod device_links;
 #[cfg(feature = "device")]
 mod device_record;
@@ -30,19 +28,12 @@ mod inputs;
 #[cfg(target_os = "linux")]
 mod large_sets;
 mod levinson_fixtures;
-mod listening_page;
 mod liveliness;
-#[cfg(all(
-    target_os = "linux",
-    feature = "device",
-    feature = "hatt",
-    feature = "spectrograms"
-))]
+#[cfg(all(target_os = "linux", feature = "device", feature = "hatt"))]
 mod outputs;
 mod pages;
 #[cfg(feature = "device")]
 mod pin;
-#[cfg(feature = "spectrograms")]
 mod report_pages;
 mod rub_page;
 mod scenes;

@@ -8,7 +8,7 @@ use host_tools::scene::{scene_named, with_scenes};
 use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
 use host_tools::support::output::check_file;
-use host_tools::texture::library_file::{decode_library, read_library};
+use host_tools::texture::library::{decode_library, read_library};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;

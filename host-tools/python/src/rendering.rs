@@ -9,7 +9,7 @@ use host_tools::playing::render::{self as playing, WavFormat, write_wav};
 use host_tools::scene::CompiledScene;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::output::check_file;
-use host_tools::texture::library_file::decode_library;
+use host_tools::texture::library::decode_library;
 use model_format::OutputSample;
 use numpy::PyArray1;
 use pyo3::prelude::*;

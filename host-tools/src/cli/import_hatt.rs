@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use host_tools::fit::hatt::comparison::Summary;
-use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE};
-use host_tools::fit::hatt::import::{Options, doubts, files, import, plan, read_all};
-use host_tools::fit::hatt::report::{ImportReport, far_nodes};
+use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, far_nodes};
+use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
 use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
@@ -30,9 +29,6 @@ pub struct Arguments {
     /// Most forces of a grid [default: as many of the file's own as the slot has room for]
     #[arg(long)]
     forces: Option<usize>,
-    /// Take fewer speeds and forces than asked for where the slot has no room for them
-    #[arg(long)]
-    fit_slot: bool,
     /// Print the errors of the conversion, place by place, as JSON
     #[arg(long)]
     json: bool,
@@ -44,7 +40,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let options = Options {
         speeds: arguments.speeds,
         forces: arguments.forces,
-        fit_slot: arguments.fit_slot,
     };
     let sources = read_all(&paths)?;
     let plan = plan(&sources, &options)?;
@@ -53,7 +48,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             warn(&format!("{}: {warning}", source.path.display()));
         }
     }
-    doubts(&sources).iter().for_each(|doubt| warn(doubt));
     note(&plan.in_words(sources.len()));
     let bar = progress::bar(sources.len() as u64, "converting");
     let (converted, bytes) = import(&sources, &plan, &|| bar.inc(1))?;

@@ -1,8 +1,8 @@
 //! The `stylus` command: one module per command.
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
-//! the link belong to the library, where other programs can use them. Of the shared modules, `input` and `library_file`
-//! read, `output`, `colour`, `table` and `wav_file` print, `overwrite` checks what is written, `interrupt` ends; they
+//! the link belong to the library, where other programs can use them. Of the shared modules, `input`
+//! reads, `output`, `colour`, `table` and `wav_file` print, `overwrite` checks what is written, `interrupt` ends; they
 //! import no command.
 
 mod certify;
@@ -14,23 +14,18 @@ mod demo;
 mod device;
 mod evaluate;
 mod fit;
-mod fit_tap;
 mod frontier;
 #[cfg(feature = "hatt")]
 mod import_hatt;
 mod input;
 mod inspect;
 mod interrupt;
-mod library_file;
 mod output;
 mod overwrite;
 mod page;
 #[cfg(feature = "device")]
 mod pin;
 mod render;
-#[cfg(feature = "spectrograms")]
-mod report;
-mod resample;
 mod scene;
 mod segment;
 mod simulate_rig;
@@ -53,16 +48,16 @@ const EXIT_UNUSABLE: u8 = 2;
 const EXIT_CLOSED: u8 = 1;
 
 /// The last line of the help of a build that leaves commands out.
-#[cfg(not(all(feature = "device", feature = "hatt", feature = "spectrograms")))]
+#[cfg(not(all(feature = "device", feature = "hatt")))]
 const COMMANDS_LEFT_OUT: &str = "This build leaves commands out: those for a stylus need the feature `device`, \
-     import-hatt `hatt`, report and scene plot `spectrograms`. `cargo stylus` has all.";
+     import-hatt `hatt`. `cargo stylus` has all.";
 
 /// Data-driven haptic textures: fit models to recordings of a tool on a surface, evaluate them, and render exactly what
 /// the stylus plays.
 #[derive(Parser)]
 #[command(name = "stylus", version, arg_required_else_help = true)]
 #[cfg_attr(
-    not(all(feature = "device", feature = "hatt", feature = "spectrograms")),
+    not(all(feature = "device", feature = "hatt")),
     command(after_help = COMMANDS_LEFT_OUT)
 )]
 struct Arguments {
@@ -87,7 +82,7 @@ enum Command {
     SimulateRig(simulate_rig::Arguments),
     /// Fit a texture library to recordings
     Fit(fit::Arguments),
-    /// Compare the stylus's output with recordings
+    /// Compare the stylus's output with recordings, and report on it
     Evaluate(evaluate::Arguments),
     /// Make a page for listening tests (A/B/X) of recordings and what the stylus plays, or score its answers
     Compare(compare::Arguments),
@@ -97,9 +92,6 @@ enum Command {
     Render(render::Arguments),
     /// Show the content of a library
     Inspect(inspect::Arguments),
-    #[cfg(feature = "spectrograms")]
-    /// Write one page with all results: tables, the paper's figures, maps, spectrograms, sounds
-    Report(report::Arguments),
     /// Cut the steady pieces out of free-hand recordings, for fit
     Segment(segment::Arguments),
     #[cfg(feature = "hatt")]
@@ -107,12 +99,8 @@ enum Command {
     ImportHatt(import_hatt::Arguments),
     /// Check, compile, render and draw scenes: surfaces along a path, with effects
     Scene(scene::Arguments),
-    /// Fit a scene's tap transient to recordings of taps
-    FitTap(fit_tap::Arguments),
     /// Prove a library's textures stable at every point of their grids
     Certify(certify::Arguments),
-    /// Change a library's sample rate, and tell the error of that
-    Resample(resample::Arguments),
     /// Play the hard cases with the device's kernel and check its guarantees
     Stress(stress::Arguments),
     /// Compare structures, orders and update intervals: accuracy against time, and the Pareto front
@@ -160,15 +148,11 @@ fn run_command(command: Command) -> Result<()> {
         Command::Page(arguments) => page::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
-        #[cfg(feature = "spectrograms")]
-        Command::Report(arguments) => report::run(&arguments),
         Command::Segment(arguments) => segment::run(&arguments),
         #[cfg(feature = "hatt")]
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
-        Command::FitTap(arguments) => fit_tap::run(&arguments),
         Command::Certify(arguments) => certify::run(&arguments),
-        Command::Resample(arguments) => resample::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),

@@ -8,7 +8,6 @@ pub mod atomic_file;
 pub mod bounded_file;
 pub mod csv_table;
 pub mod decimal;
-pub(crate) mod disk;
 pub mod error;
 pub mod file_name;
 pub mod fnv;

@@ -8,20 +8,22 @@
 //!   link can be injected.
 //! - [`SteppedStylus`](device::SteppedStylus) runs in virtual time, one millisecond after the other, and a test calls
 //!   the application's requests itself.
+#![expect(
+    clippy::result_large_err,
+    reason = "the device's errors carry their reason as text, because it has no heap"
+)]
 
 mod board;
 mod connection;
 pub mod device;
-mod faults;
 pub mod flash;
 mod hand;
 pub mod hardware;
 pub mod library;
 pub mod requests;
-pub mod self_test;
 mod served;
 
-pub use board::Board;
-pub use faults::Faults;
+pub use board::{Board, BoardOf};
+pub use connection::Faults;
 pub use hand::Hand;
 pub use served::{FakeStylus, Heard};

@@ -1,7 +1,6 @@
 //! `stylus fit`
 
 mod densify;
-mod each;
 mod library;
 mod parts;
 mod report;
@@ -32,9 +31,9 @@ use report::{FitReport, energy_kept, excitations, given_up, lines_found, show_ve
 
 use crate::cli::input::{Recordings, not_negative, positive, tolerance};
 use crate::cli::inspect::texture_table;
-use crate::cli::library_file::decode_library;
 use crate::cli::output::{note, print, print_json};
 use crate::cli::overwrite::Overwrite;
+use host_tools::texture::library::decode_library;
 
 /// The table's cores, as the command line names them.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -235,7 +234,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::Request("give --out, the library to write".into()));
     };
     if arguments.large.each {
-        return each::run(&set, &options, out, (&arguments.large, arguments.json));
+        return parts::write_each(&set, &options, out, (&arguments.large, arguments.json));
     }
     let Fitted {
         mut fit,

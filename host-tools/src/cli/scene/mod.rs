@@ -1,8 +1,8 @@
-//! `stylus scene`: check, compile, render and plot.
+//! `stylus scene`: check, compile, render, plot and fit-tap.
 
 mod check;
 mod compile;
-#[cfg(feature = "spectrograms")]
+mod fit_tap;
 mod plot;
 mod render;
 mod source;
@@ -24,9 +24,10 @@ enum Command {
     Compile(compile::Arguments),
     /// Render the stylus's output along a motion to a WAV file, sample for sample
     Render(render::Arguments),
-    #[cfg(feature = "spectrograms")]
     /// Draw the surfaces along the path, the motion, and the stylus's output
     Plot(plot::Arguments),
+    /// Fit a scene's tap transient to recordings of taps
+    FitTap(fit_tap::Arguments),
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -34,7 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Command::Check(arguments) => check::run(arguments),
         Command::Compile(arguments) => compile::run(arguments),
         Command::Render(arguments) => render::run(arguments),
-        #[cfg(feature = "spectrograms")]
         Command::Plot(arguments) => plot::run(arguments),
+        Command::FitTap(arguments) => fit_tap::run(arguments),
     }
 }

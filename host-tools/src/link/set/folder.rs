@@ -138,16 +138,15 @@ impl Folder {
         self.lines = lines;
         self.done.insert(planned.key());
         Ok(Trial {
-            file,
-            texture: planned.texture.clone(),
-            speed_mm_s: planned.speed_mm_s,
-            force_n: planned.force_n,
             scale_m_s2: Some(scale_m_s2),
-            start_s: 0.0,
             duration_s: Some(capture.samples.len() as f64 / f64::from(capture.rate_hz)),
-            sample_rate_hz: None,
             provenance,
-            held: None,
+            ..Trial::of(
+                file,
+                planned.texture.clone(),
+                planned.speed_mm_s,
+                planned.force_n,
+            )
         })
     }
 }

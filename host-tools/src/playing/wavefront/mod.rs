@@ -8,7 +8,6 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
-mod rotations;
 #[cfg(test)]
 mod tests;
 
