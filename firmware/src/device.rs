@@ -12,18 +12,17 @@ use embassy_time::Instant;
 use heapless::String;
 use model_format::link::{
     CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION,
-    PlayError, PlayRequest, RecordCounters, RecordError, RecordStarted, RecordStopped, SCHEMA_HASH,
-    Selection, Settings, StartReport, TickCounters,
+    PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
+    SCHEMA_HASH, Selection, Settings, StartReport, TickCounters,
 };
 use model_format::{FORMAT_VERSION, PlayRate};
 use stylus_app::SAMPLE_RATE_HZ;
-use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
+use stylus_app::control::{Device, LoadFault, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
 use stylus_app::levels::Sums;
 use stylus_app::recorder::Recorder;
 use stylus_app::safety::{self, Heat};
 use stylus_app::status::Histogram;
-use stylus_app::storage::LoadFault;
 use stylus_kernel::scene::cost::BUDGET;
 
 use crate::boot::clock::CORE_HZ;
@@ -38,7 +37,7 @@ use crate::tick::output::amplifier;
 pub struct Hardware {
     library: LibraryRam,
     /// The recorder, which packs samples into blocks.
-    pub recorder: Recorder<'static>,
+    recorder: Recorder<'static>,
     reset: ResetReport,
     start: StartReport,
     link_counters: fn() -> [LinkCounters; 2],
@@ -80,22 +79,6 @@ impl Hardware {
             muted: true,
             muted_since: 0,
         }
-    }
-
-    /// Forgets the library in RAM, and with it what was played. Nothing is played then.
-    pub fn begin_load(&mut self) {
-        self.clear();
-        // SAFETY: only the director and the next plan hold textures beyond a call, and both were just forgotten.
-        unsafe { self.library.begin() };
-    }
-
-    /// Takes one step of copying `library` to the RAM that it is played from, and of decoding it there; returns true
-    /// after the last one.
-    ///
-    /// # Errors
-    /// The bytes are not a library.
-    pub fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault> {
-        self.library.load(library)
     }
 }
 
@@ -281,12 +264,27 @@ impl Device for Hardware {
         }
     }
 
+    fn begin_load(&mut self) {
+        self.clear();
+        // SAFETY: only the director and the next plan hold textures beyond a call, and both were just forgotten.
+        unsafe { self.library.begin() };
+    }
+
+    fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault> {
+        self.library.load(library)
+    }
+
     fn start_recording(&mut self) -> Result<RecordStarted, RecordError> {
         self.recorder.start()
     }
 
     fn stop_recording(&mut self) -> Result<RecordStopped, RecordError> {
         self.recorder.stop()
+    }
+
+    fn next_block(&mut self) -> Option<RecordBlock> {
+        let now = self.now();
+        self.recorder.next_block(now)
     }
 
     fn record_counters(&self) -> RecordCounters {

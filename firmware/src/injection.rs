@@ -11,6 +11,7 @@ use cortex_m::peripheral::{DWT, NVIC, SCB};
 use embassy_stm32::interrupt::Interrupt;
 use embassy_stm32::pac::{DMA1, TIM6};
 use postcard_rpc::Key;
+use postcard_rpc::header::{VarHeader, VarKey};
 
 use crate::boot::clock::{CORE_HZ, TIMER_HZ};
 use crate::tick::output::amplifier;
@@ -82,8 +83,18 @@ static IN_UPDATE: AtomicBool = AtomicBool::new(false);
 /// The instruction `bx lr`, in data.
 static CODE: AtomicU32 = AtomicU32::new(0x4770_4770);
 
-/// Causes `fault` now, or in the next tick.
-pub fn inject(fault: u8) {
+/// Causes the fault that `frame` asks for, now or in the next tick. Returns false if the frame asks for none.
+pub fn take(frame: &[u8]) -> bool {
+    let asked = VarHeader::take_from_slice(frame)
+        .filter(|(header, _)| header.key == VarKey::Key8(KEY))
+        .and_then(|(_, body)| body.first());
+    if let Some(&fault) = asked {
+        inject(fault);
+    }
+    asked.is_some()
+}
+
+fn inject(fault: u8) {
     match fault {
         LONG_TICK | ENDLESS_TICK | PANIC_IN_TICK | LATE_TICK | VERY_LONG_TICK => {
             IN_TICK.store(fault, Ordering::Relaxed);

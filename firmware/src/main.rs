@@ -44,6 +44,7 @@ use model_format::link::{Marks, QUICK_FAULT_MS, Settings, StartReport, StartStag
 use static_cell::ConstStaticCell;
 use stylus_app::inputs::InputConfig;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
+use stylus_app::requests::Frame;
 use stylus_app::safety;
 
 use crate::boot::reset::ResetFlags;
@@ -224,7 +225,8 @@ fn guard_marks() -> Marks {
 #[embassy_executor::task]
 async fn serve_serial(receiver: serial::Receiver) -> ! {
     static BUFFER: ConstStaticCell<serial::Buffer> = ConstStaticCell::new(serial::EMPTY);
-    requests::serve(Wire::Serial, receiver, BUFFER.take()).await
+    static ANSWER: ConstStaticCell<Frame> = ConstStaticCell::new([0; _]);
+    requests::serve(Wire::Serial, receiver, BUFFER.take(), ANSWER.take()).await
 }
 
 #[embassy_executor::task]
@@ -236,7 +238,8 @@ async fn run_usb(mut device: usb::Device) -> ! {
 async fn serve_usb(receiver: usb::Receiver) -> ! {
     static BUFFER: ConstStaticCell<usb::Buffer> =
         ConstStaticCell::new([0; size_of::<usb::Buffer>()]);
-    requests::serve(Wire::Usb, receiver, BUFFER.take()).await
+    static ANSWER: ConstStaticCell<Frame> = ConstStaticCell::new([0; _]);
+    requests::serve(Wire::Usb, receiver, BUFFER.take(), ANSWER.take()).await
 }
 
 /// The board's LEDs.

@@ -6,9 +6,10 @@
 use model_format::link::{
     ActivateError, CycleReport, DeviceInfo, LinkCounters, LinkId, MAX_PLAY_GAIN, Marks,
     MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
-    ProposalToken, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
-    Selection, Settings, SettingsChange, SettingsError, SettingsProposal, SettingsState, SlotId,
-    SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram, UploadState,
+    ProposalToken, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
+    ResetReason, Selection, Settings, SettingsChange, SettingsError, SettingsProposal,
+    SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram,
+    UploadState,
 };
 use model_format::link::{Fault, MuteReason, MuteReasons};
 use model_format::{Library, PlayRate};
@@ -111,6 +112,16 @@ pub trait Device {
     /// Lets the amplifier be on once the output is at mid-scale, or sets it off at once.
     fn set_amplifier(&mut self, on: bool);
 
+    /// Forgets the library in RAM, so that [`Device::load`] can begin. Nothing is played.
+    fn begin_load(&mut self);
+
+    /// Takes one bounded step of copying `library`, which is valid, to the RAM that is played from, and of decoding it
+    /// there. Returns true after the last one; before it the RAM holds no library.
+    ///
+    /// # Errors
+    /// The copy is not valid. The RAM holds no library then.
+    fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault>;
+
     /// Begins a recording.
     ///
     /// # Errors
@@ -123,9 +134,16 @@ pub trait Device {
     /// As `Recorder::stop`.
     fn stop_recording(&mut self) -> Result<RecordStopped, RecordError>;
 
+    /// The next whole block of samples, if there is one; it is taken from the queue also while nothing is recorded.
+    fn next_block(&mut self) -> Option<RecordBlock>;
+
     /// Counters of the recorder.
     fn record_counters(&self) -> RecordCounters;
 }
+
+/// Failure to copy a library to RAM.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LoadFault;
 
 /// No plan was there to be started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -173,6 +191,8 @@ pub struct Control<D> {
     aborts: usize,
     lease: Lease,
     proposals: Proposals,
+    /// The link that began the recording.
+    listener: LinkId,
     /// True once the coil's heat is more than an assumption, because the amplifier has been on.
     is_heat_known: bool,
 }
@@ -196,6 +216,7 @@ impl<D: Device> Control<D> {
             aborts: 0,
             lease: Lease::new(),
             proposals: Proposals::new(),
+            listener: LinkId::Serial,
             is_heat_known: false,
         };
         control.follow_settings();
@@ -396,12 +417,19 @@ impl<D: Device> Control<D> {
         Ok(self.player.motion_source())
     }
 
-    /// Serves `RecordStartEndpoint`.
+    /// Serves `RecordStartEndpoint`. The blocks go to `from`.
     ///
     /// # Errors
     /// One is under way.
-    pub fn record_start(&mut self) -> Result<RecordStarted, RecordError> {
-        self.device.start_recording()
+    pub fn record_start(&mut self, from: LinkId) -> Result<RecordStarted, RecordError> {
+        let started = self.device.start_recording()?;
+        self.listener = from;
+        Ok(started)
+    }
+
+    /// The next block of the recording, and the link that it goes to. Called at least every few milliseconds.
+    pub fn next_block(&mut self) -> Option<(LinkId, RecordBlock)> {
+        Some((self.listener, self.device.next_block()?))
     }
 
     /// Serves `RecordStopEndpoint`.

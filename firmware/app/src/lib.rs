@@ -12,6 +12,7 @@
 //! | [`recorder`] | the tick (one sample in a queue) and thread mode (blocks) |
 //! | [`start`] | the start, before anything else |
 //! | [`player`], [`control`] | thread mode, never waits |
+//! | [`requests`] | thread mode, never waits; its jobs are asynchronous |
 //! | [`slots`], [`upload`], [`settings`], [`storage`], [`self_test`] | thread mode, asynchronous |
 #![no_std]
 #![expect(
@@ -30,6 +31,7 @@ pub mod levels;
 pub mod player;
 pub mod proposals;
 pub mod recorder;
+pub mod requests;
 pub mod ring;
 pub mod safety;
 pub mod self_test;

@@ -11,6 +11,7 @@ use model_format::link::{
     SlotId, SlotState, UploadState,
 };
 
+use crate::control::Control;
 use crate::flash::WORD_BYTES;
 use crate::slots::{Claim, LastLibrary, MappedFlash, SlotStore};
 use crate::storage::{Stage, Storage};
@@ -66,7 +67,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         request: SelfTestRequest,
     ) -> Result<SelfTestValues, SelfTestError> {
         stage
-            .begin_self_test()
+            .with_control(Control::begin_self_test)
             .map_err(|_| SelfTestError::Playing)?;
         let values = match request {
             SelfTestRequest::Chip => Ok(SelfTestValues::Chip(bench.chip())),
@@ -86,7 +87,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
                 .await
                 .map(SelfTestValues::Flash),
         };
-        stage.end_self_test();
+        stage.with_control(Control::end_self_test);
         values
     }
 

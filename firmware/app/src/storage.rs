@@ -10,81 +10,23 @@ use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
     ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, Proving, SceneInfo,
-    Settings, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, SlotState, Slots,
-    TextureInfo, UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress,
-    UploadState,
+    Settings, SettingsChange, SettingsError, SlotId, SlotInfo, SlotState, Slots, TextureInfo,
+    UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
-use crate::player::Busy;
+use crate::control::{Control, Device, LoadFault};
 use crate::settings::SettingsStore;
 use crate::slots::{MappedFlash, NotProved, SlotStore};
 use crate::stopwatch::Stopwatch;
 use crate::upload::{CommitEvent, Uploader};
 
-/// The rest of the device, as storage sees it. No method waits except [`Stage::pause`].
+/// The rest of the device, as requests and storage see it.
 pub trait Stage {
-    /// As `Control::begin_activation`.
-    ///
-    /// # Errors
-    /// Another activation is under way.
-    fn begin_activation(&mut self) -> Result<(), ActivateError>;
+    /// The hardware.
+    type Device: Device;
 
-    /// As `Control::may_exchange`.
-    fn may_exchange(&self) -> bool;
-
-    /// Forgets the library in RAM, so that [`Stage::load`] can begin. Called only while [`Stage::may_exchange`] is
-    /// true.
-    fn begin_load(&mut self);
-
-    /// Takes one bounded step of copying `library`, which is valid, to the RAM that is played from, and of decoding it
-    /// there. Returns true after the last one; before it the RAM holds no library.
-    ///
-    /// # Errors
-    /// The copy is not valid. The RAM holds no library then.
-    fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault>;
-
-    /// As `Control::end_activation`.
-    fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>);
-
-    /// As `Control::take_proposal`.
-    ///
-    /// # Errors
-    /// No proposal of this link has this token.
-    fn take_proposal(
-        &mut self,
-        from: LinkId,
-        token: ProposalToken,
-    ) -> Result<SettingsChange, SettingsError>;
-
-    /// As `Control::begin_configuration`.
-    ///
-    /// # Errors
-    /// Something is played, or a library is being activated.
-    fn begin_configuration(&mut self) -> Result<(), SettingsError>;
-
-    /// As `Control::end_configuration`.
-    fn end_configuration(&mut self, settings: Settings, state: SettingsState);
-
-    /// Returns true while the supply is too low to write flash.
-    fn is_supply_low(&self) -> bool;
-
-    /// As `Control::begin_self_test`.
-    ///
-    /// # Errors
-    /// Something is played, or a library is being activated.
-    fn begin_self_test(&mut self) -> Result<(), Busy>;
-
-    /// As `Control::end_self_test`.
-    fn end_self_test(&mut self);
-
-    /// As `Control::set_upload`.
-    fn set_upload(&mut self, upload: UploadState);
-
-    /// As `Control::is_abort_waiting`.
-    fn is_abort_waiting(&self) -> bool;
-
-    /// As `Control::end_abort`.
-    fn end_abort(&mut self);
+    /// Calls `what` with the device's control, behind a lock that is never held across a wait.
+    fn with_control<R>(&self, what: impl FnOnce(&mut Control<Self::Device>) -> R) -> R;
 
     /// The time since the start, µs.
     fn now_us(&self) -> u64;
@@ -92,10 +34,6 @@ pub trait Stage {
     /// Waits for a millisecond.
     fn pause(&mut self) -> impl Future<Output = ()>;
 }
-
-/// Failure to copy a library to RAM.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LoadFault;
 
 /// Longest wait until the output is at rest, ms: many times the longest mute ramp.
 const REST_TIMEOUT_MS: u32 = 500;
@@ -192,9 +130,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         self.slots.scan_once().await;
         let library = self.playable(slot)?;
         self.prove(stage, slot).await?;
-        stage.begin_activation()?;
+        stage.with_control(Control::begin_activation)?;
         let result = self.exchange(stage, slot, library).await;
-        stage.end_activation(self.loaded);
+        stage.with_control(|control| control.end_activation(self.loaded));
         self.slots.set_active(self.loaded.map(|(slot, _)| slot));
         result
     }
@@ -212,13 +150,15 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
 
     /// Proves the direct forms of the library in `slot`, unless it was done before. What is played goes on.
     async fn prove(&mut self, stage: &mut impl Stage, slot: SlotId) -> Result<(), ActivateError> {
-        let may_write = !stage.is_supply_low();
+        let may_write = !stage.with_control(|control| control.is_supply_low());
         let told = |permille| {
-            stage.set_upload(UploadState::Proving(Proving { slot, permille }));
+            stage.with_control(|control| {
+                control.set_upload(UploadState::Proving(Proving { slot, permille }))
+            });
             unless_aborted(stage)
         };
         let proved = self.slots.prove(slot, may_write, told).await;
-        stage.set_upload(self.uploader.state());
+        stage.with_control(|control| control.set_upload(self.uploader.state()));
         proved.map_err(|reason| match reason {
             NotProved::Fault(fault) => ActivateError::Faulty { slot, fault },
             NotProved::CalledOff => ActivateError::Aborted { slot },
@@ -235,7 +175,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let faulty = |fault| ActivateError::Faulty { slot, fault };
         let bytes = self.slots.library_bytes(slot).await.map_err(faulty)?;
         let mut waited_ms = 0;
-        while !stage.may_exchange() {
+        while !stage.with_control(|control| control.may_exchange()) {
             if waited_ms == REST_TIMEOUT_MS {
                 return Err(ActivateError::NotAtRest);
             }
@@ -243,9 +183,10 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             waited_ms += 1;
         }
         self.loaded = None;
-        stage.begin_load();
+        stage.with_control(|control| control.device().begin_load());
         let not_copied = |LoadFault| ActivateError::NotCopied { slot };
-        while !stage.load(bytes).map_err(not_copied)? {
+        let load = || stage.with_control(|control| control.device().load(bytes));
+        while !load().map_err(not_copied)? {
             // Until the end of the activation the player is busy, so that no request begins to play.
             yield_now().await;
         }
@@ -276,7 +217,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         if result.is_ok() {
             self.stopwatch = stopwatch;
         }
-        stage.set_upload(self.uploader.state());
+        stage.with_control(|control| control.set_upload(self.uploader.state()));
         result
     }
 
@@ -296,7 +237,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             .uploader
             .chunk_telling(&mut self.slots, chunk, ended)
             .await;
-        stage.set_upload(self.uploader.state());
+        stage.with_control(|control| control.set_upload(self.uploader.state()));
         result
     }
 
@@ -312,13 +253,15 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         self.stopwatch = self.stopwatch.resumed_at(stage.now_us());
         let told = |event| {
             match event {
-                CommitEvent::State(state) => stage.set_upload(state),
+                CommitEvent::State(state) => {
+                    stage.with_control(|control| control.set_upload(state))
+                }
                 CommitEvent::Ended(step) => self.stopwatch.end(step, stage.now_us()),
             }
             unless_aborted(stage)
         };
         let result = self.uploader.commit_telling(&mut self.slots, told).await;
-        stage.set_upload(self.uploader.state());
+        stage.with_control(|control| control.set_upload(self.uploader.state()));
         result.map(|committed| UploadCommitted {
             times: self.stopwatch.times_at(stage.now_us()),
             ..committed
@@ -330,9 +273,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// # Errors
     /// None; the endpoint's type leaves room for one.
     pub fn upload_abort(&mut self, stage: &mut impl Stage) -> Result<UploadState, UploadError> {
-        stage.end_abort();
+        stage.with_control(Control::end_abort);
         self.uploader.abort(&mut self.slots);
-        stage.set_upload(self.uploader.state());
+        stage.with_control(|control| control.set_upload(self.uploader.state()));
         Ok(self.uploader.state())
     }
 
@@ -346,25 +289,26 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         from: LinkId,
         token: ProposalToken,
     ) -> Result<Settings, SettingsError> {
-        if stage.is_supply_low() {
+        if stage.with_control(|control| control.is_supply_low()) {
             return Err(SettingsError::SupplyLow);
         }
-        let change = stage.take_proposal(from, token)?;
+        let change = stage.with_control(|control| control.take_proposal(from, token))?;
         // Before the first wait, because a play that came during the wait would be given settings without its gain.
-        stage.begin_configuration()?;
+        stage.with_control(Control::begin_configuration)?;
         let result = match change {
             SettingsChange::Set(changes) => self.settings.set_all(&changes).await,
             SettingsChange::Reset => self.settings.reset().await,
         };
         // Also after an error, because a reset that failed half way has changed some settings.
-        stage.end_configuration(self.settings.settings(), self.settings.state());
+        let (settings, state) = (self.settings.settings(), self.settings.state());
+        stage.with_control(|control| control.end_configuration(settings, state));
         result
     }
 }
 
 /// Ends a proof, which may take minutes, if an abort waits for it.
 fn unless_aborted(stage: &impl Stage) -> ControlFlow<()> {
-    if stage.is_abort_waiting() {
+    if stage.with_control(|control| control.is_abort_waiting()) {
         ControlFlow::Break(())
     } else {
         ControlFlow::Continue(())
@@ -373,7 +317,7 @@ fn unless_aborted(stage: &impl Stage) -> ControlFlow<()> {
 
 /// Refuses an upload's write while the supply is too low, before the upload changes.
 fn supplied(stage: &impl Stage) -> Result<(), UploadError> {
-    if stage.is_supply_low() {
+    if stage.with_control(|control| control.is_supply_low()) {
         return Err(UploadError::SupplyLow);
     }
     Ok(())

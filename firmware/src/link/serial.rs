@@ -13,12 +13,10 @@ use embassy_stm32::usart::{
 use embassy_stm32::{Peri, bind_interrupts};
 use embedded_io_async::{Read, Write};
 use model_format::link::{MAX_DEVICE_FRAME_BYTES, MAX_HOST_FRAME_BYTES, SERIAL_BAUD};
-use postcard_rpc::header::VarHeader;
-use postcard_rpc::server::{WireRx, WireRxErrorKind};
 use static_cell::ConstStaticCell;
 
 use crate::link::counters::SERIAL;
-use crate::link::outlet::SendFrame;
+use crate::link::outlet::{ReceiveFrame, SendFrame};
 
 /// Length of the longest COBS frame of `length` bytes, with its zero: one byte more per 254, one more, and the zero.
 const fn encoded(length: usize) -> usize {
@@ -174,10 +172,8 @@ pub type Buffer = [u8; encoded(MAX_HOST_FRAME_BYTES)];
 /// An empty buffer.
 pub const EMPTY: Buffer = [0; encoded(MAX_HOST_FRAME_BYTES)];
 
-impl WireRx for Receiver {
-    type Error = WireRxErrorKind;
-
-    async fn receive<'a>(&mut self, buffer: &'a mut [u8]) -> Result<&'a mut [u8], WireRxErrorKind> {
+impl ReceiveFrame for Receiver {
+    async fn receive_frame(&mut self, buffer: &mut [u8]) -> Option<usize> {
         let length = loop {
             match self.encoded_frame(buffer).await {
                 // A zero between frames is allowed.
@@ -185,20 +181,14 @@ impl WireRx for Receiver {
                 length => break length,
             }
         };
-        let Some(encoded) = buffer.get_mut(..length) else {
-            SERIAL.count(|counters| &mut counters.oversized);
-            return Err(WireRxErrorKind::ReceivedMessageTooLarge);
+        let decoded = match buffer.get_mut(..length) {
+            Some(encoded) => cobs::decode_in_place(encoded).unwrap_or(0),
+            None => usize::MAX,
         };
-        let decoded = cobs::decode_in_place(encoded).unwrap_or(0);
         if decoded > MAX_HOST_FRAME_BYTES {
             SERIAL.count(|counters| &mut counters.oversized);
-            return Err(WireRxErrorKind::ReceivedMessageTooLarge);
+            return None;
         }
-        let frame = &mut buffer[..decoded];
-        if VarHeader::take_from_slice(frame).is_none() {
-            SERIAL.count(|counters| &mut counters.malformed);
-            return Err(WireRxErrorKind::Other);
-        }
-        Ok(frame)
+        Some(decoded)
     }
 }

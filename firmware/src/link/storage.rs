@@ -13,22 +13,12 @@ use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Ticker, Timer, with_timeout};
-use heapless::Vec;
-use model_format::link::{
-    ActivateEndpoint, ActivateError, LinkId, ListEndpoint, ListRequest, ListSceneEndpoint,
-    MAX_CHUNK_BYTES, ProposalToken, SelfTestEndpoint, SelfTestRequest, Settings,
-    SettingsApplyEndpoint, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo,
-    SlotsEndpoint, UPLOAD_WINDOW, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint,
-    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadState,
-};
-use postcard_rpc::header::VarSeq;
-use postcard_rpc::server::{Sender, WireTxErrorKind};
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 use stylus_app::control::{Control, Device};
-use stylus_app::player::Busy;
+use stylus_app::requests::{Frame, QUEUED_JOBS, QueuedJob, work};
 use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
 use stylus_app::slots::SlotStore;
-use stylus_app::storage::{LoadFault, Stage, Storage};
+use stylus_app::storage::{Stage, Storage};
 
 use crate::device::Hardware;
 use crate::fault::heat;
@@ -51,65 +41,8 @@ pub fn with_control<R>(what: impl FnOnce(&mut Control<Hardware>) -> R) -> R {
     })
 }
 
-/// A request that needs the flash.
-#[expect(
-    clippy::large_enum_variant,
-    reason = "the queue reserves a few, each for the largest"
-)]
-pub enum Job {
-    /// `UploadBeginEndpoint`.
-    UploadBegin(UploadBegin),
-    /// `UploadChunkEndpoint`: offset and bytes.
-    UploadChunk(u32, Vec<u8, MAX_CHUNK_BYTES>),
-    /// `UploadCommitEndpoint`.
-    UploadCommit,
-    /// `UploadAbortEndpoint`.
-    UploadAbort,
-    /// `SlotsEndpoint`.
-    Slots,
-    /// `ListEndpoint`.
-    List(ListRequest),
-    /// `ListSceneEndpoint`.
-    ListScene(ListRequest),
-    /// `ActivateEndpoint`.
-    Activate(SlotId),
-    /// `SettingsApplyEndpoint`: the link, and the token.
-    SettingsApply(LinkId, ProposalToken),
-    /// `SelfTestEndpoint`.
-    SelfTest(SelfTestRequest),
-}
-
-impl Job {
-    /// A chunk of an upload; none if it is longer than [`MAX_CHUNK_BYTES`].
-    pub fn chunk(offset: u32, data: &[u8]) -> Option<Self> {
-        Vec::from_slice(data)
-            .ok()
-            .map(|data| Self::UploadChunk(offset, data))
-    }
-}
-
-/// A job with the way of its answer.
-struct QueuedJob {
-    job: Job,
-    to: Sender<Wire>,
-    sequence: VarSeq,
-}
-
-/// Number of jobs that wait: those of an upload's window but the one that is done, and two of the other wire.
-const QUEUED_JOBS: usize = UPLOAD_WINDOW + 1;
-
 /// Jobs that wait. Of a host that sends the next request after the answer one waits at most.
-static QUEUE: Channel<ThreadModeRawMutex, QueuedJob, QUEUED_JOBS> = Channel::new();
-
-/// Queues `job`, to be done and answered; returns false if the queue is full.
-pub fn queue(job: Job, to: Sender<Wire>, sequence: VarSeq) -> bool {
-    let is_abort = matches!(job, Job::UploadAbort);
-    let is_queued = QUEUE.try_send(QueuedJob { job, to, sequence }).is_ok();
-    if is_queued && is_abort {
-        with_control(Control::expect_abort);
-    }
-    is_queued
-}
+pub static QUEUE: Channel<ThreadModeRawMutex, QueuedJob, QUEUED_JOBS> = Channel::new();
 
 type Stores = Storage<Bank2, SettingsFlash>;
 
@@ -161,134 +94,27 @@ async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
         defmt::info!("library active: {}", active.is_some());
     }
     ACTIVATED.signal(());
+    static ANSWER: ConstStaticCell<Frame> = ConstStaticCell::new([0; _]);
+    let answer = ANSWER.take();
     loop {
-        let QueuedJob { job, to, sequence } = QUEUE.receive().await;
-        // The wire counts an answer that it cannot send. The host repeats its request.
-        let _ = work(stores, job, &to, sequence).await;
-    }
-}
-
-async fn work(
-    stores: &mut Stores,
-    job: Job,
-    to: &Sender<Wire>,
-    sequence: VarSeq,
-) -> Result<(), WireTxErrorKind> {
-    let stage = &mut ControlStage;
-    match job {
-        Job::UploadBegin(begin) => {
-            let answer = stores.upload_begin(stage, begin).await;
-            to.reply::<UploadBeginEndpoint>(sequence, &answer).await
-        }
-        Job::UploadChunk(offset, data) => {
-            let answer = stores
-                .upload_chunk(
-                    stage,
-                    UploadChunk {
-                        offset,
-                        data: &data,
-                    },
-                )
-                .await;
-            to.reply::<UploadChunkEndpoint>(sequence, &answer).await
-        }
-        Job::UploadCommit => {
-            let answer = stores.upload_commit(stage).await;
-            to.reply::<UploadCommitEndpoint>(sequence, &answer).await
-        }
-        Job::UploadAbort => {
-            to.reply::<UploadAbortEndpoint>(sequence, &stores.upload_abort(stage))
-                .await
-        }
-        Job::Slots => {
-            let answer = stores.read_slots().await;
-            to.reply::<SlotsEndpoint>(sequence, &answer).await
-        }
-        Job::List(request) => {
-            let answer = stores.list(request).await;
-            to.reply::<ListEndpoint>(sequence, &answer).await
-        }
-        Job::ListScene(request) => {
-            let answer = stores.list_scene(request).await;
-            to.reply::<ListSceneEndpoint>(sequence, &answer).await
-        }
-        Job::Activate(slot) => {
-            let answer = stores.activate(stage, slot).await;
-            to.reply::<ActivateEndpoint>(sequence, &answer).await
-        }
-        Job::SettingsApply(from, token) => {
-            let answer = stores.settings_apply(stage, from, token).await;
-            to.reply::<SettingsApplyEndpoint>(sequence, &answer).await
-        }
-        Job::SelfTest(request) => {
-            let answer = stores.self_test(stage, &mut Measured, request).await;
-            to.reply::<SelfTestEndpoint>(sequence, &answer).await
+        let job = QUEUE.receive().await;
+        let wire = Wire::of(job.from);
+        let length = work(stores, &mut ControlStage, &mut Measured, job, answer).await;
+        if let Some(length) = length {
+            // The wire counts an answer that it cannot send. The host repeats its request.
+            wire.send(&answer[..length]).await;
         }
     }
 }
 
-/// The rest of the device, as storage sees it.
-struct ControlStage;
+/// The rest of the device, as requests and storage see it.
+pub struct ControlStage;
 
 impl Stage for ControlStage {
-    fn begin_activation(&mut self) -> Result<(), ActivateError> {
-        with_control(Control::begin_activation)
-    }
+    type Device = Hardware;
 
-    fn may_exchange(&self) -> bool {
-        with_control(|control| control.may_exchange())
-    }
-
-    fn begin_load(&mut self) {
-        with_control(|control| control.device().begin_load());
-    }
-
-    fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault> {
-        with_control(|control| control.device().load(library))
-    }
-
-    fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
-        with_control(|control| control.end_activation(active));
-    }
-
-    fn take_proposal(
-        &mut self,
-        from: LinkId,
-        token: ProposalToken,
-    ) -> Result<SettingsChange, SettingsError> {
-        with_control(|control| control.take_proposal(from, token))
-    }
-
-    fn begin_configuration(&mut self) -> Result<(), SettingsError> {
-        with_control(Control::begin_configuration)
-    }
-
-    fn end_configuration(&mut self, settings: Settings, state: SettingsState) {
-        with_control(|control| control.end_configuration(settings, state));
-    }
-
-    fn is_supply_low(&self) -> bool {
-        with_control(|control| control.is_supply_low())
-    }
-
-    fn begin_self_test(&mut self) -> Result<(), Busy> {
-        with_control(Control::begin_self_test)
-    }
-
-    fn end_self_test(&mut self) {
-        with_control(Control::end_self_test);
-    }
-
-    fn set_upload(&mut self, upload: UploadState) {
-        with_control(|control| control.set_upload(upload));
-    }
-
-    fn is_abort_waiting(&self) -> bool {
-        with_control(|control| control.is_abort_waiting())
-    }
-
-    fn end_abort(&mut self) {
-        with_control(Control::end_abort);
+    fn with_control<R>(&self, what: impl FnOnce(&mut Control<Hardware>) -> R) -> R {
+        with_control(what)
     }
 
     fn now_us(&self) -> u64 {

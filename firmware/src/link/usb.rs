@@ -12,19 +12,17 @@ use embassy_stm32::pac::{PWR, USB_OTG_FS};
 use embassy_stm32::peripherals::{self, PA11, PA12};
 use embassy_stm32::usb;
 use embassy_stm32::{Peri, bind_interrupts, rcc, uid};
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, Timer};
 use embassy_usb::driver::{Endpoint, EndpointError, EndpointIn, EndpointOut};
 use embassy_usb::msos::{self, windows_version};
 use embassy_usb::{Builder, Config, UsbDevice};
 use model_format::link::{MAX_HOST_FRAME_BYTES, USB_PRODUCT_ID, USB_VENDOR_ID};
-use postcard_rpc::header::VarHeader;
-use postcard_rpc::server::{WireRx, WireRxErrorKind};
 use static_cell::ConstStaticCell;
 
 use crate::link::counters::USB;
 use crate::link::otg::core::PACKET_BYTES;
 use crate::link::otg::driver::{BulkIn, BulkOut, Driver, Listen, Watch};
-use crate::link::outlet::SendFrame;
+use crate::link::outlet::{ReceiveFrame, SendFrame};
 
 /// Identifier by which programs on Windows find the interface; generated once, for this interface.
 const INTERFACE_GUIDS: &[&str] = &["{6D1F0C5A-9B0E-4C86-8F2B-51E6C2F5B0A7}"];
@@ -190,28 +188,19 @@ impl Receiver {
     }
 }
 
-impl WireRx for Receiver {
-    type Error = WireRxErrorKind;
-
-    async fn wait_connection(&mut self) {
+impl ReceiveFrame for Receiver {
+    async fn receive_frame(&mut self, buffer: &mut [u8]) -> Option<usize> {
         self.endpoint.wait_enabled().await;
-    }
-
-    async fn receive<'a>(&mut self, buffer: &'a mut [u8]) -> Result<&'a mut [u8], WireRxErrorKind> {
         match self.transfer(buffer).await {
-            Err(EndpointError::Disabled) => Err(WireRxErrorKind::ConnectionClosed),
+            Err(EndpointError::Disabled) => {
+                Timer::after_millis(10).await;
+                None
+            }
             Err(EndpointError::BufferOverflow) | Ok(None) => {
                 USB.count(|counters| &mut counters.oversized);
-                Err(WireRxErrorKind::ReceivedMessageTooLarge)
+                None
             }
-            Ok(Some(length)) => {
-                let frame = &mut buffer[..length];
-                if VarHeader::take_from_slice(frame).is_none() {
-                    USB.count(|counters| &mut counters.malformed);
-                    return Err(WireRxErrorKind::Other);
-                }
-                Ok(frame)
-            }
+            Ok(Some(length)) => Some(length),
         }
     }
 }

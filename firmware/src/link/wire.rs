@@ -1,31 +1,13 @@
-//! The way of a frame to the host: header and message of postcard-rpc, over the serial port or over USB.
+//! The two wires, and the way of a frame to the host: over the serial port or over USB.
 //!
 //! A frame that cannot be sent is counted as unsent by its [`Outlet`]. `main` opens both outlets; requests, storage and
 //! recording send through [`Wire`]. All of it runs in tasks.
 
 use model_format::link::LinkId;
-use postcard_rpc::header::{VarHeader, VarKeyKind};
-use postcard_rpc::server::{WireTx, WireTxErrorKind};
-use serde::Serialize;
 
 use crate::link::counters::{self, Counters};
-use crate::link::outlet::{Frame, Outlet};
+use crate::link::outlet::Outlet;
 use crate::link::{serial, usb};
-
-/// Length of a message's key: all 8 bytes of postcard-rpc's hash of path and type.
-pub const KEY_KIND: VarKeyKind = VarKeyKind::Key8;
-
-/// Writes header and message into `frame`. Returns their length, bytes; `None` if they do not fit.
-fn encode<T: Serialize + ?Sized>(
-    header: &VarHeader,
-    message: &T,
-    frame: &mut Frame,
-) -> Option<usize> {
-    let (head, rest) = header.write_to_slice(frame)?;
-    let head = head.len();
-    let body = postcard::to_slice(message, rest).ok()?.len();
-    Some(head + body)
-}
 
 /// Outlet of the serial link. Until `main` opens it, frames are dropped and counted as unsent.
 pub static SERIAL: Outlet<serial::Sender> = Outlet::new(&counters::SERIAL);
@@ -43,11 +25,11 @@ pub enum Wire {
 }
 
 impl Wire {
-    /// Counters of this wire's link.
-    pub fn counters(self) -> &'static Counters {
-        match self {
-            Self::Serial => &counters::SERIAL,
-            Self::Usb => &counters::USB,
+    /// The wire of a link in the protocol's words.
+    pub const fn of(link: LinkId) -> Self {
+        match link {
+            LinkId::Serial => Self::Serial,
+            LinkId::Usb => Self::Usb,
         }
     }
 
@@ -59,48 +41,19 @@ impl Wire {
         }
     }
 
-    async fn send_with(
-        self,
-        write: impl FnOnce(&mut Frame) -> Option<usize>,
-    ) -> Result<(), WireTxErrorKind> {
+    /// Counters of this wire's link.
+    pub fn counters(self) -> &'static Counters {
         match self {
-            Self::Serial => SERIAL.send(write).await,
-            Self::Usb => USB.send(write).await,
+            Self::Serial => &counters::SERIAL,
+            Self::Usb => &counters::USB,
         }
     }
-}
 
-impl WireTx for Wire {
-    type Error = WireTxErrorKind;
-
-    async fn send<T: Serialize + ?Sized>(
-        &self,
-        header: VarHeader,
-        message: &T,
-    ) -> Result<(), WireTxErrorKind> {
-        self.send_with(|frame| encode(&header, message, frame))
-            .await
-    }
-
-    async fn send_raw(&self, bytes: &[u8]) -> Result<(), WireTxErrorKind> {
-        self.send_with(|frame| {
-            frame.get_mut(..bytes.len())?.copy_from_slice(bytes);
-            Some(bytes.len())
-        })
-        .await
-    }
-
-    /// Does nothing: logs go over RTT, not over a link.
-    async fn send_log_str(&self, _kind: VarKeyKind, _text: &str) -> Result<(), WireTxErrorKind> {
-        Ok(())
-    }
-
-    /// Does nothing: logs go over RTT, not over a link.
-    async fn send_log_fmt(
-        &self,
-        _kind: VarKeyKind,
-        _text: core::fmt::Arguments<'_>,
-    ) -> Result<(), WireTxErrorKind> {
-        Ok(())
+    /// Sends a frame, or counts its loss.
+    pub async fn send(self, frame: &[u8]) {
+        match self {
+            Self::Serial => SERIAL.send(frame).await,
+            Self::Usb => USB.send(frame).await,
+        }
     }
 }

@@ -7,7 +7,7 @@ use core::slice;
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::{Decoder, Library};
 use static_cell::StaticCell;
-use stylus_app::storage::LoadFault;
+use stylus_app::control::LoadFault;
 
 unsafe extern "C" {
     static mut _axisram_start: u8;

@@ -1,5 +1,5 @@
-//! Attacks that go on as long as asked: the fuzzers of `tests/fuzz`, the model checks of `firmware/app/tests/attack`,
-//! the tests by random cases, and the search of `tests/qemu` for the worst library.
+//! Attacks that go on as long as asked: fuzzers, model checks, tests by random cases, and the search for the worst
+//! library.
 //!
 //! Each round has a seed, from which all of it follows, so that a failure is seen again by its seed alone.
 
@@ -10,21 +10,15 @@ use std::time::{Duration, Instant};
 use crate::error::{Error, Result};
 use crate::{process, workspace};
 
-/// Cases of a round, as a multiple of those of `tests/run`.
-const FACTOR: u32 = 4;
+/// Cases of a round of model checks: forty times those of `tests/run`.
+const FACTOR: &str = "4";
+
+/// Cases of a property, four times proptest's default, and cases that it may reject.
+const PROPERTY_CASES: &str = "1024";
+const PROPERTY_REJECTS: &str = "4096";
 
 /// Rounds of the search for the worst library, each of one run of the emulator.
-const SEARCH_ROUNDS: u32 = 9 * FACTOR;
-
-/// Packages whose tests draw random cases, besides those of the command and of emulators.
-const PROPERTY_PACKAGES: [&str; 4] = ["model-format", "stylus-kernel", "stylus-app", "host-tools"];
-
-/// Programs of tests that these packages have besides their modules.
-const PROPERTY_PROGRAMS: [&str; 3] = ["library", "kernel", "app"];
-
-/// Cases of a property in `tests/run`, and cases that it may reject there: the defaults of proptest.
-const PROPERTY_CASES: u32 = 256;
-const PROPERTY_REJECTS: u32 = 1024;
+const SEARCH_ROUNDS: &str = "36";
 
 /// Runs of each fuzzer per round.
 const FUZZ_RUNS: u64 = 1_000_000;
@@ -32,156 +26,33 @@ const FUZZ_RUNS: u64 = 1_000_000;
 /// Longest round of a fuzzer whose seed was given, s.
 const FUZZ_LIMIT_S: u64 = 24 * 3600;
 
-/// A target of an attack.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Target {
-    /// Decoder and lattice under random input
-    Fuzz,
-    /// Starts after power cuts and damage of the flash
-    Boots,
-    /// Interleavings of two hosts' requests
-    Requests,
-    /// Changes of settings with power cuts and damage of the flash
-    Settings,
-    /// Leases and proposals of two hosts
-    Hosts,
-    /// Limits of the output under any input and settings
-    Safety,
-    /// Every property by random cases, of kernel, format, application and host
-    Properties,
-    /// Search for the library that takes most work, on QEMU
-    Bounds,
-}
+/// The target that is no test: the fuzzers of `tests/fuzz`.
+const FUZZ: &str = "fuzz";
 
-/// Tests that a target runs.
-struct Tests {
-    package: &'static str,
-    /// Name of the test's program.
-    program: &'static str,
-    /// Modules of it.
-    modules: &'static [&'static str],
-}
-
-impl Tests {
-    const fn of_app(program: &'static str, modules: &'static [&'static str]) -> Self {
-        Self {
-            package: "stylus-app",
-            program,
-            modules,
-        }
-    }
-
-    fn round(&self, seed: u64) -> Command {
-        let mut test = Command::new("cargo");
-        test.current_dir(workspace::root());
-        test.args(["test", "--quiet", "--locked", "--package", self.package]);
-        test.args(["--test", self.program, "--"]);
-        test.args(self.modules.iter().map(|module| format!("{module}::")));
-        test.env("STYLUS_ATTACK_SEED", seed.to_string());
-        test.env("STYLUS_ATTACK_FACTOR", FACTOR.to_string());
-        test.env("STYLUS_SEARCH_ROUNDS", SEARCH_ROUNDS.to_string());
-        test
-    }
-}
-
-impl Target {
-    const ALL: [Self; 8] = [
-        Self::Fuzz,
-        Self::Boots,
-        Self::Requests,
-        Self::Settings,
-        Self::Hosts,
-        Self::Safety,
-        Self::Properties,
-        Self::Bounds,
-    ];
-
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Fuzz => "fuzz",
-            Self::Boots => "boots",
-            Self::Requests => "requests",
-            Self::Settings => "settings",
-            Self::Hosts => "hosts",
-            Self::Safety => "safety",
-            Self::Properties => "properties",
-            Self::Bounds => "bounds",
-        }
-    }
-
-    /// Its tests; none for the fuzzers and for the properties, which are of many programs.
-    const fn tests(self) -> Option<Tests> {
-        Some(match self {
-            Self::Fuzz | Self::Properties => return None,
-            Self::Boots => Tests::of_app("attack", &["boots"]),
-            Self::Requests => Tests::of_app("attack", &["requests"]),
-            Self::Settings => Tests::of_app("app", &["settings::histories"]),
-            Self::Hosts => Tests::of_app("app", &["lease", "proposals"]),
-            Self::Safety => Tests::of_app("app", &["safety"]),
-            Self::Bounds => Tests {
-                package: "qemu-tests",
-                program: "bounds",
-                modules: &[],
-            },
-        })
-    }
-
-    /// One round, which ends within `limit` if the target can.
-    fn round(self, seed: u64, limit: Option<Duration>) -> Command {
-        if let Some(tests) = self.tests() {
-            return tests.round(seed);
-        }
-        if self == Self::Properties {
-            return properties(seed);
-        }
-        let mut smoke = Command::new(workspace::root().join("tests/fuzz/smoke"));
-        let seconds = limit.map_or(FUZZ_LIMIT_S, |limit| limit.as_secs().max(1));
-        // libFuzzer takes a seed of 32 bits, and 0 for none.
-        let seed = (seed as u32).max(1);
-        smoke.args([FUZZ_RUNS, seconds, seed.into()].map(|number| number.to_string()));
-        smoke
-    }
-
-    fn attack(self, seed: u64, limit: Option<Duration>) -> Result<()> {
-        println!("attack {}, seed {seed}", self.name());
-        process::run(&mut self.round(seed, limit)).map_err(|failure| Error::Attack {
-            target: self.name(),
-            seed,
-            failure: Box::new(failure),
-        })
-    }
-}
-
-/// A round of every property. Those that set their own number of cases keep it.
-fn properties(seed: u64) -> Command {
-    let mut test = Command::new("cargo");
-    test.current_dir(workspace::root());
-    test.args(["test", "--quiet", "--locked"]);
-    test.args(
-        PROPERTY_PACKAGES
-            .iter()
-            .flat_map(|package| ["--package", package]),
-    );
-    test.arg("--lib");
-    test.args(
-        PROPERTY_PROGRAMS
-            .iter()
-            .flat_map(|program| ["--test", program]),
-    );
-    test.env("PROPTEST_RNG_SEED", seed.to_string());
-    test.env("PROPTEST_CASES", (PROPERTY_CASES * FACTOR).to_string());
-    test.env(
-        "PROPTEST_MAX_GLOBAL_REJECTS",
-        (PROPERTY_REJECTS * FACTOR).to_string(),
-    );
-    test
-}
+/// Targets with the arguments of `cargo test`; [`FUZZ`] has none.
+const TARGETS: [(&str, &str); 8] = [
+    (FUZZ, ""),
+    ("boots", "-p stylus-app --test attack -- boots::"),
+    ("requests", "-p stylus-app --test attack -- requests::"),
+    (
+        "settings",
+        "-p stylus-app --test app -- settings::histories::",
+    ),
+    ("hosts", "-p stylus-app --test app -- lease:: proposals::"),
+    ("safety", "-p stylus-app --test app -- safety::"),
+    (
+        "properties",
+        "-p model-format -p stylus-kernel -p stylus-app -p host-tools --lib --test library --test kernel --test app",
+    ),
+    ("bounds", "-p qemu-tests --test bounds"),
+];
 
 /// Options of `cargo tasks attack`.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// The targets [default: all, in turn]
-    targets: Vec<Target>,
+    #[arg(value_parser = TARGETS.map(|(name, _)| name))]
+    targets: Vec<String>,
     /// Time after which no round begins: a number with s, m or h
     #[arg(long = "for", value_name = "TIME", value_parser = duration, default_value = "10m")]
     time: Duration,
@@ -192,19 +63,36 @@ pub struct Arguments {
 
 /// A number with its unit: s, m or h.
 fn duration(text: &str) -> std::result::Result<Duration, String> {
+    let units = [('s', 1), ('m', 60), ('h', 3600)];
+    let mut parsed = units.iter().filter_map(|&(unit, seconds)| {
+        let number: u32 = text.strip_suffix(unit)?.parse().ok()?;
+        Some(Duration::from_secs(seconds) * number)
+    });
     let wrong = || format!("'{text}' is no time; give a number with s, m or h, such as 10m");
-    let unit = text.chars().last().ok_or_else(wrong)?;
-    let seconds = match unit {
-        's' => 1,
-        'm' => 60,
-        'h' => 3600,
-        _ => return Err(wrong()),
-    };
-    let number: u64 = text[..text.len() - 1].parse().map_err(|_| wrong())?;
-    number
-        .checked_mul(seconds)
-        .map(Duration::from_secs)
-        .ok_or_else(wrong)
+    parsed.next().ok_or_else(wrong)
+}
+
+/// One round, which ends within `limit` if the target can.
+fn round(name: &str, tests: &str, seed: u64, limit: Option<Duration>) -> Command {
+    if name == FUZZ {
+        let mut smoke = Command::new(workspace::root().join("tests/fuzz/smoke"));
+        let seconds = limit.map_or(FUZZ_LIMIT_S, |limit| limit.as_secs().max(1));
+        // libFuzzer takes a seed of 32 bits, and 0 for none.
+        let seed = (seed as u32).max(1);
+        smoke.args([FUZZ_RUNS, seconds, seed.into()].map(|number| number.to_string()));
+        return smoke;
+    }
+    let mut test = Command::new("cargo");
+    test.current_dir(workspace::root());
+    test.args(["test", "--quiet", "--locked"]);
+    test.args(tests.split(' '));
+    test.env("STYLUS_ATTACK_SEED", seed.to_string());
+    test.env("STYLUS_ATTACK_FACTOR", FACTOR);
+    test.env("STYLUS_SEARCH_ROUNDS", SEARCH_ROUNDS);
+    test.env("PROPTEST_RNG_SEED", seed.to_string());
+    test.env("PROPTEST_CASES", PROPERTY_CASES);
+    test.env("PROPTEST_MAX_GLOBAL_REJECTS", PROPERTY_REJECTS);
+    test
 }
 
 /// Attacks the targets in turn until the time is over, or once with the given seed.
@@ -212,21 +100,31 @@ fn duration(text: &str) -> std::result::Result<Duration, String> {
 /// # Errors
 /// The first failure, with its seed.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let targets = if arguments.targets.is_empty() {
-        &Target::ALL
-    } else {
-        arguments.targets.as_slice()
+    let is_asked = |name| {
+        arguments.targets.is_empty() || arguments.targets.iter().any(|target| target == name)
     };
-    if let Some(seed) = arguments.seed {
-        return targets
-            .iter()
-            .try_for_each(|target| target.attack(seed, None));
-    }
     let begin = Instant::now();
-    let mut rounds = 0;
-    while let Some(left) = arguments.time.checked_sub(begin.elapsed()) {
-        let target = targets[rounds % targets.len()];
-        target.attack(RandomState::new().hash_one(rounds), Some(left))?;
+    let (mut rounds, mut targets) = (0, Vec::from(TARGETS));
+    targets.retain(|(name, _)| is_asked(*name));
+    for (name, tests) in targets.iter().cycle() {
+        if arguments.seed.is_some() && rounds == targets.len() {
+            break;
+        }
+        let limit = match arguments.seed {
+            Some(_) => None,
+            None => match arguments.time.checked_sub(begin.elapsed()) {
+                None => break,
+                left => left,
+            },
+        };
+        let fresh = || RandomState::new().hash_one(rounds);
+        let seed = arguments.seed.unwrap_or_else(fresh);
+        println!("attack {name}, seed {seed}");
+        process::run(&mut round(name, tests, seed, limit)).map_err(|failure| Error::Attack {
+            target: name,
+            seed,
+            failure: Box::new(failure),
+        })?;
         rounds += 1;
     }
     println!("{rounds} rounds found nothing");
@@ -240,8 +138,6 @@ mod tests {
     #[test]
     fn a_time_has_a_number_and_a_unit() {
         assert_eq!(duration("10m"), Ok(Duration::from_mins(10)));
-        assert_eq!(duration("90s"), Ok(Duration::from_secs(90)));
-        assert_eq!(duration("2h"), Ok(Duration::from_hours(2)));
         for wrong in ["", "m", "10", "1d", "-1s", "10µ", "99999999999999999999h"] {
             assert!(duration(wrong).is_err(), "{wrong}");
         }
@@ -249,40 +145,16 @@ mod tests {
 
     /// A module that is not there would be no test at all, and so find nothing.
     #[test]
-    fn the_tests_of_each_target_are_there_and_get_its_seed() {
-        for tests in Target::ALL.iter().filter_map(|target| target.tests()) {
-            let programs = match tests.package {
-                "stylus-app" => "firmware/app/tests",
-                _ => "tests/qemu/tests",
-            };
-            let program = workspace::root().join(programs).join(tests.program);
-            for module in tests.modules {
-                let path = program.join(module.replace("::", "/"));
+    fn the_modules_of_each_target_are_there() {
+        for (_, tests) in TARGETS {
+            let words: Vec<&str> = tests.split(' ').collect();
+            let modules = words.iter().filter_map(|word| word.strip_suffix("::"));
+            for module in modules {
+                let folder = workspace::root().join("firmware/app/tests").join(words[3]);
+                let path = folder.join(module.replace("::", "/"));
                 let is_there = path.is_dir() || path.with_extension("rs").is_file();
                 assert!(is_there, "{}", path.display());
             }
-            assert!(!tests.modules.is_empty() || program.with_extension("rs").is_file());
-            let round = tests.round(7);
-            let seed = round
-                .get_envs()
-                .find(|(name, _)| *name == "STYLUS_ATTACK_SEED");
-            assert_eq!(seed.and_then(|(_, seed)| seed), Some("7".as_ref()));
         }
-    }
-
-    #[test]
-    fn a_round_of_all_properties_begins_with_its_seed() {
-        let round = Target::Properties.round(7, None);
-        let seed = round
-            .get_envs()
-            .find(|(name, _)| *name == "PROPTEST_RNG_SEED");
-        assert_eq!(seed.and_then(|(_, seed)| seed), Some("7".as_ref()));
-    }
-
-    #[test]
-    fn a_round_of_a_fuzzer_ends_with_the_time_that_is_left_and_begins_with_its_seed() {
-        let round = Target::Fuzz.round(7, Some(Duration::from_secs(30)));
-        let arguments: Vec<_> = round.get_args().collect();
-        assert_eq!(arguments, ["1000000", "30", "7"]);
     }
 }

@@ -5,7 +5,6 @@
 //! The tests in `tests/qemu` use this library; the command `cargo tasks` is a thin layer over it.
 
 pub mod attack;
-pub mod bench_host;
 pub mod browser_module;
 pub mod compare;
 pub mod costs;

@@ -11,7 +11,7 @@ use tasks::firmware::Image;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::{Toolchain, check_clippy};
 use tasks::{
-    attack, bench_host, browser_module, compare, costs, firmware, hil, house, lint, qemu, tables,
+    attack, browser_module, compare, costs, firmware, hil, house, lint, qemu, tables,
     virtual_stylus, workspace,
 };
 
@@ -81,13 +81,6 @@ enum Task {
     /// Fuzz, model-check starts and interleaved requests, and draw cases for settings, leases, output and bounds, with
     /// fresh seeds as long as asked
     Attack(attack::Arguments),
-    /// Compare what rendering, fits and whole commands take, in turns, with ratios beside goals (some minutes)
-    ///
-    /// Three comparisons run one after the other. Rendering, by the kernel's plain arithmetic and by the host's own,
-    /// needs nothing else. Fits, by NumPy with SciPy and by stylus, need a Python that has both. Commands of an earlier
-    /// stylus and of this one need --before. A comparison that lacks its other side says so and is left out. A goal
-    /// that is missed is shown, and is no failure.
-    BenchHost(bench_host::Arguments),
     /// Build the kernel as a page's WebAssembly module, and keep it in host-tools/src/report/rub_page
     BrowserModule {
         /// Keep nothing, and fail if the kept module is not what this builds: byte by byte where the compiler is that
@@ -136,7 +129,6 @@ fn main() -> ExitCode {
             .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
         Task::Hil(arguments) => hil::run(&arguments),
         Task::Attack(arguments) => attack::run(&arguments),
-        Task::BenchHost(arguments) => bench_host::run(&arguments),
         Task::House => check_house(),
         Task::Tables { check: true, .. } => tables::check_instant(),
         Task::Tables { names, .. } => write_tables(names),
@@ -211,7 +203,9 @@ fn check_house() -> Result<()> {
     for finding in &outcome.findings {
         println!("{finding}");
     }
-    println!("house: {}", outcome.summary());
+    for (kind, count) in &outcome.checked {
+        println!("{count:>6} {kind}");
+    }
     match outcome.findings.len() {
         0 => Ok(()),
         count => Err(Error::House(count)),

@@ -9,17 +9,15 @@ use std::task::{Context, Poll, Waker};
 
 use embassy_futures::yield_now;
 use model_format::link::{
-    ActivateError, LinkId, MotionSample, ProposalToken, RecordBlock, Setting, SettingChange,
-    Settings, SettingsChange, SettingsError, SettingsState, SlotId, SlotInfo, UploadChunk,
-    UploadState,
+    LinkId, MotionSample, RecordBlock, Setting, SettingChange, Settings, SettingsChange,
+    SettingsError, UploadChunk,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::TICKS_PER_MS;
 use stylus_app::control::{Control, Device};
-use stylus_app::player::Busy;
 use stylus_app::settings::SettingsStore;
 use stylus_app::slots::SlotStore;
-use stylus_app::storage::{LoadFault, Stage, Storage};
+use stylus_app::storage::{Stage, Storage};
 
 use crate::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use crate::hardware::Hardware;
@@ -54,22 +52,8 @@ const JOB_LIMIT_MS: u32 = 3_600_000;
 #[derive(Clone)]
 pub struct SharedControl {
     control: Rc<RefCell<Control<Hardware>>>,
-    omission: Omission,
     /// Tick at which the storage goes on, while it waits for time to pass.
     wakes_at: Rc<Cell<Option<u64>>>,
-}
-
-/// A step of the application that is left out, so that a check of the application can show that it would notice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Omission {
-    /// None: the device as it is.
-    None,
-    /// While a setting is stored, playing is not locked. It is only looked at before.
-    LockOfConfiguration,
-    /// After a failed or finished activation, playing stays locked.
-    EndOfActivation,
-    /// After settings were stored, playing stays locked.
-    EndOfConfiguration,
 }
 
 impl Deref for SharedControl {
@@ -84,17 +68,7 @@ impl SharedControl {
     fn new(control: Control<Hardware>) -> Self {
         Self {
             control: Rc::new(RefCell::new(control)),
-            omission: Omission::None,
             wakes_at: Rc::default(),
-        }
-    }
-
-    /// The same device, in which the storage leaves this out.
-    #[must_use]
-    pub fn without(&self, omission: Omission) -> Self {
-        Self {
-            omission,
-            ..self.clone()
         }
     }
 
@@ -112,8 +86,7 @@ impl SharedControl {
             control.device().tick();
         }
         control.poll();
-        let device = control.device();
-        std::iter::from_fn(|| device.next_block()).collect()
+        std::iter::from_fn(|| Some(control.next_block()?.1)).collect()
     }
 
     /// Runs the device for one millisecond at whose beginning a host sends a motion of 100 mm/s and 1 N.
@@ -134,72 +107,10 @@ impl SharedControl {
 }
 
 impl Stage for SharedControl {
-    fn begin_activation(&mut self) -> Result<(), ActivateError> {
-        self.borrow_mut().begin_activation()
-    }
+    type Device = Hardware;
 
-    fn may_exchange(&self) -> bool {
-        self.borrow().may_exchange()
-    }
-
-    fn begin_load(&mut self) {
-        self.borrow_mut().device().begin_load();
-    }
-
-    fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault> {
-        self.borrow_mut().device().load(library)
-    }
-
-    fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
-        if self.omission != Omission::EndOfActivation {
-            self.borrow_mut().end_activation(active);
-        }
-    }
-
-    fn take_proposal(
-        &mut self,
-        from: LinkId,
-        token: ProposalToken,
-    ) -> Result<SettingsChange, SettingsError> {
-        self.borrow_mut().take_proposal(from, token)
-    }
-
-    fn begin_configuration(&mut self) -> Result<(), SettingsError> {
-        self.borrow_mut().begin_configuration()?;
-        if self.omission == Omission::LockOfConfiguration {
-            self.borrow_mut().end_self_test();
-        }
-        Ok(())
-    }
-
-    fn end_configuration(&mut self, settings: Settings, state: SettingsState) {
-        if self.omission != Omission::EndOfConfiguration {
-            self.borrow_mut().end_configuration(settings, state);
-        }
-    }
-
-    fn is_supply_low(&self) -> bool {
-        self.borrow().is_supply_low()
-    }
-
-    fn begin_self_test(&mut self) -> Result<(), Busy> {
-        self.borrow_mut().begin_self_test()
-    }
-
-    fn end_self_test(&mut self) {
-        self.borrow_mut().end_self_test();
-    }
-
-    fn set_upload(&mut self, upload: UploadState) {
-        self.borrow_mut().set_upload(upload);
-    }
-
-    fn is_abort_waiting(&self) -> bool {
-        self.borrow().is_abort_waiting()
-    }
-
-    fn end_abort(&mut self) {
-        self.borrow_mut().end_abort();
+    fn with_control<R>(&self, what: impl FnOnce(&mut Control<Hardware>) -> R) -> R {
+        what(&mut self.borrow_mut())
     }
 
     fn now_us(&self) -> u64 {

@@ -15,13 +15,12 @@ use model_format::link::{
     StartReport, TickCounters,
 };
 use model_format::{FORMAT_VERSION, Library, OutputSample, PlayRate};
-use stylus_app::control::{Device, NotPrepared, ResetReport, TickReport, plan_of};
+use stylus_app::control::{Device, LoadFault, NotPrepared, ResetReport, TickReport, plan_of};
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
 use stylus_app::levels::Sums;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety::{Config, Heat, State};
 use stylus_app::status::Histogram;
-use stylus_app::storage::LoadFault;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::BUDGET;
 
@@ -224,44 +223,6 @@ impl Hardware {
             .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
     }
 
-    /// Forgets the library in RAM; nothing is played.
-    pub fn begin_load(&mut self) {
-        assert!(
-            self.safety.is_at_rest() && self.playing.is_none(),
-            "the library is exchanged under a texture"
-        );
-        self.clear();
-        self.exchanges += 1;
-        self.is_loaded = false;
-        self.ram.clear();
-    }
-
-    /// Takes one step of copying `library` to the RAM that is played from, and of decoding it there; returns true after
-    /// the last one.
-    ///
-    /// # Errors
-    /// It is too long, or was damaged on its way; the RAM holds no library then.
-    pub fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault> {
-        assert!(
-            !self.is_loaded && self.safety.is_at_rest() && self.playing.is_none(),
-            "a library is loaded that nobody has begun to, or under a texture"
-        );
-        let is_bad = self.bad_loads > 0;
-        self.bad_loads = self.bad_loads.saturating_sub(1);
-        if is_bad || library.len() > MAX_LIBRARY_BYTES {
-            return Err(LoadFault);
-        }
-        let at = self.ram.len();
-        let end = library.len().min(at + COPY_BYTES);
-        self.ram.extend_from_slice(&library[at..end]);
-        if at < end {
-            return Ok(false);
-        }
-        Library::decode(&self.ram).map_err(|_| LoadFault)?;
-        self.is_loaded = true;
-        Ok(true)
-    }
-
     /// The library in RAM; empty if there is none.
     pub fn library(&self) -> &[u8] {
         &self.ram
@@ -285,11 +246,6 @@ impl Hardware {
     /// The encoder's counter, which wraps.
     pub fn encoder_count(&self) -> u16 {
         self.encoder
-    }
-
-    /// The next whole block of the recording.
-    pub fn next_block(&mut self) -> Option<RecordBlock> {
-        self.recorder.next_block(self.now)
     }
 }
 
@@ -472,12 +428,48 @@ impl Device for Hardware {
         self.amplifier = on;
     }
 
+    fn begin_load(&mut self) {
+        assert!(
+            self.safety.is_at_rest() && self.playing.is_none(),
+            "the library is exchanged under a texture"
+        );
+        self.clear();
+        self.exchanges += 1;
+        self.is_loaded = false;
+        self.ram.clear();
+    }
+
+    fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault> {
+        assert!(
+            !self.is_loaded && self.safety.is_at_rest() && self.playing.is_none(),
+            "a library is loaded that nobody has begun to, or under a texture"
+        );
+        let is_bad = self.bad_loads > 0;
+        self.bad_loads = self.bad_loads.saturating_sub(1);
+        if is_bad || library.len() > MAX_LIBRARY_BYTES {
+            return Err(LoadFault);
+        }
+        let at = self.ram.len();
+        let end = library.len().min(at + COPY_BYTES);
+        self.ram.extend_from_slice(&library[at..end]);
+        if at < end {
+            return Ok(false);
+        }
+        Library::decode(&self.ram).map_err(|_| LoadFault)?;
+        self.is_loaded = true;
+        Ok(true)
+    }
+
     fn start_recording(&mut self) -> Result<RecordStarted, RecordError> {
         self.recorder.start()
     }
 
     fn stop_recording(&mut self) -> Result<RecordStopped, RecordError> {
         self.recorder.stop()
+    }
+
+    fn next_block(&mut self) -> Option<RecordBlock> {
+        self.recorder.next_block(self.now)
     }
 
     fn record_counters(&self) -> RecordCounters {

@@ -932,9 +932,12 @@ fn recordings_are_started_and_stopped_once() {
     let stylus = Stylus::new();
     let mut control = stylus.control.borrow_mut();
     assert_eq!(control.record_stop(), Err(RecordError::NotRecording));
-    assert!(control.record_start().is_ok());
+    assert!(control.record_start(LinkId::Usb).is_ok());
     assert!(control.status().record.recording);
-    assert_eq!(control.record_start(), Err(RecordError::Recording));
+    assert_eq!(
+        control.record_start(LinkId::Usb),
+        Err(RecordError::Recording)
+    );
     assert!(control.record_stop().is_ok());
 }
 

@@ -1,36 +1,68 @@
-//! `cargo tasks house`: the check that the code keeps to its drawn layout.
+//! `cargo tasks house`: the rules of the layout that no compiler holds.
 //!
-//! Each rule has a module of its own, which states it. The rules read sources, manifests and pages, and build nothing.
+//! Each module has the rules on one kind of text. They read sources, manifests and pages, and build nothing.
 
-mod circles;
-mod doc_comments;
-mod finding;
-mod imports;
-mod invariants;
-mod lines;
-mod locked;
-mod modules;
-mod names;
+mod code;
 mod packages;
 mod pages;
-mod paths;
-mod source;
+mod text;
 pub(crate) mod tree;
-mod wings;
 
+use std::fmt;
 use std::path::Path;
 
-pub use finding::Finding;
 use tree::Tree;
 
 use crate::error::{Error, Result};
 
+/// A departure from the layout.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Finding {
+    /// The file, from the repository's root.
+    pub path: String,
+    /// The line, from 1; 0 for the file as a whole.
+    pub line: usize,
+    /// The rule that does not hold.
+    pub problem: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}: {}", self.path, self.line, self.problem)
+    }
+}
+
 /// The result of a check: how much was checked of each kind, and the departures.
+#[derive(Debug, Default)]
 pub struct Outcome {
     /// The kinds with the number of each.
-    pub checked: [(&'static str, usize); 9],
+    pub checked: Vec<(&'static str, usize)>,
     /// The departures, ordered by file and line.
     pub findings: Vec<Finding>,
+}
+
+impl Outcome {
+    fn find(&mut self, path: &str, line: usize, problem: impl Into<String>) {
+        let (path, problem) = (path.to_owned(), problem.into());
+        self.findings.push(Finding {
+            path,
+            line,
+            problem,
+        });
+    }
+
+    /// Notes how many things of a kind were checked. A rule that looks in the wrong place finds nothing, and would hold
+    /// for ever, so none at all is a finding.
+    fn count(&mut self, kind: &'static str, count: usize) {
+        self.checked.push((kind, count));
+        if count == 0 {
+            self.find(
+                "host-tools/tasks/src/house",
+                0,
+                format!("no {kind} to check"),
+            );
+        }
+    }
 }
 
 /// Checks the repository below `root`.
@@ -46,119 +78,178 @@ pub fn check(root: &Path) -> Result<Outcome> {
 }
 
 fn check_tree(tree: &Tree) -> Outcome {
-    let (sources, unparsed) = source::parse(tree);
-    let crates = modules::crates(&sources);
-    let wings = wings::check(&sources, &crates);
-    let packages = packages::check(tree);
-    let lines = lines::check(tree);
-    let locked = locked::check(tree, &sources);
-    let comments = doc_comments::check(&sources);
-    let paths = paths::check(tree);
-    let names = names::check(tree, &sources);
-    let mut findings = [
-        unparsed,
-        wings.findings,
-        circles::check(&sources, &crates),
-        packages.findings,
-        invariants::check(&sources, &crates),
-        invariants::check_places(&sources, &crates),
-        lines.findings,
-        locked.findings,
-        comments.findings,
-        paths.findings,
-        names.findings,
-    ]
-    .concat();
-    let checked = [
-        ("files", lines.count),
-        ("Rust files", sources.len()),
-        ("wings", wings.wings.len()),
-        ("packages", packages.count),
-        ("commands of cargo", locked.count),
-        ("doc comments", comments.count),
-        ("pages", paths.pages),
-        ("paths in pages", paths.count),
-        ("names in pages", names.count),
-    ];
-    // A rule that looks in the wrong place finds nothing, and would hold for ever.
-    let missing = checked.iter().filter(|(_, count)| *count == 0);
-    findings.extend(missing.map(|(kind, _)| {
-        let problem = format!("there are no {kind} to check: a rule looks in the wrong place");
-        Finding::new("host-tools/tasks/src/house", 0, problem)
-    }));
-    findings.sort();
-    Outcome { checked, findings }
-}
-
-impl Outcome {
-    /// The numbers of what was checked, in one line.
-    pub fn summary(&self) -> String {
-        let counts = self.checked.iter();
-        let counts: Vec<String> = counts
-            .map(|(kind, count)| format!("{count} {kind}"))
-            .collect();
-        counts.join(", ")
-    }
+    let mut outcome = Outcome::default();
+    let sources = code::read(tree, &mut outcome);
+    code::check(&sources, &mut outcome);
+    packages::check(tree, &mut outcome);
+    text::check_lines(tree, &mut outcome);
+    text::check_doc_comments(tree, &mut outcome);
+    text::check_locked(tree, &mut outcome);
+    pages::check(tree, &sources, &mut outcome);
+    outcome.findings.sort();
+    outcome.findings.dedup();
+    outcome
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// The findings in `files`, without those of rules that have nothing to check.
+    fn found(files: &[(&str, &str)]) -> Vec<String> {
+        let findings = check_tree(&Tree::of(files)).findings.into_iter();
+        let told = findings.filter(|finding| !finding.problem.starts_with("no "));
+        told.map(|finding| finding.to_string()).collect()
+    }
+
     #[test]
     fn a_check_of_nothing_fails_for_every_kind() {
         let outcome = check_tree(&Tree::of(&[]));
-        for (kind, count) in outcome.checked {
-            let problem = format!("there are no {kind} to check");
-            let is_it = |finding: &Finding| finding.problem.starts_with(&problem);
-            assert!(count == 0 && outcome.findings.iter().any(is_it), "{kind}");
+        assert_eq!(outcome.findings.len(), outcome.checked.len());
+        assert!(outcome.checked.iter().all(|(_, count)| *count == 0));
+    }
+
+    #[test]
+    fn each_departure_is_found_with_its_place() {
+        let long = format!("\n// {}", "ä".repeat(118));
+        for (path, text, expected) in [
+            ("host-tools/src/attic", "", ":0: is no wing"),
+            (
+                "host-tools/src/dsp/a.rs",
+                "\nuse std::{fs, io};",
+                ":2: names std::fs",
+            ),
+            (
+                "host-tools/src/fit/a.rs",
+                "\n#[derive(clap::Args)] struct A;",
+                ":2: names clap::Args",
+            ),
+            (
+                "host-tools/src/dsp/a.rs",
+                "fn f() { v![super::super::fit::X] }",
+                ":1: dsp imports fit",
+            ),
+            (
+                "host-tools/src/link.rs",
+                "\nuse crate::scene as other;",
+                ":2: link imports scene",
+            ),
+            ("a.rs", &long, ":2: 121 characters"),
+            ("tests/run", &format!("#!{long}"), ":2: 121 characters"),
+            (
+                "a.rs",
+                "\n/// **Whether** it is.\nfn f() {}",
+                ":2: a doc comment",
+            ),
+            ("a.rs", "//! What it is.\n", ":1: a doc comment"),
+            (
+                "tests/run",
+                "#!/bin/sh\n# cargo test\ncargo build --quiet && cargo test --locked\n",
+                ":3: `cargo build`",
+            ),
+            (
+                "tests/run",
+                "#!\ncargo bench -- --locked\n",
+                ":2: `cargo bench`",
+            ),
+            (
+                "a.md",
+                "cargo test\n```\nA=1 cargo test -p a # --locked\n```\n",
+                ":3: `cargo test`",
+            ),
+            (
+                "host-tools/tasks/src/a.rs",
+                "fn f() { Command::new(\"cargo\") }",
+                ":0: starts cargo",
+            ),
+            (
+                "a.md",
+                "\nSee `host-tools/attic.rs`.",
+                ":2: 'host-tools/attic.rs'",
+            ),
+            (
+                "host-tools/a.md",
+                "\nSee [a](../attic.md).",
+                ":2: '../attic.md'",
+            ),
+            (
+                "a.md",
+                "\n[`missing`](host-tools/src/scene.rs)",
+                ":2: 'missing'",
+            ),
+            (
+                "a.md",
+                "\n`missing` in `host-tools/src/scene.rs`",
+                ":2: 'missing'",
+            ),
+            (
+                "a/Cargo.toml",
+                "[package]\nname = \"attic\"",
+                ":0: package 'attic'",
+            ),
+            (
+                "model-format/Cargo.toml",
+                "[package]\nname = \"model-format\"\n[target.x.dependencies]\nh = { package = \"host-tools\" }",
+                ":0: depends on host-tools",
+            ),
+            (
+                "model-format/Cargo.toml",
+                "[package]\nname = \"model-format\"",
+                ":0: takes not the workspace's lints",
+            ),
+        ] {
+            let scene = ("host-tools/src/scene.rs", "pub struct Scene;");
+            let fit = ("host-tools/src/fit/mod.rs", "mod a; pub struct X;");
+            let attic = ("host-tools/src/attic.rs", "");
+            let found = found(&[scene, fit, attic, (path, text)]);
+            let expected = format!("{path}{expected}");
+            assert!(
+                found.iter().any(|line| line.starts_with(&expected)),
+                "{expected}: {found:?}"
+            );
         }
     }
 
     #[test]
-    fn every_rule_adds_its_findings() {
-        let long = format!("{}\nmod dsp;\nmod fit;\nmod attic;", "/".repeat(121));
-        let outcome = check_tree(&Tree::of(&[
+    fn circles_are_found_between_files_and_through_a_folders_reexports() {
+        let files = [
+            ("a/src/lib.rs", "mod b; mod c;"),
+            ("a/src/b/mod.rs", "mod d; mod e; pub use d::D;"),
+            ("a/src/b/d.rs", "use super::e::E;"),
+            ("a/src/b/e.rs", "use super::D;"),
+            ("a/src/c.rs", "use crate::b::D;"),
+        ];
+        let told = found(&files);
+        assert_eq!(told.len(), 2, "{told:?}");
+        assert!(told[0].starts_with("a/src/b/d.rs:1: in a circle of imports"));
+        assert!(told[1].starts_with("a/src/b/e.rs:1: in a circle of imports"));
+    }
+
+    #[test]
+    fn code_as_drawn_has_no_findings() {
+        let pages = "`host-tools/src/fit/`, [`Fit`](host-tools/src/fit/mod.rs#L3), `tests/run quick`, `m/s`, [a](#b),\n\
+                     [c](https://d.e/f), `target/release/stylus`, `Fit` in\n`host-tools/src/fit/mod.rs`\n\n\
+                     ```\n`host-tools/attic`\n```\n";
+        let fit = "//! Fits.\nuse crate::dsp::{self, Model};\npub struct Fit;\n\
+                   #[cfg(test)]\nmod tests { use crate::cli; use clap::Args; }\n\
+                   // use crate::cli;\nconst TEXT: &str = \"use crate::cli\";\npub(crate) struct S;\n";
+        let files = [
+            ("host-tools/src/lib.rs", "pub mod dsp; pub mod fit;"),
+            ("host-tools/src/fit/mod.rs", fit),
             (
-                "host-tools/Cargo.toml",
-                "[package]\nname = \"host-tools\"\n[dependencies]\ntasks = \"1\"\n",
+                "host-tools/src/dsp.rs",
+                "#[derive(clap::ValueEnum)] pub struct Model;",
             ),
             (
-                "host-tools/tasks/Cargo.toml",
-                "[package]\nname = \"tasks\"\n",
+                "host-tools/src/cli/mod.rs",
+                "use clap::Args; use crate::fit::Fit;",
             ),
-            ("host-tools/src/lib.rs", &long),
-            ("host-tools/src/attic.rs", "fn {"),
+            ("README.md", pages),
             (
-                "host-tools/src/dsp/mod.rs",
-                "/// What it is.\nuse crate::fit::F; use std::fs; pub struct D;",
+                "tests/run",
+                "#!\nx=$(cargo test --locked) # cargo test\ncargo fmt\n",
             ),
-            ("host-tools/src/fit.rs", "use crate::dsp::D; pub struct F;"),
-            (
-                "README.md",
-                "[`attic`](host-tools/src/fit.rs) and [a](attic.md)\n",
-            ),
-            ("tests/run", "#!/bin/sh\ncargo test\n"),
-        ]));
-        let found = outcome.findings.iter().map(ToString::to_string);
-        let found: Vec<String> = found.collect();
-        for expected in [
-            "host-tools/Cargo.toml:4: depends on tasks",
-            "host-tools/src/lib.rs:1: 121 characters",
-            "host-tools/src/attic.rs:1: no Rust",
-            "host-tools/src/dsp/mod.rs:1: a doc comment begins with 'What'",
-            "host-tools/src/dsp/mod.rs:2: imports fit::F: dsp may import nothing of fit",
-            "host-tools/src/dsp/mod.rs:2: imports std::fs: dsp computes",
-            "import circle: host-tools/src/dsp/mod.rs:2 imports host-tools/src/fit.rs",
-            "README.md:1: 'attic' is not in host-tools/src/fit.rs",
-            "README.md:1: 'attic.md' does not exist",
-            "tests/run:2: `cargo test` without --locked",
-            "firmware/src/: no Rust file is here",
-        ] {
-            assert!(
-                found.iter().any(|line| line.contains(expected)),
-                "{expected} in {found:#?}"
-            );
-        }
+        ];
+        assert_eq!(found(&files), [""; 0]);
     }
 }

@@ -1,173 +1,149 @@
-//! Pages of Markdown: their code spans and links, outside code fences.
+//! Rules on pages of Markdown: the paths exist that they name, and so do the items that come with a Rust file.
 
-/// A piece of a page that names something.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Piece {
-    /// `` `text` ``
-    Code(String),
-    /// `[text](target)`, an image, and `[text]: target`, of which the text is empty.
-    Link {
-        /// The text between the brackets.
-        text: String,
-        /// The target, without a title.
-        target: String,
-    },
-}
+use super::Outcome;
+use super::code::Source;
+use super::tree::{Tree, folder, joined};
 
-/// A piece with its place.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Placed {
-    /// The piece.
-    pub piece: Piece,
-    /// The line that it begins in, from 1.
-    pub line: usize,
-    /// The text between the piece before it in the paragraph and this one.
-    pub before: String,
-}
+/// Folders of outputs, which exist only after a run.
+const OUTPUTS: [&str; 4] = [
+    "demo-out",
+    "target",
+    "tests/fuzz/corpus",
+    "tests/fuzz/artifacts",
+];
 
 /// For each line of `text`, true within a code fence and on its marks.
 pub fn fences(text: &str) -> Vec<bool> {
-    let mut open: Option<&str> = None;
+    let mut is_open = false;
     let inside = text.lines().map(|line| {
-        let line = line.trim_start();
-        let mark = ["```", "~~~"]
-            .into_iter()
-            .find(|mark| line.starts_with(mark));
-        match (open, mark) {
-            (None, Some(_)) => {
-                open = mark;
-                true
-            }
-            (Some(begun), Some(mark)) if begun == mark => {
-                open = None;
-                true
-            }
-            (open, _) => open.is_some(),
-        }
+        let is_mark = line.trim_start().starts_with("```");
+        is_open ^= is_mark;
+        is_open || is_mark
     });
     inside.collect()
 }
 
-/// The pieces of the page `text`.
-pub fn pieces(text: &str) -> Vec<Placed> {
-    let mut pieces = Vec::new();
-    let (mut paragraph, mut begin) = (String::new(), 1);
-    let lines = text.lines().zip(fences(text)).chain([("", false)]);
-    for (index, (line, is_fenced)) in lines.enumerate() {
-        if is_fenced || line.trim().is_empty() {
-            take(&paragraph, begin, &mut pieces);
-            paragraph.clear();
-            begin = index + 2;
-        } else {
-            paragraph.push_str(line);
-            paragraph.push('\n');
+/// Checks every link; every code span that is one word with a `/` and begins at a file or folder of the root or of the
+/// page's folder; and the items in [`name`](path) and `name` in `path`.
+pub fn check(tree: &Tree, sources: &[Source], outcome: &mut Outcome) {
+    let (mut paths, mut names) = (0, 0);
+    for (page, text) in tree.texts_of("md") {
+        for (line, piece) in pieces(text) {
+            match piece {
+                Piece::Path(path) => {
+                    if let Some(exists) = exists(tree, page, &path) {
+                        paths += 1;
+                        if !exists {
+                            outcome.find(
+                                page,
+                                line,
+                                format!("'{}' does not exist", path.trim_start_matches("./")),
+                            );
+                        }
+                    }
+                }
+                Piece::Name(name, path) if !name.contains(['.', '/', ' ', '-']) => {
+                    let candidates = [joined(folder(page), &path), joined("", &path)];
+                    let is_it = |source: &&Source| {
+                        candidates.iter().flatten().any(|path| *path == source.path)
+                    };
+                    if let Some(source) = sources.iter().find(is_it) {
+                        names += 1;
+                        if !source.defines(name.trim_end_matches("()").trim_end_matches('!')) {
+                            let problem = format!("'{name}' is not in {}", source.path);
+                            outcome.find(page, line, problem);
+                        }
+                    }
+                }
+                Piece::Name(..) => {}
+            }
         }
+    }
+    outcome.count("paths in pages", paths);
+    outcome.count("names in pages", names);
+}
+
+/// A piece of a page that names something.
+enum Piece {
+    /// A path, of a link or in a code span.
+    Path(String),
+    /// An item and its file.
+    Name(String, String),
+}
+
+/// The pieces of the page `text` outside code fences, with their lines.
+fn pieces(text: &str) -> Vec<(usize, Piece)> {
+    let mut pieces = Vec::new();
+    let mut begin = 1;
+    let lines = text.lines().zip(fences(text));
+    let lines = lines.map(|(line, is_fenced)| if is_fenced { "" } else { line });
+    let text = lines.map(str::trim_end).collect::<Vec<_>>().join("\n");
+    for paragraph in text.split("\n\n") {
+        let line_at = |at: usize| begin + paragraph[..at].matches('\n').count();
+        for (at, _) in paragraph.match_indices("](") {
+            let target = paragraph[at + 2..].split([')', ' ']).next();
+            let target = target.unwrap_or_default().trim_matches(['<', '>']);
+            let path = target.split('#').next().unwrap_or_default();
+            if !path.is_empty() && !path.contains(':') {
+                // A path from the page's folder, whatever it begins with.
+                pieces.push((line_at(at), Piece::Path(format!("./{path}"))));
+            }
+        }
+        let spans: Vec<&str> = paragraph.split('`').collect();
+        let mut at = 0;
+        for (index, span) in spans.iter().enumerate() {
+            let line = line_at(at);
+            at += span.len() + 1;
+            if index % 2 == 0 {
+                continue;
+            }
+            let next = |offset: usize| spans.get(index + offset).copied().unwrap_or_default();
+            let name = span.replace('\n', " ");
+            if let Some(link) = next(1).strip_prefix("](") {
+                let path = link.split([')', '#']).next().unwrap_or_default();
+                pieces.push((line, Piece::Name(name, path.to_owned())));
+            } else if next(1).trim() == "in" {
+                pieces.push((line, Piece::Name(name.clone(), next(2).to_owned())));
+                pieces.push((line, Piece::Path(name)));
+            } else {
+                pieces.push((line, Piece::Path(name)));
+            }
+        }
+        begin += paragraph.matches('\n').count() + 2;
     }
     pieces
 }
 
-/// Appends the pieces of a paragraph that begins in the line `begin`.
-fn take(paragraph: &str, begin: usize, pieces: &mut Vec<Placed>) {
-    let line_at = |at: usize| begin + paragraph[..at].matches('\n').count();
-    let (mut at, mut after) = (0, 0);
-    let mut brackets = Vec::new();
-    let push = |piece: Piece, from: usize, after: usize, pieces: &mut Vec<Placed>| {
-        pieces.push(Placed {
-            piece,
-            line: line_at(from),
-            before: paragraph.get(after..from).unwrap_or_default().to_owned(),
-        });
+/// Tells if a path exists, from the root or from the page's folder; `None` for what is no path.
+fn exists(tree: &Tree, page: &str, text: &str) -> Option<bool> {
+    let is_path = text.contains('/')
+        && !text.starts_with('/')
+        && !text.contains("://")
+        && !text.contains(|char: char| char.is_whitespace() || "<>$()|;=\"'*{".contains(char));
+    if !is_path {
+        return None;
+    }
+    // `path:12` is a place in a file.
+    let text = text.split(':').next().unwrap_or_default();
+    // `../tests/run` begins at `../tests`; a link, at the page's folder.
+    let is_link = text.starts_with("./");
+    let parts: Vec<&str> = text.split('/').collect();
+    let ups = parts.iter().take_while(|part| matches!(**part, "." | ".."));
+    let first = parts[..parts.len().min(ups.count() + 1)].join("/");
+    let is_output = |path: &str| {
+        let mut outputs = OUTPUTS.iter();
+        outputs.any(|output| path == *output || path.starts_with(&format!("{output}/")))
     };
-    while let Some(next) = paragraph[at..].find(['`', '[', ']']) {
-        let from = at + next;
-        let rest = &paragraph[from..];
-        at = from + 1;
-        if rest.starts_with('`') {
-            let marks = rest.len() - rest.trim_start_matches('`').len();
-            if let Some(length) = closing(&rest[marks..], marks) {
-                let text = rest[marks..marks + length].trim().replace('\n', " ");
-                at = from + length + 2 * marks;
-                push(Piece::Code(text), from, after, pieces);
-                after = at;
-            } else {
-                at = from + marks;
-            }
-        } else if rest.starts_with('[') {
-            brackets.push(from);
-        } else if let Some(open) = brackets.pop() {
-            let text = paragraph[open + 1..from].to_owned();
-            let is_first = paragraph[..open].ends_with('\n') || open == 0;
-            let (target, length) = if rest.starts_with("](")
-                && let Some(end) = rest.find(')')
-            {
-                (&rest[2..end], end)
-            } else if rest.starts_with("]:") && is_first {
-                let end = rest.find('\n').unwrap_or(rest.len());
-                (&rest[2..end], end - 1)
-            } else {
-                continue;
-            };
-            let target = target.split_whitespace().next().unwrap_or_default();
-            let target = target.trim_matches(['<', '>']).to_owned();
-            let text = if rest.starts_with("]:") {
-                String::new()
-            } else {
-                text
-            };
-            push(Piece::Link { text, target }, open, after, pieces);
-            at = from + length + 1;
-            after = at;
-        }
-    }
-}
-
-/// The length of a code span's text, up to a run of exactly `marks` backticks.
-fn closing(text: &str, marks: usize) -> Option<usize> {
-    let mut at = 0;
-    while let Some(next) = text[at..].find('`') {
-        let from = at + next;
-        let run = text[from..].len() - text[from..].trim_start_matches('`').len();
-        if run == marks {
-            return Some(from);
-        }
-        at = from + run;
-    }
-    None
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn code_and_links_are_read_with_their_lines_and_fences_are_not() {
-        let text = "# Head\n\nA `b/c.rs` and\n[`d`](e/f.rs \"title\") `g\nh`.\n\n\
-                    ```\n`i`\n```\n\n| ![j](k.svg) |\n\n[l]: m.md\n";
-        let code = |text: &str| Piece::Code(text.to_owned());
-        let link = |text: &str, target: &str| Piece::Link {
-            text: text.to_owned(),
-            target: target.to_owned(),
-        };
-        let found: Vec<(usize, Piece)> = pieces(text)
-            .into_iter()
-            .map(|placed| (placed.line, placed.piece))
-            .collect();
-        let expected = [
-            (3, code("b/c.rs")),
-            (4, code("d")),
-            (4, link("`d`", "e/f.rs")),
-            (4, code("g h")),
-            (11, link("j", "k.svg")),
-            (13, link("", "m.md")),
-        ];
-        assert_eq!(found, expected);
-    }
-
-    #[test]
-    fn a_piece_knows_the_words_before_it() {
-        let pieces = pieces("The `a`\nin `b`, ``c ` d``.\n");
-        let before: Vec<&str> = pieces.iter().map(|placed| placed.before.as_str()).collect();
-        assert_eq!(before, ["The ", "\nin ", ", "]);
-        assert_eq!(pieces[2].piece, Piece::Code("c ` d".to_owned()));
-    }
+    let has = |path: &str| is_output(path) || tree.has(path);
+    let bases: &[&str] = if is_link {
+        &[folder(page)]
+    } else {
+        &["", folder(page)]
+    };
+    let mut begun = bases
+        .iter()
+        .filter(|base| is_link || joined(base, &first).is_some_and(|first| has(&first)))
+        .peekable();
+    begun.peek()?;
+    Some(begun.any(|base| joined(base, text).is_some_and(|path| has(&path))))
 }

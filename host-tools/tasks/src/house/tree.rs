@@ -1,71 +1,67 @@
 //! The repository's own files: those that git tracks or would track.
-//!
-//! Without git, as in an unpacked archive, all files below the root are taken except the folders of outputs.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 use std::{fs, io};
 
-/// Folders of outputs, which belong to no repository.
-const OUTPUTS: [&str; 5] = [".git", "target", "demo-out", "corpus", "artifacts"];
-
 /// Extensions of the files whose text is read. A file without one is read too, because it may be a script.
-pub const TEXTS: [&str; 7] = ["", "rs", "toml", "md", "x", "sh", "py"];
+const TEXTS: [&str; 7] = ["", "rs", "toml", "md", "x", "sh", "py"];
 
 /// Paths from the repository's root, with `/` between folders, and the texts that the rules read.
-#[derive(Clone, Debug, Default)]
-pub struct Tree {
-    files: BTreeMap<String, Option<String>>,
-}
+#[derive(Debug)]
+pub struct Tree(BTreeMap<String, Option<String>>);
 
 impl Tree {
     /// Reads the files below `root`.
     ///
     /// # Errors
-    /// A file or folder cannot be read.
+    /// Git is missing or lists nothing, or a file cannot be read.
     pub fn read(root: &Path) -> io::Result<Self> {
-        let paths = match listed_by_git(root) {
-            Some(paths) => paths,
-            None => walked(root)?,
-        };
+        let mut git = Command::new("git");
+        git.args([
+            "ls-files",
+            "-z",
+            "--cached",
+            "--others",
+            "--exclude-standard",
+        ]);
+        let listed = git.current_dir(root).output()?.stdout;
         let mut files = BTreeMap::new();
-        for path in paths {
-            let file = root.join(&path);
-            if !file.is_file() {
-                continue;
+        for path in String::from_utf8_lossy(&listed).split_terminator('\0') {
+            let file = root.join(path);
+            if file.is_file() {
+                let is_text = TEXTS.contains(&extension(path));
+                let bytes = is_text.then(|| fs::read(file)).transpose()?;
+                let text = bytes.and_then(|bytes| String::from_utf8(bytes).ok());
+                files.insert(path.to_owned(), text);
             }
-            let text = if TEXTS.contains(&extension(&path)) {
-                String::from_utf8(fs::read(file)?).ok()
-            } else {
-                None
-            };
-            files.insert(path, text);
         }
-        Ok(Self { files })
+        if files.is_empty() {
+            return Err(io::Error::other("git lists no files here"));
+        }
+        Ok(Self(files))
     }
 
     /// A tree of `files`, each a path and its text.
     #[cfg(test)]
     pub fn of(files: &[(&str, &str)]) -> Self {
         let file = |&(path, text): &(&str, &str)| (path.to_owned(), Some(text.to_owned()));
-        Self {
-            files: files.iter().map(file).collect(),
-        }
+        Self(files.iter().map(file).collect())
     }
 
     /// All paths.
     pub fn paths(&self) -> impl Iterator<Item = &str> {
-        self.files.keys().map(String::as_str)
+        self.0.keys().map(String::as_str)
     }
 
     /// All files whose text was read.
     pub fn texts(&self) -> impl Iterator<Item = (&str, &str)> {
-        let texts = self.files.iter();
+        let texts = self.0.iter();
         texts.filter_map(|(path, text)| Some((path.as_str(), text.as_deref()?)))
     }
 
-    /// All files of the kind that `extension` names, without the dot.
+    /// All texts of the kind that `extension` names, without the dot.
     pub fn texts_of(&self, extension: &str) -> impl Iterator<Item = (&str, &str)> {
         self.texts()
             .filter(move |(path, _)| self::extension(path) == extension)
@@ -75,51 +71,9 @@ impl Tree {
     pub fn has(&self, path: &str) -> bool {
         let path = path.trim_end_matches('/');
         let below = format!("{path}/");
-        path.is_empty()
-            || self.files.contains_key(path)
-            || self
-                .files
-                .range(below.clone()..)
-                .next()
-                .is_some_and(|(file, _)| file.starts_with(&below))
+        let mut after = self.paths().skip_while(|file| *file < path);
+        path.is_empty() || after.any(|file| file == path || file.starts_with(&below))
     }
-}
-
-/// `None` where git is missing, `root` is no repository of its own, or git lists nothing.
-fn listed_by_git(root: &Path) -> Option<Vec<String>> {
-    let output = Command::new("git")
-        .args([
-            "ls-files",
-            "-z",
-            "--cached",
-            "--others",
-            "--exclude-standard",
-        ])
-        .current_dir(root)
-        .output()
-        .ok()?;
-    let text = String::from_utf8(output.stdout).ok()?;
-    let paths = text.split_terminator('\0').map(str::to_owned);
-    let paths: Vec<String> = paths.collect();
-    (output.status.success() && !paths.is_empty()).then_some(paths)
-}
-
-fn walked(root: &Path) -> io::Result<Vec<String>> {
-    let mut paths = Vec::new();
-    let mut folders = vec![String::new()];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(root.join(&folder))? {
-            let entry = entry?;
-            let name = entry.file_name().to_string_lossy().into_owned();
-            let path = format!("{folder}{name}");
-            if !entry.file_type()?.is_dir() {
-                paths.push(path);
-            } else if !OUTPUTS.contains(&name.as_str()) {
-                folders.push(format!("{path}/"));
-            }
-        }
-    }
-    Ok(paths)
 }
 
 /// `path` as seen from `folder`, without `.` and `..`; `None` where it leaves the repository.
@@ -144,34 +98,4 @@ pub fn extension(path: &str) -> &str {
 /// The folder of `path`, empty for the root.
 pub fn folder(path: &str) -> &str {
     path.rsplit_once('/').map_or("", |(folder, _)| folder)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_folder_without_git_is_walked_but_for_outputs() {
-        let root = tempfile::tempdir().unwrap();
-        for file in ["a/b.rs", "a/c.svg", "target/d.rs", "run"] {
-            let file = root.path().join(file);
-            fs::create_dir_all(file.parent().unwrap()).unwrap();
-            fs::write(file, "text").unwrap();
-        }
-        let mut paths = walked(root.path()).unwrap();
-        paths.sort();
-        assert_eq!(paths, ["a/b.rs", "a/c.svg", "run"]);
-        let tree = Tree::read(root.path()).unwrap();
-        let texts: Vec<_> = tree.texts().collect();
-        assert_eq!(texts, [("a/b.rs", "text"), ("run", "text")]);
-        assert!(tree.has("a") && tree.has("a/") && tree.has("a/c.svg"));
-        assert!(!tree.has("a/b") && !tree.has("target/d.rs"));
-    }
-
-    #[test]
-    fn a_relative_path_is_taken_from_its_folder() {
-        assert_eq!(joined("a/b", "../c/./d.rs"), Some("a/c/d.rs".to_owned()));
-        assert_eq!(joined("", "c"), Some("c".to_owned()));
-        assert_eq!(joined("a", "../../c"), None);
-    }
 }

@@ -5,7 +5,7 @@ use std::pin::Pin;
 use std::task::{Context, Waker};
 
 use embassy_futures::block_on;
-use fake_stylus::device::{COIL, Omission, SharedControl, SteppedStylus};
+use fake_stylus::device::{COIL, SharedControl, SteppedStylus};
 use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::put;
@@ -19,6 +19,7 @@ use stylus_app::control::Device;
 use stylus_app::safety::Config;
 use stylus_app::settings::SettingsStore;
 
+use super::Mistake;
 use super::list::{LIBRARIES, REQUESTS, Request, apply, changed, motion, propose, rate_of, set};
 
 /// Time within which the output is silent after a mute begins, ticks: 100 ms, and the lateness of the poll.
@@ -162,6 +163,7 @@ struct Host {
 /// A device, its tasks, and two hosts.
 pub struct World {
     pub control: SharedControl,
+    mistake: Mistake,
     requests: Requests,
     storage: Pin<Box<dyn Future<Output = ()>>>,
     /// Steps of the storage since it was last idle.
@@ -186,7 +188,7 @@ impl World {
         beginning: &Beginning,
         lists: [&[Request]; 2],
         plays: bool,
-        omission: Omission,
+        mistake: Mistake,
     ) -> Self {
         let stylus = SteppedStylus::boot_with(
             SimulatedFlash::new(beginning.slots.clone()),
@@ -196,11 +198,12 @@ impl World {
             control,
             mut storage,
         } = stylus;
-        let requests = Requests::new(control.without(omission));
+        let requests = Requests::new(control.clone());
         let served = requests.clone();
         let mut world = Self {
             watch: Watch::new(&control),
             control,
+            mistake,
             requests,
             storage: Box::pin(async move { served.serve_storage(&mut storage).await }),
             storage_steps: 0,
@@ -333,6 +336,7 @@ impl World {
     fn storage_goes_on(&mut self) {
         let mut context = Context::from_waker(Waker::noop());
         let _ = self.storage.as_mut().poll(&mut context);
+        (self.mistake)(&mut self.control.borrow_mut());
         for answer in self.requests.take_answers() {
             self.count(&answer);
         }

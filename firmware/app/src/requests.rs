@@ -1,0 +1,328 @@
+//! Dispatch of requests: each is served at once, or becomes a [`Job`] of the storage.
+//!
+//! Every request gets the answer of its endpoint, or an error of postcard-rpc with its sequence number: for an unknown
+//! key, a body that is not of the key's type, or a storage that takes no more jobs. A topic is not answered.
+//!
+//! An answer is written as a frame into a buffer of the caller, which sends it. So nothing here waits for a link, and
+//! the code for each endpoint is no more than its work and the encoding of its answer.
+
+use embedded_storage_async::nor_flash::NorFlash;
+use heapless::Vec;
+use model_format::link::{
+    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, LinkCounters, LinkId,
+    ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES,
+    MotionEndpoint, MotionTopic, PlayEndpoint, ProposalToken, RecordBlock, RecordBlockTopic,
+    RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SelfTestRequest,
+    SettingsApplyEndpoint, SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, SlotsEndpoint,
+    StatusEndpoint, StopEndpoint, UPLOAD_WINDOW, UploadAbortEndpoint, UploadBegin,
+    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
+    UploadProgressEndpoint,
+};
+use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
+use postcard_rpc::standard_icd::{ERROR_KEY, PingEndpoint, WireError};
+use postcard_rpc::{Endpoint, Key, Topic};
+use serde::{Deserialize, Serialize};
+
+use crate::control::Control;
+use crate::self_test::Bench;
+use crate::slots::MappedFlash;
+use crate::storage::{Stage, Storage};
+
+/// Buffer of a frame to the host.
+pub type Frame = [u8; MAX_DEVICE_FRAME_BYTES];
+
+/// Number of jobs that wait: those of an upload's window but the one that is done, and two of the other link.
+pub const QUEUED_JOBS: usize = UPLOAD_WINDOW + 1;
+
+/// The link that a request came by.
+pub trait Link {
+    /// This link in the protocol's words.
+    fn id(&self) -> LinkId;
+
+    /// Adds one to the counter that `which` selects.
+    fn count(&self, which: fn(&mut LinkCounters) -> &mut u32);
+
+    /// Queues `job` for [`work`]. Returns false if [`QUEUED_JOBS`] wait.
+    fn queue(&self, job: QueuedJob) -> bool;
+}
+
+/// A request that needs the flash.
+#[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "the queue reserves a few, each for the largest"
+)]
+pub enum Job {
+    /// `UploadBeginEndpoint`.
+    UploadBegin(UploadBegin),
+    /// `UploadChunkEndpoint`: offset and bytes, which are copied, because the request's frame is gone when they are
+    /// written.
+    UploadChunk(u32, Vec<u8, MAX_CHUNK_BYTES>),
+    /// `UploadCommitEndpoint`.
+    UploadCommit,
+    /// `UploadAbortEndpoint`.
+    UploadAbort,
+    /// `SlotsEndpoint`.
+    Slots,
+    /// `ListEndpoint`.
+    List(ListRequest),
+    /// `ListSceneEndpoint`.
+    ListScene(ListRequest),
+    /// `ActivateEndpoint`.
+    Activate(SlotId),
+    /// `SettingsApplyEndpoint`.
+    SettingsApply(ProposalToken),
+    /// `SelfTestEndpoint`.
+    SelfTest(SelfTestRequest),
+}
+
+/// A job with the way of its answer.
+#[derive(Clone, Debug)]
+pub struct QueuedJob {
+    /// The link that the answer goes to.
+    pub from: LinkId,
+    sequence: VarSeq,
+    job: Job,
+}
+
+/// Length of the answer in its buffer; none if there is no answer, or not yet.
+type Answered = Option<usize>;
+
+/// Serves a frame that came over `link`. Returns the length of the answer in `answer`; none if the frame is not
+/// answered, or the storage will answer it.
+pub fn serve<S: Stage>(
+    stage: &S,
+    link: &impl Link,
+    frame: &[u8],
+    answer: &mut Frame,
+) -> Option<usize> {
+    let Some((header, body)) = VarHeader::take_from_slice(frame) else {
+        link.count(|counters| &mut counters.malformed);
+        return None;
+    };
+    let sequence = header.seq_no;
+    let served = match header.key {
+        VarKey::Key8(key) => dispatch(
+            key,
+            Request {
+                stage,
+                link,
+                sequence,
+                body,
+                answer,
+            },
+        ),
+        _ => Err(WireError::KeyTooSmall),
+    };
+    served.unwrap_or_else(|error| {
+        if !matches!(error, WireError::FailedToSpawn) {
+            link.count(|counters| &mut counters.malformed);
+        }
+        encode(ERROR_KEY, sequence, &error, answer)
+    })
+}
+
+/// Writes the frame of a recording's block into `frame`, and returns its length.
+pub fn encode_block(block: &RecordBlock, frame: &mut Frame) -> Option<usize> {
+    let sequence = VarSeq::Seq4(block.sequence);
+    encode(RecordBlockTopic::TOPIC_KEY, sequence, block, frame)
+}
+
+/// Does a job and writes its answer into `answer`. Returns the answer's length.
+pub async fn work<F: MappedFlash, N: NorFlash, S: Stage>(
+    storage: &mut Storage<F, N>,
+    stage: &mut S,
+    bench: &mut impl Bench,
+    queued: QueuedJob,
+    answer: &mut Frame,
+) -> Option<usize> {
+    let QueuedJob {
+        from,
+        sequence,
+        job,
+    } = queued;
+    match job {
+        Job::UploadBegin(begin) => reply::<UploadBeginEndpoint>(
+            sequence,
+            &storage.upload_begin(stage, begin).await,
+            answer,
+        ),
+        Job::UploadChunk(offset, data) => {
+            let data = &data;
+            let chunk = UploadChunk { offset, data };
+            reply::<UploadChunkEndpoint>(
+                sequence,
+                &storage.upload_chunk(stage, chunk).await,
+                answer,
+            )
+        }
+        Job::UploadCommit => {
+            reply::<UploadCommitEndpoint>(sequence, &storage.upload_commit(stage).await, answer)
+        }
+        Job::UploadAbort => {
+            reply::<UploadAbortEndpoint>(sequence, &storage.upload_abort(stage), answer)
+        }
+        Job::Slots => reply::<SlotsEndpoint>(sequence, &storage.read_slots().await, answer),
+        Job::List(request) => reply::<ListEndpoint>(sequence, &storage.list(request).await, answer),
+        Job::ListScene(request) => {
+            reply::<ListSceneEndpoint>(sequence, &storage.list_scene(request).await, answer)
+        }
+        Job::Activate(slot) => {
+            reply::<ActivateEndpoint>(sequence, &storage.activate(stage, slot).await, answer)
+        }
+        Job::SettingsApply(token) => reply::<SettingsApplyEndpoint>(
+            sequence,
+            &storage.settings_apply(stage, from, token).await,
+            answer,
+        ),
+        Job::SelfTest(request) => reply::<SelfTestEndpoint>(
+            sequence,
+            &storage.self_test(stage, bench, request).await,
+            answer,
+        ),
+    }
+}
+
+/// Writes the answer of an endpoint.
+fn reply<E: Endpoint<Response: Serialize>>(
+    sequence: VarSeq,
+    response: &E::Response,
+    answer: &mut Frame,
+) -> Answered {
+    encode(E::RESP_KEY, sequence, response, answer)
+}
+
+/// Writes header and message into `frame`. Returns their length; none if they do not fit, which no message does that is
+/// within the limits of [`model_format::link`].
+fn encode<T: Serialize>(key: Key, seq_no: VarSeq, message: &T, frame: &mut Frame) -> Option<usize> {
+    let key = VarKey::Key8(key);
+    let (head, rest) = VarHeader { key, seq_no }.write_to_slice(frame)?;
+    let body = postcard::to_slice(message, rest).ok()?.len();
+    Some(head.len() + body)
+}
+
+/// One request.
+struct Request<'a, S, L> {
+    stage: &'a S,
+    link: &'a L,
+    sequence: VarSeq,
+    body: &'a [u8],
+    answer: &'a mut Frame,
+}
+
+impl<'a, S: Stage, L: Link> Request<'a, S, L> {
+    /// Decodes the body. A body of the key's type counts as a frame.
+    fn read<T: Deserialize<'a>>(&self) -> Result<T, WireError> {
+        let read = postcard::from_bytes(self.body).map_err(|_| WireError::DeserFailed)?;
+        self.link.count(|counters| &mut counters.frames);
+        Ok(read)
+    }
+
+    /// Answers with the result of `work`, at once.
+    fn answer<E>(
+        self,
+        work: impl FnOnce(&mut Control<S::Device>, E::Request) -> E::Response,
+    ) -> Result<Answered, WireError>
+    where
+        E: Endpoint<Request: Deserialize<'a>, Response: Serialize>,
+    {
+        let request = self.read()?;
+        let response = self.stage.with_control(|control| work(control, request));
+        Ok(reply::<E>(self.sequence, &response, self.answer))
+    }
+
+    /// Leaves the answer to the storage.
+    fn queue<T: Deserialize<'a>>(
+        self,
+        job: impl FnOnce(T) -> Option<Job>,
+    ) -> Result<Answered, WireError> {
+        let job = job(self.read()?).ok_or(WireError::DeserFailed)?;
+        let is_abort = matches!(job, Job::UploadAbort);
+        let queued = QueuedJob {
+            from: self.link.id(),
+            sequence: self.sequence,
+            job,
+        };
+        if !self.link.queue(queued) {
+            return Err(WireError::FailedToSpawn);
+        }
+        if is_abort {
+            self.stage.with_control(Control::expect_abort);
+        }
+        Ok(None)
+    }
+
+    /// Passes a message, which is not answered, to `work`.
+    fn take<T>(
+        self,
+        work: impl FnOnce(&mut Control<S::Device>, T::Message),
+    ) -> Result<Answered, WireError>
+    where
+        T: Topic<Message: Deserialize<'a> + Sized>,
+    {
+        match self.read() {
+            Ok(message) => self.stage.with_control(|control| work(control, message)),
+            Err(_) => self.link.count(|counters| &mut counters.malformed),
+        }
+        Ok(None)
+    }
+}
+
+fn dispatch<S: Stage, L: Link>(
+    key: Key,
+    request: Request<'_, S, L>,
+) -> Result<Answered, WireError> {
+    let from = request.link.id();
+    match key {
+        PingEndpoint::REQ_KEY => request.answer::<PingEndpoint>(|_, number| number),
+        InfoEndpoint::REQ_KEY => request.answer::<InfoEndpoint>(|control, ()| control.info()),
+        StatusEndpoint::REQ_KEY => request.answer::<StatusEndpoint>(|control, ()| control.status()),
+        CyclesEndpoint::REQ_KEY => {
+            request.answer::<CyclesEndpoint>(|control, ()| control.take_cycles())
+        }
+        PlayEndpoint::REQ_KEY => {
+            request.answer::<PlayEndpoint>(|control, play| control.play(from, play))
+        }
+        StopEndpoint::REQ_KEY => request.answer::<StopEndpoint>(|control, ()| control.stop()),
+        MotionEndpoint::REQ_KEY => {
+            request.answer::<MotionEndpoint>(|control, motion| control.motion(from, motion))
+        }
+        MotionTopic::TOPIC_KEY => {
+            // A motion that is not finite is dropped. The endpoint of the same name would report it.
+            request.take::<MotionTopic>(|control, motion| {
+                let _ = control.motion(from, motion);
+            })
+        }
+        KeepAliveTopic::TOPIC_KEY => {
+            request.take::<KeepAliveTopic>(|control, ()| control.keep_alive(from))
+        }
+        RecordStartEndpoint::REQ_KEY => {
+            request.answer::<RecordStartEndpoint>(|control, ()| control.record_start(from))
+        }
+        RecordStopEndpoint::REQ_KEY => {
+            request.answer::<RecordStopEndpoint>(|control, ()| control.record_stop())
+        }
+        SettingsGetEndpoint::REQ_KEY => {
+            request.answer::<SettingsGetEndpoint>(|control, ()| Ok(control.settings()))
+        }
+        SettingsProposeEndpoint::REQ_KEY => request
+            .answer::<SettingsProposeEndpoint>(|control, change| control.propose(from, change)),
+        SettingsApplyEndpoint::REQ_KEY => request.queue(|token| Some(Job::SettingsApply(token))),
+        UploadProgressEndpoint::REQ_KEY => {
+            request.answer::<UploadProgressEndpoint>(|control, ()| control.upload())
+        }
+        UploadBeginEndpoint::REQ_KEY => request.queue(|begin| Some(Job::UploadBegin(begin))),
+        UploadChunkEndpoint::REQ_KEY => request.queue(|UploadChunk { offset, data }| {
+            let data = Vec::from_slice(data).ok()?;
+            Some(Job::UploadChunk(offset, data))
+        }),
+        UploadCommitEndpoint::REQ_KEY => request.queue(|()| Some(Job::UploadCommit)),
+        UploadAbortEndpoint::REQ_KEY => request.queue(|()| Some(Job::UploadAbort)),
+        SlotsEndpoint::REQ_KEY => request.queue(|()| Some(Job::Slots)),
+        ListEndpoint::REQ_KEY => request.queue(|list| Some(Job::List(list))),
+        ListSceneEndpoint::REQ_KEY => request.queue(|list| Some(Job::ListScene(list))),
+        ActivateEndpoint::REQ_KEY => request.queue(|slot| Some(Job::Activate(slot))),
+        SelfTestEndpoint::REQ_KEY => request.queue(|request| Some(Job::SelfTest(request))),
+        _ => Err(WireError::UnknownKey),
+    }
+}

@@ -1,0 +1,335 @@
+//! Rules on the imports of code outside tests: floors of wings, places of libraries, and circles between modules.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use proc_macro2::{TokenStream, TokenTree};
+
+use super::Outcome;
+use super::tree::Tree;
+
+/// Folder of the code that has wings.
+const HOST: &str = "host-tools/src";
+
+/// Floors of the wings, from the top. A wing imports from lower floors only.
+const FLOORS: [&[&str]; 7] = [
+    &["cli"],
+    &["report"],
+    &["evaluation"],
+    &["fit"],
+    &["texture", "scene", "link"],
+    &["recording", "playing", "rig"],
+    &["dsp", "support"],
+];
+
+/// Libraries that have their place in [`HOST`]: who may name them, or else who may not, and the reason.
+const PLACES: [(&[&str], &[&str], &str); 4] = [
+    (
+        &["clap"],
+        &["cli/", "main.rs"],
+        "the command line is of cli alone",
+    ),
+    (
+        &["indicatif"],
+        &["cli/", "support/progress.rs"],
+        "progress bars are of support and cli",
+    ),
+    (
+        &["tokio", "tokio_serial", "nusb"],
+        &["cli/device/", "link/"],
+        "talking to a device is of link and cli/device",
+    ),
+    (&["plotters"], &["report/"], "pictures are of report"),
+];
+
+/// Libraries that the wing of plain computation may not name.
+const NOT_IN_DSP: [&str; 5] = ["std::fs", "std::io", "std::path", "csv", "hound"];
+
+/// A choice of the command line is declared where it is made.
+const ALLOWED: &str = "clap::ValueEnum";
+
+/// A Rust file: its tokens outside tests, groups opened and closed by tokens of their own.
+pub struct Source {
+    pub path: String,
+    tokens: Vec<(String, usize)>,
+}
+
+/// A path that code names, with its line.
+struct Import {
+    segments: Vec<String>,
+    line: usize,
+}
+
+impl Source {
+    /// True where an item of this name is defined. Of `A::b`, `b` counts, which may be a variant.
+    pub fn defines(&self, name: &str) -> bool {
+        const KEYWORDS: [&str; 9] = [
+            "fn",
+            "struct",
+            "enum",
+            "trait",
+            "const",
+            "static",
+            "type",
+            "mod",
+            "macro_rules",
+        ];
+        let last = name.rsplit("::").next().unwrap_or(name);
+        let mut pairs = self.tokens.windows(2);
+        pairs.any(|pair| {
+            pair[1].0 == last && (name != last || KEYWORDS.contains(&pair[0].0.as_str()))
+        })
+    }
+
+    /// True where the module `name` is declared.
+    fn declares(&self, name: &str) -> bool {
+        let mut pairs = self.tokens.windows(2);
+        pairs.any(|pair| pair[0].0 == "mod" && pair[1].0 == name)
+    }
+
+    /// The paths of two segments or more, those of a `use` one by one.
+    fn imports(&self) -> Vec<Import> {
+        let mut imports = Vec::new();
+        let mut at = 0;
+        while at < self.tokens.len() {
+            let begin = at;
+            if is_word(self.text(at)) && self.text(at + 1) == "::" {
+                at = self.take(at, &[], &mut imports);
+            }
+            at = at.max(begin + 1);
+        }
+        imports
+    }
+
+    fn text(&self, at: usize) -> &str {
+        self.tokens.get(at).map_or("", |(text, _)| text)
+    }
+
+    /// Takes the path or the tree of paths at `at`, below `before`, and returns the place after it.
+    fn take(&self, mut at: usize, before: &[String], imports: &mut Vec<Import>) -> usize {
+        let mut segments = before.to_vec();
+        let line = self.tokens[at].1;
+        while is_word(self.text(at)) {
+            // `a::{self}` is `a`.
+            if self.text(at) != "self" || segments.is_empty() {
+                segments.push(self.text(at).to_owned());
+            }
+            at += 1;
+            if self.text(at) != "::" {
+                break;
+            }
+            at += 1;
+            if self.text(at) == "{" {
+                at += 1;
+                while at < self.tokens.len() && self.text(at) != "}" {
+                    at = self.take(at, &segments, imports).max(at + 1);
+                }
+                return at + 1;
+            }
+        }
+        imports.push(Import { segments, line });
+        at
+    }
+}
+
+fn is_word(text: &str) -> bool {
+    text.starts_with(|first: char| first.is_alphabetic() || first == '_')
+}
+
+/// Reads all Rust files of `tree`.
+pub fn read(tree: &Tree, outcome: &mut Outcome) -> Vec<Source> {
+    let mut sources = Vec::new();
+    for (path, text) in tree.texts_of("rs") {
+        match text.parse::<TokenStream>() {
+            Ok(stream) => {
+                let mut tokens = Vec::new();
+                flatten(stream, &mut tokens);
+                let path = path.to_owned();
+                sources.push(Source { path, tokens });
+            }
+            Err(error) => outcome.find(path, error.span().start().line, error.to_string()),
+        }
+    }
+    outcome.count("Rust files", sources.len());
+    sources
+}
+
+fn flatten(stream: TokenStream, tokens: &mut Vec<(String, usize)>) {
+    let mut is_of_tests = false;
+    let mut trees = stream.into_iter().peekable();
+    while let Some(tree) = trees.next() {
+        let line = tree.span().start().line;
+        if is_of_tests {
+            // The item goes up to its block or semicolon.
+            let text = tree.to_string();
+            is_of_tests = text != ";" && !text.starts_with('{');
+            continue;
+        }
+        match tree {
+            TokenTree::Group(group) => {
+                let text = group.to_string();
+                let is_cfg = text.starts_with("[cfg (") || text.starts_with("[cfg(");
+                is_of_tests = is_cfg && text.contains("test") && !text.contains("not");
+                let (open, close) = (&text[..1], &text[text.len() - 1..]);
+                tokens.push((open.to_owned(), line));
+                flatten(group.stream(), tokens);
+                tokens.push((close.to_owned(), group.span_close().start().line));
+            }
+            TokenTree::Punct(punct) if punct.as_char() == ':' => {
+                let next = trees.next_if(|next| next.to_string() == ":");
+                tokens.push((if next.is_some() { "::" } else { ":" }.to_owned(), line));
+            }
+            tree => tokens.push((tree.to_string(), line)),
+        }
+    }
+}
+
+/// A module of a crate by its path, the crate's folder first.
+type Module = Vec<String>;
+
+fn module_of(path: &str) -> Option<Module> {
+    let (root, rest) = path.split_once("/src/")?;
+    let rest = rest.strip_suffix(".rs")?;
+    let rest = rest.strip_suffix("mod").unwrap_or(rest);
+    let parts = rest
+        .split('/')
+        .filter(|part| !["", "lib", "main"].contains(part));
+    let root = [format!("{root}/src")].into_iter();
+    Some(root.chain(parts.map(str::to_owned)).collect())
+}
+
+/// Checks floors, places of libraries and circles.
+pub fn check(sources: &[Source], outcome: &mut Outcome) {
+    let modules = modules(sources);
+    let known = |module: &[String]| modules.contains_key(module);
+    // Names that a module re-exports from its own modules.
+    let mut names: BTreeMap<Module, Module> = BTreeMap::new();
+    for (module, (_, imports)) in &modules {
+        for import in imports {
+            let start = usize::from(import.segments[0] == "self");
+            let target = [module.as_slice(), &import.segments[start..]].concat();
+            if target.len() > module.len() + 1 && known(&target[..=module.len()]) {
+                let name = target.last().cloned();
+                names.insert(module.iter().cloned().chain(name).collect(), target);
+            }
+        }
+    }
+    let mut wings = BTreeSet::new();
+    let mut arrows = Arrows::new();
+    for (module, (source, imports)) in &modules {
+        let is_host = module[0] == HOST;
+        if let Some(wing) = module.get(1).filter(|_| is_host) {
+            wings.insert(wing.as_str());
+        }
+        for import in imports {
+            if is_host {
+                check_place(source, import, outcome);
+            }
+            let Some(mut target) = absolute(module, &import.segments) else {
+                continue;
+            };
+            if let Some(renamed) = names.get(&target) {
+                target.clone_from(renamed);
+            }
+            while !known(&target) && target.len() > 1 {
+                target.pop();
+            }
+            if let (true, Some(own), Some(other)) = (is_host, module.get(1), target.get(1))
+                && own != other
+                && floor(other) <= floor(own)
+            {
+                let problem = format!("{own} imports {other}, which is not below it");
+                outcome.find(&source.path, import.line, problem);
+            }
+            if target != *module {
+                let arrow = (target, source.path.as_str(), import.line);
+                arrows.entry(module.clone()).or_default().push(arrow);
+            }
+        }
+    }
+    check_circles(arrows, outcome);
+    for wing in &wings {
+        if floor(wing).is_none() {
+            let folder = format!("{HOST}/{wing}");
+            outcome.find(&folder, 0, "is no wing");
+        }
+    }
+    outcome.count("wings", wings.len());
+}
+
+/// All modules outside tests, with their imports: each is declared by the one around it, if that is there.
+fn modules(sources: &[Source]) -> BTreeMap<Module, (&Source, Vec<Import>)> {
+    let mut modules: BTreeMap<Module, (&Source, Vec<Import>)> = BTreeMap::new();
+    let mut found: Vec<(Module, &Source)> = sources
+        .iter()
+        .filter_map(|source| Some((module_of(&source.path)?, source)))
+        .collect();
+    // Each comes after the one around it.
+    found.sort_by_key(|(module, _)| module.clone());
+    for (module, source) in &found {
+        let (name, around) = module.split_last().unwrap_or((&module[0], &[]));
+        let mut arounds = found.iter().filter(|(other, _)| other == around).peekable();
+        let is_top = arounds.peek().is_none();
+        let is_declared = arounds.any(|(_, source)| source.declares(name));
+        if is_top || modules.contains_key(around) && is_declared {
+            let entry = modules.entry(module.clone());
+            entry.or_insert_with(|| (*source, source.imports()));
+        }
+    }
+    modules
+}
+
+/// Imports of each module: the imported one, the file and the line.
+type Arrows<'a> = BTreeMap<Module, Vec<(Module, &'a str, usize)>>;
+
+fn floor(wing: &str) -> Option<usize> {
+    FLOORS.iter().position(|floor| floor.contains(&wing))
+}
+
+/// The module or item that `segments` name within the crate of `module`; `None` for what is outside of it.
+fn absolute(module: &[String], segments: &[String]) -> Option<Module> {
+    let ups = segments.iter().take_while(|part| *part == "super").count();
+    let base = match segments[0].as_str() {
+        "crate" => &module[..1],
+        "self" => module,
+        "super" => &module[..module.len().checked_sub(ups)?.max(1)],
+        _ => return None,
+    };
+    Some([base, &segments[ups.max(1)..]].concat())
+}
+
+fn check_place(source: &Source, import: &Import, outcome: &mut Outcome) {
+    let path = import.segments.join("::");
+    let file = source.path[HOST.len() + 1..].to_owned();
+    let names = |library: &str| path == library || path.starts_with(&format!("{library}::"));
+    for (libraries, places, reason) in PLACES {
+        let is_placed = places.iter().any(|place| file.starts_with(place)) || path == ALLOWED;
+        if !is_placed && libraries.iter().any(|library| names(library)) {
+            outcome.find(&source.path, import.line, format!("names {path}: {reason}"));
+        }
+    }
+    if file.starts_with("dsp/") && NOT_IN_DSP.iter().any(|library| names(library)) {
+        let problem = format!("names {path}: dsp computes, and knows no files");
+        outcome.find(&source.path, import.line, problem);
+    }
+}
+
+/// Takes away modules without imports or importers until none is left, or circles are.
+fn check_circles(mut arrows: Arrows<'_>, outcome: &mut Outcome) {
+    loop {
+        let before = arrows.values().map(Vec::len).sum::<usize>();
+        let importers: BTreeSet<Module> = arrows.keys().cloned().collect();
+        let targets = arrows.values().flatten();
+        let imported: BTreeSet<Module> = targets.map(|(to, ..)| to.clone()).collect();
+        arrows.retain(|from, targets| {
+            targets.retain(|(to, ..)| importers.contains(to));
+            imported.contains(from) && !targets.is_empty()
+        });
+        if before == arrows.values().map(Vec::len).sum::<usize>() {
+            break;
+        }
+    }
+    for (to, path, line) in arrows.values().flatten() {
+        let problem = format!("in a circle of imports: imports {}", to.join("::"));
+        outcome.find(path, *line, problem);
+    }
+}
